@@ -1,0 +1,98 @@
+"""Command line: python -m dem run|deck|plate|sweep."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from pathlib import Path
+
+from dem.costep import follow
+from dem.deck import write_deck
+from dem.exchange import ExchangeError, PlatePipes
+from dem.run import RunError, Stages, prepare, run
+from dem.sweep import sweep
+from plate_fem.motion import ModalMotion
+from plate_fem.tables import InputError
+
+
+def main(arguments: list[str] | None = None) -> int:
+    options = _parser().parse_args(arguments)
+    try:
+        return options.command(options)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except (RunError, ExchangeError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"{error.filename or options.out}: {error.strerror}", file=sys.stderr)
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m dem", description="Stones that fall on a plate, in LIGGGHTS.")
+    commands = parser.add_subparsers(required=True, metavar="command")
+    for name, command, text in [("run", _run, "run a scene"), ("deck", _deck, "write the deck and run nothing"),
+                                ("plate", _plate, "be the plate of a deck that is run by hand"),
+                                ("sweep", _sweep, "run every ratio that the stones can give")]:
+        sub = commands.add_parser(name, help=text, description=text)
+        sub.add_argument("scene", type=Path, help="scene file (TOML)")
+        sub.add_argument("--out", type=Path, required=True, help="directory to write")
+        sub.set_defaults(command=command)
+        if name != "sweep":
+            sub.add_argument("--gangue", type=float, help="share of gangue, 0..1, instead of the scene's")
+        else:
+            sub.add_argument("--jobs", type=int, default=2, help="runs at a time (default 2)")
+    return parser
+
+
+def _run(options) -> int:
+    print(one_line(run(options.scene, options.out, options.gangue)))
+    return 0
+
+
+def one_line(summary: dict) -> str:
+    """A finished run in one line."""
+    return (f"{summary['scene']['name']} {summary['gangue_ratio']:4.0%}: peak force {summary['peak_force_N']:9.1f} N, "
+            f"{summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
+            f"energy closes to {summary['energy']['closure']:.1e}, "
+            f"{sum(summary['wall_time_s'].values()):.0f} s")
+
+
+def _deck(options) -> int:
+    model = prepare(options.scene, options.gangue, None, Stages())
+    if options.out.exists():
+        raise InputError(f"--out = {options.out}: must not exist yet")
+    try:
+        write_deck(options.out / "deck", model.scene, model.assembly, model.step, model.modes)
+    except BaseException:
+        shutil.rmtree(options.out, ignore_errors=True)
+        raise
+    print(options.out / "deck" / "deck.liggghts")
+    return 0
+
+
+def _plate(options) -> int:
+    """The plate's motion is not recorded; it is there for an engine that somebody starts, stops and debugs."""
+    model = prepare(options.scene, options.gangue, None, Stages())
+    if model.modes is None:
+        raise InputError(f"{options.scene}: plate.model = 'rigid': only a flexible plate takes part in a run")
+    motion = ModalMotion(model.modes, model.step.co_step * model.step.dt_s)
+    pipes = PlatePipes(options.out / "deck", len(motion.amplitude), lambda: True)
+    try:
+        pipes.open()
+        follow(motion, pipes, model.step, lambda dem_step, force: None)
+    finally:
+        pipes.close()
+    print(f"plate: kinetic {motion.kinetic_J:.6g} J, internal {motion.internal_J:.6g} J, damped {motion.damped_J:.6g} J")
+    return 0
+
+
+def _sweep(options) -> int:
+    return sweep(options.scene, options.out, options.jobs)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,92 @@
+"""All sub-spheres and bonds of a scene, ready for the deck."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dem.arrangement import Arrangement
+from dem.bonds import bond_network
+from dem.packing import pack_sphere
+from dem.scene import Scene
+
+# A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
+# before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
+CONTACT_RADIUS_RATIO = 0.975
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """n sub-spheres and m bonds.
+
+    `center_m` (n, 3), `radius_m` (n,) of contact, `mass_kg` (n,), `material` (n,) index into `materials`,
+    `agglomerate` (n,) 0-based and ascending; `bond_first`, `bond_second` (m,) 0-based sub-spheres, `bond_vector_m`
+    (m, 3) from first to second, `bond_radius_m` (m,), all in the undeformed state.
+    """
+
+    materials: list[str]
+    center_m: np.ndarray
+    radius_m: np.ndarray
+    mass_kg: np.ndarray
+    material: np.ndarray
+    agglomerate: np.ndarray
+    bond_first: np.ndarray
+    bond_second: np.ndarray
+    bond_vector_m: np.ndarray
+    bond_radius_m: np.ndarray
+
+    @property
+    def n_particles(self) -> int:
+        return len(self.radius_m)
+
+    @property
+    def n_bonds(self) -> int:
+        return len(self.bond_first)
+
+    @property
+    def bond_material(self) -> np.ndarray:
+        return self.material[self.bond_first]
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """Sub-spheres of each agglomerate."""
+        return np.bincount(self.agglomerate)
+
+
+def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
+    """Pack each stone and set it down above the plate, its lowest point `gap_m` up."""
+    stones = scene.stones
+    materials = sorted(set(arrangement.material))  # LIGGGHTS wants types without gaps
+    parts = []
+    for k, (place, material) in enumerate(zip(arrangement.position_m, arrangement.material)):
+        center, radius, bonds = _stone(scene, k)
+        center = center + [place[0], place[1], stones.gap_m - (center[:, 2] - radius).min()]
+        mass = scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
+        parts.append((center, radius, mass * radius**3 / (radius**3).sum(), materials.index(material), bonds))
+    first = np.cumsum([0, *(len(p[0]) for p in parts)])
+    return Assembly(
+        materials=materials,
+        center_m=np.vstack([p[0] for p in parts]),
+        radius_m=np.concatenate([p[1] for p in parts]),
+        mass_kg=np.concatenate([p[2] for p in parts]),
+        material=np.concatenate([np.full(len(p[0]), p[3]) for p in parts]),
+        agglomerate=np.concatenate([np.full(len(p[0]), k) for k, p in enumerate(parts)]),
+        bond_first=np.concatenate([p[4][0] + f for p, f in zip(parts, first)]),
+        bond_second=np.concatenate([p[4][1] + f for p, f in zip(parts, first)]),
+        bond_vector_m=np.vstack([p[4][2] for p in parts]),
+        bond_radius_m=np.concatenate([p[4][3] for p in parts]),
+    )
+
+
+def _stone(scene: Scene, index: int):
+    """Centres, contact radii and bonds (first, second, vector, radius) of one stone about its own centre."""
+    stones = scene.stones
+    if stones.agglomerate is None:
+        none = np.zeros(0, dtype=int)
+        return np.zeros((1, 3)), np.array([stones.radius_m]), (none, none, np.zeros((0, 3)), np.zeros(0))
+    # A place keeps its packing whatever its material, so that a sweep changes the material alone.
+    packing = pack_sphere(stones.radius_m, stones.agglomerate.subspheres, seed=stones.seed + index)
+    bonds = bond_network(packing)
+    return (packing.center_m, CONTACT_RADIUS_RATIO * packing.radius_m,
+            (bonds.first, bonds.second, bonds.vector_m, bonds.radius_m))

@@ -1,0 +1,126 @@
+"""Render the LIGGGHTS deck and the data files it reads, holding only what the scene needs."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import jinja2
+import numpy as np
+
+from dem.assembly import Assembly
+from dem.scene import PLATE, Scene, contact_key
+from dem.time_step import TimeStep
+from plate_fem.modes import PlateModes
+
+TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
+SHAPE_GRID_M = 0.005  # spacing of the mode shapes given to the engine; cubic between, see docs/exchange.md
+UNBREAKABLE_Pa = 1e30
+
+
+def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep, modes: PlateModes | None) -> str:
+    """Write the deck into `directory` and return the hash of its files."""
+    directory.mkdir(parents=True)
+    (directory / "deck.liggghts").write_text(render(scene, assembly, step))
+    _write_atoms(directory / "atoms.data", scene, assembly)
+    np.savetxt(directory / "agglomerates.txt", assembly.sizes, fmt="%d")
+    if assembly.n_bonds:
+        _write_bonds(directory / "bonds.txt", assembly)
+    if modes is not None:
+        _write_shapes(directory / "shapes.bin", modes)
+    digest = hashlib.sha256()
+    for file in sorted(directory.iterdir()):
+        digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
+    """The text of the deck."""
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
+                                     keep_trailing_newline=True)
+    pairs = [contact_key(a, b) for a in [*assembly.materials, PLATE] for b in [*assembly.materials, PLATE]]
+    contacts = [scene.contacts.get(pair) for pair in pairs]
+    friction = [c.friction if c else 0.0 for c in contacts]
+    tangential = " tangential history" if any(friction) else ""
+    half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
+    return environment.get_template("deck.liggghts.j2").render(
+        name=scene.name,
+        stones=_describe(scene, assembly),
+        plate=scene.plate.model,
+        exchange=scene.plate.model == "flexible",
+        materials=[{"name": name, **scene.materials[name].model_dump()} for name in assembly.materials],
+        plate_material=scene.plate.model_dump(),
+        # A pair that cannot meet in this scene still needs a number; elastic is what does least.
+        restitution=[c.restitution if c else 1.0 for c in contacts],
+        friction=friction if any(friction) else None,
+        tangential=tangential,
+        gravity_m_s2=scene.time.gravity_m_s2,
+        bonds=_bonds(scene, assembly, step) if assembly.n_bonds else None,
+        skin_m=skin_m(assembly),
+        dt_s=repr(step.dt_s),
+        sample_steps=step.sample_steps,
+        co_step=step.co_step,
+        steps=step.steps,
+        extent_m=[-half[0], half[0], -half[1], half[1]],
+        speed_m_s=scene.stones.speed_m_s,
+        view_steps=view_steps(scene, step),
+    )
+
+
+def view_steps(scene: Scene, step: TimeStep) -> int | None:
+    """DEM steps between two pictures, a whole number of samples; None if the scene wants none."""
+    if scene.output.view_interval_s is None:
+        return None
+    return step.sample_steps * max(1, round(scene.output.view_interval_s / scene.time.sample_interval_s))
+
+
+def skin_m(assembly: Assembly) -> float:
+    """Neighbour skin: a quarter of the smallest radius. Larger lists bonded pairs for longer, smaller rebuilds more."""
+    return float(f"{0.25 * assembly.radius_m.min():.3g}")
+
+
+def _describe(scene: Scene, assembly: Assembly) -> str:
+    kind = f"agglomerates of {scene.stones.agglomerate.subspheres} sub-spheres" if assembly.n_bonds else "spheres"
+    return f"{len(assembly.sizes)} {kind}"
+
+
+def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict:
+    table = scene.stones.agglomerate
+    materials = []
+    for name in assembly.materials:
+        bond = scene.materials[name].bond
+        values = bond.model_dump()
+        if table.unbreakable:
+            values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa}
+        angle = 0.0 if table.unbreakable else bond.friction_angle_deg
+        materials.append(values | {"tan_friction": float(np.tan(np.radians(angle)))})
+    # Viscous damping proportional to stiffness, c = tau k, with c = 2 zeta sqrt(k m) in the stiffest bond.
+    return {"damping_time_s": 2 * table.damping_ratio * step.bond_time_s, "materials": materials}
+
+
+def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
+    density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
+    half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
+    top = (assembly.center_m[:, 2] + assembly.radius_m).max()
+    with open(file, "w") as out:
+        out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(assembly.materials) + 1} atom types\n\n")
+        out.write(f"{-half[0]} {half[0]} xlo xhi\n{-half[1]} {half[1]} ylo yhi\n{-0.02} {1.5 * top} zlo zhi\n\n")
+        out.write("Atoms\n\n")
+        for k in range(assembly.n_particles):
+            x, y, z = assembly.center_m[k]
+            out.write(f"{k + 1} {assembly.material[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "
+                      f"{x:.17g} {y:.17g} {z:.17g}\n")
+
+
+def _write_bonds(file: Path, assembly: Assembly) -> None:
+    columns = np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_material + 1,
+                               assembly.bond_vector_m, assembly.bond_radius_m, np.ones(assembly.n_bonds)])
+    np.savetxt(file, columns, fmt=["%d"] * 3 + ["%.17g"] * 5)
+
+
+def _write_shapes(file: Path, modes: PlateModes) -> None:
+    x, y, shape = modes.grid(SHAPE_GRID_M)
+    with open(file, "wb") as out:
+        np.array(shape.shape, dtype="<i8").tofile(out)
+        np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
+        np.ascontiguousarray(shape, dtype="<f8").tofile(out)

@@ -1,0 +1,39 @@
+"""Find the engine, refuse another LIGGGHTS than the pinned one, and start it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+from plate_fem.tables import InputError
+
+LIGGGHTS_VERSION = "3.8.0+repack1-9+b2"  # Debian package; the engine is built against its headers
+ENGINE = Path(os.environ.get("LIGGGHTS_BONDED",
+                             Path(__file__).resolve().parent.parent / "build" / "engine" / "liggghts-bonded"))
+
+
+def check_engine() -> None:
+    """Raises InputError, one line, if LIGGGHTS or the engine is missing or LIGGGHTS is of another version."""
+    query = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "libliggghts-dev"], capture_output=True, text=True)
+    if query.returncode != 0:
+        raise InputError(f"LIGGGHTS: libliggghts-dev is not installed; version {LIGGGHTS_VERSION} is needed "
+                         "(`make engine` installs it)")
+    if query.stdout != LIGGGHTS_VERSION:
+        raise InputError(f"LIGGGHTS: libliggghts-dev is of version {query.stdout}; allowed is {LIGGGHTS_VERSION}")
+    if not os.access(ENGINE, os.X_OK):
+        raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `make engine` builds it")
+
+
+def start_engine(directory: Path) -> subprocess.Popen:
+    """Run deck.liggghts in `directory`; what it prints goes to engine.out there."""
+    with open(directory / "engine.out", "wb") as out:
+        return subprocess.Popen([str(ENGINE), "-in", "deck.liggghts", "-log", "engine.log"], cwd=directory,
+                                stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT)
+
+
+def engine_error(directory: Path) -> str:
+    """What the engine said last: its ERROR line, or its last line."""
+    lines = [line for line in (directory / "engine.out").read_text(errors="replace").splitlines() if line.strip()]
+    errors = [line for line in lines if "ERROR" in line]
+    return (errors or lines or ["no output"])[-1]

@@ -1,0 +1,220 @@
+#pragma once
+// The same bond as bond_state in bond_plain.cpp, W at a time in vector registers.
+//
+// Bonds lie in packs of W, one number of all W bonds beside the other. The records of the 2 W sub-spheres are loaded
+// whole and transposed in registers, the formulas run on all W bonds at once, and the forces are transposed back.
+// Included once per width; each translation unit is compiled for its own instruction set.
+
+#include <immintrin.h>
+
+#include <cmath>
+
+#include "bond_kernel.h"
+
+namespace LAMMPS_NS {
+namespace {
+
+template <int W> struct Simd;
+template <> struct Simd<2> {
+  typedef double Reg __attribute__((vector_size(16)));
+  static Reg root(Reg a) { return _mm_sqrt_pd(a); }
+  template <class Mask> static bool any(Mask m) { return _mm_movemask_pd((__m128d)m) != 0; }
+};
+#ifdef __AVX2__
+template <> struct Simd<4> {
+  typedef double Reg __attribute__((vector_size(32)));
+  static Reg root(Reg a) { return _mm256_sqrt_pd(a); }
+  template <class Mask> static bool any(Mask m) { return _mm256_movemask_pd((__m256d)m) != 0; }
+};
+#endif
+#ifdef __AVX512F__
+template <> struct Simd<8> {
+  typedef double Reg __attribute__((vector_size(64)));
+  static Reg root(Reg a) { return _mm512_maskz_sqrt_pd(0xff, a); }
+  template <class Mask> static bool any(Mask m) { return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0; }
+};
+#endif
+
+// In-register transpose of W rows of W numbers: log2(W) rounds of pairwise shuffles.
+inline void transpose(Simd<2>::Reg *m) {
+  const Simd<2>::Reg low = __builtin_shufflevector(m[0], m[1], 0, 2), high = __builtin_shufflevector(m[0], m[1], 1, 3);
+  m[0] = low, m[1] = high;
+}
+#ifdef __AVX2__
+inline void transpose(Simd<4>::Reg *m) {
+  typedef Simd<4>::Reg R;
+  const R a = __builtin_shufflevector(m[0], m[1], 0, 4, 2, 6), b = __builtin_shufflevector(m[0], m[1], 1, 5, 3, 7);
+  const R c = __builtin_shufflevector(m[2], m[3], 0, 4, 2, 6), d = __builtin_shufflevector(m[2], m[3], 1, 5, 3, 7);
+  m[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5), m[2] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
+  m[1] = __builtin_shufflevector(b, d, 0, 1, 4, 5), m[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
+}
+#endif
+#ifdef __AVX512F__
+inline void transpose(Simd<8>::Reg *m) {
+  typedef Simd<8>::Reg R;
+  R t[8], u[8];
+  for (int k = 0; k < 8; k += 2) {
+    t[k] = __builtin_shufflevector(m[k], m[k + 1], 0, 8, 2, 10, 4, 12, 6, 14);
+    t[k + 1] = __builtin_shufflevector(m[k], m[k + 1], 1, 9, 3, 11, 5, 13, 7, 15);
+  }
+  for (int k = 0; k < 8; k += 4)
+    for (int h = 0; h < 2; h++) {
+      u[k + h] = __builtin_shufflevector(t[k + h], t[k + h + 2], 0, 1, 8, 9, 4, 5, 12, 13);
+      u[k + h + 2] = __builtin_shufflevector(t[k + h], t[k + h + 2], 2, 3, 10, 11, 6, 7, 14, 15);
+    }
+  for (int h = 0; h < 4; h++) {
+    m[h] = __builtin_shufflevector(u[h], u[h + 4], 0, 1, 2, 3, 8, 9, 10, 11);
+    m[h + 4] = __builtin_shufflevector(u[h], u[h + 4], 4, 5, 6, 7, 12, 13, 14, 15);
+  }
+}
+#endif
+
+template <int W> struct Vec3 {
+  typedef typename Simd<W>::Reg R;
+  R x, y, z;
+  Vec3 operator+(const Vec3 &b) const { return {x + b.x, y + b.y, z + b.z}; }
+  Vec3 operator-(const Vec3 &b) const { return {x - b.x, y - b.y, z - b.z}; }
+};
+template <int W> Vec3<W> operator*(const typename Simd<W>::Reg &s, const Vec3<W> &a) {
+  return {s * a.x, s * a.y, s * a.z};
+}
+template <int W> typename Simd<W>::Reg dot(const Vec3<W> &a, const Vec3<W> &b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+template <int W> Vec3<W> cross(const Vec3<W> &a, const Vec3<W> &b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+template <int W> struct alignas(64) Pack {
+  typename Simd<W>::Reg length, dx, dy, dz, k_normal, ks_length2, k_bend, k_twist, tensile, shear, bend_lever2,
+      twist_lever, tan_friction;
+  int i[W], j[W], id[W];
+};
+
+template <int W> class PackedKernel : public BondKernel {
+  typedef typename Simd<W>::Reg R;
+  typedef Vec3<W> V;
+  static constexpr int PARTS = 8 / W;  // registers a record
+
+  struct Ends {
+    V x;
+    R w;
+    V q;
+  };
+
+  std::vector<Pack<W>> packs_;
+
+  static Ends load(const AtomRecord *atom, const int *index) {
+    R m[8];
+    for (int part = 0; part < PARTS; part++) {
+      for (int l = 0; l < W; l++)
+        m[part * W + l] = *reinterpret_cast<const R *>(reinterpret_cast<const double *>(atom + index[l]) + part * W);
+      transpose(m + part * W);
+    }
+    return {{m[0], m[1], m[2]}, m[3], {m[4], m[5], m[6]}};
+  }
+
+  static void add(ForceRecord *force, const int *index, const V &f, const V &torque) {
+    R m[8] = {f.x, f.y, f.z, torque.x, torque.y, torque.z, R{}, R{}};
+    for (int part = 0; part < PARTS; part++) transpose(m + part * W);
+    for (int l = 0; l < W; l++)
+      for (int part = 0; part < PARTS; part++)
+        *reinterpret_cast<R *>(reinterpret_cast<double *>(force + index[l]) + part * W) += m[part * W + l];
+  }
+
+  static V rotate(const R &w, const V &q, const V &a) {
+    const V t = cross<W>(q, a) + cross<W>(q, a);
+    return a + w * t + cross<W>(q, t);
+  }
+
+  static R absolute(const R &a) { return a < 0 ? -a : a; }
+
+  // Broken bonds leave their lane without stiffness and out of reach of the criterion.
+  static void retire(Pack<W> &b, int l) {
+    b.k_normal[l] = b.ks_length2[l] = b.k_bend[l] = b.k_twist[l] = 0;
+    b.tensile[l] = b.shear[l] = 1e150;
+  }
+
+ public:
+  void build(const std::vector<LocalBond> &bonds, int spare) override {
+    packs_.assign((bonds.size() + W - 1) / W, Pack<W>());
+    for (size_t k = 0; k < packs_.size() * W; k++) {
+      Pack<W> &p = packs_[k / W];
+      const int l = k % W;
+      if (k >= bonds.size()) {
+        p.i[l] = spare, p.j[l] = spare + 1, p.id[l] = -1;
+        p.length[l] = p.dx[l] = 1, p.dy[l] = p.dz[l] = 0;
+        p.bend_lever2[l] = p.twist_lever[l] = p.tan_friction[l] = 0;
+        retire(p, l);
+        continue;
+      }
+      const Bond &b = *bonds[k].bond;
+      p.i[l] = bonds[k].i, p.j[l] = bonds[k].j, p.id[l] = bonds[k].id;
+      p.length[l] = b.length;
+      p.dx[l] = b.direction[0], p.dy[l] = b.direction[1], p.dz[l] = b.direction[2];
+      p.k_normal[l] = b.k_normal, p.ks_length2[l] = b.k_shear * b.length * b.length;
+      p.k_bend[l] = b.k_bend, p.k_twist[l] = b.k_twist;
+      p.tensile[l] = b.tensile_force, p.shear[l] = b.shear_force;
+      p.bend_lever2[l] = 16 / (b.radius * b.radius), p.twist_lever[l] = 2 / b.radius;
+      p.tan_friction[l] = b.tan_friction;
+    }
+  }
+
+  int add_forces(const AtomRecord *atom, ForceRecord *force, int *broken) override {
+    int n_broken = 0;
+    for (Pack<W> &b : packs_) {
+      const Ends i = load(atom, b.i), j = load(atom, b.j);
+      const V d0{b.dx, b.dy, b.dz};
+      const V branch = j.x - i.x;
+      const R r = Simd<W>::root(dot<W>(branch, branch)), r_inverse = 1 / r;
+      const V n = r_inverse * branch;
+
+      const V di = rotate(i.w, i.q, d0), dj = rotate(j.w, j.q, d0);
+      const R half = R{} + 0.5;
+      const V mean = half * (di + dj);
+      const R cosine = dot<W>(mean, n);
+      const V p = mean - cosine * n;
+      const R w = i.w * j.w + dot<W>(i.q, j.q);
+      const V half_turn = i.w * j.q - j.w * i.q - cross<W>(i.q, j.q);
+      const V turn = half_turn + half_turn;
+      const R twist = dot<W>(turn, d0);
+      const V bend = turn - twist * d0;
+
+      const R pull = b.k_normal * (r - b.length);
+      const R twisting = b.k_twist * twist;
+      V moment = b.k_bend * bend + twisting * d0;
+      R shearing = b.ks_length2;
+      R slope = shearing * cosine * r_inverse;
+
+      // Tension: pull + |M_b| 4/r > limit. Shear: |F_s| + |M_t| 2/r > limit - tan(phi) pull. Squared, sign kept.
+      const R tension_margin = b.tensile - pull;
+      const R shear_margin = b.shear - b.tan_friction * pull - b.twist_lever * absolute(twisting);
+      const R bending2 = b.bend_lever2 * b.k_bend * b.k_bend * dot<W>(bend, bend);
+      const R excess = bending2 - tension_margin * absolute(tension_margin);
+      const R shear_excess = slope * slope * dot<W>(p, p) - shear_margin * absolute(shear_margin);
+      const auto fails = (excess > 0) | (shear_excess > 0);
+      R normal_force = pull;
+      if (Simd<W>::any(fails)) {
+        const R keep = fails ? R{} : R{} + 1.0;
+        for (int l = 0; l < W; l++)
+          if (keep[l] == 0) {
+            broken[n_broken++] = b.id[l];
+            retire(b, l);
+          }
+        normal_force *= keep, slope *= keep, shearing *= keep;
+        moment = keep * moment;
+      }
+
+      const V force_j = slope * p - normal_force * n;
+      const V torque = rotate(i.w, i.q, w * moment - cross<W>(moment, half_turn));
+      const R half_shearing = half * shearing;
+      const V zero{R{}, R{}, R{}};
+      add(force, b.i, zero - force_j, torque - half_shearing * cross<W>(di, p));
+      add(force, b.j, force_j, zero - torque - half_shearing * cross<W>(dj, p));
+    }
+    return n_broken;
+  }
+};
+
+}  // namespace
+}  // namespace LAMMPS_NS

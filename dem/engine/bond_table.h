@@ -1,0 +1,39 @@
+#pragma once
+#include <string>
+#include <vector>
+
+namespace LAMMPS_NS {
+
+class LAMMPS;
+
+// What a material says of its bonds. SI units.
+struct BondMaterial {
+  double modulus = 0;           // E of the bond, Pa
+  double stiffness_ratio = 1;   // k_n / k_s
+  double tensile_strength = 0;  // Pa
+  double shear_strength = 0;    // Pa; the cohesion where Mohr-Coulomb is chosen
+  double tan_friction = 0;      // 0: shear strength independent of the normal force
+};
+
+// One parallel bond: a short round beam between two sub-spheres, in read-only numbers. It has no memory: its forces
+// follow from where the two sub-spheres are and how they are turned (total form, after Wang 2009).
+struct Bond {
+  int tag_i, tag_j;
+  double length;              // r0, m
+  double direction[3];        // d0, from i to j in the undeformed agglomerate
+  double radius;              // of the beam, m
+  double area;                // A = pi r^2
+  double k_normal;            // E A / r0, N/m
+  double k_shear;             // k_normal / ratio, N/m, acting at mid-length
+  double k_bend;              // k_normal r^2 / 4 = E I / r0, N m
+  double k_twist;             // k_shear r^2 / 2, N m
+  double tensile_force;       // strength x area, N
+  double shear_force;         // strength x area, N
+  double tan_friction;
+};
+
+// File: a line a bond: tag_i tag_j material dx dy dz radius strength_factor, where d is the undeformed vector from
+// i to j in m and material counts from 1.
+std::vector<Bond> read_bonds(LAMMPS *lmp, const std::string &file, const std::vector<BondMaterial> &materials);
+
+}  // namespace LAMMPS_NS

@@ -1,0 +1,362 @@
+#include "fix_bond_parallel.h"
+
+#include <mpi.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "atom.h"
+#include "comm.h"
+#include "error.h"
+#include "force.h"
+#include "memory.h"
+#include "modify.h"
+#include "update.h"
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+
+FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
+    : Fix(lmp, narg, arg), quaternion_(nullptr), damping_time_(0) {
+  std::string bonds, agglomerates, kernel = "auto";
+  std::vector<BondMaterial> materials;
+  for (int k = 3; k < narg;) {
+    const std::string key = arg[k++];
+    const int needed = key == "material" ? 5 : 1;
+    if (k + needed > narg) error->fix_error(FLERR, this, "a keyword lacks its value");
+    if (key == "bonds") bonds = arg[k];
+    else if (key == "agglomerates") agglomerates = arg[k];
+    else if (key == "events") events_file_ = arg[k];
+    else if (key == "damping_time") damping_time_ = force->numeric(FLERR, arg[k]);
+    else if (key == "kernel") kernel = arg[k];
+    else if (key == "material") {
+      BondMaterial m;
+      m.modulus = force->numeric(FLERR, arg[k]);
+      m.stiffness_ratio = force->numeric(FLERR, arg[k + 1]);
+      m.tensile_strength = force->numeric(FLERR, arg[k + 2]);
+      m.shear_strength = force->numeric(FLERR, arg[k + 3]);
+      m.tan_friction = force->numeric(FLERR, arg[k + 4]);
+      materials.push_back(m);
+    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
+    k += needed;
+  }
+  if (bonds.empty() || agglomerates.empty() || events_file_.empty())
+    error->fix_error(FLERR, this, "needs the files bonds, agglomerates and events");
+  kernel_ = make_bond_kernel(kernel);
+  if (!kernel_) error->fix_error(FLERR, this, ("this processor has no kernel " + kernel).c_str());
+  if (force->newton) error->fix_error(FLERR, this, "needs `newton off`");
+  if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
+
+  bonds_ = read_bonds(lmp, bonds, materials);
+  intact_.assign(bonds_.size(), 1);
+  broken_.resize(bonds_.size());
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  work_.assign(agglomerates_->count(), 0);
+  released_ = broken_count_ = work_;
+
+  restart_global = restart_peratom = 1;
+  create_attribute = 1;
+  comm_forward = comm_border = 4;
+  scalar_flag = global_freq = 1;
+  comm->maxexchange_fix += 4;
+  grow_arrays(atom->nmax);
+  atom->add_callback(0);
+  atom->add_callback(1);
+  for (int i = 0; i < atom->nlocal; i++) set_arrays(i);
+
+  if (comm->me == 0) {
+    FILE *out = std::fopen(events_file_.c_str(), "a");
+    if (!out) error->one(FLERR, ("cannot write " + events_file_).c_str());
+    if (std::ftell(out) == 0)
+      std::fputs("step,bond,agglomerate,x_m,y_m,z_m,mode,stress_Pa,energy_J,area_m2\n", out);
+    std::fclose(out);
+  }
+}
+
+FixBondParallel::~FixBondParallel() {
+  atom->delete_callback(id, 0);
+  atom->delete_callback(id, 1);
+  memory->destroy(quaternion_);
+}
+
+int FixBondParallel::setmask() { return POST_INTEGRATE | PRE_NEIGHBOR | POST_FORCE; }
+
+void FixBondParallel::init() {
+  if (comm->nprocs > 1 && !comm->ghost_velocity) error->fix_error(FLERR, this, "needs `communicate single vel yes`");
+}
+
+void FixBondParallel::setup(int vflag) {
+  known_tags_.clear();
+  rebuild();
+  post_force(vflag);
+}
+
+// A bond must be seen by each rank that owns one of its ends.
+double FixBondParallel::extend_cut_ghost() {
+  double longest = 0;
+  for (const Bond &b : bonds_) longest = std::fmax(longest, b.length);
+  return 1.5 * longest;
+}
+
+// Second half of the work of the last forces, with the velocities of the coming step, then the turn of each
+// sub-sphere by its spin over one step: q <- exp(omega dt/2) q, exact for constant omega.
+void FixBondParallel::post_integrate() {
+  const double dt = update->dt, half_dt = 0.5 * dt;
+  double *const *v = atom->v, *const *omega = atom->omega;
+  for (int i = 0; i < atom->nlocal; i++) {
+    const ForceRecord &g = forces_[i];
+    work_[agglomerates_->of_tag(atom->tag[i])] +=
+        half_dt * (g.f[0] * v[i][0] + g.f[1] * v[i][1] + g.f[2] * v[i][2] + g.torque[0] * omega[i][0] +
+                   g.torque[1] * omega[i][1] + g.torque[2] * omega[i][2]);
+
+    const double *w = omega[i];
+    double *q = quaternion_[i];
+    const double a2 = 0.25 * dt * dt * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);  // (angle/2)^2
+    double c, s;                                                                  // cos, sin(a)/a x dt/2
+    if (a2 < 1e-6) {  // series; next terms below 1e-19
+      c = 1 - a2 / 2 * (1 - a2 / 12);
+      s = half_dt * (1 - a2 / 6 * (1 - a2 / 20));
+    } else {
+      const double a = std::sqrt(a2);
+      c = std::cos(a);
+      s = half_dt * std::sin(a) / a;
+    }
+    const double u0 = s * w[0], u1 = s * w[1], u2 = s * w[2];
+    const double q0 = q[0], q1 = q[1], q2 = q[2], q3 = q[3];
+    q[0] = c * q0 - u0 * q1 - u1 * q2 - u2 * q3;
+    q[1] = c * q1 + u0 * q0 + u1 * q3 - u2 * q2;
+    q[2] = c * q2 + u1 * q0 + u2 * q1 - u0 * q3;
+    q[3] = c * q3 + u2 * q0 + u0 * q2 - u1 * q1;
+  }
+}
+
+void FixBondParallel::pre_neighbor() {
+  write_events();
+  rebuild();
+}
+
+void FixBondParallel::post_run() { write_events(); }
+
+// The kernel's list of bonds by local index. Nothing to do while nothing moved in memory.
+void FixBondParallel::rebuild() {
+  if (comm->nprocs > 1) share_broken();
+  const int nlocal = atom->nlocal;
+  const bool same = static_cast<int>(known_tags_.size()) == nlocal &&
+                    std::equal(known_tags_.begin(), known_tags_.end(), atom->tag);
+  if (same && comm->nprocs == 1) return;
+  known_tags_.assign(atom->tag, atom->tag + nlocal);
+
+  local_.clear();
+  for (int k = 0; k < bond_count(); k++) {
+    if (!intact_[k]) continue;
+    const int i = atom->map(bonds_[k].tag_i), j = atom->map(bonds_[k].tag_j);
+    const bool mine = (i >= 0 && i < nlocal) || (j >= 0 && j < nlocal);
+    if (comm->nprocs == 1 && (i < 0 || j < 0)) error->one(FLERR, "A bonded sub-sphere was lost");
+    if (!mine) continue;
+    if (i < 0 || j < 0) error->one(FLERR, "A bonded sub-sphere is beyond the ghost atoms of this rank");
+    local_.push_back({i, j, k, &bonds_[k]});
+  }
+  kernel_->build(local_, nlocal + atom->nghost);
+}
+
+// With ranks, each one finds the bonds it computes broken; all must know before bonds change hands.
+void FixBondParallel::share_broken() {
+  int mine = newly_broken_.size(), total = 0;
+  std::vector<int> count(comm->nprocs), offset(comm->nprocs);
+  MPI_Allgather(&mine, 1, MPI_INT, count.data(), 1, MPI_INT, world);
+  for (int p = 0; p < comm->nprocs; p++) offset[p] = total, total += count[p];
+  std::vector<int> all(total);
+  MPI_Allgatherv(newly_broken_.data(), mine, MPI_INT, all.data(), count.data(), offset.data(), MPI_INT, world);
+  for (int id : all) intact_[id] = 0;
+  newly_broken_.clear();
+}
+
+AtomRecord FixBondParallel::record(int i) const {
+  AtomRecord r;
+  for (int k = 0; k < 3; k++) r.x[k] = atom->x[i][k];
+  for (int k = 0; k < 4; k++) r.q[k] = quaternion_[i][k];
+  return r;
+}
+
+// Records at x + tau v and q + tau dq/dt, dq/dt = omega q / 2.
+void FixBondParallel::fill_records() {
+  const int nall = atom->nlocal + atom->nghost;
+  atoms_.resize(nall + 2);
+  forces_.resize(nall + 2);
+  const double tau = damping_time_, half_tau = 0.5 * tau;
+  double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
+  for (int i = 0; i < nall; i++) {
+    AtomRecord &r = atoms_[i];
+    const double *q = quaternion_[i];
+    const double u0 = half_tau * omega[i][0], u1 = half_tau * omega[i][1], u2 = half_tau * omega[i][2];
+    for (int k = 0; k < 3; k++) r.x[k] = x[i][k] + tau * v[i][k];
+    r.q[0] = q[0] - u0 * q[1] - u1 * q[2] - u2 * q[3];
+    r.q[1] = q[1] + u0 * q[0] + u1 * q[3] - u2 * q[2];
+    r.q[2] = q[2] + u1 * q[0] + u2 * q[1] - u0 * q[3];
+    r.q[3] = q[3] + u2 * q[0] + u0 * q[2] - u1 * q[1];
+  }
+  atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
+  atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
+  std::memset(static_cast<void *>(forces_.data()), 0, forces_.size() * sizeof(ForceRecord));
+}
+
+void FixBondParallel::post_force(int) {
+  if (comm->nprocs > 1) comm->forward_comm_fix(this);
+  fill_records();
+  const int n_broken = kernel_->add_forces(atoms_.data(), forces_.data(), broken_.data());
+  if (n_broken) note_broken(n_broken);
+
+  const double half_dt = 0.5 * update->dt;
+  double *const *v = atom->v, *const *omega = atom->omega, **f = atom->f, **torque = atom->torque;
+  for (int i = 0; i < atom->nlocal; i++) {
+    const ForceRecord &g = forces_[i];
+    double power = 0;
+    for (int k = 0; k < 3; k++) {
+      f[i][k] += g.f[k];
+      torque[i][k] += g.torque[k];
+      power += g.f[k] * v[i][k] + g.torque[k] * omega[i][k];
+    }
+    work_[agglomerates_->of_tag(atom->tag[i])] += half_dt * power;
+  }
+}
+
+void FixBondParallel::note_broken(int n) {
+  char line[256];
+  for (int k = 0; k < n; k++) {
+    const int b = broken_[k];
+    const Bond &bond = bonds_[b];
+    const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
+    intact_[b] = 0;
+    if (comm->nprocs > 1) newly_broken_.push_back(b);
+    if (i >= atom->nlocal) continue;  // the rank that owns i reports
+    // The kernel judges at x + tau v, damping included; so does the event. The energy is the one stored at x.
+    const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
+    const double energy = bond_state(bond, record(i), record(j)).energy;
+    const int a = agglomerates_->of_tag(bond.tag_i);
+    const bool shear = judged.mode == SHEAR;
+    released_[a] += energy;
+    broken_count_[a] += 1;
+    std::snprintf(line, sizeof line, BIGINT_FORMAT ",%d,%d,%.9g,%.9g,%.9g,%s,%.9g,%.9g,%.9g\n", update->ntimestep,
+                  b + 1, a + 1, 0.5 * (atom->x[i][0] + atom->x[j][0]), 0.5 * (atom->x[i][1] + atom->x[j][1]),
+                  0.5 * (atom->x[i][2] + atom->x[j][2]), shear ? "shear" : "tension",
+                  shear ? judged.shear : judged.tension, energy, bond.area);
+    events_ += line;
+  }
+}
+
+void FixBondParallel::write_events() {
+  int mine = events_.size();
+  std::vector<int> count(comm->nprocs, mine), offset(comm->nprocs, 0);
+  std::string all = events_;
+  if (comm->nprocs > 1) {
+    MPI_Gather(&mine, 1, MPI_INT, count.data(), 1, MPI_INT, 0, world);
+    for (int p = 1; p < comm->nprocs; p++) offset[p] = offset[p - 1] + count[p - 1];
+    if (comm->me == 0) all.resize(offset.back() + count.back());
+    MPI_Gatherv(events_.data(), mine, MPI_CHAR, &all[0], count.data(), offset.data(), MPI_CHAR, 0, world);
+  }
+  events_.clear();
+  if (comm->me != 0 || all.empty()) return;
+  FILE *out = std::fopen(events_file_.c_str(), "a");
+  const bool written = out && std::fwrite(all.data(), 1, all.size(), out) == all.size();
+  if (!written || std::fclose(out) != 0) error->one(FLERR, ("cannot write " + events_file_).c_str());
+}
+
+void FixBondParallel::add_elastic_energy(double *energy) const {
+  for (const LocalBond &b : local_) {
+    if (!intact_[b.id] || b.i >= atom->nlocal) continue;
+    energy[agglomerates_->of_tag(b.bond->tag_i)] += bond_state(*b.bond, record(b.i), record(b.j)).energy;
+  }
+}
+
+double FixBondParallel::compute_scalar() {
+  double mine = 0, all = 0;
+  for (const LocalBond &b : local_) mine += intact_[b.id] && b.i < atom->nlocal;
+  MPI_Allreduce(&mine, &all, 1, MPI_DOUBLE, MPI_SUM, world);
+  return all;
+}
+
+/* --- the quaternion travels with its sub-sphere ------------------------------------------------------------- */
+
+void FixBondParallel::grow_arrays(int nmax) { memory->grow(quaternion_, nmax, 4, "bond/parallel:quaternion"); }
+
+void FixBondParallel::copy_arrays(int i, int j, int) { std::memcpy(quaternion_[j], quaternion_[i], 4 * sizeof(double)); }
+
+void FixBondParallel::set_arrays(int i) {
+  quaternion_[i][0] = 1;
+  quaternion_[i][1] = quaternion_[i][2] = quaternion_[i][3] = 0;
+}
+
+int FixBondParallel::pack_exchange(int i, double *buf) {
+  std::memcpy(buf, quaternion_[i], 4 * sizeof(double));
+  return 4;
+}
+
+int FixBondParallel::unpack_exchange(int i, double *buf) {
+  std::memcpy(quaternion_[i], buf, 4 * sizeof(double));
+  return 4;
+}
+
+int FixBondParallel::pack_border(int n, int *list, double *buf) {
+  for (int k = 0; k < n; k++) std::memcpy(buf + 4 * k, quaternion_[list[k]], 4 * sizeof(double));
+  return 4 * n;
+}
+
+int FixBondParallel::unpack_border(int n, int first, double *buf) {
+  for (int k = 0; k < n; k++) std::memcpy(quaternion_[first + k], buf + 4 * k, 4 * sizeof(double));
+  return 4 * n;
+}
+
+int FixBondParallel::pack_comm(int n, int *list, double *buf, int, int *) {
+  pack_border(n, list, buf);
+  return 4;
+}
+
+void FixBondParallel::unpack_comm(int n, int first, double *buf) { unpack_border(n, first, buf); }
+
+int FixBondParallel::pack_restart(int i, double *buf) {
+  buf[0] = 5;
+  std::memcpy(buf + 1, quaternion_[i], 4 * sizeof(double));
+  return 5;
+}
+
+void FixBondParallel::unpack_restart(int nlocal, int nth) {
+  double **extra = atom->extra;
+  int m = 0;
+  for (int k = 0; k < nth; k++) m += static_cast<int>(extra[nlocal][m]);
+  std::memcpy(quaternion_[nlocal], &extra[nlocal][m + 1], 4 * sizeof(double));
+}
+
+int FixBondParallel::size_restart(int) { return 5; }
+int FixBondParallel::maxsize_restart() { return 5; }
+
+// Global part of a restart: sums by agglomerate and which bonds hold.
+void FixBondParallel::write_restart(FILE *out) {
+  if (comm->nprocs > 1) share_broken();
+  const int n = agglomerates_->count();
+  std::vector<double> mine, data(3 * n);
+  for (const std::vector<double> *sum : {&work_, &released_, &broken_count_})
+    mine.insert(mine.end(), sum->begin(), sum->end());
+  MPI_Reduce(mine.data(), data.data(), 3 * n, MPI_DOUBLE, MPI_SUM, 0, world);
+  data.insert(data.end(), intact_.begin(), intact_.end());
+  if (comm->me != 0) return;
+  const int size = data.size() * sizeof(double);
+  std::fwrite(&size, sizeof(int), 1, out);
+  std::fwrite(data.data(), sizeof(double), data.size(), out);
+}
+
+void FixBondParallel::restart(char *buf) {
+  const double *data = reinterpret_cast<const double *>(buf);
+  const int n = agglomerates_->count();
+  if (comm->me == 0)
+    for (std::vector<double> *sum : {&work_, &released_, &broken_count_}) {
+      std::copy(data, data + n, sum->begin());
+      data += n;
+    }
+  data = reinterpret_cast<const double *>(buf) + 3 * n;
+  for (size_t b = 0; b < intact_.size(); b++) intact_[b] = data[b] != 0;
+}
+
+double FixBondParallel::memory_usage() {
+  return bonds_.size() * (sizeof(Bond) + sizeof(LocalBond) + 13 * sizeof(double) + 5 * sizeof(int)) +
+         atoms_.size() * (sizeof(AtomRecord) + sizeof(ForceRecord) + 4 * sizeof(double));
+}

@@ -1,0 +1,85 @@
+#pragma once
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "agglomerates.h"
+#include "bond_kernel.h"
+#include "bond_table.h"
+#include "fix.h"
+
+namespace LAMMPS_NS {
+
+// fix ID group bond/parallel bonds FILE agglomerates FILE events FILE damping_time TAU kernel NAME
+//     material E stiffness_ratio tensile_strength shear_strength tan_friction   (once a material)
+//
+// Parallel bonds in total form: the fix turns a quaternion with each sub-sphere, and every force follows from
+// positions and quaternions alone. Damping is viscous and proportional to stiffness: the forces are taken at
+// x + tau v, which is F + tau dF/dt. A bond whose stress passes its strength is an event and is gone.
+class FixBondParallel : public Fix {
+ public:
+  FixBondParallel(class LAMMPS *, int, char **);
+  ~FixBondParallel() override;
+
+  int setmask() override;
+  void init() override;
+  void setup(int) override;
+  void post_integrate() override;
+  void pre_neighbor() override;
+  void post_force(int) override;
+  void post_run() override;
+
+  void grow_arrays(int) override;
+  void copy_arrays(int, int, int) override;
+  void set_arrays(int) override;
+  int pack_exchange(int, double *) override;
+  int unpack_exchange(int, double *) override;
+  int pack_border(int, int *, double *) override;
+  int unpack_border(int, int, double *) override;
+  int pack_comm(int, int *, double *, int, int *) override;
+  void unpack_comm(int, int, double *) override;
+  int pack_restart(int, double *) override;
+  void unpack_restart(int, int) override;
+  int size_restart(int) override;
+  int maxsize_restart() override;
+  void write_restart(FILE *) override;
+  void restart(char *) override;
+
+  double extend_cut_ghost() override;
+  double memory_usage() override;
+  double compute_scalar() override;  // bonds that hold
+
+  // Each indexed by agglomerate, summed over ranks by the caller.
+  void add_elastic_energy(double *energy) const;
+  const std::vector<double> &work() const { return work_; }          // done by bonds on sub-spheres so far, J
+  const std::vector<double> &released() const { return released_; }  // elastic energy of bonds when they broke, J
+  const std::vector<double> &broken_count() const { return broken_count_; }
+  int bond_count() const { return static_cast<int>(bonds_.size()); }
+
+ private:
+  std::unique_ptr<Agglomerates> agglomerates_;
+  std::vector<Bond> bonds_;
+  std::vector<char> intact_;       // of every bond, the same on all ranks after each neighbour build
+  std::vector<int> newly_broken_;  // since the last neighbour build, on this rank
+  std::vector<LocalBond> local_;
+  std::vector<int> broken_;        // room for the kernel's findings
+  std::vector<int> known_tags_;    // local order at the last build: if it stands, so does the kernel
+  std::vector<AtomRecord> atoms_;
+  std::vector<ForceRecord> forces_;
+  std::unique_ptr<BondKernel> kernel_;
+  std::vector<double> work_, released_, broken_count_;
+  double **quaternion_;
+  double damping_time_;
+  std::string events_;  // text not yet written
+  std::string events_file_;
+
+  void rebuild();
+  void share_broken();
+  void fill_records();
+  AtomRecord record(int i) const;
+  void note_broken(int n);
+  void write_events();
+};
+
+}  // namespace LAMMPS_NS

@@ -1,0 +1,137 @@
+#include "fix_ledger.h"
+
+#include <mpi.h>
+
+#include "atom.h"
+#include "comm.h"
+#include "error.h"
+#include "fix_bond_parallel.h"
+#include "fix_wall_plate.h"
+#include "force.h"
+#include "modify.h"
+#include "update.h"
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+
+namespace {
+// dem/ledger.py reads these in this order.
+enum Column {
+  KINETIC,         // translation and spin of the sub-spheres, J
+  MOMENTUM_Z,      // kg m/s
+  MASS_HEIGHT,     // sum of m z, kg m, for the potential energy
+  BOND_ELASTIC,    // now in the bonds, J
+  BOND_WORK,       // done by the bonds on the sub-spheres, J
+  RELEASED,        // elastic energy of bonds at the moment they broke, J
+  BROKEN,          // bonds
+  PAIR_WORK,       // done by contacts between sub-spheres, J
+  WALL_WORK,       // done by the plate on the sub-spheres, J
+  PLATE_WORK,      // done by the sub-spheres on the moving plate, J
+  WALL_ELASTIC,    // now in the normal contacts with the plate, J
+  COLUMNS
+};
+}  // namespace
+
+FixLedger::FixLedger(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
+  std::string agglomerates, file;
+  if (narg != 9) error->fix_error(FLERR, this, "needs agglomerates FILE every N file FILE");
+  for (int k = 3; k < narg; k += 2) {
+    const std::string key = arg[k];
+    if (key == "agglomerates") agglomerates = arg[k + 1];
+    else if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
+    else if (key == "file") file = arg[k + 1];
+    else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
+  }
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  pair_work_.assign(agglomerates_->count(), 0);
+  if (comm->me == 0) {
+    file_ = std::fopen(file.c_str(), "ab");
+    if (!file_) error->one(FLERR, ("cannot write " + file).c_str());
+  }
+}
+
+FixLedger::~FixLedger() {
+  if (file_) std::fclose(file_);
+}
+
+int FixLedger::setmask() { return POST_INTEGRATE | POST_FORCE | END_OF_STEP; }
+
+void FixLedger::init() {
+  bonds_ = nullptr;
+  wall_ = nullptr;
+  for (int k = 0; k < modify->nfix; k++) {
+    if (auto *bonds = dynamic_cast<FixBondParallel *>(modify->fix[k])) bonds_ = bonds;
+    if (auto *wall = dynamic_cast<FixWallPlate *>(modify->fix[k])) wall_ = wall;
+  }
+}
+
+void FixLedger::setup(int vflag) { post_force(vflag); }
+
+// The work over a step is force x (v before + v after)/2 dt, which is what the leapfrog integrator adds to the kinetic
+// energy; the first half is counted when the force is known, the second when the next velocity is.
+void FixLedger::post_force(int) {
+  contacts_.clear();
+  const double half_dt = 0.5 * update->dt;
+  for (int i = 0; i < atom->nlocal; i++) {
+    const double *f = atom->f[i], *t = atom->torque[i];
+    if (f[0] == 0 && f[1] == 0 && f[2] == 0) continue;
+    const double *v = atom->v[i], *w = atom->omega[i];
+    contacts_.push_back({i, {f[0], f[1], f[2]}, {t[0], t[1], t[2]}});
+    pair_work_[agglomerates_->of_tag(atom->tag[i])] +=
+        half_dt * (f[0] * v[0] + f[1] * v[1] + f[2] * v[2] + t[0] * w[0] + t[1] * w[1] + t[2] * w[2]);
+  }
+}
+
+void FixLedger::post_integrate() {
+  const double half_dt = 0.5 * update->dt;
+  for (const Contact &c : contacts_) {
+    const double *v = atom->v[c.i], *w = atom->omega[c.i];
+    pair_work_[agglomerates_->of_tag(atom->tag[c.i])] +=
+        half_dt * (c.force[0] * v[0] + c.force[1] * v[1] + c.force[2] * v[2] + c.torque[0] * w[0] +
+                   c.torque[1] * w[1] + c.torque[2] * w[2]);
+  }
+}
+
+void FixLedger::end_of_step() { write(); }
+
+void FixLedger::write() {
+  const int n = agglomerates_->count();
+  std::vector<double> mine(n * COLUMNS, 0.0), total(n * COLUMNS), column(n);
+  for (int i = 0; i < atom->nlocal; i++) {
+    double *row = &mine[agglomerates_->of_tag(atom->tag[i]) * COLUMNS];
+    const double *v = atom->v[i], *w = atom->omega[i], m = atom->rmass[i], r = atom->radius[i];
+    row[KINETIC] += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) +
+                    0.2 * m * r * r * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+    row[MOMENTUM_Z] += m * v[2];
+    row[MASS_HEIGHT] += m * atom->x[i][2];
+  }
+  auto put = [&](Column c, const std::vector<double> &values) {
+    for (int a = 0; a < n; a++) mine[a * COLUMNS + c] += values[a];
+  };
+  put(PAIR_WORK, pair_work_);
+  if (bonds_) {
+    column.assign(n, 0);
+    bonds_->add_elastic_energy(column.data());
+    put(BOND_ELASTIC, column);
+    put(BOND_WORK, bonds_->work());
+    put(RELEASED, bonds_->released());
+    put(BROKEN, bonds_->broken_count());
+  }
+  if (wall_) {
+    column.assign(n, 0);
+    wall_->add_elastic_energy(column.data());
+    put(WALL_ELASTIC, column);
+    put(WALL_WORK, wall_->work_on_stone());
+    put(PLATE_WORK, wall_->work_on_plate());
+  }
+  MPI_Reduce(mine.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, 0, world);
+  if (comm->me != 0) return;
+  const long long step = update->ntimestep;
+  const bool written = std::fwrite(&step, 8, 1, file_) == 1 &&
+                       std::fwrite(total.data(), 8, total.size(), file_) == total.size();
+  if (!written) error->one(FLERR, "cannot write the ledger");
+}
+
+void FixLedger::post_run() {
+  if (file_ && std::fflush(file_) != 0) error->one(FLERR, "cannot write the ledger");
+}

@@ -1,0 +1,45 @@
+#pragma once
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "agglomerates.h"
+#include "fix.h"
+
+namespace LAMMPS_NS {
+
+// fix ID group ledger agglomerates FILE every N file FILE
+//
+// Where the energy of each agglomerate is, every N steps. It must come before all other fixes that add forces: what it
+// finds in the force array then comes from the contacts between sub-spheres alone.
+//
+// File: int64 step, then double[agglomerates][columns] with the columns of fix_ledger.cpp.
+class FixLedger : public Fix {
+ public:
+  FixLedger(class LAMMPS *, int, char **);
+  ~FixLedger() override;
+  int setmask() override;
+  void init() override;
+  void setup(int) override;
+  void post_integrate() override;
+  void post_force(int) override;
+  void end_of_step() override;
+  void post_run() override;
+
+ private:
+  struct Contact {
+    int i;
+    double force[3], torque[3];
+  };
+  std::unique_ptr<Agglomerates> agglomerates_;
+  std::vector<double> pair_work_;
+  std::vector<Contact> contacts_;  // sub-spheres that felt another one at the last step
+  class FixBondParallel *bonds_ = nullptr;
+  class FixWallPlate *wall_ = nullptr;
+  FILE *file_ = nullptr;
+
+  void write();
+};
+
+}  // namespace LAMMPS_NS

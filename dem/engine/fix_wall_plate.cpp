@@ -1,0 +1,296 @@
+#include "fix_wall_plate.h"
+
+#include <mpi.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "atom.h"
+#include "comm.h"
+#include "error.h"
+#include "force.h"
+#include "neighbor.h"
+#include "primitive_wall.h"
+#include "property_registry.h"
+#include "update.h"
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+
+namespace {
+
+const double SHAPE_TOLERANCE_M = 2e-6;  // a mode shape is taken anew when its sub-sphere moved this far in the plane
+const double AWAY_M = 1.0;              // lifts a sub-sphere that is not above the plate out of reach of the wall
+
+int position_of_contact(int narg, char **arg) {
+  for (int k = 3; k < narg; k++)
+    if (std::strcmp(arg[k], "contact") == 0) return k;
+  return narg;
+}
+
+// The base class sees `fix ID group wall/gran` and what follows `contact`.
+std::vector<char *> &base_arguments(int narg, char **arg) {
+  static char style[] = "wall/gran";
+  static std::vector<char *> base;
+  base.assign({arg[0], arg[1], style});
+  base.insert(base.end(), arg + std::min(narg, position_of_contact(narg, arg) + 1), arg + narg);
+  return base;
+}
+
+}  // namespace
+
+FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
+    : FixWallGran(lmp, base_arguments(narg, arg).size(), base_arguments(narg, arg).data()) {
+  std::string agglomerates, forces, shapes, to_plate, from_plate;
+  bool has_extent = false;
+  const int end = position_of_contact(narg, arg);
+  for (int k = 3; k < end;) {
+    const std::string key = arg[k++];
+    const int needed = key == "extent" ? 4 : 1;
+    if (k + needed > end) error->fix_error(FLERR, this, "a keyword lacks its value");
+    if (key == "agglomerates") agglomerates = arg[k];
+    else if (key == "forces") forces = arg[k];
+    else if (key == "shapes") shapes = arg[k];
+    else if (key == "to_plate") to_plate = arg[k];
+    else if (key == "from_plate") from_plate = arg[k];
+    else if (key == "co_step") co_step_ = force->inumeric(FLERR, arg[k]);
+    else if (key == "extent") {
+      for (int e = 0; e < 4; e++) extent_[e] = force->numeric(FLERR, arg[k + e]);
+      has_extent = true;
+    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
+    k += needed;
+  }
+  if (agglomerates.empty() || forces.empty() || !has_extent || co_step_ < 1)
+    error->fix_error(FLERR, this, "needs agglomerates, forces, extent and a co_step of at least 1");
+  if (shapes.empty() != to_plate.empty() || shapes.empty() != from_plate.empty())
+    error->fix_error(FLERR, this, "shapes, to_plate and from_plate go together");
+
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  impulse_.assign(agglomerates_->count(), 0);
+  work_on_stone_ = work_on_plate_ = impulse_;
+  if (!shapes.empty()) {
+    shapes_ = std::make_unique<PlateShapes>(lmp, shapes);
+    modal_impulse_.assign(shapes_->modes(), 0);
+    link_ = std::make_unique<PlateLink>(lmp, to_plate, from_plate, shapes_->modes());
+  }
+  if (comm->me == 0) {
+    forces_ = std::fopen(forces.c_str(), "ab");
+    if (!forces_) error->one(FLERR, ("cannot write " + forces).c_str());
+  }
+}
+
+FixWallPlate::~FixWallPlate() {
+  if (forces_) std::fclose(forces_);
+}
+
+int FixWallPlate::setmask() { return FixWallGran::setmask() | POST_INTEGRATE; }
+
+void FixWallPlate::setup(int vflag) {
+  step_in_co_step_ = 0;
+  rebuildPrimitiveNeighlist_ = true;
+  pre_force(vflag);
+  end_co_step(true);
+  post_force(vflag);
+}
+
+// The list that the stock wall goes through: everything that the plate could reach before the next build.
+void FixWallPlate::pre_force(int) {
+  if (!rebuildPrimitiveNeighlist_) return;
+  rebuildPrimitiveNeighlist_ = false;
+  list_near();
+}
+
+void FixWallPlate::list_near() {
+  listed_reach_ = link_ ? std::max(1e-3, 2 * link_->reach) : 0;
+  primitiveWall_->buildNeighList(neighbor->skin + listed_reach_, atom->x, atom->radius, atom->nlocal);
+  int *list;
+  const int n = primitiveWall_->getNeighbors(list);
+  std::vector<Near> before;
+  before.swap(near_);
+  near_.resize(n);
+  near_shape_.resize(shapes_ ? static_cast<size_t>(n) * shapes_->modes() : 0);
+  for (int k = 0; k < n; k++) near_[k].i = list[k];
+  // Inside a co-step the plate's place must be known at once for what was not listed before.
+  if (link_ && following_)
+    for (size_t k = 0; k < near_.size(); k++) update_shape(k);
+}
+
+// Mode shape at the place of a near sub-sphere, and the plate there at both ends of the co-step.
+void FixWallPlate::update_shape(size_t k) {
+  Near &p = near_[k];
+  const double *x = atom->x[p.i];
+  const double reach = link_->reach + 2 * std::fabs(atom->v[p.i][2]) * co_step_ * update->dt;
+  p.active = x[2] - atom->radius[p.i] < reach + 1e-6;
+  if (!p.active) {
+    p.w0 = p.w1 = p.rate0 = p.rate1 = 0;
+    return;
+  }
+  const int modes = shapes_->modes();
+  double *shape = &near_shape_[k * modes];
+  if (!p.has_shape || std::hypot(x[0] - p.x, x[1] - p.y) > SHAPE_TOLERANCE_M) {
+    shapes_->at(x[0], x[1], shape);
+    p.x = x[0], p.y = x[1], p.has_shape = true;
+  }
+  p.w0 = p.w1 = p.rate0 = p.rate1 = 0;
+  for (int m = 0; m < modes; m++) {
+    p.w0 += shape[m] * amplitude0_[m];
+    p.rate0 += shape[m] * rate0_[m];
+    p.w1 += shape[m] * link_->amplitude[m];
+    p.rate1 += shape[m] * link_->rate[m];
+  }
+}
+
+// The plate at each near sub-sphere: the cubic that has the places and rates of both ends of the co-step.
+void FixWallPlate::place_plate(double s) {
+  const double T = co_step_ * update->dt;
+  for (Near &p : near_) {
+    if (!p.active) continue;
+    const double rise = p.w1 - p.w0, a = T * p.rate0 - rise, b = rise - T * p.rate1;
+    p.w = p.w0 + s * rise + s * (1 - s) * ((1 - s) * a + s * b);
+    p.rate = (rise + (1 - 2 * s) * ((1 - s) * a + s * b) + s * (1 - s) * (b - a)) / T;
+  }
+}
+
+void FixWallPlate::post_force(int vflag) {
+  double **x = atom->x, **v = atom->v, **f = atom->f, **torque = atom->torque;
+  const double dt = update->dt;
+  if (link_) place_plate(static_cast<double>(step_in_co_step_) / co_step_);
+
+  std::vector<double> &keep = kept_z_;
+  keep.resize(near_.size());
+  for (size_t k = 0; k < near_.size(); k++) {
+    Near &p = near_[k];
+    const int i = p.i;
+    keep[k] = x[i][2];
+    const bool above = x[i][0] >= extent_[0] && x[i][0] <= extent_[1] && x[i][1] >= extent_[2] && x[i][1] <= extent_[3];
+    x[i][2] += above ? -p.w : AWAY_M;
+    p.overlap = atom->radius[i] - x[i][2];
+    p.touched = p.overlap > 0;
+    v[i][2] -= p.rate;
+    for (int d = 0; d < 3; d++) p.force[d] = f[i][d], p.torque[d] = torque[i][d];
+  }
+  FixWallGran::post_force(vflag);
+  for (size_t k = 0; k < near_.size(); k++) {
+    Near &p = near_[k];
+    const int i = p.i;
+    x[i][2] = keep[k];
+    v[i][2] += p.rate;
+    if (!p.touched) continue;
+    double power = 0;
+    for (int d = 0; d < 3; d++) {
+      p.force[d] = f[i][d] - p.force[d], p.torque[d] = torque[i][d] - p.torque[d];
+      power += p.force[d] * v[i][d] + p.torque[d] * atom->omega[i][d];
+    }
+    const int a = agglomerates_->of_tag(atom->tag[i]);
+    work_on_stone_[a] += 0.5 * dt * power;
+    work_on_plate_[a] -= dt * p.force[2] * p.rate;
+  }
+
+  // The mean over a co-step is the trapezoidal one, which is the impulse that the integrator gives to the stones.
+  const bool at_end = step_in_co_step_ == co_step_;
+  add_forces(at_end || step_in_co_step_ == 0 ? 0.5 : 1.0);
+  if (at_end) {
+    end_co_step(false);
+    add_forces(0.5);
+  }
+}
+
+void FixWallPlate::post_integrate() {
+  const double half_dt = 0.5 * update->dt;
+  for (const Near &p : near_) {
+    if (!p.touched) continue;
+    double power = 0;
+    for (int d = 0; d < 3; d++) power += p.force[d] * atom->v[p.i][d] + p.torque[d] * atom->omega[p.i][d];
+    work_on_stone_[agglomerates_->of_tag(atom->tag[p.i])] += half_dt * power;
+  }
+  step_in_co_step_++;
+}
+
+void FixWallPlate::add_forces(double weight) {
+  const double share = weight / co_step_;
+  const int modes = shapes_ ? shapes_->modes() : 0;
+  for (size_t k = 0; k < near_.size(); k++) {
+    const Near &p = near_[k];
+    if (!p.touched) continue;
+    impulse_[agglomerates_->of_tag(atom->tag[p.i])] += share * p.force[2];
+    const double *shape = near_shape_.data() + k * modes;
+    for (int m = 0; m < modes; m++) modal_impulse_[m] -= share * p.force[2] * shape[m];
+  }
+}
+
+void FixWallPlate::end_co_step(bool first) {
+  if (!first) {
+    record_forces();
+    co_steps_passed_++;
+  }
+  step_in_co_step_ = 0;
+  if (link_ && (first || following_ || anything_near())) follow_plate();
+}
+
+bool FixWallPlate::anything_near() const {
+  int mine = 0, any = 0;
+  const double T = co_step_ * update->dt;
+  for (const Near &p : near_) {
+    const double clearance = atom->x[p.i][2] - atom->radius[p.i];
+    mine |= clearance < link_->reach + 2 * T * std::fabs(atom->v[p.i][2]) + 1e-6;
+  }
+  MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, world);
+  return any;
+}
+
+// One exchange: the mean modal force since the last one goes out, the predicted place of the plate comes in.
+void FixWallPlate::follow_plate() {
+  const int modes = shapes_->modes();
+  const double T = co_step_ * update->dt;
+  const bool resumed = !following_;
+  amplitude0_ = link_->amplitude;
+  rate0_ = link_->rate;
+  std::vector<double> total(modes);
+  MPI_Reduce(modal_impulse_.data(), total.data(), modes, MPI_DOUBLE, MPI_SUM, 0, world);
+  for (double &force : total) force /= std::max(1LL, co_steps_passed_);
+  if (comm->me == 0) link_->exchange(update->ntimestep, co_steps_passed_, total.data());
+  MPI_Bcast(&link_->reach, 1, MPI_DOUBLE, 0, world);
+  MPI_Bcast(link_->amplitude.data(), modes, MPI_DOUBLE, 0, world);
+  MPI_Bcast(link_->rate.data(), modes, MPI_DOUBLE, 0, world);
+  std::fill(modal_impulse_.begin(), modal_impulse_.end(), 0.0);
+  co_steps_passed_ = 0;
+  if (resumed) {  // nothing touches yet, so where the co-step starts is read back from its end
+    rate0_ = link_->rate;
+    for (int m = 0; m < modes; m++) amplitude0_[m] = link_->amplitude[m] - T * link_->rate[m];
+  }
+  following_ = anything_near();
+  if (link_->reach > listed_reach_) list_near();
+  for (size_t k = 0; k < near_.size(); k++) update_shape(k);
+}
+
+// int64 step, double force_N[agglomerates]: mean push on the plate over the co-step that ends here; nothing is written
+// for a co-step without contact.
+void FixWallPlate::record_forces() {
+  std::vector<double> total(impulse_.size());
+  MPI_Reduce(impulse_.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, 0, world);
+  std::fill(impulse_.begin(), impulse_.end(), 0.0);
+  if (comm->me != 0) return;
+  if (std::all_of(total.begin(), total.end(), [](double f) { return f == 0; })) return;
+  const long long step = update->ntimestep;
+  const bool written = std::fwrite(&step, 8, 1, forces_) == 1 &&
+                       std::fwrite(total.data(), 8, total.size(), forces_) == total.size();
+  if (!written) error->one(FLERR, "cannot write the forces on the plate");
+}
+
+void FixWallPlate::post_run() {
+  if (forces_ && std::fflush(forces_) != 0) error->one(FLERR, "cannot write the forces on the plate");
+  if (link_ && comm->me == 0) link_->finish(update->ntimestep);
+}
+
+// Hertz: U = 8/15 E* sqrt(R) overlap^(5/2).
+void FixWallPlate::add_elastic_energy(double *energy) const {
+  double **effective_modulus;
+  force->registry.connect("Yeff", effective_modulus, "wall/plate");
+  for (const Near &p : near_) {
+    if (!p.touched) continue;
+    const double modulus = effective_modulus[atom->type[p.i]][atom_type_wall_];
+    energy[agglomerates_->of_tag(atom->tag[p.i])] +=
+        8. / 15. * modulus * std::sqrt(atom->radius[p.i]) * std::pow(p.overlap, 2.5);
+  }
+}

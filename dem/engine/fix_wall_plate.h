@@ -1,0 +1,83 @@
+#pragma once
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "agglomerates.h"
+#include "fix_wall_gran.h"
+#include "plate_link.h"
+#include "plate_shapes.h"
+
+namespace LAMMPS_NS {
+
+// fix ID group wall/plate agglomerates FILE forces FILE extent XMIN XMAX YMIN YMAX co_step N
+//     [shapes FILE to_plate FILE from_plate FILE] contact (arguments of wall/gran with a zplane at 0)
+//
+// The stock granular wall as the top face of the plate. Sub-spheres near the plate are moved into the frame of the
+// plate (z - w, v_z - dw/dt at their place), the stock wall acts on them there, and they are moved back: contact
+// anywhere, no seams, and contact history stays with the stock wall. The forces are projected on the mode shapes and
+// their mean over each co-step of N steps goes to the plate, which answers where it is predicted to be at the end of
+// the next one. Without shapes the plate is rigid and nothing is exchanged.
+class FixWallPlate : public FixWallGran {
+ public:
+  FixWallPlate(class LAMMPS *, int, char **);
+  ~FixWallPlate() override;
+
+  int setmask() override;
+  void setup(int) override;
+  void post_integrate() override;
+  void post_force(int) override;
+  void post_run() override;
+
+  // By agglomerate, J: work of the contact on the sub-spheres, and on the moving plate.
+  const std::vector<double> &work_on_stone() const { return work_on_stone_; }
+  const std::vector<double> &work_on_plate() const { return work_on_plate_; }
+  // Elastic energy now stored in the normal contacts (Hertz), added by agglomerate, J.
+  void add_elastic_energy(double *energy) const;
+
+ protected:
+  void pre_force(int) override;
+
+ private:
+  struct Near {
+    int i;                      // local index
+    bool active = false;        // may touch the plate in this co-step
+    bool has_shape = false;
+    double x, y;                // where the shape was taken
+    double w0 = 0, w1 = 0;      // plate at the start and the end of the co-step, m
+    double rate0 = 0, rate1 = 0;
+    double w = 0, rate = 0;     // now
+    double force[3], torque[3]; // of the last step
+    bool touched = false;
+    double overlap = 0;         // of the last step, m
+  };
+
+  std::unique_ptr<Agglomerates> agglomerates_;
+  std::unique_ptr<PlateShapes> shapes_;
+  std::unique_ptr<PlateLink> link_;
+  std::vector<Near> near_;
+  std::vector<double> near_shape_;    // modes() numbers a near sub-sphere
+  double extent_[4];
+  int co_step_ = 1, step_in_co_step_ = 0;
+  long long co_steps_passed_ = 0;     // since the last exchange
+  bool following_ = false;            // was the plate asked at the last co-step?
+  double listed_reach_ = 0;
+  std::vector<double> impulse_;       // sum over the co-step of F_z / N by agglomerate, push on the plate
+  std::vector<double> modal_impulse_;
+  std::vector<double> amplitude0_, rate0_;
+  std::vector<double> work_on_stone_, work_on_plate_;
+  std::vector<double> kept_z_;
+  FILE *forces_ = nullptr;
+
+  void list_near();
+  void place_plate(double fraction);
+  void add_forces(double weight);
+  void end_co_step(bool first);
+  void record_forces();
+  bool anything_near() const;
+  void follow_plate();
+  void update_shape(size_t k);
+};
+
+}  // namespace LAMMPS_NS

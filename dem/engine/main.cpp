@@ -1,0 +1,66 @@
+// The engine: stock LIGGGHTS from libliggghts with three fix styles added.
+//
+//   bond/parallel   bonds between the sub-spheres of an agglomerate (fix_bond_parallel.h)
+//   wall/plate      the granular wall that moves with the plate       (fix_wall_plate.h)
+//   ledger          energies and momenta of each agglomerate          (fix_ledger.h)
+//
+// It runs any LIGGGHTS deck: `liggghts-bonded -in deck`. The styles are added once, so a deck must not use `clear`.
+
+#include <mpi.h>
+
+#include <cstdio>
+
+#include "fix_bond_parallel.h"
+#include "fix_ledger.h"
+#include "fix_wall_plate.h"
+#include "input.h"
+#include "lammps.h"
+#include "library_check.h"
+#include "modify.h"
+
+using namespace LAMMPS_NS;
+
+namespace {
+
+// Modify keeps its table of fix styles private. An explicit template instantiation may name a private member,
+// which gives access without touching the library's headers.
+typedef Fix *(*FixCreator)(LAMMPS *, int, char **);
+typedef std::map<std::string, FixCreator> *Modify::*FixMap;
+FixMap fix_map();
+template <FixMap member> struct Expose {
+  friend FixMap fix_map() { return member; }
+};
+template struct Expose<&Modify::fix_map>;
+
+template <class F> Fix *create(LAMMPS *lmp, int narg, char **arg) { return new F(lmp, narg, arg); }
+
+void add_styles(LAMMPS *lmp) {
+  std::map<std::string, FixCreator> &styles = *(lmp->modify->*fix_map());
+  styles["bond/parallel"] = &create<FixBondParallel>;
+  styles["wall/plate"] = &create<FixWallPlate>;
+  styles["ledger"] = &create<FixLedger>;
+}
+
+}  // namespace
+
+int main(int argc, char **argv) {
+  MPI_Init(&argc, &argv);
+  int exit_code = 0;
+  {
+    LAMMPS lmp(argc, argv, MPI_COMM_WORLD);
+    const char *mismatch = library_mismatch(&lmp);
+    if (mismatch) {
+      std::fprintf(stderr,
+                   "liggghts-bonded: class %s of this libliggghts has another size than in the headers the engine "
+                   "was built with; rebuild the engine\n",
+                   mismatch);
+      exit_code = 3;
+    } else {
+      add_styles(&lmp);
+      lmp.input->file();
+    }
+  }
+  MPI_Barrier(MPI_COMM_WORLD);
+  MPI_Finalize();
+  return exit_code;
+}

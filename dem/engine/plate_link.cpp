@@ -1,0 +1,68 @@
+#include "plate_link.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstring>
+
+#include "error.h"
+#include "lammps.h"
+
+namespace LAMMPS_NS {
+
+PlateLink::PlateLink(LAMMPS *lmp, const std::string &to_plate, const std::string &from_plate, int modes)
+    : amplitude(modes), rate(modes), lmp_(lmp), to_(to_plate), from_(from_plate) {}
+
+PlateLink::~PlateLink() {
+  if (out_ >= 0) close(out_);
+  if (in_ >= 0) close(in_);
+}
+
+// A pipe opens when the other side opens it too, and both sides open `to_plate` first.
+void PlateLink::open_both() {
+  std::signal(SIGPIPE, SIG_IGN);  // a plate that is gone shows as an error of write
+  out_ = open(to_.c_str(), O_WRONLY);
+  in_ = open(from_.c_str(), O_RDONLY);
+  if (out_ < 0 || in_ < 0) lmp_->error->one(FLERR, ("Cannot open the plate's files " + to_ + " and " + from_).c_str());
+}
+
+void PlateLink::send(long long step, long long co_steps, const double *modal_force) {
+  std::vector<double> message(2);
+  message.insert(message.end(), modal_force, modal_force + amplitude.size());
+  std::memcpy(&message[0], &step, 8);
+  std::memcpy(&message[1], &co_steps, 8);
+  const char *bytes_of = reinterpret_cast<const char *>(message.data());
+  for (size_t size = 8 * message.size(), sent = 0; sent < size;) {
+    const ssize_t bytes = write(out_, bytes_of + sent, size - sent);
+    if (bytes <= 0) lmp_->error->one(FLERR, "The plate does not read any more");
+    sent += bytes;
+  }
+}
+
+void PlateLink::receive(void *data, size_t bytes) {
+  for (size_t got = 0; got < bytes;) {
+    const ssize_t some = read(in_, static_cast<char *>(data) + got, bytes - got);
+    if (some <= 0) lmp_->error->one(FLERR, "The plate does not answer any more");
+    got += some;
+  }
+}
+
+void PlateLink::exchange(long long step, long long co_steps, const double *modal_force) {
+  if (out_ < 0) open_both();
+  send(step, co_steps, modal_force);
+  long long answered;
+  receive(&answered, 8);
+  if (answered != step) lmp_->error->one(FLERR, "The plate answered another step than the one asked");
+  receive(&reach, 8);
+  receive(amplitude.data(), 8 * amplitude.size());
+  receive(rate.data(), 8 * rate.size());
+}
+
+void PlateLink::finish(long long) {
+  if (out_ < 0) return;
+  const std::vector<double> none(amplitude.size(), 0.0);
+  send(-1, 0, none.data());
+}
+
+}  // namespace LAMMPS_NS

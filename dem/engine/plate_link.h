@@ -1,0 +1,37 @@
+#pragma once
+#include <string>
+#include <vector>
+
+namespace LAMMPS_NS {
+
+class LAMMPS;
+
+// The engine's end of the file exchange with the plate (docs/exchange.md). Two files, usually named pipes:
+// the engine writes what the stones did to the plate, the plate answers where it will be.
+//
+//   to the plate:   int64 step, int64 co-steps passed, double mean modal force[modes] over them
+//   from the plate: int64 step (the same), double reach, double amplitude[modes], double rate[modes]
+//
+// `reach` bounds |w| anywhere until the next exchange if nothing touches the plate. The answer to step s tells where
+// the plate is predicted to be one co-step later. A step of -1 from the engine says that it has finished.
+class PlateLink {
+ public:
+  PlateLink(LAMMPS *lmp, const std::string &to_plate, const std::string &from_plate, int modes);
+  ~PlateLink();
+  void exchange(long long step, long long co_steps, const double *modal_force);
+  void finish(long long step);
+
+  double reach = 0;
+  std::vector<double> amplitude, rate;
+
+ private:
+  LAMMPS *lmp_;
+  int out_ = -1, in_ = -1;
+  std::string to_, from_;
+
+  void open_both();
+  void send(long long step, long long co_steps, const double *modal_force);
+  void receive(void *data, size_t bytes);
+};
+
+}  // namespace LAMMPS_NS

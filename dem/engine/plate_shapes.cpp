@@ -1,0 +1,53 @@
+#include "plate_shapes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "error.h"
+#include "lammps.h"
+
+namespace LAMMPS_NS {
+
+PlateShapes::PlateShapes(LAMMPS *lmp, const std::string &file) {
+  FILE *in = std::fopen(file.c_str(), "rb");
+  long long size[3];
+  double geometry[4];
+  bool whole = in && std::fread(size, 8, 3, in) == 3 && std::fread(geometry, 8, 4, in) == 4;
+  if (whole) {
+    nx_ = size[0], ny_ = size[1], modes_ = size[2];
+    x0_ = geometry[0], y0_ = geometry[1], dx_ = geometry[2], dy_ = geometry[3];
+    shape_.resize(nx_ * ny_ * modes_);
+    whole = std::fread(shape_.data(), 8, shape_.size(), in) == shape_.size() && nx_ >= 4 && ny_ >= 4;
+  }
+  if (in) std::fclose(in);
+  if (!whole) lmp->error->all(FLERR, ("Cannot read the mode shapes from " + file).c_str());
+}
+
+namespace {
+// Weights of the four nodes -1, 0, 1, 2 for a point at s in [0, 1] between the middle two (Lagrange).
+void lagrange(double s, double *weight) {
+  weight[0] = -s * (s - 1) * (s - 2) / 6;
+  weight[1] = (s + 1) * (s - 1) * (s - 2) / 2;
+  weight[2] = -(s + 1) * s * (s - 2) / 2;
+  weight[3] = (s + 1) * s * (s - 1) / 6;
+}
+}  // namespace
+
+void PlateShapes::at(double x, double y, double *shape) const {
+  const double u = (x - x0_) / dx_, v = (y - y0_) / dy_;
+  const long long iu = std::clamp<long long>(std::floor(u), 1, nx_ - 3);
+  const long long iv = std::clamp<long long>(std::floor(v), 1, ny_ - 3);
+  double wu[4], wv[4];
+  lagrange(u - iu, wu);
+  lagrange(v - iv, wv);
+  std::fill(shape, shape + modes_, 0.0);
+  for (int a = 0; a < 4; a++)
+    for (int b = 0; b < 4; b++) {
+      const double w = wu[a] * wv[b];
+      const double *node = &shape_[((iu - 1 + a) * ny_ + iv - 1 + b) * modes_];
+      for (long long m = 0; m < modes_; m++) shape[m] += w * node[m];
+    }
+}
+
+}  // namespace LAMMPS_NS

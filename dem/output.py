@@ -1,0 +1,95 @@
+"""The streams of a run: what the plate did, what the stones pushed, which bonds broke."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from dem.scene import Scene
+from dem.time_step import TimeStep
+from plate_fem.modes import PlateModes
+from plate_fem.motion import ModalMotion
+
+
+class PlateRecorder:
+    """Collects the plate's state at each row of the fast stream, and its modal amplitudes at each picture."""
+
+    def __init__(self, scene: Scene, modes: PlateModes, motion: ModalMotion, step: TimeStep, view_steps: int | None):
+        self._motion = motion
+        self._step = step
+        self._view_steps = view_steps
+        sensors = scene.plate.sensors
+        self._mean = modes.mean_shape
+        self._sensor = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]).reshape(-1, 2))
+        self._rod = modes.rod_force
+        rods = [f"rod_{k + 1}_N" for k in range(len(self._rod))]
+        self.columns = ["u_m", "v_m_s", "a_m_s2", "kinetic_J", "internal_J", "total_J",
+                        *(f"acc_{s.name}_m_s2" for s in sensors), *rods]
+        self.rows: list[np.ndarray] = []
+        self.steps: list[int] = []
+        self.view_amplitude: list[np.ndarray] = []
+
+    def __call__(self, dem_step: int, modal_force: np.ndarray) -> None:
+        m = self._motion
+        acceleration = m.acceleration(modal_force)
+        kinetic, internal = m.kinetic_J, m.internal_J
+        self.steps.append(dem_step)
+        self.rows.append(np.concatenate([
+            [self._mean @ m.amplitude, self._mean @ m.rate, self._mean @ acceleration,
+             kinetic, internal, kinetic + internal],
+            self._sensor @ acceleration, self._rod @ m.amplitude]))
+        if self._view_steps and dem_step % self._view_steps == 0:
+            self.view_amplitude.append(m.amplitude.copy())
+
+    def frame(self) -> pd.DataFrame:
+        return pd.DataFrame(np.array(self.rows), columns=self.columns)
+
+
+def read_forces(file: Path, n_agglomerates: int) -> tuple[np.ndarray, np.ndarray]:
+    """DEM step (k,) at the end of each co-step with contact, and the mean push on the plate (k, n) over it in N."""
+    record = np.dtype([("step", "<i8"), ("force_N", "<f8", (n_agglomerates,))])
+    data = np.fromfile(file, dtype=record)
+    return data["step"], data["force_N"]
+
+
+def fast_stream(scene: Scene, step: TimeStep, forces: tuple[np.ndarray, np.ndarray],
+                plate: PlateRecorder | None) -> pd.DataFrame:
+    """All rows at the fast rate. A force is the mean over the row's interval; the plate's state is at its end."""
+    n_rows = step.steps // step.fast_steps + 1
+    time = np.arange(n_rows) * step.fast_steps * step.dt_s
+    table = pd.DataFrame({"t_s": time})
+    if plate is not None:
+        if plate.steps != list(range(0, step.steps + 1, step.fast_steps)):
+            raise RuntimeError("the plate was not recorded at every row of the fast stream")
+        table = pd.concat([table, plate.frame()], axis=1)
+    steps, force = forces
+    row = -(-steps // step.fast_steps)
+    mean = np.zeros((n_rows, force.shape[1]))
+    np.add.at(mean, row, force * (step.co_step / step.fast_steps))
+    table["force_N"] = mean.sum(axis=1)
+    for k in range(force.shape[1]):
+        table[f"force_{k + 1:02d}_N"] = mean[:, k]
+    if not np.all(np.isfinite(table.to_numpy())):
+        raise RuntimeError("a signal holds a value that is no number")
+    return table
+
+
+def write_streams(directory: Path, fast: pd.DataFrame, step: TimeStep) -> pd.DataFrame:
+    """Write fast.parquet and, every sample of it, signals.parquet; returns the second."""
+    fast.to_parquet(directory / "fast.parquet", index=False)
+    signals = fast.iloc[:: step.sample_steps // step.fast_steps].reset_index(drop=True)
+    signals.to_parquet(directory / "signals.parquet", index=False)
+    return signals
+
+
+def read_events(file: Path, step: TimeStep) -> pd.DataFrame:
+    """One row a broken bond: t_s, bond (1-based), agglomerate (1-based), place, mode, stress, energy, area."""
+    columns = ["t_s", "bond", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2"]
+    if not file.exists():
+        return pd.DataFrame({c: pd.Series(dtype=str if c == "mode" else int if c in columns[1:3] else float)
+                             for c in columns})
+    events = pd.read_csv(file, dtype={"mode": str})
+    events.insert(0, "t_s", events.pop("step") * step.dt_s)
+    return events[columns]

@@ -1,0 +1,37 @@
+"""Progress of long work on the terminal: what, simulated time, time left."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+INTERVAL_s = 0.5  # between two lines on a terminal; a log gets one a tenth
+
+
+class Progress:
+    def __init__(self, name: str, duration_s: float, shown: bool):
+        self._name, self._duration_s, self._shown = name, duration_s, shown
+        self._start = self._last = time.monotonic()
+        self._tenth = 0
+
+    def __call__(self, t_s: float) -> None:
+        """Called often with the simulated time; writes seldom."""
+        if not self._shown:
+            return
+        now = time.monotonic()
+        share = t_s / self._duration_s
+        if sys.stderr.isatty():
+            if now - self._last < INTERVAL_s:
+                return
+        elif int(10 * share) <= self._tenth:
+            return
+        self._last, self._tenth = now, int(10 * share)
+        left = (now - self._start) * (1 - share) / share if share > 0 else float("inf")
+        end = "" if sys.stderr.isatty() else "\n"
+        start = "\r" if sys.stderr.isatty() else ""
+        print(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  left {left:4.0f} s", end=end,
+              file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        if self._shown and sys.stderr.isatty():
+            print("\r\033[K", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,230 @@
+"""One run from scene to run directory."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import platform
+import shutil
+import sys
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dem.arrangement import Arrangement, arrange
+from dem.assembly import Assembly, assemble
+from dem.costep import follow
+from dem.deck import view_steps, write_deck
+from dem.engine import LIGGGHTS_VERSION, check_engine, engine_error, start_engine
+from dem.exchange import ExchangeError, PlatePipes
+from dem.ledger import PlateEnergy, energy_ledger, read_ledger
+from dem.output import PlateRecorder, fast_stream, read_events, read_forces, write_streams
+from dem.progress import Progress
+from dem.scene import Scene, read_scene, scene_hash
+from dem.time_step import TimeStep, time_step
+from dem.view import write_view
+from plate_fem.modes import PlateModes, plate_modes
+from plate_fem.motion import ModalMotion
+
+POLL_s = 0.05
+
+
+class RunError(RuntimeError):
+    """A run that started and could not be finished; one line that says why."""
+
+
+@dataclass
+class Model:
+    """A scene made ready to run."""
+
+    scene: Scene
+    arrangement: Arrangement
+    assembly: Assembly
+    step: TimeStep
+    modes: PlateModes | None
+
+
+@dataclass
+class Stages:
+    """Wall time by stage, s."""
+
+    wall_time_s: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def __call__(self, name: str):
+        start = time.perf_counter()
+        yield
+        self.wall_time_s[name] = self.wall_time_s.get(name, 0.0) + time.perf_counter() - start
+
+
+def prepare(scene_file: str | Path, gangue_ratio: float | None, cache: Path | None, stages: Stages) -> Model:
+    """Read, check, pack, choose the step and find the modes. Raises InputError before anything is written."""
+    scene = read_scene(scene_file, gangue_ratio)
+    arrangement = arrange(scene, str(scene_file))
+    with stages("packing"):
+        assembly = assemble(scene, arrangement)
+    step = time_step(scene, assembly, str(scene_file))
+    modes = None
+    if scene.plate.model == "flexible":
+        with stages("modes"):
+            modes = plate_modes(scene.plate, cache)
+    return Model(scene, arrangement, assembly, step, modes)
+
+
+def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None, show_progress: bool = True) -> dict:
+    """Run a scene and leave `out` whole: it is written beside and renamed at the end. Returns what run.json says.
+
+    Raises InputError for bad input, RunError if the run could not be finished.
+    """
+    stages = Stages()
+    check_engine()
+    model = prepare(scene_file, gangue_ratio, out.parent / ".modes", stages)
+    work = out.with_name(out.name + ".partial")
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    try:
+        summary = _run_in(work, model, stages, show_progress)
+    except (RunError, ExchangeError) as error:
+        raise RunError(f"{scene_file}: {error} (what there is of the run is in {work})") from error
+    (work / "run.json").write_text(json.dumps(summary, indent=1) + "\n")
+    if out.exists():
+        shutil.rmtree(out)
+    work.rename(out)
+    return summary
+
+
+def _run_in(work: Path, model: Model, stages: Stages, show_progress: bool) -> dict:
+    deck = work / "deck"
+    with stages("deck"):
+        deck_hash = write_deck(deck, model.scene, model.assembly, model.step, model.modes)
+    motion, plate = None, None
+    if model.modes is not None:
+        motion = ModalMotion(model.modes, model.step.co_step * model.step.dt_s)
+        plate = PlateRecorder(model.scene, model.modes, motion, model.step, view_steps(model.scene, model.step))
+    progress = Progress(f"{model.scene.name} {model.scene.stones.gangue_ratio:4.0%}", model.scene.time.duration_s,
+                        show_progress)
+    with stages("engine and plate"):
+        simulate(deck, model, motion, plate, progress)
+    with stages("output"):
+        return _write_results(work, model, motion, plate, stages, deck_hash)
+
+
+def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateRecorder | None,
+             progress: Progress) -> None:
+    """Engine and plate side by side until the engine has finished. Raises RunError or ExchangeError."""
+    engine = None
+    pipes = None
+    try:
+        if motion is not None:
+            pipes = PlatePipes(deck, len(motion.amplitude), lambda: engine.poll() is None)
+        engine = start_engine(deck)
+        if motion is not None:
+            def record(dem_step, force):
+                plate(dem_step, force)
+                progress(dem_step * model.step.dt_s)
+            try:
+                pipes.open()
+                follow(motion, pipes, model.step, record)
+            except ExchangeError as error:
+                if engine.poll() not in (None, 0):
+                    raise RunError(f"LIGGGHTS stopped: {engine_error(deck)}") from error
+                raise
+        while engine.poll() is None:
+            time.sleep(POLL_s)
+    finally:
+        if pipes is not None:
+            pipes.close()
+        if engine is not None and engine.poll() is None:
+            engine.kill()
+            engine.wait()
+        progress.end()
+    _check_finished(deck, engine.returncode, model)
+
+
+def _check_finished(deck: Path, code: int, model: Model) -> None:
+    """LIGGGHTS ends with 0 also when particles were lost or the energy blew up, so the ledger is asked."""
+    if code != 0:
+        raise RunError(f"LIGGGHTS stopped: {engine_error(deck)}")
+    ledger = read_ledger(deck / "ledger.bin", len(model.assembly.sizes))
+    if len(ledger.step) == 0 or ledger.step[-1] != model.step.steps:
+        raise RunError(f"LIGGGHTS ended before the last step: {engine_error(deck)}")
+    if not all(np.all(np.isfinite(values)) for values in ledger.column.values()):
+        raise RunError("the energies of LIGGGHTS hold a value that is no number: the run is not stable")
+
+
+def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck_hash: str) -> dict:
+    deck, scene, step, assembly = work / "deck", model.scene, model.step, model.assembly
+    n = len(assembly.sizes)
+    events = read_events(deck / "events.csv", step)
+    forces = read_forces(deck / "forces.bin", n)
+    fast = fast_stream(scene, step, forces, plate)
+    signals = write_streams(work, fast, step)
+    events.to_parquet(work / "breakage.parquet", index=False)
+    ledger = read_ledger(deck / "ledger.bin", n)
+    if scene.output.view_interval_s is not None:
+        write_view(work, deck / "view.dump", assembly, step, events, model.modes,
+                   plate.view_amplitude if plate else [])
+    for name in ("forces.bin", "events.csv", "ledger.bin", "view.dump", "engine.out", "engine.log", "log.liggghts"):
+        (deck / name).unlink(missing_ok=True)
+
+    plate_energy = PlateEnergy() if motion is None else PlateEnergy(
+        motion.kinetic_J, motion.internal_J, motion.damped_J, motion.work_J)
+    kinetic = 0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2
+    height = float((assembly.mass_kg * assembly.center_m[:, 2]).sum())
+    broken = events.groupby("agglomerate").size().reindex(range(1, n + 1), fill_value=0)
+    return {
+        "status": "finished",
+        "scene": scene.model_dump(mode="json"),
+        "scene_hash": scene_hash(scene),
+        "assumptions": list(scene.assumptions),
+        "gangue_ratio": scene.stones.gangue_ratio,
+        "materials": model.arrangement.material,
+        "versions": versions(),
+        "seeds": [scene.stones.seed + k for k in range(n)] if assembly.n_bonds else [],
+        "deck_hash": deck_hash,
+        "dt_s": step.dt_s,
+        "dt_limits_s": step.limits_s,
+        "bond_time_s": step.bond_time_s,
+        "co_step": step.co_step,
+        "steps": step.steps,
+        "n_particles": assembly.n_particles,
+        "n_bonds": assembly.n_bonds,
+        "n_bonds_broken": len(events),
+        "n_bonds_broken_by_agglomerate": broken.tolist(),
+        "n_modes": 0 if motion is None else len(motion.amplitude),
+        "peak_force_N": float(forces[1].sum(axis=1).max(initial=0.0)),
+        "impulse_N_s": float(forces[1].sum() * step.co_step * step.dt_s),
+        "momentum_change_kg_m_s": float(ledger.column["momentum_z_kg_m_s"][-1].sum()
+                                        + assembly.mass_kg.sum() * scene.stones.speed_m_s),
+        "plate": plate_maxima(fast),
+        "energy": energy_ledger(ledger, plate_energy, scene.time.gravity_m_s2, kinetic, height),
+        "rebound_speed_m_s": (ledger.column["momentum_z_kg_m_s"][-1]
+                              / np.bincount(assembly.agglomerate, assembly.mass_kg)).tolist(),
+        "n_samples": len(signals),
+        "wall_time_s": stages.wall_time_s,
+    }
+
+
+def plate_maxima(fast) -> dict[str, float]:
+    """Largest absolute value of each signal of the plate, in its unit."""
+    names = [c for c in fast.columns if c != "t_s" and not c.startswith("force_")]
+    return {f"max_{name}": float(fast[name].abs().max()) for name in names}
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the numbers depend on."""
+    packages = ["numpy", "scipy", "scikit-fem", "pandas", "meshio"]
+    return {"liggghts": LIGGGHTS_VERSION, "python": platform.python_version(), "machine": platform.machine(),
+            **{name: importlib.metadata.version(name) for name in packages},
+            "coal-gangue-impact": own_version()}
+
+
+def own_version() -> str:
+    try:
+        return importlib.metadata.version("coal-gangue-impact")
+    except importlib.metadata.PackageNotFoundError:
+        print("note: the package is not installed, its version is not in run.json", file=sys.stderr)
+        return "not installed"

@@ -1,0 +1,156 @@
+"""The scene file: what falls on what, in SI units. Unknown keys, wrong signs and NaN are refused by name."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from plate_fem.scene import PlateTable
+from plate_fem.tables import Refused, Table, check, read_toml
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+PLATE = "plate"  # the name under which `contacts` speaks of the plate
+
+
+class TimeTable(Table):
+    duration_s: Positive
+    sample_interval_s: Positive
+    gravity_m_s2: NotNegative = 0.0
+    time_step_s: Positive | None = None  # default: the largest that every limit allows
+    co_step: Annotated[int, Field(ge=1)] | None = None  # DEM steps; default from the shortest contact
+
+    @model_validator(mode="after")
+    def whole_samples(self):
+        if self.duration_s < self.sample_interval_s:
+            raise Refused("duration_s", self.duration_s, f"must be at least sample_interval_s = {self.sample_interval_s:g}")
+        return self
+
+
+class AgglomerateTable(Table):
+    subspheres: Annotated[int, Field(ge=2)]
+    damping_ratio: NotNegative = 0.05
+    unbreakable: bool = False
+
+
+class Place(Table):
+    x_m: float
+    y_m: float
+
+
+class StonesTable(Table):
+    count: Annotated[int, Field(ge=1)]
+    radius_m: Positive
+    circle_radius_m: Positive | None = None
+    positions: tuple[Place, ...] | None = None  # instead of the circle
+    speed_m_s: NotNegative
+    gap_m: Positive
+    coal: str
+    gangue: str
+    gangue_order: tuple[int, ...]  # which stone turns into gangue first
+    gangue_ratio: Annotated[float, Field(ge=0, le=1)]
+    seed: Annotated[int, Field(ge=0)]
+    agglomerate: AgglomerateTable | None = None  # absent: each stone is one unbonded sphere
+
+    @model_validator(mode="after")
+    def one_place_each(self):
+        if (self.circle_radius_m is None) == (self.positions is None):
+            raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions must be given")
+        if self.positions is not None and len(self.positions) != self.count:
+            raise Refused("positions", f"{len(self.positions)} places", f"must be {self.count}, one a stone")
+        if sorted(self.gangue_order) != list(range(1, self.count + 1)):
+            raise Refused("gangue_order", self.gangue_order, f"must hold each stone 1..{self.count} once")
+        return self
+
+
+class BondTable(Table):
+    youngs_modulus_Pa: Positive
+    stiffness_ratio: Positive  # k_n / k_s
+    tensile_strength_Pa: NotNegative
+    shear_strength_Pa: NotNegative
+    friction_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0  # 0: no Mohr-Coulomb
+
+
+class MaterialTable(Table):
+    density_kg_m3: Positive
+    youngs_modulus_Pa: Positive
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
+    bond: BondTable | None = None
+
+
+class ContactTable(Table):
+    restitution: Annotated[float, Field(ge=0.05, le=1)]  # LIGGGHTS refuses less than 0.05
+    friction: NotNegative
+
+
+class OutputTable(Table):
+    view_interval_s: Positive | None = None  # absent: no pictures
+
+
+class Scene(Table):
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+    assumptions: tuple[str, ...] = ()
+    time: TimeTable
+    stones: StonesTable
+    materials: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")], MaterialTable]
+    contacts: dict[str, ContactTable]
+    plate: PlateTable
+    output: OutputTable = OutputTable()
+
+    @model_validator(mode="after")
+    def names_agree(self):
+        for part in ("coal", "gangue"):
+            name = getattr(self.stones, part)
+            if name not in self.materials:
+                raise Refused(f"stones.{part}", name, f"unknown material; materials here are {sorted(self.materials)}")
+            if self.stones.agglomerate and self.materials[name].bond is None:
+                raise Refused(f"materials.{name}.bond", None, "must be given, as stones.agglomerate needs it")
+        if PLATE in self.materials:
+            raise Refused("materials", PLATE, "must be another name, this one is the plate's")
+        self._check_contacts()
+        return self
+
+    def _check_contacts(self):
+        names = sorted({self.stones.coal, self.stones.gangue})
+        needed = {contact_key(a, b) for a in names for b in [*names, PLATE]}
+        known = {contact_key(a, b) for a in self.materials for b in [*self.materials, PLATE]}
+        for key in self.contacts:
+            if key not in known:
+                raise Refused(f"contacts.{key}", key, f"unknown pair of materials; possible are {sorted(known)}")
+        alone = self.stones.count == 1 and self.stones.agglomerate is None
+        for key in sorted(needed - set(self.contacts)):
+            if key.endswith("_" + PLATE) or not alone:
+                raise Refused(f"contacts.{key}", None, "must be given with restitution and friction")
+
+
+def contact_key(first: str, second: str) -> str:
+    """Name of a pair in `contacts`: alphabetic, the plate last."""
+    return "_".join([*sorted({first, second} - {PLATE}), PLATE]) if PLATE in (first, second) else "_".join(
+        sorted([first, second]))
+
+
+def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
+    """The checked scene of a TOML file; `gangue_ratio` (0..1) replaces the scene's own.
+
+    Raises plate_fem.tables.InputError, one line with file, key, value and what is allowed.
+    """
+    data = read_toml(path)
+    if gangue_ratio is not None and isinstance(data.get("stones"), dict):
+        data["stones"]["gangue_ratio"] = gangue_ratio
+    return check(Scene, data, path)
+
+
+def scene_hash(scene: Scene) -> str:
+    """Hash of everything that the scene says, whatever the order and layout of the file."""
+    text = json.dumps(scene.model_dump(mode="json"), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def ratio_name(ratio: float) -> str:
+    """Directory of a ratio in a sweep: ratio_030 for 0.3."""
+    return f"ratio_{math.floor(ratio * 100 + 0.5):03d}"
