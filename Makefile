@@ -1,0 +1,59 @@
+# `make help` lists what can be made. On a fresh Debian 12 machine every target first installs what is missing.
+
+SCENE ?= scenes/paper.toml
+OUT ?= runs/$(basename $(notdir $(SCENE)))
+JOBS ?= 2
+
+PYTHON := .venv/bin/python
+LIGGGHTS_VERSION := 3.8.0+repack1-9+b2
+PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev g++ make python3-venv
+SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
+
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+# The numerics are many small operations: threads would only take cores from the other run.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+.PHONY: help sweep report test validate engine setup lint clean
+
+help:  ## this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+sweep: setup  ## every mixing ratio of SCENE into OUT, then analysis, recognition and OUT/report.html
+	$(PYTHON) -m dem sweep $(SCENE) --out $(OUT) --jobs $(JOBS)
+	$(PYTHON) -m recognition report $(OUT)
+
+report: setup  ## the report again from the runs in OUT
+	$(PYTHON) -m recognition report $(OUT)
+
+test: setup  ## all tests but the long ones
+	$(PYTHON) -m pytest -q
+
+validate: setup  ## the long checks
+	$(PYTHON) -m pytest -q -m validate
+
+lint: setup  ## style of the Python code
+	$(PYTHON) -m ruff check .
+
+setup: .venv/installed engine
+
+engine: build/engine/liggghts-bonded  ## the engine: LIGGGHTS with bonds and the moving plate
+
+build/engine/liggghts-bonded: build/packages $(wildcard dem/engine/*)
+	$(MAKE) -C dem/engine BUILD=$(abspath build/engine)
+
+build/packages:
+	mkdir -p build
+	@if [ "$$(dpkg-query -W -f='$${Version}' libliggghts-dev 2>/dev/null)" = "$(LIGGGHTS_VERSION)" ] \
+	  && command -v mpicxx >/dev/null && command -v liggghts >/dev/null; then echo "Debian packages: there"; else \
+	  $(SUDO) apt-get update && $(SUDO) apt-get install -y --no-install-recommends $(PACKAGES); fi
+	touch $@
+
+.venv/installed: pyproject.toml | build/packages
+	[ -x $(PYTHON) ] || python3 -m venv .venv
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check -e '.[report,test]'
+	touch $@
+
+clean:  ## removes what was built, not what was run
+	rm -rf build .venv
