@@ -1,0 +1,39 @@
+"""Command line of the analysis: `python -m analysis features FILE`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from analysis.features import signal_features
+from analysis.records import RecordError, read_record
+
+
+def main(argv: list[str] | None = None) -> int:
+    arguments = _parser().parse_args(argv)
+    try:
+        record = read_record(arguments.file, column=arguments.column, rate_Hz=arguments.rate)
+        found = signal_features(record)
+    except RecordError as error:
+        print(f"analysis: {error}", file=sys.stderr)
+        return 2
+    print(f"{'name':<28} {'value':>14}  unit")
+    for feature in found.values():
+        print(f"{feature.name:<28} {feature.value:>14.6g}  {feature.unit}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m analysis", description="Analyse an acceleration record.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    command = commands.add_parser("features", help="print the time-frequency parameters of a record")
+    command.add_argument("file", help="run directory, .parquet or .csv")
+    command.add_argument("--column", help="signal to take (default: a_m_s2, or the only one)")
+    command.add_argument(
+        "--rate", type=float, metavar="HZ", help="sample rate, where the file has no time column"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

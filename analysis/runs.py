@@ -1,0 +1,171 @@
+"""Run directories: one simulated impact each, and the sweep over the mixing ratio.
+
+A run directory holds `run.json`, `signals.parquet` (6667 Hz), `fast.parquet`
+(>= 100 kHz while anything touches) and `breakage.parquet` (one row per broken
+bond). A sweep is a directory of them, one per gangue mixing ratio (`ratio_030`).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from analysis.records import Record, RecordError, read_table, sample_rate_Hz, unit_of
+
+#: The eleven ratios of the paper.
+PAPER_RATIOS = tuple(round(0.1 * step, 1) for step in range(11))
+
+#: The six responses of the plate that the paper filters and fuses (Section V-B).
+RESPONSES = ("u_m", "v_m_s", "a_m_s2", "kinetic_J", "internal_J", "total_J")
+
+BREAKAGE_COLUMNS = ("t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One finished run. `signals` is read at once, the larger tables when asked for."""
+
+    path: Path
+    info: dict
+    signals: pd.DataFrame
+
+    @property
+    def gangue_ratio(self) -> float:
+        return float(self.info["gangue_ratio"])
+
+    @property
+    def materials(self) -> list[str]:
+        """Material of each agglomerate, "coal" or "gangue", in order."""
+        return list(self.info["materials"])
+
+    @property
+    def t_s(self) -> np.ndarray:
+        return self.signals["t_s"].to_numpy(dtype=float)
+
+    @cached_property
+    def rate_Hz(self) -> float:
+        return sample_rate_Hz(self.t_s, f"{self.path}/signals.parquet: t_s")
+
+    def record(self, column: str) -> Record:
+        """A column of `signals.parquet` as a Record."""
+        if column not in self.signals.columns:
+            known = ", ".join(self.signals.columns)
+            raise RecordError(f"{self.path}/signals.parquet: no column {column!r}; has {known}")
+        values = self.signals[column].to_numpy(dtype=float)
+        name = f"{self.path.name}: {column}"
+        return Record(values, self.rate_Hz, unit_of(column), name, float(self.t_s[0]))
+
+    @cached_property
+    def fast(self) -> pd.DataFrame | None:
+        """The fast stream (it may have gaps where nothing touches), None if not written."""
+        path = self.path / "fast.parquet"
+        return read_table(path) if path.is_file() else None
+
+    @cached_property
+    def breakage(self) -> pd.DataFrame:
+        """One row per broken bond, in order of time."""
+        path = self.path / "breakage.parquet"
+        table = read_table(path)
+        missing = [name for name in BREAKAGE_COLUMNS if name not in table.columns]
+        if missing:
+            raise RecordError(f"{path}: no column {missing[0]!r}; needs {', '.join(BREAKAGE_COLUMNS)}")
+        return table.sort_values("t_s", kind="stable", ignore_index=True)
+
+    def peak(self, column: str) -> float:
+        """Largest absolute value of a column, from the fast stream where it has the column.
+
+        A contact lasts about 1.5 samples at 6667 Hz, so that stream alone misses peaks.
+        """
+        peaks = [np.abs(self.record(column).values).max()]
+        if self.fast is not None and column in self.fast.columns:
+            peaks.append(np.nanmax(np.abs(self.fast[column].to_numpy(dtype=float))))
+        return float(max(peaks))
+
+
+def read_run(path) -> Run:
+    """Read a run directory. RecordError if it is not one, or not of a finished run."""
+    path = Path(path)
+    info = _read_info(path)
+    status = info.get("status")
+    if status != "finished":
+        raise RecordError(f"{path}/run.json: status = {status!r}; needs 'finished'")
+    ratio = info.get("gangue_ratio")
+    if not isinstance(ratio, (int, float)) or not 0 <= ratio <= 1:
+        raise RecordError(f"{path}/run.json: gangue_ratio = {ratio!r}; needs a number from 0 to 1")
+    if not isinstance(info.get("materials"), list):
+        raise RecordError(f"{path}/run.json: materials = {info.get('materials')!r}; needs a list")
+    signals = read_table(path / "signals.parquet")
+    missing = [name for name in ("t_s", *RESPONSES, "force_N") if name not in signals.columns]
+    if missing:
+        raise RecordError(f"{path}/signals.parquet: no column {missing[0]!r}")
+    return Run(path, info, signals)
+
+
+def _read_info(path: Path) -> dict:
+    file = path / "run.json"
+    if not file.is_file():
+        raise RecordError(f"{path}: no run.json; needs a run directory")
+    try:
+        info = json.loads(file.read_text())
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{file}: not JSON ({error})") from None
+    if not isinstance(info, dict):
+        raise RecordError(f"{file}: {type(info).__name__}; needs an object")
+    return info
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Runs in order of their ratio, the ratios that are missing, and what was passed over and why."""
+
+    path: Path
+    runs: list[Run]
+    missing: list[float]
+    passed_over: list[str]
+
+    @property
+    def ratios(self) -> np.ndarray:
+        """Gangue mixing ratio of each run, shape (n,), 0..1."""
+        return np.array([run.gangue_ratio for run in self.runs])
+
+    def stack(self, column: str) -> np.ndarray:
+        """A column of all runs, shape (n_runs, n_samples); RecordError if their times differ."""
+        first = self.runs[0]
+        for run in self.runs[1:]:
+            if run.t_s.shape != first.t_s.shape or not np.allclose(run.t_s, first.t_s, rtol=0, atol=1e-7):
+                raise RecordError(
+                    f"{run.path}/signals.parquet: t_s differs from {first.path.name}'s; needs the same times in all runs"
+                )
+        return np.stack([run.record(column).values for run in self.runs])
+
+    def peaks(self, column: str) -> np.ndarray:
+        """Largest absolute value of a column in each run, shape (n,)."""
+        return np.array([run.peak(column) for run in self.runs])
+
+
+def read_sweep(path, expected=PAPER_RATIOS) -> Sweep:
+    """Read every finished run `ratio_*` below a directory.
+
+    Ratios of `expected` without a run are listed as missing; directories that are no
+    finished run are passed over and named. RecordError if no run is left.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        raise RecordError(f"{path}: no such directory; needs a directory of runs ratio_*")
+    runs, passed_over = [], []
+    for directory in sorted(p for p in path.glob("ratio_*") if p.is_dir()):
+        try:
+            runs.append(read_run(directory))
+        except RecordError as error:
+            passed_over.append(str(error))
+    if not runs:
+        found = f" ({passed_over[0]})" if passed_over else ""
+        raise RecordError(f"{path}: no finished run ratio_*{found}")
+    runs.sort(key=lambda run: run.gangue_ratio)
+    have = {round(run.gangue_ratio, 6) for run in runs}
+    return Sweep(path, runs, [r for r in expected if round(r, 6) not in have], passed_over)

@@ -1,0 +1,102 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis import RecordError, as_record, base_parameters, signal_features
+from analysis.features import BASE_PARAMETERS, TIME_PARAMETERS, time_features
+
+
+def by_name(values, rate_Hz=1000.0):
+    return {f.name: f.value for f in time_features(as_record(np.asarray(values), rate_Hz))}
+
+
+def test_sine_has_its_closed_forms():
+    """Whole periods of A sin: every parameter is known (Gamma functions for x_r)."""
+    amplitude = 3.0
+    found = by_name(amplitude * np.sin(2 * np.pi * (np.arange(200_000) + 0.5) / 200_000))
+    root = (math.gamma(0.75) / (math.sqrt(math.pi) * math.gamma(1.25))) ** 2
+    expected = {
+        "square_root_amplitude": amplitude * root,
+        "absolute_mean": amplitude * 2 / math.pi,
+        "variance": amplitude**2 / 2,
+        "peak_to_peak": 2 * amplitude,
+        "rms": amplitude / math.sqrt(2),
+        "waveform_index": math.pi / (2 * math.sqrt(2)),
+        "kurtosis_index": 1.5,
+        "kurtosis_central": 1.5,
+        "margin_index": 1 / root,
+    }
+    for name, value in expected.items():
+        assert found[name] == pytest.approx(value, rel=1e-6), name
+    for name in ("mean", "skewness_raw", "skewness_normalised"):
+        assert abs(found[name]) < 1e-12
+
+
+def test_two_level_signal_has_its_closed_forms():
+    """A share p of samples at 1, the rest at 0: moments of a Bernoulli variable."""
+    p = 0.25
+    found = by_name([1.0, 0.0, 0.0, 0.0] * 50)
+    assert found["mean"] == found["skewness_raw"] == p
+    assert found["variance"] == pytest.approx(p * (1 - p))
+    assert found["square_root_amplitude"] == pytest.approx(p**2)
+    assert found["margin_index"] == pytest.approx(1 / p**2)
+    assert found["kurtosis_index"] == pytest.approx(1 / p)
+    assert found["skewness_normalised"] == pytest.approx((1 - 2 * p) / math.sqrt(p * (1 - p)))
+    assert found["kurtosis_central"] == pytest.approx(3 + (1 - 6 * p * (1 - p)) / (p * (1 - p)))
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.floats(-1e3, 1e3, allow_nan=False), min_size=4, max_size=60).filter(
+        lambda x: np.ptp(x) > 1e-3
+    )
+)
+def test_naive_twin_agrees(x):
+    n = len(x)
+    m = sum(x) / n
+    square = sum(v * v for v in x) / n
+    var = sum((v - m) ** 2 for v in x) / n
+    root = (sum(math.sqrt(abs(v)) for v in x) / n) ** 2
+    absolute = sum(abs(v) for v in x) / n
+    twin = {
+        "square_root_amplitude": root,
+        "absolute_mean": absolute,
+        "mean": m,
+        "variance": var,
+        "peak_to_peak": max(x) - min(x),
+        "rms": math.sqrt(square),
+        "waveform_index": math.sqrt(square) / absolute,
+        "kurtosis_index": sum(v**4 for v in x) / n / square**2,
+        "kurtosis_central": sum((v - m) ** 4 for v in x) / n / var**2,
+        "skewness_raw": sum(v**3 for v in x) / n,
+        "skewness_normalised": sum((v - m) ** 3 for v in x) / n / var**1.5,
+        "margin_index": max(abs(v) for v in x) / root,
+    }
+    found = by_name(x)
+    assert set(found) == set(twin)
+    scale = max(abs(v) for v in x)
+    for name, value in twin.items():
+        power = TIME_PARAMETERS[name][1]
+        assert found[name] == pytest.approx(value, rel=1e-7, abs=1e-8 * scale**power), name
+
+
+def test_unit_scales_as_its_power():
+    rng = np.random.default_rng(3)
+    x = rng.standard_normal(500)
+    metres, micrometres = by_name(x), by_name(1e6 * x)
+    for name, (_, power) in TIME_PARAMETERS.items():
+        assert micrometres[name] == pytest.approx(metres[name] * 1e6**power, rel=1e-9)
+
+
+def test_base_parameters_are_the_eight_of_the_paper():
+    record = as_record(np.random.default_rng(1).standard_normal(267), 6667.0)
+    assert base_parameters(record).shape == (8,) == (len(BASE_PARAMETERS),)
+    assert set(BASE_PARAMETERS) <= set(signal_features(record))
+
+
+def test_constant_record_is_refused():
+    with pytest.raises(RecordError, match="changing"):
+        signal_features(as_record(np.ones(10), 100.0))

@@ -1,0 +1,93 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import Record, RecordError, as_record, read_record
+from analysis.__main__ import main
+
+
+def one_line(error):
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_array_series_and_files_give_the_same_record(tmp_path):
+    t_s = np.arange(400) / 2000.0 + 0.25
+    values = np.sin(2 * np.pi * 50 * t_s)
+    table = pd.DataFrame({"t_s": t_s, "a_m_s2": values})
+    table.to_csv(tmp_path / "named.csv", index=False)
+    table.to_parquet(tmp_path / "table.parquet")
+    np.savetxt(tmp_path / "bare.csv", values)
+    records = [
+        as_record(pd.Series(values, index=t_s, name="a_m_s2")),
+        as_record(pd.Series(values, index=pd.to_timedelta(t_s, unit="s"), name="a_m_s2")),
+        read_record(tmp_path / "named.csv"),
+        read_record(tmp_path / "table.parquet", column="a_m_s2"),
+    ]
+    for record in records:
+        assert record.rate_Hz == pytest.approx(2000.0, rel=1e-6)
+        assert record.unit == "m/s^2"
+        assert record.t0_s == pytest.approx(0.25)
+        np.testing.assert_allclose(record.values, values, rtol=1e-12, atol=1e-15)
+    bare = read_record(tmp_path / "bare.csv", rate_Hz=2000.0)
+    np.testing.assert_allclose(bare.values, values, atol=1e-15)
+
+
+@pytest.mark.parametrize("values", [[1.0], [[1.0, 2.0]], [1.0, np.nan, 2.0], [1.0, np.inf]])
+def test_unusable_samples_are_refused(values):
+    with pytest.raises(RecordError) as error:
+        Record(np.array(values), 100.0)
+    one_line(error)
+
+
+def test_gaps_in_time_are_refused(tmp_path):
+    t_s = np.arange(50) * 1e-3
+    pd.DataFrame({"t_s": np.delete(t_s, 20), "a_m_s2": np.arange(49.0)}).to_csv(
+        tmp_path / "gap.csv", index=False
+    )
+    with pytest.raises(RecordError, match="uniform") as error:
+        read_record(tmp_path / "gap.csv")
+    assert "gap.csv" in one_line(error)
+
+
+def test_a_rate_that_contradicts_the_times_is_refused(tmp_path):
+    pd.DataFrame({"t_s": np.arange(50) * 1e-3, "a_m_s2": np.arange(50.0)}).to_csv(
+        tmp_path / "x.csv", index=False
+    )
+    with pytest.raises(RecordError, match="1000"):
+        read_record(tmp_path / "x.csv", rate_Hz=500.0)
+
+
+def test_missing_rate_column_and_file_are_named(tmp_path):
+    np.savetxt(tmp_path / "bare.csv", np.arange(5.0))
+    pd.DataFrame({"t_s": np.arange(5.0), "p": 1.0, "q": 2.0}).to_csv(tmp_path / "two.csv", index=False)
+    (tmp_path / "text.parquet").write_text("no table")
+    for path, words in (
+        ("bare.csv", "rate"),
+        ("two.csv", "p, q"),
+        ("none.csv", "no such"),
+        ("text.parquet", "table"),
+    ):
+        with pytest.raises(RecordError, match=words) as error:
+            read_record(tmp_path / path)
+        assert path in one_line(error)
+
+
+def test_a_word_among_the_samples_is_refused(tmp_path):
+    (tmp_path / "bad.csv").write_text("t_s,a_m_s2\n0,1\n0.1,oops\n0.2,3\n")
+    with pytest.raises(RecordError, match="sample 1"):
+        read_record(tmp_path / "bad.csv")
+
+
+def test_command_line_prints_and_refuses(tmp_path, capsys):
+    t_s = np.arange(1000) / 5000.0
+    pd.DataFrame({"t_s": t_s, "a_m_s2": np.sin(2 * np.pi * 200 * t_s)}).to_csv(
+        tmp_path / "x.csv", index=False
+    )
+    assert main(["features", str(tmp_path / "x.csv")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    rms = next(line.split() for line in lines if line.startswith("rms"))
+    assert float(rms[1]) == pytest.approx(np.sqrt(0.5), rel=1e-5) and rms[2] == "m/s^2"
+    assert main(["features", str(tmp_path / "y.csv")]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err.count("\n") == 1

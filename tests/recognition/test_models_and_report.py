@@ -1,0 +1,122 @@
+import json
+import re
+
+import numpy as np
+import pytest
+
+from analysis import read_sweep
+from recognition import Model, RecognitionError, leave_one_out
+from recognition.__main__ import main
+from recognition.models import METHODS
+from recognition.report import rise, write_report
+from tests.analysis.synthetic import write_run, write_sweep
+
+
+@pytest.fixture(scope="module")
+def sweep_path(tmp_path_factory):
+    return write_sweep(tmp_path_factory.mktemp("runs") / "paper")
+
+
+@pytest.fixture(scope="module")
+def model(sweep_path):
+    return Model.fit(read_sweep(sweep_path).runs)
+
+
+def test_unseen_ratios_are_recognised(model, tmp_path):
+    """Runs with other second impacts (another seed) than those of the training."""
+    sweep = read_sweep(write_sweep(tmp_path / "x", ratios=(0.3, 0.7), seed=91))
+    for run in sweep.runs:
+        for method, answer in model.recognise(run.signals).items():
+            assert answer == pytest.approx(run.gangue_ratio, abs=0.03), method
+
+
+def test_held_out_ratios(sweep_path):
+    runs = read_sweep(sweep_path).runs
+    for run, answers in zip(runs, leave_one_out(runs), strict=True):
+        assert answers["fusion_q"] == pytest.approx(run.gangue_ratio, abs=0.05)
+        assert answers["energy_fusion_mended"] == pytest.approx(run.gangue_ratio, abs=0.05)
+
+
+def test_saved_model_answers_the_same_and_holds_no_code(model, sweep_path, tmp_path):
+    model.save(tmp_path / "model.json")
+    again = Model.load(tmp_path / "model.json")
+    signals = read_sweep(sweep_path).runs[4].signals
+    assert again.recognise(signals) == model.recognise(signals)
+    saved = json.loads((tmp_path / "model.json").read_text())
+    assert saved["version"] == 1 and len(saved["provenance"]["runs"]) == 11
+    assert saved["provenance"]["runs"][3]["seeds"] == {"packing": 10007}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"version": 99}, {"format": "other"}, {"strategies": {}}, {"fusion_q": 3}, {"parameters": ["rms"]}],
+)
+def test_broken_models_are_refused_in_one_line(model, tmp_path, change):
+    model.save(tmp_path / "model.json")
+    data = json.loads((tmp_path / "model.json").read_text())
+    (tmp_path / "model.json").write_text(json.dumps(data | change))
+    with pytest.raises(RecognitionError, match="model.json") as error:
+        Model.load(tmp_path / "model.json")
+    assert "\n" not in str(error.value)
+
+
+def test_acceleration_alone_is_enough_for_q(model, sweep_path):
+    run = read_sweep(sweep_path).runs[6]
+    answers = model.recognise(run.signals[["t_s", "a_m_s2"]])
+    assert answers["fusion_q"] == pytest.approx(0.6, abs=0.02)
+    assert "internal_J" in answers["energy_fusion_mended"]
+
+
+def test_command_line(sweep_path, tmp_path, capsys):
+    out = tmp_path / "model.json"
+    assert main(["fit", str(sweep_path), "--out", str(out)]) == 0
+    assert main(["recognise", str(sweep_path / "ratio_030"), "--model", str(out)]) == 0
+    answers = re.findall(r"(\S+) +([\d.]+) %", capsys.readouterr().out)
+    assert {name for name, _ in answers} == set(METHODS)
+    assert all(abs(float(value) - 30) < 2 for _, value in answers)
+    (tmp_path / "other.csv").write_text("t_s,a_m_s2\n0,1\n0.1,2\n0.2,0\n")
+    for arguments in (
+        ["recognise", str(tmp_path / "other.csv"), "--model", str(out)],
+        ["recognise", str(sweep_path / "ratio_030"), "--model", str(tmp_path / "none.json")],
+        ["fit", str(tmp_path), "--out", str(out)],
+        ["report", str(tmp_path / "none")],
+    ):
+        assert main(arguments) == 2
+        captured = capsys.readouterr()
+        assert captured.out == "" and captured.err.count("\n") == 1
+
+
+def test_report_holds_everything_inside(sweep_path):
+    html = write_report(sweep_path).read_text()
+    assert not re.search(r'(?:src|href)="(?!data:|#)', html)
+    for words in (
+        "Motion of the plate",
+        "Fused parameter Q",
+        "Energy fusion",
+        "Figure 11 is not at hand",
+        "Spearman",
+    ):
+        assert words in html
+    assert html.count("<figure") >= 8
+
+
+def test_report_of_an_incomplete_sweep_says_so(tmp_path):
+    write_sweep(tmp_path, ratios=(0.0, 0.2, 0.5, 0.6, 0.8, 1.0))
+    (tmp_path / "ratio_010").mkdir()
+    html = write_report(tmp_path).read_text()
+    assert re.search(r"Missing:\s+10, 30, 40, 70, 90", html)
+    assert "Passed over" in html
+
+
+def test_too_few_ratios(tmp_path):
+    write_run(tmp_path / "ratio_000", 0.0)
+    with pytest.raises(RecognitionError, match="at least 4"):
+        Model.fit(read_sweep(tmp_path).runs)
+
+
+def test_rise_names_the_steps_that_fall():
+    found = rise("x", np.array([0.0, 0.5, 1.0]), np.array([1.0, 3.0, 2.0]))
+    assert found.falls_at == [(0.5, 1.0)]
+    assert found.spearman == pytest.approx(0.5)
+    assert found.verdict == "rises weakly"
+    assert rise("x", np.array([0.0, 0.5, 1.0]), np.array([1.0, 2.0, 4.0])).verdict == "rises"

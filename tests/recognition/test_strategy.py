@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+
+from recognition import NotRecognised, RecognitionError, Strategy
+from recognition.roots import polynomials, real_roots
+
+RATIOS = np.arange(11) / 10
+MOMENTS = np.linspace(0, 1, 60)
+
+
+def quadratic_curves(ratios):
+    """QQ_k(beta) = a_k + b_k beta + c_k beta^2 with known coefficients."""
+    r = np.asarray(ratios)[:, None]
+    return 0.1 * np.sin(5 * MOMENTS) ** 2 + (0.3 + 0.2 * MOMENTS) * r + 0.25 * MOMENTS * r**2
+
+
+def test_exact_law_is_recognised_exactly():
+    model = Strategy(degree=2).fit(quadratic_curves(RATIOS), RATIOS)
+    unseen = np.array([0.0, 0.033, 0.25, 0.5123, 0.77, 1.0])
+    np.testing.assert_allclose(model.predict(quadratic_curves(unseen)), unseen, atol=1e-9)
+
+
+def test_the_limit_of_r2_lets_straight_lines_through():
+    """R^2 > 0.99 takes a line where the law bends a little, and pays in points; the mended limit does not."""
+    unseen = np.array([0.05, 0.5, 0.95])
+    curves = quadratic_curves(unseen)
+    printed = Strategy(min_r2=0.95).fit(quadratic_curves(RATIOS), RATIOS).predict(curves)
+    mended = Strategy(min_r2=0.9999).fit(quadratic_curves(RATIOS), RATIOS).predict(curves)
+    assert np.max(np.abs(mended - unseen)) < 1e-3
+    assert np.max(np.abs(printed - unseen)) > 5 * np.max(np.abs(mended - unseen))
+
+
+def naive_answer(model, curve):
+    """The recipe of Section V-B-3 in plain loops."""
+    best = None
+    for row, moment in enumerate(model.moments_):
+        shifted = model.coefficients_[row].copy()
+        shifted[0] -= curve[moment]
+        for root in np.polynomial.polynomial.polyroots(np.trim_zeros(shifted, "b")):
+            if abs(root.imag) > 1e-9 or not -0.05 <= root.real <= 1.05:
+                continue
+            differences = []
+            for other, k in enumerate(model.moments_):
+                if other == row:
+                    continue
+                calculated = sum(c * root.real**p for p, c in enumerate(model.coefficients_[other]))
+                if abs(calculated - curve[k]) <= model.xi:
+                    differences.append(abs(calculated - curve[k]))
+            if len(differences) < model.least_share * (len(model.moments_) - 1) or not differences:
+                continue
+            if best is None or np.mean(differences) < best[0]:
+                best = (np.mean(differences), root.real)
+    return best
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_naive_twin_agrees_on_noisy_curves(degree):
+    rng = np.random.default_rng(degree)
+    noisy = quadratic_curves(RATIOS) + 0.01 * rng.standard_normal((11, MOMENTS.size))
+    model = Strategy(degree=degree).fit(noisy, RATIOS)
+    for ratio in (0.12, 0.5, 0.93):
+        curve = quadratic_curves([ratio])[0] + 0.01 * rng.standard_normal(MOMENTS.size)
+        answer, (difference, root) = model.recognise(curve), naive_answer(model, curve)
+        assert answer.mean_difference == pytest.approx(difference, rel=1e-9)
+        assert answer.ratio == pytest.approx(root, abs=1e-7)
+
+
+def test_singular_points_are_left_out():
+    model = Strategy(degree=2).fit(quadratic_curves(RATIOS), RATIOS)
+    curve = quadratic_curves([0.4])[0]
+    curve[5:15] += 3.0
+    answer = model.recognise(curve)
+    assert answer.ratio == pytest.approx(0.4, abs=1e-9)
+    assert answer.usable_share == pytest.approx(49 / 59)
+
+
+def test_several_roots_are_all_tried():
+    """At half of the moments QQ is symmetric about 0.5: two roots each; only the others tell which."""
+
+    def curves(ratios):
+        r = np.asarray(ratios)[:, None]
+        return np.where(np.arange(20) % 2 == 0, 4 * r * (1 - r), r) * np.ones(20)
+
+    model = Strategy(degree=2).fit(curves(RATIOS), RATIOS)
+    index, roots = real_roots(polynomials(model.coefficients_), curves([0.2])[0])
+    np.testing.assert_allclose(roots[index == 0], [0.2, 0.8], atol=1e-9)
+    assert model.recognise(curves([0.2])[0]).ratio == pytest.approx(0.2, abs=1e-9)
+    assert model.recognise(curves([0.8])[0]).ratio == pytest.approx(0.8, abs=1e-9)
+
+
+def test_no_root_and_no_available_point_are_said():
+    model = Strategy(degree=2).fit(quadratic_curves(RATIOS), RATIOS)
+    with pytest.raises(NotRecognised, match="-0.05 and 1.05"):
+        model.recognise(quadratic_curves([0.5])[0] + 10.0)
+    scrambled = quadratic_curves([0.5])[0] + 0.2 * (-1.0) ** np.arange(MOMENTS.size)
+    with pytest.raises(NotRecognised, match="explains"):
+        model.recognise(scrambled)
+
+
+def test_an_answer_beyond_the_end_is_not_clipped():
+    model = Strategy(degree=2).fit(quadratic_curves(RATIOS), RATIOS)
+    assert model.recognise(quadratic_curves([1.03])[0]).ratio == pytest.approx(1.03, abs=1e-9)
+
+
+def test_flat_moments_and_too_few_ratios():
+    curves = quadratic_curves(RATIOS)
+    curves[:, 0] = 0.0
+    assert 0 not in Strategy(degree=2).fit(curves, RATIOS).moments_
+    with pytest.raises(RecognitionError, match="too few"):
+        Strategy(degree=2).fit(curves[:3], RATIOS[:3])
+    with pytest.raises(RecognitionError, match="moments"):
+        Strategy(degree=2).fit(curves, RATIOS).recognise(np.zeros(5))
