@@ -14,8 +14,6 @@ from dem.time_step import TimeStep
 from plate_fem.modes import PlateModes
 from plate_fem.stress import surface_stress, von_mises
 
-DUMP_COLUMNS = 8  # id x y z vx vy vz radius
-
 
 def write_view(directory: Path, dump: Path, assembly: Assembly, step: TimeStep, events: pd.DataFrame,
                modes: PlateModes | None, amplitudes: list[np.ndarray]) -> None:
@@ -37,7 +35,7 @@ def write_view(directory: Path, dump: Path, assembly: Assembly, step: TimeStep, 
 
 
 def read_dump(file: Path):
-    """Yield (DEM step, array (n, 8) sorted by id) of each frame of `dump custom id x y z vx vy vz radius`."""
+    """Yield (DEM step, array (n, columns) sorted by id) of each frame of `dump custom id x y z ...`."""
     with open(file) as lines:
         for line in lines:
             if not line.startswith("ITEM: TIMESTEP"):
@@ -48,7 +46,7 @@ def read_dump(file: Path):
             for _ in range(5):
                 next(lines)
             text = [next(lines) for _ in range(count)]
-            frame = np.array([row.split() for row in text], dtype=float).reshape(count, DUMP_COLUMNS)
+            frame = np.array([row.split() for row in text], dtype=float).reshape(count, -1)
             yield dem_step, frame[np.argsort(frame[:, 0])]
 
 

@@ -189,11 +189,12 @@ void FixBondParallel::fill_records() {
     AtomRecord &r = atoms_[i];
     const double *q = quaternion_[i];
     const double u0 = half_tau * omega[i][0], u1 = half_tau * omega[i][1], u2 = half_tau * omega[i][2];
+    const double c = 1 - 0.5 * (u0 * u0 + u1 * u1 + u2 * u2);  // keeps |q| = 1 to fourth order
     for (int k = 0; k < 3; k++) r.x[k] = x[i][k] + tau * v[i][k];
-    r.q[0] = q[0] - u0 * q[1] - u1 * q[2] - u2 * q[3];
-    r.q[1] = q[1] + u0 * q[0] + u1 * q[3] - u2 * q[2];
-    r.q[2] = q[2] + u1 * q[0] + u2 * q[1] - u0 * q[3];
-    r.q[3] = q[3] + u2 * q[0] + u0 * q[2] - u1 * q[1];
+    r.q[0] = c * (q[0] - u0 * q[1] - u1 * q[2] - u2 * q[3]);
+    r.q[1] = c * (q[1] + u0 * q[0] + u1 * q[3] - u2 * q[2]);
+    r.q[2] = c * (q[2] + u1 * q[0] + u2 * q[1] - u0 * q[3]);
+    r.q[3] = c * (q[3] + u2 * q[0] + u0 * q[2] - u1 * q[1]);
   }
   atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
   atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
