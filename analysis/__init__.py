@@ -7,7 +7,8 @@ Needs neither LIGGGHTS nor a simulation. Plotting lives in `recognition.figures`
 """
 
 from analysis.features import Feature, base_parameters, signal_features
-from analysis.records import Record, RecordError, as_record, read_record
+from analysis.readers import read_record
+from analysis.records import Record, RecordError, as_record
 from analysis.runs import Run, Sweep, read_run, read_sweep
 
 __all__ = [

@@ -6,13 +6,23 @@ import argparse
 import sys
 
 from analysis.features import signal_features
-from analysis.records import RecordError, read_record
+from analysis.readers import read_record
+from analysis.records import RecordError
+from analysis.resample import resample
 
 
 def main(argv: list[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
     try:
-        record = read_record(arguments.file, column=arguments.column, rate_Hz=arguments.rate)
+        record = read_record(
+            arguments.file,
+            column=arguments.column,
+            rate_Hz=arguments.rate,
+            scale=arguments.scale,
+            unit=arguments.unit,
+        )
+        if arguments.resample is not None:
+            record = resample(record, arguments.resample, anti_alias=not arguments.no_filter)
         found = signal_features(record)
     except RecordError as error:
         print(f"analysis: {error}", file=sys.stderr)
@@ -27,11 +37,17 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m analysis", description="Analyse an acceleration record.")
     commands = parser.add_subparsers(dest="command", required=True)
     command = commands.add_parser("features", help="print the time-frequency parameters of a record")
-    command.add_argument("file", help="run directory, .parquet or .csv")
+    command.add_argument("file", help="run directory, .parquet, .csv, .wav or .uff")
     command.add_argument("--column", help="signal to take (default: a_m_s2, or the only one)")
     command.add_argument(
         "--rate", type=float, metavar="HZ", help="sample rate, where the file has no time column"
     )
+    command.add_argument(
+        "--scale", type=float, default=1.0, help="factor on the samples, of the sensor's calibration"
+    )
+    command.add_argument("--unit", help="unit of the scaled samples, such as m/s^2")
+    command.add_argument("--resample", type=float, metavar="HZ", help="sample rate to go to first")
+    command.add_argument("--no-filter", action="store_true", help="resample without the anti-alias filter")
     return parser
 
 

@@ -22,11 +22,15 @@ BIN_WIDTH_HZ = 25.0
 
 
 @dataclass(frozen=True)
-class InstantaneousModes:
-    """amplitude and frequency_Hz: shape (m, n), of each IMF at each sample."""
+class HilbertSpectrum:
+    """edges_s: shape (times + 1,); edges_Hz: shape (bins + 1,); amplitude: shape (bins, times).
 
+    amplitude: mean over a cell of the sum over IMFs of a, in the record's unit.
+    """
+
+    edges_s: np.ndarray
+    edges_Hz: np.ndarray
     amplitude: np.ndarray
-    frequency_Hz: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -52,15 +56,23 @@ class MarginalSpectrum:
         return float(np.sum(self.density * np.diff(self.edges_Hz)))
 
 
-def instantaneous(decomposition: Decomposition) -> InstantaneousModes:
-    """Instantaneous amplitude and frequency of each IMF by the Hilbert transform.
+def instantaneous(imf: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude and frequency (Hz) of one IMF at each sample, both of shape (n,).
 
-    The frequency is the central difference of the unwrapped phase (one-sided at the ends).
+    The frequency is the central difference of the unwrapped phase, one-sided at the ends.
     """
-    analytic = hilbert(decomposition.imfs, axis=1)
-    phase = np.unwrap(np.angle(analytic), axis=1)
-    frequency_Hz = np.gradient(phase, axis=1) * decomposition.record.rate_Hz / (2 * np.pi)
-    return InstantaneousModes(np.abs(analytic), frequency_Hz)
+    analytic = hilbert(imf)
+    # The step of phase between neighbours is taken within (-pi, pi], which is what unwrapping does.
+    step = np.angle(analytic[1:] * np.conj(analytic[:-1]))
+    central = np.concatenate([step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]])
+    return np.abs(analytic), central * rate_Hz / (2 * np.pi)
+
+
+def frequency_edges_Hz(rate_Hz: float, bin_width_Hz: float) -> np.ndarray:
+    """Edges of equal bins from 0 to at least half the sample rate."""
+    if not bin_width_Hz > 0:
+        raise RecordError(f"bin_width_Hz = {bin_width_Hz}; must be > 0")
+    return np.arange(max(1, int(np.ceil(0.5 * rate_Hz / bin_width_Hz))) + 1) * bin_width_Hz
 
 
 def marginal_spectrum(
@@ -68,17 +80,35 @@ def marginal_spectrum(
 ) -> MarginalSpectrum:
     """Marginal spectrum of all IMFs, from 0 to half the sample rate in equal bins.
 
-    kind: "amplitude" (integral of a) or "energy" (integral of a^2). The last bin is
-    widened past half the sample rate if the width does not divide it.
+    kind: "amplitude" (integral of a) or "energy" (integral of a^2). The last bin reaches
+    past half the sample rate if the width does not divide it.
     """
     if kind not in ("amplitude", "energy"):
         raise RecordError(f"kind = {kind!r}; choose amplitude or energy")
-    if not bin_width_Hz > 0:
-        raise RecordError(f"bin_width_Hz = {bin_width_Hz}; must be > 0")
-    modes = instantaneous(decomposition)
     rate_Hz = decomposition.record.rate_Hz
-    bins = max(1, int(np.ceil(0.5 * rate_Hz / bin_width_Hz)))
-    edges_Hz = np.arange(bins + 1) * bin_width_Hz
-    weight = (modes.amplitude if kind == "amplitude" else modes.amplitude**2) / rate_Hz
-    sums, _ = np.histogram(modes.frequency_Hz, bins=edges_Hz, weights=weight)
-    return MarginalSpectrum(edges_Hz, sums / bin_width_Hz, kind, 1.0 - float(sums.sum() / weight.sum()))
+    edges_Hz = frequency_edges_Hz(rate_Hz, bin_width_Hz)
+    sums, everything = np.zeros(edges_Hz.size - 1), 0.0
+    for imf in decomposition.imfs:
+        amplitude, frequency_Hz = instantaneous(imf, rate_Hz)
+        weight = amplitude if kind == "amplitude" else amplitude**2
+        number = np.floor(frequency_Hz / bin_width_Hz).astype(int)
+        inside = (number >= 0) & (number < sums.size)
+        sums += np.bincount(number[inside], weight[inside], minlength=sums.size)
+        everything += weight.sum()
+    left_out = 1.0 - float(sums.sum() / everything)
+    return MarginalSpectrum(edges_Hz, sums / (rate_Hz * bin_width_Hz), kind, left_out)
+
+
+def hilbert_spectrum(
+    decomposition: Decomposition, *, bin_width_Hz: float = BIN_WIDTH_HZ, times: int = 100
+) -> HilbertSpectrum:
+    """Hilbert spectrum on equal cells of frequency and time."""
+    record = decomposition.record
+    edges_Hz = frequency_edges_Hz(record.rate_Hz, bin_width_Hz)
+    edges_s = record.t0_s + np.linspace(0, record.values.size / record.rate_Hz, times + 1)
+    total = np.zeros((edges_Hz.size - 1, times))
+    for imf in decomposition.imfs:
+        amplitude, frequency_Hz = instantaneous(imf, record.rate_Hz)
+        total += np.histogram2d(frequency_Hz, record.t_s, bins=(edges_Hz, edges_s), weights=amplitude)[0]
+    samples, _ = np.histogram(record.t_s, bins=edges_s)
+    return HilbertSpectrum(edges_s, edges_Hz, total / np.maximum(samples, 1))

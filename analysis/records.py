@@ -8,7 +8,6 @@ taken from a measurement as well as from a simulation.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -130,83 +129,3 @@ def _from_series(series: pd.Series, rate_Hz, unit, name) -> Record:
     else:
         t_s = index.to_numpy(dtype=float)
     return Record(series.to_numpy(dtype=float), sample_rate_Hz(t_s, name), unit, name, float(t_s[0]))
-
-
-def read_record(path, *, column: str | None = None, rate_Hz: float | None = None) -> Record:
-    """Read one signal from a run directory, a Parquet or a CSV file.
-
-    column: name (or, in a file without names, number from 0) of the signal. Without
-    it: `a_m_s2` where there is one, else the only column that is not time. rate_Hz:
-    needed where the file has no time column (`t_s`, `time`, `time_s` or `t`).
-    Raises RecordError, one line, for everything that keeps it from being read.
-    """
-    path = Path(path)
-    if path.is_dir():
-        path = path / "signals.parquet"
-    if not path.is_file():
-        raise RecordError(f"{path}: no such file; needs a run directory, a .parquet or a .csv file")
-    reader = {".parquet": read_table, ".csv": read_table, ".txt": read_table}.get(path.suffix.lower())
-    if reader is None:
-        raise RecordError(f"{path}: ending {path.suffix!r}; needs one of .parquet, .csv, .txt")
-    table = reader(path)
-    return _pick(table, str(path), column, rate_Hz)
-
-
-def read_table(path) -> pd.DataFrame:
-    """A Parquet or CSV file as a table; a CSV without names gets columns "0", "1", ..."""
-    from pyarrow import ArrowException
-
-    path = Path(path)
-    try:
-        if path.suffix.lower() == ".parquet":
-            return pd.read_parquet(path)
-        table = _read_text_table(path)
-    except FileNotFoundError:
-        raise RecordError(f"{path}: no such file") from None
-    except (OSError, ValueError, ArrowException) as error:
-        reason = " ".join(str(error).split())
-        raise RecordError(f"{path}: not a readable {path.suffix[1:]} table ({reason})") from None
-    return table.rename(columns=lambda name: str(name).strip())
-
-
-def _read_text_table(path: Path) -> pd.DataFrame:
-    """Numbers separated by comma, semicolon, tab or blanks, with or without a line of names."""
-    with path.open(encoding="utf-8-sig") as file:
-        first = file.readline()
-    separator = next((mark for mark in ",;\t" if mark in first), r"\s+")
-    named = not all(
-        _is_number(word) for word in (first.split(separator) if separator in ",;\t" else first.split())
-    )
-    return pd.read_csv(path, header=0 if named else None, sep=separator, encoding="utf-8-sig")
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-TIME_COLUMNS = ("t_s", "time_s", "time", "t")
-
-
-def _pick(table: pd.DataFrame, source: str, column: str | None, rate_Hz: float | None) -> Record:
-    time = next((name for name in TIME_COLUMNS if name in table.columns), None)
-    signals = [name for name in table.columns if name != time]
-    if column is None:
-        column = "a_m_s2" if "a_m_s2" in signals else (signals[0] if len(signals) == 1 else None)
-    if column is None or column not in signals:
-        asked = "no column named" if column is None else f"no column {column!r}"
-        raise RecordError(f"{source}: {asked}; choose one of {', '.join(signals[:12])}")
-    values = pd.to_numeric(table[column], errors="coerce").to_numpy(dtype=float)
-    t0_s = 0.0
-    if time is not None:
-        t_s = table[time].to_numpy(dtype=float)
-        found = sample_rate_Hz(t_s, f"{source}: {time}")
-        if rate_Hz is not None and not np.isclose(rate_Hz, found, rtol=0.01):
-            raise RecordError(f"{source}: rate_Hz = {rate_Hz:g}; its column {time} says {found:.6g}")
-        rate_Hz, t0_s = found, float(t_s[0])
-    if rate_Hz is None:
-        raise RecordError(f"{source}: no time column ({', '.join(TIME_COLUMNS)}); give the sample rate")
-    return Record(values, rate_Hz, unit_of(column), f"{source}: {column}", t0_s)

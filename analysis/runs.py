@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.records import Record, RecordError, read_table, sample_rate_Hz, unit_of
+from analysis.readers import read_table
+from analysis.records import Record, RecordError, sample_rate_Hz, unit_of
 
 #: The eleven ratios of the paper.
 PAPER_RATIOS = tuple(round(0.1 * step, 1) for step in range(11))

@@ -49,10 +49,10 @@ def test_unknown_rule_is_refused():
 def test_tone_has_its_frequency_amplitude_and_bin():
     t = np.arange(4000) / RATE_HZ
     found = decompose(as_record(2.0 * np.sin(2 * np.pi * 512.0 * t), RATE_HZ))
-    modes = instantaneous(found)
+    amplitude, frequency_Hz = instantaneous(found.imfs[0], RATE_HZ)
     middle = slice(300, -300)
-    np.testing.assert_allclose(modes.frequency_Hz[0][middle], 512.0, rtol=0.01)
-    np.testing.assert_allclose(modes.amplitude[0][middle], 2.0, rtol=0.02)
+    np.testing.assert_allclose(frequency_Hz[middle], 512.0, rtol=0.01)
+    np.testing.assert_allclose(amplitude[middle], 2.0, rtol=0.02)
     spectrum = marginal_spectrum(found)
     peak = int(np.argmax(spectrum.density))
     assert spectrum.edges_Hz[peak] <= 512.0 < spectrum.edges_Hz[peak + 1]
@@ -72,4 +72,4 @@ def test_chirp_is_followed():
     frequency = 200 + 500 * t
     found = decompose(as_record(np.cos(2 * np.pi * (200 * t + 250 * t**2)), RATE_HZ))
     middle = slice(500, -500)
-    np.testing.assert_allclose(instantaneous(found).frequency_Hz[0][middle], frequency[middle], rtol=0.02)
+    np.testing.assert_allclose(instantaneous(found.imfs[0], RATE_HZ)[1][middle], frequency[middle], rtol=0.02)

@@ -91,3 +91,38 @@ def test_command_line_prints_and_refuses(tmp_path, capsys):
     assert main(["features", str(tmp_path / "y.csv")]) == 2
     captured = capsys.readouterr()
     assert captured.out == "" and captured.err.count("\n") == 1
+
+
+def test_wav_and_uff_round_trip(tmp_path):
+    pyuff = pytest.importorskip("pyuff")
+    from scipy.io import wavfile
+
+    x = 0.5 * np.sin(2 * np.pi * 40 * np.arange(2000) / 8000)
+    wavfile.write(tmp_path / "x.wav", 8000, np.column_stack([x, -x]).astype(np.float32))
+    wavfile.write(tmp_path / "pcm.wav", 8000, np.round(x * 32768).astype(np.int16))
+    two = read_record(tmp_path / "x.wav", column="1", scale=20.0, unit="m/s^2")
+    np.testing.assert_allclose(two.values, -20 * x, atol=1e-5)
+    assert (two.rate_Hz, two.unit) == (8000.0, "m/s^2")
+    np.testing.assert_allclose(read_record(tmp_path / "pcm.wav").values, x, atol=1 / 32768)
+    with pytest.raises(RecordError, match="choose one of 0..1"):
+        read_record(tmp_path / "x.wav")
+
+    dataset = pyuff.prepare_58(
+        binary=0, func_type=1, rsp_node=1, rsp_dir=3, ref_node=0, ref_dir=0, data=x,
+        x=np.arange(2000) / 8000, id1="plate north", rsp_ent_name="N", ref_ent_name="N", abscissa_spacing=1,
+        ordinate_axis_units_lab="m/s^2", abscissa_axis_units_lab="s", ord_data_type=4, num_pts=2000,
+        abscissa_min=0.0, abscissa_inc=1 / 8000, abscissa_spec_data_type=17, ordinate_spec_data_type=12,
+        orddenom_spec_data_type=0, z_axis_spec_data_type=0,
+    )  # fmt: skip
+    pyuff.UFF(str(tmp_path / "x.uff")).write_sets(dataset, "overwrite")
+    found = read_record(tmp_path / "x.uff", column="plate north")
+    assert found.rate_Hz == pytest.approx(8000.0, rel=1e-5) and found.unit == "m/s^2"
+    np.testing.assert_allclose(found.values, x, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["broken.wav", "broken.uff"])
+def test_broken_measured_files_are_refused(tmp_path, name):
+    (tmp_path / name).write_bytes(b"RIFFnothing of the kind\n")
+    with pytest.raises(RecordError, match=name) as error:
+        read_record(tmp_path / name)
+    one_line(error)

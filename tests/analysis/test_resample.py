@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+from analysis import RecordError, as_record
+from analysis.resample import resample
+
+RATE_HZ = 100_000.0
+
+
+def tone(frequency_Hz, n=20_000):
+    return as_record(np.cos(2 * np.pi * frequency_Hz * np.arange(n) / RATE_HZ), RATE_HZ)
+
+
+def amplitude(record, frequency_Hz):
+    """Of one frequency, by projection over the middle of the record."""
+    middle = slice(record.values.size // 8, -record.values.size // 8)
+    t, x = record.t_s[middle], record.values[middle]
+    return 2 * abs(np.mean(x * np.exp(-2j * np.pi * frequency_Hz * t)))
+
+
+def test_without_filter_a_high_tone_folds_back():
+    rate_Hz = RATE_HZ / 15
+    slow = resample(tone(6000.0), rate_Hz, anti_alias=False)
+    assert slow.rate_Hz == pytest.approx(rate_Hz)
+    assert amplitude(slow, rate_Hz - 6000.0) == pytest.approx(1.0, abs=0.02)
+
+
+def test_with_filter_it_is_taken_away_and_a_low_one_stays():
+    rate_Hz = RATE_HZ / 15
+    assert amplitude(resample(tone(6000.0), rate_Hz), rate_Hz - 6000.0) < 0.01
+    low = resample(tone(500.0), rate_Hz)
+    inner = slice(20, -20)
+    np.testing.assert_allclose(low.values[inner], np.cos(2 * np.pi * 500.0 * low.t_s)[inner], atol=0.01)
+
+
+def test_upwards_and_by_a_fraction():
+    record = tone(1000.0)
+    up = resample(record, 1.5 * RATE_HZ)
+    inner = slice(50, -50)
+    np.testing.assert_allclose(up.values[inner], np.cos(2 * np.pi * 1000.0 * up.t_s)[inner], atol=0.01)
+
+
+def test_constant_stays_constant_to_the_ends():
+    np.testing.assert_allclose(resample(as_record(np.full(500, 3.0), 1000.0), 250.0).values, 3.0, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("rate_Hz", "anti_alias"), [(np.e * 1e4, True), (RATE_HZ / 1.5, False)])
+def test_rates_without_a_ratio_are_refused(rate_Hz, anti_alias):
+    with pytest.raises(RecordError, match="Hz"):
+        resample(tone(100.0), rate_Hz, anti_alias=anti_alias)
