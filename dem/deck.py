@@ -8,7 +8,7 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from dem.assembly import Assembly
+from dem.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.scene import PLATE, Scene, contact_key
 from dem.time_step import TimeStep
 from plate_fem.modes import PlateModes
@@ -75,8 +75,11 @@ def view_steps(scene: Scene, step: TimeStep) -> int | None:
 
 
 def skin_m(assembly: Assembly) -> float:
-    """Neighbour skin: a quarter of the smallest radius. Larger lists bonded pairs for longer, smaller rebuilds more."""
-    return float(f"{0.25 * assembly.radius_m.min():.3g}")
+    """Neighbour skin. Smaller than the gap of bonded pairs, so that lists stay empty where bonds hold."""
+    radius = assembly.radius_m.min()
+    if assembly.n_bonds == 0:
+        return float(f"{0.25 * radius:.3g}")
+    return float(f"{0.9 * 2 * (1 / CONTACT_RADIUS_RATIO - 1) * radius:.3g}")
 
 
 def _describe(scene: Scene, assembly: Assembly) -> str:

@@ -74,6 +74,8 @@ class FixBondParallel : public Fix {
   std::string events_;  // text not yet written
   std::string events_file_;
 
+  static void turn(double *q, const double *omega, double half_dt);
+  template <class Power> void add_work(double time, Power power);
   void rebuild();
   void share_broken();
   void fill_records();

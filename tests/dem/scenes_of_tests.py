@@ -1,0 +1,22 @@
+"""Scenes that tests share, and closed forms for them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from dem.scene import read_scene
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+
+
+def hertz(material):
+    """Closed form of the impact of scenes/hertz_*.toml: stiffness N/m^1.5, depth, force, time."""
+    scene = read_scene(SCENES / f"hertz_{material}.toml")
+    stone, plate, radius = scene.materials[material], scene.plate, scene.stones.radius_m
+    modulus = 1 / ((1 - stone.poisson_ratio**2) / stone.youngs_modulus_Pa
+                   + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
+    stiffness = 4 / 3 * np.sqrt(radius) * modulus
+    mass = stone.density_kg_m3 * 4 / 3 * np.pi * radius**3
+    depth = (5 * mass * scene.stones.speed_m_s**2 / (4 * stiffness)) ** 0.4
+    return {"stiffness": stiffness, "mass_kg": mass, "depth_m": depth, "force_N": stiffness * depth**1.5,
+            "modulus_Pa": modulus}

@@ -1,0 +1,65 @@
+"""Engine and plate together against one independent integration of sphere and modes."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+from dem.run import run
+from dem.scene import read_scene
+from plate_fem.modes import plate_modes
+from scenes_of_tests import SCENES, hertz
+
+SCENE = SCENES / "elastic_plate.toml"
+
+
+def reference(scene, times):
+    """Mean force over each interval of `times` and plate states there, by DOP853 with rtol 1e-11.
+
+    State: sphere z and v, modal a and da/dt, impulse, work of the damping. The force is Hertz's on z - w(x, y).
+    """
+    modes = plate_modes(scene.plate)
+    place = scene.stones.positions[0]
+    phi = modes.shape_at(np.array([[place.x_m, place.y_m]]))[0]
+    omega = 2 * np.pi * modes.frequency_Hz
+    law = hertz("gangue")
+    n = len(omega)
+
+    def rates(t, y):
+        z, v, a, da = y[0], y[1], y[2:2 + n], y[2 + n:2 + 2 * n]
+        depth = max(0.0, scene.stones.radius_m - z + phi @ a)
+        force = law["stiffness"] * depth**1.5
+        dda = -phi * force - 2 * modes.damping_ratio * omega * da - omega**2 * a
+        return np.concatenate([[v, force / law["mass_kg"]], da, dda, [force]])
+
+    start = np.zeros(2 * n + 3)
+    start[0], start[1] = scene.stones.radius_m + scene.stones.gap_m, -scene.stones.speed_m_s
+    solution = solve_ivp(rates, (0, times[-1]), start, method="DOP853", rtol=1e-11, atol=1e-15, t_eval=times,
+                         max_step=2e-6)
+    a, da = solution.y[2:2 + n], solution.y[2 + n:2 + 2 * n]
+    force = np.diff(solution.y[-1], prepend=0) / np.diff(times, prepend=-np.inf)
+    energy = 0.5 * ((omega[:, None] * a) ** 2 + da**2).sum(axis=0)
+    return {"force_N": force, "u_m": modes.mean_shape @ a, "v_m_s": modes.mean_shape @ da, "total_J": energy}
+
+
+@pytest.fixture(scope="module")
+def default_run(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("elastic") / "run"
+    summary = run(SCENE, directory, show_progress=False)
+    return summary, pd.read_parquet(directory / "fast.parquet")
+
+
+def test_force_and_plate_motion_agree_with_the_reference(default_run):
+    """0.1 % in the L2 norm at the default co-step."""
+    _, fast = default_run
+    expected = reference(read_scene(SCENE), fast["t_s"].to_numpy())
+    for name, values in expected.items():
+        error = np.linalg.norm(fast[name] - values) / np.linalg.norm(values)
+        assert error < 1e-3, f"{name}: {error:.2e}"
+
+
+def test_energy_closes_and_impulse_is_momentum(default_run):
+    summary, _ = default_run
+    assert abs(summary["energy"]["closure"]) < 1e-3
+    assert summary["impulse_N_s"] == pytest.approx(summary["momentum_change_kg_m_s"], rel=1e-9)
+    assert summary["energy"]["given_to_plate_J"] > 0.01 * summary["energy"]["impact_J"]

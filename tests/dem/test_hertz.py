@@ -1,0 +1,56 @@
+"""One sphere on a rigid plate against the closed form of Hertz (paper, Eqs. 1-9 as mended)."""
+
+import numpy as np
+import pytest
+
+from dem.run import run
+from dem.scene import read_scene
+from scenes_of_tests import SCENES, hertz
+
+
+@pytest.mark.parametrize("material, force_N, time_us", [("coal", 4261.6, 233.9), ("gangue", 7646.3, 226.7)])
+def test_hertz_peak_force_contact_time_and_rebound(tmp_path, material, force_N, time_us):
+    summary = run(SCENES / f"hertz_{material}.toml", tmp_path / "run", show_progress=False)
+    assert summary["peak_force_N"] == pytest.approx(force_N, rel=1e-3)
+    assert summary["rebound_speed_m_s"][0] == pytest.approx(3.0, rel=1e-3)
+    assert contact_time(tmp_path / "run", summary, material) * 1e6 == pytest.approx(time_us, rel=1e-3)
+    assert summary["impulse_N_s"] == pytest.approx(summary["momentum_change_kg_m_s"], rel=1e-9)
+    assert abs(summary["energy"]["closure"]) < 1e-6
+
+
+def contact_time(directory, summary, material):
+    """From the duration of compression above half the greatest depth.
+
+    With z = depth/greatest depth, z' = -v/d sqrt(1 - z^(5/2)): the time above z = 1/2 over the whole contact time is a
+    pure number, here from the same quadrature, so that the step of the output does not blur the ends of the contact.
+    """
+    import pandas as pd
+
+    fast = pd.read_parquet(directory / "fast.parquet")
+    depth = (fast["force_N"].to_numpy() / hertz(material)["stiffness"]) ** (2 / 3)
+    t = fast["t_s"].to_numpy() - 0.5 * (fast["t_s"][1] - fast["t_s"][0])  # means over the interval before
+    level = 0.5 * hertz(material)["depth_m"]
+    above = np.flatnonzero(depth > level)
+    first, last = above[0], above[-1]
+    start = np.interp(level, depth[[first - 1, first]], t[[first - 1, first]])
+    end = np.interp(-level, -depth[[last, last + 1]], t[[last, last + 1]])
+    share = _time_above(0.5) / _time_above(0.0)
+    return (end - start) / share
+
+
+def _time_above(z):
+    """Integral of dz/sqrt(1 - z^(5/2)) from z to 1, by the substitution z = 1 - s^2 that removes the singularity."""
+    s, weight = np.polynomial.legendre.leggauss(60)
+    top = np.sqrt(1 - z)
+    s = 0.5 * top * (s + 1)
+    return 0.5 * top * np.sum(weight * 2 * s / np.sqrt(1 - (1 - s**2) ** 2.5))
+
+
+def test_the_deck_of_a_bare_sphere_holds_only_what_it_needs(tmp_path):
+    from dem.__main__ import main
+
+    assert main(["deck", str(SCENES / "hertz_coal.toml"), "--out", str(tmp_path / "d")]) == 0
+    deck = (tmp_path / "d" / "deck" / "deck.liggghts").read_text()
+    for absent in ("bond/parallel", "gravity", "tangential", "to_plate", "dump", "coefficientFriction"):
+        assert absent not in deck
+    assert read_scene(SCENES / "hertz_coal.toml").stones.agglomerate is None

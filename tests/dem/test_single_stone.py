@@ -1,0 +1,97 @@
+"""One bonded stone on the flexible plate: energy, momentum, breakage, and the files of a run."""
+
+import json
+import xml.etree.ElementTree as ElementTree
+
+import meshio
+import numpy as np
+import pandas as pd
+import pytest
+
+from dem.run import run
+from scenes_of_tests import SCENES
+
+SINGLE = (SCENES / "single.toml").read_text()
+
+
+def run_single(directory, gangue_ratio=0.0, **replace):
+    text = SINGLE
+    for old, new in replace.values():
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    scene = directory / "scene.toml"
+    scene.write_text(text)
+    return run(scene, directory / "run", gangue_ratio, show_progress=False)
+
+
+@pytest.fixture(scope="module")
+def unbreakable(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("unbreakable")
+    return run_single(directory, a=("[stones.agglomerate] ", "[stones.agglomerate]\nunbreakable = true\n"))
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory):
+    runs = {}
+    for name, ratio in (("coal", 0.0), ("gangue", 1.0)):
+        directory = tmp_path_factory.mktemp(name)
+        runs[name] = (run_single(directory, ratio), directory / "run")
+    return runs
+
+
+def test_an_unbreakable_stone_rebounds_and_its_energy_closes(unbreakable):
+    assert unbreakable["n_bonds_broken"] == 0
+    assert 0.5 < unbreakable["rebound_speed_m_s"][0] < 3.0
+    assert abs(unbreakable["energy"]["closure"]) < 1e-3
+    for name in ("bond_damping_J", "plate_contact_dissipation_J", "plate_damping_J"):
+        assert unbreakable["energy"][name] > 0
+
+
+def test_impulse_on_the_plate_is_the_momentum_lost(unbreakable, broken):
+    """Gravity is the only other force."""
+    for summary in (unbreakable, broken["coal"][0], broken["gangue"][0]):
+        mass = 4 / 3 * np.pi * 0.025**3 * summary["scene"]["materials"][summary["materials"][0]]["density_kg_m3"]
+        weight = mass * summary["scene"]["time"]["gravity_m_s2"] * summary["steps"] * summary["dt_s"]
+        assert summary["impulse_N_s"] - weight == pytest.approx(summary["momentum_change_kg_m_s"], rel=1e-9)
+
+
+def test_coal_breaks_clearly_more_than_gangue(broken):
+    coal, gangue = broken["coal"][0], broken["gangue"][0]
+    assert coal["n_bonds_broken"] > 2 * gangue["n_bonds_broken"]
+    assert coal["n_bonds_broken"] > 0.01 * coal["n_bonds"]
+    assert all(abs(s["energy"]["closure"]) < 1e-3 for s in (coal, gangue))
+
+
+def test_bonds_created_are_the_bonds_generated(broken):
+    """What the engine counts as holding at the end is what was generated less the events."""
+    summary, directory = broken["coal"]
+    events = pd.read_parquet(directory / "breakage.parquet")
+    bonds = np.loadtxt(directory / "deck" / "bonds.txt")
+    assert len(bonds) == summary["n_bonds"]
+    assert len(events) == summary["n_bonds_broken"] == events["bond"].nunique()
+    assert set(events["mode"]) <= {"tension", "shear"}
+    assert np.all(events["energy_J"] >= 0) and np.all(events["stress_Pa"] > 0)
+
+
+def test_the_run_directory_holds_what_was_promised(broken):
+    summary, directory = broken["coal"]
+    assert summary == json.loads((directory / "run.json").read_text())
+    signals, fast = (pd.read_parquet(directory / f"{name}.parquet") for name in ("signals", "fast"))
+    assert len(signals) == 41 and np.allclose(np.diff(signals["t_s"]), 1.5e-4)
+    assert np.diff(fast["t_s"]).max() <= 1e-5
+    columns = {"t_s", "u_m", "v_m_s", "a_m_s2", "kinetic_J", "internal_J", "total_J", "force_N", "force_01_N",
+               "acc_north_m_s2", "acc_east_m_s2", "rod_1_N", "rod_4_N"}
+    assert columns <= set(signals.columns)
+    assert list(signals.columns) == list(fast.columns)
+
+
+def test_view_holds_particles_bonds_and_plate_on_one_time_axis(broken):
+    summary, directory = broken["coal"]
+    sets = ElementTree.parse(directory / "view.pvd").getroot().findall("./Collection/DataSet")
+    times = sorted({float(s.get("timestep")) for s in sets})
+    assert len(times) == 41 and len(sets) == 3 * 41
+    assert np.allclose(times, np.arange(41) * 1.5e-4)
+    last = {s.get("part"): meshio.read(directory / s.get("file")) for s in sets[-3:]}
+    assert len(last["0"].points) == summary["n_particles"]
+    assert len(last["1"].cells[0].data) == summary["n_bonds"] - summary["n_bonds_broken"]
+    assert np.abs(last["2"].point_data["displacement_m"]).max() > 0
