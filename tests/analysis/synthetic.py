@@ -65,14 +65,43 @@ def signals(gangue_ratio, seed=1, scatter=0.0):
     return pd.DataFrame(table)
 
 
+def lattice():
+    """A small "stone": sub-spheres on a cubic lattice of 10 mm, bonded to their nearest neighbours."""
+    steps = np.arange(-2, 3)
+    grid = 0.01 * np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    centre = grid[np.linalg.norm(grid, axis=1) <= 0.025]
+    apart = np.linalg.norm(centre[:, None] - centre[None, :], axis=2)
+    first, second = np.nonzero(np.triu(np.abs(apart - 0.01) < 1e-6))
+    return centre, first, second
+
+
+def write_deck(directory, count):
+    centre, first, second = lattice()
+    angle = 2 * np.pi * np.arange(count) / count
+    places = np.column_stack([0.1 * np.cos(angle), 0.1 * np.sin(angle), np.full(count, 0.025)])
+    atoms = (places[:, None] + centre[None, :]).reshape(-1, 3)
+    bonds = [np.column_stack([first, second]) + 1 + k * len(centre) for k in range(count)]
+    directory.mkdir()
+    head = f"synthetic\n\n{len(atoms)} atoms\n2 atom types\n\nAtoms\n\n"
+    rows = [f"{i} 1 0.00975 1500 {x:.9g} {y:.9g} {z:.9g}\n" for i, (x, y, z) in enumerate(atoms, 1)]
+    (directory / "atoms.data").write_text(head + "".join(rows))
+    np.savetxt(directory / "agglomerates.txt", np.full(count, len(centre)), fmt="%d")
+    np.savetxt(directory / "bonds.txt", np.vstack(bonds), fmt="%d")
+
+
 def breakage(names, rng):
+    """The lowest bonds of each stone break, one after another, from 0.15 ms on."""
+    centre, first, second = lattice()
+    lowest = np.argsort(centre[first, 2] + centre[second, 2], kind="stable")
     rows = []
     for number, name in enumerate(names, 1):
-        for _ in range(BROKEN_BONDS[name]):
-            x, y, z = rng.normal(scale=0.008, size=3)
+        for k in range(BROKEN_BONDS[name]):
+            bond = lowest[k]
+            x, y, z = 0.5 * (centre[first[bond]] + centre[second[bond]])
             mode = "tension" if rng.random() < 0.7 else "shear"
-            rows.append((1e-4 + 2e-4 * rng.random(), number, x, y, z, mode, 2e6, 1e-4, 3e-6))
-    names = ["t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2"]
+            when = 1.5e-4 + 1e-6 * k if k % 10 else 0.015 + 1e-6 * k  # every tenth in the second collision
+            rows.append((when, bond + 1 + (number - 1) * len(first), number, x, y, z, mode, 2e6, 1e-4, 3e-6))
+    names = ["t_s", "bond", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2"]
     return pd.DataFrame(rows, columns=names).sort_values("t_s", ignore_index=True)
 
 
@@ -88,8 +117,8 @@ def write_run(directory, gangue_ratio, seed=1, scatter=0.0):
         "assumptions": ["plate.size_m: the paper's Figure 11 is not at hand"],
         "gangue_ratio": gangue_ratio,
         "materials": names,
-        "n_particles": 5000,
-        "n_bonds": 20000,
+        "n_particles": 10 * len(lattice()[0]),
+        "n_bonds": 10 * len(lattice()[1]),
         "n_bonds_broken": len(broken),
         "n_bonds_broken_by_agglomerate": [BROKEN_BONDS[name] for name in names],
         "peak_force_N": float(fast["force_N"].max()),
@@ -98,6 +127,7 @@ def write_run(directory, gangue_ratio, seed=1, scatter=0.0):
         "versions": {"liggghts": "3.8.0"},
         "seeds": {"packing": 10007},
     }
+    write_deck(directory / "deck", len(names))
     (directory / "run.json").write_text(json.dumps(info))
     slow.to_parquet(directory / "signals.parquet")
     fast.to_parquet(directory / "fast.parquet")

@@ -3,7 +3,8 @@ import pytest
 
 from analysis import RecordError, as_record
 from analysis.emd import STOPPING_RULES, decompose
-from analysis.hilbert import instantaneous, marginal_spectrum
+from analysis.emd_rules import compare_rules
+from analysis.hilbert import hilbert_spectrum, instantaneous, marginal_spectrum
 
 RATE_HZ = 6667.0
 
@@ -73,3 +74,70 @@ def test_chirp_is_followed():
     found = decompose(as_record(np.cos(2 * np.pi * (200 * t + 250 * t**2)), RATE_HZ))
     middle = slice(500, -500)
     np.testing.assert_allclose(instantaneous(found.imfs[0], RATE_HZ)[1][middle], frequency[middle], rtol=0.02)
+
+
+def test_am_fm_gives_its_envelope_and_frequency():
+    """a(t) = 1 + 0.3 cos, f(t) = 600 + 60 cos: both slow against the carrier, as the analytic signal needs."""
+    t = np.arange(6000) / RATE_HZ
+    envelope = 1 + 0.3 * np.cos(2 * np.pi * 9 * t)
+    frequency = 600 + 60 * np.cos(2 * np.pi * 7 * t)
+    signal = envelope * np.cos(2 * np.pi * np.cumsum(frequency) / RATE_HZ)
+    amplitude, found = instantaneous(signal, RATE_HZ)
+    middle = slice(600, -600)  # the transform knows one period of the record: an end reaches as 1/distance
+    np.testing.assert_allclose(amplitude[middle], envelope[middle], atol=2e-3)
+    np.testing.assert_allclose(found[middle], frequency[middle], rtol=2e-3)
+
+
+def test_impulse_response_decays_at_its_rate():
+    """A damped oscillator after a blow: ln a(t) falls by zeta omega t; samples before it are kept.
+
+    Of the signal itself: its first IMF decays a fifth more slowly, since the flat record
+    before the blow has no extrema for the sifting to hold on to.
+    """
+    zeta, frequency = 0.02, 400.0
+    t = (np.arange(3000) - 300) / RATE_HZ
+    decay = 2 * np.pi * frequency * zeta
+    signal = np.where(t >= 0, np.exp(-decay * t) * np.sin(2 * np.pi * frequency * t), 0.0)
+    amplitude, found = instantaneous(signal, RATE_HZ)
+    ringing = slice(350, 650)
+    slope = np.polyfit(t[ringing], np.log(amplitude[ringing]), 1)[0]
+    assert slope == pytest.approx(-decay, rel=0.05)
+    assert np.median(found[ringing]) == pytest.approx(frequency, rel=0.01)
+
+
+def naive_marginal(decomposition, width_Hz):
+    """Sample by sample: numpy's unwrap and gradient of the phase, then one bin each."""
+    from scipy.signal import hilbert
+
+    rate_Hz, bins = decomposition.record.rate_Hz, {}
+    for imf in decomposition.imfs:
+        z = hilbert(imf)
+        f = np.gradient(np.unwrap(np.angle(z))) * rate_Hz / (2 * np.pi)
+        for k in range(imf.size):
+            if 0 <= f[k] < width_Hz * np.ceil(rate_Hz / 2 / width_Hz):
+                b = int(f[k] // width_Hz)
+                bins[b] = bins.get(b, 0.0) + abs(z[k]) / rate_Hz / width_Hz
+    return bins
+
+
+def test_marginal_spectrum_equals_its_naive_twin():
+    found = decompose(as_record(np.random.default_rng(8).standard_normal(500), RATE_HZ))
+    twin = naive_marginal(found, 40.0)
+    density = marginal_spectrum(found, bin_width_Hz=40.0).density
+    np.testing.assert_allclose(
+        density, [twin.get(b, 0.0) for b in range(density.size)], rtol=1e-9, atol=1e-15
+    )
+
+
+def test_hilbert_spectrum_integrates_to_the_marginal_one():
+    found = decompose(as_record(np.random.default_rng(9).standard_normal(1000), RATE_HZ))
+    spectrum = hilbert_spectrum(found, bin_width_Hz=50.0, times=20)
+    duration_s = 1000 / RATE_HZ
+    marginal = marginal_spectrum(found, bin_width_Hz=50.0).density * 50.0
+    np.testing.assert_allclose(spectrum.amplitude.mean(axis=1) * duration_s, marginal, rtol=1e-9, atol=1e-12)
+
+
+def test_rules_are_compared_on_a_known_signal():
+    costs = compare_rules(2000, repeats=1)
+    assert [c.rule for c in costs] == list(STOPPING_RULES)
+    assert all(c.error < 0.05 and c.seconds > 0 for c in costs)

@@ -1,0 +1,207 @@
+"""What broke: cracks, damage and fragments of the agglomerates (Figures 13-15).
+
+A bond between two sub-spheres stands for a piece of section of its area; when it breaks
+that area is crack. Sub-sphere i, with b_i bonds at the start, has the damage
+D_i = (its broken bonds) / b_i, and the damaged volume of an agglomerate is the sum of
+V_i D_i. Fragments are what intact bonds still hold together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from analysis.records import RecordError
+from analysis.runs import Run
+
+#: Two contacts of one agglomerate closer in time than this are one collision: fragments of
+#: one impact touch and leave within it. A first impact lasts about 0.25 ms.
+COLLISION_GAP_S = 2e-4
+
+#: Sub-spheres that lost at least this share of their bonds count as broken in a section.
+BROKEN_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class Network:
+    """Sub-spheres (n) and bonds (m) of a run before the impact.
+
+    centre_m (n, 3), radius_m (n,), agglomerate (n,) 1-based; first, second (m,): 0-based
+    sub-spheres of each bond.
+    """
+
+    centre_m: np.ndarray
+    radius_m: np.ndarray
+    agglomerate: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+
+    @property
+    def volume_m3(self) -> np.ndarray:
+        return 4.0 / 3.0 * np.pi * self.radius_m**3
+
+    @property
+    def bonds_of_each(self) -> np.ndarray:
+        """Number of bonds of each sub-sphere at the start, shape (n,)."""
+        return _ends(self, np.ones(self.first.size, dtype=bool))
+
+
+def read_network(run: Run) -> Network:
+    """Sub-spheres and bonds from a run's deck. RecordError if the run has none."""
+    deck = run.path / "deck"
+    try:
+        atoms = _read_atoms(deck / "atoms.data")
+        sizes = np.loadtxt(deck / "agglomerates.txt", dtype=int, ndmin=1)
+        bonds = np.loadtxt(deck / "bonds.txt", usecols=(0, 1), ndmin=2).astype(int)
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{deck}: no sub-spheres and bonds ({' '.join(str(error).split())})") from None
+    if sizes.sum() != len(atoms):
+        raise RecordError(f"{deck}/agglomerates.txt: {sizes.sum()} sub-spheres; atoms.data has {len(atoms)}")
+    agglomerate = np.repeat(np.arange(1, sizes.size + 1), sizes)
+    return Network(atoms[:, 4:7], 0.5 * atoms[:, 2], agglomerate, bonds[:, 0] - 1, bonds[:, 1] - 1)
+
+
+def _read_atoms(path) -> np.ndarray:
+    """Rows id, type, diameter, density, x, y, z below "Atoms", by id."""
+    lines = path.read_text().splitlines()
+    atoms = np.loadtxt(lines[lines.index("Atoms") + 2 :], ndmin=2)
+    return atoms[np.argsort(atoms[:, 0])]
+
+
+def broken_bonds(run: Run, network: Network, until_s: float | np.ndarray = np.inf) -> np.ndarray:
+    """Which bonds have broken by a time, shape (m,) of bool; until_s: one, or one per agglomerate."""
+    table = run.breakage
+    until_s = np.broadcast_to(until_s, network.agglomerate.max())
+    early = table["t_s"].to_numpy() <= until_s[table["agglomerate"].to_numpy(dtype=int) - 1]
+    broken = np.zeros(network.first.size, dtype=bool)
+    if "bond" not in table.columns:
+        raise RecordError(f"{run.path}/breakage.parquet: no column 'bond'; needs it for fragments and damage")
+    broken[table["bond"].to_numpy(dtype=int)[early] - 1] = True
+    return broken
+
+
+def _ends(network: Network, chosen: np.ndarray) -> np.ndarray:
+    """Number of chosen bonds at each sub-sphere, shape (n,)."""
+    ends = np.concatenate([network.first[chosen], network.second[chosen]])
+    return np.bincount(ends, minlength=network.radius_m.size)
+
+
+def damage(network: Network, broken: np.ndarray) -> np.ndarray:
+    """Broken share of the bonds of each sub-sphere, shape (n,), 0..1; 0 for one without bonds."""
+    return _ends(network, broken) / np.maximum(network.bonds_of_each, 1)
+
+
+def damaged_volume_share(network: Network, broken: np.ndarray) -> np.ndarray:
+    """Damaged share of the volume of each agglomerate, shape (count,), 0..1."""
+    volume = network.volume_m3
+    lost = np.bincount(network.agglomerate, volume * damage(network, broken))
+    return lost[1:] / np.bincount(network.agglomerate, volume)[1:]
+
+
+def fragments(network: Network, broken: np.ndarray) -> np.ndarray:
+    """Label of the fragment of each sub-sphere, shape (n,), 0-based."""
+    intact = ~broken
+    ends = (network.first[intact], network.second[intact])
+    graph = coo_array((np.ones(ends[0].size), ends), shape=(network.radius_m.size,) * 2)
+    return connected_components(graph, directed=False)[1]
+
+
+def fragment_shares(network: Network, broken: np.ndarray) -> list[np.ndarray]:
+    """Volume of each fragment as a share of its agglomerate, largest first; one array per agglomerate."""
+    label, volume = fragments(network, broken), network.volume_m3
+    shares = []
+    for number in range(1, network.agglomerate.max() + 1):
+        own = network.agglomerate == number
+        pieces = np.bincount(label[own], volume[own])
+        shares.append(np.sort(pieces[pieces > 0])[::-1] / volume[own].sum())
+    return shares
+
+
+def broken_area_m2(run: Run, until_s: float | np.ndarray = np.inf) -> np.ndarray:
+    """Crack area of each agglomerate by a time, m^2, shape (count,); until_s as for `broken_bonds`."""
+    table = run.breakage
+    count = len(run.materials)
+    number = table["agglomerate"].to_numpy(dtype=int)
+    early = table["t_s"].to_numpy() <= np.broadcast_to(until_s, count)[number - 1]
+    return np.bincount(number[early], table["area_m2"].to_numpy()[early], minlength=count + 1)[1:]
+
+
+def broken_area_over_time(run: Run, t_s: np.ndarray) -> np.ndarray:
+    """Crack area of each agglomerate at each time, m^2, shape (count, times)."""
+    return np.stack([broken_area_m2(run, t) for t in t_s], axis=1)
+
+
+def crack_counts(run: Run) -> dict[str, dict[str, int]]:
+    """Broken bonds by material and mode: {"coal": {"tension": n, "shear": n}, "gangue": ...}."""
+    material = np.array(run.materials)[run.breakage["agglomerate"].to_numpy(dtype=int) - 1]
+    mode = run.breakage["mode"].to_numpy()
+    return {
+        name: {kind: int(np.sum((material == name) & (mode == kind))) for kind in ("tension", "shear")}
+        for name in ("coal", "gangue")
+    }
+
+
+def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
+    """Begin and end of each collision of an agglomerate with the plate, s, from its contact force.
+
+    Contacts less than COLLISION_GAP_S apart are one collision.
+    """
+    table = run.fast if run.fast is not None else run.signals
+    column = f"force_{agglomerate:02d}_N"
+    if column not in table.columns:
+        raise RecordError(f"{run.path}: no column {column!r} in the streams")
+    t_s = table["t_s"].to_numpy(dtype=float)
+    touching = t_s[table[column].to_numpy(dtype=float) != 0]
+    if touching.size == 0:
+        return []
+    breaks = np.flatnonzero(np.diff(touching) > COLLISION_GAP_S)
+    begins = touching[np.concatenate([[0], breaks + 1])]
+    ends = touching[np.concatenate([breaks, [touching.size - 1]])]
+    return list(zip(begins.tolist(), ends.tolist(), strict=True))
+
+
+def first_collision_end_s(run: Run) -> np.ndarray:
+    """Time at which each agglomerate's first collision ends, shape (count,); the record's end if it has none."""
+    ends = []
+    for number in range(1, len(run.materials) + 1):
+        found = collisions(run, number)
+        ends.append(found[0][1] if found else run.t_s[-1])
+    return np.array(ends)
+
+
+@dataclass(frozen=True)
+class Section:
+    """Discs in which a plane cuts the sub-spheres of one agglomerate, in its undeformed state.
+
+    centre_m (k, 2): along the section and upward, from the agglomerate's centre; radius_m (k,);
+    damage (k,). broken_area_m2: of discs with damage >= BROKEN_SHARE; area_m2: of all discs.
+    """
+
+    centre_m: np.ndarray
+    radius_m: np.ndarray
+    damage: np.ndarray
+
+    @property
+    def area_m2(self) -> float:
+        return float(np.pi * np.sum(self.radius_m**2))
+
+    @property
+    def broken_area_m2(self) -> float:
+        return float(np.pi * np.sum(self.radius_m[self.damage >= BROKEN_SHARE] ** 2))
+
+
+def section(network: Network, damaged: np.ndarray, agglomerate: int) -> Section:
+    """Vertical section y = const through the middle of an agglomerate, as in Figures 14 and 15.
+
+    damaged: shape (n,), from `damage`.
+    """
+    own = network.agglomerate == agglomerate
+    place, radius = network.centre_m[own], network.radius_m[own]
+    middle = np.average(place, axis=0, weights=radius**3)
+    distance = place[:, 1] - middle[1]
+    cut = np.abs(distance) < radius
+    centre = place[cut][:, [0, 2]] - middle[[0, 2]]
+    return Section(centre, np.sqrt(radius[cut] ** 2 - distance[cut] ** 2), damaged[own][cut])
