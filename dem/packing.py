@@ -1,0 +1,334 @@
+"""Random dense packings of sub-spheres inside a sphere, a cylinder or a box, and the touching fcc sphere.
+
+The packing is a jammed state found by energy minimisation. Sub-spheres of fixed proportions repel each other and the
+wall like soft springs, and all of them swell together by one scale s under a constant pressure p:
+
+    H(x, s) = 1/2 sum over pairs and walls of (1 - d/(s sigma))_+^2 - p n ln s
+
+(sigma the sum of the two radii, or the one radius at a wall, at s = 1). At the minimum the mean overlap is about p/3,
+so lowering p step by step leads to the random close packing from above, as in C. S. O'Hern et al., Phys. Rev. E 68
+(2003) 011306; the minimiser is FIRE, E. Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201. See docs/packing.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+OVERLAP_TOLERANCE = 1e-3  # largest overlap of the result, relative to the sum of the two radii
+PRESSURES = (1e-1, 1e-2, 1e-3, 3e-4)
+SKIN = 0.3  # of the neighbour list, in mean radii
+TOUCHING = 5e-3  # gap below which sub-spheres count as touching, relative to the sum of their radii (a wall has none)
+# Centre of the fcc sphere from a lattice site, in lattice constants. With radius_m/subsphere_radius_m from 12.029 to
+# 12.046 this cut holds 998 sub-spheres and 5181 touching pairs; no centre of symmetry gives these counts.
+FCC_CENTRE = (0.05, 0.10, 0.20)
+
+
+@dataclass(frozen=True)
+class SphereContainer:
+    radius_m: float
+
+    @property
+    def volume_m3(self) -> float:
+        return 4 / 3 * np.pi * self.radius_m**3
+
+    @property
+    def half_size_m(self) -> np.ndarray:
+        return np.full(3, self.radius_m)
+
+    def walls(self, x):
+        """Each wall as distances (n,) of points x (n, 3) inside it and the inward normals (n, 3)."""
+        r = np.sqrt((x**2).sum(1))
+        return [(self.radius_m - r, -x / np.maximum(r, 1e-300)[:, None])]
+
+    def in_units(self, length_m: float) -> SphereContainer:
+        return SphereContainer(self.radius_m / length_m)
+
+
+def _two_faces(x, axis, half):
+    """The walls at -half and +half of an axis."""
+    inward = np.eye(3)[axis]
+    return [(half + x[:, axis], np.tile(inward, (len(x), 1))), (half - x[:, axis], np.tile(-inward, (len(x), 1)))]
+
+
+@dataclass(frozen=True)
+class CylinderContainer:
+    """Axis along z, from -length/2 to length/2."""
+
+    radius_m: float
+    length_m: float
+
+    @property
+    def volume_m3(self) -> float:
+        return np.pi * self.radius_m**2 * self.length_m
+
+    @property
+    def half_size_m(self) -> np.ndarray:
+        return np.array([self.radius_m, self.radius_m, self.length_m / 2])
+
+    def walls(self, x):
+        r = np.sqrt((x[:, :2] ** 2).sum(1))
+        side = np.zeros_like(x)
+        side[:, :2] = -x[:, :2] / np.maximum(r, 1e-300)[:, None]
+        return [(self.radius_m - r, side), *_two_faces(x, 2, self.length_m / 2)]
+
+    def in_units(self, length_m: float) -> CylinderContainer:
+        return CylinderContainer(self.radius_m / length_m, self.length_m / length_m)
+
+
+@dataclass(frozen=True)
+class BoxContainer:
+    """Edges `length_m` (3,) along x, y, z, about the origin."""
+
+    length_m: tuple[float, float, float]
+
+    @property
+    def volume_m3(self) -> float:
+        return float(np.prod(self.length_m))
+
+    @property
+    def half_size_m(self) -> np.ndarray:
+        return np.array(self.length_m) / 2
+
+    def walls(self, x):
+        return [wall for k in range(3) for wall in _two_faces(x, k, self.length_m[k] / 2)]
+
+    def in_units(self, length_m: float) -> BoxContainer:
+        return BoxContainer(tuple(a / length_m for a in self.length_m))
+
+
+Container = SphereContainer | CylinderContainer | BoxContainer
+
+
+@dataclass(frozen=True)
+class Packing:
+    """n sub-spheres in a container about the origin: `center_m` (n, 3), `radius_m` (n,), the bonding radii."""
+
+    center_m: np.ndarray
+    radius_m: np.ndarray
+    container: Container
+
+    @property
+    def container_radius_m(self) -> float:
+        return self.container.radius_m
+
+    @property
+    def solid_fraction(self) -> float:
+        """Volume of the sub-spheres against the container's, its loose boundary layer included."""
+        return float(4 / 3 * np.pi * (self.radius_m**3).sum() / self.container.volume_m3)
+
+    @property
+    def coordination(self) -> float:
+        """Touching neighbours of a sub-sphere, on average."""
+        return 2 * len(near_pairs(self.center_m, self.radius_m, TOUCHING)) / len(self.radius_m)
+
+    @property
+    def max_overlap(self) -> float:
+        """Largest overlap of two sub-spheres, relative to the sum of their radii; 0 if none."""
+        i, j = near_pairs(self.center_m, self.radius_m, 0.0).T
+        distance = np.linalg.norm(self.center_m[j] - self.center_m[i], axis=1)
+        return float((1 - distance / (self.radius_m[i] + self.radius_m[j])).max(initial=0.0))
+
+    @property
+    def wall_gap_m(self) -> np.ndarray:
+        """(n,) distance of each sub-sphere to the nearest wall, negative where it sticks out."""
+        return np.min([distance for distance, _ in self.container.walls(self.center_m)], axis=0) - self.radius_m
+
+
+def pack_sphere(radius_m: float, count: int, seed: int, size_ratio: float = 1.5) -> Packing:
+    """A random dense packing of `count` sub-spheres in a sphere, turned so that sub-spheres touch both poles
+    (z = -radius_m to the overlap tolerance, z = +radius_m nearly).
+
+    `size_ratio` is the largest over the smallest radius, radii evenly spread between. One sub-sphere fills the
+    container. The same arguments give the same packing on the same kind of machine and library versions; elsewhere
+    round-off leads to another packing of the same quality.
+
+    Raises ValueError for a radius that is not positive, a count below 1, or a size_ratio outside 1..3.
+    """
+    packing = _pack(SphereContainer(radius_m), count, seed, size_ratio)
+    if count == 1:
+        return packing
+    return replace(packing, center_m=_touch_the_poles(packing))
+
+
+def pack_cylinder(radius_m: float, length_m: float, count: int, seed: int, size_ratio: float = 1.5) -> Packing:
+    """As `pack_sphere`, in a cylinder along z about the origin."""
+    return _pack(CylinderContainer(radius_m, length_m), count, seed, size_ratio)
+
+
+def pack_box(length_m: tuple[float, float, float], count: int, seed: int, size_ratio: float = 1.5) -> Packing:
+    """As `pack_sphere`, in a box with edges along x, y, z about the origin."""
+    return _pack(BoxContainer(tuple(map(float, length_m))), count, seed, size_ratio)
+
+
+def fcc_sphere(radius_m: float, subsphere_radius_m: float | None = None) -> Packing:
+    """Touching equal sub-spheres on a face-centred cubic lattice, all that lie whole inside the sphere.
+
+    By default radius_m/12.04, the agglomerate of the benchmarks: 998 sub-spheres, 5181 touching pairs. Raises
+    ValueError where not even one sub-sphere fits.
+    """
+    r = radius_m / 12.04 if subsphere_radius_m is None else subsphere_radius_m
+    if not 0 < r < np.inf or not 0 < radius_m < np.inf:
+        raise ValueError(f"radii {radius_m} and {r}: must be positive")
+    constant = 2 * np.sqrt(2) * r
+    steps = np.arange(-int(2 * radius_m / constant) - 2, int(2 * radius_m / constant) + 3)
+    site = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    center = constant * (site[site.sum(1) % 2 == 0] / 2 - FCC_CENTRE)
+    center = center[np.linalg.norm(center, axis=1) + r <= radius_m]
+    if len(center) == 0:
+        raise ValueError(f"subsphere_radius_m = {r}: no such sub-sphere of the lattice fits into {radius_m} m")
+    return Packing(center, np.full(len(center), r), SphereContainer(radius_m))
+
+
+def hull_depth_m(packing: Packing, direction: np.ndarray) -> np.ndarray:
+    """How far below the container's sphere the outermost sub-sphere is met by a ray from the centre.
+
+    `direction` (k, 3) unit vectors; returns (k,), inf where the ray meets none.
+    """
+    along = direction @ packing.center_m.T
+    miss2 = (packing.center_m**2).sum(1) - along**2
+    chord2 = packing.radius_m**2 - miss2
+    reach = np.where(chord2 >= 0, along + np.sqrt(np.maximum(chord2, 0.0)), -np.inf).max(axis=1)
+    return np.where(reach > 0, packing.container_radius_m - reach, np.inf)
+
+
+def plate_depth_m(packing: Packing, direction: np.ndarray) -> np.ndarray:
+    """How far below the container's sphere a flat plate facing `direction` (k, 3) first touches: (k,)."""
+    return packing.container_radius_m - (direction @ packing.center_m.T + packing.radius_m).max(axis=1)
+
+
+def near_pairs(center_m: np.ndarray, radius_m: np.ndarray, gap_tolerance: float) -> np.ndarray:
+    """(m, 2) pairs i < j, sorted, with a gap of at most `gap_tolerance` times the sum of the two radii."""
+    reach = 2 * radius_m.max() * (1 + gap_tolerance)
+    i, j = cKDTree(center_m).query_pairs(reach, output_type="ndarray").T
+    distance = np.linalg.norm(center_m[j] - center_m[i], axis=1)
+    near = distance <= (1 + gap_tolerance) * (radius_m[i] + radius_m[j])
+    pairs = np.column_stack([np.minimum(i, j), np.maximum(i, j)])[near]
+    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+
+def _pack(container: Container, count: int, seed: int, size_ratio: float) -> Packing:
+    if not np.all(np.isfinite(container.half_size_m) & (container.half_size_m > 0)):
+        raise ValueError(f"the size of {container} must be positive")
+    if count < 1:
+        raise ValueError(f"count = {count}: must be at least 1")
+    if not 1 <= size_ratio <= 3:
+        raise ValueError(f"size_ratio = {size_ratio}: must be from 1 to 3")
+    if count == 1:
+        return Packing(np.zeros((1, 3)), np.array([container.half_size_m.min()]), container)
+    # First by the largest size, so that a packing does not depend on its size even in round-off; then in units of the
+    # radius with which `count` equal sub-spheres would fill the container's whole volume.
+    size_m = float(container.half_size_m.max())
+    shape = container.in_units(size_m)
+    unit = (shape.volume_m3 / (4 / 3 * np.pi * count)) ** (1 / 3)
+    rng = np.random.default_rng(seed)
+    size = rng.permutation(np.linspace(1.0, size_ratio, count))
+    swelling = _Swelling(shape.in_units(unit), size / (size**3).mean() ** (1 / 3), rng)
+    for pressure in PRESSURES:
+        swelling.minimise(pressure)
+    center, radius = swelling.result()
+    return Packing(center * unit * size_m, radius * unit * size_m, container)
+
+
+class _Swelling:
+    """The state of the minimisation: centres x, scale s of the radii, neighbour list."""
+
+    def __init__(self, container: Container, size: np.ndarray, rng: np.random.Generator):
+        self.container, self.size, self.n = container, size, len(size)
+        self.scale = 0.5
+        self.x = _random_points(container, self.n, rng)
+        self._list_neighbours()
+
+    def _list_neighbours(self):
+        radius = self.scale * self.size
+        i, j = cKDTree(self.x).query_pairs(2 * radius.max() + SKIN, output_type="ndarray").T
+        near = np.sqrt(((self.x[j] - self.x[i]) ** 2).sum(1)) < radius[i] + radius[j] + SKIN
+        self.i, self.j = i[near], j[near]
+        self.sigma = self.size[self.i] + self.size[self.j]
+        self.listed_x, self.listed_scale = self.x.copy(), self.scale
+
+    def _refresh_neighbours(self):
+        moved = np.sqrt(((self.x - self.listed_x) ** 2).sum(1).max())
+        swollen = (self.scale - self.listed_scale) * self.size.max()
+        if 2 * (moved + swollen) > SKIN:
+            self._list_neighbours()
+
+    def forces(self, pressure: float):
+        """-dH/dx (n, 3) and -dH/d(ln s)."""
+        self._refresh_neighbours()
+        branch = self.x[self.j] - self.x[self.i]
+        distance = np.sqrt((branch**2).sum(1))
+        sigma = self.scale * self.sigma
+        touching = np.flatnonzero(distance < sigma)
+        i, j, distance, sigma = self.i[touching], self.j[touching], distance[touching], sigma[touching]
+        overlap = 1 - distance / sigma
+        push = (overlap / (sigma * distance))[:, None] * branch[touching]
+        force = np.zeros_like(self.x)
+        for k in range(3):
+            force[:, k] += np.bincount(j, push[:, k], self.n) - np.bincount(i, push[:, k], self.n)
+        squeeze = (overlap * (1 - overlap)).sum()
+        radius = self.scale * self.size
+        for distance, normal in self.container.walls(self.x):
+            overlap = np.maximum(1 - distance / radius, 0.0)
+            force += (overlap / radius)[:, None] * normal
+            squeeze += (overlap * (1 - overlap)).sum()
+        return force, pressure * self.n - squeeze
+
+    def minimise(self, pressure: float, tolerance: float = 0.02, max_steps: int = 20000):
+        """FIRE until the rms force on a sub-sphere is below `tolerance` times the pressure."""
+        dt, dt_max, mixing, uphill_free = 0.1, 1.0, 0.1, 0
+        v, v_scale = np.zeros_like(self.x), 0.0
+        for _ in range(max_steps):
+            f, f_scale = self.forces(pressure)
+            ff = (f**2).sum() + f_scale**2 / self.n
+            if ff < self.n * (tolerance * pressure) ** 2:
+                return
+            power = (f * v).sum() + f_scale * v_scale
+            if power > 0:
+                blend = mixing * np.sqrt(((v**2).sum() + self.n * v_scale**2) / ff)
+                v = (1 - mixing) * v + blend * f
+                v_scale = (1 - mixing) * v_scale + blend * f_scale / self.n
+                uphill_free += 1
+                if uphill_free > 5:
+                    dt, mixing = min(1.1 * dt, dt_max), 0.99 * mixing
+            else:
+                v, v_scale, uphill_free = np.zeros_like(v), 0.0, 0
+                dt, mixing = 0.5 * dt, 0.1
+            v += dt * f
+            v_scale += dt * f_scale / self.n
+            self.x = self.x + dt * v
+            self.scale *= np.exp(dt * v_scale)
+        raise RuntimeError("the packing did not come to rest")
+
+    def result(self):
+        """Centres and radii, shrunk a last time where an overlap is above the tolerance."""
+        radius = self.scale * self.size
+        i, j = near_pairs(self.x, radius, 0.0).T
+        distance = np.sqrt(((self.x[j] - self.x[i]) ** 2).sum(1))
+        clear = min((distance / (radius[i] + radius[j])).min(initial=1.0),
+                    *((distance / radius).min() for distance, _ in self.container.walls(self.x)))
+        return self.x, radius * min(1.0, clear / (1 - OVERLAP_TOLERANCE))
+
+
+def _random_points(container: Container, count: int, rng: np.random.Generator) -> np.ndarray:
+    points = np.zeros((0, 3))
+    while len(points) < count:
+        x = rng.uniform(-1, 1, (2 * count, 3)) * container.half_size_m
+        inside = np.all([distance > 0 for distance, _ in container.walls(x)], axis=0)
+        points = np.vstack([points, x[inside]])
+    return points[:count]
+
+
+def _touch_the_poles(packing: Packing) -> np.ndarray:
+    """Centres turned so that one sub-sphere touches the lowest point and its best antipode nearly the highest.
+
+    Any turn leaves a random packing random; this one makes the height of every stone the container's diameter.
+    """
+    at_wall = np.flatnonzero(packing.wall_gap_m < TOUCHING * packing.radius_m)
+    direction = packing.center_m[at_wall] / np.maximum(np.linalg.norm(packing.center_m[at_wall], axis=1), 1e-300)[:, None]
+    down, up = np.unravel_index(np.argmin(direction @ direction.T), (len(at_wall), len(at_wall)))
+    turn, _ = Rotation.align_vectors([[0, 0, -1], [0, 0, 1]], direction[[down, up]], weights=[np.inf, 1])
+    return turn.apply(packing.center_m)
