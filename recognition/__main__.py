@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from analysis import RecordError, read_sweep
-from analysis.records import read_table
+from analysis.readers import read_table
 from recognition.errors import RecognitionError
 from recognition.models import Model
 
