@@ -85,7 +85,8 @@ def test_packed_kernels_agree_with_the_naive_twin(tmp_path, kernel):
     assert np.abs(a.x[-1] - b.x[-1]).max() < 1e-12
 
 
-def strike(directory, kernel="auto", ranks=1, tension=2e6, damping=0.05, steps=2000, speed=5.0, extra="", **bond):
+def strike(directory, kernel="auto", ranks=1, tension=2e6, damping=0.05, steps=2000, speed=5.0, elastic=False, extra="",
+           **bond):
     """A ball on the rigid plate, its own deck; returns (body, dt)."""
     body = fcc_ball(5)
     body.center_m[:, 2] += 1e-5 - (body.center_m[:, 2] - body.radius_m).min()
@@ -95,8 +96,10 @@ def strike(directory, kernel="auto", ranks=1, tension=2e6, damping=0.05, steps=2
     wall = ("fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
             "contact model hertz tangential history primitive type 2 zplane 0.0\n")
     bonds = bond_line(E, RATIO, tension=tension, shear=tension, damping_time=2 * damping * t0, kernel=kernel, **bond)
-    run_engine(directory, deck(dt, steps, steps // 40, wall + extra, bonds,
-                               f"velocity all set 0.3 0.2 {-speed} units box\n"), ranks)
+    text = deck(dt, steps, steps // 40, wall + extra, bonds, f"velocity all set 0.3 0.2 {-speed} units box\n")
+    if elastic:
+        text = text.replace("0.9 0.9 0.9 0.9", "1 1 1 1").replace(" tangential history", "")
+    run_engine(directory, text, ranks)
     return body, dt
 
 
@@ -151,3 +154,27 @@ def test_a_free_spinning_body_keeps_energy_and_angular_momentum(tmp_path):
     assert np.abs(momentum - momentum[0]).max() < 1e-6 * np.linalg.norm(momentum[0])
     energy = (rows.column["kinetic_J"] + rows.column["bond_elastic_J"])[:, 0]
     assert np.abs(energy - energy[0]).max() < 1e-6 * energy[0]
+
+
+def test_a_run_restarted_in_mid_contact_goes_on_the_same(tmp_path):
+    """Write a restart while bonds break and the wall pushes, read it, go on: the same events, positions to round-off.
+
+    Without dampers: LIGGGHTS computes the first forces of a restarted run from velocities half a step later.
+    """
+    strike(tmp_path, damping=0.0, elastic=True, extra="restart 100 mid.*\n")
+    whole = frames(tmp_path)
+    events = (tmp_path / "events.csv").read_text().splitlines()
+    at = {int(line.split(",")[0]) for line in events[1:]}
+    assert min(at) < 100 < max(at)
+    for name in ("view.dump", "forces.bin", "ledger.bin", "events.csv"):
+        (tmp_path / name).unlink()
+    text = (tmp_path / "deck.liggghts").read_text()
+    text = text.replace("read_data atoms.data", "read_restart mid.100")
+    first = ("velocity", "boundary", "atom_style", "restart", "run")
+    text = "\n".join(line for line in text.splitlines() if not line.startswith(first))
+    run_engine(tmp_path, text + f"\nrun {2000 - 100}\n")
+    again = frames(tmp_path)
+    assert again.step[-1] == whole.step[-1] == 2000
+    rest = (tmp_path / "events.csv").read_text().splitlines()
+    assert rest[1:] == [line for line in events[1:] if int(line.split(",")[0]) > 100]
+    assert np.abs(again.x[-1] - whole.x[-1]).max() < 1e-12
