@@ -1,0 +1,56 @@
+"""Command line: python -m plate_fem modes SCENE."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from plate_fem.modes import plate_modes
+from plate_fem.scene import read_plate
+from plate_fem.tables import InputError
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(prog="python -m plate_fem", description="The plate of a scene.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    modes = commands.add_parser("modes", help="print the natural frequencies of the scene's plate")
+    modes.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
+    modes.add_argument("--out", metavar="FILE", type=Path, help="also write the mode shapes to FILE (.vtu)")
+    options = parser.parse_args(arguments)
+    try:
+        show_modes(options.scene, options.out)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+def show_modes(scene, out=None):
+    """Print mode number, frequency and damping of a scene's plate; write the shapes to `out` if given."""
+    plate = read_plate(scene)
+    if plate.model == "rigid":
+        raise InputError(f"{scene}: plate.model = 'rigid': must be 'flexible' to have modes")
+    if out is not None and out.suffix != ".vtu":
+        raise InputError(f"--out = {out}: the name must end in .vtu")
+    modes = plate_modes(plate)
+    print(f"# {modes.theory} plate, {len(modes.quad)} cells, mass {modes.mass_kg:.6g} kg")
+    print(f"{'mode':>5} {'Hz':>12} {'damping':>9}")
+    for number, (frequency, damping) in enumerate(zip(modes.frequency_Hz, modes.damping_ratio), 1):
+        print(f"{number:5d} {frequency:12.4f} {damping:9.5f}")
+    if out is not None:
+        write_shapes(modes, out)
+
+
+def write_shapes(modes, out):
+    """Write the mesh with one vertical displacement field per mode, scaled to a largest value of one."""
+    import meshio
+
+    points = np.column_stack([modes.node_m, np.zeros(len(modes.node_m))])
+    shape = modes.shape / abs(modes.shape).max(axis=0)
+    fields = {f"mode_{j:03d}_{f:.1f}_Hz": s for j, (f, s) in enumerate(zip(modes.frequency_Hz, shape.T), 1)}
+    meshio.Mesh(points, [("quad", modes.quad)], point_data=fields).write(out, file_format="vtu")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,105 @@
+"""Mesh lines of the rectangular plate, and the criteria that choose theory and mesh size."""
+
+import itertools
+import math
+
+import numpy as np
+import skfem
+
+SHEAR_ERROR_ALLOWED = 0.005  # Kirchhoff is used while its highest frequency is at most this much too high
+CELLS_PER_WAVELENGTH = 4.0
+
+
+def shear_factor(poisson_ratio):
+    """Shear correction factor 5 / (6 - nu) of a plate (Stephen 1997, J. Sound Vib. 202:539)."""
+    return 5.0 / (6.0 - poisson_ratio)
+
+
+def bending_stiffness(plate):
+    """D = E t^3 / (12 (1 - nu^2)), in N m."""
+    return plate.youngs_modulus_Pa * plate.thickness_m**3 / (12 * (1 - plate.poisson_ratio**2))
+
+
+def bending_wavenumber(plate, frequency_Hz):
+    """Wavenumber (1/m) of bending waves of a thin plate at `frequency_Hz`."""
+    mass_per_area = plate.density_kg_m3 * plate.thickness_m
+    return math.sqrt(2 * math.pi * frequency_Hz * math.sqrt(mass_per_area / bending_stiffness(plate)))
+
+
+def kirchhoff_error(plate):
+    """Relative excess of Kirchhoff's frequency over Mindlin's at the highest mode kept.
+
+    First term of the expansion in k t of the two dispersion relations (k the bending wavenumber):
+    (k t)^2 / 24 * (1 + 2 / (kappa (1 - nu))); the first part is rotary inertia, the second shear.
+    """
+    kt = bending_wavenumber(plate, plate.max_frequency_Hz) * plate.thickness_m
+    nu = plate.poisson_ratio
+    return kt**2 / 24 * (1 + 2 / (shear_factor(nu) * (1 - nu)))
+
+
+def choose_theory(plate):
+    """"kirchhoff" or "mindlin": the scene's word, or the criterion `kirchhoff_error` if it says "auto"."""
+    if plate.theory != "auto":
+        return plate.theory
+    return "kirchhoff" if kirchhoff_error(plate) <= SHEAR_ERROR_ALLOWED else "mindlin"
+
+
+def mesh_size(plate):
+    """Largest cell side (m): the scene's `mesh_size_m`, or the default."""
+    return default_mesh_size(plate) if plate.mesh_size_m is None else plate.mesh_size_m
+
+
+def default_mesh_size(plate):
+    """A quarter of the bending wavelength at `max_frequency_Hz`, at most a quarter of a side."""
+    wavelength = 2 * math.pi / bending_wavenumber(plate, plate.max_frequency_Hz)
+    return min(wavelength / CELLS_PER_WAVELENGTH, plate.length_m / 4, plate.width_m / 4)
+
+
+def mesh_lines(plate):
+    """Grid lines (lines_x_m, lines_y_m), ascending, from edge to edge.
+
+    Point supports lie on grid lines. By default each rod's disc spans four cells and cells grow away
+    from it; a scene's `mesh_size_m` refines these in the same proportion.
+    """
+    largest = mesh_size(plate)
+    scale = largest / default_mesh_size(plate)
+    lines = []
+    for axis, side in (("x_m", plate.length_m), ("y_m", plate.width_m)):
+        fixed = [-side / 2, side / 2]
+        fixed += [getattr(support, axis) for support in plate.point_supports]
+        fine = []
+        for rod in plate.rods:
+            centre, radius = getattr(rod, axis), rod.diameter_m / 2
+            fixed += [centre - radius, centre, centre + radius]
+            fine.append((centre, radius, scale))
+        lines.append(_graded(_distinct(fixed, 1e-6 * side), largest, fine))
+    return lines
+
+
+def _distinct(values, tolerance):
+    values = np.unique(values)
+    return values[np.append(True, np.diff(values) > tolerance)]
+
+
+def _graded(fixed, largest, fine):
+    """Fill the gaps between fixed lines with cells no larger than `largest`, finer near rods."""
+
+    def size(x):  # wanted cell size at x
+        return min([largest] + [0.5 * scale * max(r, abs(x - c) - r) for c, r, scale in fine])
+
+    lines = [fixed[0]]
+    for a, b in itertools.pairwise(fixed):
+        x = np.linspace(a, b, 65)
+        density = np.array([1 / size(v) for v in x])
+        count = np.append(0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(x)))  # cells up to x
+        n = max(1, math.ceil(count[-1] - 1e-9))
+        lines.extend(np.interp(np.arange(1, n + 1) / n * count[-1], count, x))
+    return np.array(lines)
+
+
+def quad_mesh(lines_x_m, lines_y_m):
+    """scikit-fem mesh of the grid; node (i, j) has number i * len(lines_y_m) + j."""
+    x, y = np.meshgrid(lines_x_m, lines_y_m, indexing="ij")
+    number = np.arange(x.size).reshape(x.shape)
+    corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
+    return skfem.MeshQuad(np.vstack([x.ravel(), y.ravel()]), np.vstack([c.ravel() for c in corners]))

@@ -1,0 +1,63 @@
+"""Bending stress at the top surface of the plate, recovered mode by mode."""
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+from skfem.helpers import dd, grad
+
+
+def surface_stress(modes, amplitude):
+    """Stress (n_nodes, 3) in Pa at the top surface, columns sx, sy, txy; the bottom has the opposite sign.
+
+    modes: PlateModes; amplitude (n,). The local stress under a contact is not in it.
+    """
+    return modes.surface_stress @ amplitude
+
+
+def von_mises(stress):
+    """Von Mises stress (...,) of plane stress (..., 3) with columns sx, sy, txy."""
+    sx, sy, txy = np.moveaxis(np.asarray(stress), -1, 0)
+    return np.sqrt(sx**2 - sx * sy + sy**2 + 3 * txy**2)
+
+
+def curvature_operator(system):
+    """Function from unknowns u (system.size, n) to curvatures (3, n_nodes, n) at the nodes, in 1/m.
+
+    Curvatures theta_x,x, theta_y,y and theta_x,y + theta_y,x (with theta = grad w in Kirchhoff's theory)
+    are least-squares projections of the discontinuous derivatives on continuous biquadratics.
+    """
+    target = system.basis_w.with_element(skfem.ElementQuad2())
+    mass = skfem.BilinearForm(lambda u, v, _: u * v).assemble(target)
+    solve = sp.linalg.splu(mass.tocsc()).solve
+    rows = _kirchhoff_rows(system, target) if system.theory == "kirchhoff" else _mindlin_rows(system, target)
+
+    def curvature(u):
+        return np.array([solve(row @ u)[target.nodal_dofs[0]] for row in rows])
+
+    return curvature
+
+
+def _kirchhoff_rows(system, target):
+    def moments(i, j, factor):
+        matrix = skfem.BilinearForm(lambda u, v, _: factor * dd(u)[i, j] * v).assemble(system.basis_w, target)
+        return sp.csr_array(matrix)[:, system.order_w]
+
+    return [moments(0, 0, 1.0), moments(1, 1, 1.0), moments(0, 1, 2.0)]
+
+
+def _mindlin_rows(system, target):
+    derivative = [
+        skfem.BilinearForm(lambda u, v, _, i=i: grad(u)[i] * v).assemble(system.rotation_basis, target) for i in (0, 1)
+    ]
+    zero_w, zero_t = (sp.csr_array((target.N, b.N)) for b in (system.basis_w, system.rotation_basis))
+    blocks = [(derivative[0], zero_t), (zero_t, derivative[1]), (derivative[1], derivative[0])]
+    return [sp.csr_array(sp.hstack([zero_w, *block])) for block in blocks]
+
+
+def modal_surface_stress(system, u):
+    """Stress (n_nodes, 3, n) at the top surface for each column of unknowns u (system.size, n)."""
+    plate = system.plate
+    nu = plate.poisson_ratio
+    kx, ky, kxy = curvature_operator(system)(u)
+    scale = -plate.youngs_modulus_Pa * plate.thickness_m / 2 / (1 - nu**2)  # in-plane displacement is -z theta
+    return scale * np.stack([kx + nu * ky, ky + nu * kx, (1 - nu) / 2 * kxy], axis=1)

@@ -1,0 +1,159 @@
+"""Stiffness and mass matrices of the plate, for thin (Kirchhoff) and shear-flexible (Mindlin) theory.
+
+Deflection w is bicubic and C1 (Bogner-Fox-Schmit) in both. Mindlin's rotations are continuous bicubics,
+a space that contains the gradient of every such w: the thin limit theta = grad w is reached without any
+loss of freedom, so the element cannot lock, with full integration and no tricks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+from skfem.helpers import dd, ddot, dot, grad
+
+from plate_fem import hermite, mesh
+
+
+@dataclass(frozen=True)
+class PlateSystem:
+    """Matrices over all unknowns u: [w, w_x, w_y, w_xy] at nodes, then theta_x, theta_y (Mindlin).
+
+    stiffness, mass: sparse (n, n). fixed: unknowns held by the edges.
+    """
+
+    plate: object
+    theory: str
+    lines_x_m: np.ndarray
+    lines_y_m: np.ndarray
+    stiffness: sp.csr_array
+    mass: sp.csr_array
+    fixed: np.ndarray
+    basis_w: skfem.Basis
+    order_w: np.ndarray  # number in basis_w of each deflection unknown
+    rotation_basis: skfem.Basis | None = None  # of one rotation (Mindlin)
+
+    @property
+    def n_nodes(self):
+        return len(self.lines_x_m) * len(self.lines_y_m)
+
+    @property
+    def size(self):
+        return self.stiffness.shape[0]
+
+    def deflection(self, points_m, derivative=(0, 0)):
+        """Sparse (k, n) matrix that evaluates w, or a derivative of it, at points (k, 2)."""
+        rows = hermite.interpolation(self.lines_x_m, self.lines_y_m, points_m, derivative)
+        return sp.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], self.size))
+
+    def rotation(self, points_m, axis):
+        """Sparse (k, n) matrix that evaluates theta_x (axis 0) or theta_y (axis 1) at points (k, 2)."""
+        if self.theory == "kirchhoff":
+            return self.deflection(points_m, (1, 0) if axis == 0 else (0, 1))
+        rows = sp.coo_array(self.rotation_basis.probes(np.asarray(points_m, float).T))
+        start = 4 * self.n_nodes + axis * self.rotation_basis.N
+        return sp.csr_array((rows.data, (rows.row, rows.col + start)), shape=(rows.shape[0], self.size))
+
+
+def assemble(plate):
+    """Return the `PlateSystem` of a flexible plate, without rods and supports."""
+    theory = mesh.choose_theory(plate)
+    lines_x, lines_y = mesh.mesh_lines(plate)
+    quads = mesh.quad_mesh(lines_x, lines_y)
+    basis_w = skfem.Basis(quads, skfem.ElementQuadBFS(), intorder=6)
+    build = _kirchhoff if theory == "kirchhoff" else _mindlin
+    stiffness, mass, fixed, rotation_basis = build(plate, quads, basis_w)
+    order = _blockwise(basis_w, stiffness.shape[0])
+    position = np.argsort(order)
+    return PlateSystem(
+        plate, theory, lines_x, lines_y,
+        sp.csr_array(stiffness)[order][:, order], sp.csr_array(mass)[order][:, order],
+        position[fixed], basis_w, order[: basis_w.N], rotation_basis,
+    )  # fmt: skip
+
+
+def _blockwise(basis_w, size):
+    """Old numbers of the unknowns in their new order: w of all nodes first, then w_x, w_y, w_xy."""
+    return np.concatenate([basis_w.nodal_dofs.ravel(), np.arange(basis_w.N, size)])
+
+
+def _bending(plate):
+    """Bending energy of the rotation gradient g (2 x 2): D [(1 - nu) sym g : sym g + nu (tr g)^2]."""
+    stiffness, nu = mesh.bending_stiffness(plate), plate.poisson_ratio
+
+    def form(g, h):
+        trace_g, trace_h = g[0, 0] + g[1, 1], h[0, 0] + h[1, 1]
+        symmetric = (g + np.swapaxes(g, 0, 1)) / 2
+        return stiffness * ((1 - nu) * ddot(symmetric, h) + nu * trace_g * trace_h)
+
+    return form
+
+
+def _kirchhoff(plate, quads, basis_w):
+    bending = _bending(plate)
+    mass_per_area = plate.density_kg_m3 * plate.thickness_m
+    stiffness = skfem.BilinearForm(lambda u, v, _: bending(dd(u), dd(v))).assemble(basis_w)
+    mass = skfem.BilinearForm(lambda u, v, _: mass_per_area * u * v).assemble(basis_w)
+    names = {"free": ([], []), "simply_supported": (["u", "u_y"], ["u", "u_x"]), "clamped": (_ALL, _ALL)}
+    return stiffness, mass, _edge_unknowns(plate, quads, basis_w, *names[plate.edges]), None
+
+
+_ALL = ["u", "u_x", "u_y", "u_xy"]
+
+
+def _mindlin(plate, quads, basis_w):
+    basis_t = skfem.Basis(quads, skfem.ElementQuadP(3), intorder=6)
+    nu, t = plate.poisson_ratio, plate.thickness_m
+    shear = mesh.shear_factor(nu) * plate.youngs_modulus_Pa / (2 * (1 + nu)) * t
+    mass_per_area = plate.density_kg_m3 * t
+    bending = _bending(plate)
+
+    def rotation_gradient(u, axis):
+        g = np.zeros((2, *grad(u).shape))
+        g[axis] = grad(u)
+        return g
+
+    def rotations(i, j):
+        def form(u, v, _):
+            value = bending(rotation_gradient(u, i), rotation_gradient(v, j))
+            return value + shear * u * v if i == j else value
+
+        return skfem.BilinearForm(form).assemble(basis_t)
+
+    k_ww = skfem.BilinearForm(lambda u, v, _: shear * dot(grad(u), grad(v))).assemble(basis_w)
+    k_wt = [skfem.BilinearForm(lambda u, v, _, i=i: -shear * u * grad(v)[i]).assemble(basis_t, basis_w) for i in (0, 1)]
+    k_tt = [[rotations(j, i) for j in (0, 1)] for i in (0, 1)]
+    stiffness = sp.block_array(
+        [[k_ww, k_wt[0], k_wt[1]], [k_wt[0].T, k_tt[0][0], k_tt[0][1]], [k_wt[1].T, k_tt[1][0], k_tt[1][1]]]
+    )
+    m_w = skfem.BilinearForm(lambda u, v, _: mass_per_area * u * v).assemble(basis_w)
+    m_t = skfem.BilinearForm(lambda u, v, _: mass_per_area * t**2 / 12 * u * v).assemble(basis_t)
+    return stiffness, sp.block_diag([m_w, m_t, m_t]), _mindlin_edges(plate, quads, basis_w, basis_t), basis_t
+
+
+def _mindlin_edges(plate, quads, basis_w, basis_t):
+    """Simply supported edges are hard: w and the rotation along the edge are zero."""
+    if plate.edges == "free":
+        return np.array([], int)
+    on_x, on_y = _edge_facets(plate, quads)
+    held_w = _edge_unknowns(plate, quads, basis_w, ["u", "u_y"], ["u", "u_x"])
+    dofs_x, dofs_y = basis_t.get_dofs(on_x).all(), basis_t.get_dofs(on_y).all()
+    if plate.edges == "clamped":
+        dofs_x = dofs_y = np.union1d(dofs_x, dofs_y)
+    # theta_y is the rotation along edges x = const, theta_x along edges y = const
+    return np.concatenate([held_w, basis_w.N + dofs_y, basis_w.N + basis_t.N + dofs_x])
+
+
+def _edge_facets(plate, quads):
+    on_x = quads.facets_satisfying(lambda x: np.isclose(abs(x[0]), plate.length_m / 2), boundaries_only=True)
+    on_y = quads.facets_satisfying(lambda x: np.isclose(abs(x[1]), plate.width_m / 2), boundaries_only=True)
+    return on_x, on_y
+
+
+def _edge_unknowns(plate, quads, basis_w, names_x, names_y):
+    """Deflection unknowns to hold on the edges x = const and y = const, by name."""
+    held = [np.array([], int)]
+    for facets, names in zip(_edge_facets(plate, quads), (names_x, names_y)):
+        if names:
+            held.append(basis_w.get_dofs(facets).all(names))
+    return np.unique(np.concatenate(held))

@@ -1,0 +1,141 @@
+"""Scene tables: read a TOML file and check its values, with one line per mistake."""
+
+import tomllib
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
+
+
+class InputError(ValueError):
+    """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
+
+
+class Refused(ValueError):
+    """Raised by a validator to refuse one value of its table.
+
+    key is a path inside the table ("rods.0.x_m"), value what was given, allowed what would be accepted.
+    """
+
+    def __init__(self, key, value, allowed):
+        super().__init__(allowed)
+        self.key, self.value, self.allowed = key, value, allowed
+
+
+class Table(BaseModel):
+    """A table of a scene: no unknown keys, no coercion of types, finite numbers, immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lists_as_tuples(cls, data):
+        if not isinstance(data, dict):
+            return data
+        return {key: tuple(v) if isinstance(v, list) else v for key, v in data.items()}
+
+
+def read_toml(path):
+    """Return the content of a TOML file as a dict; InputError if it cannot be read."""
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a TOML file: {error}") from None
+
+
+def check(model_class, data, file, where=""):
+    """Return `data` as an instance of `model_class`.
+
+    model_class: a `Table`, or a (discriminated) union of them. data: the dict read from the file.
+    file, where: name of the file and key path of the table, for the message.
+    Raises InputError for the first mistake; an unknown key comes first, since it explains a missing one.
+    """
+    try:
+        return TypeAdapter(model_class).validate_python(data)
+    except ValidationError as error:
+        mistakes = error.errors()
+        unknown = [m for m in mistakes if m["type"] == "extra_forbidden"]
+        message = _describe((unknown or mistakes)[0], model_class, data, where)
+        raise InputError(f"{file}: {message}") from None
+
+
+def _describe(mistake, model_class, data, where):
+    kind, context = mistake["type"], mistake.get("ctx", {})
+    keys, value = _key_path(mistake["loc"], data, keep_last=kind == "missing")
+    if kind == "union_tag_not_found":
+        keys, kind = [*keys, context["discriminator"].strip("'")], "missing"
+    elif kind == "union_tag_invalid":
+        tag = context["discriminator"].strip("'")
+        keys, value = [*keys, tag], context["tag"]
+        allowed = f"must be one of {context['expected_tags']}"
+    elif kind == "extra_forbidden":
+        allowed = f"unknown key; allowed here: {', '.join(_allowed_keys(model_class, data, keys[:-1]))}"
+    elif kind == "value_error" and isinstance(context["error"], Refused):
+        refused = context["error"]
+        keys, value, allowed = [*keys, refused.key], refused.value, refused.allowed
+    else:
+        allowed = _allowed(mistake)
+    path = ".".join([where, *keys] if where else keys) or "(top level)"
+    if kind == "missing":
+        return f"{path} is missing: a value must be given"
+    return f"{path} = {_short(value)}: {allowed}"
+
+
+def _allowed(mistake):
+    text = mistake["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    text = text.replace("should", "must").replace("tuple", "list")
+    return text[0].lower() + text[1:]
+
+
+def _key_path(location, data, keep_last):
+    """Keys as written in the file and the value there; union tags, which are not in the data, are left out."""
+    keys = []
+    for depth, part in enumerate(location):
+        missing = keep_last and depth == len(location) - 1
+        if isinstance(data, dict):
+            present = part in data
+        else:
+            present = isinstance(part, int) and isinstance(data, (list, tuple)) and part < len(data)
+        if present:
+            data = data[part]
+        if present or missing:
+            keys.append(str(part))
+    return keys, data
+
+
+def _allowed_keys(model_class, data, keys):
+    """Field names of the table at `keys`, found by asking for a key that cannot exist."""
+    schema = TypeAdapter(model_class).json_schema()
+    node = schema
+    for key in [*keys, None]:
+        node = _resolve(schema, node, data)
+        if key is None:
+            return sorted(node.get("properties", {}))
+        if key.isdigit() and isinstance(data, (list, tuple)):
+            data = data[int(key)]
+            node = node["items"]
+        else:
+            data = data[key]
+            node = node.get("properties", {}).get(key) or node["additionalProperties"]
+
+
+def _resolve(schema, node, data):
+    """Follow references and unions of a JSON schema to the table that `data` was checked against."""
+    while True:
+        if "$ref" in node:
+            node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
+        elif "discriminator" in node:
+            choice = node["discriminator"]
+            node = {"$ref": choice["mapping"][data[choice["propertyName"]]]}
+        elif "anyOf" in node:
+            node = next(n for n in node["anyOf"] if n.get("type") != "null")
+        else:
+            return node
+
+
+def _short(value):
+    text = repr(value).replace("\n", " ")
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,33 @@
+"""Plates used by several tests."""
+
+import math
+
+from plate_fem.mesh import bending_stiffness
+from plate_fem.scene import PlateTable
+from plate_fem.tables import check
+
+STEEL = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 207e9, "poisson_ratio": 0.3}
+TABLE = {
+    "model": "flexible", "length_m": 0.5, "width_m": 0.5, "thickness_m": 0.02, **STEEL,
+    "max_frequency_Hz": 20e3, "damping_ratio": 0.01,
+}  # fmt: skip
+SUPPORTS_AT_CORNERS = [{"x_m": a * 0.25, "y_m": b * 0.25} for a in (-1, 1) for b in (-1, 1)]
+
+
+def plate(**changes):
+    """A steel plate of 0.5 x 0.5 x 0.02 m with some keys changed."""
+    return check(PlateTable, {**TABLE, **changes}, "test", "plate")
+
+
+def rod(x_m, y_m, **changes):
+    return {"x_m": x_m, "y_m": y_m, "diameter_m": 0.02, "length_m": 0.1, **STEEL, **changes}
+
+
+def four_rods(**changes):
+    return [rod(a * 0.2, b * 0.2, **changes) for a in (-1, 1) for b in (-1, 1)]
+
+
+def frequency_factor(plate):
+    """Factor from frequency in Hz to omega a^2 sqrt(rho h / D), a the length."""
+    mass_per_area = plate.density_kg_m3 * plate.thickness_m
+    return 2 * math.pi * plate.length_m**2 * math.sqrt(mass_per_area / bending_stiffness(plate))

@@ -1,0 +1,128 @@
+"""Modal motion against an independent integrator, and its conservation laws."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from plate_fem.motion import ModalMotion
+
+FREQUENCY_Hz = np.array([0.0, 0.0, 3.0, 180.0, 181.0, 2345.0, 19900.0])
+
+
+def motion_of(damping, interval_s, frequency_Hz=FREQUENCY_Hz, seed=0):
+    modes = SimpleNamespace(frequency_Hz=frequency_Hz, damping_ratio=np.full(len(frequency_Hz), damping))
+    motion = ModalMotion(modes, interval_s)
+    rng = np.random.default_rng(seed)
+    motion.set_state({"amplitude": rng.normal(size=len(frequency_Hz)) * 1e-4, "rate": rng.normal(size=len(frequency_Hz))})
+    return motion
+
+
+def integrate(motion, damping, force, duration_s):
+    """Amplitude, rate, work and damped energy by DOP853."""
+    n, omega = len(FREQUENCY_Hz), 2 * np.pi * FREQUENCY_Hz
+
+    def slope(t, y):
+        q, v = y[:n], y[n : 2 * n]
+        f = force(t)
+        loss = 2 * damping * omega * v
+        return np.concatenate([v, f - loss - omega**2 * q, [f @ v, loss @ v]])
+
+    start = np.concatenate([motion.amplitude, motion.rate, [0, 0]])
+    y = solve_ivp(slope, (0, duration_s), start, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    return y[:n], y[n : 2 * n], y[-2], y[-1]
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.02])
+@pytest.mark.parametrize("kind", ["constant", "linear"])
+@pytest.mark.parametrize("interval_s", [5e-6, 2.2e-4])  # the second turns the highest mode four times
+def test_agrees_with_dop853(damping, kind, interval_s):
+    motion = motion_of(damping, interval_s)
+    rng = np.random.default_rng(3)
+    f0, f1 = rng.normal(size=(2, len(FREQUENCY_Hz))) * 50
+    if kind == "constant":
+        f1 = f0
+    amplitude, rate, work, damped = integrate(
+        motion, damping, lambda t: f0 + (f1 - f0) * t / interval_s, interval_s
+    )
+    if kind == "constant":
+        motion.advance(f0)
+    else:
+        motion.advance_linear(f0, f1)
+    assert motion.amplitude == pytest.approx(amplitude, rel=1e-9, abs=1e-9 * abs(amplitude).max())
+    assert motion.rate == pytest.approx(rate, rel=1e-9, abs=1e-9 * abs(rate).max())
+    assert motion.work_J == pytest.approx(work, rel=1e-9)
+    assert motion.damped_J == pytest.approx(damped, rel=1e-9, abs=1e-9)
+
+
+def test_a_million_free_steps_keep_the_energy_of_every_mode():
+    motion = motion_of(0.0, 5e-6, FREQUENCY_Hz[2:])
+    omega, force = 2 * np.pi * FREQUENCY_Hz[2:], np.zeros(5)
+
+    def energy():
+        return (motion.rate**2 + (omega * motion.amplitude) ** 2) / 2
+
+    start = energy()
+    for _ in range(1_000_000):
+        motion.amplitude, motion.rate = motion.predict(force)
+    assert energy().sum() == pytest.approx(start.sum(), rel=1e-12, abs=0)
+    assert energy() == pytest.approx(start, rel=1e-12, abs=0)
+
+
+def test_many_intervals_at_once_are_many_single_ones():
+    one, many = motion_of(0.01, 5e-6), motion_of(0.01, 5e-6)
+    force = np.linspace(-30, 40, len(FREQUENCY_Hz))
+    for _ in range(700):
+        one.advance(force)
+    many.advance(force, 700)
+    assert one.amplitude == pytest.approx(many.amplitude, rel=1e-11, abs=1e-17)
+    assert one.rate == pytest.approx(many.rate, rel=1e-11, abs=1e-12)
+    assert one.damped_J == pytest.approx(many.damped_J, rel=1e-9)
+
+
+def test_predict_is_advance_without_the_change():
+    motion = motion_of(0.01, 5e-6)
+    before, force = motion.get_state(), np.ones(len(FREQUENCY_Hz))
+    amplitude, rate = motion.predict(force)
+    assert all(np.array_equal(before[k], motion.get_state()[k]) for k in before)
+    motion.advance(force)
+    assert np.array_equal(motion.amplitude, amplitude) and np.array_equal(motion.rate, rate)
+
+
+def test_state_round_trip_repeats_the_run_to_the_bit():
+    motion, force = motion_of(0.01, 5e-6), np.ones(len(FREQUENCY_Hz))
+    motion.advance(force)
+    state = motion.get_state()
+    motion.advance(2 * force)
+    again = motion_of(0.01, 5e-6, seed=9)
+    again.set_state(state)
+    again.advance(2 * force)
+    assert np.array_equal(again.amplitude, motion.amplitude) and again.work_J == motion.work_J
+    assert again.damped_J == motion.damped_J
+
+
+def test_acceleration_is_the_derivative_of_the_rate():
+    motion, force, h = motion_of(0.01, 1e-9), np.full(len(FREQUENCY_Hz), 7.0), 1e-9
+    acceleration = motion.acceleration(force)
+    _, rate = motion.predict(force)
+    assert (rate - motion.rate) / h == pytest.approx(acceleration, rel=1e-3, abs=1e-3 * abs(acceleration).max())
+
+
+def test_reach_bounds_free_motion_and_is_attained():
+    frequency = np.array([100.0, 271.8])
+    modes = SimpleNamespace(frequency_Hz=frequency, damping_ratio=np.zeros(2), largest_shape=np.array([0.4, 0.7]))
+    motion = ModalMotion(modes, 1e-5)
+    motion.set_state({"amplitude": np.array([1e-4, -2e-4]), "rate": np.array([0.1, 0.05])})
+    reach, largest = motion.reach_m(motion.amplitude, motion.rate), 0.0
+    for _ in range(100_000):
+        motion.advance(np.zeros(2))
+        largest = max(largest, modes.largest_shape @ abs(motion.amplitude))
+    assert 0.99 * reach < largest <= reach
+
+
+def test_a_moving_rigid_body_mode_has_no_bound():
+    modes = SimpleNamespace(frequency_Hz=np.zeros(1), damping_ratio=np.zeros(1), largest_shape=np.ones(1))
+    motion = ModalMotion(modes, 1e-5)
+    assert motion.reach_m(np.array([1e-3]), np.zeros(1)) == pytest.approx(1e-3)
+    assert motion.reach_m(np.zeros(1), np.array([1e-9])) == np.inf
