@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import sys
 from pathlib import Path
 
+# The numerics are many small operations: threads would only wait for each other, and take the core of the engine.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# ruff: noqa: E402 - numpy reads these when it is first imported
 from dem.costep import follow
 from dem.deck import write_deck
 from dem.exchange import ExchangeError, PlatePipes

@@ -14,29 +14,22 @@ from scenes_of_tests import SCENES
 SINGLE = (SCENES / "single.toml").read_text()
 
 
-def run_single(directory, gangue_ratio=0.0, **replace):
-    text = SINGLE
-    for old, new in replace.values():
-        assert text.count(old) == 1
-        text = text.replace(old, new)
-    scene = directory / "scene.toml"
-    scene.write_text(text)
-    return run(scene, directory / "run", gangue_ratio, show_progress=False)
+def run_single(directory, gangue_ratio=0.0, replace=("", "")):
+    assert replace[0] in SINGLE
+    scene = directory.with_suffix(".toml")
+    scene.write_text(SINGLE.replace(*replace, 1))
+    return run(scene, directory, gangue_ratio, show_progress=False)
 
 
 @pytest.fixture(scope="module")
-def unbreakable(tmp_path_factory):
-    directory = tmp_path_factory.mktemp("unbreakable")
-    return run_single(directory, a=("[stones.agglomerate] ", "[stones.agglomerate]\nunbreakable = true\n"))
+def unbreakable(runs):
+    change = ("[stones.agglomerate] ", "[stones.agglomerate]\nunbreakable = true\n")
+    return run_single(runs / "unbreakable", replace=change)
 
 
 @pytest.fixture(scope="module")
-def broken(tmp_path_factory):
-    runs = {}
-    for name, ratio in (("coal", 0.0), ("gangue", 1.0)):
-        directory = tmp_path_factory.mktemp(name)
-        runs[name] = (run_single(directory, ratio), directory / "run")
-    return runs
+def broken(runs):
+    return {name: (run_single(runs / name, ratio), runs / name) for name, ratio in (("coal", 0.0), ("gangue", 1.0))}
 
 
 def test_an_unbreakable_stone_rebounds_and_its_energy_closes(unbreakable):
