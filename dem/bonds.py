@@ -127,10 +127,11 @@ def bond_matrices(bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> np
     v, length, m = bonds.vector_m, bonds.length_m, len(bonds)
     k_normal = modulus_Pa * bonds.area_m2 / length
     k_shear = k_normal / stiffness_ratio
+    k_twist, k_bend = k_shear * bonds.radius_m**2 / 2, k_normal * bonds.radius_m**2 / 4
     along = np.einsum("ma,mb->mab", v, v) / length[:, None, None] ** 2
     across = np.eye(3) - along
     part = k_normal[:, None, None] * along + k_shear[:, None, None] * across
-    turn = (bonds.radius_m**2)[:, None, None] * (k_shear[:, None, None] / 2 * along + k_normal[:, None, None] / 4 * across)
+    turn = k_twist[:, None, None] * along + k_bend[:, None, None] * across
     v_cross = np.zeros((m, 3, 3))
     for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         v_cross[:, b, c], v_cross[:, c, b] = -v[:, a], v[:, a]

@@ -328,7 +328,8 @@ def _touch_the_poles(packing: Packing) -> np.ndarray:
     Any turn leaves a random packing random; this one makes the height of every stone the container's diameter.
     """
     at_wall = np.flatnonzero(packing.wall_gap_m < TOUCHING * packing.radius_m)
-    direction = packing.center_m[at_wall] / np.maximum(np.linalg.norm(packing.center_m[at_wall], axis=1), 1e-300)[:, None]
+    direction = packing.center_m[at_wall]
+    direction = direction / np.linalg.norm(direction, axis=1)[:, None]
     down, up = np.unravel_index(np.argmin(direction @ direction.T), (len(at_wall), len(at_wall)))
     turn, _ = Rotation.align_vectors([[0, 0, -1], [0, 0, 1]], direction[[down, up]], weights=[np.inf, 1])
     return turn.apply(packing.center_m)

@@ -130,6 +130,15 @@ def test_cylinder_and_box_hold_their_subspheres(packing):
     assert ends.max() == pytest.approx(packing.container.half_size_m[2], rel=1e-3)
 
 
+def test_a_single_layer_touches_both_faces():
+    """A disc too thin for two layers: every sub-sphere lies between both faces, none sticks out."""
+    packing = pack_cylinder(0.5, 0.3, 8, seed=1)
+    z, r = packing.center_m[:, 2], packing.radius_m
+    assert r.max() == pytest.approx(0.15, rel=2e-3)  # the largest is as thick as the disc
+    assert (np.abs(z) + r - 0.15 <= OVERLAP_TOLERANCE * r * (1 + 1e-9)).all()
+    assert all_distances(packing)[2].min() >= 1 - OVERLAP_TOLERANCE * (1 + 1e-9)
+
+
 @pytest.mark.parametrize("container", [
     SphereContainer(3.0), CylinderContainer(2.0, 5.0), BoxContainer((4.0, 4.5, 5.0))], ids=["sphere", "cylinder", "box"])
 def test_forces_are_the_gradient_of_the_enthalpy(container):
