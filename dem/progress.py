@@ -26,7 +26,7 @@ class Progress:
         elif int(10 * share) <= self._tenth:
             return
         self._last, self._tenth = now, int(10 * share)
-        left = (now - self._start) * (1 - share) / share if share > 0 else float("inf")
+        left = (now - self._start) * max(0.0, 1 - share) / share if share > 0 else float("inf")
         end = "" if sys.stderr.isatty() else "\n"
         start = "\r" if sys.stderr.isatty() else ""
         print(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  left {left:4.0f} s", end=end,

@@ -50,10 +50,10 @@ def time_step(scene: Scene, assembly: Assembly, file: str) -> TimeStep:
         1 if scene.plate.model == "rigid" else max(1, int(contact / CO_STEPS_IN_CONTACT / wanted)))
     block = FAST_PER_SAMPLE * co_step
     sample_steps = block * int(np.ceil(scene.time.sample_interval_s / wanted / block - 1e-9))
-    samples = round(scene.time.duration_s / scene.time.sample_interval_s)
+    intervals = int(scene.time.duration_s / scene.time.sample_interval_s + 1e-9)  # 0.04 s: 266, thus 267 samples
     return TimeStep(
         dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits, bond_time_s=bond_time, co_step=co_step,
-        fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=samples * sample_steps)
+        fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=intervals * sample_steps)
 
 
 def bond_time_s(scene: Scene, assembly: Assembly) -> float | None:

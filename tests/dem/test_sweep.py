@@ -1,0 +1,57 @@
+"""A sweep goes on where it was stopped, and a ratio's directory appears whole or not at all."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from dem.sweep import is_done, sweep
+from scenes_of_tests import SCENES
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """Two small stones on a rigid plate: three ratios of a few seconds."""
+    text = (SCENES / "single.toml").read_text()
+    rigid = (SCENES / "hertz_coal.toml").read_text()
+    text = text[:text.index("[plate]")] + rigid[rigid.index("[plate]"):]
+    for old, new in [("count = 1\n", "count = 2\n"), ("gangue_order = [1]", "gangue_order = [2, 1]"),
+                     ("{ x_m = 0.1, y_m = 0.0 }", "{ x_m = 0.1, y_m = 0.0 }, { x_m = -0.1, y_m = 0.0 }"),
+                     ("subspheres = 500", "subspheres = 200"), ("duration_s = 6e-3", "duration_s = 9e-3")]:
+        assert old in text
+        text = text.replace(old, new)
+    scene = tmp_path_factory.mktemp("sweep") / "small.toml"
+    scene.write_text(text)
+    return scene
+
+
+def test_a_killed_sweep_goes_on_with_what_is_missing(small):
+    out = small.parent / "runs"
+    command = [sys.executable, "-m", "dem", "sweep", str(small), "--out", str(out), "--jobs", "1"]
+    process = subprocess.Popen(command, cwd=SCENES.parent, start_new_session=True)
+    deadline = time.monotonic() + 120
+    while not (out / "ratio_000" / "run.json").exists():
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert not (out / "ratio_100").exists()
+    before = (out / "ratio_000" / "run.json").stat().st_mtime_ns
+
+    assert sweep(small, out, jobs=2) == 0
+    for name in ("ratio_000", "ratio_050", "ratio_100"):
+        assert json.loads((out / name / "run.json").read_text())["status"] == "finished"
+    assert not list(out.glob("*.partial"))
+    assert (out / "ratio_000" / "run.json").stat().st_mtime_ns == before  # not run again
+
+
+def test_a_changed_scene_is_run_again(small):
+    out = small.parent / "runs"
+    assert is_done(small, out / "ratio_050", 0.5)
+    changed = small.with_name("changed.toml")
+    changed.write_text(small.read_text().replace("speed_m_s = 3.0", "speed_m_s = 2.0"))
+    assert not is_done(changed, out / "ratio_050", 0.5)
