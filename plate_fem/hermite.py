@@ -1,20 +1,39 @@
-"""Evaluation of the bicubic Hermite (Bogner-Fox-Schmit) deflection on a rectangular grid."""
+"""The bicubic Hermite (Bogner-Fox-Schmit) deflection on a rectangular grid: element, evaluation, integral."""
 
 import numpy as np
 import scipy.sparse as sp
+import skfem
 
 
-def _cubics(s, h, order):
-    """The four Hermite cubics of a cell of side h at s in [0, 1], differentiated `order` times in x.
+# Polynomials on [0, 1], lowest power first: value left, slope left, value right, slope right.
+CUBICS = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float)
 
-    Order of the functions: value left, slope left, value right, slope right; result (4, k).
+
+def cubic(number, s, h, order=0):
+    """Hermite cubic `number` (0..3) of a cell of side h at s in [0, 1], differentiated `order` times in x."""
+    coefficients = np.polynomial.polynomial.polyder(CUBICS[number], order)
+    return np.polynomial.polynomial.polyval(s, coefficients) * h ** (number % 2 - order)
+
+
+class RectangleBFS(skfem.ElementQuadBFS):
+    """Bogner-Fox-Schmit element on axis-parallel rectangles, evaluated in the coordinates of each cell.
+
+    scikit-fem's own uses powers of the global coordinates, whose round-off grows like (side / cell)^6.
     """
-    coefficients = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float)
-    result = np.empty((4, len(s)))
-    for i, c in enumerate(coefficients):
-        scale = h if i % 2 else 1.0
-        result[i] = np.polynomial.polynomial.polyval(s, np.polynomial.polynomial.polyder(c, order)) * scale
-    return result / h**order
+
+    def gbasis(self, mapping, X, i, tind=None):
+        p, t = mapping.mesh.p, mapping.mesh.t if tind is None else mapping.mesh.t[:, tind]
+        corner, kind = divmod(i, 4)  # corners counter-clockwise from lower left; kinds u, u_x, u_y, u_xy
+        number = (2 * (corner in (1, 2)) + kind % 2, 2 * (corner in (2, 3)) + kind // 2)
+        h = (p[:, t[2]] - p[:, t[0]])[:, :, None]
+        fx, fy = ([cubic(number[a], X[a], h[a], order) for order in range(3)] for a in (0, 1))
+        mixed = fx[1] * fy[1]
+        field = skfem.element.DiscreteField(
+            value=fx[0] * fy[0],
+            grad=np.array([fx[1] * fy[0], fx[0] * fy[1]]),
+            hess=np.array([[fx[2] * fy[0], mixed], [mixed, fx[0] * fy[2]]]),
+        )
+        return (field,)
 
 
 def interpolation(lines_x_m, lines_y_m, points_m, derivative=(0, 0)):
@@ -31,7 +50,8 @@ def interpolation(lines_x_m, lines_y_m, points_m, derivative=(0, 0)):
         cell = np.clip(np.searchsorted(lines, points[:, axis], "right") - 1, 0, len(lines) - 2)
         h = lines[cell + 1] - lines[cell]
         cells.append(cell)
-        factors.append(_cubics((points[:, axis] - lines[cell]) / h, h, derivative[axis]))
+        s = (points[:, axis] - lines[cell]) / h
+        factors.append([cubic(number, s, h, derivative[axis]) for number in range(4)])
     n_nodes = len(lines_x_m) * n_y
     columns, values = [], []
     for i in range(4):
@@ -43,17 +63,13 @@ def interpolation(lines_x_m, lines_y_m, points_m, derivative=(0, 0)):
     return sp.csr_array((np.concatenate(values), (rows, np.concatenate(columns))), shape=(k, 4 * n_nodes))
 
 
-def integral(lines_x_m, lines_y_m, nodal):
-    """Integral of the deflection over the plate; nodal (4, n_nodes, n), result (n,)."""
+def integration(lines_x_m, lines_y_m):
+    """Weights (4, n_nodes) whose sum with the nodal values [w, w_x, w_y, w_xy] is the integral of w."""
     weights = []
     for lines in (lines_x_m, lines_y_m):
         h = np.diff(lines)
-        value, slope = np.zeros(len(lines)), np.zeros(len(lines))
-        value[:-1] += h / 2
-        value[1:] += h / 2
-        slope[:-1] += h**2 / 12
-        slope[1:] -= h**2 / 12
-        weights.append((value, slope))
+        value = np.convolve(h, [0.5, 0.5])
+        slope = np.convolve(h**2, [-1 / 12, 1 / 12])
+        weights.append((value, -slope))
     (x0, x1), (y0, y1) = weights
-    rows = [np.outer(x0, y0), np.outer(x1, y0), np.outer(x0, y1), np.outer(x1, y1)]
-    return sum(row.ravel() @ block for row, block in zip(rows, nodal))
+    return np.array([np.outer(x, y).ravel() for x, y in ((x0, y0), (x1, y0), (x0, y1), (x1, y1))])

@@ -136,7 +136,7 @@ def _compute(plate):
         lines_x_m=system.lines_x_m,
         lines_y_m=system.lines_y_m,
         nodal=nodal * sign,
-        mean_shape=sign * hermite.integral(system.lines_x_m, system.lines_y_m, nodal) / area,
+        mean_shape=sign * np.tensordot(hermite.integration(system.lines_x_m, system.lines_y_m), nodal, 2) / area,
         rod_force=model.rod_force @ vectors * sign,
         surface_stress=modal_surface_stress(system, u) * sign,
         mass_kg=plate.density_kg_m3 * plate.thickness_m * area,
@@ -159,11 +159,11 @@ def eigenmodes(stiffness, mass, max_frequency_Hz):
     not disturb. RuntimeError if the two disagree.
     """
     limit = (2 * np.pi * max_frequency_Hz) ** 2
-    count = int((_factor(stiffness - limit * mass).U.diagonal() < 0).sum())
+    count = int((factor(stiffness - limit * mass).U.diagonal() < 0).sum())
     if count == 0:
         return np.empty(0), np.empty((stiffness.shape[0], 0))
     shift = -1e-4 * limit
-    inverse = LinearOperator(stiffness.shape, _factor(stiffness - shift * mass).solve, dtype=float)
+    inverse = LinearOperator(stiffness.shape, factor(stiffness - shift * mass).solve, dtype=float)
     start = np.random.default_rng(1).standard_normal(stiffness.shape[0])
     values, vectors = eigsh(
         stiffness, count + 1, mass, sigma=shift, OPinv=inverse, v0=start, ncv=2 * count + 20, tol=1e-12
@@ -177,7 +177,7 @@ def eigenmodes(stiffness, mass, max_frequency_Hz):
     return values, vectors / np.sqrt(np.einsum("ij,ij->j", vectors, mass @ vectors))
 
 
-def _factor(matrix):
+def factor(matrix):
     """Sparse LU of a symmetric matrix with its pivots on the diagonal."""
     symmetric = {"SymmetricMode": True}
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)

@@ -60,7 +60,7 @@ def assemble(plate):
     theory = mesh.choose_theory(plate)
     lines_x, lines_y = mesh.mesh_lines(plate)
     quads = mesh.quad_mesh(lines_x, lines_y)
-    basis_w = skfem.Basis(quads, skfem.ElementQuadBFS(), intorder=6)
+    basis_w = skfem.Basis(quads, hermite.RectangleBFS(), intorder=6)
     build = _kirchhoff if theory == "kirchhoff" else _mindlin
     stiffness, mass, fixed, rotation_basis = build(plate, quads, basis_w)
     order = _blockwise(basis_w, stiffness.shape[0])
@@ -103,8 +103,7 @@ _ALL = ["u", "u_x", "u_y", "u_xy"]
 
 def _mindlin(plate, quads, basis_w):
     basis_t = skfem.Basis(quads, skfem.ElementQuadP(3), intorder=6)
-    nu, t = plate.poisson_ratio, plate.thickness_m
-    shear = mesh.shear_factor(nu) * plate.youngs_modulus_Pa / (2 * (1 + nu)) * t
+    t, shear = plate.thickness_m, mesh.shear_stiffness(plate)
     mass_per_area = plate.density_kg_m3 * t
     bending = _bending(plate)
 
