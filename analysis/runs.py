@@ -41,8 +41,10 @@ class Run:
 
     @property
     def materials(self) -> list[str]:
-        """Material of each agglomerate, "coal" or "gangue", in order."""
-        return list(self.info["materials"])
+        """Material of each agglomerate, "coal" or "gangue", in order, whatever the scene names them."""
+        stones = self.info.get("scene", {}).get("stones", {})
+        kind = {stones.get(name, name): name for name in ("coal", "gangue")}
+        return [kind.get(name, name) for name in self.info["materials"]]
 
     @property
     def t_s(self) -> np.ndarray:
@@ -77,15 +79,19 @@ class Run:
             raise RecordError(f"{path}: no column {missing[0]!r}; needs {', '.join(BREAKAGE_COLUMNS)}")
         return table.sort_values("t_s", kind="stable", ignore_index=True)
 
-    def peak(self, column: str) -> float:
-        """Largest absolute value of a column, from the fast stream where it has the column.
+    def extremes(self, column: str) -> tuple[float, float]:
+        """Largest and smallest value of a column, from the fast stream where it has the column.
 
         A contact lasts about 1.5 samples at 6667 Hz, so that stream alone misses peaks.
         """
-        peaks = [np.abs(self.record(column).values).max()]
+        values = [self.record(column).values]
         if self.fast is not None and column in self.fast.columns:
-            peaks.append(np.nanmax(np.abs(self.fast[column].to_numpy(dtype=float))))
-        return float(max(peaks))
+            values.append(self.fast[column].to_numpy(dtype=float))
+        return float(max(np.nanmax(v) for v in values)), float(min(np.nanmin(v) for v in values))
+
+    def peak(self, column: str) -> float:
+        """Largest absolute value of a column, as `extremes`."""
+        return max(abs(value) for value in self.extremes(column))
 
 
 def read_run(path) -> Run:

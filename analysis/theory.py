@@ -198,12 +198,17 @@ def materials_in_order(gangue_count: int, order: list[int]) -> list[str]:
     return ["gangue" if place in gangue else "coal" for place in range(1, len(order) + 1)]
 
 
-def total_force_N(state: State, materials: list[str], compliances_m_N, **impact) -> float:
+def total_force_N(state: State, rocks: list[Elastic], compliances_m_N, restitutions, **impact) -> float:
     """Sum of the single peaks (37). An upper bound: the peaks of coal and gangue are some microseconds apart.
 
-    compliances_m_N: shape (count,), of the plate at each place; impact: as for `peak`.
+    rocks: material of each place; compliances_m_N, restitutions: of each place, or one for
+    all; impact: as for `peak`.
     """
+    count = len(rocks)
+    rows = zip(
+        rocks, np.broadcast_to(compliances_m_N, count), np.broadcast_to(restitutions, count), strict=True
+    )
     return sum(
-        peak(state, ROCKS[material], compliance_m_N=float(compliance), **impact).force_N
-        for material, compliance in zip(materials, compliances_m_N, strict=True)
+        peak(state, rock, compliance_m_N=float(c), restitution=float(e), **impact).force_N
+        for rock, c, e in rows
     )

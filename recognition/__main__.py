@@ -10,6 +10,7 @@ from analysis import RecordError, read_sweep
 from analysis.readers import read_table
 from recognition.errors import RecognitionError
 from recognition.models import Model
+from recognition.pipeline import FusionPipeline
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -30,11 +31,13 @@ def fit(arguments) -> None:
     if not out.parent.is_dir():
         raise RecognitionError(f"--out {out}: no directory {out.parent}")
     model.save(out)
-    q = model.fusion_q.fit_
+    q = model.methods["fusion_q"].fit_
     print(f"{len(sweep.runs)} runs, ratios {', '.join(f'{r:.0%}' for r in sweep.ratios)}")
     print(f"Q: R^2 {q.r2:.5f}, adjusted {q.r2_adjusted:.5f}")
-    for name, space in model.strategies.items():
-        print(f"{name}: functions at {space.moments_.size} of {space.n_moments_} moments")
+    for name, method in model.methods.items():
+        if isinstance(method, FusionPipeline):
+            strategy = method.strategy
+            print(f"{name}: functions at {strategy.space_.moments.size} of {strategy.n_moments_} moments")
     print(f"model written to {out}")
 
 

@@ -42,23 +42,32 @@ class Fusion:
     process_to_measurement: float = PROCESS_TO_MEASUREMENT
     ranges: dict[str, ResponseRange] | None = None
 
-    def fit(self, runs: list[pd.DataFrame]) -> Fusion:
-        """runs: tables of signals of the training runs."""
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The responses taken. RecognitionError for an unknown kind."""
         if self.kind not in FUSIONS:
             raise RecognitionError(f"fusion {self.kind!r}; choose one of {', '.join(FUSIONS)}")
-        self.ranges = {
-            name: ResponseRange.of(np.concatenate([response(run, name) for run in runs]), name)
-            for name in FUSIONS[self.kind]
-        }
+        return FUSIONS[self.kind]
+
+    def prepare(self, signals: pd.DataFrame) -> np.ndarray:
+        """The responses of one run, shape (m, n)."""
+        return np.stack([response(signals, name) for name in self.names])
+
+    def fit(self, responses: np.ndarray) -> Fusion:
+        """responses: shape (runs, m, n), of the training runs."""
+        columns = np.moveaxis(np.asarray(responses), 1, 0)
+        self.ranges = {n: ResponseRange.of(values, n) for n, values in zip(self.names, columns, strict=True)}
         return self
 
-    def normalised(self, signals: pd.DataFrame) -> np.ndarray:
-        """The normalised responses before fusion, shape (m, n)."""
-        return np.stack([scale.normalise(response(signals, name)) for name, scale in self.ranges.items()])
+    def normalised(self, responses: np.ndarray) -> np.ndarray:
+        """The normalised responses before fusion, shape (..., m, n) as given."""
+        low = np.array([[scale.minimum] for scale in self.ranges.values()])
+        high = np.array([[scale.maximum] for scale in self.ranges.values()])
+        return (responses - low) / (high - low)
 
-    def transform(self, signals: pd.DataFrame) -> np.ndarray:
-        """The fusion parameter QQ of one run at each sample, shape (n,)."""
-        return fuse(self.normalised(signals), self.process_to_measurement)
+    def transform(self, responses: np.ndarray) -> np.ndarray:
+        """The fusion parameter QQ at each sample: shape (..., m, n) to (..., n)."""
+        return fuse(self.normalised(responses), self.process_to_measurement)
 
     def to_dict(self) -> dict:
         ranges = {name: [scale.minimum, scale.maximum] for name, scale in self.ranges.items()}
@@ -69,4 +78,9 @@ class Fusion:
         ranges = {
             name: ResponseRange(float(low), float(high)) for name, (low, high) in data["ranges"].items()
         }
-        return cls(data["kind"], float(data["process_to_measurement"]), ranges)
+        fusion = cls(data["kind"], float(data["process_to_measurement"]), ranges)
+        if tuple(ranges) != fusion.names:
+            raise RecognitionError(
+                f"ranges of {', '.join(ranges)}; the fusion takes {', '.join(fusion.names)}"
+            )
+        return fusion

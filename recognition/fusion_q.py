@@ -1,49 +1,20 @@
 """Recognition by the fused parameter Q of the acceleration (Section V-A, Eq. 40).
 
-Q is the weighted sum of eight standardised parameters; a quadratic Q(beta) is
-fitted to the training runs and inverted for a new record.
+Q is the weighted sum of eight standardised parameters; a quadratic Q(beta) is fitted to
+the training runs and inverted for a new record.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+import pandas as pd
 
+from analysis import as_record, base_parameters
+from analysis.records import sample_rate_Hz
 from recognition.errors import NotRecognised, RecognitionError
-from recognition.roots import ROOT_MARGIN, polynomials, real_roots
+from recognition.least_squares import PolynomialFit, fit_polynomial
+from recognition.roots import ROOT_MARGIN, real_roots
 from recognition.standardise import MinMaxByTrend, trend
-
-
-@dataclass(frozen=True)
-class PolynomialFit:
-    """Least-squares polynomial, lowest power first, with its determination.
-
-    r2_adjusted = 1 - (1 - R^2)(n - 1)/(n - degree - 1). The paper's "R^2 = 0.99079"
-    of Q is the adjusted one; the plain one of its Table 3 is 0.99263.
-    """
-
-    coefficients: np.ndarray
-    r2: float
-    r2_adjusted: float
-
-    def __call__(self, ratio):
-        return np.polynomial.polynomial.polyval(ratio, self.coefficients)
-
-
-def fit_polynomial(ratios: np.ndarray, values: np.ndarray, degree: int) -> PolynomialFit:
-    """Polynomial of a given degree by least squares; needs more points than the degree."""
-    ratios, values = np.asarray(ratios, dtype=float), np.asarray(values, dtype=float)
-    if np.unique(ratios).size <= degree:
-        raise RecognitionError(
-            f"degree {degree} needs at least {degree + 1} ratios; has {np.unique(ratios).size}"
-        )
-    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree)
-    residual = np.sum((values - np.polynomial.polynomial.polyval(ratios, coefficients)) ** 2)
-    r2 = 1.0 - residual / np.sum((values - values.mean()) ** 2)
-    spare = ratios.size - degree - 1
-    adjusted = 1.0 - (1.0 - r2) * (ratios.size - 1) / spare if spare > 0 else float("nan")
-    return PolynomialFit(coefficients, float(r2), float(adjusted))
 
 
 class FusionQ:
@@ -55,6 +26,15 @@ class FusionQ:
     def __init__(self, weights=None, degree: int = 2):
         self.weights = weights
         self.degree = degree
+
+    @staticmethod
+    def prepare(signals: pd.DataFrame) -> np.ndarray:
+        """The eight base parameters of a record with `t_s` and `a_m_s2`, shape (8,)."""
+        if "a_m_s2" not in signals.columns:
+            raise RecognitionError("no column 'a_m_s2' in the record; needs it for Q")
+        rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "t_s")
+        acceleration = signals["a_m_s2"].to_numpy(dtype=float)
+        return base_parameters(as_record(acceleration, rate_Hz, unit="m/s^2", name="a_m_s2"))
 
     def fit(self, parameters: np.ndarray, ratios: np.ndarray) -> FusionQ:
         """parameters: shape (n, p), ratios: shape (n,), 0..1. Directions (Eq. 39) from the data."""
@@ -81,15 +61,13 @@ class FusionQ:
     def invert(self, q: float) -> float:
         """The ratio beta with Q(beta) = q.
 
-        The real root in [-margin, 1 + margin]; of two such roots the one where Q rises
-        with beta, as it was built to do (Eq. 39). It is not clipped to [0, 1].
+        The real root in [-margin, 1 + margin]; of two such roots the one where Q rises with
+        beta, as it was built to do (Eq. 39). It is not clipped to [0, 1].
         """
-        _, roots = real_roots(polynomials(self.fit_.coefficients[None, :]), np.array([q]))
+        _, roots = real_roots(lambda k, beta: self.fit_(beta) + 0.0 * k, np.array([q]))
         if roots.size > 1:
-            slope = np.polynomial.polynomial.polyval(
-                roots, np.polynomial.polynomial.polyder(self.fit_.coefficients)
-            )
-            roots = roots[slope > 0]
+            slope = np.polynomial.polynomial.polyder(self.fit_.coefficients)
+            roots = roots[np.polynomial.polynomial.polyval(roots, slope) > 0]
         if roots.size == 0:
             low, high = -ROOT_MARGIN, 1 + ROOT_MARGIN
             raise NotRecognised(

@@ -1,27 +1,24 @@
-"""The two recognisers of the paper as whole models on run directories, and their file.
+"""Whole models on run directories and records, and their file.
 
-A saved model is JSON: numbers and names only, safe to load from a stranger, with a
-version of its format and where it came from.
+A saved model is JSON: numbers and names only, safe to load from a stranger, with a version
+of its format and where it came from.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from analysis import RecordError, as_record, base_parameters
+from analysis import RecordError
 from analysis.features import BASE_PARAMETERS
 from analysis.records import sample_rate_Hz
 from analysis.runs import Run
 from recognition.errors import NotRecognised, RecognitionError
-from recognition.fusion import Fusion
-from recognition.fusion_q import FusionQ
-from recognition.strategy import Strategy
+from recognition.methods import METHODS, load_method
 
 FORMAT = "coal-gangue mixing ratio"
 VERSION = 1
@@ -29,72 +26,26 @@ VERSION = 1
 #: The window of the paper: 0..0.04 s at 1.5e-4 s.
 WINDOW_S = 0.04
 
-#: The strategy as printed (a mean over whatever points are usable, degree by R^2) and
-#: mended (every degree 2, since R^2 > 0.99 lets straight lines through a bent law; every
-#: moment counts).
-STRATEGIES = {
-    "energy_fusion_printed": {"degree": None, "min_r2": 0.99, "least_share": 0.0, "judge": "mean"},
-    "energy_fusion_mended": {"degree": 2, "least_share": 0.5, "judge": "truncated"},
-}
-METHODS = ("fusion_q", *STRATEGIES)
+#: Different ratios that a model needs.
+LEAST_RATIOS = 4
 
 
-@dataclass
-class Model:
-    """The methods of the paper, fitted to the same runs at the same sample times."""
+@dataclass(frozen=True)
+class Window:
+    """The samples that a model takes: so many at a rate, from the first of a record on."""
 
     rate_Hz: float
     n_samples: int
-    fusion_q: FusionQ
-    fusion: Fusion
-    strategies: dict[str, Strategy]
-    provenance: dict = field(default_factory=dict)
 
     @classmethod
-    def fit(cls, runs: list[Run]) -> Model:
-        """Fit to runs of known ratio."""
-        if len({run.gangue_ratio for run in runs}) < 4:
-            raise RecognitionError(f"{len(runs)} runs; needs at least 4 different mixing ratios")
+    def of(cls, runs: list[Run]) -> Window:
+        """The paper's 0.04 s, or as much of it as all runs have."""
         rate_Hz = runs[0].rate_Hz
-        n_samples = min(run.t_s.size for run in runs)
-        n_samples = min(n_samples, int(np.floor(WINDOW_S * rate_Hz * (1 + 1e-9))) + 1)
-        model = cls(rate_Hz, n_samples, FusionQ(), Fusion("energy"), {})
-        ratios = np.array([run.gangue_ratio for run in runs])
-        tables = [model._window(run.signals, str(run.path)) for run in runs]
-        model.fusion_q.fit(np.stack([model._parameters(table) for table in tables]), ratios)
-        model.fusion.fit(tables)
-        curves = np.stack([model.fusion.transform(table) for table in tables])
-        model.strategies = {name: Strategy(**how).fit(curves, ratios) for name, how in STRATEGIES.items()}
-        model.provenance = {"runs": [_origin(run) for run in runs]}
-        return model
+        wanted = int(np.floor(WINDOW_S * rate_Hz * (1 + 1e-9))) + 1
+        return cls(rate_Hz, min(wanted, *(run.t_s.size for run in runs)))
 
-    def recognise(self, signals: pd.DataFrame, source: str = "record") -> dict[str, float | str]:
-        """Mixing ratio by each method that the columns allow; a text where there is no answer.
-
-        Raises RecognitionError where no method can be applied at all.
-        """
-        table = self._window(signals, source)
-        answers = {"fusion_q": _answer(lambda: self.fusion_q.predict(self._parameters(table))[0])}
-        try:
-            curve = self.fusion.transform(table)
-        except RecognitionError as reason:
-            answers |= dict.fromkeys(self.strategies, f"not applicable: {reason}")
-        else:
-            answers |= {
-                name: _answer(lambda s=s: s.recognise(curve).ratio) for name, s in self.strategies.items()
-            }
-        if all(isinstance(a, str) and a.startswith("not applicable") for a in answers.values()):
-            raise RecognitionError(f"{source}: {'; '.join(dict.fromkeys(answers.values()))}")
-        return answers
-
-    def _parameters(self, table: pd.DataFrame) -> np.ndarray:
-        if "a_m_s2" not in table.columns:
-            raise RecognitionError("no column 'a_m_s2' in the record; needs it for Q")
-        acceleration = table["a_m_s2"].to_numpy(dtype=float)
-        return base_parameters(as_record(acceleration, self.rate_Hz, unit="m/s^2", name="a_m_s2"))
-
-    def _window(self, signals: pd.DataFrame, source: str) -> pd.DataFrame:
-        """The samples of the model's window; the record must have its sample rate."""
+    def cut(self, signals: pd.DataFrame, source: str) -> pd.DataFrame:
+        """The window of a record. RecordError if it is too short or has another sample rate."""
         if "t_s" not in signals.columns:
             raise RecordError(f"{source}: no column 't_s'; needs the time of each sample")
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), f"{source}: t_s")
@@ -106,6 +57,41 @@ class Model:
             )
         return signals.iloc[: self.n_samples]
 
+
+@dataclass
+class Model:
+    """The methods of the paper, fitted to the same runs at the same sample times."""
+
+    window: Window
+    methods: dict
+    provenance: dict = field(default_factory=dict)
+
+    @classmethod
+    def fit(cls, runs: list[Run]) -> Model:
+        """Fit every method to runs of known ratio."""
+        return cls._fit_prepared(runs, *prepare(runs))
+
+    @classmethod
+    def _fit_prepared(cls, runs: list[Run], window: Window, prepared: dict[str, np.ndarray]) -> Model:
+        ratios = np.array([run.gangue_ratio for run in runs])
+        if np.unique(ratios).size < LEAST_RATIOS:
+            raise RecognitionError(f"{len(runs)} runs; needs at least {LEAST_RATIOS} different mixing ratios")
+        methods = {name: make().fit(prepared[name], ratios) for name, make in METHODS.items()}
+        return cls(window, methods, {"runs": [_origin(run) for run in runs]})
+
+    def recognise(self, signals: pd.DataFrame, source: str = "record") -> dict[str, float | str]:
+        """Mixing ratio by each method that the columns allow; a text where there is no answer.
+
+        Raises RecordError for an unusable record, RecognitionError where no method applies.
+        """
+        table = self.window.cut(signals, source)
+        answers = {name: _answer(method, table) for name, method in self.methods.items()}
+        if all(
+            isinstance(answer, str) and answer.startswith("not applicable") for answer in answers.values()
+        ):
+            raise RecognitionError(f"{source}: {'; '.join(dict.fromkeys(answers.values()))}")
+        return answers
+
     def save(self, path) -> None:
         """Write the model, whole or not at all."""
         path = Path(path)
@@ -113,12 +99,10 @@ class Model:
             "format": FORMAT,
             "version": VERSION,
             "provenance": self.provenance,
-            "rate_Hz": self.rate_Hz,
-            "n_samples": self.n_samples,
+            "rate_Hz": self.window.rate_Hz,
+            "n_samples": self.window.n_samples,
             "parameters": list(BASE_PARAMETERS),
-            "fusion_q": self.fusion_q.to_dict(),
-            "fusion": self.fusion.to_dict(),
-            "strategies": {name: strategy.to_dict() for name, strategy in self.strategies.items()},
+            "methods": {name: method.to_dict() for name, method in self.methods.items()},
         }
         beside = path.with_name(path.name + ".part")
         beside.write_text(json.dumps(data, indent=1, allow_nan=False))
@@ -141,21 +125,41 @@ class Model:
                 f"{path}: parameters differ from this program's {', '.join(BASE_PARAMETERS)}"
             )
         try:
-            return cls(
-                float(data["rate_Hz"]),
-                int(data["n_samples"]),
-                FusionQ.from_dict(data["fusion_q"]),
-                Fusion.from_dict(data["fusion"]),
-                {name: Strategy.from_dict(data["strategies"][name]) for name in STRATEGIES},
-                data["provenance"],
-            )
-        except (KeyError, TypeError, ValueError) as error:
+            methods = {name: load_method(name, data["methods"][name]) for name in METHODS}
+            window = Window(float(data["rate_Hz"]), int(data["n_samples"]))
+            return cls(window, methods, data["provenance"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise RecognitionError(f"{path}: broken model ({type(error).__name__}: {error})") from None
 
 
-def _answer(method: Callable[[], float]) -> float | str:
+def prepare(runs: list[Run]) -> tuple[Window, dict[str, np.ndarray]]:
+    """What each method takes of each run, stacked over the runs: independent of the training."""
+    window = Window.of(runs)
+    tables = [window.cut(run.signals, str(run.path)) for run in runs]
+    return window, {name: np.stack([make().prepare(t) for t in tables]) for name, make in METHODS.items()}
+
+
+def leave_one_out(runs: list[Run]) -> list[dict[str, float | str]]:
+    """Recognise each run by a model fitted to the runs of all other ratios.
+
+    Returns one dict per run, as of `Model.recognise`. The ends (0 and 100 %) are then outside
+    the training ratios: the answer is an extrapolation.
+    """
+    window, prepared = prepare(runs)
+    answers = []
+    for i, held_out in enumerate(runs):
+        rest = [j for j, run in enumerate(runs) if run.gangue_ratio != held_out.gangue_ratio]
+        chosen = {name: rows[rest] for name, rows in prepared.items()}
+        model = Model._fit_prepared([runs[j] for j in rest], window, chosen)
+        answers.append({name: _answer(method, prepared[name][i]) for name, method in model.methods.items()})
+    return answers
+
+
+def _answer(method, record: pd.DataFrame | np.ndarray) -> float | str:
+    """The ratio of a record's window, or of what `method.prepare` makes of it; else the reason."""
     try:
-        return float(method())
+        row = method.prepare(record) if isinstance(record, pd.DataFrame) else record
+        return float(method.predict(row[None])[0])
     except NotRecognised as reason:
         return f"no answer: {reason}"
     except RecognitionError as reason:
@@ -166,16 +170,3 @@ def _origin(run: Run) -> dict:
     keep = ("scene_hash", "deck_hash", "versions", "seeds")
     known = {key: run.info[key] for key in keep if key in run.info}
     return {"directory": run.path.name, "gangue_ratio": run.gangue_ratio, **known}
-
-
-def leave_one_out(runs: list[Run]) -> list[dict[str, float | str]]:
-    """Recognise each run by a model fitted to the runs of all other ratios.
-
-    Returns one dict per run, as of `Model.recognise`. The ends (0 and 100 %) are then
-    outside the training ratios: the answer is an extrapolation.
-    """
-    answers = []
-    for held_out in runs:
-        rest = [run for run in runs if run.gangue_ratio != held_out.gangue_ratio]
-        answers.append(Model.fit(rest).recognise(held_out.signals, str(held_out.path)))
-    return answers

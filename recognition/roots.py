@@ -19,15 +19,14 @@ def real_roots(
 ) -> tuple[np.ndarray, np.ndarray]:
     """All real roots of f_k(beta) = values[k] in [-margin, 1 + margin], for every k at once.
 
-    function(k, beta): elementwise value of function number k at beta. Returns (k, beta)
-    of every root, both shape (r,), in order of k, then beta: none, one or several for
-    each k. Roots are bracketed on a grid of 0.01 of ratio and bisected, so that any
-    continuous form of fit will do; a pair of roots closer than the grid is no answer
-    that one could use, and is passed over.
+    function(k, beta): elementwise value of function number k at beta. Returns (k, beta) of
+    every root, both shape (r,), in order of k, then beta: none, one or several for each k.
+    Roots are bracketed on a grid of 0.01 of ratio and bisected, so that any continuous form
+    of fit will do; a pair of roots closer than the grid is no answer that one could use, and
+    is passed over.
     """
     values = np.asarray(values, dtype=float)
-    index = np.arange(values.size)[:, None]
-    above = function(index, _GRID[None, :]) - values[:, None] >= 0
+    above = function(np.arange(values.size)[:, None], _GRID[None, :]) - values[:, None] >= 0
     k, cell = np.nonzero(above[:, 1:] != above[:, :-1])
     low, high, rising = _GRID[cell], _GRID[cell + 1], above[k, cell + 1]
     for _ in range(_BISECTIONS):
@@ -35,15 +34,3 @@ def real_roots(
         root_is_below = (function(k, middle) - values[k] >= 0) == rising
         low, high = np.where(root_is_below, low, middle), np.where(root_is_below, middle, high)
     return k, 0.5 * (low + high)
-
-
-def polynomials(coefficients: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Elementwise values of polynomials, coefficients of shape (k, degree + 1), lowest power first."""
-
-    def evaluate(k: np.ndarray, beta: np.ndarray) -> np.ndarray:
-        value = coefficients[k, -1]
-        for power in range(coefficients.shape[1] - 2, -1, -1):
-            value = value * beta + coefficients[k, power]
-        return value
-
-    return evaluate

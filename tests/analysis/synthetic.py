@@ -17,10 +17,39 @@ BROKEN_BONDS = {"coal": 90, "gangue": 12}
 # mass kg, frequency Hz, damping ratio, share of the centre of mass
 MODES = ((25.0, 280.0, 0.01, 1.0), (25.0, 900.0, 0.01, 0.3), (25.0, 2200.0, 0.01, 0.1))
 
+SCENE = {
+    "stones": {
+        "count": 10,
+        "radius_m": 0.025,
+        "circle_radius_m": 0.1,
+        "speed_m_s": 3.0,
+        "gangue_order": [2, 10, 5, 7, 3, 9, 4, 8, 1, 6],
+    },
+    "materials": {
+        "coal": {"density_kg_m3": 1380.0, "youngs_modulus_Pa": 5.12e9, "poisson_ratio": 0.3},
+        "gangue": {"density_kg_m3": 2400.0, "youngs_modulus_Pa": 9.966e9, "poisson_ratio": 0.28},
+    },
+    "contacts": {"coal_plate": {"restitution": 0.5}, "gangue_plate": {"restitution": 0.5}},
+    "plate": {
+        "model": "rigid",
+        "length_m": 0.5,
+        "width_m": 0.5,
+        "thickness_m": 0.02,
+        "density_kg_m3": 7830.0,
+        "youngs_modulus_Pa": 2.07e11,
+        "poisson_ratio": 0.3,
+        "rods": [
+            {"x_m": x, "y_m": y, "diameter_m": 0.02, "length_m": 0.1,
+             "youngs_modulus_Pa": 2.07e11, "density_kg_m3": 7830.0}
+            for x in (0.2, -0.2) for y in (0.2, -0.2)
+        ],
+    },
+}  # fmt: skip
+
 
 def materials(gangue_ratio, count=10):
-    gangue = round(gangue_ratio * count)
-    return ["gangue"] * gangue + ["coal"] * (count - gangue)
+    gangue = set(SCENE["stones"]["gangue_order"][: round(gangue_ratio * count)])
+    return ["gangue" if place in gangue else "coal" for place in range(1, count + 1)]
 
 
 def _forces(names, rng, scatter):
@@ -113,8 +142,8 @@ def write_run(directory, gangue_ratio, seed=1, scatter=0.0):
     broken = breakage(names, np.random.default_rng(seed))
     info = {
         "status": "finished",
-        "scene": {"plate": {"size_m": [0.5, 0.5, 0.02]}, "speed_m_s": 3.0},
-        "assumptions": ["plate.size_m: the paper's Figure 11 is not at hand"],
+        "scene": SCENE,
+        "assumptions": ["plate.thickness_m: the paper's Figure 11 is not at hand"],
         "gangue_ratio": gangue_ratio,
         "materials": names,
         "n_particles": 10 * len(lattice()[0]),

@@ -23,6 +23,22 @@ def test_filter_equals_its_scalar_twin(count):
     np.testing.assert_allclose(fuse(signals, 0.3), naive_kalman(signals, 0.3), atol=1e-9)
 
 
+def test_many_records_at_once_equal_one_by_one():
+    signals = np.random.default_rng(7).standard_normal((4, 3, 50))
+    np.testing.assert_allclose(fuse(signals), [fuse(one) for one in signals], rtol=1e-12)
+
+
+def test_filter_equals_filterpy_step_by_step():
+    from filterpy.kalman import KalmanFilter
+
+    signals = np.random.default_rng(2).standard_normal((3, 40))
+    kalman = KalmanFilter(dim_x=1, dim_z=3)
+    kalman.x, kalman.P = np.array([[signals[:, 0].mean()]]), np.array([[1 / 3]])
+    kalman.F, kalman.H, kalman.Q, kalman.R = np.eye(1), np.ones((3, 1)), 0.1 * np.eye(1), np.eye(3)
+    means = kalman.batch_filter([column[:, None] for column in signals.T[1:]])[0]
+    np.testing.assert_allclose(fuse(signals, 0.1)[1:], means[:, 0, 0], rtol=1e-12)
+
+
 def test_steady_gain_is_that_of_the_riccati_equation():
     """A long unit step: the error decays by 1 - K, K from the stationary Riccati equation."""
     q = 0.1
@@ -51,18 +67,18 @@ def table(scale=1.0):
 
 @pytest.mark.parametrize("kind", FUSIONS)
 def test_normalised_training_data_fill_zero_to_one(kind):
-    runs = [table(), table(2.0)]
-    fusion = Fusion(kind).fit(runs)
-    values = np.stack([fusion.normalised(run) for run in runs])
+    fusion = Fusion(kind)
+    responses = np.stack([fusion.prepare(run) for run in (table(), table(2.0))])
+    values = fusion.fit(responses).normalised(responses)
     assert values.shape == (2, len(FUSIONS[kind]), 40)
     np.testing.assert_allclose(values.min(axis=(0, 2)), 0.0, atol=1e-15)
     np.testing.assert_allclose(values.max(axis=(0, 2)), 1.0)
-    fused = fusion.transform(runs[0])
+    fused = fusion.transform(responses[0])
     assert np.all(fused >= values[0].min()) and np.all(fused <= values[0].max())
 
 
 def test_missing_response_and_unknown_fusion_are_named():
     with pytest.raises(RecognitionError, match="total_J"):
-        Fusion("energy").fit([table().drop(columns="total_J")])
+        Fusion("energy").prepare(table().drop(columns="total_J"))
     with pytest.raises(RecognitionError, match="composite"):
-        Fusion("all").fit([table()])
+        Fusion("all").prepare(table())

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from recognition import FusionQ, NotRecognised, RecognitionError
-from recognition.fusion_q import fit_polynomial
+from recognition.least_squares import fit_polynomial
 from recognition.standardise import MinMaxByTrend, ResponseRange, trend
 
 RATIOS = np.arange(11) / 10

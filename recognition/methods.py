@@ -1,0 +1,39 @@
+"""The methods that a model holds side by side, by name."""
+
+from __future__ import annotations
+
+from recognition.function_space import Rule
+from recognition.fusion import Fusion
+from recognition.fusion_q import FusionQ
+from recognition.pipeline import FusionPipeline
+from recognition.strategy import Strategy
+
+
+def printed() -> Strategy:
+    """As the paper prints it: degree by R^2 >= 0.99, a mean over whatever points are usable."""
+    return Strategy(Rule(min_r2=0.99), least_share=0.0, judge="mean")
+
+
+def mended() -> Strategy:
+    """Every degree 2, since R^2 > 0.99 lets straight lines through a bent law; every moment counts."""
+    return Strategy(Rule(degree=2), least_share=0.5, judge="truncated")
+
+
+#: name -> an unfitted method.
+METHODS = {
+    "fusion_q": FusionQ,
+    "energy_fusion_printed": lambda: FusionPipeline(Fusion("energy"), printed()),
+    "energy_fusion_mended": lambda: FusionPipeline(Fusion("energy"), mended()),
+}
+
+#: As a reader sees them.
+METHOD_NAMES = {
+    "fusion_q": "Q polynomial",
+    "energy_fusion_printed": "energy fusion as printed",
+    "energy_fusion_mended": "energy fusion, mended",
+}
+
+
+def load_method(name: str, data: dict):
+    """A fitted method from its part of a saved model."""
+    return (FusionQ if name == "fusion_q" else FusionPipeline).from_dict(data)

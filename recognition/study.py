@@ -1,0 +1,250 @@
+"""Everything the report and its claims need of one sweep, computed once and when asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from analysis import RecordError, Sweep, breakage
+from analysis.emd import Decomposition, decompose
+from analysis.features import BASE_PARAMETERS, TIME_PARAMETERS, time_features
+from analysis.hilbert import marginal_spectrum
+from analysis.real_plate import amplitude_at_peak, modes_of, static_compliance_m_N, surface_von_mises_Pa
+from analysis.runs import RESPONSES
+from analysis.setup import Setup, setup_of
+from analysis.theory import STATES, beam_compliance, materials_in_order, peak, total_force_N
+from recognition.fusion import FUSIONS, Fusion
+from recognition.kalman import kalman_filter
+from recognition.models import Model, leave_one_out
+
+
+class Study:
+    """A sweep with its theory, features, breakage and recognition.
+
+    Arrays over the runs are in order of the ratio. A part that the runs do not hold raises
+    RecordError (one line) when asked for.
+    """
+
+    def __init__(self, sweep: Sweep):
+        self.sweep = sweep
+        self.runs = sweep.runs
+        self.ratios = sweep.ratios
+
+    @property
+    def t_s(self) -> np.ndarray:
+        return self.runs[0].t_s
+
+    def run_at(self, ratio: float):
+        """The run of a ratio; RecordError if it is missing."""
+        for run in self.runs:
+            if abs(run.gangue_ratio - ratio) < 1e-6:
+                return run
+        raise RecordError(f"{self.sweep.path}: no run of {ratio:.0%} gangue")
+
+    def nearest(self, ratio: float):
+        """The run whose ratio is nearest to one."""
+        return min(self.runs, key=lambda run: abs(run.gangue_ratio - ratio))
+
+    # ------------------------------------------------------------------ theory
+
+    @cached_property
+    def setup(self) -> Setup:
+        return setup_of(self.runs[0])
+
+    def beam_compliance_m_N(self, x_m) -> np.ndarray:
+        """Of the paper's beam at distances x_m from the plate's centre along the axis A-B."""
+        s = self.setup
+        return beam_compliance(
+            np.asarray(x_m) + s.support_length_m / 2,
+            s.support_length_m,
+            s.support_width_m,
+            s.thickness_m,
+            s.plate,
+        )
+
+    def single_peaks_N(self, x_m: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
+        """Figure 9: {rock: {state: peak force at each x_m}}."""
+        s, compliance = self.setup, self.beam_compliance_m_N(x_m)
+        return {
+            name: {
+                key: np.array([self._peak_N(state, name, c) for c in compliance])
+                for key, state in STATES.items()
+            }
+            for name in s.rocks
+        }
+
+    def _peak_N(self, state, name: str, compliance: float) -> float:
+        s = self.setup
+        how = {"radius_m": s.radius_m, "speed_m_s": s.speed_m_s, "plate": s.plate}
+        return peak(
+            state, s.rocks[name], restitution=s.restitution[name], compliance_m_N=compliance, **how
+        ).force_N
+
+    @cached_property
+    def theory_counts(self) -> np.ndarray:
+        return np.arange(len(self.setup.places_m) + 1)
+
+    def theory_totals_N(self, compliance_m_N: np.ndarray) -> dict[str, np.ndarray]:
+        """Figure 10: total force of each state for 0, 1, ... gangue spheres in the scene's order."""
+        return {
+            key: np.array([self._total_N(state, t, compliance_m_N) for t in self.theory_counts])
+            for key, state in STATES.items()
+        }
+
+    def _total_N(self, state, gangue_count: int, compliance_m_N: np.ndarray) -> float:
+        s = self.setup
+        names = materials_in_order(gangue_count, s.gangue_order)
+        restitutions = [s.restitution[name] for name in names]
+        how = {"radius_m": s.radius_m, "speed_m_s": s.speed_m_s, "plate": s.plate}
+        return total_force_N(state, [s.rocks[name] for name in names], compliance_m_N, restitutions, **how)
+
+    @cached_property
+    def beam_totals_N(self) -> dict[str, np.ndarray]:
+        return self.theory_totals_N(self.beam_compliance_m_N(self.setup.places_m[:, 0]))
+
+    @cached_property
+    def plate_modes(self):
+        return modes_of(self.runs[0])
+
+    @cached_property
+    def real_plate_totals_N(self) -> dict[str, np.ndarray]:
+        return self.theory_totals_N(static_compliance_m_N(self.plate_modes, self.setup.places_m))
+
+    @cached_property
+    def stress_Pa(self) -> list[np.ndarray]:
+        """Von Mises stress at the nodes of the plate's modes when the total force is largest, of each run."""
+        modes, places = self.plate_modes, self.setup.places_m
+        return [surface_von_mises_Pa(modes, amplitude_at_peak(modes, run, places)) for run in self.runs]
+
+    @cached_property
+    def _contact_area(self) -> np.ndarray:
+        """Nodes of the modes below a particle, shape (n_nodes,) of bool."""
+        apart = np.linalg.norm(self.plate_modes.node_m[:, None] - self.setup.places_m[None], axis=2)
+        below = apart.min(axis=1) <= self.setup.radius_m
+        if not below.any():
+            raise RecordError("no node of the plate's mesh lies below a particle")
+        return below
+
+    @property
+    def stress_mean_Pa(self) -> np.ndarray:
+        """Mean stress below the particles, shape (runs,)."""
+        return np.array([field[self._contact_area].mean() for field in self.stress_Pa])
+
+    @property
+    def high_stress_share(self) -> np.ndarray:
+        """Share of the area below the particles above 0.8 of the highest stress of any run, shape (runs,)."""
+        fields = np.stack([field[self._contact_area] for field in self.stress_Pa])
+        return (fields > 0.8 * fields.max()).mean(axis=1)
+
+    # ---------------------------------------------------------------- breakage
+
+    @cached_property
+    def networks(self) -> list[breakage.Network]:
+        return [breakage.read_network(run) for run in self.runs]
+
+    @cached_property
+    def first_collision_end_s(self) -> np.ndarray:
+        """Shape (runs, count)."""
+        return np.stack([breakage.first_collision_end_s(run) for run in self.runs])
+
+    @cached_property
+    def area_first_m2(self) -> np.ndarray:
+        """Crack area of each agglomerate after its first collision, shape (runs, count)."""
+        ends = self.first_collision_end_s
+        return np.stack([breakage.broken_area_m2(run, end) for run, end in zip(self.runs, ends, strict=True)])
+
+    @cached_property
+    def area_end_m2(self) -> np.ndarray:
+        return np.stack([breakage.broken_area_m2(run) for run in self.runs])
+
+    @cached_property
+    def is_gangue(self) -> np.ndarray:
+        """Shape (runs, count) of bool."""
+        return np.array([[name == "gangue" for name in run.materials] for run in self.runs])
+
+    def per_stone(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Mean over the coal and over the gangue agglomerates of each run, NaN where a run has none."""
+        means = {}
+        for name, chosen in (("coal", ~self.is_gangue), ("gangue", self.is_gangue)):
+            count = chosen.sum(axis=1)
+            with np.errstate(invalid="ignore"):
+                means[name] = np.where(chosen, values, 0.0).sum(axis=1) / count
+        return means
+
+    # ------------------------------------------------------------------ signals
+
+    @cached_property
+    def peaks(self) -> dict[str, np.ndarray]:
+        """Largest absolute value of the six responses and the total force, from the fast stream."""
+        return {name: self.sweep.peaks(name) for name in (*RESPONSES, "force_N")}
+
+    @cached_property
+    def two_way(self) -> dict[str, np.ndarray]:
+        """Largest and smallest value of u, v and a, shape (runs, 2) each, from the fast stream."""
+        return {n: np.array([run.extremes(n) for run in self.runs]) for n in ("u_m", "v_m_s", "a_m_s2")}
+
+    @cached_property
+    def decompositions(self) -> list[Decomposition]:
+        return [decompose(run.record("a_m_s2")) for run in self.runs]
+
+    @cached_property
+    def parameters(self) -> dict[str, np.ndarray]:
+        """The parameters of Figure 23 of each run's acceleration, shape (runs,) each; IMF energies apart."""
+        rows = [{f.name: f.value for f in time_features(run.record("a_m_s2"))} for run in self.runs]
+        table = {name: np.array([row[name] for row in rows]) for name in TIME_PARAMETERS}
+        energy = [marginal_spectrum(d, kind="energy").total for d in self.decompositions]
+        return table | {"marginal_spectrum_energy": np.array(energy)}
+
+    @cached_property
+    def imf_energies(self) -> np.ndarray:
+        """Shape (runs, most IMFs); 0 where a run has fewer."""
+        most = max(len(d.imfs) for d in self.decompositions)
+        return np.stack([np.pad(d.energies, (0, most - len(d.imfs))) for d in self.decompositions])
+
+    # -------------------------------------------------------------- recognition
+
+    @cached_property
+    def model(self) -> Model:
+        return Model.fit(self.runs)
+
+    @cached_property
+    def base(self) -> np.ndarray:
+        """The eight base parameters of Q, shape (runs, 8)."""
+        return np.column_stack([self.parameters[name] for name in BASE_PARAMETERS])
+
+    @cached_property
+    def q(self) -> np.ndarray:
+        return self.model.methods["fusion_q"].transform(self.base)
+
+    @cached_property
+    def answers(self) -> dict[str, list[dict[str, float | str]]]:
+        return {
+            "trained on all": [self.model.recognise(run.signals, str(run.path)) for run in self.runs],
+            "that ratio held out": leave_one_out(self.runs),
+        }
+
+    def errors_points(self, trained: str, method: str) -> np.ndarray:
+        """Recognised less true ratio in points of the runs that were answered."""
+        rows = zip(self.answers[trained], self.ratios, strict=True)
+        return np.array(
+            [100 * (row[method] - ratio) for row, ratio in rows if isinstance(row[method], float)]
+        )
+
+    @cached_property
+    def filtered(self) -> dict[str, np.ndarray]:
+        """The six responses after the Kalman filter, shape (runs, samples) each."""
+        return {name: kalman_filter(self.sweep.stack(name)) for name in RESPONSES}
+
+    @cached_property
+    def fusions(self) -> dict[str, Fusion]:
+        return {kind: Fusion(kind).fit(self.responses(kind)) for kind in FUSIONS}
+
+    def responses(self, kind: str) -> np.ndarray:
+        """What a fusion takes of each run, shape (runs, m, samples)."""
+        return np.stack([Fusion(kind).prepare(run.signals) for run in self.runs])
+
+    @cached_property
+    def fused(self) -> dict[str, np.ndarray]:
+        """The four fusion parameters, shape (runs, samples) each."""
+        return {kind: fusion.transform(self.responses(kind)) for kind, fusion in self.fusions.items()}
