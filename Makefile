@@ -15,7 +15,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep report test validate engine setup lint clean
+.PHONY: help sweep report test validate bench engine setup lint clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -32,6 +32,9 @@ test: setup  ## all tests but the long ones
 
 validate: setup  ## the long checks
 	$(PYTHON) -m pytest -q -m validate
+
+bench: setup  ## cost and results of the bonds beside peers, into runs/bench
+	$(PYTHON) -m benchmarks.bonds
 
 lint: setup  ## style of the Python code
 	$(PYTHON) -m ruff check .

