@@ -21,6 +21,9 @@ from analysis.runs import Run
 #: one impact touch and leave within it. A first impact lasts about 0.25 ms.
 COLLISION_GAP_S = 2e-4
 
+#: Later contacts below this share of an agglomerate's largest force are splinters, no collision.
+LEAST_FORCE_SHARE = 0.01
+
 #: Sub-spheres that lost at least this share of their bonds count as broken in a section.
 BROKEN_SHARE = 0.5
 
@@ -147,20 +150,24 @@ def crack_counts(run: Run) -> dict[str, dict[str, int]]:
 def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
     """Begin and end of each collision of an agglomerate with the plate, s, from its contact force.
 
-    Contacts less than COLLISION_GAP_S apart are one collision.
+    Contacts less than COLLISION_GAP_S apart are one collision; those below LEAST_FORCE_SHARE
+    of the agglomerate's largest force are none.
     """
     table = run.fast if run.fast is not None else run.signals
     column = f"force_{agglomerate:02d}_N"
     if column not in table.columns:
         raise RecordError(f"{run.path}: no column {column!r} in the streams")
     t_s = table["t_s"].to_numpy(dtype=float)
-    touching = t_s[table[column].to_numpy(dtype=float) != 0]
+    force_N = table[column].to_numpy(dtype=float)
+    touching = t_s[force_N != 0]
     if touching.size == 0:
         return []
     breaks = np.flatnonzero(np.diff(touching) > COLLISION_GAP_S)
     begins = touching[np.concatenate([[0], breaks + 1])]
     ends = touching[np.concatenate([breaks, [touching.size - 1]])]
-    return list(zip(begins.tolist(), ends.tolist(), strict=True))
+    largest = [force_N[(t_s >= begin) & (t_s <= end)].max() for begin, end in zip(begins, ends, strict=True)]
+    hard = np.array(largest) >= LEAST_FORCE_SHARE * max(largest)
+    return list(zip(begins[hard].tolist(), ends[hard].tolist(), strict=True))
 
 
 def first_collision_end_s(run: Run) -> np.ndarray:

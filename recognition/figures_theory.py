@@ -94,8 +94,10 @@ def totals(
         axis.set_title(title)
         axis.set_xlabel(RATIO_LABEL)
     axes[0, 0].set_ylabel("total force, kN")
-    axes[0, 0].legend()
-    axes[0, 0].set_ylim(bottom=0)
+    axes[0, 0].legend(loc="upper left")
+    axes[0, 0].set_ylim(
+        0, 1.35e-3 * max(force.max() for states in panels.values() for force in states.values())
+    )
     return figure
 
 

@@ -11,14 +11,11 @@ by least squares:
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from recognition.errors import RecognitionError
-from recognition.least_squares import adjusted_r2, fit_polynomial, r2
 
 POLYNOMIAL, EXPONENTIAL, LOGARITHMIC, POWER = FORMS = ("polynomial", "exponential", "logarithmic", "power")
 
@@ -39,36 +36,61 @@ def _shape(form: str, beta, c):
 
 #: Where c is looked for. Near 0 an exponential, at large c a logarithm is a straight line.
 BRACKETS = {EXPONENTIAL: (-8.0, 8.0), LOGARITHMIC: (SHIFT, 20.0), POWER: (0.1, 6.0)}
+SCAN = 60
+GOLDEN = (5**0.5 - 1) / 2
+GOLDEN_STEPS = 40
 
 
 @dataclass(frozen=True)
-class MomentFit:
-    """A fitted function of one moment; parameters: lowest power first, or a, b, c."""
+class Fits:
+    """One form fitted to k moments. parameters (k, p): lowest power first, or a, b, c; r2, r2_adjusted (k,)."""
 
     form: str
     parameters: np.ndarray
-    r2: float
-    r2_adjusted: float
+    r2: np.ndarray
+    r2_adjusted: np.ndarray
 
 
-def fit_form(form: str, ratios: np.ndarray, values: np.ndarray) -> MomentFit:
-    """Fit a + b g(beta; c): a and b by linear least squares for each c, c by bounded search."""
+def fit_form(form: str, ratios: np.ndarray, values: np.ndarray) -> Fits:
+    """Fit a + b g(beta; c) to every column of values, shape (n, k).
 
-    def solve(c):
-        design = np.column_stack([np.ones_like(ratios), _shape(form, ratios, c)])
-        ab, *_ = np.linalg.lstsq(design, values, rcond=None)
-        return ab, float(np.sum((values - design @ ab) ** 2))
+    a and b by linear least squares for each c; c by a scan and golden section about its best.
+    """
+    scan = np.linspace(*BRACKETS[form], SCAN)
+    scan = scan[np.abs(scan) > 1e-9]  # exp(0 beta) is no function of beta
+    rest = np.stack([_regress(form, ratios, values, np.full(values.shape[1], c))[2] for c in scan])
+    best = np.argmin(rest, axis=0)
+    low, high = scan[np.maximum(best - 1, 0)], scan[np.minimum(best + 1, scan.size - 1)]
+    for _ in range(GOLDEN_STEPS):
+        width = GOLDEN * (high - low)
+        left_better = (
+            _regress(form, ratios, values, high - width)[2] < _regress(form, ratios, values, low + width)[2]
+        )
+        low, high = np.where(left_better, low, high - width), np.where(left_better, low + width, high)
+    c = 0.5 * (low + high)
+    a, b, rest = _regress(form, ratios, values, c)
+    return _fits(form, np.column_stack([a, b, c]), rest, values, 3)
 
-    # From several starts: the error in c may have two valleys about the straight line.
-    edges = np.linspace(*BRACKETS[form], 5)
-    found = [
-        minimize_scalar(lambda c: solve(c)[1], bounds=pair, method="bounded")
-        for pair in itertools.pairwise(edges)
-    ]
-    c = float(min(found, key=lambda f: f.fun).x)
-    ab, _ = solve(c)
-    fitted = ab[0] + ab[1] * _shape(form, ratios, c)
-    return MomentFit(form, np.array([*ab, c]), r2(values, fitted), adjusted_r2(values, fitted, 3))
+
+def _regress(form: str, ratios: np.ndarray, values: np.ndarray, c: np.ndarray):
+    """a, b and the sum of squared residuals of each column for given c, shape (k,) each."""
+    g = _shape(form, ratios[:, None], c[None, :])
+    g_off, y_off = g - g.mean(axis=0), values - values.mean(axis=0)
+    b = np.sum(g_off * y_off, axis=0) / np.sum(g_off**2, axis=0)
+    return values.mean(axis=0) - b * g.mean(axis=0), b, np.sum((y_off - b * g_off) ** 2, axis=0)
+
+
+def fit_polynomials(degree: int, ratios: np.ndarray, values: np.ndarray) -> Fits:
+    """A polynomial of one degree for every column of values, shape (n, k), by least squares."""
+    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree)
+    fitted = np.polynomial.polynomial.polyval(ratios, coefficients).T
+    return _fits(POLYNOMIAL, coefficients.T, np.sum((values - fitted) ** 2, axis=0), values, degree + 1)
+
+
+def _fits(form, parameters, rest, values, count) -> Fits:
+    r2 = 1.0 - rest / np.sum((values - values.mean(axis=0)) ** 2, axis=0)
+    spare = values.shape[0] - count
+    return Fits(form, parameters, r2, 1.0 - (1.0 - r2) * (values.shape[0] - 1) / spare)
 
 
 @dataclass(frozen=True)
@@ -122,18 +144,17 @@ class Rule:
         if unknown or not self.forms:
             raise RecognitionError(f"forms = {list(self.forms)}; choose among {', '.join(FORMS)}")
         top = self._top_degree(np.unique(ratios).size)
-        found = {k: self._fit_moment(ratios, values, top) for k, values in enumerate(curves.T)}
-        found = {k: fit for k, fit in found.items() if fit is not None}
-        if not found:
+        moments = np.flatnonzero(np.ptp(curves, axis=0) >= FLAT)
+        chosen = Chosen(moments.size)
+        for form in self.forms:
+            chosen.take(self._fit_one(form, ratios, curves[:, moments], top))
+        if not chosen.found.any():
             raise RecognitionError(
                 f"no moment has a {' or '.join(self.forms)} fit with R^2 >= {self.min_r2:g}"
             )
-        width = max(fit.parameters.size for fit in found.values())
-        return FunctionSpace(
-            np.array(list(found)),
-            np.array([FORMS.index(fit.form) for fit in found.values()]),
-            np.stack([np.pad(fit.parameters, (0, width - fit.parameters.size)) for fit in found.values()]),
-        )
+        found = chosen.found
+        used = np.flatnonzero(chosen.parameters[found].any(axis=0)).max() + 1
+        return FunctionSpace(moments[found], chosen.form[found], chosen.parameters[found, :used])
 
     def _top_degree(self, ratios: int) -> int:
         # One ratio more than coefficients, else R^2 = 1 says nothing.
@@ -146,18 +167,49 @@ class Rule:
             raise RecognitionError(f"{ratios} mixing ratios; this rule needs at least {needed + 2}")
         return top
 
-    def _fit_moment(self, ratios, values, top) -> MomentFit | None:
-        if np.ptp(values) < FLAT:
-            return None
-        fits = [fit for form in self.forms if (fit := self._try(form, ratios, values, top)) is not None]
-        return max(fits, key=lambda fit: fit.r2_adjusted) if fits else None
-
-    def _try(self, form, ratios, values, top) -> MomentFit | None:
+    def _fit_one(self, form: str, ratios, values, top: int) -> Chosen:
+        """The fits of one form that count, each moment's."""
+        own = Chosen(values.shape[1])
         if form != POLYNOMIAL:
-            fit = fit_form(form, ratios, values)
-            return fit if fit.r2 >= self.min_r2 else None
-        for degree in range(1, top + 1) if self.degree is None else [self.degree]:
-            fit = fit_polynomial(ratios, values, degree)
-            if fit.r2 >= self.min_r2 or self.degree is not None:
-                return MomentFit(POLYNOMIAL, fit.coefficients, fit.r2, fit.r2_adjusted)
-        return None
+            fits = fit_form(form, ratios, values)
+            own.fill(fits, fits.r2 >= self.min_r2)
+        elif self.degree is not None:
+            own.fill(fit_polynomials(self.degree, ratios, values), np.ones(values.shape[1], dtype=bool))
+        else:
+            for degree in range(1, top + 1):
+                fits = fit_polynomials(degree, ratios, values)
+                own.fill(fits, ~own.found & (fits.r2 >= self.min_r2))
+        return own
+
+
+class Chosen:
+    """The fit chosen so far for each of k moments; NaN adjusted R^2 where there is none."""
+
+    def __init__(self, count: int):
+        self.form = np.zeros(count, dtype=int)
+        self.parameters = np.zeros((count, 1))
+        self.r2_adjusted = np.full(count, np.nan)
+
+    @property
+    def found(self) -> np.ndarray:
+        return np.isfinite(self.r2_adjusted)
+
+    def fill(self, fits: Fits, where: np.ndarray) -> None:
+        """Take these fits at some moments."""
+        self._widen(fits.parameters.shape[1])
+        self.form[where] = FORMS.index(fits.form)
+        self.parameters[where] = 0.0
+        self.parameters[where, : fits.parameters.shape[1]] = fits.parameters[where]
+        self.r2_adjusted[where] = fits.r2_adjusted[where]
+
+    def take(self, other: Chosen) -> None:
+        """Take another choice wherever its adjusted R^2 is better."""
+        self._widen(other.parameters.shape[1])
+        better = other.found & ~(self.r2_adjusted >= other.r2_adjusted)
+        self.form[better] = other.form[better]
+        self.parameters[better] = 0.0
+        self.parameters[better, : other.parameters.shape[1]] = other.parameters[better]
+        self.r2_adjusted[better] = other.r2_adjusted[better]
+
+    def _widen(self, width: int) -> None:
+        self.parameters = np.pad(self.parameters, ((0, 0), (0, max(0, width - self.parameters.shape[1]))))

@@ -99,7 +99,7 @@ def chapters(study: Study) -> list[Chapter]:
     tables = {
         "Theory": [report_tables.materials],
         "Signals": [report_tables.standardised],
-        "Recognition": [report_tables.deviations, report_tables.recognised],
+        "Recognition": [report_tables.deviations, report_tables.recognised, report_tables.choices],
     }
     return [
         Chapter(
@@ -130,10 +130,21 @@ def rises(study: Study) -> list[Rise]:
 
 
 def assumptions(sweep: Sweep) -> list[str]:
-    """The scene's assumptions as lines, each once, in order."""
+    """The scene's assumptions as lines, each once, in order; keys of the scene with their values."""
     lines: dict[str, None] = {}
     for run in sweep.runs:
         found = run.info.get("assumptions", [])
         found = [f"{key}: {value}" for key, value in found.items()] if isinstance(found, dict) else found
-        lines.update(dict.fromkeys(str(line) for line in found))
+        scene = run.info.get("scene", {})
+        lines.update(dict.fromkeys(_with_value(str(line), scene) for line in found))
     return list(lines)
+
+
+def _with_value(line: str, scene: dict) -> str:
+    """`plate.length_m` as `plate.length_m = 0.5`; a line that is no single value of the scene as it stands."""
+    value = scene
+    for key in line.split("."):
+        if not isinstance(value, dict) or key not in value:
+            return line
+        value = value[key]
+    return line if isinstance(value, (dict, list)) else f"{line} = {value}"

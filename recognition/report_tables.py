@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis import RecordError
 from analysis.features import BASE_PARAMETERS
+from recognition.choices import compare
 from recognition.least_squares import fit_polynomial
 from recognition.methods import METHOD_NAMES
 from recognition.study import Study
@@ -84,6 +85,20 @@ def recognised(study: Study) -> Table:
         )
     note = "In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations."
     return Table("table-recognised", "Recognised mixing ratio of each run", note, header, rows)
+
+
+def choices(study: Study) -> Table:
+    """What other choices the paper leaves open would have given."""
+    rows = []
+    for outcome in compare(study):
+        e = np.abs(outcome.errors_points)
+        numbers = [f"{e.mean():.2f}", f"{e.max():.2f}"] if e.size else ["-", "-"]
+        rows.append([outcome.name, f"{e.size} of {len(study.runs)}", *numbers, outcome.reason])
+    note = (
+        "Errors in points of mixing ratio, that ratio held out. Noise-free runs of one arrangement and speed."
+    )
+    header = ["choice", "answered", "mean", "worst", ""]
+    return Table("table-choices", "Choices that the paper leaves open", note, header, rows)
 
 
 def errors(study: Study) -> Table:
