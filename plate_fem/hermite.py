@@ -4,7 +4,6 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-
 # Polynomials on [0, 1], lowest power first: value left, slope left, value right, slope right.
 CUBICS = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float)
 
