@@ -44,8 +44,8 @@ def test_first_ten_bending_modes_within_two_percent_of_the_solid(tmp_path, diame
             break
     assert number >= 10
     assert max(abs(np.array(differences))) < 0.015
-    # sway and yaw, which the model leaves out, lie below the first bending mode
-    assert in_plane[0] < in_plane[1] < solid[0][0]
+    # the model leaves out sway, which lies below the first bending mode, and yaw
+    assert in_plane[0] < solid[0][0]
 
 
 @pytest.mark.validate
