@@ -31,6 +31,10 @@ DEFAULT_RULE = "fixed_10"
 #: themselves, because PyEMD's parabolas lose digits with the cube of the length.
 PARABOLIC_UP_TO = 10_000
 
+#: Each IMF is about half as fast as the one before; what is slower than rate / 2^12 or so
+#: (24 Hz at 100 kHz) stays in the residue. Records of up to 4000 samples have no more.
+MOST_IMFS = 12
+
 
 @dataclass(frozen=True)
 class Decomposition:
@@ -65,7 +69,7 @@ def decompose(record: Record, rule: str = DEFAULT_RULE) -> Decomposition:
         raise RecordError(f"{record.name}: every sample is {record.values[0]:g}; EMD needs a changing signal")
     extrema = "parabol" if record.values.size <= PARABOLIC_UP_TO else "simple"
     emd = EMD(extrema_detection=extrema, **STOPPING_RULES[rule])
-    emd.emd((record.values - offset) / scale)
+    emd.emd((record.values - offset) / scale, max_imf=MOST_IMFS)
     imfs, residue = emd.get_imfs_and_residue()
     imfs = np.asarray(imfs).reshape(-1, record.values.size)
     return Decomposition(imfs * scale, np.asarray(residue) * scale + offset, record, rule, extrema)
