@@ -1,4 +1,4 @@
-"""Command line: python -m dem run|deck|plate|sweep."""
+"""Command line: python -m dem run|deck|plate|sweep|calibrate."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # ruff: noqa: E402 - numpy reads these when it is first imported
+from dem.calibrate import calibrate
 from dem.costep import follow
 from dem.deck import write_deck
 from dem.exchange import ExchangeError, PlatePipes
@@ -51,6 +52,12 @@ def _parser() -> argparse.ArgumentParser:
             sub.add_argument("--gangue", type=float, help="share of gangue, 0..1, instead of the scene's")
         else:
             sub.add_argument("--jobs", type=int, default=2, help="runs at a time (default 2)")
+    text = "fit the bonds of a material in virtual tests"
+    sub = commands.add_parser("calibrate", help=text, description=text)
+    sub.add_argument("material", help="name of a material of the scene")
+    sub.add_argument("--scene", type=Path, required=True, help="scene file (TOML)")
+    sub.add_argument("--out", type=Path, required=True, help="directory for MATERIAL.toml and MATERIAL_tests.csv")
+    sub.set_defaults(command=_calibrate)
     return parser
 
 
@@ -98,6 +105,12 @@ def _plate(options) -> int:
 
 def _sweep(options) -> int:
     return sweep(options.scene, options.out, options.jobs)
+
+
+def _calibrate(options) -> int:
+    calibrate(options.material, options.scene, options.out)
+    print(options.out / f"{options.material}.toml")
+    return 0
 
 
 if __name__ == "__main__":
