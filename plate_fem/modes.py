@@ -7,13 +7,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from plate_fem import hermite
+from plate_fem.eigen import eigenmodes
 from plate_fem.model import build_model
+from plate_fem.residual import residual_modes
 from plate_fem.stress import modal_surface_stress
 
-CACHE_FORMAT = 1  # raise when the meaning of the cached arrays changes
+CACHE_FORMAT = 2  # raise when the meaning of the cached arrays changes
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class PlateModes:
     rod_force: (n_rods, n), axial force (N, tension positive) at the base of each rod.
     surface_stress: (n_nodes, 3, n), sx, sy, txy (Pa) at the top surface per amplitude.
     mass_kg: mass of the plate without rods. theory: "kirchhoff" or "mindlin".
+    n_residual: how many modes, the last ones, stand for the compliance of those left out.
     """
 
     frequency_Hz: np.ndarray
@@ -39,6 +41,7 @@ class PlateModes:
     surface_stress: np.ndarray
     mass_kg: float
     theory: str
+    n_residual: int
 
     @property
     def shape(self):
@@ -95,52 +98,65 @@ def _refined(lines, times):
     return np.interp(np.arange(times * (len(lines) - 1) + 1) / times, np.arange(len(lines)), lines)
 
 
-def plate_modes(plate, cache_dir=None):
+def plate_modes(plate, cache_dir=None, residual_points_m=None):
     """Return the `PlateModes` of a FlexiblePlate up to its `max_frequency_Hz`.
 
     cache_dir: folder for results, one .npz per table (optional).
+    residual_points_m: (k, 2), where loads act (optional). Up to k modes above `max_frequency_Hz` are added
+    that give these points the static compliance of all the modes left out (plate_fem/residual.py).
     """
+    points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
     if cache_dir is None:
-        return _compute(plate)
-    path = Path(cache_dir) / f"modes-{table_hash(plate)}.npz"
+        return _compute(plate, points)
+    path = Path(cache_dir) / f"modes-{table_hash(plate, points)}.npz"
     if path.exists():
-        with np.load(path, allow_pickle=False) as stored:
-            values = {name: stored[name] for name in stored.files}
-        return PlateModes(**{**values, "mass_kg": float(values["mass_kg"]), "theory": str(values["theory"])})
-    modes = _compute(plate)
+        return _load(path)
+    modes = _compute(plate, points)
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_suffix(f".{os.getpid()}.npz")
     np.savez(beside, **{field.name: getattr(modes, field.name) for field in fields(modes)})
-    beside.replace(path)
+    beside.replace(path)  # at once, since another run may want the same file
     return modes
 
 
-def table_hash(plate):
-    """Hash of everything in the plate's table that its modes depend on."""
-    text = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa"})
-    return hashlib.sha256(f"{CACHE_FORMAT} {text}".encode()).hexdigest()[:16]
+def _load(path):
+    with np.load(path, allow_pickle=False) as stored:
+        values = {name: stored[name] if stored[name].shape else stored[name].item() for name in stored.files}
+    return PlateModes(**values)
 
 
-def _compute(plate):
+def table_hash(plate, residual_points_m=()):
+    """Hash of everything that the modes depend on."""
+    table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa"})
+    text = f"{CACHE_FORMAT} {table} {np.asarray(residual_points_m, float).tolist()}"
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _compute(plate, residual_points_m):
     model = build_model(plate)
     omega_squared, vectors = eigenmodes(model.stiffness, model.mass, plate.max_frequency_Hz)
+    n_residual = 0
+    if len(residual_points_m):
+        more_omega_squared, more = residual_modes(model, vectors, residual_points_m)
+        omega_squared, vectors = np.append(omega_squared, more_omega_squared), np.hstack([vectors, more])
+        n_residual = len(more_omega_squared)
     system = model.system
     u = model.expansion @ vectors
+    u *= (sign := _sign(u[: system.n_nodes]))
     nodal = u[: 4 * system.n_nodes].reshape(4, system.n_nodes, -1)
-    sign = _sign(nodal[0])
     area = plate.length_m * plate.width_m
-    n = len(omega_squared)
     return PlateModes(
         frequency_Hz=np.sqrt(omega_squared) / (2 * np.pi),
-        damping_ratio=np.full(n, plate.damping_ratio),
+        damping_ratio=np.full(len(omega_squared), plate.damping_ratio),
         lines_x_m=system.lines_x_m,
         lines_y_m=system.lines_y_m,
-        nodal=nodal * sign,
-        mean_shape=sign * np.tensordot(hermite.integration(system.lines_x_m, system.lines_y_m), nodal, 2) / area,
+        nodal=nodal,
+        mean_shape=np.tensordot(hermite.integration(system.lines_x_m, system.lines_y_m), nodal, 2) / area,
         rod_force=model.rod_force @ vectors * sign,
-        surface_stress=modal_surface_stress(system, u) * sign,
+        surface_stress=modal_surface_stress(system, u),
         mass_kg=plate.density_kg_m3 * plate.thickness_m * area,
         theory=system.theory,
+        n_residual=n_residual,
     )
 
 
@@ -148,36 +164,4 @@ def _sign(shape):
     """+-1 per mode, so that the first node near the largest deflection moves up."""
     size = abs(shape).max(axis=0)
     first = (abs(shape) > 0.9 * size).argmax(axis=0)
-    return np.sign(shape[first, np.arange(shape.shape[1])])
-
-
-def eigenmodes(stiffness, mass, max_frequency_Hz):
-    """Return (omega^2 (n,), mass-normalised vectors (size, n)) of all modes up to max_frequency_Hz.
-
-    Sylvester's law of inertia gives their number: that of the negative pivots of K - limit M. They come
-    from shift-invert Lanczos about a small negative shift, which a free plate's singular stiffness does
-    not disturb. RuntimeError if the two disagree.
-    """
-    limit = (2 * np.pi * max_frequency_Hz) ** 2
-    count = int((factor(stiffness - limit * mass).U.diagonal() < 0).sum())
-    if count == 0:
-        return np.empty(0), np.empty((stiffness.shape[0], 0))
-    shift = -1e-4 * limit
-    inverse = LinearOperator(stiffness.shape, factor(stiffness - shift * mass).solve, dtype=float)
-    start = np.random.default_rng(1).standard_normal(stiffness.shape[0])
-    values, vectors = eigsh(
-        stiffness, count + 1, mass, sigma=shift, OPinv=inverse, v0=start, ncv=2 * count + 20, tol=1e-12
-    )
-    order = np.argsort(values)
-    values, vectors = values[order], vectors[:, order]
-    if not values[count - 1] <= limit < values[count]:
-        raise RuntimeError(f"{count} modes lie below {max_frequency_Hz:g} Hz, but the eigensolver found others")
-    values, vectors = values[:count], vectors[:, :count]
-    values[values < 1e-9 * limit] = 0.0  # rigid-body modes, zero but for rounding
-    return values, vectors / np.sqrt(np.einsum("ij,ij->j", vectors, mass @ vectors))
-
-
-def factor(matrix):
-    """Sparse LU of a symmetric matrix with its pivots on the diagonal."""
-    symmetric = {"SymmetricMode": True}
-    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+    return np.where(shape[first, np.arange(shape.shape[1])] < 0, -1.0, 1.0)

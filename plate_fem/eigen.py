@@ -1,0 +1,36 @@
+"""Lowest modes of a sparse structure."""
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+
+def eigenmodes(stiffness, mass, max_frequency_Hz):
+    """Return (omega^2 (n,), mass-normalised vectors (size, n)) of all modes up to max_frequency_Hz.
+
+    Sylvester's law of inertia gives their number: that of the negative pivots of K - limit M. They come
+    from shift-invert Lanczos about a small negative shift, which a free plate's singular stiffness does
+    not disturb. RuntimeError if the two disagree.
+    """
+    limit = (2 * np.pi * max_frequency_Hz) ** 2
+    count = int((factor(stiffness - limit * mass).U.diagonal() < 0).sum())
+    if count == 0:
+        return np.empty(0), np.empty((stiffness.shape[0], 0))
+    shift = -1e-4 * limit
+    inverse = LinearOperator(stiffness.shape, factor(stiffness - shift * mass).solve, dtype=float)
+    start = np.random.default_rng(1).standard_normal(stiffness.shape[0])
+    values, vectors = eigsh(
+        stiffness, count + 1, mass, sigma=shift, OPinv=inverse, v0=start, ncv=2 * count + 20, tol=1e-12
+    )
+    order = np.argsort(values)
+    values, vectors = values[order], vectors[:, order]
+    if not values[count - 1] <= limit < values[count]:
+        raise RuntimeError(f"{count} modes lie below {max_frequency_Hz:g} Hz, but the eigensolver found others")
+    values, vectors = values[:count], vectors[:, :count]
+    values[values < 1e-9 * limit] = 0.0  # rigid-body modes, zero but for rounding
+    return values, vectors / np.sqrt(np.einsum("ij,ij->j", vectors, mass @ vectors))
+
+
+def factor(matrix):
+    """Sparse LU of a symmetric matrix with its pivots on the diagonal."""
+    symmetric = {"SymmetricMode": True}
+    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
