@@ -1,14 +1,15 @@
-"""Where the energy of the impact went.
+"""Where the energy of the impact went, agglomerate by agglomerate.
 
 The stones' side comes from the engine (fix ledger), the plate's side from the modal motion. Works are sums of force
-times displacement over every step; each dissipation is what a work took and did not store:
+times displacement over every step, elastic energies are those of the state, and the normal dashpots of the contacts are
+summed on their own. What has no sum of its own is a work less what it stored:
 
-    bond damping       = - work of bonds - elastic energy of bonds - released by breakage
-    stone contacts     = - work of contacts between sub-spheres (their elastic part, damping and friction)
-    plate contact      = - (work on stones + work on plate) - elastic energy of the contacts with the plate
+    bond damping = - work of the bonds - elastic energy in them - released by breakage
+    friction     = - work of the contacts (with the plate: on both sides) - normal elastic energy - normal dashpots
+                   (slip, the tangential dashpot, and what the tangential springs hold while a contact lasts)
 
-Nothing in these sums refers to the kinetic energies or to the plate's own energy, so the sum of all can miss the energy
-at the start, and `closure` says by how much.
+Nothing in these refers to the kinetic energies or to the plate's own energy, so the sum of all can miss the energy at
+the start; `closure` says by how much, relative to the kinetic energy of the impact.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
+# As fix_ledger.cpp writes them.
 COLUMNS = ["kinetic_J", "momentum_z_kg_m_s", "mass_height_kg_m", "bond_elastic_J", "bond_work_J", "released_J",
-           "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J"]
+           "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
+           "pair_elastic_J", "pair_damped_J"]
 
 
 @dataclass(frozen=True)
@@ -47,27 +51,48 @@ class PlateEnergy:
     work_J: float = 0.0
 
 
-def energy_ledger(stones: StoneLedger, plate: PlateEnergy, gravity_m_s2: float, kinetic_start_J: float,
-                  mass_height_start_kg_m: float) -> dict[str, float]:
-    """Ledger at the end of the run, J, with `closure` relative to the energy of the impact.
-
-    Summed over agglomerates; `kinetic_start_J` and `mass_height_start_kg_m` are those of the initial state.
-    """
-    end = {name: float(values[-1].sum()) for name, values in stones.column.items()}
-    fall = gravity_m_s2 * (mass_height_start_kg_m - end["mass_height_kg_m"])
-    supplied = kinetic_start_J + fall
-    parts = {
-        "stones_kinetic_J": end["kinetic_J"],
-        "bond_elastic_J": end["bond_elastic_J"],
-        "plate_contact_elastic_J": end["wall_elastic_J"],
-        "plate_kinetic_J": plate.kinetic_J,
-        "plate_internal_J": plate.internal_J,
-        "plate_damping_J": plate.damped_J,
-        "bond_damping_J": -end["bond_work_J"] - end["bond_elastic_J"] - end["released_J"],
-        "released_by_breakage_J": end["released_J"],
-        "stone_contacts_J": -end["pair_work_J"],
-        "plate_contact_dissipation_J": -end["wall_work_J"] - end["plate_work_J"] - end["wall_elastic_J"],
+def stone_energies(ledger: StoneLedger, gravity_m_s2: float, mass_height_start_kg_m: np.ndarray) -> dict:
+    """Energy parts by name, each (k, agglomerates) in J. `mass_height_start_kg_m` (agglomerates,) is the sum of m z at
+    the start, from where the potential energy counts."""
+    c = ledger.column
+    contact_elastic = c["wall_elastic_J"] + c["pair_elastic_J"]
+    contact_damping = c["wall_damped_J"] + c["pair_damped_J"]
+    contact_work = c["pair_work_J"] + c["wall_work_J"] + c["plate_work_J"]
+    return {
+        "kinetic_J": c["kinetic_J"],
+        "potential_J": gravity_m_s2 * (c["mass_height_kg_m"] - mass_height_start_kg_m),
+        "bond_elastic_J": c["bond_elastic_J"],
+        "contact_elastic_J": contact_elastic,
+        "bond_damping_J": -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"],
+        "contact_damping_J": contact_damping,
+        "friction_J": -contact_work - contact_elastic - contact_damping,
+        "released_by_breakage_J": c["released_J"],
+        "given_to_plate_J": c["plate_work_J"],
     }
-    return {"impact_J": kinetic_start_J, "gained_by_falling_J": fall, **parts,
-            "given_to_plate_J": end["plate_work_J"], "plate_work_J": plate.work_J,
-            "closure": (sum(parts.values()) - supplied) / kinetic_start_J if kinetic_start_J else float("nan")}
+
+
+def energy_table(parts: dict, t_s: np.ndarray) -> pd.DataFrame:
+    """One row a time and agglomerate (1-based) of what `stone_energies` gave."""
+    k, n = parts["kinetic_J"].shape
+    index = {"t_s": np.repeat(t_s, n), "agglomerate": np.tile(np.arange(1, n + 1), k)}
+    return pd.DataFrame(index | {name: values.ravel() for name, values in parts.items()})
+
+
+def energy_ledger(parts: dict, plate: PlateEnergy, kinetic_start_J: np.ndarray) -> dict:
+    """The ledger at the end of the run, J, with its closures: of all with the plate's own energies, and of each
+    agglomerate with what it gave to the plate. `kinetic_start_J` (agglomerates,)."""
+    end = {name: values[-1] for name, values in parts.items()}
+    impact = float(kinetic_start_J.sum())
+    stones = sum(end.values()) - kinetic_start_J
+    plate_energy = plate.kinetic_J + plate.internal_J + plate.damped_J
+    total = float(stones.sum()) - float(end["given_to_plate_J"].sum()) + plate_energy
+    return {
+        "impact_J": impact,
+        **{name: float(values.sum()) for name, values in end.items()},
+        "plate_kinetic_J": plate.kinetic_J, "plate_internal_J": plate.internal_J, "plate_damping_J": plate.damped_J,
+        "plate_work_J": plate.work_J,
+        "closure": total / impact if impact else 0.0,
+        "by_agglomerate": [{name: float(values[k]) for name, values in end.items()}
+                           | {"closure": float(stones[k] / kinetic_start_J[k]) if kinetic_start_J[k] else 0.0}
+                           for k in range(len(stones))],
+    }

@@ -20,7 +20,7 @@ from dem.costep import follow
 from dem.deck import view_steps, write_deck
 from dem.engine import LIGGGHTS_VERSION, check_engine, engine_error, start_engine
 from dem.exchange import ExchangeError, PlatePipes
-from dem.ledger import PlateEnergy, energy_ledger, read_ledger
+from dem.ledger import PlateEnergy, energy_ledger, energy_table, read_ledger, stone_energies
 from dem.output import PlateRecorder, fast_stream, read_events, read_forces, write_streams
 from dem.progress import Progress
 from dem.scene import Scene, read_scene, scene_hash
@@ -172,8 +172,10 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
 
     plate_energy = PlateEnergy() if motion is None else PlateEnergy(
         motion.kinetic_J, motion.internal_J, motion.damped_J, motion.work_J)
-    kinetic = 0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2
-    height = float((assembly.mass_kg * assembly.center_m[:, 2]).sum())
+    mass = np.bincount(assembly.agglomerate, assembly.mass_kg)
+    height = np.bincount(assembly.agglomerate, assembly.mass_kg * assembly.center_m[:, 2])
+    parts = stone_energies(ledger, scene.time.gravity_m_s2, height)
+    energy_table(parts, ledger.step * step.dt_s).to_parquet(work / "energy.parquet", index=False)
     broken = events.groupby("agglomerate").size().reindex(range(1, n + 1), fill_value=0)
     return {
         "status": "finished",
@@ -198,11 +200,10 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
         "peak_force_N": float(forces[1].sum(axis=1).max(initial=0.0)),
         "impulse_N_s": float(forces[1].sum() * step.co_step * step.dt_s),
         "momentum_change_kg_m_s": float(ledger.column["momentum_z_kg_m_s"][-1].sum()
-                                        + assembly.mass_kg.sum() * scene.stones.speed_m_s),
+                                        + mass.sum() * scene.stones.speed_m_s),
         "plate": plate_maxima(fast),
-        "energy": energy_ledger(ledger, plate_energy, scene.time.gravity_m_s2, kinetic, height),
-        "rebound_speed_m_s": (ledger.column["momentum_z_kg_m_s"][-1]
-                              / np.bincount(assembly.agglomerate, assembly.mass_kg)).tolist(),
+        "energy": energy_ledger(parts, plate_energy, 0.5 * mass * scene.stones.speed_m_s**2),
+        "rebound_speed_m_s": (ledger.column["momentum_z_kg_m_s"][-1] / mass).tolist(),
         "n_samples": len(signals),
         "wall_time_s": stages.wall_time_s,
     }

@@ -88,7 +88,10 @@ void FixBondParallel::init() {
 void FixBondParallel::setup(int vflag) {
   known_tags_.clear();
   rebuild();
+  // The step that ends here was counted by the run before, or never was; see add_work.
+  const std::vector<double> counted = work_;
   post_force(vflag);
+  work_ = counted;
 }
 
 // A bond must be seen by each rank that owns one of its ends.

@@ -2,6 +2,8 @@
 
 #include <mpi.h>
 
+#include <cmath>
+
 #include "atom.h"
 #include "comm.h"
 #include "error.h"
@@ -9,6 +11,8 @@
 #include "fix_wall_plate.h"
 #include "force.h"
 #include "modify.h"
+#include "neigh_list.h"
+#include "pair.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -28,6 +32,9 @@ enum Column {
   WALL_WORK,       // done by the plate on the sub-spheres, J
   PLATE_WORK,      // done by the sub-spheres on the moving plate, J
   WALL_ELASTIC,    // now in the normal contacts with the plate, J
+  WALL_DAMPED,     // by their normal dashpots so far, J
+  PAIR_ELASTIC,    // now in the normal contacts between sub-spheres, J
+  PAIR_DAMPED,     // by their normal dashpots so far, J
   COLUMNS
 };
 }  // namespace
@@ -38,12 +45,14 @@ FixLedger::FixLedger(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   for (int k = 3; k < narg; k += 2) {
     const std::string key = arg[k];
     if (key == "agglomerates") agglomerates = arg[k + 1];
-    else if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
+    else if (key == "every") every_ = force->inumeric(FLERR, arg[k + 1]);
     else if (key == "file") file = arg[k + 1];
     else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
   }
+  nevery = 1;
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   pair_work_.assign(agglomerates_->count(), 0);
+  pair_damped_ = pair_work_;
   if (comm->me == 0) {
     file_ = std::fopen(file.c_str(), "ab");
     if (!file_) error->one(FLERR, ("cannot write " + file).c_str());
@@ -65,7 +74,47 @@ void FixLedger::init() {
   }
 }
 
-void FixLedger::setup(int vflag) { post_force(vflag); }
+void FixLedger::setup(int vflag) {
+  law_ = std::make_unique<HertzLaw>(lmp);
+  // The step that ends here was counted by the run before, or never was.
+  const std::vector<double> counted = pair_work_;
+  post_force(vflag);
+  pair_work_ = counted;
+}
+
+// Every contact between two sub-spheres: visit(i, j, radius, overlap, unit vector from j to i, share). A contact with a
+// ghost is seen by both ranks and counts half on each.
+template <class Visit> void FixLedger::each_contact(Visit visit) const {
+  const NeighList *list = force->pair->list;
+  for (int k = 0; k < list->inum; k++) {
+    const int i = list->ilist[k];
+    for (int m = 0; m < list->numneigh[i]; m++) {
+      const int j = list->firstneigh[i][m] & NEIGHMASK;
+      const double *a = atom->x[i], *b = atom->x[j];
+      const double d[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+      const double sum = atom->radius[i] + atom->radius[j], r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+      if (r2 >= sum * sum) continue;
+      const double r = std::sqrt(r2), n[3] = {d[0] / r, d[1] / r, d[2] / r};
+      visit(i, j, atom->radius[i] * atom->radius[j] / sum, sum - r, n, j < atom->nlocal ? 1.0 : 0.5);
+    }
+  }
+}
+
+void FixLedger::add_damping() {
+  const double dt = update->dt;
+  each_contact([&](int i, int j, double radius, double overlap, const double *n, double share) {
+    const double mi = atom->rmass[i], mj = atom->rmass[j];
+    double v = 0, gained = 0;
+    for (int d = 0; d < 3; d++) {
+      v += (atom->v[i][d] - atom->v[j][d]) * n[d];
+      gained += 0.5 * dt * (atom->f[i][d] / mi - atom->f[j][d] / mj) * n[d];
+    }
+    const double energy = share * dt * law_->damping_power(atom->type[i], atom->type[j], radius, overlap,
+                                                           mi * mj / (mi + mj), v - gained, v);
+    pair_damped_[agglomerates_->of_tag(atom->tag[i])] += 0.5 * energy;
+    pair_damped_[agglomerates_->of_tag(atom->tag[j])] += 0.5 * energy;
+  });
+}
 
 // The work over a step is force x (v before + v after)/2 dt, which is what the leapfrog integrator adds to the kinetic
 // energy; the first half is counted when the force is known, the second when the next velocity is.
@@ -92,7 +141,10 @@ void FixLedger::post_integrate() {
   }
 }
 
-void FixLedger::end_of_step() { write(); }
+void FixLedger::end_of_step() {
+  if (!contacts_.empty()) add_damping();
+  if (update->ntimestep % every_ == 0) write();
+}
 
 void FixLedger::write() {
   const int n = agglomerates_->count();
@@ -109,6 +161,12 @@ void FixLedger::write() {
     for (int a = 0; a < n; a++) mine[a * COLUMNS + c] += values[a];
   };
   put(PAIR_WORK, pair_work_);
+  put(PAIR_DAMPED, pair_damped_);
+  each_contact([&](int i, int j, double radius, double overlap, const double *, double share) {
+    const double energy = share * law_->elastic_energy(atom->type[i], atom->type[j], radius, overlap);
+    mine[agglomerates_->of_tag(atom->tag[i]) * COLUMNS + PAIR_ELASTIC] += 0.5 * energy;
+    mine[agglomerates_->of_tag(atom->tag[j]) * COLUMNS + PAIR_ELASTIC] += 0.5 * energy;
+  });
   if (bonds_) {
     column.assign(n, 0);
     bonds_->add_elastic_energy(column.data());
@@ -121,6 +179,7 @@ void FixLedger::write() {
     column.assign(n, 0);
     wall_->add_elastic_energy(column.data());
     put(WALL_ELASTIC, column);
+    put(WALL_DAMPED, wall_->damped());
     put(WALL_WORK, wall_->work_on_stone());
     put(PLATE_WORK, wall_->work_on_plate());
   }

@@ -6,6 +6,7 @@
 
 #include "agglomerates.h"
 #include "fix.h"
+#include "hertz_law.h"
 
 namespace LAMMPS_NS {
 
@@ -33,12 +34,16 @@ class FixLedger : public Fix {
     double force[3], torque[3];
   };
   std::unique_ptr<Agglomerates> agglomerates_;
-  std::vector<double> pair_work_;
+  std::vector<double> pair_work_, pair_damped_;
+  std::unique_ptr<HertzLaw> law_;
   std::vector<Contact> contacts_;  // sub-spheres that felt another one at the last step
   class FixBondParallel *bonds_ = nullptr;
   class FixWallPlate *wall_ = nullptr;
+  int every_ = 1;
   FILE *file_ = nullptr;
 
+  template <class Visit> void each_contact(Visit visit) const;
+  void add_damping();
   void write();
 };
 

@@ -12,7 +12,6 @@
 #include "force.h"
 #include "neighbor.h"
 #include "primitive_wall.h"
-#include "property_registry.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -68,12 +67,13 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
 
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   impulse_.assign(agglomerates_->count(), 0);
-  work_on_stone_ = work_on_plate_ = impulse_;
+  work_on_stone_ = work_on_plate_ = damped_ = impulse_;
   if (!shapes.empty()) {
     shapes_ = std::make_unique<PlateShapes>(lmp, shapes);
     modal_impulse_.assign(shapes_->modes(), 0);
     link_ = std::make_unique<PlateLink>(lmp, to_plate, from_plate, shapes_->modes());
   }
+  nevery = 1;
   if (comm->me == 0) {
     forces_ = std::fopen(forces.c_str(), "ab");
     if (!forces_) error->one(FLERR, ("cannot write " + forces).c_str());
@@ -84,14 +84,19 @@ FixWallPlate::~FixWallPlate() {
   if (forces_) std::fclose(forces_);
 }
 
-int FixWallPlate::setmask() { return FixWallGran::setmask() | POST_INTEGRATE; }
+int FixWallPlate::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
 
 void FixWallPlate::setup(int vflag) {
+  law_ = std::make_unique<HertzLaw>(lmp);
   step_in_co_step_ = 0;
   rebuildPrimitiveNeighlist_ = true;
   pre_force(vflag);
   end_co_step(true);
+  // The step that ends here was counted by the run before, or never was.
+  const std::vector<double> on_stone = work_on_stone_, on_plate = work_on_plate_;
   post_force(vflag);
+  work_on_stone_ = on_stone;
+  work_on_plate_ = on_plate;
 }
 
 // The list that the stock wall goes through: everything that the plate could reach before the next build.
@@ -207,6 +212,17 @@ void FixWallPlate::post_integrate() {
   step_in_co_step_++;
 }
 
+void FixWallPlate::end_of_step() {
+  const double dt = update->dt;
+  for (const Near &p : near_) {
+    if (!p.touched) continue;
+    const int i = p.i;
+    const double mass = atom->rmass[i], v = atom->v[i][2] - p.rate, v_before = v - 0.5 * dt * atom->f[i][2] / mass;
+    damped_[agglomerates_->of_tag(atom->tag[i])] +=
+        dt * law_->damping_power(atom->type[i], atom_type_wall_, atom->radius[i], p.overlap, mass, v_before, v);
+  }
+}
+
 void FixWallPlate::add_forces(double weight) {
   const double share = weight / co_step_;
   const int modes = shapes_ ? shapes_->modes() : 0;
@@ -283,14 +299,9 @@ void FixWallPlate::post_run() {
   if (link_ && comm->me == 0) link_->finish(update->ntimestep);
 }
 
-// Hertz: U = 8/15 E* sqrt(R) overlap^(5/2).
 void FixWallPlate::add_elastic_energy(double *energy) const {
-  double **effective_modulus;
-  force->registry.connect("Yeff", effective_modulus, "wall/plate");
-  for (const Near &p : near_) {
-    if (!p.touched) continue;
-    const double modulus = effective_modulus[atom->type[p.i]][atom_type_wall_];
-    energy[agglomerates_->of_tag(atom->tag[p.i])] +=
-        8. / 15. * modulus * std::sqrt(atom->radius[p.i]) * std::pow(p.overlap, 2.5);
-  }
+  for (const Near &p : near_)
+    if (p.touched)
+      energy[agglomerates_->of_tag(atom->tag[p.i])] +=
+          law_->elastic_energy(atom->type[p.i], atom_type_wall_, atom->radius[p.i], p.overlap);
 }

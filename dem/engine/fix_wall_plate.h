@@ -6,6 +6,7 @@
 
 #include "agglomerates.h"
 #include "fix_wall_gran.h"
+#include "hertz_law.h"
 #include "plate_link.h"
 #include "plate_shapes.h"
 
@@ -28,11 +29,13 @@ class FixWallPlate : public FixWallGran {
   void setup(int) override;
   void post_integrate() override;
   void post_force(int) override;
+  void end_of_step() override;
   void post_run() override;
 
   // By agglomerate, J: work of the contact on the sub-spheres, and on the moving plate.
   const std::vector<double> &work_on_stone() const { return work_on_stone_; }
   const std::vector<double> &work_on_plate() const { return work_on_plate_; }
+  const std::vector<double> &damped() const { return damped_; }  // by the normal dashpots of the contacts
   // Elastic energy now stored in the normal contacts (Hertz), added by agglomerate, J.
   void add_elastic_energy(double *energy) const;
 
@@ -56,6 +59,7 @@ class FixWallPlate : public FixWallGran {
   std::unique_ptr<Agglomerates> agglomerates_;
   std::unique_ptr<PlateShapes> shapes_;
   std::unique_ptr<PlateLink> link_;
+  std::unique_ptr<HertzLaw> law_;
   std::vector<Near> near_;
   std::vector<double> near_shape_;    // modes() numbers a near sub-sphere
   double extent_[4];
@@ -66,7 +70,7 @@ class FixWallPlate : public FixWallGran {
   std::vector<double> impulse_;       // sum over the co-step of F_z / N by agglomerate, push on the plate
   std::vector<double> modal_impulse_;
   std::vector<double> amplitude0_, rate0_;
-  std::vector<double> work_on_stone_, work_on_plate_;
+  std::vector<double> work_on_stone_, work_on_plate_, damped_;
   std::vector<double> kept_z_;
   FILE *forces_ = nullptr;
 

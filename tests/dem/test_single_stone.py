@@ -36,7 +36,7 @@ def test_an_unbreakable_stone_rebounds_and_its_energy_closes(unbreakable):
     assert unbreakable["n_bonds_broken"] == 0
     assert 0.5 < unbreakable["rebound_speed_m_s"][0] < 3.0
     assert abs(unbreakable["energy"]["closure"]) < 1e-3
-    for name in ("bond_damping_J", "plate_contact_dissipation_J", "plate_damping_J"):
+    for name in ("bond_damping_J", "contact_damping_J", "friction_J", "plate_damping_J"):
         assert unbreakable["energy"][name] > 0
 
 

@@ -1,0 +1,69 @@
+"""Each dissipation of the ledger against a case where it is known by itself."""
+
+import numpy as np
+import pytest
+from decks import Body, bond_line, chain, deck, frames, ledger, run_engine, write_files
+
+
+def test_damping_of_a_bond_is_the_decay_of_an_oscillator(tmp_path):
+    """Two spheres pulled apart along their bond: E falls as exp(-tau omega^2 t), omega^2 = 2 k/m."""
+    modulus, body = 5e9, chain(2)
+    write_files(tmp_path, body)
+    k = modulus * np.pi * 1e-6 / 2e-3
+    mass = body.mass_kg[0]
+    omega = np.sqrt(2 * k / mass)
+    tau = 0.02 / omega
+    dt = 0.01 / omega
+    steps = int(2 * np.pi * 8 / omega / dt)  # whole periods
+    velocity = "set atom 1 vx -0.05\nset atom 2 vx 0.05\n"
+    run_engine(tmp_path, deck(dt, steps, steps, bonds=bond_line(modulus, damping_time=tau), velocity=velocity))
+    c = ledger(tmp_path).column
+    start = mass * 0.05**2
+    lost = -c["bond_work_J"][-1, 0] - c["bond_elastic_J"][-1, 0]
+    assert lost == pytest.approx(start * (1 - np.exp(-tau * omega**2 * steps * dt)), rel=1e-2)
+    assert c["kinetic_J"][-1, 0] + c["bond_elastic_J"][-1, 0] + lost == pytest.approx(start, rel=1e-6)
+
+
+def two_spheres(directory, offset, restitution, friction, steps=3000):
+    """Two free spheres that meet at 1 m/s, the second shifted sideways by `offset`."""
+    apart = np.sqrt(4e-6 - offset**2) + 5e-5
+    body = Body(np.array([[0, 0, 0], [apart, offset, 0]]), np.full(2, 1e-3), np.zeros((0, 2), int), np.zeros(0))
+    write_files(directory, body)
+    text = deck(1e-7, steps, steps, velocity="set atom 1 vx 0.5\nset atom 2 vx -0.5\n")
+    text = text.replace("0.9 0.9 0.9 0.9", " ".join([str(restitution)] * 4))
+    text = text.replace("0.5 0.5 0.5 0.5", " ".join([str(friction)] * 4))
+    run_engine(directory, text)
+    c = ledger(directory).column
+    kinetic = 2 * 0.5 * body.mass_kg[0] * 0.25
+    assert c["pair_elastic_J"][-1, 0] == 0  # apart again
+    return c, kinetic
+
+
+def test_a_head_on_collision_loses_energy_to_the_normal_dashpot_alone(tmp_path):
+    c, kinetic = two_spheres(tmp_path, 0.0, restitution=0.5, friction=0.5)
+    lost = kinetic - c["kinetic_J"][-1, 0]
+    assert lost == pytest.approx((1 - 0.5**2) * kinetic, rel=2e-2)  # the restitution that was asked for
+    assert c["pair_damped_J"][-1, 0] == pytest.approx(lost, rel=1e-3)
+    assert -c["pair_work_J"][-1, 0] == pytest.approx(lost, rel=1e-9)
+
+
+def test_a_sliding_collision_without_dashpots_loses_energy_to_friction_alone(tmp_path):
+    """Restitution 1: Coulomb's law takes mu x normal impulse x slip, here with slip that lasts through the contact."""
+    c, kinetic = two_spheres(tmp_path, 1.2e-3, restitution=1.0, friction=0.05)
+    lost = kinetic - c["kinetic_J"][-1, 0]
+    assert c["pair_damped_J"][-1, 0] == 0
+    assert lost > 0.02 * kinetic
+    # Rigid-sphere theory: J_n = m v_n (both masses equal), slip velocity falls by J_t (2/m + 2 r^2/I) with I = 2/5 m r^2.
+    sine = 1.2 / 2.0
+    v_n, v_t = np.sqrt(1 - sine**2), sine
+    mass = kinetic / 0.25
+    impulse = mass * v_n
+    slip_end = v_t - 0.05 * impulse * 7 / mass
+    assert slip_end > 0  # it slides to the end, as the theory needs
+    assert lost == pytest.approx(0.05 * impulse * (v_t + slip_end) / 2, rel=2e-2)
+
+
+def test_the_ledger_sees_no_dissipation_where_there_is_none(tmp_path):
+    c, kinetic = two_spheres(tmp_path, 0.0, restitution=1.0, friction=0.0)
+    assert abs(c["pair_work_J"][-1, 0]) < 1e-5 * kinetic
+    assert frames(tmp_path).v[-1, 0, 0] == pytest.approx(-0.5, rel=1e-4)
