@@ -10,6 +10,7 @@ from recognition.errors import NotRecognised, RecognitionError
 from recognition.function_space import EXPONENTIAL, FORMS, LOGARITHMIC, POWER, Rule
 from recognition.fusion import FUSIONS, Fusion
 from recognition.methods import mended, printed
+from recognition.models import LEAST_RATIOS
 from recognition.pipeline import FusionPipeline
 from recognition.strategy import Strategy
 
@@ -64,7 +65,11 @@ def held_out(kind: str, strategy, responses: np.ndarray, ratios: np.ndarray) -> 
 
 
 def compare(study) -> list[Outcome]:
-    """Every choice on one sweep, ratios held out."""
+    """Every choice on one sweep, ratios held out. RecognitionError for too few ratios."""
+    if np.unique(study.ratios).size < LEAST_RATIOS:
+        raise RecognitionError(
+            f"{len(study.runs)} runs; needs at least {LEAST_RATIOS} different mixing ratios"
+        )
     outcomes = []
     for name, (kind, strategy) in CHOICES.items():
         try:

@@ -162,25 +162,15 @@ def fragments_of_coal(study):
 # ------------------------------------------------------------------- response
 
 
-def _at_place_3(study):
-    """The runs in which place 3 is coal, and gangue, nearest to each other in ratio."""
-    third = [run.materials[2] for run in study.runs]
-    coal = [run for run, name in zip(study.runs, third, strict=True) if name == "coal"]
-    gangue = [run for run, name in zip(study.runs, third, strict=True) if name == "gangue"]
-    if not coal or not gangue:
-        raise RecognitionError("place 3 is never coal or never gangue")
-    return coal[-1], gangue[0]
-
-
 def single_force_of_gangue(study):
-    coal, gangue = (run.peak("force_03_N") for run in _at_place_3(study))
+    coal, gangue = (study.runs[i].peak("force_03_N") for i in study.place_3())
     return graded(gangue / coal, 1.1, 1.0), f"gangue {gangue:.0f} N, coal {coal:.0f} N at place 3"
 
 
 def gangue_comes_back_later(study):
     times = []
-    for run, name in zip(_at_place_3(study), ("coal", "gangue"), strict=True):
-        found = breakage.collisions(run, 3)
+    for i, name in zip(study.place_3(), ("coal", "gangue"), strict=True):
+        found = breakage.collisions(study.runs[i], 3)
         if len(found) < 2:
             raise RecognitionError(f"{name} at place 3 touches the plate once only")
         times.append(found[1][0])
@@ -191,10 +181,10 @@ def gangue_comes_back_later(study):
 def second_collisions_spread(study):
     run = study.nearest(0.5)
     found = [breakage.collisions(run, k) for k in range(1, len(run.materials) + 1)]
-    first = np.ptp([c[0][0] for c in found if c])
     second = [c[1][0] for c in found if len(c) > 1]
     if len(second) < 2:
         raise RecognitionError(f"{len(second)} agglomerates touch the plate a second time")
+    first = np.ptp([c[0][0] for c in found if c])
     spread = f"first within {1e6 * first:.0f} µs, second within {1e3 * np.ptp(second):.2f} ms"
     return (
         HELD if np.ptp(second) > max(10 * first, 1e-3) else NOT_HELD

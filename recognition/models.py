@@ -40,6 +40,8 @@ class Window:
     @classmethod
     def of(cls, runs: list[Run]) -> Window:
         """The paper's 0.04 s, or as much of it as all runs have."""
+        if not runs:
+            raise RecognitionError(f"no runs; needs at least {LEAST_RATIOS} different mixing ratios")
         rate_Hz = runs[0].rate_Hz
         wanted = int(np.floor(WINDOW_S * rate_Hz * (1 + 1e-9))) + 1
         return cls(rate_Hz, min(wanted, *(run.t_s.size for run in runs)))

@@ -8,7 +8,6 @@ from analysis import RecordError, breakage
 from analysis.impact import DAMPING, force_history
 from analysis.theory import contact_stiffness, materials_in_order, sphere_mass_kg
 from recognition import figures, figures_breakage, figures_theory
-from recognition.errors import RecognitionError
 from recognition.pictures import Plan
 
 
@@ -149,12 +148,9 @@ def _stream(run):
 
 def single_force(study):
     """Force at place 3, coal and gangue, of the ratios nearest to each other."""
-    third = [run.materials[2] for run in study.runs]
-    if "coal" not in third or "gangue" not in third:
-        raise RecognitionError("place 3 is never coal or never gangue in these runs")
-    chosen = {"coal": len(third) - 1 - third[::-1].index("coal"), "gangue": third.index("gangue")}
     lines = []
-    for (name, i), colour in zip(chosen.items(), (figures.COAL, figures.GANGUE), strict=True):
+    looks = (("coal", figures.COAL), ("gangue", figures.GANGUE))
+    for i, (name, colour) in zip(study.place_3(), looks, strict=True):
         table = _stream(study.runs[i])
         label = f"{name} ({study.ratios[i]:.0%} run)"
         lines.append((label, colour, table["t_s"].to_numpy(), 1e-3 * table["force_03_N"].to_numpy()))

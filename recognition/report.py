@@ -29,6 +29,13 @@ CHAPTERS: list[tuple[str, list[Plan]]] = [
 ]
 
 
+TABLES = {
+    "Theory": [report_tables.materials],
+    "Signals": [report_tables.standardised],
+    "Recognition": [report_tables.deviations, report_tables.recognised, report_tables.choices],
+}
+
+
 @dataclass(frozen=True)
 class Chapter:
     title: str
@@ -89,29 +96,27 @@ def render(sweep: Sweep, study: Study, claims: list[Claim]) -> str:
         claims=claims,
         verdicts=[(verdict, counts[verdict]) for verdict in VERDICTS],
         chapters=chapters(study),
-        errors=report_tables.errors(study),
-        runs=report_tables.runs(study),
+        errors=report_tables.realise(report_tables.errors, study),
+        runs=report_tables.realise(report_tables.runs, study),
         assumptions=assumptions(sweep),
     )
 
 
 def chapters(study: Study) -> list[Chapter]:
-    tables = {
-        "Theory": [report_tables.materials],
-        "Signals": [report_tables.standardised],
-        "Recognition": [report_tables.deviations, report_tables.recognised, report_tables.choices],
-    }
     return [
         Chapter(
             title,
             [realise(plan, study) for plan in plans],
-            [table for table in (build(study) for build in tables.get(title, [])) if table is not None],
+            [report_tables.realise(build, study) for build in TABLES.get(title, [])],
         )
         for title, plans in CHAPTERS
     ]
 
 
 def rises(study: Study) -> list[Rise]:
+    """What the reader asks first; nothing of a single run."""
+    if len(study.runs) < 2:
+        return []
     rows = [
         ("peak total force", 1e-3 * study.peaks["force_N"], "kN"),
         ("peak kinetic energy of the plate", study.peaks["kinetic_J"], "J"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from analysis import RecordError
 from analysis.features import BASE_PARAMETERS
 from recognition.choices import compare
+from recognition.errors import RecognitionError
 from recognition.least_squares import fit_polynomial
 from recognition.methods import METHOD_NAMES
 from recognition.study import Study
@@ -25,12 +27,18 @@ class Table:
     rows: list[list[str]]
 
 
-def materials(study: Study) -> Table | None:
-    """Table 1, from the scene; None where the scene has no such values."""
+def realise(build: Callable[[Study], Table], study: Study) -> Table:
+    """The table, or an empty one that says why the runs do not give it."""
     try:
-        setup = study.setup
-    except RecordError:
-        return None
+        return build(study)
+    except (RecordError, RecognitionError) as reason:
+        name = build.__name__
+        return Table(f"table-{name}", name.capitalize(), f"Not given: {reason}", [], [])
+
+
+def materials(study: Study) -> Table:
+    """Table 1, from the scene."""
+    setup = study.setup
     rows = [
         [name, f"{m.density_kg_m3:g}", f"{1e-9 * m.youngs_modulus_Pa:g}", f"{m.poisson_ratio:g}"]
         for name, m in {**setup.rocks, "plate": setup.plate}.items()

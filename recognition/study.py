@@ -46,6 +46,13 @@ class Study:
         """The run whose ratio is nearest to one."""
         return min(self.runs, key=lambda run: abs(run.gangue_ratio - ratio))
 
+    def place_3(self) -> tuple[int, int]:
+        """Runs in which place 3 holds coal and gangue, of ratios as near to each other as there are."""
+        third = [run.materials[2] if len(run.materials) > 2 else None for run in self.runs]
+        if "coal" not in third or "gangue" not in third:
+            raise RecordError(f"{self.sweep.path}: place 3 is never coal or never gangue in these runs")
+        return len(third) - 1 - third[::-1].index("coal"), third.index("gangue")
+
     # ------------------------------------------------------------------ theory
 
     @cached_property

@@ -112,6 +112,15 @@ def test_report_of_an_incomplete_sweep_says_so(report):
     assert "Passed over" in html
 
 
+def test_report_of_one_run_says_what_it_cannot_give(tmp_path):
+    write_run(tmp_path / "paper" / "ratio_050", 0.5)
+    report = write_report(tmp_path / "paper")
+    html = report.read_text()
+    assert "needs at least 4 different mixing ratios" in html
+    assert "Not given:" in html and 'src="data:' in html
+    assert ",not tested," in report.with_name("claims.csv").read_text()
+
+
 def test_claims_table_is_beside_the_report(report):
     rows = list(csv.reader(report.with_name("claims.csv").open()))
     assert rows[0] == ["claim", "where", "verdict", "value", "expected"]
