@@ -31,6 +31,8 @@ def show_modes(scene, out=None):
     plate = read_plate(scene)
     if plate.model == "rigid":
         raise InputError(f"{scene}: plate.model = 'rigid': must be 'flexible' to have modes")
+    if plate.max_frequency_Hz is None:
+        raise InputError(f"{scene}: plate.max_frequency_Hz is missing: it must be given to list modes without stones")
     if out is not None and out.suffix != ".vtu":
         raise InputError(f"--out = {out}: the name must end in .vtu")
     modes = plate_modes(plate)

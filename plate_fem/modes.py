@@ -104,7 +104,10 @@ def plate_modes(plate, cache_dir=None, residual_points_m=None):
     cache_dir: folder for results, one .npz per table (optional).
     residual_points_m: (k, 2), where loads act (optional). Up to k modes above `max_frequency_Hz` are added
     that give these points the static compliance of all the modes left out (plate_fem/residual.py).
+    Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency.
     """
+    if plate.max_frequency_Hz is None:
+        raise ValueError("max_frequency_Hz is not known yet: see plate_fem.truncation.with_max_frequency")
     points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
     if cache_dir is None:
         return _compute(plate, points)

@@ -58,18 +58,32 @@ class RigidPlate(Plate):
 
 
 class FlexiblePlate(Plate):
-    """A plate that bends, described by its modes up to `max_frequency_Hz`."""
+    """A plate that bends, described by its modes up to `max_frequency_Hz`.
+
+    That frequency is given, or follows from `truncation_tolerance`: the share of the impact energy that
+    may belong to modes left out (plate_fem/truncation.py; it needs the contact time).
+    """
 
     model: Literal["flexible"]
     thickness_m: Positive
     theory: Literal["auto", "kirchhoff", "mindlin"] = "auto"
     edges: Literal["free", "simply_supported", "clamped"] = "free"
-    max_frequency_Hz: Positive
+    max_frequency_Hz: Positive | None = None
+    truncation_tolerance: Annotated[float, Field(ge=1e-6, le=0.5)] | None = None
     damping_ratio: Annotated[float, Field(ge=0, lt=1)]
     mesh_size_m: Positive | None = None
     rods: tuple[Rod, ...] = ()
     point_supports: tuple[PointSupport, ...] = ()
     sensors: tuple[Sensor, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_limit(self):
+        if self.max_frequency_Hz is None and self.truncation_tolerance is None:
+            raise Refused("max_frequency_Hz", None, "it, or truncation_tolerance, must be given")
+        if self.max_frequency_Hz is not None and self.truncation_tolerance is not None:
+            allowed = "must be left out where max_frequency_Hz is given"
+            raise Refused("truncation_tolerance", self.truncation_tolerance, allowed)
+        return self
 
     @model_validator(mode="after")
     def _inside(self):

@@ -48,7 +48,7 @@ def _faces(half, place, radius, fine):
             circle = radius * np.array([np.cos(angle), np.sin(angle)])
             turn = np.array([[0, -1], [1, 0]])
             rotation = np.linalg.matrix_power(turn, q)
-            square = lambda h: np.tensordot(rotation, np.array([np.full_like(a, h), h * (2 * a - 1)]), 1)  # noqa: E731
+            square = lambda h: np.tensordot(rotation, np.array([np.full_like(a, h), h * (2 * a - 1)]), 1)
             start, end = (square(s), circle) if outer else (circle, square(0.5 * radius))
             return place + start + b * (end - start)
 
@@ -110,7 +110,7 @@ def _deck(points, element, middle, base, material, symmetry, count):
 def _read(file, points, middle, count):
     text = file.read_text()
     table = text[text.index("E I G E N V A L U E") :]
-    rows = re.findall(r"^\s+(\d+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s*$", table, re.M)
+    rows = re.findall(r"^\s+(\d+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s*$", table, re.MULTILINE)
     frequency = np.array([float(row[3]) for row in rows[:count]])
     blocks = text.split("displacements (vx,vy,vz) for set MIDDLE")[1:]
     displacement = np.array([[line.split()[1:] for line in _lines(block, len(middle))] for block in blocks], float)

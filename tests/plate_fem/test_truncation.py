@@ -1,0 +1,133 @@
+"""Modes left out: their compliance as residual modes, and the energy that goes without them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from impact import impact
+from plates import four_rods, plate
+from scipy.integrate import quad
+from scipy.special import j1
+
+from plate_fem.mesh import bending_stiffness, bending_wavenumber, shear_stiffness
+from plate_fem.model import build_model
+from plate_fem.modes import plate_modes
+from plate_fem.residual import LOAD_RADIUS, load_rows
+from plate_fem.rods import disc_quadrature
+from plate_fem.statics import static_response
+from plate_fem.tables import InputError
+from plate_fem.truncation import compliance_left_out, energy_left_out, frequency_for, with_max_frequency
+
+HELD = {"rods": four_rods(), "max_frequency_Hz": 2500.0, "theory": "kirchhoff"}
+POINTS = np.array([[0.1, 0.0], [-0.03, 0.08]])
+
+
+def disc_mean(modes, table, point):
+    points, weights = disc_quadrature(*point, LOAD_RADIUS * table.thickness_m)
+    return weights @ modes.shape_at(points)
+
+
+def test_kept_and_residual_modes_give_the_exact_static_response_to_the_loads():
+    table = plate(**HELD)
+    modes = plate_modes(table, residual_points_m=POINTS)
+    model = build_model(table)
+    loads = (load_rows(model.system, POINTS) @ model.expansion).T.toarray()
+    places = np.array([[0.1, 0.0], [0.0, 0.0], [0.2, 0.2], [-0.25, 0.25]])
+    exact = model.deflection(places) @ static_response(model, loads)
+    force = np.array([disc_mean(modes, table, point) for point in POINTS])
+    compliance = 1 / (2 * np.pi * modes.frequency_Hz) ** 2
+    found = modes.shape_at(places) @ (compliance[:, None] * force.T)
+    assert modes.n_residual == 2
+    assert found == pytest.approx(exact, rel=1e-6, abs=1e-6 * abs(exact).max())
+    kept = modes.shape_at(places)[:, :-2] @ (compliance[:-2, None] * force.T[:-2])
+    assert abs(kept / exact - 1).max() > 1e-3  # without them it is not
+
+
+def test_residual_modes_leave_the_others_alone_and_have_low_frequencies():
+    """An explicit co-step of 5 us sees 24 steps in a period even of 8 kHz."""
+    table = plate(**HELD)
+    without, with_them = plate_modes(table), plate_modes(table, residual_points_m=POINTS)
+    assert with_them.frequency_Hz[:-2] == pytest.approx(without.frequency_Hz, rel=1e-12)
+    assert np.all(with_them.frequency_Hz[-2:] > table.max_frequency_Hz)
+    assert np.all(with_them.frequency_Hz[-2:] < 3 * table.max_frequency_Hz)
+
+
+def test_residual_modes_of_a_free_plate_and_of_a_point_given_twice():
+    table = plate(max_frequency_Hz=2500.0)
+    modes = plate_modes(table, residual_points_m=[[0.1, 0.0], [0.1, 0.0]])
+    assert modes.n_residual == 1
+    assert abs(modes.mean_shape[-1]) < 1e-6 * abs(modes.shape[:, -1]).max()  # the rigid-body modes have that
+
+
+def layer_compliance(table, cut_off):
+    """Compliance (m/N) of an elastic layer loaded at its top, beyond that of the half-space, above k = cut_off."""
+    t, nu = table.thickness_m, table.poisson_ratio
+
+    def integrand(x):
+        s, c = math.sinh(x), math.cosh(x)
+        return 2 * (1 - nu**2) / table.youngs_modulus_Pa * ((s * c + x) / (s * s - x * x) - 1)
+
+    return quad(integrand, cut_off * t, 30)[0] / t / (2 * math.pi)
+
+
+@pytest.mark.parametrize("cut_off", [0.4, 0.6, 0.9, 1.27, 1.6])
+def test_load_radius_gives_the_compliance_of_an_elastic_layer(cut_off):
+    """What the docstring of residual.py claims, by integrals over the wavenumber of an infinite plate.
+
+    One residual mode from a load on a disc has, at the disc's centre, compliance c1^2 / c2, where c1 is the
+    deflection of the centre and c2 that of the disc's mean, both above the cut-off.
+    """
+    table, t = plate(), 0.02
+    radius = LOAD_RADIUS * t
+
+    def mindlin(power):
+        def integrand(k):
+            disc = 2 * j1(k * radius) / (k * radius)
+            return (1 / (bending_stiffness(table) * k**3) + 1 / (shear_stiffness(table) * k)) * disc**power
+
+        return quad(integrand, cut_off / t, 100 / t, limit=2000)[0] / (2 * math.pi)
+
+    assert mindlin(1) ** 2 / mindlin(2) == pytest.approx(layer_compliance(table, cut_off / t), rel=0.17)
+
+
+def test_residual_compliance_of_a_plate():
+    """Averaged over places, since the modes near the limit differ from place to place."""
+    table = plate(max_frequency_Hz=12e3, edges="simply_supported")
+    places = np.array([[x, y] for x in (-0.15, -0.05, 0.02, 0.12) for y in (-0.1, 0.03, 0.14)])
+    modes = plate_modes(table, residual_points_m=places)
+    flexibility = modes.shape_at(places)[:, -modes.n_residual :] ** 2
+    found = np.sum(flexibility / (2 * np.pi * modes.frequency_Hz[-modes.n_residual :]) ** 2, axis=1).mean()
+    assert found == pytest.approx(layer_compliance(table, bending_wavenumber(table, 12e3, "mindlin")), rel=0.2)
+    assert found == pytest.approx(compliance_left_out(table, 12e3), rel=0.3)
+
+
+def test_energy_left_out_is_what_an_impact_leaves_out():
+    """Ball on a plate, its modes cut at 2.5 and 5 kHz, against all that matter: coal of the paper, 234 us."""
+    table = plate(rods=four_rods(), max_frequency_Hz=12e3, theory="kirchhoff")
+    modes = plate_modes(table)
+
+    def energy(limit_Hz):
+        kept = modes.frequency_Hz <= limit_Hz
+        cut = replace(modes, frequency_Hz=modes.frequency_Hz[kept], nodal=modes.nodal[..., kept])
+        place = np.array([[0.1 * math.cos(0.3), 0.1 * math.sin(0.3)]])
+        return impact(cut, place, 0.0903, 1.1575e9, 0.3, 5e-4)[3]
+
+    whole, contact_time = energy(12e3), 2.943275 * (1.25 * 0.0903 * 0.3**2 / 1.1575e9) ** 0.4 / 0.3
+    for limit in (2e3, 4e3):
+        assert 1 - energy(limit) / whole == pytest.approx(energy_left_out(limit, contact_time), rel=0.35)
+
+
+def test_frequency_follows_from_the_tolerance():
+    for tolerance in (0.3, 1e-2, 1e-4):
+        assert energy_left_out(frequency_for(tolerance, 234e-6), 234e-6) == pytest.approx(tolerance, rel=1e-3)
+    table = plate(max_frequency_Hz=None, truncation_tolerance=1e-3)
+    assert with_max_frequency(table, 234e-6).max_frequency_Hz == pytest.approx(frequency_for(1e-3, 234e-6))
+    with pytest.raises(ValueError, match="max_frequency_Hz"):
+        plate_modes(table)
+
+
+def test_scene_gives_one_of_the_two_limits():
+    for changes in ({"max_frequency_Hz": None}, {"truncation_tolerance": 1e-3}):
+        with pytest.raises(InputError, match="truncation_tolerance"):
+            plate(**changes)
