@@ -18,6 +18,7 @@ from dem.costep import follow
 from dem.deck import write_deck
 from dem.exchange import ExchangeError, PlatePipes
 from dem.run import RunError, Stages, prepare, run
+from dem.scene import read_scene
 from dem.sweep import sweep
 from plate_fem.motion import ModalMotion
 from plate_fem.tables import InputError
@@ -75,7 +76,7 @@ def one_line(summary: dict) -> str:
 
 
 def _deck(options) -> int:
-    model = prepare(options.scene, options.gangue, None, Stages())
+    model = prepare(read_scene(options.scene, options.gangue), str(options.scene), None, Stages())
     if options.out.exists():
         raise InputError(f"--out = {options.out}: must not exist yet")
     try:
@@ -89,7 +90,7 @@ def _deck(options) -> int:
 
 def _plate(options) -> int:
     """The plate's motion is not recorded; it is there for an engine that somebody starts, stops and debugs."""
-    model = prepare(options.scene, options.gangue, None, Stages())
+    model = prepare(read_scene(options.scene, options.gangue), str(options.scene), None, Stages())
     if model.modes is None:
         raise InputError(f"{options.scene}: plate.model = 'rigid': only a flexible plate takes part in a run")
     motion = ModalMotion(model.modes, model.step.co_step * model.step.dt_s)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,6 +87,19 @@ def _stone(scene: Scene, index: int):
         return np.zeros((1, 3)), np.array([stones.radius_m]), (none, none, np.zeros((0, 3)), np.zeros(0))
     # A place keeps its packing whatever its material, so that a sweep changes the material alone.
     packing = pack_sphere(stones.radius_m, stones.agglomerate.subspheres, seed=stones.seed + index)
+    order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
+    packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
     bonds = bond_network(packing)
     return (packing.center_m, CONTACT_RADIUS_RATIO * packing.radius_m,
             (bonds.first, bonds.second, bonds.vector_m, bonds.radius_m))
+
+
+def _along_z_curve(points: np.ndarray, cell: float) -> np.ndarray:
+    """Order of points (n, 3) along Morton's curve through cells of size `cell`: neighbours in space become neighbours in
+    memory, where the engine's bonds look for them."""
+    cells = ((points - points.min(axis=0)) / cell).astype(np.int64)
+    key = np.zeros(len(points), dtype=np.int64)
+    for bit in range(20):
+        for axis in range(3):
+            key |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(key, kind="stable")

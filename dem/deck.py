@@ -16,6 +16,7 @@ from plate_fem.modes import PlateModes
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 SHAPE_GRID_M = 0.005  # spacing of the mode shapes given to the engine; cubic between, see docs/exchange.md
 UNBREAKABLE_Pa = 1e30
+BOX_MARGIN_M = 0.005
 
 
 def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep, modes: PlateModes | None) -> str:
@@ -57,6 +58,8 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         gravity_m_s2=scene.time.gravity_m_s2,
         bonds=_bonds(scene, assembly, step) if assembly.n_bonds else None,
         skin_m=skin_m(assembly),
+        # Bins a little larger than the range of a contact: a rebuild clears few and looks through 27.
+        bin_m=float(f"{1.2 * (2 * assembly.radius_m.max() + skin_m(assembly)):.3g}"),
         dt_s=repr(step.dt_s),
         sample_steps=step.sample_steps,
         co_step=step.co_step,
@@ -103,11 +106,14 @@ def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict:
 
 def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
     density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
-    half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
-    top = (assembly.center_m[:, 2] + assembly.radius_m).max()
+    # Boundaries of style m grow with the stones and never shrink below this: a small box means few neighbour bins.
+    low = (assembly.center_m - assembly.radius_m[:, None]).min(axis=0) - BOX_MARGIN_M
+    high = (assembly.center_m + assembly.radius_m[:, None]).max(axis=0) + BOX_MARGIN_M
     with open(file, "w") as out:
         out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(assembly.materials) + 1} atom types\n\n")
-        out.write(f"{-half[0]} {half[0]} xlo xhi\n{-half[1]} {half[1]} ylo yhi\n{-0.02} {1.5 * top} zlo zhi\n\n")
+        for axis, a, b in zip("xyz", low, high):
+            out.write(f"{a:.9g} {b:.9g} {axis}lo {axis}hi\n")
+        out.write("\n")
         out.write("Atoms\n\n")
         for k in range(assembly.n_particles):
             x, y, z = assembly.center_m[k]

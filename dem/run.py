@@ -60,13 +60,13 @@ class Stages:
         self.wall_time_s[name] = self.wall_time_s.get(name, 0.0) + time.perf_counter() - start
 
 
-def prepare(scene_file: str | Path, gangue_ratio: float | None, cache: Path | None, stages: Stages) -> Model:
-    """Read, check, pack, choose the step and find the modes. Raises InputError before anything is written."""
-    scene = read_scene(scene_file, gangue_ratio)
-    arrangement = arrange(scene, str(scene_file))
+def prepare(scene: Scene, source: str, cache: Path | None, stages: Stages) -> Model:
+    """Check, pack, choose the step and find the modes. `source` is the scene's file, for messages.
+    Raises InputError before anything is written."""
+    arrangement = arrange(scene, source)
     with stages("packing"):
         assembly = assemble(scene, arrangement)
-    step = time_step(scene, assembly, str(scene_file))
+    step = time_step(scene, assembly, source)
     modes = None
     if scene.plate.model == "flexible":
         with stages("modes"):
@@ -75,20 +75,25 @@ def prepare(scene_file: str | Path, gangue_ratio: float | None, cache: Path | No
 
 
 def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None, show_progress: bool = True) -> dict:
+    """Run a scene file, see `run_scene`."""
+    return run_scene(read_scene(scene_file, gangue_ratio), str(scene_file), out, show_progress)
+
+
+def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False) -> dict:
     """Run a scene and leave `out` whole: it is written beside and renamed at the end. Returns what run.json says.
 
     Raises InputError for bad input, RunError if the run could not be finished.
     """
     stages = Stages()
     check_engine()
-    model = prepare(scene_file, gangue_ratio, out.parent / ".modes", stages)
+    model = prepare(scene, source, out.parent / ".modes", stages)
     work = out.with_name(out.name + ".partial")
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
     try:
         summary = _run_in(work, model, stages, show_progress)
     except (RunError, ExchangeError) as error:
-        raise RunError(f"{scene_file}: {error} (what there is of the run is in {work})") from error
+        raise RunError(f"{source}: {error} (what there is of the run is in {work})") from error
     (work / "run.json").write_text(json.dumps(summary, indent=1) + "\n")
     if out.exists():
         shutil.rmtree(out)

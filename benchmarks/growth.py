@@ -1,0 +1,67 @@
+"""Cost and memory against the number of sub-spheres: `python -m benchmarks.growth`, into runs/bench/growth.csv.
+
+One unbreakable stone in free flight, vibrating after its impact on the rigid plate; processor time of the engine less
+that of its set-up, the least of the rounds.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pandas as pd
+
+from benchmarks.stone import SCENES
+from dem.deck import write_deck
+from dem.engine import ENGINE
+from dem.run import Stages, prepare
+from dem.scene import Scene
+from plate_fem.tables import check, read_toml
+
+COUNTS = (200, 500, 1000, 2000, 5000, 10000, 20000)
+PARTICLE_STEPS = 4_000_000
+ROUNDS = 3
+
+
+def engine_usage(directory: Path, steps: int) -> tuple[float, float]:
+    """Processor time in s and peak memory in MB of the deck in `directory` with `steps` steps."""
+    deck = directory / "deck.liggghts"
+    deck.write_text(re.sub(r"(?m)^run .*$", f"run {steps}", deck.read_text()))
+    for name in ("ledger.bin", "forces.bin", "events.csv"):
+        (directory / name).unlink(missing_ok=True)
+    process = subprocess.Popen([str(ENGINE), "-in", deck.name], cwd=directory, stdout=subprocess.DEVNULL,
+                               stdin=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise RuntimeError(f"the engine failed in {directory}")
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+
+
+def main() -> None:
+    data = read_toml(SCENES / "single.toml")
+    data["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
+    del data["output"]
+    rows = []
+    for count in COUNTS:
+        data["stones"]["agglomerate"] = {"subspheres": count, "unbreakable": True}
+        model = prepare(check(Scene, data, "single.toml"), "single.toml", None, Stages())
+        directory = Path(tempfile.mkdtemp())
+        write_deck(directory / "deck", model.scene, model.assembly, model.step, None)
+        steps = PARTICLE_STEPS // count
+        used = [[engine_usage(directory / "deck", n) for n in (0, steps)] for _ in range(ROUNDS)]
+        shutil.rmtree(directory)
+        cost = min(run[0] - empty[0] for empty, run in used)
+        rows.append({"subspheres": count, "bonds": model.assembly.n_bonds,
+                     "ns_per_particle_step": 1e9 * cost / steps / count, "memory_MB": used[0][1][1]})
+    table = pd.DataFrame(rows)
+    Path("runs/bench").mkdir(parents=True, exist_ok=True)
+    table.to_csv("runs/bench/growth.csv", index=False)
+    print(table.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
+
+
+if __name__ == "__main__":
+    main()

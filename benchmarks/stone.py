@@ -1,0 +1,38 @@
+"""One bonded stone on a rigid plate, with any value of the scene changed: what the studies of bonds share."""
+
+from __future__ import annotations
+
+import copy
+import shutil
+import tempfile
+from pathlib import Path
+
+import pandas as pd
+
+from dem.run import run_scene
+from dem.scene import Scene
+from plate_fem.tables import check, read_toml
+
+SCENES = Path(__file__).resolve().parent.parent / "scenes"
+SEEDS = (20011, 20021, 20023, 20029, 20047)
+
+
+def strike(material: str, changes: dict, duration_s: float = 2.4e-3) -> dict:
+    """Run scenes/single.toml on a rigid plate with dotted keys changed; returns run.json with `broken_area_m2`."""
+    data = copy.deepcopy(read_toml(SCENES / "single.toml"))
+    data["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
+    del data["output"]
+    changes = {"time.duration_s": duration_s, "stones.gangue_ratio": float(material == "gangue")} | changes
+    for key, value in changes.items():
+        table = data
+        *path, last = key.split(".")
+        for part in path:
+            table = table[part]
+        table[last] = value
+    directory = Path(tempfile.mkdtemp())
+    try:
+        summary = run_scene(check(Scene, data, "single.toml"), "single.toml", directory / "run")
+        summary["broken_area_m2"] = float(pd.read_parquet(directory / "run" / "breakage.parquet")["area_m2"].sum())
+    finally:
+        shutil.rmtree(directory)
+    return summary
