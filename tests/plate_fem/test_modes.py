@@ -1,0 +1,106 @@
+"""What PlateModes offers: shapes between nodes, regular grids, bounds, the cache."""
+
+import numpy as np
+import pytest
+from plates import four_rods, plate, rod
+
+from plate_fem import modes as modes_module
+from plate_fem.modes import plate_modes, table_hash
+from plate_fem.rods import disc_quadrature
+
+TABLE = plate(rods=[rod(0.15, 0.1)], max_frequency_Hz=1500.0, theory="kirchhoff")
+
+
+@pytest.fixture(scope="module")
+def modes():
+    return plate_modes(TABLE)
+
+
+def test_shapes_at_nodes_and_cells(modes):
+    assert modes.shape_at(modes.node_m) == pytest.approx(modes.shape, abs=1e-12)
+    x, y = modes.node_m[modes.quad].transpose(2, 0, 1)
+    area = 0.5 * np.sum(x * np.roll(y, -1, 1) - np.roll(x, -1, 1) * y, axis=1)
+    assert np.all(area > 0)
+    assert area.sum() == pytest.approx(0.25)
+
+
+def test_grid_is_the_shape_and_goes_on_smoothly_beyond_the_edge(modes):
+    x, y, shape = modes.grid(0.003)
+    h = x[1] - x[0]
+    assert h <= 0.003
+    assert x[2] == pytest.approx(-0.25)
+    assert x[-3] == pytest.approx(0.25)
+    assert y[0] == pytest.approx(-0.25 - 2 * (y[1] - y[0]))
+    points = np.array([[x[5], y[7]], [x[2], y[-3]]])
+    assert shape[[5, 2], [7, -3]] == pytest.approx(modes.shape_at(points), abs=1e-12)
+    # four-point Lagrange interpolation across the edge loses nothing: third differences stay small there
+    across = np.diff(shape, 3, axis=0)
+    assert abs(across[:4]).max() < 5 * abs(across[4:20]).max()
+
+
+def test_four_point_interpolation_on_the_grid(modes):
+    x, y, shape = modes.grid(0.004)
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-0.25, 0.25, (200, 2))
+    found = np.array([_lagrange(x, y, shape, p) for p in points])
+    assert abs(found - modes.shape_at(points)).max() < 1e-5 * abs(shape).max()
+
+
+def _lagrange(x, y, shape, point):
+    weights, start = [], []
+    for axis, value in ((x, point[0]), (y, point[1])):
+        i = min(max(int((value - axis[0]) / (axis[1] - axis[0])) - 1, 0), len(axis) - 4)
+        nodes = axis[i : i + 4]
+        w = [np.prod([(value - b) / (a - b) for b in nodes if b != a]) for a in nodes]
+        weights.append(w)
+        start.append(i)
+    block = shape[start[0] : start[0] + 4, start[1] : start[1] + 4]
+    return np.einsum("i,j,ijm->m", *weights, block)
+
+
+def test_largest_shape_bounds_every_point(modes):
+    points = np.random.default_rng(5).uniform(-0.25, 0.25, (20000, 2))
+    found = abs(modes.shape_at(points)).max(axis=0)
+    assert np.all(found <= modes.largest_shape)
+    assert np.all(modes.largest_shape < 1.2 * found)
+
+
+def test_mean_shape_is_the_mean(modes):
+    s = (np.arange(400) + 0.5) / 400 * 0.5 - 0.25
+    points = np.stack(np.meshgrid(s, s), axis=-1).reshape(-1, 2)
+    assert modes.mean_shape == pytest.approx(modes.shape_at(points).mean(axis=0), abs=1e-4)
+
+
+def test_signs_and_values_repeat_to_the_bit(modes):
+    again = plate_modes(TABLE)
+    assert np.array_equal(again.nodal, modes.nodal)
+    top = abs(modes.shape).max(axis=0)
+    first = (abs(modes.shape) > 0.9 * top).argmax(axis=0)
+    assert np.all(modes.shape[first, np.arange(len(top))] > 0)
+
+
+def test_rod_force_follows_the_deflection():
+    """In a mode, E A k / sin(k l) times the mean deflection over the disc; k the wavenumber of the bar."""
+    modes = plate_modes(plate(rods=four_rods(), max_frequency_Hz=600.0, theory="kirchhoff"))
+    k = 2 * np.pi * modes.frequency_Hz * np.sqrt(7830 / 207e9)
+    for force, (x, y) in zip(modes.rod_force, [(-0.2, -0.2), (-0.2, 0.2), (0.2, -0.2), (0.2, 0.2)]):
+        points, weights = disc_quadrature(x, y, 0.01)
+        expected = 207e9 * np.pi * 0.01**2 * k / np.sin(k * 0.1) * (weights @ modes.shape_at(points))
+        assert force == pytest.approx(expected, rel=1e-5, abs=1e-8 * abs(expected).max())
+
+
+def test_cache(tmp_path, modes, monkeypatch):
+    first = plate_modes(TABLE, tmp_path)
+    monkeypatch.setattr(modes_module, "_compute", lambda *_: pytest.fail("computed again"))
+    second = plate_modes(TABLE, tmp_path)
+    for name in ("frequency_Hz", "nodal", "rod_force", "surface_stress", "lines_x_m", "mass_kg", "theory", "n_residual"):
+        assert np.array_equal(getattr(first, name), getattr(second, name))
+        assert np.array_equal(getattr(first, name), getattr(modes, name))
+    assert type(second.mass_kg) is float
+    assert type(second.theory) is str
+
+
+def test_hash_follows_what_matters():
+    assert table_hash(TABLE) == table_hash(TABLE.model_copy(update={"yield_stress_Pa": 1e8}))
+    assert table_hash(TABLE) != table_hash(TABLE.model_copy(update={"thickness_m": 0.021}))
+    assert table_hash(TABLE) != table_hash(TABLE, [[0.0, 0.0]])

@@ -1,0 +1,165 @@
+"""The plate's table: every mistake is one line that names file, key, value and what is allowed."""
+
+import math
+import tomllib
+
+import pytest
+from plates import TABLE, plate, rod
+from pydantic import Field
+
+from plate_fem.__main__ import main
+from plate_fem.scene import PlateTable, read_plate
+from plate_fem.tables import InputError, Refused, Table, check, read_toml
+
+GOOD_ROD = rod(0.1, 0.1)
+
+
+def message(changes, drop=()):
+    table = {k: v for k, v in {**TABLE, **changes}.items() if k not in drop}
+    with pytest.raises(InputError) as caught:
+        check(PlateTable, table, "scenes/x.toml", "plate")
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"thickness_m": -0.02}, "scenes/x.toml: plate.thickness_m = -0.02: must be greater than 0"),
+        ({"thickness_m": 0}, "scenes/x.toml: plate.thickness_m = 0: must be greater than 0"),
+        ({"thickness_m": "0.02"}, "scenes/x.toml: plate.thickness_m = '0.02': must be a valid number"),
+        ({"thickness_m": True}, "scenes/x.toml: plate.thickness_m = True: must be a valid number"),
+        ({"length_m": math.nan}, "scenes/x.toml: plate.length_m = nan: must be a finite number"),
+        ({"length_m": math.inf}, "scenes/x.toml: plate.length_m = inf: must be a finite number"),
+        ({"poisson_ratio": 0.5}, "scenes/x.toml: plate.poisson_ratio = 0.5: must be less than 0.5"),
+        ({"damping_ratio": 1.0}, "scenes/x.toml: plate.damping_ratio = 1.0: must be less than 1"),
+        ({"theory": "reissner"}, "plate.theory = 'reissner': must be 'auto', 'kirchhoff' or 'mindlin'"),
+        ({"model": "soft"}, "plate.model = 'soft': must be one of 'flexible', 'rigid'"),
+        ({"thickness_m": 0.2}, "plate.thickness_m = 0.2: must be at most a fifth of the side, 0.1"),
+        ({"rods": [GOOD_ROD, GOOD_ROD]}, "plate.rods.1.x_m = 0.1: must not overlap another rod"),
+        ({"rods": [{**GOOD_ROD, "x_m": 0.245}]}, "plate.rods.0.x_m = 0.245: must lie on the plate"),
+        ({"rods": [{**GOOD_ROD, "length": 1}]}, "plate.rods.0.length = 1: unknown key; allowed here: density_kg_m3, dia"),
+        ({"rods": [{"x_m": 0.1}]}, "plate.rods.0.y_m is missing: a value must be given"),
+        ({"rods": 4}, "plate.rods = 4: must be a valid list"),
+        ({"point_supports": [{"x_m": 0.0, "y_m": 0.26}]}, "plate.point_supports.0.y_m = 0.26: must lie on the plate"),
+        ({"point_supports": [{"x_m": 0.0, "y_m": 0.2}] * 2}, "plate.point_supports.1.x_m = 0.0: must not repeat"),
+        ({"sensors": [{"name": "a b", "x_m": 0.0, "y_m": 0.0}]}, "plate.sensors.0.name = 'a b': string must match"),
+        ({"sensors": [{"name": "a", "x_m": 0.0, "y_m": 0.0}] * 2}, "plate.sensors.1.name = 'a': must differ"),
+        ({"thicknes_m": 1}, "plate.thicknes_m = 1: unknown key; allowed here: damping_ratio, density_kg_m3"),
+        ({"model": "rigid"}, "unknown key; allowed here: density_kg_m3, length_m, model, poisson_ratio"),
+    ],
+)
+def test_mistake(changes, expected):
+    assert expected in message(changes)
+
+
+def test_missing_keys():
+    assert message({}, drop=["width_m"]) == "scenes/x.toml: plate.width_m is missing: a value must be given"
+    assert message({}, drop=["model"]) == "scenes/x.toml: plate.model is missing: a value must be given"
+
+
+def test_an_unknown_key_is_named_before_the_one_it_was_meant_for():
+    assert "plate.width = 0.5: unknown key" in message({"width": 0.5}, drop=["width_m"])
+
+
+def test_tables_inside_tables_and_maps():
+    class Stone(Table):
+        radius_m: float
+
+    class Scene(Table):
+        plate: PlateTable
+        materials: dict[str, Stone] = Field(default_factory=dict)
+
+    for materials, expected in (
+        ({"coal": {"radius_m": math.nan}}, "f: materials.coal.radius_m = nan: must be a finite number"),
+        ({"coal": {"radius_m": 1.0, "rho": 2}}, "f: materials.coal.rho = 2: unknown key; allowed here: radius_m"),
+    ):
+        with pytest.raises(InputError) as caught:
+            check(Scene, {"plate": TABLE, "materials": materials}, "f")
+        assert str(caught.value) == expected
+    with pytest.raises(InputError, match="f: plate.rods.0.x_m = 9.0: must lie"):
+        check(Scene, {"plate": {**TABLE, "rods": [{**GOOD_ROD, "x_m": 9.0}]}}, "f")
+
+
+def test_a_validator_may_refuse_a_key_deep_inside():
+    class Picky(Table):
+        size_m: float
+
+        def model_post_init(self, _):
+            raise Refused("size_m", self.size_m, "must please")
+
+    with pytest.raises(InputError, match="f: a.size_m = 1.0: must please"):
+        check(Picky, {"size_m": 1.0}, "f", "a")
+
+
+def test_files(tmp_path):
+    missing = tmp_path / "none.toml"
+    with pytest.raises(InputError, match="none.toml: cannot be read: No such file"):
+        read_toml(missing)
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[plate\n")
+    with pytest.raises(InputError, match="broken.toml: not a TOML file"):
+        read_toml(broken)
+    broken.write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match="not a TOML file"):
+        read_toml(broken)
+    broken.write_text("plate = 3\n")
+    with pytest.raises(InputError, match="plate is missing"):
+        read_plate(broken)
+
+
+def scene_file(tmp_path, **changes):
+    lines = ["[plate]"]
+    for key, value in {**TABLE, "max_frequency_Hz": 1500.0, "thickness_m": 0.01, **changes}.items():
+        lines.append(f"{key} = {value!r}".replace("'", '"'))
+    file = tmp_path / "scene.toml"
+    file.write_text("\n".join(lines) + "\n")
+    assert tomllib.loads(file.read_text())["plate"]["model"]
+    return file
+
+
+def test_command_prints_frequencies_and_writes_shapes(tmp_path, capsys):
+    import meshio
+
+    file, out = scene_file(tmp_path), tmp_path / "modes.vtu"
+    assert main(["modes", str(file), "--out", str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "plate" in lines[0]
+    first = [float(v) for v in lines[2].split()]
+    assert first == [1, 0.0, 0.01]
+    mesh = meshio.read(out)
+    assert len(mesh.point_data) == len(lines) - 2
+    assert all(abs(abs(v).max() - 1) < 1e-12 for v in mesh.point_data.values())
+
+
+@pytest.mark.parametrize(
+    ("changes", "arguments", "expected"),
+    [
+        ({"length_m": -1.0}, [], "plate.length_m = -1.0: must be greater than 0"),
+        ({}, ["--out", "x.png"], "must end in .vtu"),
+        ({"colour": 1}, [], "plate.colour = 1: unknown key"),
+    ],
+)
+def test_command_ends_with_2_and_one_line(tmp_path, capsys, changes, arguments, expected):
+    assert main(["modes", str(scene_file(tmp_path, **changes)), *arguments]) == 2
+    captured = capsys.readouterr()
+    assert expected in captured.err
+    assert len(captured.err.splitlines()) == 1
+    assert captured.out == ""
+
+
+def test_a_rigid_plate_has_no_modes(tmp_path, capsys):
+    file = tmp_path / "rigid.toml"
+    keys = ("length_m", "width_m", "density_kg_m3", "youngs_modulus_Pa", "poisson_ratio")
+    file.write_text('[plate]\nmodel = "rigid"\n' + "".join(f"{k} = {TABLE[k]}\n" for k in keys))
+    assert read_plate(file).model == "rigid"
+    assert main(["modes", str(file)]) == 2
+    assert "must be 'flexible'" in capsys.readouterr().err
+
+
+def test_table_cannot_be_changed():
+    table = plate()
+    with pytest.raises(ValueError, match="frozen"):
+        table.length_m = 1.0
+    assert hash(table) == hash(plate())
