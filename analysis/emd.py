@@ -66,7 +66,7 @@ def decompose(record: Record, rule: str = DEFAULT_RULE) -> Decomposition:
         raise RecordError(f"{record.name}: stopping rule {rule!r}; choose one of {', '.join(STOPPING_RULES)}")
     offset, scale = record.values.mean(), record.values.std()
     if scale == 0:
-        raise RecordError(f"{record.name}: every sample is {record.values[0]:g}; EMD needs a changing signal")
+        raise RecordError(f"{record.name}: standard deviation {scale:g}; EMD needs a changing signal")
     extrema = "parabol" if record.values.size <= PARABOLIC_UP_TO else "simple"
     emd = EMD(extrema_detection=extrema, **STOPPING_RULES[rule])
     emd.emd((record.values - offset) / scale, max_imf=MOST_IMFS)

@@ -153,7 +153,13 @@ def time_frequency_features(record: Record) -> list[Feature]:
 
 def signal_features(record: Record) -> dict[str, Feature]:
     """All parameters of Figure 23 by name, in a fixed order."""
-    return {f.name: f for f in [*time_features(record), *time_frequency_features(record)]}
+    found = {f.name: f for f in [*time_features(record), *time_frequency_features(record)]}
+    for f in found.values():
+        if not np.isfinite(f.value):
+            raise RecordError(
+                f"{record.name}: {f.name} is {f.value}; the samples are too large or too small for it"
+            )
+    return found
 
 
 def base_parameters(record: Record) -> np.ndarray:

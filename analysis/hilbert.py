@@ -95,7 +95,7 @@ def marginal_spectrum(
         inside = (number >= 0) & (number < sums.size)
         sums += np.bincount(number[inside], weight[inside], minlength=sums.size)
         everything += weight.sum()
-    left_out = 1.0 - float(sums.sum() / everything)
+    left_out = 1.0 - float(sums.sum() / everything) if everything > 0 else 0.0
     return MarginalSpectrum(edges_Hz, sums / (rate_Hz * bin_width_Hz), kind, left_out)
 
 

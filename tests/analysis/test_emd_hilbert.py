@@ -141,3 +141,10 @@ def test_rules_are_compared_on_a_known_signal():
     costs = compare_rules(2000, repeats=1)
     assert [c.rule for c in costs] == list(STOPPING_RULES)
     assert all(c.error < 0.05 and c.seconds > 0 for c in costs)
+
+
+def test_short_and_monotone_records_have_a_decomposition():
+    for values in ([0.0, 1.0], [1.0, 3.0, 2.0], np.linspace(0, 1, 50) ** 2):
+        found = decompose(as_record(np.array(values), RATE_HZ))
+        np.testing.assert_allclose(found.imfs.sum(axis=0) + found.residue, values, atol=1e-12)
+        assert np.isfinite(marginal_spectrum(found).left_out)

@@ -100,3 +100,9 @@ def test_base_parameters_are_the_eight_of_the_paper():
 def test_constant_record_is_refused():
     with pytest.raises(RecordError, match="changing"):
         signal_features(as_record(np.ones(10), 100.0))
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_number_that_cannot_be_is_refused():
+    with pytest.raises(RecordError, match="too large or too small|deviation 0"):
+        signal_features(as_record(1e-170 * np.sin(np.arange(50.0)), 100.0))
