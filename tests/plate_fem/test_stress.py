@@ -1,0 +1,79 @@
+"""Bending stress against Navier's series, and against what the stress must do at a free edge."""
+
+import math
+
+import numpy as np
+import pytest
+from plates import four_rods, plate
+
+from plate_fem.mesh import bending_stiffness
+from plate_fem.model import build_model
+from plate_fem.modes import plate_modes
+from plate_fem.statics import pressure_load, static_response
+from plate_fem.stress import modal_surface_stress, surface_stress, von_mises
+
+
+def navier_stress(table, points_m, terms=301):
+    """Top surface stress (k, 3) of a simply supported plate under a unit pressure downward."""
+    a, b, nu = table.length_m, table.width_m, table.poisson_ratio
+    m = np.arange(1, terms, 2) * math.pi
+    result = []
+    for x, y in points_m:
+        x, y = x + a / 2, y + b / 2
+        mx, ny = m / a, m / b
+        k2 = mx[:, None] ** 2 + ny**2
+        w = 16 / (np.outer(m, m) * bending_stiffness(table) * k2**2)  # pi^2 of the load cancels m n pi^2
+        shape = np.outer(np.sin(mx * x), np.sin(ny * y))
+        kx = np.sum(-w * mx[:, None] ** 2 * shape)
+        ky = np.sum(-w * ny**2 * shape)
+        kxy = np.sum(2 * w * np.outer(mx * np.cos(mx * x), ny * np.cos(ny * y)))
+        scale = table.youngs_modulus_Pa * table.thickness_m / 2 / (1 - nu**2)
+        # deflection is downward: the top is compressed in the middle, where kx < 0
+        result.append([scale * (kx + nu * ky), scale * (ky + nu * kx), scale * (1 - nu) / 2 * kxy])
+    return np.array(result)
+
+
+def static_stress(table, points_m):
+    model = build_model(table)
+    u = model.expansion @ static_response(model, -pressure_load(model))
+    stress = modal_surface_stress(model.system, u[:, None])[:, :, 0]
+    node = model.system.basis_w.mesh.p.T
+    nearest = [np.argmin(np.linalg.norm(node - p, axis=1)) for p in points_m]
+    return node[nearest], stress[nearest]
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
+def test_uniform_load_on_a_simply_supported_plate(theory):
+    table = plate(edges="simply_supported", theory=theory, thickness_m=0.01, width_m=0.4, mesh_size_m=0.02, max_frequency_Hz=5e3)
+    points, found = static_stress(table, [[0, 0], [0.1, 0.06], [-0.15, 0.1], [0.2, -0.16]])
+    expected = navier_stress(table, points)
+    assert np.sign(expected[0, 0]) == -1
+    assert found == pytest.approx(expected, rel=2e-3, abs=2e-3 * abs(expected).max())
+
+
+@pytest.mark.parametrize(("theory", "lowest"), [("kirchhoff", 1.8), ("mindlin", 1.8)])
+def test_stress_converges(theory, lowest):
+    errors, sizes = [], np.array([1 / 6, 1 / 8, 1 / 12])
+    for size in sizes:
+        table = plate(edges="simply_supported", theory=theory, thickness_m=0.01, mesh_size_m=0.5 * size, max_frequency_Hz=1e3)
+        points, found = static_stress(table, [[0, 0]])
+        expected = navier_stress(table, points)
+        errors.append(abs(found - expected).max() / abs(expected).max())
+    rate = np.log(np.array(errors[:-1]) / errors[1:]) / np.log(sizes[:-1] / sizes[1:])
+    assert np.all(rate > lowest)
+
+
+def test_stress_of_a_motion_is_that_of_its_modes_and_vanishes_across_free_edges():
+    modes = plate_modes(plate(rods=four_rods(), thickness_m=0.01, max_frequency_Hz=2500.0, theory="mindlin"))
+    rng = np.random.default_rng(1)
+    amplitude = rng.normal(size=len(modes.frequency_Hz)) / modes.frequency_Hz
+    stress = surface_stress(modes, amplitude)
+    edge = np.isclose(modes.node_m[:, 0], 0.25) & (abs(modes.node_m[:, 1]) < 0.24)
+    assert abs(stress[edge, 0]).max() < 0.03 * von_mises(stress).max()
+    assert surface_stress(modes, 2 * amplitude) == pytest.approx(2 * stress)
+
+
+def test_von_mises():
+    assert von_mises([100.0, 0.0, 0.0]) == pytest.approx(100.0)
+    assert von_mises([100.0, 100.0, 0.0]) == pytest.approx(100.0)
+    assert von_mises([[0.0, 0.0, 10.0], [50.0, -50.0, 0.0]]) == pytest.approx([10 * math.sqrt(3), 50 * math.sqrt(3)])
