@@ -5,11 +5,11 @@ static response to a unit load at each given point, less what the kept modes giv
 made orthogonal (Ritz), these responses are further modes that move like the others (Dickens, Nakagawa and
 Wittbrodt 1997, Comput. Struct. 62:985).
 
-The load acts on a disc. A plate under a point force at its top moves there by the half-space's indentation,
+In Kirchhoff's theory the load is a point force. In Mindlin's the deflection under a point force is infinite,
+and the load acts on a disc. A plate under a point force at its top moves there by the half-space's indentation,
 which contact laws count, and by the rest. For an infinite elastic layer, loaded with wavenumber k, the rest is
 U(k) = 2 (1 - nu^2) / (E k) * [(sinh x cosh x + x) / (sinh^2 x - x^2) - 1], x = k t. Beyond a cut-off k t of
-0.4 to 1.6 a disc of radius 1.4 t gives a Mindlin plate the compliance of this integral within 16 % (nu 0.3);
-a point force would give it an infinite one.
+0.4 to 1.6 a disc of radius 1.4 t gives a Mindlin plate the compliance of this integral within 16 % (nu 0.3).
 """
 
 import numpy as np
@@ -41,7 +41,9 @@ def residual_modes(model, kept, points_m):
 
 
 def load_rows(system, points_m):
-    """Sparse (k, n): mean of w over a disc about each point, as far as it lies on the plate."""
+    """Sparse (k, n): w at each point (Kirchhoff), or its mean over a disc, as far as that is plate (Mindlin)."""
+    if system.theory == "kirchhoff":
+        return system.deflection(points_m)
     rows = []
     for x, y in np.atleast_2d(points_m):
         points, weights = disc_quadrature(x, y, LOAD_RADIUS * system.plate.thickness_m)

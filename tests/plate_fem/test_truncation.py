@@ -19,33 +19,36 @@ from plate_fem.statics import static_response
 from plate_fem.tables import InputError
 from plate_fem.truncation import compliance_left_out, energy_left_out, frequency_for, with_max_frequency
 
-HELD = {"rods": four_rods(), "max_frequency_Hz": 2500.0, "theory": "kirchhoff"}
+HELD = {"edges": "clamped", "max_frequency_Hz": 4e3}
 POINTS = np.array([[0.1, 0.0], [-0.03, 0.08]])
 
 
-def disc_mean(modes, table, point):
+def load_shape(modes, table, point):
+    if modes.theory == "kirchhoff":
+        return modes.shape_at([point])[0]
     points, weights = disc_quadrature(*point, LOAD_RADIUS * table.thickness_m)
     return weights @ modes.shape_at(points)
 
 
-def test_kept_and_residual_modes_give_the_exact_static_response_to_the_loads():
-    table = plate(**HELD)
+@pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
+def test_kept_and_residual_modes_give_the_exact_static_response_to_the_loads(theory):
+    table = plate(**HELD, theory=theory)
     modes = plate_modes(table, residual_points_m=POINTS)
     model = build_model(table)
     loads = (load_rows(model.system, POINTS) @ model.expansion).T.toarray()
-    places = np.array([[0.1, 0.0], [0.0, 0.0], [0.2, 0.2], [-0.25, 0.25]])
+    places = np.array([[0.1, 0.0], [0.0, 0.0], [0.2, 0.2], [-0.1, -0.21]])
     exact = model.deflection(places) @ static_response(model, loads)
-    force = np.array([disc_mean(modes, table, point) for point in POINTS])
+    force = np.array([load_shape(modes, table, point) for point in POINTS])
     compliance = 1 / (2 * np.pi * modes.frequency_Hz) ** 2
     found = modes.shape_at(places) @ (compliance[:, None] * force.T)
     assert modes.n_residual == 2
     assert found == pytest.approx(exact, rel=1e-6, abs=1e-6 * abs(exact).max())
     kept = modes.shape_at(places)[:, :-2] @ (compliance[:-2, None] * force.T[:-2])
-    assert abs(kept / exact - 1).max() > 1e-3  # without them it is not
+    assert abs(kept - exact).max() > 1e-2 * abs(exact).max()  # without them it is not
 
 
 def test_residual_modes_leave_the_others_alone_and_have_low_frequencies():
-    """An explicit co-step of 5 us sees 24 steps in a period even of 8 kHz."""
+    """So that a co-step which follows the kept modes follows these too."""
     table = plate(**HELD)
     without, with_them = plate_modes(table), plate_modes(table, residual_points_m=POINTS)
     assert with_them.frequency_Hz[:-2] == pytest.approx(without.frequency_Hz, rel=1e-12)
@@ -100,6 +103,24 @@ def test_residual_compliance_of_a_plate():
     found = np.sum(flexibility / (2 * np.pi * modes.frequency_Hz[-modes.n_residual :]) ** 2, axis=1).mean()
     assert found == pytest.approx(layer_compliance(table, bending_wavenumber(table, 12e3, "mindlin")), rel=0.2)
     assert found == pytest.approx(compliance_left_out(table, 12e3), rel=0.3)
+
+
+def test_karas_plate():
+    """Steel ball R 10 mm at 1 m/s on a simply supported plate 200 x 200 x 8 mm (Karas 1939): 1378.3 N, 73.4 us.
+
+    Without the residual mode 85 modes give a force 1 % too high.
+    """
+    steel = {"youngs_modulus_Pa": 206.8e9, "poisson_ratio": 0.28, "density_kg_m3": 7833.0}
+    table = plate(length_m=0.2, width_m=0.2, thickness_m=0.008, **steel, edges="simply_supported",
+                  theory="kirchhoff", max_frequency_Hz=60e3)  # fmt: skip
+    place, mass = np.array([[0.0, 0.0]]), 4 / 3 * math.pi * 0.01**3 * 7833
+    stiffness = 4 / 3 * 206.8e9 / (2 * (1 - 0.28**2)) * 0.01**0.5
+    peak, rebound, contact_time, _ = impact(plate_modes(table, residual_points_m=place), place, mass, stiffness, 1.0, 2e-4)
+    assert peak == pytest.approx(1378.3, rel=2e-3)
+    assert contact_time == pytest.approx(73.4e-6, rel=2e-3)
+    assert rebound == pytest.approx(0.664, rel=2e-3)
+    without = impact(plate_modes(table), place, mass, stiffness, 1.0, 2e-4)[0]
+    assert without > peak * 1.01
 
 
 def test_energy_left_out_is_what_an_impact_leaves_out():
