@@ -1,12 +1,12 @@
-"""Fit the bonds of a material to its rock in virtual tests: `python -m dem calibrate MATERIAL --scene SCENE --out DIR`.
+"""Fit the bonds of a material to its rock: `python -m dem calibrate MATERIAL --scene SCENE --out DIR`.
 
-Specimens have the sub-spheres of the scene's stones, by size. In this order:
+Specimens of the virtual tests have the sub-spheres of the scene's stones, by size. In this order:
 
 1. stiffness ratio to Poisson's ratio, within MAX_STIFFNESS_RATIO, by `network_stiffness`;
 2. bond modulus to Young's modulus: by `network_stiffness`, then by compression in LIGGGHTS;
 3. shear over tensile strength of the bonds to UCS over tensile strength, the best of SHEAR_RATIOS;
-4. both strengths together to the tensile strength of the Brazilian test. Strength and load are proportional, as bonds
-   are elastic until they break, so this converges in a step or two.
+4. both strengths together to the tensile strength of the Brazilian test. Load at failure is nearly proportional to
+   strength, as bonds are elastic until they break, so this converges in a step or two.
 
 What is reached is then measured on packings that took no part in the fit. docs/calibration.md has the results.
 """
@@ -123,9 +123,13 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
     """
     scene = read_scene(scene_file)
     if material not in scene.materials:
-        raise InputError(f"MATERIAL = {material!r}: must be one of {sorted(scene.materials)}, the materials of {scene_file}")
+        raise InputError(f"MATERIAL = {material!r}: must be one of {sorted(scene.materials)}, the materials of "
+                         f"{scene_file}")
     if scene.stones.agglomerate is None:
         raise InputError(f"{scene_file}: stones.agglomerate is missing: the size of sub-spheres follows from it")
+    if contact_key(material, material) not in scene.contacts:
+        raise InputError(f"{scene_file}: contacts.{contact_key(material, material)} is missing: restitution and "
+                         "friction of broken pieces must be given")
     target = read_target(material)
     check_engine()
     out.mkdir(parents=True, exist_ok=True)
@@ -210,14 +214,14 @@ def fit_tensile_strength(rock: Rock, target: TargetTable, laboratory: _Laborator
     """Both strengths by one factor, until the Brazilian test gives the tensile strength."""
     for _ in range(STRENGTH_ROUNDS):
         reached = laboratory.strengths("tensile strength", "Brazilian", rock, seeds).mean()
-        if abs(reached / target.tensile_strength_Pa - 1) < TENSILE_TOLERANCE:
-            return rock
         factor = target.tensile_strength_Pa / reached
+        if abs(factor - 1) < TENSILE_TOLERANCE:
+            return rock
         ratio = rock.shear_strength_Pa / rock.tensile_strength_Pa
         tensile = _rounded(factor * rock.tensile_strength_Pa)
         rock = replace(rock, tensile_strength_Pa=tensile, shear_strength_Pa=ratio * tensile)
-    raise RuntimeError(f"the tensile strength reached is {reached:.4g} Pa for {target.tensile_strength_Pa:.4g} Pa after "
-                       f"{STRENGTH_ROUNDS} rounds")
+    raise RuntimeError(f"after {STRENGTH_ROUNDS} rounds the tensile strength reached is {reached:.4g} Pa, not "
+                       f"{target.tensile_strength_Pa:.4g} Pa")
 
 
 def _rounded(value: float) -> float:
@@ -227,19 +231,9 @@ def _rounded(value: float) -> float:
 
 def as_toml(found: Calibration, scene: Scene, material: str, target: TargetTable) -> str:
     """The file of a calibrated material; `[bond]` is what a scene's materials.MATERIAL.bond takes."""
-    rock, table, tests = found.rock, scene.materials[material], found.tests
-    checks = tests[tests.stage == "check"]
-    scene_source = f"scene {scene.name}"
-    reached = {
-        "youngs_modulus_Pa": (table.youngs_modulus_Pa, scene_source, checks.youngs_modulus_Pa),
-        "poisson_ratio": (table.poisson_ratio, scene_source, checks.poisson_ratio),
-        "tensile_strength_Pa": (target.tensile_strength_Pa, target.strength_source,
-                                checks.strength_Pa[checks.test == "Brazilian"]),
-        "compressive_strength_Pa": (target.compressive_strength_Pa, target.strength_source,
-                                    checks.strength_Pa[checks.test == "compression"]),
-        "stone_youngs_modulus_Pa": (table.youngs_modulus_Pa, scene_source, pd.Series(found.stone_modulus_Pa)),
-    }
-    text = f"""# Bonds of {material}, written by `python -m dem calibrate {material}`; docs/calibration.md says how they were found.
+    rock, tests = found.rock, found.tests
+    fit, held_out = (sorted(set(tests.seed[tests.stage == stage])) for stage in ("modulus", "check"))
+    head = f"""# Bonds of {material}, written by `python -m dem calibrate {material}`; docs/calibration.md says how.
 
 [bond]
 youngs_modulus_Pa = {rock.bond_modulus_Pa:g}
@@ -256,15 +250,31 @@ stone_radius_m = {scene.stones.radius_m:g}
 subspheres = {scene.stones.agglomerate.subspheres}
 subsphere_radius_m = {found.subsphere_radius_m:.5g}  # mean; the strengths belong to this size (dem/strength.py)
 damping_ratio = {rock.damping_ratio:g}
-fit_seeds = {sorted(set(tests.seed[tests.stage == "modulus"]))}
-check_seeds = {sorted(set(checks.seed))}
+fit_seeds = {fit}
+check_seeds = {held_out}
 
 # Mean and standard deviation over the packings of check_seeds, which took no part in the fit. The stone's modulus is
 # that of the scene's stones themselves (network_stiffness, packings of fit_seeds).
 """
-    for name, (wanted, source, values) in reached.items():
-        values = values.dropna()
-        text += f"""
+    return head + "".join(_reached(*row) for row in _comparison(found, scene, material, target))
+
+
+def _comparison(found: Calibration, scene: Scene, material: str, target: TargetTable) -> list[tuple]:
+    """Name, target, its source, and the values found in the checks."""
+    table, checks = scene.materials[material], found.tests[found.tests.stage == "check"]
+    scene_source, rock_source = f"scene {scene.name}", target.strength_source
+    strength = {kind: checks.strength_Pa[checks.test == kind] for kind in ("Brazilian", "compression")}
+    return [
+        ("youngs_modulus_Pa", table.youngs_modulus_Pa, scene_source, checks.youngs_modulus_Pa.dropna()),
+        ("poisson_ratio", table.poisson_ratio, scene_source, checks.poisson_ratio.dropna()),
+        ("tensile_strength_Pa", target.tensile_strength_Pa, rock_source, strength["Brazilian"]),
+        ("compressive_strength_Pa", target.compressive_strength_Pa, rock_source, strength["compression"]),
+        ("stone_youngs_modulus_Pa", table.youngs_modulus_Pa, scene_source, pd.Series(found.stone_modulus_Pa)),
+    ]
+
+
+def _reached(name: str, wanted: float, source: str, values: pd.Series) -> str:
+    return f"""
 [reached.{name}]
 target = {wanted:g}
 source = "{source}"
@@ -272,4 +282,3 @@ mean = {values.mean():.4g}
 deviation = {values.std():.2g}
 error = {values.mean() / wanted - 1:.4f}
 """
-    return text

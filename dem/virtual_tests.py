@@ -5,12 +5,13 @@ Specimens are random dense packings with bonds as in a stone. The platens are fr
 one keep a constant speed along the axis and are free across it (fix setforce), as in `dem.bonds.network_stiffness`.
 Stress follows the laboratory's formulas:
 
-    compression  sigma = P/(pi R^2)                                    (ISRM suggested method 1979)
-    Brazilian    sigma_t = (sin(2 alpha)/alpha - 1) 2 P/(pi D L)       (G. Hondros, Aust. J. Appl. Sci. 10 (1959) 243)
+    compression  sigma = P/(pi R^2)
+    Brazilian    sigma_t = (sin(2 alpha)/alpha - 1) 2 P/(pi D L)
 
-The second is the tension at the centre of a disc loaded over arcs of 2 alpha; the ISRM's 2 P/(pi D L) is its limit for
-alpha -> 0. Narrow arcs crush: with 2 alpha = 20 degrees only 13 sub-spheres of a disc of 1266 are held, these break off
-first, and the strengths of seeds scatter by 15 %; with 30 degrees the disc splits from its middle (5 %).
+The second is the tension at the centre of a disc loaded over arcs of 2 alpha (G. Hondros, Aust. J. Appl. Sci. 10 (1959)
+243); the 2 P/(pi D L) of the ISRM's suggested method is its limit for alpha -> 0. Narrow arcs crush: with 2 alpha = 20
+degrees only 13 sub-spheres of a disc of 1266 are held, these break off first, and strengths scatter by 15 % from seed to
+seed; with 30 degrees the disc splits from its middle (5 %).
 
 The specimen starts in the motion of homogeneous strain, so that no wave starts at the platens.
 """
@@ -97,7 +98,8 @@ def compression_specimen(radius_m: float, count: int, seed: int) -> Specimen:
     """Cylinder of height 4 `radius_m` (slenderness 2) pressed along its axis; `count` sub-spheres."""
     packing = pack_cylinder(radius_m, 4 * radius_m, count, seed)
     z, reach = packing.center_m[:, 2], (1 + PLATEN_GAP) * packing.radius_m
-    return Specimen("compression", packing, bond_network(packing), 2, z - reach < -2 * radius_m, z + reach > 2 * radius_m)
+    return Specimen("compression", packing, bond_network(packing), 2, lower=z - reach < -2 * radius_m,
+                    upper=z + reach > 2 * radius_m)
 
 
 def brazilian_specimen(radius_m: float, count: int, seed: int) -> Specimen:

@@ -30,8 +30,11 @@ def test_slow_compression_gives_the_elastic_constants_at_rest(tmp_path):
 @pytest.mark.parametrize("specimen", [compression_specimen(0.025, 300, 11), brazilian_specimen(0.025, 250, 11)],
                          ids=["compression", "Brazilian"])
 def test_load_at_failure_goes_with_the_strength_of_the_bonds(tmp_path, specimen):
-    """Bonds are elastic until they break, so with twice the strength, strained twice as fast, all loads double. Strains
-    are kept so small that no geometry changes: at real ones, paths of cracks part and one specimen differs by 10 %."""
+    """Bonds are elastic until they break, so with twice the strength, strained twice as fast, all loads double.
+
+    Strains are kept so small that no geometry changes: at real ones, paths of cracks part and one specimen differs
+    by 10 %.
+    """
     records = [strength_test(tmp_path / f"{factor}", specimen,
                              replace(ROCK, tensile_strength_Pa=factor * 3e3, shear_strength_Pa=factor * 6e3),
                              factor * 1e-6) for factor in (1, 2)]
@@ -51,7 +54,7 @@ def test_a_specimen_that_holds_is_refused(tmp_path):
         strength_test(tmp_path, compression_specimen(0.01, 30, 11), strong, 1e-5)
 
 
-class StrangeLaboratory:
+class FakeLaboratory:
     """Stands for the virtual tests: strength is `law` of that of the bonds."""
 
     def __init__(self, law):
@@ -63,11 +66,11 @@ class StrangeLaboratory:
 
 def test_tensile_strength_is_fitted_and_the_ratio_of_strengths_kept():
     target = read_target("coal")
-    rock = fit_tensile_strength(ROCK, target, StrangeLaboratory(lambda s: 0.4 * s), range(5))
+    rock = fit_tensile_strength(ROCK, target, FakeLaboratory(lambda s: 0.4 * s), range(5))
     assert rock.tensile_strength_Pa == pytest.approx(target.tensile_strength_Pa / 0.4, rel=0.01)
     assert rock.shear_strength_Pa == pytest.approx(2 * rock.tensile_strength_Pa)
     with pytest.raises(RuntimeError, match="the tensile strength reached"):
-        fit_tensile_strength(ROCK, target, StrangeLaboratory(lambda s: 5e5), range(5))
+        fit_tensile_strength(ROCK, target, FakeLaboratory(lambda s: 5e5), range(5))
 
 
 @pytest.mark.parametrize("material, scene, words", [
