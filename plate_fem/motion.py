@@ -60,8 +60,8 @@ class ModalMotion:
         self._decay_rate = zeta * self._omega
         self._omega_d = self._omega * np.sqrt(1 - zeta**2)
         self._rigid = np.flatnonzero(self._omega == 0)
-        self._elastic = np.where(self._omega == 0, 1.0, self._omega)
-        self._compliance = np.where(self._omega == 0, 0.0, 1 / self._elastic**2)
+        self._compliance = np.where(self._omega == 0, 0.0, 1 / np.where(self._omega == 0, 1.0, self._omega) ** 2)
+        self._period_s = np.sqrt(self._compliance / (1 - zeta**2))  # per radian; zero for rigid-body modes
         self._turns = {}
         self.amplitude, self.rate = np.zeros_like(self._omega), np.zeros_like(self._omega)
         self.work_J, self._start_J = 0.0, 0.0
@@ -112,9 +112,9 @@ class ModalMotion:
         Sum over modes of largest deflection times the envelope of the decaying oscillation; infinite
         if a rigid-body mode moves.
         """
-        y = rate + self._decay_rate * amplitude
-        with np.errstate(divide="ignore", invalid="ignore"):
-            other = np.where(y == 0, 0.0, y / self._omega_d)
+        if len(self._rigid) and rate[self._rigid].any():
+            return np.inf
+        other = (rate + self._decay_rate * amplitude) * self._period_s
         return float(self._modes.largest_shape @ np.hypot(amplitude, other))
 
     @property

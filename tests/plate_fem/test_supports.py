@@ -43,7 +43,7 @@ def test_point_support_off_the_mesh_and_off_the_axes():
 def test_support_of_a_shear_flexible_plate_tends_to_a_point():
     """Its width is the thickness: on thinner plates the answer is the table's, and the mesh does not matter."""
     table = plate(point_supports=SUPPORTS_AT_CORNERS, theory="mindlin", **THIN)
-    tables = [table.model_copy(update={"mesh_size_m": s}) for s in (0.04, 0.025, 0.0125)]
+    tables = [table.model_copy(update={"mesh_size_m": s}) for s in (0.06, 0.03, 0.02)]
     first = [plate_modes(t).frequency_Hz[:3] * frequency_factor(table) for t in tables]
     assert first[2] == pytest.approx(np.array([7.1109, 15.7702, 15.7702]), rel=4e-3)
     assert first[1] == pytest.approx(first[2], rel=1e-3)
