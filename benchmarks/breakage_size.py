@@ -19,7 +19,7 @@ from dem.strength import SIZE_EXPONENT, strength_scale
 from plate_fem.tables import read_toml
 
 COUNTS = (500, 1000, 2000)
-FIRST_SEED = 30011
+FIRST_SEED = 40011  # packings that had no part in finding the exponent
 DURATION_s = 9e-4
 
 
