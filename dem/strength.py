@@ -20,8 +20,8 @@ def strength_scale(subsphere_radius_m, reference_radius_m: float, exponent: floa
     large specimen; both at once hold for one size alone, R = (K_Ic/(beta sigma_t))^2/(pi alpha).
 
     Measured on stones of 500, 1000 and 2000 sub-spheres (docs/calibration.md) the broken area goes with
-    sigma^-1.8 R^-0.76 (coal) and sigma^-2.5 R^-0.78 (gangue): exponents 0.41 +- 0.07 and 0.31 +- 0.11, together
-    0.38 +- 0.06. 0.4 is the default. It is below one half presumably because crushing right under the plate goes
+    sigma^-1.8 R^-0.79 (coal) and sigma^-2.5 R^-0.79 (gangue): exponents 0.43 +- 0.07 and 0.32 +- 0.12, together
+    0.40 +- 0.06, which is the default. It is below one half presumably because crushing right under the plate goes
     with R^2.
 
     Raises ValueError where a radius is not positive.
