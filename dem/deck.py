@@ -14,7 +14,7 @@ from dem.time_step import TimeStep
 from plate_fem.modes import PlateModes
 
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
-SHAPE_GRID_M = 0.005  # spacing of the mode shapes given to the engine; cubic between, see docs/exchange.md
+SHAPE_GRID = 0.4  # of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/exchange.md)
 UNBREAKABLE_Pa = 1e30
 BOX_MARGIN_M = 0.005
 
@@ -128,7 +128,8 @@ def _write_bonds(file: Path, assembly: Assembly) -> None:
 
 
 def _write_shapes(file: Path, modes: PlateModes) -> None:
-    x, y, shape = modes.grid(SHAPE_GRID_M)
+    cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
+    x, y, shape = modes.grid(SHAPE_GRID * cell)
     with open(file, "wb") as out:
         np.array(shape.shape, dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)

@@ -24,7 +24,7 @@ from dem.ledger import PlateEnergy, energy_ledger, energy_table, read_ledger, st
 from dem.output import PlateRecorder, fast_stream, read_events, read_forces, write_streams
 from dem.progress import Progress
 from dem.scene import Scene, read_scene, scene_hash
-from dem.time_step import TimeStep, time_step
+from dem.time_step import TimeStep, plate_mobility_1_kg, time_step
 from dem.view import write_view
 from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.motion import ModalMotion
@@ -66,11 +66,13 @@ def prepare(scene: Scene, source: str, cache: Path | None, stages: Stages) -> Mo
     arrangement = arrange(scene, source)
     with stages("packing"):
         assembly = assemble(scene, arrangement)
-    step = time_step(scene, assembly, source)
-    modes = None
+    time_step(scene, assembly, source)  # what can be refused without the plate is refused before its modes are sought
+    modes, mobility = None, None
     if scene.plate.model == "flexible":
         with stages("modes"):
             modes = plate_modes(scene.plate, cache)
+        mobility = plate_mobility_1_kg(modes, arrangement.position_m)
+    step = time_step(scene, assembly, source, mobility)
     return Model(scene, arrangement, assembly, step, modes)
 
 
@@ -86,7 +88,11 @@ def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False)
     """
     stages = Stages()
     check_engine()
-    model = prepare(scene, source, out.parent / ".modes", stages)
+    return run_model(prepare(scene, source, out.parent / ".modes", stages), source, out, stages, show_progress)
+
+
+def run_model(model: Model, source: str, out: Path, stages: Stages, show_progress: bool = False) -> dict:
+    """Run what `prepare` made ready, or another model with, say, another plate's modes."""
     work = out.with_name(out.name + ".partial")
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)

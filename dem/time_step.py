@@ -7,13 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from dem.assembly import Assembly
-from dem.scene import Scene
+from dem.scene import PLATE, Scene, contact_key
+from plate_fem.modes import PlateModes
 from plate_fem.tables import InputError
 
 BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)); undamped bonds are stable to 0.466 t0 (docs/bonds.md)
 RAYLEIGH_FRACTION = 0.2  # of the Rayleigh time of the smallest sub-sphere, the usual share in DEM
 CONTACT_STEPS = 400      # steps in the shortest contact with the plate: peak force and contact time to 1e-4
 CO_STEPS_IN_CONTACT = 45
+# The wall moves by prediction, so plate and contact must not react on each other within a co-step. With the mobility
+# Phi of the plate at the stones (kg^-1) and the stiffness k and dashpot c of a contact: shares of 1/sqrt(k Phi) and
+# 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
+STIFFNESS_SHARE = 0.2
+DASHPOT_SHARE = 0.15
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
 
 
@@ -31,8 +37,11 @@ class TimeStep:
     steps: int
 
 
-def time_step(scene: Scene, assembly: Assembly, file: str) -> TimeStep:
-    """Choose the step. Raises InputError if the scene's own `time.time_step_s` is above a limit."""
+def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float | None = None) -> TimeStep:
+    """Choose the step and the co-step; `mobility_1_kg` is that of a flexible plate (`plate_mobility_1_kg`).
+
+    Raises InputError if the scene's own `time.time_step_s` or `time.co_step` is above a limit.
+    """
     bond_time = bond_time_s(scene, assembly)
     contact = contact_time_s(scene, assembly)
     limits = {"rayleigh": RAYLEIGH_FRACTION * rayleigh_time_s(scene, assembly),
@@ -40,20 +49,33 @@ def time_step(scene: Scene, assembly: Assembly, file: str) -> TimeStep:
     if bond_time is not None:
         limits["bond"] = BOND_FRACTION * bond_time
         del limits["plate_contact"]  # the bonds carry the contact of an agglomerate
+    mutual = {} if mobility_1_kg is None else exchange_limits_s(scene, mobility_1_kg)
+    limits |= mutual
     largest = min(limits.values())
     wanted = scene.time.time_step_s or largest
     if wanted > largest * (1 + 1e-12):
         name = min(limits, key=limits.get)
         raise InputError(f"{file}: time.time_step_s = {wanted:g}: must not be above {largest:.4g} s, the limit set by "
                          f"{name}")
-    co_step = scene.time.co_step or (
-        1 if scene.plate.model == "rigid" else max(1, int(contact / CO_STEPS_IN_CONTACT / wanted)))
+    co_step = _co_step(scene, wanted, contact, mutual, file)
     block = FAST_PER_SAMPLE * co_step
     sample_steps = block * int(np.ceil(scene.time.sample_interval_s / wanted / block - 1e-9))
     intervals = int(scene.time.duration_s / scene.time.sample_interval_s + 1e-9)  # 0.04 s: 266, thus 267 samples
     return TimeStep(
         dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits, bond_time_s=bond_time, co_step=co_step,
         fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=intervals * sample_steps)
+
+
+def _co_step(scene: Scene, dt_s: float, contact_s: float, mutual: dict[str, float], file: str) -> int:
+    """DEM steps a co-step; a rigid plate has nothing to exchange, and its forces are recorded every step."""
+    wanted = scene.time.co_step
+    if not mutual:
+        return wanted or 1
+    most = max(1, int(min(mutual.values()) / dt_s))
+    if wanted is not None and wanted > most:
+        raise InputError(f"{file}: time.co_step = {wanted}: must be at most {most} with a time step of {dt_s:.3g} s, the "
+                         f"limit set by {min(mutual, key=mutual.get)}")
+    return wanted or max(1, min(most, int(contact_s / CO_STEPS_IN_CONTACT / dt_s)))
 
 
 def bond_time_s(scene: Scene, assembly: Assembly) -> float | None:
@@ -94,3 +116,32 @@ def contact_time_s(scene: Scene, assembly: Assembly) -> float:
         depth = (5 * assembly.mass_kg[here] * speed**2 / (4 * stiffness)) ** 0.4
         times.append((2.9432 * depth / speed).min())
     return float(min(times))
+
+
+def exchange_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:
+    """Limits of the co-step from the mutual reaction of plate and contact, each stone taken as one Hertz sphere at its
+    greatest depth, which is stiffer than the agglomerate."""
+    stones = scene.stones
+    plate = (1 - scene.plate.poisson_ratio**2) / scene.plate.youngs_modulus_Pa
+    limits = {"exchange_stiffness": np.inf, "exchange_dashpot": np.inf}
+    for name in {stones.coal, stones.gangue}:
+        m = scene.materials[name]
+        modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa + plate)
+        mass = m.density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
+        hertz = 4 / 3 * np.sqrt(stones.radius_m) * modulus
+        depth = (5 * mass * max(stones.speed_m_s, 1e-3) ** 2 / (4 * hertz)) ** 0.4
+        stiffness = 1.5 * hertz * np.sqrt(depth)
+        log_e = np.log(scene.contacts[contact_key(name, PLATE)].restitution)
+        dashpot = 2 * np.sqrt(5 / 6) * -log_e / np.hypot(log_e, np.pi) * np.sqrt(4 / 3 * stiffness * mass)
+        limits["exchange_stiffness"] = min(limits["exchange_stiffness"],
+                                           STIFFNESS_SHARE / np.sqrt(stiffness * mobility_1_kg))
+        if dashpot > 0:
+            limits["exchange_dashpot"] = min(limits["exchange_dashpot"], DASHPOT_SHARE / (dashpot * mobility_1_kg))
+    return {name: limit for name, limit in limits.items() if np.isfinite(limit)}
+
+
+def plate_mobility_1_kg(modes: PlateModes, position_m: np.ndarray) -> float:
+    """How much the plate under a stone accelerates at once for a force of 1 N on every stone, at most: the largest row
+    sum of |phi phi^T| over the stones' places (k, 2)."""
+    shape = modes.shape_at(position_m)
+    return float(np.abs(shape @ shape.T).sum(axis=1).max())

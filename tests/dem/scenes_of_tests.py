@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dem.scene import read_scene
+from dem.scene import Scene, read_scene
+from plate_fem.tables import check, read_toml
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -20,3 +21,18 @@ def hertz(material):
     depth = (5 * mass * scene.stones.speed_m_s**2 / (4 * stiffness)) ** 0.4
     return {"stiffness": stiffness, "mass_kg": mass, "depth_m": depth, "force_N": stiffness * depth**1.5,
             "modulus_Pa": modulus}
+
+
+def changed(name, changes):
+    """The scene of scenes/NAME.toml with dotted keys replaced (or removed, where the value is None)."""
+    data = read_toml(SCENES / f"{name}.toml")
+    for key, value in changes.items():
+        table = data
+        *path, last = key.split(".")
+        for part in path:
+            table = table[part]
+        if value is None:
+            del table[last]
+        else:
+            table[last] = value
+    return check(Scene, data, name)

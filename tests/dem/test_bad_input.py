@@ -22,6 +22,7 @@ CASES = [
     ("missing contact", "coal_coal = { restitution = 0.5, friction = 0.6 }", "", ["contacts.coal_coal", "must be given"]),
     ("time step", "duration_s = 0.04 ", "time_step_s = 1e-4\nduration_s = 0.04 ",
      ["time.time_step_s", "0.0001", "must not be above"]),
+    ("co-step", "duration_s = 0.04 ", "co_step = 1000\nduration_s = 0.04 ", ["time.co_step", "1000", "at most"]),
     ("restitution", "restitution = 0.5, friction = 0.4", "restitution = 1.5, friction = 0.4",
      ["contacts.coal_plate.restitution", "1.5", "less than or equal to 1"]),
     ("order", "gangue_order = [2, 10,", "gangue_order = [2, 2,", ["stones.gangue_order", "once"]),
@@ -30,19 +31,20 @@ CASES = [
 
 
 @pytest.mark.parametrize("old, new, words", [c[1:] for c in CASES], ids=[c[0] for c in CASES])
-def test_a_wrong_scene_is_refused_in_one_line(tmp_path, capsys, old, new, words):
+def test_a_wrong_scene_is_refused_in_one_line(tmp_path, runs, capsys, old, new, words):
     from dem.__main__ import main
 
     assert PAPER.count(old) >= 1
     scene = tmp_path / "scene.toml"
     scene.write_text(PAPER.replace(old, new, 1))
-    code = main(["run", str(scene), "--out", str(tmp_path / "run")])
+    before = set(runs.iterdir()) | {runs / ".modes"}
+    code = main(["run", str(scene), "--out", str(runs / "refused")])
     error = capsys.readouterr().err
     assert code == 2
     assert error.count("\n") == 1
     for word in [str(scene), *words]:
         assert word in error
-    assert sorted(p.name for p in tmp_path.iterdir() if p.name != ".modes") == ["scene.toml"]
+    assert set(runs.iterdir()) <= before
 
 
 @pytest.mark.parametrize("ratio, words", [("0.25", ["stones.gangue_ratio", "0.25", "1/10"]),

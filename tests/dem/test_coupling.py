@@ -1,0 +1,179 @@
+"""Engine and plate together where theory or an independent integration knows the answer."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+from dem.run import Stages, prepare, run_model, run_scene
+from plate_fem.modes import PlateModes, plate_modes
+from scenes_of_tests import changed
+
+STEEL = {"density_kg_m3": 7833.0, "youngs_modulus_Pa": 206.8e9, "poisson_ratio": 0.28}
+
+
+class CentreModes(PlateModes):
+    """Given to the engine on a patch around the centre alone, where the ball hits and stays."""
+
+    @property
+    def largest_shape(self):
+        return np.full(len(self.frequency_Hz), 2 / np.sqrt(self.mass_kg))
+
+    def grid(self, spacing_m):
+        axis = self.lines_x_m[-1] * 1e-4 * np.arange(-4, 5)
+        return axis, axis, np.ones((9, 9, 1)) * self.nodal[0, len(self.nodal[0]) // 2]
+
+
+def navier_modes(length, thickness, material, max_frequency_Hz):
+    """Exact Kirchhoff modes of a simply supported square plate, in place of the finite-element ones; those with a node
+    at the centre are left out, as a force there does not move them."""
+    rho, young, nu = material.values()
+    rigidity = young * thickness**3 / (12 * (1 - nu**2))
+    scale = np.sqrt(rigidity / (rho * thickness))
+    limit = 2 * np.pi * max_frequency_Hz / scale / (np.pi / length) ** 2
+    odd = np.arange(1, int(np.sqrt(limit)) + 1, 2)
+    m, n = (v.ravel() for v in np.meshgrid(odd, odd, indexing="ij"))
+    order = np.argsort(m**2 + n**2, kind="stable")
+    order = order[(m**2 + n**2)[order] <= limit]
+    m, n = m[order] * np.pi / length, n[order] * np.pi / length
+    mass, count = rho * thickness * length**2, len(order)
+    size = 2 / np.sqrt(mass)
+    lines = np.array([-length / 2, 0, length / 2])
+    x, y = (v.ravel()[:, None] + length / 2 for v in np.meshgrid(lines, lines, indexing="ij"))
+    sx, cx, sy, cy = np.sin(m * x), np.cos(m * x), np.sin(n * y), np.cos(n * y)
+    return CentreModes(
+        frequency_Hz=scale * (m**2 + n**2) / (2 * np.pi), damping_ratio=np.zeros(count), lines_x_m=lines,
+        lines_y_m=lines, nodal=size * np.array([sx * sy, m * cx * sy, n * sx * cy, m * n * cx * cy]),
+        mean_shape=size * 4 / (m * n * length**2), rod_force=np.zeros((0, count)),
+        surface_stress=np.zeros((9, 3, count)), mass_kg=mass, theory="kirchhoff", n_residual=0)
+
+
+def ball_on_plate(tmp_path, radius, thickness, length, speed, duration, max_frequency_Hz):
+    """A steel ball in the middle of a simply supported steel plate: (summary, fast stream)."""
+    scene = changed("elastic_plate", {
+        "materials.gangue": STEEL, "stones.radius_m": radius, "stones.speed_m_s": speed, "stones.gap_m": 1e-7,
+        "stones.positions": [{"x_m": 0.0, "y_m": 0.0}], "time.duration_s": duration,
+        "time.sample_interval_s": duration / 10, "plate.rods": None, "plate.sensors": None,
+        **{f"plate.{key}": value for key, value in STEEL.items()}, "plate.damping_ratio": 0.0,
+        "plate.edges": "simply_supported", "plate.length_m": length, "plate.width_m": length,
+        "plate.thickness_m": thickness, "plate.max_frequency_Hz": 2000.0})
+    model = prepare(scene, "ball", tmp_path / ".modes", Stages())
+    model.modes = navier_modes(length, thickness, STEEL, max_frequency_Hz)
+    summary = run_model(model, "ball", tmp_path / "run", Stages())
+    return summary, pd.read_parquet(tmp_path / "run" / "fast.parquet")
+
+
+def test_karas_plate(tmp_path):
+    """Steel ball R 10 mm at 1 m/s on 200 x 200 x 8 mm (Karas 1939): peak force, its time, contact time, rebound."""
+    summary, fast = ball_on_plate(tmp_path, 0.010, 0.008, 0.2, 1.0, 100e-6, 400e3)
+    force, t = fast["force_N"].to_numpy(), fast["t_s"].to_numpy() - 0.5 * fast["t_s"][1] - 1e-7
+    assert summary["peak_force_N"] == pytest.approx(1378.3, rel=2e-3)
+    top = force.argmax()
+    bend = np.polyfit(t[top - 5:top + 6] - t[top], force[top - 5:top + 6], 2)
+    assert t[top] - bend[1] / (2 * bend[0]) == pytest.approx(32.9e-6, rel=5e-3)
+    contact = np.flatnonzero(force)
+    assert (contact[-1] - contact[0] + 1) * fast["t_s"][1] == pytest.approx(73.4e-6, rel=1e-2)
+    assert summary["rebound_speed_m_s"][0] == pytest.approx(0.664, rel=2e-3)
+
+
+# lambda, restitution, peak force F T/(m v) where given (C. Zener, Phys. Rev. 59 (1941) 669).
+ZENER = [(0.05, 0.9178, None), (0.1, 0.8433, 1.0355), (0.3, 0.6060, 0.8706), (0.5, 0.4369, 0.7502),
+         (1.0, 0.1841, 0.5562)]
+
+
+@pytest.mark.parametrize("inelasticity, restitution, peak", ZENER)
+def test_zener_sphere_on_a_large_plate(tmp_path, inelasticity, restitution, peak):
+    """A plate so large that no wave returns before the ball has left: restitution 1 %, peak force 0.5 %."""
+    radius, speed = 0.01, 1.0
+    rho, young, nu = STEEL.values()
+    mass = rho * 4 / 3 * np.pi * radius**3
+    stiffness = 2 / 3 * np.sqrt(radius) * young / (1 - nu**2)
+    time = (mass**2 / (stiffness**2 * speed)) ** 0.2  # Zener's unit of time
+    # lambda = m^(3/5) K^(2/5) v^(1/5)/(8 sqrt(rho h D)) gives the thickness.
+    thickness = np.sqrt(mass**0.6 * stiffness**0.4 * speed**0.2 / (8 * inelasticity)
+                        / (rho * np.sqrt(young / (12 * (1 - nu**2) * rho))))
+    duration = (3.6 + 2.5 * inelasticity) * time
+    scale = np.sqrt(young * thickness**2 / (12 * (1 - nu**2) * rho))
+    # A bending wave of angular frequency omega travels at 2 sqrt(omega scale); there and back within the contact for
+    # omega = 20/time, above which the impact holds next to nothing.
+    length = 2 * np.sqrt(20 / time * scale) * duration
+    summary, _ = ball_on_plate(tmp_path, radius, thickness, length, speed, duration, 100 / (2 * np.pi * time))
+    assert summary["rebound_speed_m_s"][0] / speed == pytest.approx(restitution, abs=1e-2 * restitution)
+    if peak is not None:
+        assert summary["peak_force_N"] * time / (mass * speed) == pytest.approx(peak, rel=5e-3)
+
+
+@pytest.fixture(scope="module")
+def ten_spheres(runs):
+    """The paper's ten stones at 50 %, unbonded and without dissipation: (scene, modes, summary, fast stream)."""
+    scene = changed("paper", {
+        "stones.agglomerate": None, "time.duration_s": 1.5e-3, "time.gravity_m_s2": None, "output": None,
+        **{f"contacts.{k}_plate": {"restitution": 1.0, "friction": 0.0} for k in ("coal", "gangue")}})
+    summary = run_scene(scene, "ten spheres", runs / "ten")
+    return scene, plate_modes(scene.plate, runs / ".modes"), summary, pd.read_parquet(runs / "ten" / "fast.parquet")
+
+
+def test_ten_elastic_spheres_at_once(ten_spheres):
+    """Total force and plate velocity within 0.1 % (L2) of DOP853 with the same modes."""
+    scene, modes, summary, fast = ten_spheres
+    angle = 2 * np.pi * np.arange(10) / 10
+    phi = modes.shape_at(0.1 * np.column_stack([np.cos(angle), np.sin(angle)]))
+    omega, n = 2 * np.pi * modes.frequency_Hz, len(modes.frequency_Hz)
+    radius, plate = scene.stones.radius_m, scene.plate
+    material = [scene.materials[name] for name in summary["materials"]]
+    mass = np.array([m.density_kg_m3 for m in material]) * 4 / 3 * np.pi * radius**3
+    k = np.array([4 / 3 * np.sqrt(radius) / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa
+                                             + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
+                  for m in material])
+
+    def rates(t, y):
+        z, v, a, da = y[:10], y[10:20], y[20:20 + n], y[20 + n:20 + 2 * n]
+        force = k * np.maximum(0, radius - z + phi @ a) ** 1.5
+        dda = -force @ phi - 2 * modes.damping_ratio * omega * da - omega**2 * a
+        return np.concatenate([v, force / mass, da, dda, [force.sum()]])
+
+    start = np.zeros(21 + 2 * n)
+    start[:10], start[10:20] = radius + scene.stones.gap_m, -scene.stones.speed_m_s
+    times = fast["t_s"].to_numpy()
+    y = solve_ivp(rates, (0, times[-1]), start, method="DOP853", rtol=1e-11, atol=1e-15, t_eval=times,
+                  max_step=2e-6).y
+    force = np.diff(y[-1], prepend=0) / np.diff(times, prepend=-np.inf)
+    for name, expected in (("force_N", force), ("v_m_s", modes.mean_shape @ y[20 + n:20 + 2 * n])):
+        error = np.linalg.norm(fast[name] - expected) / np.linalg.norm(expected)
+        assert error < 1e-3, f"{name}: {error:.2e}"
+
+
+def test_the_scheme_is_of_second_order_in_the_co_step(runs):
+    """Error of the plate's velocity against the smallest co-step: slope 2 in the co-step."""
+    velocity, length = {}, {}
+    for co_step in (1, 12, 24, 48):
+        scene = changed("elastic_plate", {"time.time_step_s": 1e-7, "time.co_step": co_step})
+        directory = runs / f"co_step_{co_step}"
+        length[co_step] = co_step * run_scene(scene, "co-step", directory)["dt_s"]
+        velocity[co_step] = pd.read_parquet(directory / "signals.parquet")["v_m_s"].to_numpy()
+    compared = (12, 24, 48)
+    errors = [np.linalg.norm(velocity[s] - velocity[1]) for s in compared]
+    slope = np.polyfit(np.log([length[s] for s in compared]), np.log(errors), 1)[0]
+    assert 1.9 < slope < 2.1, f"{slope:.2f}, errors {errors}"
+
+
+@pytest.mark.parametrize("case, changes", [
+    ("a stone laid on the plate", {"stones.speed_m_s": 0.0, "stones.gap_m": 1e-7}),
+    ("a heavy sphere on a thin plate", {"stones.speed_m_s": 0.5, "plate.thickness_m": 0.002,
+                                        "plate.max_frequency_Hz": 5000.0, "materials.gangue.density_kg_m3": 20000.0}),
+])
+def test_lasting_contact_stays_stable(runs, case, changes):
+    """Under gravity the sphere stays on the plate; nothing but the fall supplies energy."""
+    scene = changed("elastic_plate", {
+        "time.duration_s": 0.03, "time.gravity_m_s2": 9.8, "plate.damping_ratio": 0.02,
+        "contacts.gangue_plate": {"restitution": 0.5, "friction": 0.0}} | changes)
+    directory = runs / case.replace(" ", "_")
+    summary = run_scene(scene, case, directory)
+    fast = pd.read_parquet(directory / "fast.parquet")
+    potential = pd.read_parquet(directory / "energy.parquet")["potential_J"]
+    assert fast["total_J"].max() <= 1.001 * (summary["energy"]["impact_J"] - potential.min())
+    if scene.stones.speed_m_s == 0:
+        mass = 4 / 3 * np.pi * 0.025**3 * 2400
+        assert fast["force_N"][fast["t_s"] > 0.01].mean() == pytest.approx(mass * 9.8, rel=0.05)
+    else:
+        assert abs(summary["energy"]["closure"]) < 1e-2
