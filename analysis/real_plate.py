@@ -12,14 +12,33 @@ import numpy as np
 
 from analysis.records import RecordError
 from analysis.runs import Run
+from analysis.setup import places_of, setup_of
 
 
 def modes_of(run: Run):
-    """Modes (`plate_fem.modes.PlateModes`) of a run's plate, from the cache beside the runs where it is there.
+    """Modes (`plate_fem.modes.PlateModes`) that the run's plate moved in.
 
-    RecordError if the scene has no flexible plate.
+    Found as the simulation finds them: up to the scene's frequency, alone or with residual modes for the
+    places of the particles, whichever has the number of modes that run.json states. Taken from the cache
+    beside the runs where it holds exactly these (same table, same places), else computed.
+    RecordError if the scene has no flexible plate, or if neither has that number.
     """
     from plate_fem.modes import plate_modes
+
+    cache = Path(run.path).parent / ".modes"
+    plate, counts = _flexible_plate(run), []
+    for points_m in (None, places_of(run)):
+        modes = plate_modes(plate, cache if cache.is_dir() else None, points_m)
+        counts.append(modes.frequency_Hz.size)
+        if counts[-1] == run.info.get("n_modes"):
+            return modes
+    raise RecordError(
+        f"{run.path}/run.json: n_modes = {run.info.get('n_modes')}; its plate has {counts[0]} modes,"
+        f" {counts[1]} with residual ones: made by another version"
+    )
+
+
+def _flexible_plate(run: Run):
     from plate_fem.scene import FlexiblePlate
 
     table = run.info.get("scene", {}).get("plate", {})
@@ -27,8 +46,12 @@ def modes_of(run: Run):
         raise RecordError(
             f"{run.path}/run.json: scene.plate.model = {table.get('model')!r}; needs 'flexible'"
         )
-    cache = Path(run.path).parent / ".modes"
-    return plate_modes(FlexiblePlate.model_validate(table), cache if cache.is_dir() else None)
+    if table.get("max_frequency_Hz") is None:
+        raise RecordError(f"{run.path}/run.json: scene.plate.max_frequency_Hz = None; needs the run's own")
+    try:
+        return FlexiblePlate.model_validate(table)
+    except ValueError as error:
+        raise RecordError(f"{run.path}/run.json: scene.plate: {' '.join(str(error).split())}") from None
 
 
 def static_compliance_m_N(modes, points_m: np.ndarray) -> np.ndarray:
@@ -42,33 +65,71 @@ def static_compliance_m_N(modes, points_m: np.ndarray) -> np.ndarray:
     return modes.shape_at(np.asarray(points_m, dtype=float)) ** 2 @ (2 * np.pi * modes.frequency_Hz) ** -2.0
 
 
-def amplitude_at_peak(modes, run: Run, places_m: np.ndarray) -> np.ndarray:
-    """Modal amplitudes (n,) at the instant of the largest total force.
+def particle_forces_N(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Times (n,) of the fast stream and force of each particle on the plate, (n, count), N.
 
-    The modes are driven again by the recorded force of each agglomerate (fast stream: the
-    mean over each of its intervals), taken to act at its place (count, 2).
+    RecordError if the run kept no fast stream, or not of every particle.
     """
-    from plate_fem.motion import ModalMotion
-
     if run.fast is None:
         raise RecordError(f"{run.path}: no fast.parquet; needs it to drive the plate")
-    t_s = run.fast["t_s"].to_numpy(dtype=float)
-    columns = [f"force_{k:02d}_N" for k in range(1, len(places_m) + 1)]
+    columns = [f"force_{k:02d}_N" for k in range(1, len(places_of(run)) + 1)]
     missing = [name for name in columns if name not in run.fast.columns]
     if missing:
         raise RecordError(f"{run.path}/fast.parquet: no column {missing[0]!r}")
-    force_N = run.fast[columns].to_numpy(dtype=float)
+    return run.fast["t_s"].to_numpy(dtype=float), run.fast[columns].to_numpy(dtype=float)
+
+
+def amplitude_at_peak(modes, run: Run) -> np.ndarray:
+    """Modal amplitudes (n,) at the instant of the largest total force.
+
+    The modes are driven again by the recorded force of each particle (fast stream: the mean
+    over each of its intervals), taken to act at its place.
+    """
+    from plate_fem.motion import ModalMotion
+
+    t_s, force_N = particle_forces_N(run)
     peak = int(np.argmax(force_N.sum(axis=1)))
     dt_s = float(np.diff(t_s).min())
     steps = np.rint(np.diff(t_s[: peak + 1]) / dt_s).astype(int)
     # The recorded force is the particles' push, downward; the modes count upward.
-    drive = -force_N[: peak + 1] @ modes.shape_at(np.asarray(places_m, dtype=float))
+    drive = -force_N[: peak + 1] @ modes.shape_at(places_of(run))
     motion = ModalMotion(modes, dt_s)
     for row, gap in zip(drive[1:], steps, strict=True):
         if gap > 1:  # nothing touches where the stream has no rows
             motion.advance(np.zeros_like(row), gap - 1)
         motion.advance(row)
     return motion.amplitude
+
+
+def hertz_contacts(run: Run, force_N: np.ndarray) -> list:
+    """A `plate_fem.contact_stress.HertzContact` at each particle's place, for a force (count,) on each.
+
+    Each particle counts as one whole sphere of its radius. A bonded one touches the plate with a few
+    small sub-spheres, whose pressures would be higher and say more of the packing than of the stone.
+    """
+    from plate_fem.contact_stress import HertzContact
+
+    s = setup_of(run)
+    modulus_Pa = {name: 1 / (_soft(rock) + _soft(s.plate)) for name, rock in s.rocks.items()}
+    rows = zip(s.places_m, force_N, run.materials, strict=True)
+    return [HertzContact(x, y, max(float(f), 0.0), s.radius_m, modulus_Pa[name]) for (x, y), f, name in rows]
+
+
+def _soft(body) -> float:
+    return (1 - body.poisson_ratio**2) / body.youngs_modulus_Pa
+
+
+def contact_stress_map_Pa(modes, amplitude, contacts, number: int, poisson_ratio: float, offset_m: np.ndarray):
+    """Von Mises stress (k, k) at the top surface about contact `number` (1-based), at its place + offset_m (k,).
+
+    Bending of the plate plus the Hertz field of every contact.
+    """
+    from plate_fem.contact_stress import total_stress, von_mises_3d
+
+    centre = contacts[number - 1]
+    x, y = np.meshgrid(centre.x_m + offset_m, centre.y_m + offset_m, indexing="ij")
+    points_m = np.column_stack([x.ravel(), y.ravel()])
+    return von_mises_3d(total_stress(modes, amplitude, contacts, points_m, poisson_ratio)).reshape(x.shape)
 
 
 def surface_von_mises_Pa(modes, amplitude: np.ndarray) -> np.ndarray:

@@ -55,6 +55,14 @@ def setup_of(run: Run) -> Setup:
         raise RecordError(f"{run.path}/run.json: scene: no usable {error}; needs it for the theory") from None
 
 
+def places_of(run: Run) -> np.ndarray:
+    """Where the particles hit, shape (count, 2). RecordError, naming the key, where the scene does not say."""
+    try:
+        return _places(run.info["scene"]["stones"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordError(f"{run.path}/run.json: scene.stones: no usable {error}; needs the places") from None
+
+
 def _places(stones: dict) -> np.ndarray:
     if stones.get("positions"):
         return np.array([[place["x_m"], place["y_m"]] for place in stones["positions"]], dtype=float)

@@ -277,6 +277,8 @@ STATEMENTS = [
     Statement("The largest displacement, velocity and acceleration rise in both directions", "Fig. 19", "fig-19",
               "Spearman >= 0.9 for each", two_way_maxima),
     Statement("The overall stress under the particles rises with the ratio", "Fig. 21", "fig-21", RISES, stress_rises),
+    Statement("The stress at the contact points rises with the ratio", "Fig. 21", "fig-21-ratio", RISES,
+              trend(lambda study: study.contact_pressure_Pa.mean(axis=1), 1, 1e-6, "MPa, largest Hertz pressure")),
     Statement("A region of high stress appears above 70 % and grows with the ratio", "Fig. 21", "fig-21",
               "first at 60-80 %, growing; high: above 0.8 of the highest", high_stress_appears),
 ]  # fmt: skip

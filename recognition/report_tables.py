@@ -101,7 +101,7 @@ def choices(study: Study) -> Table:
     for outcome in compare(study):
         e = np.abs(outcome.errors_points)
         numbers = [f"{e.mean():.2f}", f"{e.max():.2f}"] if e.size else ["-", "-"]
-        rows.append([outcome.name, f"{e.size} of {len(study.runs)}", *numbers, outcome.reason])
+        rows.append([outcome.name, f"{e.size}\u00a0of\u00a0{len(study.runs)}", *numbers, outcome.reason])
     note = (
         "Errors in points of mixing ratio, that ratio held out. Noise-free runs of one arrangement and speed."
     )
@@ -116,7 +116,7 @@ def errors(study: Study) -> Table:
         for method, name in METHOD_NAMES.items():
             e = np.abs(study.errors_points(trained, method))
             numbers = [f"{e.mean():.2f}", f"{e.max():.2f}"] if e.size else ["-", "-"]
-            rows.append([name, trained, f"{e.size} of {len(study.runs)}", *numbers])
+            rows.append([name, trained, f"{e.size}\u00a0of\u00a0{len(study.runs)}", *numbers])
     return Table("table-errors", "Errors", "", ["method", "training", "answered", "mean", "worst"], rows)
 
 

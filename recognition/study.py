@@ -10,7 +10,15 @@ from analysis import RecordError, Sweep, breakage
 from analysis.emd import Decomposition, decompose
 from analysis.features import BASE_PARAMETERS, TIME_PARAMETERS, time_features
 from analysis.hilbert import marginal_spectrum
-from analysis.real_plate import amplitude_at_peak, modes_of, static_compliance_m_N, surface_von_mises_Pa
+from analysis.real_plate import (
+    amplitude_at_peak,
+    contact_stress_map_Pa,
+    hertz_contacts,
+    modes_of,
+    particle_forces_N,
+    static_compliance_m_N,
+    surface_von_mises_Pa,
+)
 from analysis.runs import RESPONSES
 from analysis.setup import Setup, setup_of
 from analysis.theory import STATES, beam_compliance, materials_in_order, peak, total_force_N
@@ -121,8 +129,28 @@ class Study:
     @cached_property
     def stress_Pa(self) -> list[np.ndarray]:
         """Von Mises stress at the nodes of the plate's modes when the total force is largest, of each run."""
-        modes, places = self.plate_modes, self.setup.places_m
-        return [surface_von_mises_Pa(modes, amplitude_at_peak(modes, run, places)) for run in self.runs]
+        return [surface_von_mises_Pa(self.plate_modes, amplitude) for amplitude in self.amplitude_at_peak]
+
+    @cached_property
+    def amplitude_at_peak(self) -> list[np.ndarray]:
+        """Modal amplitudes of the plate when the total force is largest, of each run."""
+        return [amplitude_at_peak(self.plate_modes, run) for run in self.runs]
+
+    def contact_stress_Pa(self, number: int, offset_m: np.ndarray) -> list[np.ndarray]:
+        """Von Mises stress about one contact, its Hertz field included, at the same instant, of each run."""
+        maps = []
+        for run, amplitude in zip(self.runs, self.amplitude_at_peak, strict=True):
+            force_N = particle_forces_N(run)[1]
+            contacts = hertz_contacts(run, force_N[np.argmax(force_N.sum(axis=1))])
+            nu = self.setup.plate.poisson_ratio
+            maps.append(contact_stress_map_Pa(self.plate_modes, amplitude, contacts, number, nu, offset_m))
+        return maps
+
+    @cached_property
+    def contact_pressure_Pa(self) -> np.ndarray:
+        """Largest Hertz pressure under each particle as a whole sphere, shape (runs, count)."""
+        rows = [hertz_contacts(run, particle_forces_N(run)[1].max(axis=0)) for run in self.runs]
+        return np.array([[contact.peak_pressure_Pa for contact in row] for row in rows])
 
     @cached_property
     def _contact_area(self) -> np.ndarray:

@@ -6,9 +6,19 @@ import pytest
 from scipy.signal import lsim
 
 from analysis import RecordError
-from analysis.real_plate import amplitude_at_peak, modes_of, static_compliance_m_N
+from analysis.real_plate import (
+    amplitude_at_peak,
+    contact_stress_map_Pa,
+    hertz_contacts,
+    modes_of,
+    static_compliance_m_N,
+)
+from analysis.theory import PLATE, ROCKS, contact_stiffness
+from plate_fem.modes import plate_modes
+from plate_fem.scene import FlexiblePlate
 from tests.analysis.synthetic import SCENE
 
+PLACES_M = np.array([[0.03, 0.02], [-0.1, 0.05]])
 SIDE_M, THICKNESS_M, E_PA, NU = 0.4, 0.004, 2.07e11, 0.3
 
 
@@ -21,7 +31,10 @@ def run(tmp_path_factory):
         "poisson_ratio": NU, "max_frequency_Hz": 8000.0, "damping_ratio": 0.02, "mesh_size_m": 0.02,
     }  # fmt: skip
     path = tmp_path_factory.mktemp("runs") / "ratio_000"
-    return SimpleNamespace(path=path, info={"scene": {"plate": table}})
+    stones = {"positions": [{"x_m": x, "y_m": y} for x, y in PLACES_M]}
+    scene = {"plate": table, "stones": stones}
+    n_modes = plate_modes(FlexiblePlate.model_validate(table)).frequency_Hz.size
+    return SimpleNamespace(path=path, info={"scene": scene, "n_modes": n_modes})
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +66,9 @@ def test_replayed_plate_equals_an_ordinary_integration(modes, run):
     kept = force.any(axis=1)
     kept[[0, 9, 30, 69, 95, n - 1]] = True
     fast = pd.DataFrame({"t_s": t, "force_01_N": force[:, 0], "force_02_N": force[:, 1]})[kept]
-    places = np.array([[0.03, 0.02], [-0.1, 0.05]])
-    found = amplitude_at_peak(modes, SimpleNamespace(path=run.path, fast=fast), places)
+    found = amplitude_at_peak(modes, SimpleNamespace(path=run.path, fast=fast, info=run.info))
     peak = int(np.argmax(force.sum(axis=1)))
-    shapes = modes.shape_at(places)
+    shapes = modes.shape_at(PLACES_M)
     for k in range(0, modes.frequency_Hz.size, 5):
         w, z = 2 * np.pi * modes.frequency_Hz[k], modes.damping_ratio[k]
         fine = np.arange(peak * 20 + 1) * dt_s / 20
@@ -67,6 +79,47 @@ def test_replayed_plate_equals_an_ordinary_integration(modes, run):
             ([[0, 1], [-w * w, -2 * z * w]], [[0], [1]], [[1, 0]], [[0]]), -force[row] @ shapes[:, k], fine
         )[1]
         assert found[k] == pytest.approx(q[-1], rel=0.03, abs=0.01 * np.abs(q).max())
+
+
+def test_modes_are_those_the_run_counts(run, modes):
+    """With residual modes where the run had them, and none of another number."""
+    assert modes.n_residual == 0
+    table = FlexiblePlate.model_validate(run.info["scene"]["plate"])
+    residual = plate_modes(table, None, PLACES_M)
+    more = run.info | {"n_modes": residual.frequency_Hz.size}
+    found = modes_of(SimpleNamespace(path=run.path, info=more))
+    assert found.n_residual == residual.n_residual > 0
+    np.testing.assert_allclose(found.frequency_Hz, residual.frequency_Hz)
+    with pytest.raises(RecordError, match="n_modes = 3;"):
+        modes_of(SimpleNamespace(path=run.path, info=run.info | {"n_modes": 3}))
+
+
+def test_cached_modes_are_taken_only_if_identical(run, modes, tmp_path):
+    (tmp_path / ".modes").mkdir()
+    beside = SimpleNamespace(path=tmp_path / "ratio_000", info=run.info)
+    modes_of(beside)
+    (stored,) = (tmp_path / ".modes").iterdir()
+    plate = run.info["scene"]["plate"] | {"thickness_m": 0.005}
+    n_modes = plate_modes(FlexiblePlate.model_validate(plate)).frequency_Hz.size
+    other = {"scene": run.info["scene"] | {"plate": plate}, "n_modes": n_modes}
+    found = modes_of(SimpleNamespace(path=beside.path, info=other))
+    assert stored.exists() and found.frequency_Hz[0] > 1.2 * modes.frequency_Hz[0]
+    np.testing.assert_array_equal(modes_of(beside).frequency_Hz, modes.frequency_Hz)
+
+
+def test_stress_under_a_contact_is_hertz_and_bending(modes):
+    """At the centre of a contact: sx = sy = -(1 + 2 nu) p0 / 2, sz = -p0 (Johnson 1985), so 0.2 p0 at nu 0.3."""
+    forces = np.linspace(100.0, 1000.0, 10)
+    run = SimpleNamespace(path="run", info={"scene": SCENE}, materials=["coal"] * 5 + ["gangue"] * 5)
+    contacts = hertz_contacts(run, forces)
+    for contact, force, name in zip(contacts, forces, run.materials, strict=True):
+        stiffness = contact_stiffness(ROCKS[name], 0.025, PLATE)
+        area_m2 = np.pi * 0.025 * (force / stiffness) ** (2 / 3)  # a^2 = R d
+        assert contact.peak_pressure_Pa == pytest.approx(1.5 * force / area_m2, rel=1e-9)
+    at_rest = np.zeros(modes.frequency_Hz.size)
+    local = contact_stress_map_Pa(modes, at_rest, contacts[2:3], 1, 0.3, np.array([-0.02, 0.0, 0.02]))
+    assert local[1, 1] == pytest.approx(0.2 * contacts[2].peak_pressure_Pa, rel=1e-6)
+    assert local[0, 0] < 0.01 * local[1, 1]
 
 
 def test_rigid_plate_has_no_modes(run):
