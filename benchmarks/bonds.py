@@ -157,7 +157,7 @@ class Lammps:
     def impact(self, directory: Path, ball: Agglomerate, steps: int) -> tuple[float, float, int]:
         self.time_s(directory, ball, impact=True, steps=steps)
         push = np.loadtxt(directory / "push.txt", comments="#")
-        rows = re.findall(r"^\s*(\d+)\s+(\S+)\s+(\S+)\s*$", (directory / "out.txt").read_text(), re.M)
+        rows = re.findall(r"^\s*(\d+)\s+(\S+)\s+(\S+)\s*$", (directory / "out.txt").read_text(), re.MULTILINE)
         held, speed = float(rows[-1][1]), float(rows[-1][2])
         return float(push.max()), speed, len(ball.pair) - round(held / 2)
 

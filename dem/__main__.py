@@ -12,7 +12,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# ruff: noqa: E402 - numpy reads these when it is first imported
+
 from dem.calibrate import calibrate
 from dem.costep import follow
 from dem.deck import write_deck
@@ -34,6 +34,9 @@ def main(arguments: list[str] | None = None) -> int:
     except (RunError, ExchangeError) as error:
         print(error, file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("interrupted; what is finished stays, the same command goes on", file=sys.stderr)
+        return 130
     except OSError as error:
         print(f"{error.filename or options.out}: {error.strerror}", file=sys.stderr)
         return 1

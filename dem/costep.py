@@ -7,13 +7,12 @@ under it, exactly. The scheme is of second order in the co-step, and conserves t
 
 from __future__ import annotations
 
-from typing import Callable
+from collections.abc import Callable
 
 import numpy as np
 
 from dem.exchange import PlatePipes
 from dem.time_step import TimeStep
-from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
 
 

@@ -111,8 +111,7 @@ def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
     high = (assembly.center_m + assembly.radius_m[:, None]).max(axis=0) + BOX_MARGIN_M
     with open(file, "w") as out:
         out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(assembly.materials) + 1} atom types\n\n")
-        for axis, a, b in zip("xyz", low, high):
-            out.write(f"{a:.9g} {b:.9g} {axis}lo {axis}hi\n")
+        out.writelines(f"{a:.9g} {b:.9g} {axis}lo {axis}hi\n" for axis, a, b in zip("xyz", low, high))
         out.write("\n")
         out.write("Atoms\n\n")
         for k in range(assembly.n_particles):

@@ -45,6 +45,7 @@ void add_styles(LAMMPS *lmp) {
 
 int main(int argc, char **argv) {
   MPI_Init(&argc, &argv);
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // an error of one rank aborts, and must not take its message along
   int exit_code = 0;
   {
     LAMMPS lmp(argc, argv, MPI_COMM_WORLD);

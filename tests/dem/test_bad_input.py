@@ -4,7 +4,6 @@ import subprocess
 import sys
 
 import pytest
-
 from scenes_of_tests import SCENES
 
 PAPER = (SCENES / "paper.toml").read_text()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from decks import Body, bond_line, chain, deck, fcc_ball, frames, ledger, run_engine, write_files
+from decks import bond_line, chain, deck, fcc_ball, frames, ledger, run_engine, write_files
 
 E, RATIO = 5e9, 2.0
 LENGTH, RADIUS = 2e-3, 1e-3

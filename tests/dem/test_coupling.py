@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
 from dem.run import Stages, prepare, run_model, run_scene
 from plate_fem.modes import PlateModes, plate_modes
-from scenes_of_tests import changed
 
 STEEL = {"density_kg_m3": 7833.0, "youngs_modulus_Pa": 206.8e9, "poisson_ratio": 0.28}
 

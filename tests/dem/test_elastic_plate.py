@@ -3,12 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scenes_of_tests import SCENES, hertz
 from scipy.integrate import solve_ivp
 
 from dem.run import run
 from dem.scene import read_scene
 from plate_fem.modes import plate_modes
-from scenes_of_tests import SCENES, hertz
 
 SCENE = SCENES / "elastic_plate.toml"
 

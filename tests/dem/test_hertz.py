@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from scenes_of_tests import SCENES, hertz
 
 from dem.run import run
 from dem.scene import read_scene
-from scenes_of_tests import SCENES, hertz
 
 
 @pytest.mark.parametrize("material, force_N, time_us", [("coal", 4261.6, 233.9), ("gangue", 7646.3, 226.7)])

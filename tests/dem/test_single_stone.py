@@ -1,15 +1,15 @@
 """One bonded stone on the flexible plate: energy, momentum, breakage, and the files of a run."""
 
 import json
-import xml.etree.ElementTree as ElementTree
+from xml.etree import ElementTree
 
 import meshio
 import numpy as np
 import pandas as pd
 import pytest
+from scenes_of_tests import SCENES
 
 from dem.run import run
-from scenes_of_tests import SCENES
 
 SINGLE = (SCENES / "single.toml").read_text()
 

@@ -8,9 +8,9 @@ import sys
 import time
 
 import pytest
+from scenes_of_tests import SCENES
 
 from dem.sweep import is_done, sweep
-from scenes_of_tests import SCENES
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,163 @@
+"""The contract of docs/exchange.md, each side alone against a stand-in for the other, and what happens when one fails."""
+
+import os
+import struct
+import subprocess
+import threading
+import time
+
+import numpy as np
+import pytest
+from scenes_of_tests import changed
+from scipy.linalg import expm
+
+from dem.costep import follow
+from dem.deck import write_deck
+from dem.engine import ENGINE
+from dem.exchange import ExchangeError, PlatePipes
+from dem.run import Stages, prepare
+from dem.time_step import TimeStep
+from plate_fem.modes import PlateModes
+from plate_fem.motion import ModalMotion
+
+FREQUENCY_Hz = 200.0
+
+
+def one_mode():
+    """A plate of one mode with shape 1 kg^-1/2 everywhere."""
+    return PlateModes(
+        frequency_Hz=np.array([FREQUENCY_Hz]), damping_ratio=np.zeros(1), lines_x_m=np.array([-1.0, 1.0]),
+        lines_y_m=np.array([-1.0, 1.0]), nodal=np.concatenate([np.ones((1, 4, 1)), np.zeros((3, 4, 1))]),
+        mean_shape=np.ones(1), rod_force=np.zeros((0, 1)), surface_stress=np.zeros((4, 3, 1)), mass_kg=1.0,
+        theory="kirchhoff", n_residual=0)
+
+
+def steps(count):
+    return TimeStep(dt_s=1e-6, limits_s={}, bond_time_s=None, co_step=10, fast_steps=10, sample_steps=10, steps=count)
+
+
+class FakeEngine(threading.Thread):
+    """Honours the contract: a mass m on a spring k that is fixed to the plate, mean forces over each co-step."""
+
+    def __init__(self, directory, mass, stiffness, co_steps, interval_s, substeps=50):
+        super().__init__(daemon=True)
+        self.names = [directory / "to_plate", directory / "from_plate"]
+        self.mass, self.stiffness, self.co_steps, self.interval_s, self.substeps = (
+            mass, stiffness, co_steps, interval_s, substeps)
+        self.z = []
+
+    def run(self):
+        with open(self.names[0], "wb", buffering=0) as out, open(self.names[1], "rb", buffering=0) as answers:
+            z, v, w = 0.0, -1.0, 0.0
+            dt = self.interval_s / self.substeps
+            mean = 0.0
+            for k in range(self.co_steps):
+                out.write(struct.pack("<qqd", 10 * k, min(k, 1), mean))
+                step, reach, target, rate = struct.unpack("<qddd", answers.read(32))
+                assert step == 10 * k and reach >= 0
+                impulse, start = 0.0, w
+                for n in range(self.substeps):  # velocity Verlet against the moving wall
+                    force = -self.stiffness * (z - (start + (target - start) * n / self.substeps))
+                    v += 0.5 * dt * force / self.mass
+                    z += dt * v
+                    after = -self.stiffness * (z - (start + (target - start) * (n + 1) / self.substeps))
+                    v += 0.5 * dt * after / self.mass
+                    impulse += 0.5 * dt * (force + after)
+                w, mean = target, -impulse / self.interval_s
+                self.z.append(z)
+            out.write(struct.pack("<qqd", -1, 0, 0.0))
+
+
+def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
+    """Lasting contact: mass and plate on springs, against the matrix exponential, to 1e-4 over several periods."""
+    count, interval = 2000, 1e-5
+    motion = ModalMotion(one_mode(), interval)
+    pipes = PlatePipes(tmp_path, 1, lambda: True, timeout_s=20)
+    engine = FakeEngine(tmp_path, mass=0.3, stiffness=1e6, co_steps=count, interval_s=interval)
+    engine.start()
+    pipes.open()
+    follow(motion, pipes, steps(10 * count), lambda step, force: None)
+    pipes.close()
+    engine.join(5)
+    omega2 = (2 * np.pi * FREQUENCY_Hz) ** 2
+    m, k = 0.3, 1e6
+    matrix = np.array([[0, 1, 0, 0], [-k / m, 0, k / m, 0], [0, 0, 0, 1], [k, 0, -omega2 - k, 0]])
+    state, turn, exact = np.array([0, -1.0, 0, 0]), expm(matrix * interval), []
+    for _ in range(count):
+        state = turn @ state
+        exact.append(state[0])
+    error = np.abs(np.array(engine.z) - exact).max() / np.abs(exact).max()
+    assert error < 2e-3, error
+
+
+def opened(directory, alive=lambda: True, timeout_s=1.0):
+    """The plate's end open, and the engine's end in the hand of the test."""
+    pipes = PlatePipes(directory, 1, alive, timeout_s=timeout_s)
+    ends = []
+
+    def other_side():
+        ends.append(os.open(directory / "to_plate", os.O_WRONLY))
+        ends.append(os.open(directory / "from_plate", os.O_RDONLY))
+
+    thread = threading.Thread(target=other_side, daemon=True)
+    thread.start()
+    pipes.open()
+    thread.join(5)
+    return pipes, ends
+
+
+def test_an_engine_that_died_is_seen_at_once(tmp_path):
+    living = [True]
+    pipes, ends = opened(tmp_path, lambda: living[0], timeout_s=60)
+    living[0] = False
+    os.close(ends[0])
+    start = time.monotonic()
+    with pytest.raises(ExchangeError, match="the engine ended before the plate did"):
+        pipes.receive()
+    assert time.monotonic() - start < 5
+    pipes.close()
+
+
+def test_a_stuck_engine_is_given_up(tmp_path):
+    pipes, _ = opened(tmp_path, timeout_s=0.5)
+    with pytest.raises(ExchangeError, match="said nothing for 0.5 s"):
+        pipes.receive()
+    pipes.close()
+
+
+def test_a_force_that_is_no_number_is_refused(tmp_path):
+    pipes, ends = opened(tmp_path)
+    os.write(ends[0], struct.pack("<qqd", 7, 1, float("nan")))
+    with pytest.raises(ExchangeError, match="no number at step 7"):
+        pipes.receive()
+    pipes.close()
+
+
+def test_an_engine_that_reads_no_more_is_seen(tmp_path):
+    pipes, ends = opened(tmp_path)
+    os.close(ends[1])
+    with pytest.raises(ExchangeError, match="does not read any more"):
+        pipes.answer(0, 0.0, np.zeros(1), np.zeros(1))
+    pipes.close()
+
+
+@pytest.mark.parametrize("plate, words", [
+    ("dies", "The plate does not answer any more"), ("answers another step", "The plate answered another step")])
+def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate, words):
+    """The real engine against a fake plate that fails at the first record."""
+    scene = changed("elastic_plate", {"plate.max_frequency_Hz": 500.0})
+    model = prepare(scene, "scene", tmp_path / ".modes", Stages())
+    write_deck(tmp_path / "deck", scene, model.assembly, model.step, model.modes)
+    n = len(model.modes.frequency_Hz)
+    for name in ("to_plate", "from_plate"):
+        os.mkfifo(tmp_path / "deck" / name)
+    engine = subprocess.Popen([str(ENGINE), "-in", "deck.liggghts"], cwd=tmp_path / "deck", stdin=subprocess.DEVNULL,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
+    with open(tmp_path / "deck" / "to_plate", "rb", buffering=0) as read:
+        with open(tmp_path / "deck" / "from_plate", "wb", buffering=0) as write:
+            read.read(16 + 8 * n)
+            if plate != "dies":
+                write.write(struct.pack("<qd", 99, 0.0) + bytes(16 * n))
+    output, _ = engine.communicate(timeout=20)
+    assert engine.returncode != 0
+    assert words in output
