@@ -7,7 +7,7 @@ import numpy as np
 import skfem
 
 SHEAR_ERROR_ALLOWED = 0.005  # Kirchhoff is used while its highest frequency is at most this much too high
-CELLS_PER_WAVELENGTH = {"kirchhoff": 5.6, "mindlin": 4.0}  # highest simply supported mode within 1e-3
+CELLS_PER_WAVELENGTH = {"kirchhoff": 5.6, "mindlin": 4.5}  # highest mode kept within 1e-3
 
 
 def shear_factor(poisson_ratio):
@@ -73,8 +73,8 @@ def default_mesh_size(plate):
 def mesh_lines(plate):
     """Grid lines (lines_x_m, lines_y_m), ascending, from edge to edge.
 
-    Point supports lie on grid lines. By default each rod's disc spans four cells and cells grow away
-    from it; a scene's `mesh_size_m` refines these in the same proportion.
+    Point supports lie on grid lines. By default a cell at a rod is as wide as the rod's radius and cells grow
+    slowly away from it; a scene's `mesh_size_m` refines these in the same proportion.
     """
     largest = mesh_size(plate)
     scale = largest / default_mesh_size(plate)
@@ -100,7 +100,7 @@ def _graded(fixed, largest, fine):
     """Fill the gaps between fixed lines with cells no larger than `largest`, finer near rods."""
 
     def size(x):  # wanted cell size at x
-        return min([largest] + [0.5 * scale * max(r, abs(x - c) - r) for c, r, scale in fine])
+        return min([largest] + [scale * max(r, 0.2 * (abs(x - c) - r)) for c, r, scale in fine])
 
     lines = [fixed[0]]
     for a, b in itertools.pairwise(fixed):

@@ -14,7 +14,7 @@ from plate_fem.model import build_model
 from plate_fem.residual import residual_modes
 from plate_fem.stress import modal_surface_stress
 
-CACHE_FORMAT = 2  # raise when the meaning of the cached arrays changes
+CACHE_FORMAT = 3  # raise when the meaning of the cached arrays changes
 
 
 @dataclass(frozen=True)
