@@ -204,7 +204,22 @@ def main() -> int:
     table.to_csv(out / "bonds.csv", index=False)
     print(table.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
     shutil.rmtree(work)
+    draw(table, out / "bonds.png")
     return 0
+
+
+def draw(table: pd.DataFrame, file: Path) -> None:
+    import matplotlib
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7, 0.5 * len(table) + 1.2), layout="constrained")
+    bars = axes.barh(table["engine"], table["ratio_to_stock_hertz"], color="#4c78a8")
+    axes.bar_label(bars, fmt="%.2f", padding=3)
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    axes.set_xlabel("cost of a particle-step over LIGGGHTS with Hertz contacts")
+    figure.savefig(file, dpi=120)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,8 @@ ENGINE = Path(os.environ.get("LIGGGHTS_BONDED",
 
 def check_engine() -> None:
     """Raises InputError, one line, if LIGGGHTS or the engine is missing or LIGGGHTS is of another version."""
-    query = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "libliggghts-dev"], capture_output=True, text=True)
+    query = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "libliggghts-dev"], capture_output=True, text=True,
+                           check=False)
     if query.returncode != 0:
         raise InputError(f"LIGGGHTS: libliggghts-dev is not installed; version {LIGGGHTS_VERSION} is needed "
                          "(`make engine` installs it)")

@@ -44,4 +44,4 @@ def is_done(scene_file: Path, directory: Path, ratio: float) -> bool:
 def _run_ratio(scene_file: Path, directory: Path, ratio: float) -> subprocess.CompletedProcess:
     """One ratio in a process of its own, progress passed through to this terminal."""
     command = [sys.executable, "-m", "dem", "run", str(scene_file), "--gangue", repr(ratio), "--out", str(directory)]
-    return subprocess.run(command, stdout=subprocess.PIPE, stderr=None, text=True)
+    return subprocess.run(command, stdout=subprocess.PIPE, stderr=None, text=True, check=False)

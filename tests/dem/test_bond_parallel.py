@@ -114,7 +114,7 @@ def test_two_ranks_give_what_one_gives(tmp_path):
 
 
 def test_impulse_on_the_plate_is_the_momentum_lost(tmp_path):
-    body, dt = strike(tmp_path)
+    _, dt = strike(tmp_path)
     forces = np.fromfile(tmp_path / "forces.bin", dtype=[("step", "<i8"), ("f", "<f8")])
     f = frames(tmp_path)
     lost = (f.mass[-1][:, None] * (f.v[-1] - f.v[0])).sum(axis=0)[2]

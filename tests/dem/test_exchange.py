@@ -53,7 +53,7 @@ class FakeEngine(threading.Thread):
             mean = 0.0
             for k in range(self.co_steps):
                 out.write(struct.pack("<qqd", 10 * k, min(k, 1), mean))
-                step, reach, target, rate = struct.unpack("<qddd", answers.read(32))
+                step, reach, target, _ = struct.unpack("<qddd", answers.read(32))
                 assert step == 10 * k and reach >= 0
                 impulse, start = 0.0, w
                 for n in range(self.substeps):  # velocity Verlet against the moving wall
@@ -153,11 +153,11 @@ def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate
         os.mkfifo(tmp_path / "deck" / name)
     engine = subprocess.Popen([str(ENGINE), "-in", "deck.liggghts"], cwd=tmp_path / "deck", stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
-    with open(tmp_path / "deck" / "to_plate", "rb", buffering=0) as read:
-        with open(tmp_path / "deck" / "from_plate", "wb", buffering=0) as write:
-            read.read(16 + 8 * n)
-            if plate != "dies":
-                write.write(struct.pack("<qd", 99, 0.0) + bytes(16 * n))
+    names = [tmp_path / "deck" / name for name in ("to_plate", "from_plate")]
+    with open(names[0], "rb", buffering=0) as read, open(names[1], "wb", buffering=0) as write:
+        read.read(16 + 8 * n)
+        if plate != "dies":
+            write.write(struct.pack("<qd", 99, 0.0) + bytes(16 * n))
     output, _ = engine.communicate(timeout=20)
     assert engine.returncode != 0
     assert words in output
