@@ -119,7 +119,9 @@ def _soft(body) -> float:
     return (1 - body.poisson_ratio**2) / body.youngs_modulus_Pa
 
 
-def contact_stress_map_Pa(modes, amplitude, contacts, number: int, poisson_ratio: float, offset_m: np.ndarray):
+def contact_stress_map_Pa(
+    modes, amplitude, contacts, number: int, poisson_ratio: float, offset_m: np.ndarray
+):
     """Von Mises stress (k, k) at the top surface about contact `number` (1-based), at its place + offset_m (k,).
 
     Bending of the plate plus the Hertz field of every contact.

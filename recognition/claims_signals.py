@@ -179,7 +179,7 @@ def strategy_beats_q(study):
     q = np.abs(study.errors_points(held_out, "fusion_q"))
     if q.size == 0:
         raise RecognitionError("Q gives no answer")
-    words, better = [f"Q {q.mean():.2f}"], []
+    words, better = [f"Q {q.mean():.2f} ({q.size} of {len(study.runs)} answered)"], []
     for method in ("energy_fusion_printed", "energy_fusion_mended"):
         e = np.abs(study.errors_points(held_out, method))
         if e.size:

@@ -51,15 +51,19 @@ def rule_costs(costs):
     """Error against time of the EMD stopping rules; costs: list of `RuleCost`."""
     figure, axes = canvas(1, height_in=2.6)
     axis = axes[0, 0]
-    for colour, rule in zip((ACCENT, GANGUE, COAL), dict.fromkeys(c.rule for c in costs), strict=True):
-        own = [c for c in costs if c.rule == rule]
-        axis.loglog([1e3 * c.seconds for c in own], [c.error for c in own], "o-", color=colour, label=rule)
-        for c in own:
-            axis.annotate(f"{c.samples}", (1e3 * c.seconds, c.error), fontsize=7, xytext=(3, 3),
-                          textcoords="offset points")  # fmt: skip
+    colours = dict(zip(dict.fromkeys(c.rule for c in costs), (ACCENT, GANGUE, COAL), strict=True))
+    marks = dict(zip(dict.fromkeys(c.samples for c in costs), "os^", strict=True))
+    for c in costs:
+        axis.loglog(1e3 * c.seconds, 100 * c.error, marks[c.samples], color=colours[c.rule])
+    for rule, colour in colours.items():
+        axis.plot([], [], color=colour, linewidth=4, label=rule)
+    for samples, mark in marks.items():
+        axis.plot([], [], mark, color=PALE, label=f"{samples} samples")
+    axis.yaxis.set_major_formatter("{x:g}")
+    axis.yaxis.set_minor_formatter("{x:g}")
+    axis.set_ylabel("error of the first IMF, %")
     axis.set_xlabel("time of one decomposition, ms")
-    axis.set_ylabel("error of the first IMF")
-    axis.legend()
+    axis.legend(ncols=2, loc="center left")
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from analysis.emd_rules import compare_rules
 from analysis.hilbert import hilbert_spectrum, marginal_spectrum
 from recognition import figures, figures_signals
 from recognition.methods import METHOD_NAMES
@@ -54,9 +53,7 @@ def parameters(study):
 
 
 def rules(study):
-    return figures_signals.rule_costs(
-        [cost for n in (267, 4000, 20000) for cost in compare_rules(n, repeats=2)]
-    )
+    return figures_signals.rule_costs(study.rule_costs)
 
 
 def q(study):

@@ -31,7 +31,7 @@ CHAPTERS: list[tuple[str, list[Plan]]] = [
 
 TABLES = {
     "Theory": [report_tables.materials],
-    "Signals": [report_tables.standardised],
+    "Signals": [report_tables.emd_rules, report_tables.standardised],
     "Recognition": [report_tables.deviations, report_tables.recognised, report_tables.choices],
 }
 

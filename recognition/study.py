@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis import RecordError, Sweep, breakage
 from analysis.emd import Decomposition, decompose
+from analysis.emd_rules import RuleCost, compare_rules
 from analysis.features import BASE_PARAMETERS, TIME_PARAMETERS, time_features
 from analysis.hilbert import marginal_spectrum
 from analysis.real_plate import (
@@ -236,6 +237,11 @@ class Study:
         """Shape (runs, most IMFs); 0 where a run has fewer."""
         most = max(len(d.imfs) for d in self.decompositions)
         return np.stack([np.pad(d.energies, (0, most - len(d.imfs))) for d in self.decompositions])
+
+    @cached_property
+    def rule_costs(self) -> list[RuleCost]:
+        """Error and time of the EMD stopping rules; on a known signal, not on the runs."""
+        return [cost for samples in (267, 4000, 20000) for cost in compare_rules(samples, repeats=2)]
 
     # -------------------------------------------------------------- recognition
 

@@ -93,8 +93,7 @@ def test_command_line_prints_and_refuses(tmp_path, capsys):
     assert captured.out == "" and captured.err.count("\n") == 1
 
 
-def test_wav_and_uff_round_trip(tmp_path):
-    pyuff = pytest.importorskip("pyuff")
+def test_wav_round_trip(tmp_path):
     from scipy.io import wavfile
 
     x = 0.5 * np.sin(2 * np.pi * 40 * np.arange(2000) / 8000)
@@ -107,14 +106,19 @@ def test_wav_and_uff_round_trip(tmp_path):
     with pytest.raises(RecordError, match="choose one of 0..1"):
         read_record(tmp_path / "x.wav")
 
+
+@pytest.mark.parametrize("binary", [0, 1])
+def test_uff_round_trip(tmp_path, binary):
+    pyuff = pytest.importorskip("pyuff")
+    x = 0.5 * np.sin(2 * np.pi * 40 * np.arange(2000) / 8000)
     dataset = pyuff.prepare_58(
-        binary=0, func_type=1, rsp_node=1, rsp_dir=3, ref_node=0, ref_dir=0, data=x,
+        binary=binary, func_type=1, rsp_node=1, rsp_dir=3, ref_node=0, ref_dir=0, data=x,
         x=np.arange(2000) / 8000, id1="plate north", rsp_ent_name="N", ref_ent_name="N", abscissa_spacing=1,
         ordinate_axis_units_lab="m/s^2", abscissa_axis_units_lab="s", ord_data_type=4, num_pts=2000,
         abscissa_min=0.0, abscissa_inc=1 / 8000, abscissa_spec_data_type=17, ordinate_spec_data_type=12,
         orddenom_spec_data_type=0, z_axis_spec_data_type=0,
     )  # fmt: skip
-    pyuff.UFF(str(tmp_path / "x.uff")).write_sets(dataset, "overwrite")
+    pyuff.UFF(str(tmp_path / "x.uff")).write_sets(dataset, "add")  # pyuff cannot "overwrite" in binary
     found = read_record(tmp_path / "x.uff", column="plate north")
     assert found.rate_Hz == pytest.approx(8000.0, rel=1e-5) and found.unit == "m/s^2"
     np.testing.assert_allclose(found.values, x, atol=1e-5)
