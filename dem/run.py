@@ -24,10 +24,11 @@ from dem.ledger import PlateEnergy, energy_ledger, energy_table, read_ledger, st
 from dem.output import PlateRecorder, fast_stream, read_events, read_forces, write_streams
 from dem.progress import Progress
 from dem.scene import Scene, read_scene, scene_hash
-from dem.time_step import TimeStep, plate_mobility_1_kg, time_step
+from dem.time_step import TimeStep, plate_mobility_1_kg, stone_contact_time_s, time_step
 from dem.view import write_view
 from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.motion import ModalMotion
+from plate_fem.truncation import with_max_frequency
 
 POLL_s = 0.05
 
@@ -40,7 +41,8 @@ class RunError(RuntimeError):
 class Model:
     """A scene made ready to run."""
 
-    scene: Scene
+    scene: Scene  # with what the file left to be found filled in
+    scene_hash: str  # of the scene as the file gives it
     arrangement: Arrangement
     assembly: Assembly
     step: TimeStep
@@ -67,13 +69,16 @@ def prepare(scene: Scene, source: str, cache: Path | None, stages: Stages) -> Mo
     with stages("packing"):
         assembly = assemble(scene, arrangement)
     time_step(scene, assembly, source)  # what can be refused without the plate is refused before its modes are sought
-    modes, mobility = None, None
+    modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":
         with stages("modes"):
-            modes = plate_modes(scene.plate, cache)
+            plate = with_max_frequency(scene.plate, stone_contact_time_s(scene, assembly))
+            resolved = scene.model_copy(update={"plate": plate})
+            # The stones' places get the static compliance of the modes left out.
+            modes = plate_modes(plate, cache, arrangement.position_m)
         mobility = plate_mobility_1_kg(modes, arrangement.position_m)
     step = time_step(scene, assembly, source, mobility)
-    return Model(scene, arrangement, assembly, step, modes)
+    return Model(resolved, scene_hash(scene), arrangement, assembly, step, modes)
 
 
 def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None, show_progress: bool = True) -> dict:
@@ -191,7 +196,7 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
     return {
         "status": "finished",
         "scene": scene.model_dump(mode="json"),
-        "scene_hash": scene_hash(scene),
+        "scene_hash": model.scene_hash,
         "assumptions": list(scene.assumptions),
         "gangue_ratio": scene.stones.gangue_ratio,
         "materials": model.arrangement.material,

@@ -103,19 +103,31 @@ def rayleigh_time_s(scene: Scene, assembly: Assembly) -> float:
 
 
 def contact_time_s(scene: Scene, assembly: Assembly) -> float:
-    """Duration of the shortest Hertz contact of a sub-sphere with the plate, 2.9432 delta/v with
-    delta = (5 m v^2/(4 K))^(2/5) (paper, Eqs. 2, 3, 8). Stones that start at rest are taken to arrive by gravity."""
-    speed = max(scene.stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * scene.stones.gap_m), 1e-3)
-    plate = (1 - scene.plate.poisson_ratio**2) / scene.plate.youngs_modulus_Pa
+    """Duration of the shortest Hertz contact of a sub-sphere with the plate."""
     times = []
     for k, name in enumerate(assembly.materials):
         here = assembly.material == k
-        m = scene.materials[name]
-        modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa + plate)
-        stiffness = 4 / 3 * np.sqrt(assembly.radius_m[here]) * modulus
-        depth = (5 * assembly.mass_kg[here] * speed**2 / (4 * stiffness)) ** 0.4
-        times.append((2.9432 * depth / speed).min())
+        times.append(_hertz_time_s(scene, name, assembly.radius_m[here], assembly.mass_kg[here]).min())
     return float(min(times))
+
+
+def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
+    """Duration of the shortest Hertz contact of a whole stone with the plate."""
+    radius = scene.stones.radius_m
+    return float(min(_hertz_time_s(scene, name, radius,
+                                   scene.materials[name].density_kg_m3 * 4 / 3 * np.pi * radius**3)
+                     for name in assembly.materials))
+
+
+def _hertz_time_s(scene: Scene, material: str, radius_m, mass_kg):
+    """2.9432 delta/v with delta = (5 m v^2/(4 K))^(2/5) (paper, Eqs. 2, 3, 8). Stones that start at rest are taken to
+    arrive by gravity."""
+    speed = max(scene.stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * scene.stones.gap_m), 1e-3)
+    m, plate = scene.materials[material], scene.plate
+    modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa
+                   + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
+    depth = (5 * mass_kg * speed**2 / (4 * 4 / 3 * np.sqrt(radius_m) * modulus)) ** 0.4
+    return 2.9432 * depth / speed
 
 
 def exchange_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:

@@ -103,6 +103,12 @@ def test_zener_sphere_on_a_large_plate(tmp_path, inelasticity, restitution, peak
         assert summary["peak_force_N"] * time / (mass * speed) == pytest.approx(peak, rel=5e-3)
 
 
+def ring():
+    """Places of the paper's ten stones (10, 2), m."""
+    angle = 2 * np.pi * np.arange(10) / 10
+    return 0.1 * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
 @pytest.fixture(scope="module")
 def ten_spheres(runs):
     """The paper's ten stones at 50 %, unbonded and without dissipation: (scene, modes, summary, fast stream)."""
@@ -110,14 +116,13 @@ def ten_spheres(runs):
         "stones.agglomerate": None, "time.duration_s": 1.5e-3, "time.gravity_m_s2": None, "output": None,
         **{f"contacts.{k}_plate": {"restitution": 1.0, "friction": 0.0} for k in ("coal", "gangue")}})
     summary = run_scene(scene, "ten spheres", runs / "ten")
-    return scene, plate_modes(scene.plate, runs / ".modes"), summary, pd.read_parquet(runs / "ten" / "fast.parquet")
+    return scene, plate_modes(scene.plate, runs / ".modes", ring()), summary, pd.read_parquet(runs / "ten" / "fast.parquet")
 
 
 def test_ten_elastic_spheres_at_once(ten_spheres):
     """Total force and plate velocity within 0.1 % (L2) of DOP853 with the same modes."""
     scene, modes, summary, fast = ten_spheres
-    angle = 2 * np.pi * np.arange(10) / 10
-    phi = modes.shape_at(0.1 * np.column_stack([np.cos(angle), np.sin(angle)]))
+    phi = modes.shape_at(ring())
     omega, n = 2 * np.pi * modes.frequency_Hz, len(modes.frequency_Hz)
     radius, plate = scene.stones.radius_m, scene.plate
     material = [scene.materials[name] for name in summary["materials"]]
