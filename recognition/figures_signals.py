@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.ticker import LogLocator
 
 from recognition.figures import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, canvas, styled
 
@@ -59,8 +60,9 @@ def rule_costs(costs):
         axis.plot([], [], color=colour, linewidth=4, label=rule)
     for samples, mark in marks.items():
         axis.plot([], [], mark, color=PALE, label=f"{samples} samples")
+    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.yaxis.set_major_formatter("{x:g}")
-    axis.yaxis.set_minor_formatter("{x:g}")
+    axis.minorticks_off()
     axis.set_ylabel("error of the first IMF, %")
     axis.set_xlabel("time of one decomposition, ms")
     axis.legend(ncols=2, loc="center left")
