@@ -33,6 +33,7 @@ def impact(material: str, count: int, seed: int, exponent: float) -> dict:
     for key in ("tensile_strength_Pa", "shear_strength_Pa"):
         bond[key] *= factor
     changes = {f"materials.{material}.bond.{key}": value for key, value in bond.items()}
+    changes[f"materials.{material}.bond.reference_subsphere_radius_m"] = None  # scaled here, by the exponent asked for
     changes |= {"stones.agglomerate.subspheres": count, "stones.seed": seed, "stones.radius_m": stone_radius}
     summary = strike(material, changes, DURATION_s)
     return {"material": material, "subspheres": count, "seed": seed, "subsphere_radius_m": radius,

@@ -18,7 +18,7 @@ SEEDS = (20011, 20021, 20023, 20029, 20047)
 
 
 def strike(material: str, changes: dict, duration_s: float = 2.4e-3) -> dict:
-    """Run scenes/single.toml on a rigid plate with dotted keys changed; returns run.json with `broken_area_m2`."""
+    """Run scenes/single.toml on a rigid plate with dotted keys changed (None: left out); returns run.json with `broken_area_m2`."""
     data = copy.deepcopy(read_toml(SCENES / "single.toml"))
     data["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
     del data["output"]
@@ -28,7 +28,10 @@ def strike(material: str, changes: dict, duration_s: float = 2.4e-3) -> dict:
         *path, last = key.split(".")
         for part in path:
             table = table[part]
-        table[last] = value
+        if value is None:
+            del table[last]
+        else:
+            table[last] = value
     directory = Path(tempfile.mkdtemp())
     try:
         summary = run_scene(check(Scene, data, "single.toml"), "single.toml", directory / "run")

@@ -9,7 +9,8 @@ import numpy as np
 from dem.arrangement import Arrangement
 from dem.bonds import bond_network
 from dem.packing import pack_sphere
-from dem.scene import Scene
+from dem.scene import BondTable, Scene
+from dem.strength import SIZE_EXPONENT, strength_scale
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
 # before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
@@ -22,7 +23,8 @@ class Assembly:
 
     `center_m` (n, 3), `radius_m` (n,) of contact, `mass_kg` (n,), `material` (n,) index into `materials`,
     `agglomerate` (n,) 0-based and ascending; `bond_first`, `bond_second` (m,) 0-based sub-spheres, `bond_vector_m`
-    (m, 3) from first to second, `bond_radius_m` (m,), all in the undeformed state.
+    (m, 3) from first to second, `bond_radius_m` (m,), all in the undeformed state; `bond_strength_factor` (m,) on both
+    strengths of the material.
     """
 
     materials: list[str]
@@ -35,6 +37,7 @@ class Assembly:
     bond_second: np.ndarray
     bond_vector_m: np.ndarray
     bond_radius_m: np.ndarray
+    bond_strength_factor: np.ndarray
 
     @property
     def n_particles(self) -> int:
@@ -63,7 +66,8 @@ def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
         center, radius, bonds = _stone(scene, k)
         center = center + [place[0], place[1], stones.gap_m - (center[:, 2] - radius).min()]
         mass = scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
-        parts.append((center, radius, mass * radius**3 / (radius**3).sum(), materials.index(material), bonds))
+        parts.append((center, radius, mass * radius**3 / (radius**3).sum(), materials.index(material), bonds,
+                      _strength_factor(scene.materials[material].bond, radius / CONTACT_RADIUS_RATIO)))
     first = np.cumsum([0, *(len(p[0]) for p in parts)])
     return Assembly(
         materials=materials,
@@ -76,7 +80,14 @@ def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
         bond_second=np.concatenate([p[4][1] + f for p, f in zip(parts, first)]),
         bond_vector_m=np.vstack([p[4][2] for p in parts]),
         bond_radius_m=np.concatenate([p[4][3] for p in parts]),
+        bond_strength_factor=np.concatenate([np.full(len(p[4][0]), p[5]) for p in parts]),
     )
+
+
+def _strength_factor(bond: BondTable | None, radius_m: np.ndarray) -> float:
+    if bond is None or bond.reference_subsphere_radius_m is None:
+        return 1.0
+    return float(strength_scale(radius_m.mean(), bond.reference_subsphere_radius_m, SIZE_EXPONENT))
 
 
 def _stone(scene: Scene, index: int):

@@ -122,7 +122,7 @@ def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
 
 def _write_bonds(file: Path, assembly: Assembly) -> None:
     columns = np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_material + 1,
-                               assembly.bond_vector_m, assembly.bond_radius_m, np.ones(assembly.n_bonds)])
+                               assembly.bond_vector_m, assembly.bond_radius_m, assembly.bond_strength_factor])
     np.savetxt(file, columns, fmt=["%d"] * 3 + ["%.17g"] * 5)
 
 

@@ -74,6 +74,8 @@ class BondTable(Table):
     tensile_strength_Pa: NotNegative
     shear_strength_Pa: NotNegative
     friction_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0  # 0: no Mohr-Coulomb
+    # Mean sub-sphere radius that the strengths belong to; other sizes get theirs by dem/strength.py. Absent: as given.
+    reference_subsphere_radius_m: Positive | None = None
 
 
 class MaterialTable(Table):
