@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 
 from analysis.records import RecordError
 from analysis.runs import Run
@@ -139,3 +140,9 @@ def surface_von_mises_Pa(modes, amplitude: np.ndarray) -> np.ndarray:
     from plate_fem.stress import surface_stress, von_mises
 
     return von_mises(surface_stress(modes, amplitude))
+
+
+def nodal_at(modes, values: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+    """Values given at the nodes (n_nodes,), at points (k, 2) of the plate by cubic splines, shape (k,)."""
+    lines = (modes.lines_x_m, modes.lines_y_m)
+    return RegularGridInterpolator(lines, values.reshape(len(lines[0]), -1), method="cubic")(points_m)

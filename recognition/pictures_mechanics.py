@@ -180,11 +180,10 @@ def maxima(study):
 
 def stress(study):
     modes = study.plate_modes
-    shape = (modes.lines_x_m.size, modes.lines_y_m.size)
-    maps = [field.reshape(shape) for field in study.stress_Pa]
-    return figures_breakage.stress_maps(
-        (modes.lines_x_m, modes.lines_y_m), maps, study.ratios, study.setup.places_m
-    )
+    x_m, y_m = (np.linspace(lines[0], lines[-1], 101) for lines in (modes.lines_x_m, modes.lines_y_m))
+    points_m = np.stack(np.meshgrid(x_m, y_m, indexing="ij"), axis=-1).reshape(-1, 2)
+    maps = list(study.stress_at_Pa(points_m).reshape(-1, x_m.size, y_m.size))
+    return figures_breakage.stress_maps((x_m, y_m), maps, study.ratios, study.setup.places_m)
 
 
 def contact_stress(study):

@@ -16,6 +16,7 @@ from analysis.real_plate import (
     contact_stress_map_Pa,
     hertz_contacts,
     modes_of,
+    nodal_at,
     particle_forces_N,
     static_compliance_m_N,
     surface_von_mises_Pa,
@@ -120,8 +121,17 @@ class Study:
         return self.theory_totals_N(self.beam_compliance_m_N(self.setup.places_m[:, 0]))
 
     @cached_property
+    def modes(self) -> list:
+        """Modes of each run's plate; runs may differ, where their number follows from the contact time."""
+        found = {}
+        for run in self.runs:
+            if (key := _plate_key(run)) not in found:
+                found[key] = modes_of(run)
+        return [found[_plate_key(run)] for run in self.runs]
+
+    @property
     def plate_modes(self):
-        return modes_of(self.runs[0])
+        return self.modes[0]
 
     @cached_property
     def real_plate_totals_N(self) -> dict[str, np.ndarray]:
@@ -129,22 +139,28 @@ class Study:
 
     @cached_property
     def stress_Pa(self) -> list[np.ndarray]:
-        """Von Mises stress at the nodes of the plate's modes when the total force is largest, of each run."""
-        return [surface_von_mises_Pa(self.plate_modes, amplitude) for amplitude in self.amplitude_at_peak]
+        """Von Mises stress at the nodes of each run's modes when the total force is largest."""
+        pairs = zip(self.modes, self.amplitude_at_peak, strict=True)
+        return [surface_von_mises_Pa(modes, amplitude) for modes, amplitude in pairs]
+
+    def stress_at_Pa(self, points_m: np.ndarray) -> np.ndarray:
+        """The same at points (k, 2), shape (runs, k): not at the nodes, so that areas do not depend on the mesh."""
+        pairs = zip(self.modes, self.stress_Pa, strict=True)
+        return np.stack([nodal_at(modes, field, points_m) for modes, field in pairs])
 
     @cached_property
     def amplitude_at_peak(self) -> list[np.ndarray]:
         """Modal amplitudes of the plate when the total force is largest, of each run."""
-        return [amplitude_at_peak(self.plate_modes, run) for run in self.runs]
+        return [amplitude_at_peak(modes, run) for modes, run in zip(self.modes, self.runs, strict=True)]
 
     def contact_stress_Pa(self, number: int, offset_m: np.ndarray) -> list[np.ndarray]:
         """Von Mises stress about one contact, its Hertz field included, at the same instant, of each run."""
         maps = []
-        for run, amplitude in zip(self.runs, self.amplitude_at_peak, strict=True):
+        for run, modes, amplitude in zip(self.runs, self.modes, self.amplitude_at_peak, strict=True):
             force_N = particle_forces_N(run)[1]
             contacts = hertz_contacts(run, force_N[np.argmax(force_N.sum(axis=1))])
             nu = self.setup.plate.poisson_ratio
-            maps.append(contact_stress_map_Pa(self.plate_modes, amplitude, contacts, number, nu, offset_m))
+            maps.append(contact_stress_map_Pa(modes, amplitude, contacts, number, nu, offset_m))
         return maps
 
     @cached_property
@@ -154,24 +170,22 @@ class Study:
         return np.array([[contact.peak_pressure_Pa for contact in row] for row in rows])
 
     @cached_property
-    def _contact_area(self) -> np.ndarray:
-        """Nodes of the modes below a particle, shape (n_nodes,) of bool."""
-        apart = np.linalg.norm(self.plate_modes.node_m[:, None] - self.setup.places_m[None], axis=2)
-        below = apart.min(axis=1) <= self.setup.radius_m
-        if not below.any():
-            raise RecordError("no node of the plate's mesh lies below a particle")
-        return below
+    def _stress_below_Pa(self) -> np.ndarray:
+        """Stress at points 2.5 mm apart below the particles, shape (runs, points)."""
+        s, step_m = self.setup, 0.0025
+        offsets = np.arange(-s.radius_m, s.radius_m + step_m / 2, step_m)
+        disc = np.array([(x, y) for x in offsets for y in offsets if np.hypot(x, y) <= s.radius_m])
+        return self.stress_at_Pa((s.places_m[:, None] + disc).reshape(-1, 2))
 
     @property
     def stress_mean_Pa(self) -> np.ndarray:
         """Mean stress below the particles, shape (runs,)."""
-        return np.array([field[self._contact_area].mean() for field in self.stress_Pa])
+        return self._stress_below_Pa.mean(axis=1)
 
     @property
     def high_stress_share(self) -> np.ndarray:
         """Share of the area below the particles above 0.8 of the highest stress of any run, shape (runs,)."""
-        fields = np.stack([field[self._contact_area] for field in self.stress_Pa])
-        return (fields > 0.8 * fields.max()).mean(axis=1)
+        return (self._stress_below_Pa > 0.8 * self._stress_below_Pa.max()).mean(axis=1)
 
     # ---------------------------------------------------------------- breakage
 
@@ -289,3 +303,7 @@ class Study:
     def fused(self) -> dict[str, np.ndarray]:
         """The four fusion parameters, shape (runs, samples) each."""
         return {kind: fusion.transform(self.responses(kind)) for kind, fusion in self.fusions.items()}
+
+
+def _plate_key(run) -> str:
+    return repr((run.info.get("scene", {}).get("plate"), run.info.get("n_modes")))

@@ -11,6 +11,7 @@ from analysis.real_plate import (
     contact_stress_map_Pa,
     hertz_contacts,
     modes_of,
+    nodal_at,
     static_compliance_m_N,
 )
 from analysis.theory import PLATE, ROCKS, contact_stiffness
@@ -120,6 +121,16 @@ def test_stress_under_a_contact_is_hertz_and_bending(modes):
     local = contact_stress_map_Pa(modes, at_rest, contacts[2:3], 1, 0.3, np.array([-0.02, 0.0, 0.02]))
     assert local[1, 1] == pytest.approx(0.2 * contacts[2].peak_pressure_Pa, rel=1e-6)
     assert local[0, 0] < 0.01 * local[1, 1]
+
+
+def test_values_between_nodes_are_those_of_a_smooth_field(modes):
+    x, y = modes.node_m.T
+    points = np.array([[0.013, -0.07], [0.0, 0.0], [-0.101, 0.144]])
+
+    def field(x, y):
+        return np.cos(12 * x) * np.sin(9 * y + 1)
+
+    np.testing.assert_allclose(nodal_at(modes, field(x, y), points), field(*points.T), atol=1e-4)
 
 
 def test_rigid_plate_has_no_modes(run):
