@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import shutil
 import tempfile
 from pathlib import Path
@@ -10,8 +9,8 @@ from pathlib import Path
 import pandas as pd
 
 from dem.run import run_scene
-from dem.scene import Scene
-from plate_fem.tables import check, read_toml
+from dem.scene import changed_scene
+from plate_fem.tables import read_toml
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 SEEDS = (20011, 20021, 20023, 20029, 20047)
@@ -19,22 +18,12 @@ SEEDS = (20011, 20021, 20023, 20029, 20047)
 
 def strike(material: str, changes: dict, duration_s: float = 2.4e-3) -> dict:
     """Run scenes/single.toml on a rigid plate with dotted keys changed (None: left out); returns run.json with `broken_area_m2`."""
-    data = copy.deepcopy(read_toml(SCENES / "single.toml"))
-    data["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
-    del data["output"]
-    changes = {"time.duration_s": duration_s, "stones.gangue_ratio": float(material == "gangue")} | changes
-    for key, value in changes.items():
-        table = data
-        *path, last = key.split(".")
-        for part in path:
-            table = table[part]
-        if value is None:
-            del table[last]
-        else:
-            table[last] = value
+    scene = changed_scene(SCENES / "single.toml", {
+        "plate": read_toml(SCENES / "hertz_coal.toml")["plate"], "output": None, "time.duration_s": duration_s,
+        "stones.gangue_ratio": float(material == "gangue")} | changes)
     directory = Path(tempfile.mkdtemp())
     try:
-        summary = run_scene(check(Scene, data, "single.toml"), "single.toml", directory / "run")
+        summary = run_scene(scene, "single.toml", directory / "run")
         summary["broken_area_m2"] = float(pd.read_parquet(directory / "run" / "breakage.parquet")["area_m2"].sum())
     finally:
         shutil.rmtree(directory)

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dem.scene import Scene, read_scene
-from plate_fem.tables import check, read_toml
+from dem.scene import changed_scene, read_scene
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -24,15 +23,5 @@ def hertz(material):
 
 
 def changed(name, changes):
-    """The scene of scenes/NAME.toml with dotted keys replaced (or removed, where the value is None)."""
-    data = read_toml(SCENES / f"{name}.toml")
-    for key, value in changes.items():
-        table = data
-        *path, last = key.split(".")
-        for part in path:
-            table = table[part]
-        if value is None:
-            del table[last]
-        else:
-            table[last] = value
-    return check(Scene, data, name)
+    """The scene of scenes/NAME.toml with dotted keys changed."""
+    return changed_scene(SCENES / f"{name}.toml", changes)
