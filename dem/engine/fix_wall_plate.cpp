@@ -296,7 +296,7 @@ void FixWallPlate::record_forces() {
 
 void FixWallPlate::post_run() {
   if (forces_ && std::fflush(forces_) != 0) error->one(FLERR, "cannot write the forces on the plate");
-  if (link_ && comm->me == 0) link_->finish(update->ntimestep);
+  if (link_ && comm->me == 0) link_->finish();
 }
 
 void FixWallPlate::add_elastic_energy(double *energy) const {

@@ -59,7 +59,7 @@ void PlateLink::exchange(long long step, long long co_steps, const double *modal
   receive(rate.data(), 8 * rate.size());
 }
 
-void PlateLink::finish(long long) {
+void PlateLink::finish() {
   if (out_ < 0) return;
   const std::vector<double> none(amplitude.size(), 0.0);
   send(-1, 0, none.data());

@@ -19,7 +19,7 @@ class PlateLink {
   PlateLink(LAMMPS *lmp, const std::string &to_plate, const std::string &from_plate, int modes);
   ~PlateLink();
   void exchange(long long step, long long co_steps, const double *modal_force);
-  void finish(long long step);
+  void finish();
 
   double reach = 0;
   std::vector<double> amplitude, rate;
