@@ -36,8 +36,9 @@ validate: setup  ## the long checks
 bench: setup  ## cost and results of the bonds beside peers, into runs/bench
 	$(PYTHON) -m benchmarks.bonds
 
-lint: setup  ## style of the Python code
+lint: setup .venv/lint  ## style and types of the Python code
 	$(PYTHON) -m ruff check .
+	$(PYTHON) -m mypy
 
 setup: .venv/installed engine
 
@@ -56,6 +57,11 @@ build/packages:
 .venv/installed: pyproject.toml | build/packages
 	[ -x $(PYTHON) ] || python3 -m venv .venv
 	$(PYTHON) -m pip install --quiet --disable-pip-version-check -e '.[report,test]'
+	touch $@
+
+# What only some targets need is an extra of pyproject.toml, installed when first asked for.
+.venv/%: pyproject.toml .venv/installed
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check -e '.[$*]'
 	touch $@
 
 clean:  ## removes what was built, not what was run

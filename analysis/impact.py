@@ -96,7 +96,8 @@ def force_history(
         z, z_rate, w, w_rate = state
         return min(z - w, 1 + c * (z_rate - w_rate)) if t > 0 else 1.0
 
-    gone.terminal, gone.direction = True, -1
+    # solve_ivp reads these two attributes of a function
+    gone.terminal, gone.direction = True, -1  # type: ignore[attr-defined]
     found = solve_ivp(
         motion,
         (0, 100),
@@ -107,7 +108,7 @@ def force_history(
         atol=1e-13,
         dense_output=True,
     )
-    if found.status != 1:
+    if found.status != 1 or found.sol is None:
         raise ArithmeticError(f"{law}: no end of contact within 100 units of time at e = {restitution:g}")
     t = np.linspace(0, found.t[-1], samples)
     state = found.sol(t)

@@ -162,11 +162,11 @@ class Lammps:
         return float(push.max()), speed, len(ball.pair) - round(held / 2)
 
 
-def engines() -> list:
+def engines() -> list[Liggghts | Lammps]:
     """Stock LIGGGHTS first, then every kernel that the processor has, then the peers found."""
     flags = Path("/proc/cpuinfo").read_text()
     kernels = ["sse2"] + ["avx2"] * (" avx2 " in flags) + ["avx512"] * (" avx512f " in flags)
-    found = [Liggghts("LIGGGHTS Hertz contacts", None), *(Liggghts(f"bond/parallel {k}", k) for k in kernels)]
+    found: list[Liggghts | Lammps] = [Liggghts("LIGGGHTS Hertz contacts", None), *(Liggghts(f"bond/parallel {k}", k) for k in kernels)]
     lammps = Lammps()
     if lammps.found:
         found.append(lammps)
@@ -186,7 +186,7 @@ def main() -> int:
     work = out / "work"
     work.mkdir(exist_ok=True)
     compared = engines()
-    times = {e.name: [] for e in compared}
+    times: dict[str, list[float]] = {e.name: [] for e in compared}
     for _ in range(ROUNDS):
         for engine in compared:
             set_up = engine.time_s(work, ball, steps=0)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from benchmarks.stone import SCENES, strike
@@ -54,9 +55,10 @@ def main() -> None:
     for material in options.materials:
         for count in COUNTS:
             rows += [impact(material, count, FIRST_SEED + 10 * k, options.exponent) for k in range(options.packings)]
-            area = pd.Series([row["broken_area_m2"] for row in rows[-options.packings:]]) * 1e4
-            print(f"{material} {count}: {area.mean():.2f} cm2, deviation of one packing {area.std():.2f}, "
-                  f"of the mean {area.sem():.2f}", flush=True)
+            area = np.array([row["broken_area_m2"] for row in rows[-options.packings:]]) * 1e4
+            deviation = area.std(ddof=1)
+            print(f"{material} {count}: {area.mean():.2f} cm2, deviation of one packing {deviation:.2f}, "
+                  f"of the mean {deviation / np.sqrt(len(area)):.2f}", flush=True)
     pd.DataFrame(rows).to_csv(options.out / "size_independence.csv", index=False, float_format="%.6g")
 
 

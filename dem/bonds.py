@@ -187,9 +187,9 @@ def _uniaxial_test(packing: Packing, matrix: csr_matrix, axis: int) -> tuple[flo
     a, b = (axis + 1) % 3, (axis + 2) % 3
     middle, side = np.argmin(np.hypot(x[:, a], x[:, b])), np.argmax(x[:, a])
     held[middle, [a, b]] = held[side, b] = True
-    held, u = held.ravel(), displacement.ravel()
-    free = ~held
-    u[free] = _solve(matrix[free][:, free], -(matrix[free][:, held] @ u[held]), _dof_scale(packing)[free])
+    fixed, u = held.ravel(), displacement.ravel()
+    free = ~fixed
+    u[free] = _solve(matrix[free][:, free], -(matrix[free][:, fixed] @ u[fixed]), _dof_scale(packing)[free])
     displacement = u.reshape(n, 6)
     force = (matrix @ u).reshape(n, 6)[upper, axis].sum()
     section = packing.container.volume_m3 / (2 * half)
@@ -225,9 +225,9 @@ def sphere_energies(nu: float) -> tuple[float, float]:
     """
     lam, mu = nu / ((1 + nu) * (1 - 2 * nu)), 1 / (2 * (1 + nu))
     alpha, beta, gamma = np.linalg.solve(
-        [[0, 4 * (lam + mu) + 10 * mu, 10 * (lam + mu) + 4 * mu],  # (lam + mu) grad div u + mu laplace u + a = 0
-         [1, 2, 1],                                                # surface traction along a
-         [0, 2 * (lam + mu), 5 * lam + 4 * mu]], [-1, 0, 0])       # surface traction along x
+        [[0.0, 4 * (lam + mu) + 10 * mu, 10 * (lam + mu) + 4 * mu],  # (lam + mu) grad div u + mu laplace u + a = 0
+         [1.0, 2.0, 1.0],                                            # surface traction along a
+         [0.0, 2 * (lam + mu), 5 * lam + 4 * mu]], [-1, 0, 0])       # surface traction along x
     deviator = 2 * np.pi * (alpha / 15 + beta / 21 + 2 * gamma / 105)
     beta = -1 / (10 * (lam + 2 * mu))
     alpha = -beta * (5 * lam + 6 * mu) / (3 * lam + 2 * mu)

@@ -72,7 +72,7 @@ class _Laboratory:
 
     def __init__(self, scene: Scene, work: Path, report: Callable[[str], None]):
         stones = scene.stones
-        self.radius_m, self.count = stones.radius_m, stones.agglomerate.subspheres
+        self.radius_m, self.count = stones.radius_m, scene.agglomerate.subspheres
         self._work, self._report = work, report
         self._specimens: dict[tuple[str, int], Specimen] = {}
         self.rows: list[dict] = []
@@ -165,7 +165,7 @@ def _fit(scene: Scene, material: str, target: TargetTable, laboratory: _Laborato
     laboratory.elastic("check", rock, held_out)
     for kind in ("Brazilian", "compression"):
         laboratory.strengths("check", kind, rock, held_out)
-    stones = [pack_sphere(scene.stones.radius_m, scene.stones.agglomerate.subspheres, seed) for seed in fit]
+    stones = [pack_sphere(scene.stones.radius_m, scene.agglomerate.subspheres, seed) for seed in fit]
     stiffness = [network_stiffness(stone, bond_network(stone), rock.bond_modulus_Pa, rock.stiffness_ratio)
                  for stone in stones]
     radius = float(np.mean([stone.radius_m.mean() for stone in stones]))
@@ -180,7 +180,7 @@ def fit_stiffness(scene: Scene, material: str, target: TargetTable, laboratory: 
     rock = Rock(table.density_kg_m3, table.youngs_modulus_Pa, table.poisson_ratio, contact.restitution,
                 contact.friction, table.youngs_modulus_Pa, 1.0, 1.6 * target.tensile_strength_Pa,
                 1.6 * target.tensile_strength_Pa, float(np.tan(np.radians(target.friction_angle_deg))),
-                scene.stones.agglomerate.damping_ratio)
+                scene.agglomerate.damping_ratio)
     specimen = laboratory.specimen("compression", seeds[0])
 
     def network(ratio):
@@ -247,7 +247,7 @@ scene = "{scene.name}"
 scene_hash = "{scene_hash(scene)}"
 liggghts = "{LIGGGHTS_VERSION}"
 stone_radius_m = {scene.stones.radius_m:g}
-subspheres = {scene.stones.agglomerate.subspheres}
+subspheres = {scene.agglomerate.subspheres}
 subsphere_radius_m = {found.subsphere_radius_m:.5g}  # mean; the strengths belong to this size (dem/strength.py)
 damping_ratio = {rock.damping_ratio:g}
 fit_seeds = {fit}

@@ -86,21 +86,22 @@ def skin_m(assembly: Assembly) -> float:
 
 
 def _describe(scene: Scene, assembly: Assembly) -> str:
-    kind = f"agglomerates of {scene.stones.agglomerate.subspheres} sub-spheres" if assembly.n_bonds else "spheres"
+    kind = f"agglomerates of {scene.agglomerate.subspheres} sub-spheres" if assembly.n_bonds else "spheres"
     return f"{len(assembly.sizes)} {kind}"
 
 
 def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict:
-    table = scene.stones.agglomerate
+    table = scene.agglomerate
     materials = []
     for name in assembly.materials:
-        bond = scene.materials[name].bond
+        bond = scene.bond_of(name)
         values = bond.model_dump()
         if table.unbreakable:
             values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa}
         angle = 0.0 if table.unbreakable else bond.friction_angle_deg
         materials.append(values | {"tan_friction": float(np.tan(np.radians(angle)))})
     # Viscous damping proportional to stiffness, c = tau k, with c = 2 zeta sqrt(k m) in the stiffest bond.
+    assert step.bond_time_s is not None
     return {"damping_time_s": 2 * table.damping_ratio * step.bond_time_s, "materials": materials}
 
 

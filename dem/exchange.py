@@ -14,6 +14,7 @@ import numpy as np
 
 TIMEOUT_s = 600.0  # of silence from a living engine; set-up of a large scene takes minutes
 POLL_s = 0.2
+CLOSED = -1
 
 
 class ExchangeError(RuntimeError):
@@ -37,7 +38,8 @@ class PlatePipes:
         self._modes = modes
         self._alive = alive
         self._timeout_s = timeout_s
-        self._in = self._out = None
+        self._in: int = CLOSED
+        self._out: int = CLOSED
         for name in self._names:
             name.unlink(missing_ok=True)
             os.mkfifo(name)
@@ -47,7 +49,7 @@ class PlatePipes:
         self._in = os.open(self._names[0], os.O_RDONLY | os.O_NONBLOCK)
         # Opening to write waits for a reader; without blocking it fails until there is one, so the engine is watched.
         deadline = time.monotonic() + self._timeout_s
-        while self._out is None:
+        while self._out == CLOSED:
             try:
                 self._out = os.open(self._names[1], os.O_WRONLY | os.O_NONBLOCK)
             except OSError:
@@ -57,7 +59,7 @@ class PlatePipes:
 
     def close(self) -> None:
         for descriptor in (self._in, self._out):
-            if descriptor is not None:
+            if descriptor != CLOSED:
                 os.close(descriptor)
         for name in self._names:
             name.unlink(missing_ok=True)

@@ -11,6 +11,7 @@ from dem.scene import Scene
 from dem.time_step import TimeStep
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
+from plate_fem.scene import FlexiblePlate
 
 
 class PlateRecorder:
@@ -20,6 +21,7 @@ class PlateRecorder:
         self._motion = motion
         self._step = step
         self._view_steps = view_steps
+        assert isinstance(scene.plate, FlexiblePlate)  # the other has no motion to record
         sensors = scene.plate.sensors
         self._mean = modes.mean_shape
         self._sensor = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]).reshape(-1, 2))

@@ -97,7 +97,7 @@ class BoxContainer:
         return [wall for k in range(3) for wall in _two_faces(x, k, self.length_m[k] / 2)]
 
     def in_units(self, length_m: float) -> BoxContainer:
-        return BoxContainer(tuple(a / length_m for a in self.length_m))
+        return BoxContainer((self.length_m[0] / length_m, self.length_m[1] / length_m, self.length_m[2] / length_m))
 
 
 Container = SphereContainer | CylinderContainer | BoxContainer
@@ -113,6 +113,7 @@ class Packing:
 
     @property
     def container_radius_m(self) -> float:
+        assert not isinstance(self.container, BoxContainer)
         return self.container.radius_m
 
     @property
@@ -161,7 +162,7 @@ def pack_cylinder(radius_m: float, length_m: float, count: int, seed: int, size_
 
 def pack_box(length_m: tuple[float, float, float], count: int, seed: int, size_ratio: float = 1.5) -> Packing:
     """As `pack_sphere`, in a box with edges along x, y, z about the origin."""
-    return _pack(BoxContainer(tuple(map(float, length_m))), count, seed, size_ratio)
+    return _pack(BoxContainer((float(length_m[0]), float(length_m[1]), float(length_m[2]))), count, seed, size_ratio)
 
 
 def fcc_sphere(radius_m: float, subsphere_radius_m: float | None = None) -> Packing:

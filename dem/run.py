@@ -6,6 +6,7 @@ import importlib.metadata
 import json
 import platform
 import shutil
+import subprocess
 import sys
 import time
 from contextlib import contextmanager
@@ -131,13 +132,13 @@ def _run_in(work: Path, model: Model, stages: Stages, show_progress: bool) -> di
 def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateRecorder | None,
              progress: Progress) -> None:
     """Engine and plate side by side until the engine has finished. Raises RunError or ExchangeError."""
-    engine = None
+    engine: subprocess.Popen | None = None
     pipes = None
     try:
         if motion is not None:
-            pipes = PlatePipes(deck, len(motion.amplitude), lambda: engine.poll() is None)
+            pipes = PlatePipes(deck, len(motion.amplitude), lambda: engine is not None and engine.poll() is None)
         engine = start_engine(deck)
-        if motion is not None:
+        if motion is not None and plate is not None and pipes is not None:
             def record(dem_step, force):
                 plate(dem_step, force)
                 progress(dem_step * model.step.dt_s)

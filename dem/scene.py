@@ -117,6 +117,18 @@ class Scene(Table):
         self._check_contacts()
         return self
 
+    def bond_of(self, material: str) -> BondTable:
+        """The bonds of a material. Where stones are agglomerates, the checks above see that there are any."""
+        bond = self.materials[material].bond
+        assert bond is not None
+        return bond
+
+    @property
+    def agglomerate(self) -> AgglomerateTable:
+        """How stones are made, for what is asked only of bonded ones."""
+        assert self.stones.agglomerate is not None
+        return self.stones.agglomerate
+
     def _check_contacts(self):
         names = sorted({self.stones.coal, self.stones.gangue})
         needed = {contact_key(a, b) for a in names for b in [*names, PLATE]}

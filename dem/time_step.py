@@ -54,7 +54,7 @@ def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float 
     largest = min(limits.values())
     wanted = scene.time.time_step_s or largest
     if wanted > largest * (1 + 1e-12):
-        name = min(limits, key=limits.get)
+        name = min(limits, key=limits.__getitem__)
         raise InputError(f"{file}: time.time_step_s = {wanted:g}: must not be above {largest:.4g} s, the limit set by "
                          f"{name}")
     co_step = _co_step(scene, wanted, contact, mutual, file)
@@ -74,7 +74,7 @@ def _co_step(scene: Scene, dt_s: float, contact_s: float, mutual: dict[str, floa
     most = max(1, int(min(mutual.values()) / dt_s))
     if wanted is not None and wanted > most:
         raise InputError(f"{file}: time.co_step = {wanted}: must be at most {most} with a time step of {dt_s:.3g} s, the "
-                         f"limit set by {min(mutual, key=mutual.get)}")
+                         f"limit set by {min(mutual, key=mutual.__getitem__)}")
     return wanted or max(1, min(most, int(contact_s / CO_STEPS_IN_CONTACT / dt_s)))
 
 
@@ -82,7 +82,7 @@ def bond_time_s(scene: Scene, assembly: Assembly) -> float | None:
     """t0 = min over bonds of sqrt(m r0/(E A)), m the lighter end; None without bonds."""
     if assembly.n_bonds == 0:
         return None
-    modulus = np.array([scene.materials[name].bond.youngs_modulus_Pa for name in assembly.materials])
+    modulus = np.array([scene.bond_of(name).youngs_modulus_Pa for name in assembly.materials])
     modulus = modulus[assembly.bond_material]
     mass = np.minimum(assembly.mass_kg[assembly.bond_first], assembly.mass_kg[assembly.bond_second])
     length = np.linalg.norm(assembly.bond_vector_m, axis=1)

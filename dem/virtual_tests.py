@@ -28,7 +28,7 @@ from dem.assembly import CONTACT_RADIUS_RATIO
 from dem.bonds import PLATEN_GAP, Bonds, bond_network
 from dem.deck import TEMPLATES
 from dem.engine import engine_error, start_engine
-from dem.packing import Packing, pack_cylinder
+from dem.packing import CylinderContainer, Packing, pack_cylinder
 from dem.time_step import BOND_FRACTION
 from dem.view import read_dump
 
@@ -71,6 +71,7 @@ class Specimen:
     def loaded_area_m2(self) -> float:
         """P over this is the stress of the test."""
         cylinder = self.packing.container
+        assert isinstance(cylinder, CylinderContainer)
         if self.axis == 2:
             return np.pi * cylinder.radius_m**2
         arcs = np.sin(2 * LOADED_HALF_ANGLE_rad) / LOADED_HALF_ANGLE_rad - 1
@@ -166,7 +167,7 @@ def _run(directory: Path, specimen: Specimen, rock: Rock, strain: float, checks:
     _engine(directory)
     step, load = np.loadtxt(directory / "load.txt", ndmin=2).T
     middle = step - 0.5 * (AVERAGE_STEPS - 1)  # of the steps that were averaged
-    _check(np.all(np.isfinite(load)), f"{directory}: a load is no number")
+    _check(bool(np.all(np.isfinite(load))), f"{directory}: a load is no number")
     return Record(middle * dt * 2 * speed / height, load / specimen.loaded_area_m2)
 
 

@@ -92,7 +92,9 @@ class FlexiblePlate(Plate):
             raise Refused("thickness_m", self.thickness_m, f"must be at most a fifth of the side, {0.2 * shortest:g}")
         if self.mesh_size_m is not None and self.mesh_size_m > shortest:
             raise Refused("mesh_size_m", self.mesh_size_m, f"must be at most the shorter side, {shortest:g}")
-        for name, items in (("rods", self.rods), ("point_supports", self.point_supports), ("sensors", self.sensors)):
+        tables: list[tuple[str, tuple[Rod | PointSupport | Sensor, ...]]] = [
+            ("rods", self.rods), ("point_supports", self.point_supports), ("sensors", self.sensors)]
+        for name, items in tables:
             for i, item in enumerate(items):
                 margin = item.diameter_m / 2 if isinstance(item, Rod) else 0.0
                 self._check_inside(f"{name}.{i}.x_m", item.x_m, self.length_m / 2 - margin)

@@ -50,6 +50,7 @@ class PlateSystem:
         """Sparse (k, n) matrix that evaluates theta_x (axis 0) or theta_y (axis 1) at points (k, 2)."""
         if self.theory == "kirchhoff":
             return self.deflection(points_m, (1, 0) if axis == 0 else (0, 1))
+        assert self.rotation_basis is not None  # a Mindlin plate has one
         rows = sp.coo_array(self.rotation_basis.probes(np.asarray(points_m, float).T))
         start = 4 * self.n_nodes + axis * self.rotation_basis.N
         return sp.csr_array((rows.data, (rows.row, rows.col + start)), shape=(rows.shape[0], self.size))

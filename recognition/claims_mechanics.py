@@ -193,7 +193,7 @@ def second_collisions_spread(study):
 
 def two_way_maxima(study):
     needs_ratios(study, study.ratios)
-    named = {}
+    named: dict[str, np.ndarray] = {}
     for name, label in (("u_m", "u"), ("v_m_s", "v"), ("a_m_s2", "a")):
         named |= {f"{label}+": study.two_way[name][:, 0], f"{label}-": -study.two_way[name][:, 1]}
     return all_trends(named, study.ratios)

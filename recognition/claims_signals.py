@@ -159,7 +159,7 @@ def energy_fusion_has_one_peak(study):
 
 def energy_fusion_is_calmest(study):
     ways = {kind: float(np.mean([travel(c) for c in curves])) for kind, curves in study.fused.items()}
-    least = min(ways, key=ways.get)
+    least = min(ways, key=ways.__getitem__)
     verdict = HELD if least == "energy" else PARTLY if ways["energy"] < ways["composite"] else NOT_HELD
     return verdict, f"least volatile: {least}; energy {ways['energy']:.2f}, composite {ways['composite']:.2f}"
 
@@ -168,7 +168,7 @@ def energy_fusion_separates_best(study):
     needs_ratios(study, study.ratios)
     order = {kind: stratification(study.ratios, curves) for kind, curves in study.fused.items()}
     apart = {kind: separation(curves) for kind, curves in study.fused.items()}
-    best = [max(order, key=order.get), max(apart, key=apart.get)]
+    best = [max(order, key=order.__getitem__), max(apart, key=apart.__getitem__)]
     words = ", ".join(f"{kind} {order[kind]:.3f}/{apart[kind]:.3f}" for kind in order)
     verdict = HELD if best == ["energy"] * 2 else PARTLY if "energy" in best else NOT_HELD
     return verdict, f"stratification/separation: {words}"

@@ -8,6 +8,8 @@ from __future__ import annotations
 import base64
 import functools
 import io
+from collections.abc import Callable
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -15,7 +17,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
-STYLE = {
+STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small files, sharp in print
     "font.size": 9,
     "axes.grid": True,
@@ -34,7 +36,7 @@ COAL, GANGUE, ACCENT, PALE = "#333333", "#b5651d", "#0b6e99", "#999999"
 RATIO_LABEL = "gangue mixing ratio, %"
 
 
-def styled(draw):
+def styled(draw: Callable) -> Callable:
     """Run a drawing function under STYLE, leaving the user's own settings alone."""
 
     @functools.wraps(draw)

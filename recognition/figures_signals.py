@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import LogLocator
 
+from analysis.hilbert import MarginalSpectrum
 from recognition.figures import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, canvas, styled
+from recognition.strategy import Candidates
 
 
 @styled
@@ -28,7 +30,7 @@ def imfs(t_s: np.ndarray, panels: dict[str, np.ndarray], most: int = 6):
 
 
 @styled
-def hilbert_map(spectrum, marginal: dict[float, object], colour):
+def hilbert_map(spectrum, marginal: dict[float, MarginalSpectrum], colour):
     """Hilbert spectrum of one run, and marginal spectra of all; colour: of a ratio."""
     figure, axes = canvas(2, height_in=4.6)
     upper, lower = axes[:, 0]
@@ -115,7 +117,7 @@ def fusion_process(t_s: np.ndarray, panels: list[tuple[str, dict[str, np.ndarray
 
 
 @styled
-def worked_example(ratio: float, tables: dict[str, object]):
+def worked_example(ratio: float, tables: dict[str, Candidates]):
     """Figure 37 by example: mean difference of every candidate ratio; tables: {strategy: Candidates}."""
     figure, axes = canvas(len(tables), height_in=2.0 * len(tables) + 0.4, sharex=True)
     for axis, (name, found) in zip(axes[:, 0], tables.items(), strict=True):

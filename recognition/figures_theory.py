@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.patches import Circle, Rectangle
 
+from analysis.impact import ForceHistory
 from recognition.figures import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, canvas, styled
 
 STATE_LABELS = {
@@ -102,7 +103,7 @@ def totals(
 
 
 @styled
-def force_histories(histories: dict[str, dict[str, object]]):
+def force_histories(histories: dict[str, dict[str, ForceHistory]]):
     """Force of one particle on a rigid plate by each law; histories: {rock: {law: ForceHistory}}."""
     figure, axes = canvas(1, len(histories), height_in=2.6, sharey=True)
     for axis, (rock, laws) in zip(axes[0], histories.items(), strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -40,7 +40,7 @@ class Fusion:
 
     kind: str = "energy"
     process_to_measurement: float = PROCESS_TO_MEASUREMENT
-    ranges: dict[str, ResponseRange] | None = None
+    ranges: dict[str, ResponseRange] = field(default_factory=dict)  # learnt by `fit`
 
     @property
     def names(self) -> tuple[str, ...]:

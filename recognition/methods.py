@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from recognition.function_space import Rule
 from recognition.fusion import Fusion
 from recognition.fusion_q import FusionQ
@@ -20,7 +22,7 @@ def mended() -> Strategy:
 
 
 #: name -> an unfitted method.
-METHODS = {
+METHODS: dict[str, Callable[[], FusionQ | FusionPipeline]] = {
     "fusion_q": FusionQ,
     "energy_fusion_printed": lambda: FusionPipeline(Fusion("energy"), printed()),
     "energy_fusion_mended": lambda: FusionPipeline(Fusion("energy"), mended()),

@@ -88,10 +88,9 @@ class Model:
         """
         table = self.window.cut(signals, source)
         answers = {name: _answer(method, table) for name, method in self.methods.items()}
-        if all(
-            isinstance(answer, str) and answer.startswith("not applicable") for answer in answers.values()
-        ):
-            raise RecognitionError(f"{source}: {'; '.join(dict.fromkeys(answers.values()))}")
+        reasons = [answer for answer in answers.values() if isinstance(answer, str)]
+        if len(reasons) == len(answers) and all(text.startswith("not applicable") for text in reasons):
+            raise RecognitionError(f"{source}: {'; '.join(dict.fromkeys(reasons))}")
         return answers
 
     def save(self, path) -> None:

@@ -113,7 +113,7 @@ def fragments(study):
     gangue = study.is_gangue[index]
     sizes = {
         name: np.concatenate(
-            [s for s, g in zip(shares, gangue, strict=True) if g == (name == "gangue")] or [[]]
+            [s for s, g in zip(shares, gangue, strict=True) if g == (name == "gangue")] or [np.empty(0)]
         )
         for name in ("coal", "gangue")
     }

@@ -17,9 +17,9 @@ class MinMaxByTrend:
     alone; a later sample outside them goes outside [0, 1] and is not clipped.
     """
 
-    minimum: np.ndarray = field(default=None)
-    maximum: np.ndarray = field(default=None)
-    direction: np.ndarray = field(default=None)
+    minimum: np.ndarray = field(default_factory=lambda: np.empty(0))
+    maximum: np.ndarray = field(default_factory=lambda: np.empty(0))
+    direction: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def fit(self, x: np.ndarray, directions: np.ndarray) -> MinMaxByTrend:
         """x: shape (n, p); directions: shape (p,), +1 or -1."""

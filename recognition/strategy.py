@@ -92,8 +92,12 @@ class Strategy:
                 f" within xi = {self.xi:g}; needs {self.least_share:.0%}"
             )
         best = int(np.argmin(np.where(found.allowed, found.score, np.inf)))
-        numbers = (found.ratio[best], found.score[best], found.usable_share[best])
-        return Answer(*(float(number) for number in numbers), int(found.moment[best]))
+        return Answer(
+            float(found.ratio[best]),
+            float(found.score[best]),
+            float(found.usable_share[best]),
+            int(found.moment[best]),
+        )
 
     def candidates(self, curve: np.ndarray) -> Candidates:
         """Every candidate ratio of a curve, shape (K,), held against all other moments."""

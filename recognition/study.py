@@ -93,9 +93,14 @@ class Study:
 
     def _peak_N(self, state, name: str, compliance: float) -> float:
         s = self.setup
-        how = {"radius_m": s.radius_m, "speed_m_s": s.speed_m_s, "plate": s.plate}
         return peak(
-            state, s.rocks[name], restitution=s.restitution[name], compliance_m_N=compliance, **how
+            state,
+            s.rocks[name],
+            radius_m=s.radius_m,
+            speed_m_s=s.speed_m_s,
+            plate=s.plate,
+            restitution=s.restitution[name],
+            compliance_m_N=compliance,
         ).force_N
 
     @cached_property
