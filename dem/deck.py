@@ -66,6 +66,8 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         steps=step.steps,
         extent_m=[-half[0], half[0], -half[1], half[1]],
         speed_m_s=scene.stones.speed_m_s,
+        impact_J=float(0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2),
+        mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
         view_steps=view_steps(scene, step),
     )
 

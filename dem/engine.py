@@ -36,5 +36,5 @@ def start_engine(directory: Path) -> subprocess.Popen:
 def engine_error(directory: Path) -> str:
     """What the engine said last: its ERROR line, or its last line."""
     lines = [line for line in (directory / "engine.out").read_text(errors="replace").splitlines() if line.strip()]
-    errors = [line for line in lines if "ERROR" in line]
+    errors = [line for line in lines if line.startswith("ERROR")]  # MPI writes of its own errors when it is ended
     return (errors or lines or ["no output"])[-1]

@@ -9,7 +9,8 @@ summed on their own. What has no sum of its own is a work less what it stored:
                    (slip, the tangential dashpot, and what the tangential springs hold while a contact lasts)
 
 Nothing in these refers to the kinetic energies or to the plate's own energy, so the sum of all can miss the energy at
-the start; `closure` says by how much, relative to the kinetic energy of the impact.
+the start; `closure` says by how much, relative to the energy supplied: the kinetic energy of the impact and what gravity
+did until the stones were lowest.
 """
 
 from __future__ import annotations
@@ -82,17 +83,18 @@ def energy_ledger(parts: dict, plate: PlateEnergy, kinetic_start_J: np.ndarray) 
     """The ledger at the end of the run, J, with its closures: of all with the plate's own energies, and of each
     agglomerate with what it gave to the plate. `kinetic_start_J` (agglomerates,)."""
     end = {name: values[-1] for name, values in parts.items()}
-    impact = float(kinetic_start_J.sum())
+    supplied = kinetic_start_J + np.maximum(0.0, -parts["potential_J"].min(axis=0))
     stones = sum(end.values()) - kinetic_start_J
     plate_energy = plate.kinetic_J + plate.internal_J + plate.damped_J
     total = float(stones.sum()) - float(end["given_to_plate_J"].sum()) + plate_energy
     return {
-        "impact_J": impact,
+        "impact_J": float(kinetic_start_J.sum()),
+        "supplied_J": float(supplied.sum()),
         **{name: float(values.sum()) for name, values in end.items()},
         "plate_kinetic_J": plate.kinetic_J, "plate_internal_J": plate.internal_J, "plate_damping_J": plate.damped_J,
         "plate_work_J": plate.work_J,
-        "closure": total / impact if impact else 0.0,
+        "closure": total / float(supplied.sum()),
         "by_agglomerate": [{name: float(values[k]) for name, values in end.items()}
-                           | {"closure": float(stones[k] / kinetic_start_J[k]) if kinetic_start_J[k] else 0.0}
+                           | {"closure": float(stones[k] / supplied[k])}
                            for k in range(len(stones))],
     }

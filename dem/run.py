@@ -22,6 +22,7 @@ from dem.deck import view_steps, write_deck
 from dem.engine import LIGGGHTS_VERSION, check_engine, engine_error, start_engine
 from dem.exchange import ExchangeError, PlatePipes
 from dem.ledger import PlateEnergy, energy_ledger, energy_table, read_ledger, stone_energies
+from dem.monitor import PlateMonitor, Unstable, check_closure
 from dem.output import PlateRecorder, fast_stream, read_events, read_forces, write_streams
 from dem.progress import Progress
 from dem.scene import Scene, read_scene, scene_hash
@@ -104,7 +105,7 @@ def run_model(model: Model, source: str, out: Path, stages: Stages, show_progres
     work.mkdir(parents=True)
     try:
         summary = _run_in(work, model, stages, show_progress)
-    except (RunError, ExchangeError) as error:
+    except (RunError, ExchangeError, Unstable) as error:
         raise RunError(f"{source}: {error} (what there is of the run is in {work})") from error
     (work / "run.json").write_text(json.dumps(summary, indent=1) + "\n")
     if out.exists():
@@ -139,14 +140,17 @@ def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateR
             pipes = PlatePipes(deck, len(motion.amplitude), lambda: engine is not None and engine.poll() is None)
         engine = start_engine(deck)
         if motion is not None and plate is not None and pipes is not None:
+            monitor = PlateMonitor(model.scene, model.assembly)
+
             def record(dem_step, force):
                 plate(dem_step, force)
+                monitor(dem_step * model.step.dt_s, motion)
                 progress(dem_step * model.step.dt_s)
             try:
                 pipes.open()
                 follow(motion, pipes, model.step, record)
             except ExchangeError as error:
-                if engine.poll() not in (None, 0):
+                if _exit_code(engine) not in (None, 0):
                     raise RunError(f"LIGGGHTS stopped: {engine_error(deck)}") from error
                 raise
         while engine.poll() is None:
@@ -159,6 +163,14 @@ def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateR
             engine.wait()
         progress.end()
     _check_finished(deck, engine.returncode, model)
+
+
+def _exit_code(engine: subprocess.Popen) -> int | None:
+    """Of an engine that has fallen silent: its pipes close a moment before it is gone."""
+    try:
+        return engine.wait(timeout=5)
+    except subprocess.TimeoutExpired:
+        return None
 
 
 def _check_finished(deck: Path, code: int, model: Model) -> None:
@@ -193,6 +205,8 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
     height = np.bincount(assembly.agglomerate, assembly.mass_kg * assembly.center_m[:, 2])
     parts = stone_energies(ledger, scene.time.gravity_m_s2, height)
     energy_table(parts, ledger.step * step.dt_s).to_parquet(work / "energy.parquet", index=False)
+    energy = energy_ledger(parts, plate_energy, 0.5 * mass * scene.stones.speed_m_s**2)
+    check_closure(energy)
     broken = events.groupby("agglomerate").size().reindex(range(1, n + 1), fill_value=0)
     return {
         "status": "finished",
@@ -219,7 +233,7 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
         "momentum_change_kg_m_s": float(ledger.column["momentum_z_kg_m_s"][-1].sum()
                                         + mass.sum() * scene.stones.speed_m_s),
         "plate": plate_maxima(fast),
-        "energy": energy_ledger(parts, plate_energy, 0.5 * mass * scene.stones.speed_m_s**2),
+        "energy": energy,
         "rebound_speed_m_s": (ledger.column["momentum_z_kg_m_s"][-1] / mass).tolist(),
         "n_samples": len(signals),
         "wall_time_s": stages.wall_time_s,

@@ -183,12 +183,24 @@ void FixLedger::write() {
     put(WALL_WORK, wall_->work_on_stone());
     put(PLATE_WORK, wall_->work_on_plate());
   }
-  MPI_Reduce(mine.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, 0, world);
+  MPI_Allreduce(mine.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, world);
+  add_up(total);
   if (comm->me != 0) return;
   const long long step = update->ntimestep;
   const bool written = std::fwrite(&step, 8, 1, file_) == 1 &&
                        std::fwrite(total.data(), 8, total.size(), file_) == total.size();
   if (!written) error->one(FLERR, "cannot write the ledger");
+}
+
+void FixLedger::add_up(const std::vector<double> &rows) {
+  sum_ = {update->ntimestep, 0, 0, 0, 0, 0};
+  for (const double *row = rows.data(); row < rows.data() + rows.size(); row += COLUMNS) {
+    sum_.kinetic_J += row[KINETIC];
+    sum_.mass_height_kg_m += row[MASS_HEIGHT];
+    sum_.work_on_stones_J += row[BOND_WORK] + row[PAIR_WORK] + row[WALL_WORK];
+    sum_.bonds_took_J -= row[BOND_WORK] + row[BOND_ELASTIC] + row[RELEASED];
+    sum_.contacts_took_J -= row[PAIR_WORK] + row[WALL_WORK] + row[PLATE_WORK] + row[PAIR_ELASTIC] + row[WALL_ELASTIC];
+  }
 }
 
 void FixLedger::post_run() {

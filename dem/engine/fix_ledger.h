@@ -28,6 +28,13 @@ class FixLedger : public Fix {
   void end_of_step() override;
   void post_run() override;
 
+  // Of all agglomerates at the last row. `took`: from the stones and the plate, and not held as elastic energy.
+  struct Sum {
+    long long step;
+    double kinetic_J, mass_height_kg_m, work_on_stones_J, bonds_took_J, contacts_took_J;
+  };
+  Sum sum() const { return sum_; }
+
  private:
   struct Contact {
     int i;
@@ -40,11 +47,13 @@ class FixLedger : public Fix {
   class FixBondParallel *bonds_ = nullptr;
   class FixWallPlate *wall_ = nullptr;
   int every_ = 1;
+  Sum sum_ = {0, 0, 0, 0, 0, 0};
   FILE *file_ = nullptr;
 
   template <class Visit> void each_contact(Visit visit) const;
   void add_damping();
   void write();
+  void add_up(const std::vector<double> &rows);
 };
 
 }  // namespace LAMMPS_NS

@@ -1,8 +1,9 @@
-// The engine: stock LIGGGHTS from libliggghts with three fix styles added.
+// The engine: stock LIGGGHTS from libliggghts with four fix styles added.
 //
 //   bond/parallel   bonds between the sub-spheres of an agglomerate (fix_bond_parallel.h)
 //   wall/plate      the granular wall that moves with the plate       (fix_wall_plate.h)
 //   ledger          energies and momenta of each agglomerate          (fix_ledger.h)
+//   monitor         stops a run that is not stable                    (fix_monitor.h)
 //
 // It runs any LIGGGHTS deck: `liggghts-bonded -in deck`. The styles are added once, so a deck must not use `clear`.
 
@@ -12,6 +13,7 @@
 
 #include "fix_bond_parallel.h"
 #include "fix_ledger.h"
+#include "fix_monitor.h"
 #include "fix_wall_plate.h"
 #include "input.h"
 #include "lammps.h"
@@ -39,6 +41,7 @@ void add_styles(LAMMPS *lmp) {
   styles["bond/parallel"] = &create<FixBondParallel>;
   styles["wall/plate"] = &create<FixWallPlate>;
   styles["ledger"] = &create<FixLedger>;
+  styles["monitor"] = &create<FixMonitor>;
 }
 
 }  // namespace

@@ -1,0 +1,68 @@
+"""A run that goes wrong ends with the limit it broke; nothing is lost in silence."""
+
+import subprocess
+
+import numpy as np
+import pytest
+from decks import HEAD, MATERIAL, fcc_ball, write_files
+from scenes_of_tests import changed
+
+import dem.time_step
+from dem.engine import ENGINE
+from dem.monitor import Unstable, check_closure
+from dem.run import RunError, run_scene
+
+STONE = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+                   "poisson_ratio": 0.3},
+         "stones.agglomerate.subspheres": 60, "stones.agglomerate.unbreakable": True, "output": None,
+         "time.duration_s": 6e-4}
+
+
+@pytest.mark.parametrize("sample_s, limit", [(8e-5, "limit of energy"), (1.1e-4, "limit of displacement")])
+def test_a_step_that_the_bonds_do_not_bear(tmp_path, monkeypatch, sample_s, limit):
+    """30 steps a sample: 0.63 t0, which is just unstable, and 0.86 t0."""
+    monkeypatch.setattr(dem.time_step, "BOND_FRACTION", 1.0)
+    monkeypatch.setattr(dem.time_step, "RAYLEIGH_FRACTION", 10.0)
+    with pytest.raises(RunError, match=limit):
+        run_scene(changed("single", STONE | {"time.sample_interval_s": sample_s}), "single.toml", tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_co_step_that_plate_and_contact_do_not_bear(tmp_path, monkeypatch):
+    """The heavy sphere on the thin plate of test_coupling, ten times beyond the limit of its dashpot."""
+    monkeypatch.setattr(dem.time_step, "DASHPOT_SHARE", 1.5)
+    monkeypatch.setattr(dem.time_step, "STIFFNESS_SHARE", 2.0)
+    monkeypatch.setattr(dem.time_step, "CO_STEPS_IN_CONTACT", 5)
+    scene = changed("elastic_plate", {
+        "time.duration_s": 0.003, "time.gravity_m_s2": 9.8, "stones.speed_m_s": 0.5, "plate.thickness_m": 0.002,
+        "plate.max_frequency_Hz": 2000.0, "materials.gangue.density_kg_m3": 20000.0,
+        "contacts.gangue_plate": {"restitution": 0.5, "friction": 0.0}})
+    with pytest.raises(RunError, match="limit"):
+        run_scene(scene, "elastic_plate.toml", tmp_path / "run")
+
+
+@pytest.mark.parametrize("speed", ["1e6", "nan"])
+def test_a_sub_sphere_that_runs_away(tmp_path, speed):
+    body = fcc_ball(2)
+    write_files(tmp_path, body)
+    (tmp_path / "deck").write_text(HEAD + "read_data atoms.data\n" + MATERIAL + f"""timestep 1e-7
+fix ledger all ledger agglomerates agglomerates.txt every 100 file ledger.bin
+fix monitor all monitor impact_J 1 weight 0 height_kg_m 0
+fix motion all nve/sphere
+variable speed equal {"1e308*10-1e308*10" if speed == "nan" else speed}
+velocity all set 0 0 -1 units box
+velocity all set NULL NULL v_speed units box
+thermo 100
+thermo_modify lost error
+run 1000
+""")
+    done = subprocess.run([str(ENGINE), "-in", "deck"], cwd=tmp_path, capture_output=True, text=True,
+                          errors="replace", check=False)
+    assert done.returncode != 0
+    assert "limit of displacement" in done.stdout + done.stderr, done.stdout[-500:]
+
+
+@pytest.mark.parametrize("closure", [0.011, -0.5, np.nan])
+def test_a_ledger_that_does_not_close(closure):
+    with pytest.raises(Unstable, match="1%"):
+        check_closure({"closure": closure})
