@@ -40,7 +40,8 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
                                      keep_trailing_newline=True)
     pairs = [contact_key(a, b) for a in [*assembly.materials, PLATE] for b in [*assembly.materials, PLATE]]
-    contacts = [scene.contacts.get(pair) for pair in pairs]
+    stones_meet = _stones_meet(scene, assembly)
+    contacts = [scene.contacts.get(pair) if stones_meet or PLATE in pair.split("_") else None for pair in pairs]
     friction = [c.friction if c else 0.0 for c in contacts]
     tangential = " tangential history" if any(friction) else ""
     half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
@@ -70,6 +71,12 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
         view_steps=view_steps(scene, step),
     )
+
+
+def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
+    """Can a sub-sphere touch another one? Not where there is one stone that holds together."""
+    table = scene.stones.agglomerate
+    return len(assembly.sizes) > 1 or (table is not None and not table.unbreakable)
 
 
 def view_steps(scene: Scene, step: TimeStep) -> int | None:

@@ -189,11 +189,20 @@ AtomRecord FixBondParallel::record(int i) const {
   return r;
 }
 
-// Records at x + tau v and q + tau dq/dt, dq/dt = omega q / 2.
 void FixBondParallel::fill_records() {
   const int nall = atom->nlocal + atom->nghost;
   atoms_.resize(nall + 2);
   forces_.resize(nall + 2);
+  if (damping_time_ > 0) fill_delayed_records(nall);
+  else
+    for (int i = 0; i < nall; i++) atoms_[i] = record(i);
+  atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
+  atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
+  std::memset(static_cast<void *>(forces_.data()), 0, forces_.size() * sizeof(ForceRecord));
+}
+
+// At x + tau v and q + tau dq/dt, dq/dt = omega q / 2.
+void FixBondParallel::fill_delayed_records(int nall) {
   const double tau = damping_time_, half_tau = 0.5 * tau;
   double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
   for (int i = 0; i < nall; i++) {
@@ -207,9 +216,6 @@ void FixBondParallel::fill_records() {
     r.q[2] = c * (q[2] + u1 * q[0] + u2 * q[1] - u0 * q[3]);
     r.q[3] = c * (q[3] + u2 * q[0] + u0 * q[2] - u1 * q[1]);
   }
-  atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
-  atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
-  std::memset(static_cast<void *>(forces_.data()), 0, forces_.size() * sizeof(ForceRecord));
 }
 
 void FixBondParallel::post_force(int) {

@@ -79,6 +79,7 @@ class FixBondParallel : public Fix {
   void rebuild();
   void share_broken();
   void fill_records();
+  void fill_delayed_records(int nall);
   AtomRecord record(int i) const;
   void note_broken(int n);
   void write_events();

@@ -1,0 +1,79 @@
+"""What each part of a scene costs: one bonded stone on the plate with all of them, and without one after the other.
+
+    python -m benchmarks.omissions [--repeats 5] [--out runs/accuracy]
+
+Writes omissions.csv (part, cpu_s, saved): processor time of engine and plate from deck to signals, the least of the
+repeats, which take turns; `saved` is the share of the whole scene's. Packing and modes are not in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import tempfile
+from pathlib import Path
+
+import pandas as pd
+
+import dem.deck
+from benchmarks.cost import cpu_s
+from benchmarks.stone import SCENES
+from dem.run import Model, Stages, prepare, run_model
+from dem.scene import changed_scene
+from plate_fem.tables import read_toml
+
+BASE = {"time.duration_s": 1.5e-3, "stones.agglomerate.subspheres": 500}
+SMOOTH = {f"contacts.{pair}.friction": 0.0 for pair in ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue",
+                                                        "gangue_gangue")}
+WITHOUT = {
+    "nothing": {},
+    "friction and its history": SMOOTH,
+    "gravity": {"time.gravity_m_s2": None},
+    "bond damping": {"stones.agglomerate.damping_ratio": 0.0},
+    "breakage": {"stones.agglomerate.unbreakable": True},
+    "pictures (VTK)": {"output": None},
+    "rods": {"plate.rods": None, "plate.edges": "simply_supported"},
+    "plate exchange (rigid plate)": {"plate": read_toml(SCENES / "hertz_coal.toml")["plate"]},
+    "bonds (one sphere)": {"stones.agglomerate": None},
+}
+MONITOR = "monitor"
+
+
+def cost_s(model: Model) -> float:
+    with tempfile.TemporaryDirectory() as directory:
+        return cpu_s(lambda: run_model(model, "single.toml", Path(directory) / "run", Stages()))
+
+
+def without_monitor(model: Model) -> float:
+    """The monitor is in every run; its line is taken out of the deck for this one."""
+    render = dem.deck.render
+    dem.deck.render = lambda *scene: re.sub(r"^fix monitor .*\n", "", render(*scene), flags=re.MULTILINE)
+    try:
+        return cost_s(model)
+    finally:
+        dem.deck.render = render
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--out", type=Path, default=Path("runs/accuracy"))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    models = {part: prepare(changed_scene(SCENES / "single.toml", BASE | changes), "single.toml", options.out / ".modes",
+                            Stages()) for part, changes in WITHOUT.items()}
+    times: dict[str, list[float]] = {part: [] for part in [*models, MONITOR]}
+    for repeat in range(options.repeats + 1):
+        for part, model in models.items():
+            times[part].append(cost_s(model))
+        times[MONITOR].append(without_monitor(models["nothing"]))
+        if repeat == 0:  # warm-up
+            times = {part: [] for part in times}
+    whole = min(times["nothing"])
+    table = pd.DataFrame([{"part": part, "cpu_s": min(t), "saved": 1 - min(t) / whole} for part, t in times.items()])
+    table.to_csv(options.out / "omissions.csv", index=False, float_format="%.4g")
+    print(table.to_string(index=False, float_format=lambda x: f"{x:.3g}"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""The deck holds what the scene needs and nothing else."""
+
+import re
+
+import pytest
+from scenes_of_tests import SCENES, changed
+
+from dem.arrangement import arrange
+from dem.assembly import assemble
+from dem.deck import render
+from dem.time_step import time_step
+
+# What each part looks like in a deck.
+PARTS = {
+    "bonds": r"^fix bonds .*bond/parallel",
+    "bond damping": r"damping_time",
+    "friction": r"coefficientFriction",
+    "friction history": r"tangential history",
+    "rolling": r"rolling",
+    "gravity": r"^fix gravity ",
+    "plate exchange": r"to_plate|shapes\.bin",
+    "pictures": r"^dump ",
+}
+NAMES = sorted(file.stem for file in SCENES.glob("*.toml"))
+
+
+def deck_of(scene):
+    assembly = assemble(scene, arrange(scene, "scene"))
+    text = render(scene, assembly, time_step(scene, assembly, "scene", 0.1 if scene.plate.model == "flexible" else None))
+    return {part for part, pattern in PARTS.items() if re.search(pattern, text, re.MULTILINE)}, text
+
+
+def needed(scene):
+    """By the scene's words alone. A single stone that holds together touches nothing but the plate."""
+    table = scene.stones.agglomerate
+    alone = scene.stones.count == 1 and (table is None or table.unbreakable)
+    rubs = any(c.friction > 0 for pair, c in scene.contacts.items() if pair.endswith("_plate") or not alone)
+    return {part for part, wanted in {
+        "bonds": table is not None,
+        "bond damping": table is not None and table.damping_ratio > 0,
+        "friction": rubs,
+        "friction history": rubs,
+        "gravity": scene.time.gravity_m_s2 > 0,
+        "plate exchange": scene.plate.model == "flexible",
+        "pictures": scene.output.view_interval_s is not None,
+    }.items() if wanted}
+
+
+def small(name, changes=()):
+    scene = changed(name, {})
+    few = {"stones.agglomerate.subspheres": 12} if scene.stones.agglomerate else {}
+    return changed(name, few | dict(changes))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_scene_gets_its_parts_and_no_other(name):
+    scene = small(name)
+    assert deck_of(scene)[0] == needed(scene)
+
+
+SMOOTH = {f"contacts.{pair}": {"restitution": 0.5, "friction": 0.0}
+          for pair in ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}
+RIGID = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+                   "poisson_ratio": 0.3}}
+OMISSIONS = {
+    "bonds": ({"stones.agglomerate": None}, {"bonds", "bond damping"}),
+    "damping": ({"stones.agglomerate.damping_ratio": 0.0}, {"bond damping"}),
+    "friction": (SMOOTH, {"friction", "friction history"}),
+    "gravity": ({"time.gravity_m_s2": None}, {"gravity"}),
+    "plate": (RIGID, {"plate exchange"}),
+    "pictures": ({"output": None}, {"pictures"}),
+}
+
+
+@pytest.mark.parametrize("omission", OMISSIONS)
+def test_what_the_scene_leaves_out_the_deck_leaves_out(omission):
+    changes, gone = OMISSIONS[omission]
+    whole = deck_of(small("paper"))[0]
+    assert whole == set(PARTS) - {"rolling"}
+    assert whole - deck_of(small("paper", changes))[0] == gone
+
+
+def test_contacts_that_cannot_happen_ask_for_nothing():
+    smooth_plate = {f"contacts.{name}_plate.friction": 0.0 for name in ("coal", "gangue")}
+    one = {"stones.agglomerate.unbreakable": True} | smooth_plate
+    assert "friction history" not in deck_of(small("single", one))[0]
+    assert "friction history" in deck_of(small("single", smooth_plate))[0]
+
+
+def test_materials_that_are_not_there_are_not_in_the_deck():
+    text = deck_of(small("paper", {"stones.gangue_ratio": 0.0}))[1]
+    assert "gangue" not in text
