@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,8 @@ TABLES = (".parquet", ".csv", ".txt")
 ENDINGS = (*TABLES, ".wav", ".uff", ".unv")
 TIME_COLUMNS = ("t_s", "time_s", "time", "t")
 
+# What scipy raises for a broken file, found by tests/fuzz.
+BROKEN_WAV = (OSError, ValueError, EOFError, TypeError, UnboundLocalError, struct.error)
 TIME_DOMAIN = 1  # func_type of a time response in UFF dataset 58
 
 
@@ -65,7 +68,10 @@ def read_table(path) -> pd.DataFrame:
     except (OSError, ValueError, ArrowException) as error:
         reason = " ".join(str(error).split())
         raise RecordError(f"{path}: not a readable {path.suffix[1:]} table ({reason})") from None
-    return table.rename(columns=lambda name: str(name).strip())
+    table = table.rename(columns=lambda name: str(name).strip())
+    if not table.columns.is_unique:
+        raise RecordError(f"{path}: column {table.columns[table.columns.duplicated()][0]!r} appears twice")
+    return table
 
 
 def _read_text_table(path: Path) -> pd.DataFrame:
@@ -95,10 +101,10 @@ def _pick(table: pd.DataFrame, source: str, column: str | None, rate_Hz: float |
     if column is None or column not in signals:
         asked = "no column named" if column is None else f"no column {column!r}"
         raise RecordError(f"{source}: {asked}; choose one of {', '.join(signals[:12])}")
-    values = pd.to_numeric(table[column], errors="coerce").to_numpy(dtype=float)
+    values = _numbers(table[column])
     t0_s = 0.0
     if time is not None:
-        t_s = table[time].to_numpy(dtype=float)
+        t_s = _numbers(table[time])
         found = sample_rate_Hz(t_s, f"{source}: {time}")
         if rate_Hz is not None and not np.isclose(rate_Hz, found, rtol=0.01):
             raise RecordError(f"{source}: rate_Hz = {rate_Hz:g}; its column {time} says {found:.6g}")
@@ -106,6 +112,11 @@ def _pick(table: pd.DataFrame, source: str, column: str | None, rate_Hz: float |
     if rate_Hz is None:
         raise RecordError(f"{source}: no time column ({', '.join(TIME_COLUMNS)}); give the sample rate")
     return Record(values, rate_Hz, unit_of(column), f"{source}: {column}", t0_s)
+
+
+def _numbers(column: pd.Series) -> np.ndarray:
+    """The column as floats, NaN where it holds no number, which a Record then refuses by its place."""
+    return pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
 
 
 def read_wav(path, channel: str | None = None) -> Record:
@@ -122,7 +133,7 @@ def read_wav(path, channel: str | None = None) -> Record:
             # Chunks beside the samples (calibration notes of a recorder) are no fault.
             warnings.simplefilter("ignore", wavfile.WavFileWarning)
             rate_Hz, samples = wavfile.read(path)
-    except (OSError, ValueError, EOFError) as error:
+    except BROKEN_WAV as error:
         raise RecordError(f"{path}: not a readable WAV file ({error})") from None
     if np.issubdtype(samples.dtype, np.integer):
         limits = np.iinfo(samples.dtype)

@@ -32,6 +32,14 @@ UNIT_BY_SUFFIX = {
 class RecordError(ValueError):
     """A record cannot be used. The message is one line: file, key, value, what is allowed."""
 
+    def __init__(self, message: str):
+        super().__init__(one_line(message))
+
+
+def one_line(message: str) -> str:
+    """The message with what is not printable escaped: names come from files and may hold anything."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message)
+
 
 @dataclass(frozen=True)
 class Record:

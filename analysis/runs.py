@@ -104,8 +104,13 @@ def read_run(path) -> Run:
     ratio = info.get("gangue_ratio")
     if not isinstance(ratio, (int, float)) or not 0 <= ratio <= 1:
         raise RecordError(f"{path}/run.json: gangue_ratio = {ratio!r}; needs a number from 0 to 1")
-    if not isinstance(info.get("materials"), list):
-        raise RecordError(f"{path}/run.json: materials = {info.get('materials')!r}; needs a list")
+    materials = info.get("materials")
+    if not isinstance(materials, list) or not all(isinstance(name, str) for name in materials):
+        raise RecordError(f"{path}/run.json: materials = {materials!r}; needs a list of names")
+    scene = info.get("scene", {})
+    stones = scene.get("stones", {}) if isinstance(scene, dict) else None
+    if not isinstance(stones, dict) or not all(isinstance(stones.get(k, k), str) for k in ("coal", "gangue")):
+        raise RecordError(f"{path}/run.json: scene.stones: needs an object in which coal and gangue are names")
     signals = read_table(path / "signals.parquet")
     missing = [name for name in ("t_s", *RESPONSES, "force_N") if name not in signals.columns]
     if missing:

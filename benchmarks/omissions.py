@@ -25,7 +25,7 @@ from plate_fem.tables import read_toml
 BASE = {"time.duration_s": 1.5e-3, "stones.agglomerate.subspheres": 500}
 SMOOTH = {f"contacts.{pair}.friction": 0.0 for pair in ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue",
                                                         "gangue_gangue")}
-WITHOUT = {
+WITHOUT: dict[str, dict] = {
     "nothing": {},
     "friction and its history": SMOOTH,
     "gravity": {"time.gravity_m_s2": None},

@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
         print("interrupted; what is finished stays, the same command goes on", file=sys.stderr)
         return 130
     except OSError as error:
-        print(f"{error.filename or options.out}: {error.strerror}", file=sys.stderr)
+        print(f"{error.filename or options.out}: {error.strerror or error}", file=sys.stderr)
         return 1
 
 

@@ -15,6 +15,7 @@ from plate_fem.tables import Refused, Table, check, read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
 PLATE = "plate"  # the name under which `contacts` speaks of the plate
 
 
@@ -33,7 +34,7 @@ class TimeTable(Table):
 
 
 class AgglomerateTable(Table):
-    subspheres: Annotated[int, Field(ge=2)]
+    subspheres: Annotated[int, Field(ge=2, le=100_000)]
     damping_ratio: NotNegative = 0.05
     unbreakable: bool = False
 
@@ -44,7 +45,7 @@ class Place(Table):
 
 
 class StonesTable(Table):
-    count: Annotated[int, Field(ge=1)]
+    count: Annotated[int, Field(ge=1, le=1000)]
     radius_m: Positive
     circle_radius_m: Positive | None = None
     positions: tuple[Place, ...] | None = None  # instead of the circle
@@ -54,7 +55,7 @@ class StonesTable(Table):
     gangue: str
     gangue_order: tuple[int, ...]  # which stone turns into gangue first
     gangue_ratio: Annotated[float, Field(ge=0, le=1)]
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
     agglomerate: AgglomerateTable | None = None  # absent: each stone is one unbonded sphere
 
     @model_validator(mode="after")
@@ -80,7 +81,7 @@ class BondTable(Table):
 
 class MaterialTable(Table):
     density_kg_m3: Positive
-    youngs_modulus_Pa: Positive
+    youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa)]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
     bond: BondTable | None = None
 
@@ -95,11 +96,12 @@ class OutputTable(Table):
 
 
 class Scene(Table):
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+    # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64)]
     assumptions: tuple[str, ...] = ()
     time: TimeTable
     stones: StonesTable
-    materials: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")], MaterialTable]
+    materials: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable]
     contacts: dict[str, ContactTable]
     plate: PlateTable
     output: OutputTable = OutputTable()
@@ -112,6 +114,8 @@ class Scene(Table):
                 raise Refused(f"stones.{part}", name, f"unknown material; materials here are {sorted(self.materials)}")
             if self.stones.agglomerate and self.materials[name].bond is None:
                 raise Refused(f"materials.{name}.bond", None, "must be given, as stones.agglomerate needs it")
+        if self.plate.youngs_modulus_Pa < LEAST_MODULUS_Pa:
+            raise Refused("plate.youngs_modulus_Pa", self.plate.youngs_modulus_Pa, f"must be at least {LEAST_MODULUS_Pa:g}")
         if PLATE in self.materials:
             raise Refused("materials", PLATE, "must be another name, this one is the plate's")
         self._check_contacts()

@@ -20,6 +20,7 @@ CO_STEPS_IN_CONTACT = 45
 # 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
 STIFFNESS_SHARE = 0.2
 DASHPOT_SHARE = 0.15
+MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
 
 
@@ -51,16 +52,26 @@ def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float 
         del limits["plate_contact"]  # the bonds carry the contact of an agglomerate
     mutual = {} if mobility_1_kg is None else exchange_limits_s(scene, mobility_1_kg)
     limits |= mutual
+    for name, limit in limits.items():
+        if not 0 < limit < np.inf:
+            raise InputError(f"{file}: the limit {name} of the time step would be {limit:g} s: sizes, densities, moduli and "
+                             "speed must be of magnitudes that double precision can hold")
     largest = min(limits.values())
     wanted = scene.time.time_step_s or largest
     if wanted > largest * (1 + 1e-12):
         name = min(limits, key=limits.__getitem__)
         raise InputError(f"{file}: time.time_step_s = {wanted:g}: must not be above {largest:.4g} s, the limit set by "
                          f"{name}")
+    if not scene.time.duration_s / min(wanted, scene.time.sample_interval_s) <= MOST_STEPS:
+        raise InputError(f"{file}: time.duration_s = {scene.time.duration_s:g}: must be at most {MOST_STEPS} steps of "
+                         f"{min(wanted, scene.time.sample_interval_s):.3g} s")
     co_step = _co_step(scene, wanted, contact, mutual, file)
     block = FAST_PER_SAMPLE * co_step
     sample_steps = block * int(np.ceil(scene.time.sample_interval_s / wanted / block - 1e-9))
     intervals = int(scene.time.duration_s / scene.time.sample_interval_s + 1e-9)  # 0.04 s: 266, thus 267 samples
+    if intervals * sample_steps > MOST_STEPS:
+        raise InputError(f"{file}: time.sample_interval_s = {scene.time.sample_interval_s:g}: leaves "
+                         f"{intervals * sample_steps:.3g} steps; must leave at most {MOST_STEPS}")
     return TimeStep(
         dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits, bond_time_s=bond_time, co_step=co_step,
         fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=intervals * sample_steps)

@@ -8,7 +8,7 @@ import numpy as np
 
 from plate_fem.modes import plate_modes
 from plate_fem.scene import read_plate
-from plate_fem.tables import InputError
+from plate_fem.tables import InputError, refused_in
 
 
 def main(arguments=None):
@@ -35,7 +35,8 @@ def show_modes(scene, out=None):
         raise InputError(f"{scene}: plate.max_frequency_Hz is missing: it must be given to list modes without stones")
     if out is not None and out.suffix != ".vtu":
         raise InputError(f"--out = {out}: the name must end in .vtu")
-    modes = plate_modes(plate)
+    with refused_in(scene, "plate"):
+        modes = plate_modes(plate)
     print(f"# {modes.theory} plate, {len(modes.quad)} cells, mass {modes.mass_kg:.6g} kg")
     print(f"{'mode':>5} {'Hz':>12} {'damping':>9}")
     for number, (frequency, damping) in enumerate(zip(modes.frequency_Hz, modes.damping_ratio), 1):

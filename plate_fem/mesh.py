@@ -6,7 +6,10 @@ import math
 import numpy as np
 import skfem
 
+from plate_fem.tables import Refused
+
 SHEAR_ERROR_ALLOWED = 0.005  # Kirchhoff is used while its highest frequency is at most this much too high
+MOST_CELLS, MOST_LINES = 20_000, 500  # some GB of memory
 CELLS_PER_WAVELENGTH = {"kirchhoff": 5.6, "mindlin": 4.5}  # highest mode kept within 1e-3
 
 
@@ -75,8 +78,12 @@ def mesh_lines(plate):
 
     Point supports lie on grid lines. By default a cell at a rod is as wide as the rod's radius and cells grow
     slowly away from it; a scene's `mesh_size_m` refines these in the same proportion.
+    Raises Refused for more than MOST_CELLS cells.
     """
+    key = "max_frequency_Hz" if plate.mesh_size_m is None else "mesh_size_m"
     largest = mesh_size(plate)
+    if not plate.length_m * plate.width_m / largest**2 <= MOST_CELLS:
+        raise Refused(key, getattr(plate, key), f"must leave a mesh of at most {MOST_CELLS} cells; here a cell is {largest:.3g} m wide")
     scale = largest / default_mesh_size(plate)
     lines = []
     for axis, side in (("x_m", plate.length_m), ("y_m", plate.width_m)):
@@ -88,6 +95,8 @@ def mesh_lines(plate):
             fixed += [centre - radius, centre, centre + radius]
             fine.append((centre, radius, scale))
         lines.append(_graded(_distinct(fixed, 1e-6 * side), largest, fine))
+        if len(lines[-1]) > MOST_LINES:
+            raise Refused("rods", f"{len(plate.rods)} rods", f"must leave at most {MOST_LINES} lines across the mesh")
     return lines
 
 

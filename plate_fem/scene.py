@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from plate_fem.tables import InputError, Refused, Table, check, read_toml
 
 Positive = Annotated[float, Field(gt=0)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$")]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
 
 class Rod(Table):

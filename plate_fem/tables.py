@@ -1,6 +1,7 @@
 """Scene tables: read a TOML file and check its values, with one line per mistake."""
 
 import tomllib
+from contextlib import contextmanager
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
@@ -8,6 +9,10 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_
 
 class InputError(ValueError):
     """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
+
+    def __init__(self, message):
+        # Keys and names come from the file and may hold anything.
+        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
 
 
 class Refused(ValueError):
@@ -32,6 +37,15 @@ class Table(BaseModel):
         if not isinstance(data, dict):
             return data
         return {key: tuple(v) if isinstance(v, list) else v for key, v in data.items()}
+
+
+@contextmanager
+def refused_in(file, where):
+    """Within it a `Refused` becomes an InputError that names the file and the table `where`."""
+    try:
+        yield
+    except Refused as error:
+        raise InputError(f"{file}: {where}.{error.key} = {_short(error.value)}: {error.allowed}") from None
 
 
 def read_toml(path):
@@ -78,7 +92,7 @@ def _describe(mistake, model_class, data, where):
         keys, value, allowed = [*keys, refused.key], refused.value, refused.allowed
     else:
         allowed = _allowed(mistake)
-    path = ".".join([where, *keys] if where else keys) or "(top level)"
+    path = ".".join([where, *map(_clip, keys)] if where else map(_clip, keys)) or "(top level)"
     if kind == "missing":
         return f"{path} is missing: a value must be given"
     return f"{path} = {_short(value)}: {allowed}"
@@ -119,7 +133,8 @@ def _allowed_keys(model_class, data, keys):
             node = node["items"]
         else:
             data = data[key]
-            node = node.get("properties", {}).get(key) or node["additionalProperties"]
+            free = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
+            node = node.get("properties", {}).get(key) or next(table for table in free if table)
 
 
 def _resolve(schema, node, data):
@@ -137,5 +152,8 @@ def _resolve(schema, node, data):
 
 
 def _short(value):
-    text = repr(value).replace("\n", " ")
+    return _clip(repr(value).replace("\n", " "))
+
+
+def _clip(text):
     return text if len(text) <= 60 else text[:57] + "..."

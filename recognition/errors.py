@@ -1,8 +1,13 @@
 """Error of this package."""
 
+from analysis.records import one_line
+
 
 class RecognitionError(ValueError):
     """A model cannot be fitted, loaded or applied. The message is one line."""
+
+    def __init__(self, message: str):
+        super().__init__(one_line(message))
 
 
 class NotRecognised(RecognitionError):

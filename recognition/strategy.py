@@ -151,7 +151,11 @@ class Strategy:
         model = cls(rule, float(data["xi"]), float(data["least_share"]), data["judge"])
         model.n_moments_ = int(data["n_moments"])
         form = np.array([FORMS.index(name) for name in data["form"]], dtype=int)
-        model.space_ = FunctionSpace(
-            np.asarray(data["moments"], dtype=int), form, np.asarray(data["parameters"], dtype=float)
-        )
+        moments = np.asarray(data["moments"], dtype=int)
+        parameters = np.asarray(data["parameters"], dtype=float)
+        if not (parameters.ndim == 2 and moments.shape == form.shape == parameters.shape[:1]):
+            raise ValueError("moments, form and parameters are not of one length")
+        if moments.size == 0 or moments.min() < 0 or moments.max() >= model.n_moments_:
+            raise ValueError(f"moments lie outside 0..{model.n_moments_ - 1}")
+        model.space_ = FunctionSpace(moments, form, parameters)
         return model

@@ -1,0 +1,89 @@
+"""Valid input, changed at random places: what the fuzz tests share."""
+
+import contextlib
+import copy
+import io
+import json
+import math
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+# What a careless or a hostile hand writes into a field.
+HOSTILE = [
+    "", " ", "a\nshell rm -rf x", "a & shell", "${HOME}", "$(id)", "`id`", '"', "'", "..", "../../x", "/etc/passwd",
+    "x" * 5000, "Kohle", "煤", "\u202e", "\x00", "{{ 7 * 7 }}", "{% raw %}", "nan", "1e400", "-1", "NULL", "<b>",
+]  # fmt: skip
+NUMBERS = [
+    0, -1, 1, 2, 3, 10**6, 10**12, 2**31, 2**63, 10**400, 0.0, -0.0, 0.05, 0.3, 0.5, 0.9999, 1.0, 1.5, 2.0, 1e-3, 1e-6, 1e-9, 1e-300,
+    5e-324, 1e3, 1e6, 1e9, 1e12, 1e30, 1e300, 1.7e308, math.inf, -math.inf, math.nan,
+]  # fmt: skip
+values = st.one_of(
+    st.sampled_from(HOSTILE), st.sampled_from(NUMBERS), st.text(max_size=20),
+    st.floats(), st.integers(), st.booleans(), st.just([]), st.just({}), st.lists(st.integers(-2, 3), max_size=4),
+    st.dictionaries(st.text(max_size=5), st.floats(), max_size=2),
+)  # fmt: skip
+
+
+@st.composite
+def places(draw, data):
+    """A place in nested dicts and lists: the table and the key in it. Small tables count as much as large ones."""
+    while True:
+        key = draw(st.sampled_from(sorted(data, key=repr) if isinstance(data, dict) else range(len(data))))
+        inner = data[key]
+        if not isinstance(inner, (dict, list)) or not inner or draw(st.integers(0, 4)) == 0:
+            return data, key
+        data = inner
+
+
+@st.composite
+def mutated(draw, valid, most=3):
+    """A copy of `valid` with up to `most` places changed, left out, doubled or scaled."""
+    data = copy.deepcopy(valid)
+    for _ in range(draw(st.integers(1, most))):
+        table, key = draw(places(data))
+        value = table[key]
+        how = draw(st.sampled_from(["replace", "scale", "scale", "leave out", "rename"]))
+        if how == "scale" and isinstance(value, (int, float)) and not isinstance(value, bool):
+            table[key] = value * draw(st.sampled_from([0.0, 1e-6, 1e-3, 0.1, 0.5, 2, 10, 1e3, 1e6, 1e12, -1]))
+        elif how == "leave out":
+            del table[key]
+        elif how == "rename" and isinstance(table, dict):
+            table[draw(st.sampled_from(HOSTILE) | st.text(max_size=8))] = table.pop(key)
+        else:
+            table[key] = draw(values)
+        if not data:
+            break
+    return data
+
+
+def as_toml(data):
+    """Nested dicts as TOML text, one line a key, tables inline."""
+    return "".join(f"{_text(key)} = {_inline(value)}\n" for key, value in data.items())
+
+
+def _inline(value):
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_text(k)} = {_inline(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    return _text(value) if isinstance(value, str) else str(value).lower() if isinstance(value, (bool, float)) else str(value)
+
+
+def _text(value):
+    # JSON's escapes are TOML's, but for lone surrogates, which no text file holds, and DEL.
+    return json.dumps(value, ensure_ascii=False).encode(errors="replace").decode().replace("\x7f", "\\u007f")
+
+
+def outcome(main, arguments):
+    """Exit code of a command line and what it wrote to stderr; an exception passes through."""
+    errors = io.StringIO()
+    with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
+        code = main(arguments)
+    return code, errors.getvalue()
+
+
+def fuzz(check, strategy, cases):
+    """`check` every one of so many cases, the same ones each time."""
+    settings(max_examples=cases, deadline=None, derandomize=True, database=None,
+             suppress_health_check=list(HealthCheck))(given(strategy)(check))()  # fmt: skip

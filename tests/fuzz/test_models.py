@@ -1,0 +1,79 @@
+"""Whatever a model file says: a ratio, a reason, or one line; it never runs code."""
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from analysis import read_sweep
+from recognition import Model
+from recognition.__main__ import main
+from tests.analysis.synthetic import write_sweep
+from tests.fuzz.mutations import fuzz, mutated, outcome
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A model as data, and a run that it can recognise."""
+    runs = tmp_path_factory.mktemp("runs") / "paper"
+    write_sweep(runs)
+    Model.fit(read_sweep(runs).runs).save(runs / "model.json")
+    return json.loads((runs / "model.json").read_text()), runs / "ratio_030"
+
+
+def check(text, run):
+    here = Path(tempfile.mkdtemp())
+    try:
+        file = here / "model.json"
+        file.write_bytes(text)
+        code, errors = outcome(main, ["recognise", str(run), "--model", str(file)])
+        assert code == 0 and not errors or code == 2 and errors.count("\n") == 1, (code, errors)
+        if code == 0:
+            answers = Model.load(file).recognise(read_sweep(run.parent).runs[3].signals)
+            assert all(isinstance(a, str) or np.isfinite(a) for a in answers.values())
+        assert [p.name for p in here.iterdir()] == ["model.json"]
+    finally:
+        shutil.rmtree(here)
+
+
+def models(data):
+    """A model with values changed, or with bytes changed or cut off."""
+    changed = mutated(data).map(lambda d: json.dumps(d, default=str).encode())
+
+    @st.composite
+    def broken(draw):
+        raw = bytearray(json.dumps(data).encode())
+        for _ in range(draw(st.integers(1, 3))):
+            raw[draw(st.integers(0, len(raw) - 1))] = draw(st.integers(0, 255))
+        return bytes(raw[: draw(st.sampled_from([len(raw), len(raw) // 2, 1, 0]))])
+
+    return changed | changed | changed | broken()
+
+
+def test_some_models(fitted):
+    data, run = fitted
+    fuzz(lambda text: check(text, run), models(data), 30)
+
+
+@pytest.mark.validate
+def test_many_models(fitted):
+    data, run = fitted
+    fuzz(lambda text: check(text, run), models(data), 1000)
+
+
+def test_a_pickle_is_not_loaded(fitted, tmp_path):
+    """The classic attack: a file that runs code when it is unpickled."""
+    import pickle
+
+    class Attack:
+        def __reduce__(self):
+            return (Path.touch, (tmp_path / "attacked",))
+
+    check(pickle.dumps(Attack()), fitted[1])
+    assert not (tmp_path / "attacked").exists()
+    pickle.loads(pickle.dumps(Attack()))
+    assert (tmp_path / "attacked").exists()  # it would have worked

@@ -1,0 +1,141 @@
+"""Whatever a record holds: its features, or one line and exit code 2."""
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import strategies as st
+from scipy.io import wavfile
+
+from analysis import RecordError, read_run
+from analysis.__main__ import main
+from tests.analysis.synthetic import write_run
+from tests.fuzz.mutations import HOSTILE, fuzz, mutated, outcome
+
+TIMES = np.arange(64) * 1e-3
+SIGNAL = np.sin(300 * TIMES) * np.exp(-20 * TIMES)
+COLUMNS = st.sampled_from(["t_s", "a_m_s2", "time", "t", "0", "force_N", *HOSTILE])
+cells = st.one_of(st.floats(), st.integers(-(2**63), 2**63 - 1), st.sampled_from(HOSTILE), st.text(max_size=5))
+
+
+@st.composite
+def tables(draw):
+    """A good record with cells replaced, columns renamed, doubled, of another type, or rows gone."""
+    table = pd.DataFrame({"t_s": TIMES, "a_m_s2": SIGNAL}).astype(object)
+    for _ in range(draw(st.integers(0, 4))):
+        row, column = draw(st.integers(0, len(table) - 1)), draw(st.integers(0, table.shape[1] - 1))
+        table.iloc[row, column] = draw(cells)
+    if draw(st.booleans()):
+        table.columns = [draw(COLUMNS) for _ in table.columns]
+    if draw(st.booleans()):
+        table = table.iloc[: draw(st.integers(0, 5))]
+    return table
+
+
+@st.composite
+def files(draw):
+    """Name and bytes of a file: a table, garbage, or a good file with bytes changed or cut off."""
+    ending = draw(st.sampled_from([".csv", ".txt", ".parquet", ".wav"]))
+    if ending in (".csv", ".txt") and draw(st.booleans()):
+        text = draw(tables()).to_csv(index=draw(st.booleans()), sep=draw(st.sampled_from(",;\t ")))
+        return "record" + ending, text.encode(errors="replace")
+    data = bytearray(good_file(ending))
+    for _ in range(draw(st.integers(0, 4))):
+        data[draw(st.integers(0, len(data) - 1))] = draw(st.integers(0, 255))
+    if draw(st.integers(0, 3)) == 0:
+        del data[draw(st.integers(0, len(data) - 1)):]
+    if draw(st.integers(0, 5)) == 0:
+        data = bytearray(draw(st.binary(max_size=200)))
+    return "record" + ending, bytes(data)
+
+
+def good_file(ending):
+    here = Path(tempfile.mkdtemp())
+    try:
+        file = here / ("good" + ending)
+        table = pd.DataFrame({"t_s": TIMES, "a_m_s2": SIGNAL})
+        if ending == ".parquet":
+            table.to_parquet(file)
+        elif ending == ".wav":
+            wavfile.write(file, 1000, SIGNAL.astype("float32"))
+        else:
+            table.to_csv(file, index=False)
+        return file.read_bytes()
+    finally:
+        shutil.rmtree(here)
+
+
+def check(named):
+    name, data = named
+    here = Path(tempfile.mkdtemp())
+    try:
+        file = here / name
+        file.write_bytes(data)
+        code, errors = outcome(main, ["features", str(file)])
+        assert code == 0 and not errors or code == 2 and errors.count("\n") == 1 and str(file) in errors, (code, errors)
+        assert [p.name for p in here.iterdir()] == [name]
+    finally:
+        shutil.rmtree(here)
+
+
+def check_parquet(table):
+    """Tables that only a binary file can hold: any type in any column."""
+    here = Path(tempfile.mkdtemp())
+    try:
+        file = here / "record.parquet"
+        try:
+            table.convert_dtypes().to_parquet(file)
+        except Exception:  # noqa: BLE001  what pandas cannot write nobody can hand over
+            return
+        check((file.name, file.read_bytes()))
+    finally:
+        shutil.rmtree(here)
+
+
+def check_run(run_json):
+    """A run directory whose run.json is not ours."""
+    here = Path(tempfile.mkdtemp())
+    try:
+        write_run(here / "ratio_030", 0.3)
+        (here / "ratio_030" / "run.json").write_text(json.dumps(run_json))
+        try:
+            read = read_run(here / "ratio_030")
+        except RecordError as error:
+            assert "\n" not in str(error) and "run.json" in str(error)
+        else:
+            assert 0 <= read.gangue_ratio <= 1 and len(read.materials) > 0
+    finally:
+        shutil.rmtree(here)
+
+
+def info():
+    here = Path(tempfile.mkdtemp())
+    try:
+        write_run(here / "ratio_030", 0.3)
+        return json.loads((here / "ratio_030" / "run.json").read_text())
+    finally:
+        shutil.rmtree(here)
+
+
+def test_some_files():
+    fuzz(check, files(), 40)
+    fuzz(check_parquet, tables(), 10)
+
+
+@pytest.mark.validate
+def test_many_files():
+    fuzz(check, files(), 1000)
+    fuzz(check_parquet, tables(), 200)
+
+
+def test_some_run_directories():
+    fuzz(check_run, mutated(info()), 10)
+
+
+@pytest.mark.validate
+def test_many_run_directories():
+    fuzz(check_run, mutated(info()), 300)

@@ -1,0 +1,119 @@
+"""Whatever a scene file says: a run that is whole, or one line and exit code 2 with nothing written."""
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from dem.__main__ import main
+from dem.scene import read_scene
+from plate_fem.tables import read_toml
+from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, mutated, outcome
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+MOST_STEPS = 200_000  # that a fuzzed scene is run for; beyond, its deck is written only
+
+
+def small_scene(name, plate):
+    """Two stones of eight sub-spheres, or two spheres, on a rigid or a coarse flexible plate."""
+    scene = read_toml(SCENES / "single.toml")
+    scene["time"] |= {"duration_s": 3e-4}
+    scene["stones"] |= {"count": 2, "positions": [{"x_m": 0.1, "y_m": 0.0}, {"x_m": -0.1, "y_m": 0.0}],
+                        "gangue_order": [1, 2], "gangue_ratio": 0.5}
+    scene["contacts"] = {key: {"restitution": 0.5, "friction": 0.4} for key in (
+        "coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}
+    if name == "bonded":
+        scene["stones"]["agglomerate"]["subspheres"] = 8
+    else:
+        del scene["stones"]["agglomerate"]
+    if plate == "rigid":
+        scene["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
+    else:
+        scene["plate"] |= {"max_frequency_Hz": 1500.0, "theory": "kirchhoff"}
+    scene["output"] = {"view_interval_s": 1.5e-4}
+    return scene
+
+
+VALID = [small_scene(name, plate) for name in ("bonded", "sphere") for plate in ("rigid", "flexible")]
+
+
+def check(scene):
+    """Run the scene, or render its deck where that is long."""
+    here = Path(tempfile.mkdtemp())
+    try:
+        file = here / "scene.toml"
+        file.write_text(as_toml(scene), encoding="utf-8")
+        out = here / "out"
+        code, errors = outcome(main, ["deck", str(file), "--out", str(out)])
+        if code == 0:
+            deck = (out / "deck" / "deck.liggghts").read_text()
+            steps = int(deck.rsplit("run ", 1)[1])
+            shutil.rmtree(out)
+            if steps > MOST_STEPS:
+                return
+            code, errors = outcome(main, ["run", str(file), "--out", str(out)])
+        if code == 0:
+            info = json.loads((out / "run.json").read_text())
+            assert info["status"] == "finished" and info["scene"]["name"] == read_scene(file).name
+            assert np.isfinite(pd.read_parquet(out / "signals.parquet").to_numpy()).all()
+        else:
+            said = errors.splitlines()[-1:]  # after what a terminal shows of a run's progress
+            assert code == 2 and len(said) == 1 and str(file) in said[0], (code, errors)
+            assert not out.exists()
+            assert {p.name for p in here.iterdir()} <= {"scene.toml", ".modes"}
+    finally:
+        shutil.rmtree(here)
+
+
+each_kind = pytest.mark.parametrize("valid", VALID, ids=["bonded-rigid", "bonded-flexible", "sphere-rigid", "sphere-flexible"])
+
+
+@each_kind
+def test_the_valid_scenes_run(valid):
+    check(valid)
+
+
+@each_kind
+def test_some_changed_scenes(valid):
+    fuzz(check, mutated(valid), 6)
+
+
+@pytest.mark.validate
+@each_kind
+def test_many_changed_scenes(valid):
+    fuzz(check, mutated(valid), 250)
+
+
+@pytest.mark.parametrize("name", [name for name in HOSTILE if not name.isalnum() or not name.isascii() or len(name) > 100])
+@pytest.mark.parametrize("path", ["name", "plate.sensors.0.name", "stones.coal", "new material", "contacts key"])
+def test_no_name_gets_into_a_deck(tmp_path, name, path):
+    """Nothing that a shell, LIGGGHTS or a path could take for more than a name is taken for one."""
+    scene = small_scene("sphere", "flexible")
+    if path == "name":
+        scene["name"] = name
+    elif path == "plate.sensors.0.name":
+        scene["plate"]["sensors"] = [{"name": name, "x_m": 0.0, "y_m": 0.0}]
+    elif path == "stones.coal":
+        scene["stones"]["coal"] = name
+    elif path == "new material":
+        scene["materials"][name] = scene["materials"]["coal"]
+    else:
+        scene["contacts"][name] = scene["contacts"]["coal_coal"]
+    (tmp_path / "scene.toml").write_text(as_toml(scene), encoding="utf-8")
+    code, errors = outcome(main, ["deck", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out")])
+    assert code == 2 and errors.count("\n") == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["scene.toml"]
+
+
+def test_free_text_stays_out_of_the_deck(tmp_path):
+    scene = small_scene("bonded", "rigid")
+    scene["assumptions"] = [name for name in HOSTILE if name]
+    (tmp_path / "scene.toml").write_text(as_toml(scene), encoding="utf-8")
+    code, _ = outcome(main, ["deck", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out")])
+    assert code == 0
+    for file in (tmp_path / "out" / "deck").iterdir():
+        assert not any(name.encode() in file.read_bytes() for name in HOSTILE if len(name) > 5)
