@@ -35,6 +35,8 @@ enum Column {
   WALL_DAMPED,     // by their normal dashpots so far, J
   PAIR_ELASTIC,    // now in the normal contacts between sub-spheres, J
   PAIR_DAMPED,     // by their normal dashpots so far, J
+  WALL_PLASTIC,    // taken by the plate's yielding under the contacts so far, J
+  WALL_DEEPEST,    // largest overlap over radius of a contact with the plate so far
   COLUMNS
 };
 }  // namespace
@@ -182,8 +184,14 @@ void FixLedger::write() {
     put(WALL_DAMPED, wall_->damped());
     put(WALL_WORK, wall_->work_on_stone());
     put(PLATE_WORK, wall_->work_on_plate());
+    put(WALL_PLASTIC, wall_->plastic());
+    put(WALL_DEEPEST, wall_->deepest());
   }
   MPI_Allreduce(mine.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, world);
+  if (wall_ && comm->nprocs > 1) {
+    MPI_Reduce(wall_->deepest().data(), column.data(), n, MPI_DOUBLE, MPI_MAX, 0, world);
+    for (int k = 0; k < n; k++) total[k * COLUMNS + WALL_DEEPEST] = column[k];
+  }
   add_up(total);
   if (comm->me != 0) return;
   const long long step = update->ntimestep;
