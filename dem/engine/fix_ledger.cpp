@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "atom.h"
+#include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
 #include "fix_bond_parallel.h"
@@ -78,6 +79,7 @@ void FixLedger::init() {
 
 void FixLedger::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
+  if (resuming) return;
   // The step that ends here was counted by the run before, or never was.
   const std::vector<double> counted = pair_work_;
   post_force(vflag);
@@ -213,4 +215,29 @@ void FixLedger::add_up(const std::vector<double> &rows) {
 
 void FixLedger::post_run() {
   if (file_ && std::fflush(file_) != 0) error->one(FLERR, "cannot write the ledger");
+}
+
+void FixLedger::save(CheckpointWriter &out) {
+  post_run();
+  out.sum("pair_work", pair_work_);
+  out.sum("pair_damped", pair_damped_);
+  std::vector<double> rows;
+  for (const Contact &c : contacts_) {
+    rows.push_back(atom->tag[c.i]);
+    rows.insert(rows.end(), c.force, c.force + 3);
+    rows.insert(rows.end(), c.torque, c.torque + 3);
+  }
+  out.rows("pair_contacts", rows);
+}
+
+void FixLedger::restore(const CheckpointReader &in) {
+  pair_work_ = in.sum("pair_work", agglomerates_->count());
+  pair_damped_ = in.sum("pair_damped", agglomerates_->count());
+  contacts_.clear();
+  const std::vector<double> &rows = in.rows("pair_contacts", 7);
+  for (size_t k = 0; k < rows.size(); k += 7) {
+    const int i = atom->map(static_cast<int>(rows[k]));
+    if (i < 0 || i >= atom->nlocal) continue;
+    contacts_.push_back({i, {rows[k + 1], rows[k + 2], rows[k + 3]}, {rows[k + 4], rows[k + 5], rows[k + 6]}});
+  }
 }

@@ -7,8 +7,10 @@
 #include <cstring>
 
 #include "atom.h"
+#include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
+#include "fix_property_atom.h"
 #include "force.h"
 #include "memory.h"
 #include "neighbor.h"
@@ -111,6 +113,7 @@ void FixWallPlate::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
   step_in_co_step_ = 0;
   rebuildPrimitiveNeighlist_ = true;
+  if (resuming) return;
   pre_force(vflag);
   end_co_step(true);
   // The step that ends here was counted by the run before, or never was.
@@ -366,9 +369,13 @@ void FixWallPlate::record_contacts() {
     error->one(FLERR, "cannot write the contacts with the plate");
 }
 
-void FixWallPlate::post_run() {
+void FixWallPlate::flush() {
   if ((forces_ && std::fflush(forces_) != 0) || (contacts_ && std::fflush(contacts_) != 0))
     error->one(FLERR, "cannot write the forces on the plate");
+}
+
+void FixWallPlate::post_run() {
+  flush();
   if (link_ && comm->me == 0) link_->finish();
 }
 
@@ -412,4 +419,89 @@ void FixWallPlate::unpack_restart(int i, int nth) {
   const double *extra = atom->extra[i];
   for (int k = 0; k < nth; k++) extra += static_cast<int>(*extra);
   std::copy_n(extra + 1, DENT, dent_[i]);
+}
+
+/* --- checkpoint --------------------------------------------------------------------------------------------------- */
+
+void FixWallPlate::save(CheckpointWriter &out) {
+  flush();
+  out.sum("wall_work_on_stone", work_on_stone_);
+  out.sum("wall_work_on_plate", work_on_plate_);
+  out.sum("wall_damped", damped_);
+  out.sum("wall_plastic", plastic_);
+  std::vector<double> deepest(deepest_.size());
+  MPI_Allreduce(deepest_.data(), deepest.data(), deepest.size(), MPI_DOUBLE, MPI_MAX, world);
+  out.common("wall_deepest", deepest);
+  out.sum("wall_impulse", impulse_);
+  out.sum("wall_modal_impulse", modal_impulse_);
+  out.common("wall_co_step", {static_cast<double>(step_in_co_step_), static_cast<double>(co_steps_passed_),
+                              static_cast<double>(following_), link_ ? link_->reach : 0});
+  if (link_) {
+    out.common("wall_amplitude", link_->amplitude);
+    out.common("wall_rate", link_->rate);
+  }
+  std::vector<double> rows;  // tag, force, torque, history of what touches
+  for (const Near &p : near_) {
+    if (!p.touched) continue;
+    rows.push_back(atom->tag[p.i]);
+    rows.insert(rows.end(), p.force, p.force + 3);
+    rows.insert(rows.end(), p.torque, p.torque + 3);
+    if (dnum_ > 0) rows.insert(rows.end(), fix_history_primitive_->array_atom[p.i],
+                               fix_history_primitive_->array_atom[p.i] + dnum_);
+  }
+  out.rows("wall_contacts", rows);
+  if (!plastic_law_) return;
+  rows.clear();
+  for (int i = 0; i < atom->nlocal; i++) {
+    if (std::all_of(dent_[i], dent_[i] + DENT, [](double d) { return d == 0; })) continue;
+    rows.push_back(atom->tag[i]);
+    rows.insert(rows.end(), dent_[i], dent_[i] + DENT);
+  }
+  out.rows("wall_dents", rows);
+}
+
+// Everything else is found anew when the next step lists what is near.
+void FixWallPlate::restore(const CheckpointReader &in) {
+  const size_t n = agglomerates_->count();
+  work_on_stone_ = in.sum("wall_work_on_stone", n);
+  work_on_plate_ = in.sum("wall_work_on_plate", n);
+  damped_ = in.sum("wall_damped", n);
+  plastic_ = in.sum("wall_plastic", n);
+  deepest_ = in.common("wall_deepest", n);
+  impulse_ = in.sum("wall_impulse", n);
+  modal_impulse_ = in.sum("wall_modal_impulse", modal_impulse_.size());
+  const std::vector<double> &co_step = in.common("wall_co_step", 4);
+  step_in_co_step_ = static_cast<int>(co_step[0]);
+  co_steps_passed_ = static_cast<long long>(co_step[1]);
+  following_ = co_step[2] != 0;
+  if (link_) {
+    link_->reach = co_step[3];
+    link_->amplitude = in.common("wall_amplitude", link_->amplitude.size());
+    link_->rate = in.common("wall_rate", link_->rate.size());
+    if (comm->me == 0) link_->open();
+  }
+  near_.clear();
+  const int columns = 7 + std::max(0, dnum_);
+  const std::vector<double> &rows = in.rows("wall_contacts", columns);
+  for (size_t k = 0; k < rows.size(); k += columns) {
+    const int i = atom->map(static_cast<int>(rows[k]));
+    if (i < 0 || i >= atom->nlocal) continue;
+    Near p;
+    p.i = i;
+    p.touched = true;
+    std::copy_n(&rows[k + 1], 3, p.force);
+    std::copy_n(&rows[k + 4], 3, p.torque);
+    near_.push_back(p);
+    if (dnum_ > 0) std::copy_n(&rows[k + 7], dnum_, fix_history_primitive_->array_atom[i]);
+  }
+  if (!plastic_law_) return;
+  const std::vector<double> &dents = in.rows("wall_dents", 1 + DENT);
+  for (size_t k = 0; k < dents.size(); k += 1 + DENT) {
+    const int i = atom->map(static_cast<int>(dents[k]));
+    if (i >= 0 && i < atom->nlocal) std::copy_n(&dents[k + 1], DENT, dent_[i]);
+  }
+}
+
+void FixWallPlate::saved(long long step) {
+  if (link_ && comm->me == 0) link_->checkpoint(step);
 }

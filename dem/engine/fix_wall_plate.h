@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "agglomerates.h"
+#include "checkpointed.h"
 #include "fix_wall_gran.h"
 #include "hertz_law.h"
 #include "plastic_law.h"
@@ -26,7 +27,7 @@ namespace LAMMPS_NS {
 // With a yield_pressure the plate gives way under a sub-sphere (PlasticLaw): the stock wall meets the sub-sphere at the
 // height at which its Hertz force is the plastic one, so that dashpot and friction act on that force too. The dent is
 // remembered with the sub-sphere until this is clear of the plate and more than the dent's radius away.
-class FixWallPlate : public FixWallGran {
+class FixWallPlate : public FixWallGran, public Checkpointed {
  public:
   FixWallPlate(class LAMMPS *, int, char **);
   ~FixWallPlate() override;
@@ -37,6 +38,9 @@ class FixWallPlate : public FixWallGran {
   void post_force(int) override;
   void end_of_step() override;
   void post_run() override;
+  void save(CheckpointWriter &) override;
+  void restore(const CheckpointReader &) override;
+  void saved(long long step) override;
 
   void grow_arrays(int) override;
   void copy_arrays(int, int, int) override;
@@ -106,6 +110,7 @@ class FixWallPlate : public FixWallGran {
   void add_forces(double weight);
   void end_co_step(bool first);
   void record_forces();
+  void flush();
   bool anything_near() const;
   void follow_plate();
   void update_shape(size_t k);
