@@ -3,6 +3,8 @@
 //
 // Bonds lie in packs of W, one number of all W bonds beside the other. The records of the 2 W sub-spheres are loaded
 // whole and transposed in registers, the formulas run on all W bonds at once, and the forces are transposed back.
+// A large stone does not fit in the near caches, so a bond is one cache line, 64 bytes: what its material has in common
+// with the others stands once in front of their packs, and the rest is computed.
 // Included once per width; each translation unit is compiled for its own instruction set.
 
 #include <immintrin.h>
@@ -86,9 +88,14 @@ template <int W> Vec3<W> cross(const Vec3<W> &a, const Vec3<W> &b) {
 }
 
 template <int W> struct alignas(64) Pack {
-  typename Simd<W>::Reg length, dx, dy, dz, k_normal, ks_length2, k_bend, k_twist, tensile, shear, bend_lever2,
-      twist_lever, tan_friction;
-  int i[W], j[W], id[W];
+  typename Simd<W>::Reg length, dx, dy, dz, k_normal, radius, tensile;
+  int i[W], j[W];
+};
+
+// Consecutive packs of bonds of one material.
+struct Stretch {
+  const BondMaterial *material;
+  size_t end;  // of its packs
 };
 
 template <int W> class PackedKernel : public BondKernel {
@@ -103,6 +110,8 @@ template <int W> class PackedKernel : public BondKernel {
   };
 
   std::vector<Pack<W>> packs_;
+  std::vector<int> id_;  // of bond l of pack p at p W + l
+  std::vector<Stretch> stretches_;
 
   static Ends load(const AtomRecord *atom, const int *index) {
     R m[8];
@@ -131,38 +140,61 @@ template <int W> class PackedKernel : public BondKernel {
 
   // Broken bonds leave their lane without stiffness and out of reach of the criterion.
   static void retire(Pack<W> &b, int l) {
-    b.k_normal[l] = b.ks_length2[l] = b.k_bend[l] = b.k_twist[l] = 0;
-    b.tensile[l] = b.shear[l] = 1e150;
+    b.k_normal[l] = 0;
+    b.tensile[l] = 1e150;
+  }
+
+  // A lane without a bond, between the two spare records.
+  static Pack<W> empty(int spare) {
+    Pack<W> p = Pack<W>();
+    for (int l = 0; l < W; l++) {
+      p.i[l] = spare, p.j[l] = spare + 1;
+      p.length[l] = p.dx[l] = p.radius[l] = 1;
+      retire(p, l);
+    }
+    return p;
   }
 
  public:
   void build(const std::vector<LocalBond> &bonds, int spare) override {
-    packs_.assign((bonds.size() + W - 1) / W, Pack<W>());
-    for (size_t k = 0; k < packs_.size() * W; k++) {
-      Pack<W> &p = packs_[k / W];
-      const int l = k % W;
-      if (k >= bonds.size()) {
-        p.i[l] = spare, p.j[l] = spare + 1, p.id[l] = -1;
-        p.length[l] = p.dx[l] = 1, p.dy[l] = p.dz[l] = 0;
-        p.bend_lever2[l] = p.twist_lever[l] = p.tan_friction[l] = 0;
-        retire(p, l);
-        continue;
-      }
-      const Bond &b = *bonds[k].bond;
-      p.i[l] = bonds[k].i, p.j[l] = bonds[k].j, p.id[l] = bonds[k].id;
+    packs_.clear(), id_.clear(), stretches_.clear();
+    int l = W;  // lane of the next bond
+    for (const LocalBond &local : bonds) {
+      const Bond &b = *local.bond;
+      const bool other = stretches_.empty() || stretches_.back().material != b.material;
+      if (other) stretches_.push_back({b.material, 0});
+      if (other || l == W) packs_.push_back(empty(spare)), id_.resize(packs_.size() * W, -1), l = 0;
+      stretches_.back().end = packs_.size();
+      Pack<W> &p = packs_.back();
+      id_[(packs_.size() - 1) * W + l] = local.id;
+      p.i[l] = local.i, p.j[l] = local.j;
       p.length[l] = b.length;
       p.dx[l] = b.direction[0], p.dy[l] = b.direction[1], p.dz[l] = b.direction[2];
-      p.k_normal[l] = b.k_normal, p.ks_length2[l] = b.k_shear * b.length * b.length;
-      p.k_bend[l] = b.k_bend, p.k_twist[l] = b.k_twist;
-      p.tensile[l] = b.tensile_force, p.shear[l] = b.shear_force;
-      p.bend_lever2[l] = 16 / (b.radius * b.radius), p.twist_lever[l] = 2 / b.radius;
-      p.tan_friction[l] = b.tan_friction;
+      p.k_normal[l] = b.k_normal, p.radius[l] = b.radius, p.tensile[l] = b.tensile_force;
+      l++;
     }
   }
 
   int add_forces(const AtomRecord *atom, ForceRecord *force, int *broken) override {
     int n_broken = 0;
-    for (Pack<W> &b : packs_) {
+    size_t begin = 0;
+    for (const Stretch &s : stretches_) {
+      n_broken += add_forces(*s.material, begin, s.end, atom, force, broken + n_broken);
+      begin = s.end;
+    }
+    return n_broken;
+  }
+
+ private:
+  int add_forces(const BondMaterial &material, size_t begin, size_t end, const AtomRecord *atom, ForceRecord *force,
+                 int *broken) {
+    const R half = R{} + 0.5, quarter = R{} + 0.25;
+    const R shear_share = R{} + 1 / material.stiffness_ratio;
+    const R cohesion = R{} + material.shear_strength / material.tensile_strength;
+    const R tan_friction = R{} + material.tan_friction;
+    int n_broken = 0;
+    for (size_t k = begin; k < end; k++) {
+      Pack<W> &b = packs_[k];
       const Ends i = load(atom, b.i), j = load(atom, b.j);
       const V d0{b.dx, b.dy, b.dz};
       const V branch = j.x - i.x;
@@ -170,7 +202,6 @@ template <int W> class PackedKernel : public BondKernel {
       const V n = r_inverse * branch;
 
       const V di = rotate(i.w, i.q, d0), dj = rotate(j.w, j.q, d0);
-      const R half = R{} + 0.5;
       const V mean = half * (di + dj);
       const R cosine = dot<W>(mean, n);
       const V p = mean - cosine * n;
@@ -181,15 +212,15 @@ template <int W> class PackedKernel : public BondKernel {
       const V bend = turn - twist * d0;
 
       const R pull = b.k_normal * (r - b.length);
-      const R twisting = b.k_twist * twist;
-      V moment = b.k_bend * bend + twisting * d0;
-      R shearing = b.ks_length2;
+      const R kr = b.k_normal * b.radius, shear_kr = shear_share * kr;  // k_b = kr r/4, k_t = shear_kr r/2
+      V moment = quarter * kr * b.radius * bend + half * shear_kr * b.radius * twist * d0;
+      R shearing = shear_share * b.k_normal * b.length * b.length;
       R slope = shearing * cosine * r_inverse;
 
       // Tension: pull + |M_b| 4/r > limit. Shear: |F_s| + |M_t| 2/r > limit - tan(phi) pull. Squared, sign kept.
       const R tension_margin = b.tensile - pull;
-      const R shear_margin = b.shear - b.tan_friction * pull - b.twist_lever * absolute(twisting);
-      const R bending2 = b.bend_lever2 * b.k_bend * b.k_bend * dot<W>(bend, bend);
+      const R shear_margin = cohesion * b.tensile - tan_friction * pull - shear_kr * absolute(twist);
+      const R bending2 = kr * kr * dot<W>(bend, bend);
       const R excess = bending2 - tension_margin * absolute(tension_margin);
       const R shear_excess = slope * slope * dot<W>(p, p) - shear_margin * absolute(shear_margin);
       const auto fails = (excess > 0) | (shear_excess > 0);
@@ -198,7 +229,7 @@ template <int W> class PackedKernel : public BondKernel {
         const R keep = fails ? R{} : R{} + 1.0;
         for (int l = 0; l < W; l++)
           if (keep[l] == 0) {
-            broken[n_broken++] = b.id[l];
+            broken[n_broken++] = id_[k * W + l];
             retire(b, l);
           }
         normal_force *= keep, slope *= keep, shearing *= keep;

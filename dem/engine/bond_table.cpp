@@ -27,6 +27,7 @@ std::vector<Bond> read_bonds(LAMMPS *lmp, const std::string &file, const std::ve
     b.tensile_force = strength_factor * m.tensile_strength * b.area;
     b.shear_force = strength_factor * m.shear_strength * b.area;
     b.tan_friction = m.tan_friction;
+    b.material = &m;
     bonds.push_back(b);
   }
   if (!in.eof() || bonds.empty()) lmp->error->all(FLERR, ("Cannot read the bonds from " + file).c_str());

@@ -30,10 +30,11 @@ struct Bond {
   double tensile_force;       // strength x area, N
   double shear_force;         // strength x area, N
   double tan_friction;
+  const BondMaterial *material;
 };
 
 // File: a line a bond: tag_i tag_j material dx dy dz radius strength_factor, where d is the undeformed vector from
-// i to j in m and material counts from 1.
+// i to j in m and material counts from 1. The bonds point into `materials`.
 std::vector<Bond> read_bonds(LAMMPS *lmp, const std::string &file, const std::vector<BondMaterial> &materials);
 
 }  // namespace LAMMPS_NS

@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "atom.h"
-#include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
 #include "force.h"
@@ -20,7 +19,6 @@ using namespace FixConst;
 FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
     : Fix(lmp, narg, arg), quaternion_(nullptr), damping_time_(0) {
   std::string bonds, agglomerates, kernel = "auto";
-  std::vector<BondMaterial> materials;
   for (int k = 3; k < narg;) {
     const std::string key = arg[k++];
     const int needed = key == "material" ? 5 : 1;
@@ -37,7 +35,8 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
       m.tensile_strength = force->numeric(FLERR, arg[k + 2]);
       m.shear_strength = force->numeric(FLERR, arg[k + 3]);
       m.tan_friction = force->numeric(FLERR, arg[k + 4]);
-      materials.push_back(m);
+      if (m.tensile_strength <= 0) error->fix_error(FLERR, this, "the tensile strength must be above 0");
+      materials_.push_back(m);
     } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
     k += needed;
   }
@@ -48,7 +47,7 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   if (force->newton) error->fix_error(FLERR, this, "needs `newton off`");
   if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
 
-  bonds_ = read_bonds(lmp, bonds, materials);
+  bonds_ = read_bonds(lmp, bonds, materials_);
   intact_.assign(bonds_.size(), 1);
   broken_.resize(bonds_.size());
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
@@ -88,7 +87,6 @@ void FixBondParallel::init() {
 
 void FixBondParallel::setup(int vflag) {
   known_tags_.clear();
-  if (resuming) return;
   rebuild();
   // The step that ends here was counted by the run before, or never was; see add_work.
   const std::vector<double> counted = work_;
@@ -119,8 +117,8 @@ void FixBondParallel::post_integrate() {
 // 1e-18 for a < 0.05; sub-spheres that turn faster in a step, which no stable run has, take the functions.
 void FixBondParallel::turn(double *q, const double *omega, double half_dt) {
   const double a2 = half_dt * half_dt * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2]);
-  double c = 1 - a2 / 2 * (1 - a2 / 12 * (1 - a2 / 30 * (1 - a2 / 56)));
-  double s = half_dt * (1 - a2 / 6 * (1 - a2 / 20 * (1 - a2 / 42 * (1 - a2 / 72))));
+  double c = 1 - a2 * (1. / 2) * (1 - a2 * (1. / 12) * (1 - a2 * (1. / 30) * (1 - a2 * (1. / 56))));
+  double s = half_dt * (1 - a2 * (1. / 6) * (1 - a2 * (1. / 20) * (1 - a2 * (1. / 42) * (1 - a2 * (1. / 72)))));
   if (a2 > 2.5e-3) c = std::cos(std::sqrt(a2)), s = half_dt * std::sin(std::sqrt(a2)) / std::sqrt(a2);
   const double u0 = s * omega[0], u1 = s * omega[1], u2 = s * omega[2];
   const double q0 = q[0], q1 = q[1], q2 = q[2], q3 = q[3];
@@ -191,6 +189,13 @@ AtomRecord FixBondParallel::record(int i) const {
   return r;
 }
 
+AtomRecord FixBondParallel::half_a_step_ago(int i) const {
+  AtomRecord r = record(i);
+  for (int k = 0; k < 3; k++) r.x[k] -= 0.5 * update->dt * atom->v[i][k];
+  turn(r.q, atom->omega[i], -0.25 * update->dt);
+  return r;
+}
+
 void FixBondParallel::fill_records() {
   const int nall = atom->nlocal + atom->nghost;
   atoms_.resize(nall + 2);
@@ -248,9 +253,10 @@ void FixBondParallel::note_broken(int n) {
     intact_[b] = 0;
     if (comm->nprocs > 1) newly_broken_.push_back(b);
     if (i >= atom->nlocal) continue;  // the rank that owns i reports
-    // The kernel judges at x + tau v, damping included; so does the event. The energy is the one stored at x.
+    // The kernel judges at x + tau v, damping included; so does the event. The energy is the one
+    // stored half a step ago: the last work that the leapfrog scheme put in had the force of the step before.
     const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
-    const double energy = bond_state(bond, record(i), record(j)).energy;
+    const double energy = bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy;
     const int a = agglomerates_->of_tag(bond.tag_i);
     const bool shear = judged.mode == SHEAR;
     released_[a] += energy;
@@ -373,44 +379,6 @@ void FixBondParallel::restart(char *buf) {
     }
   data = reinterpret_cast<const double *>(buf) + 3 * n;
   for (size_t b = 0; b < intact_.size(); b++) intact_[b] = data[b] != 0;
-}
-
-/* --- checkpoint --------------------------------------------------------------------------------------------------- */
-
-void FixBondParallel::save(CheckpointWriter &out) {
-  write_events();
-  if (comm->nprocs > 1) share_broken();
-  out.sum("bond_work", work_);
-  out.sum("bond_released", released_);
-  out.sum("bond_broken", broken_count_);
-  out.common("bond_intact", std::vector<double>(intact_.begin(), intact_.end()));
-  std::vector<double> rows;
-  rows.reserve(11 * static_cast<size_t>(atom->nlocal));
-  for (int i = 0; i < atom->nlocal; i++) {
-    rows.push_back(atom->tag[i]);
-    rows.insert(rows.end(), quaternion_[i], quaternion_[i] + 4);
-    rows.insert(rows.end(), forces_[i].f, forces_[i].f + 3);
-    rows.insert(rows.end(), forces_[i].torque, forces_[i].torque + 3);
-  }
-  out.rows("bond_atoms", rows);
-}
-
-void FixBondParallel::restore(const CheckpointReader &in) {
-  const size_t n = agglomerates_->count();
-  work_ = in.sum("bond_work", n);
-  released_ = in.sum("bond_released", n);
-  broken_count_ = in.sum("bond_broken", n);
-  const std::vector<double> &intact = in.common("bond_intact", bonds_.size());
-  for (size_t b = 0; b < intact_.size(); b++) intact_[b] = intact[b] != 0;
-  forces_.assign(atom->nlocal + atom->nghost + 2, ForceRecord{});
-  const std::vector<double> &rows = in.rows("bond_atoms", 11);
-  for (size_t k = 0; k < rows.size(); k += 11) {
-    const int i = atom->map(static_cast<int>(rows[k]));
-    if (i < 0 || i >= atom->nlocal) continue;
-    std::copy_n(&rows[k + 1], 4, quaternion_[i]);
-    std::copy_n(&rows[k + 5], 3, forces_[i].f);
-    std::copy_n(&rows[k + 8], 3, forces_[i].torque);
-  }
 }
 
 double FixBondParallel::memory_usage() {

@@ -7,7 +7,6 @@
 #include "agglomerates.h"
 #include "bond_kernel.h"
 #include "bond_table.h"
-#include "checkpointed.h"
 #include "fix.h"
 
 namespace LAMMPS_NS {
@@ -18,7 +17,7 @@ namespace LAMMPS_NS {
 // Parallel bonds in total form: the fix turns a quaternion with each sub-sphere, and every force follows from
 // positions and quaternions alone. Damping is viscous and proportional to stiffness: the forces are taken at
 // x + tau v, which is F + tau dF/dt. A bond whose stress passes its strength is an event and is gone.
-class FixBondParallel : public Fix, public Checkpointed {
+class FixBondParallel : public Fix {
  public:
   FixBondParallel(class LAMMPS *, int, char **);
   ~FixBondParallel() override;
@@ -47,10 +46,6 @@ class FixBondParallel : public Fix, public Checkpointed {
   void write_restart(FILE *) override;
   void restart(char *) override;
 
-  void begin_anew() override { known_tags_.clear(); }  // the kernel sums in the order of its list
-  void save(CheckpointWriter &) override;
-  void restore(const CheckpointReader &) override;
-
   double extend_cut_ghost() override;
   double memory_usage() override;
   double compute_scalar() override;  // bonds that hold
@@ -64,6 +59,7 @@ class FixBondParallel : public Fix, public Checkpointed {
 
  private:
   std::unique_ptr<Agglomerates> agglomerates_;
+  std::vector<BondMaterial> materials_;
   std::vector<Bond> bonds_;
   std::vector<char> intact_;       // of every bond, the same on all ranks after each neighbour build
   std::vector<int> newly_broken_;  // since the last neighbour build, on this rank
@@ -86,6 +82,7 @@ class FixBondParallel : public Fix, public Checkpointed {
   void fill_records();
   void fill_delayed_records(int nall);
   AtomRecord record(int i) const;
+  AtomRecord half_a_step_ago(int i) const;
   void note_broken(int n);
   void write_events();
 };
