@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from decks import bond_line, chain, deck, fcc_ball, frames, ledger, run_engine, write_files
 
+from dem.bonds import Bonds, highest_frequency_rad_s
+
 E, RATIO = 5e9, 2.0
 LENGTH, RADIUS = 2e-3, 1e-3
 K_N = E * np.pi * RADIUS**2 / LENGTH
@@ -130,6 +132,28 @@ def test_energy_of_an_unbreakable_ball_closes_without_damping(tmp_path):
     damped = -rows["bond_work_J"][-1, 0] - rows["bond_elastic_J"][-1, 0]
     assert rows["bond_elastic_J"].max() > 1e-3 * impact
     assert abs(damped) < 1e-3 * impact
+
+
+def trembles_on(directory, body, dt):
+    """Small random velocities and spins, which excite every mode: whether their energy stays what it was."""
+    directory.mkdir()
+    write_files(directory, body)
+    v = np.random.default_rng(1).normal(size=(len(body.radius_m), 6)) * ([1e-4] * 3 + [0.1] * 3)
+    lines = "".join(f"set atom {k + 1} vx {row[0]!r} vy {row[1]!r} vz {row[2]!r} "
+                    f"omegax {row[3]!r} omegay {row[4]!r} omegaz {row[5]!r}\n" for k, row in enumerate(v.tolist()))
+    run_engine(directory, deck(dt, 2000, 500, bonds=bond_line(E, RATIO), velocity=lines))
+    c = ledger(directory).column
+    energy = (c["kinetic_J"] + c["bond_elastic_J"])[:, 0]
+    return energy[-1] < 10 * energy[0]
+
+
+def test_undamped_steps_are_stable_below_two_over_the_highest_frequency(tmp_path):
+    """The limit of the leapfrog scheme; the frequency is that of the stiffness matrix, not of the engine."""
+    body = fcc_ball(4)
+    bonds = Bonds(*body.pair.T, body.center_m[body.pair[:, 1]] - body.center_m[body.pair[:, 0]], body.bond_radius_m)
+    limit = 2 / highest_frequency_rad_s(bonds, E, RATIO, body.mass_kg, body.radius_m)
+    assert trembles_on(tmp_path / "below", body, 0.99 * limit)
+    assert not trembles_on(tmp_path / "above", body, 1.01 * limit)
 
 
 def spinning(directory, turns, damping_time=0.0):

@@ -197,14 +197,16 @@ def test_stone_rings_like_the_elastic_sphere_of_its_constants():
 @pytest.mark.parametrize("make", [
     lambda seed: pack_sphere(0.025, 500, seed), lambda seed: pack_box((0.04, 0.04, 0.04), 500, seed)],
     ids=["sphere", "box"])
-def test_modulus_is_the_same_in_three_directions(make):
+@pytest.mark.parametrize("ratio, nu", [(2.17, 0.12), (4.0, 0.18)])  # 4 is that of the calibrated materials
+def test_modulus_is_the_same_in_three_directions(make, ratio, nu):
     """Mean of three packings within 3 % of one another; and the modulus that scales with the bond's."""
     moduli = []
     for seed in (20011, 20012, 20013):
         packing = make(seed)
-        result = network_stiffness(packing, bond_network(packing), E, 2.17)
+        result = network_stiffness(packing, bond_network(packing), E, ratio)
         moduli.append(result.youngs_modulus_Pa / E)
-        assert 0.7 < (result.youngs_modulus_Pa / E).mean() < 1.1 and 0.10 < result.poisson_ratio.mean() < 0.14
+        assert 0.65 < (result.youngs_modulus_Pa / E).mean() < 1.1
+        assert result.poisson_ratio.mean() == pytest.approx(nu, abs=0.02)
     mean = np.mean(moduli, axis=0)
     assert mean.max() / mean.min() < 1.03
 

@@ -8,7 +8,7 @@ from scenes_of_tests import SCENES
 
 from dem.__main__ import main
 from dem.bonds import network_stiffness
-from dem.calibrate import TARGETS, calibrate, fit_tensile_strength, read_target
+from dem.calibrate import CHECK_SEEDS, TARGETS, calibrate, fit_tensile_strength, read_target
 from dem.scene import BondTable, read_scene
 from dem.strength import strength_scale
 from dem.virtual_tests import Rock, brazilian_specimen, compression_specimen, elastic_test, strength_test
@@ -108,11 +108,19 @@ def test_fitted_materials_meet_modulus_and_tensile_strength(material):
 
 @pytest.mark.validate
 @pytest.mark.parametrize("material", ["coal", "gangue"])
-def test_calibration_again_gives_the_fitted_materials(tmp_path, material):
+def test_calibration_again_meets_the_targets_and_the_kept_values(tmp_path, material):
+    """E within 3 % and tensile strength within 5 % of the target, on packings without part in the fit.
+
+    Round-off makes other cracks, and another machine other packings, so what two calibrations reach differs by the
+    scatter of their packings: by less than three standard errors of the difference.
+    """
     calibrate(material, SCENES / "paper.toml", tmp_path, report=lambda line: None)
     again, kept = (read_toml(folder / f"{material}.toml") for folder in (tmp_path, SCENES / "materials"))
-    for name in ("youngs_modulus_Pa", "tensile_strength_Pa"):
-        assert again["reached"][name]["mean"] == pytest.approx(kept["reached"][name]["mean"], rel=0.02)
+    for name, tolerance in (("youngs_modulus_Pa", 0.03), ("tensile_strength_Pa", 0.05)):
+        now, before = again["reached"][name], kept["reached"][name]
+        assert now["mean"] == pytest.approx(now["target"], rel=tolerance)
+        standard_error = np.hypot(now["deviation"], before["deviation"]) / np.sqrt(CHECK_SEEDS)
+        assert abs(now["mean"] - before["mean"]) < 3 * standard_error
 
 
 def test_strength_scale():
