@@ -15,7 +15,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep report test validate bench engine setup lint clean
+.PHONY: help sweep dataset report test validate bench engine setup lint clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -23,6 +23,10 @@ help:  ## this list
 sweep: setup  ## every mixing ratio of SCENE into OUT, then analysis, recognition and OUT/report.html
 	$(PYTHON) -m dem sweep $(SCENE) --out $(OUT) --jobs $(JOBS)
 	$(PYTHON) -m recognition report $(OUT)
+
+dataset: setup  ## hundreds of runs into runs/dataset, and every method of recognition on runs it was not trained on
+	$(PYTHON) -m dem dataset scenes/dataset.toml --out runs/dataset --jobs $(JOBS)
+	$(PYTHON) -m recognition evaluate runs/dataset
 
 report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m recognition report $(OUT)

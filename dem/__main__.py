@@ -1,4 +1,4 @@
-"""Command line: python -m dem run|deck|plate|sweep|calibrate."""
+"""Command line: python -m dem run|deck|plate|sweep|dataset|calibrate."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from dem.calibrate import calibrate
 from dem.costep import follow
+from dem.dataset import build
 from dem.deck import write_deck
 from dem.exchange import ExchangeError, PlatePipes
 from dem.run import RunError, Stages, prepare, run
@@ -56,6 +57,12 @@ def _parser() -> argparse.ArgumentParser:
             sub.add_argument("--gangue", type=float, help="share of gangue, 0..1, instead of the scene's")
         else:
             sub.add_argument("--jobs", type=int, default=2, help="runs at a time (default 2)")
+    text = "run what a plan draws, a data set for recognition"
+    sub = commands.add_parser("dataset", help=text, description=text)
+    sub.add_argument("plan", type=Path, help="plan (TOML), scenes/dataset.toml")
+    sub.add_argument("--out", type=Path, required=True, help="directory to write")
+    sub.add_argument("--jobs", type=int, default=2, help="runs at a time (default 2)")
+    sub.set_defaults(command=lambda options: build(options.plan, options.out, options.jobs))
     text = "fit the bonds of a material in virtual tests"
     sub = commands.add_parser("calibrate", help=text, description=text)
     sub.add_argument("material", help="name of a material of the scene")

@@ -9,7 +9,7 @@ import numpy as np
 from dem.arrangement import Arrangement
 from dem.bonds import bond_network
 from dem.packing import pack_sphere
-from dem.scene import BondTable, Scene
+from dem.scene import Scene
 from dem.strength import SIZE_EXPONENT, strength_scale
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
@@ -58,16 +58,16 @@ class Assembly:
 
 
 def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
-    """Pack each stone and set it down above the plate, its lowest point `gap_m` up."""
+    """Pack each stone and set it down above the plate, its lowest point `gap_m` up, or higher to arrive later."""
     stones = scene.stones
     materials = sorted(set(arrangement.material))  # LIGGGHTS wants types without gaps
     parts = []
     for k, (place, material) in enumerate(zip(arrangement.position_m, arrangement.material)):
         center, radius, bonds = _stone(scene, k)
-        center = center + [place[0], place[1], stones.gap_m - (center[:, 2] - radius).min()]
+        center = center + [place[0], place[1], _height_m(scene, k) - (center[:, 2] - radius).min()]
         mass = scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
         parts.append((center, radius, mass * radius**3 / (radius**3).sum(), materials.index(material), bonds,
-                      _strength_factor(scene.materials[material].bond, radius / CONTACT_RADIUS_RATIO)))
+                      _strength_factor(scene, k, material, radius / CONTACT_RADIUS_RATIO)))
     first = np.cumsum([0, *(len(p[0]) for p in parts)])
     return Assembly(
         materials=materials,
@@ -84,10 +84,18 @@ def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
     )
 
 
-def _strength_factor(bond: BondTable | None, radius_m: np.ndarray) -> float:
+def _height_m(scene: Scene, index: int) -> float:
+    """Of the stone's lowest point: what it falls in its time of arrival on top of the gap."""
+    later = scene.stones.arrival_s[index] if scene.stones.arrival_s else 0.0
+    return scene.stones.gap_m + scene.stones.speed_m_s * later + 0.5 * scene.time.gravity_m_s2 * later**2
+
+
+def _strength_factor(scene: Scene, index: int, material: str, radius_m: np.ndarray) -> float:
+    own = scene.stones.strength_factor[index] if scene.stones.strength_factor else 1.0
+    bond = scene.materials[material].bond
     if bond is None or bond.reference_subsphere_radius_m is None:
-        return 1.0
-    return float(strength_scale(radius_m.mean(), bond.reference_subsphere_radius_m, SIZE_EXPONENT))
+        return own
+    return own * float(strength_scale(radius_m.mean(), bond.reference_subsphere_radius_m, SIZE_EXPONENT))
 
 
 def _stone(scene: Scene, index: int):

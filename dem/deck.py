@@ -9,6 +9,7 @@ import jinja2
 import numpy as np
 
 from dem.assembly import CONTACT_RADIUS_RATIO, Assembly
+from dem.plate_yield import yield_pressure_Pa
 from dem.scene import PLATE, Scene, contact_key
 from dem.time_step import TimeStep
 from plate_fem.modes import PlateModes
@@ -49,6 +50,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         name=scene.name,
         stones=_describe(scene, assembly),
         plate=scene.plate.model,
+        yield_pressure_Pa=yield_pressure_Pa(scene, assembly),
         exchange=scene.plate.model == "flexible",
         materials=[{"name": name, **scene.materials[name].model_dump()} for name in assembly.materials],
         plate_material=scene.plate.model_dump(),

@@ -6,6 +6,7 @@ summed on their own. What has no sum of its own is a work less what it stored:
 
     bond damping = - work of the bonds - elastic energy in them - released by breakage
     friction     = - work of the contacts (with the plate: on both sides) - normal elastic energy - normal dashpots
+                   - what the plate's yielding took
                    (slip, the tangential dashpot, and what the tangential springs hold while a contact lasts)
 
 Nothing in these refers to the kinetic energies or to the plate's own energy, so the sum of all can miss the energy at
@@ -24,7 +25,7 @@ import pandas as pd
 # As fix_ledger.cpp writes them.
 COLUMNS = ["kinetic_J", "momentum_z_kg_m_s", "mass_height_kg_m", "bond_elastic_J", "bond_work_J", "released_J",
            "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
-           "pair_elastic_J", "pair_damped_J"]
+           "pair_elastic_J", "pair_damped_J", "wall_plastic_J", "wall_deepest"]
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,8 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float, mass_height_start_k
         "contact_elastic_J": contact_elastic,
         "bond_damping_J": -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"],
         "contact_damping_J": contact_damping,
-        "friction_J": -contact_work - contact_elastic - contact_damping,
+        "plastic_J": c["wall_plastic_J"],
+        "friction_J": -contact_work - contact_elastic - contact_damping - c["wall_plastic_J"],
         "released_by_breakage_J": c["released_J"],
         "given_to_plate_J": c["plate_work_J"],
     }

@@ -12,6 +12,7 @@ from dem.time_step import TimeStep
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
 from plate_fem.scene import FlexiblePlate
+from plate_fem.stress import StressPeak
 
 
 class PlateRecorder:
@@ -32,6 +33,7 @@ class PlateRecorder:
         self.rows: list[np.ndarray] = []
         self.steps: list[int] = []
         self.view_amplitude: list[np.ndarray] = []
+        self.bending = StressPeak(modes, scene.plate.rods)
 
     def __call__(self, dem_step: int, modal_force: np.ndarray) -> None:
         m = self._motion
@@ -42,6 +44,7 @@ class PlateRecorder:
             [self._mean @ m.amplitude, self._mean @ m.rate, self._mean @ acceleration,
              kinetic, internal, kinetic + internal],
             self._sensor @ acceleration, self._rod @ m.amplitude]))
+        self.bending.add(dem_step * self._step.dt_s, m.amplitude)
         if self._view_steps and dem_step % self._view_steps == 0:
             self.view_amplitude.append(m.amplitude.copy())
 

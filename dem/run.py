@@ -24,6 +24,7 @@ from dem.exchange import ExchangeError, PlatePipes
 from dem.ledger import PlateEnergy, energy_ledger, energy_table, read_ledger, stone_energies
 from dem.monitor import PlateMonitor, Unstable, check_closure
 from dem.output import PlateRecorder, fast_stream, read_events, read_forces, write_streams
+from dem.plate_yield import read_contacts, yield_report
 from dem.progress import Progress
 from dem.scene import Scene, read_scene, scene_hash
 from dem.time_step import TimeStep, plate_mobility_1_kg, stone_contact_time_s, time_step
@@ -194,11 +195,14 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
     fast = fast_stream(scene, step, forces, plate)
     signals = write_streams(work, fast, step)
     events.to_parquet(work / "breakage.parquet", index=False)
+    contacts = read_contacts(deck / "contacts.bin", step.dt_s)
+    contacts.to_parquet(work / "contacts.parquet", index=False)
     ledger = read_ledger(deck / "ledger.bin", n)
     if scene.output.view_interval_s is not None:
-        write_view(work, deck / "view.dump", assembly, step, events, model.modes,
+        write_view(work, deck / "view.dump", scene, assembly, step, events, contacts, model.modes,
                    plate.view_amplitude if plate else [])
-    for name in ("forces.bin", "events.csv", "ledger.bin", "view.dump", "engine.out", "engine.log", "log.liggghts"):
+    for name in ("forces.bin", "contacts.bin", "events.csv", "ledger.bin", "view.dump", "engine.out", "engine.log",
+                 "log.liggghts"):
         (deck / name).unlink(missing_ok=True)
 
     plate_energy = PlateEnergy() if motion is None else PlateEnergy(
@@ -235,6 +239,8 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
         "momentum_change_kg_m_s": float(ledger.column["momentum_z_kg_m_s"][-1].sum()
                                         + mass.sum() * scene.stones.speed_m_s),
         "plate": plate_maxima(fast),
+        "yield": yield_report(scene, assembly, model.arrangement.material, forces[1].max(axis=0, initial=0.0),
+                              ledger.column["wall_deepest"][-1], plate.bending if plate else None),
         "energy": energy,
         "rebound_speed_m_s": (ledger.column["momentum_z_kg_m_s"][-1] / mass).tolist(),
         "n_samples": len(signals),

@@ -55,6 +55,8 @@ class StonesTable(Table):
     gangue: str
     gangue_order: tuple[int, ...]  # which stone turns into gangue first
     gangue_ratio: Annotated[float, Field(ge=0, le=1)]
+    arrival_s: tuple[NotNegative, ...] | None = None  # how much later than at once each stone arrives, by lying higher
+    strength_factor: tuple[Positive, ...] | None = None  # on the strengths of each stone's bonds
     seed: Annotated[int, Field(ge=0, lt=2**63)]
     agglomerate: AgglomerateTable | None = None  # absent: each stone is one unbonded sphere
 
@@ -64,6 +66,12 @@ class StonesTable(Table):
             raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions must be given")
         if self.positions is not None and len(self.positions) != self.count:
             raise Refused("positions", f"{len(self.positions)} places", f"must be {self.count}, one a stone")
+        for key in ("arrival_s", "strength_factor"):
+            values = getattr(self, key)
+            if values is not None and len(values) != self.count:
+                raise Refused(key, f"{len(values)} values", f"must be {self.count}, one a stone")
+        if self.strength_factor is not None and self.agglomerate is None:
+            raise Refused("strength_factor", self.strength_factor, "needs stones.agglomerate, whose bonds it is for")
         if sorted(self.gangue_order) != list(range(1, self.count + 1)):
             raise Refused("gangue_order", self.gangue_order, f"must hold each stone 1..{self.count} once")
         return self

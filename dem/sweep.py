@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dem.arrangement import arrange
 from dem.engine import check_engine
-from dem.scene import ratio_name, read_scene, scene_hash
+from dem.scene import Scene, ratio_name, read_scene, scene_hash
 
 
 def sweep(scene_file: Path, out: Path, jobs: int) -> int:
@@ -34,11 +34,16 @@ def sweep(scene_file: Path, out: Path, jobs: int) -> int:
 
 def is_done(scene_file: Path, directory: Path, ratio: float) -> bool:
     """Is there a finished run of this very scene at this ratio?"""
+    return is_finished(directory, read_scene(scene_file, ratio))
+
+
+def is_finished(directory: Path, scene: Scene) -> bool:
+    """Does a directory hold a finished run of this very scene?"""
     file = directory / "run.json"
     if not file.exists():
         return False
     summary = json.loads(file.read_text())
-    return summary["status"] == "finished" and summary["scene_hash"] == scene_hash(read_scene(scene_file, ratio))
+    return summary["status"] == "finished" and summary["scene_hash"] == scene_hash(scene)
 
 
 def _run_ratio(scene_file: Path, directory: Path, ratio: float) -> subprocess.CompletedProcess:

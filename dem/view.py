@@ -10,13 +10,18 @@ import pandas as pd
 
 from dem.assembly import Assembly
 from dem.bonds import fragments
+from dem.plate_yield import contact_modulus_Pa
+from dem.scene import Scene
 from dem.time_step import TimeStep
+from plate_fem.contact_stress import HertzContact, contact_patch, total_stress, von_mises_3d
 from plate_fem.modes import PlateModes
 from plate_fem.stress import surface_stress, von_mises
 
+FELT_WITHIN = 20  # contact radii: beyond, a contact adds less than 4e-4 of its pressure
 
-def write_view(directory: Path, dump: Path, assembly: Assembly, step: TimeStep, events: pd.DataFrame,
-               modes: PlateModes | None, amplitudes: list[np.ndarray]) -> None:
+
+def write_view(directory: Path, dump: Path, scene: Scene, assembly: Assembly, step: TimeStep, events: pd.DataFrame,
+               contacts: pd.DataFrame, modes: PlateModes | None, amplitudes: list[np.ndarray]) -> None:
     """Turn the engine's dump into view/*.vtu and view.pvd in `directory`."""
     pictures = directory / "view"
     pictures.mkdir()
@@ -30,7 +35,12 @@ def write_view(directory: Path, dump: Path, assembly: Assembly, step: TimeStep, 
         if assembly.n_bonds:
             entries.append((t, 1, _write(pictures / f"bonds_{k:04d}.vtu", _bonds(particles, assembly, intact))))
         if modes is not None:
-            entries.append((t, 2, _write(pictures / f"plate_{k:04d}.vtu", _plate(modes, amplitudes[k]))))
+            touching = hertz_contacts(contacts[np.abs(contacts["t_s"] - t) < 0.5 * step.dt_s], scene, assembly)
+            plate = _plate(modes, amplitudes[k], touching, scene.plate.poisson_ratio)
+            entries.append((t, 2, _write(pictures / f"plate_{k:04d}.vtu", plate)))
+            if touching:
+                patches = _contacts(modes, amplitudes[k], touching, scene.plate.poisson_ratio)
+                entries.append((t, 3, _write(pictures / f"contacts_{k:04d}.vtu", patches)))
     _write_pvd(directory / "view.pvd", entries)
 
 
@@ -68,13 +78,49 @@ def _bonds(frame: np.ndarray, assembly: Assembly, intact: np.ndarray) -> meshio.
                                   "agglomerate": [assembly.agglomerate[ends[:, 0]] + 1.0]})
 
 
-def _plate(modes: PlateModes, amplitude: np.ndarray) -> meshio.Mesh:
+def hertz_contacts(rows: pd.DataFrame, scene: Scene, assembly: Assembly) -> list[HertzContact]:
+    """The contacts of one instant (rows of contacts.parquet)."""
+    first = np.append(0, np.cumsum(assembly.sizes)[:-1])
+    modulus = [contact_modulus_Pa(scene, assembly.materials[m]) for m in assembly.material[first]]
+    of_stone = rows["agglomerate"].to_numpy(dtype=int) - 1
+    values = rows[["x_m", "y_m", "force_N", "radius_m"]].to_numpy(dtype=float)
+    return [HertzContact(x, y, force, radius, modulus[stone]) for (x, y, force, radius), stone in zip(values, of_stone)]
+
+
+def _plate(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact], poisson_ratio: float) -> meshio.Mesh:
     w = modes.shape @ amplitude
     points = np.column_stack([modes.node_m, np.zeros(len(w))])
-    displacement = np.column_stack([np.zeros((len(w), 2)), w])
+    total = total_stress(modes, amplitude, contacts, modes.node_m, poisson_ratio)
     return meshio.Mesh(points, [("quad", modes.quad)],
-                       point_data={"displacement_m": displacement,
-                                   "von_mises_Pa": von_mises(surface_stress(modes, amplitude))})
+                       point_data={"displacement_m": _upwards(w),
+                                   "von_mises_Pa": von_mises(surface_stress(modes, amplitude)),
+                                   "von_mises_with_contacts_Pa": von_mises_3d(total)})
+
+
+def _contacts(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact],
+              poisson_ratio: float) -> meshio.Mesh:
+    """A patch of the plate's surface about each contact, much finer than the plate's mesh, with the whole stress."""
+    low, high = np.array([[lines[0], lines[-1]] for lines in (modes.lines_x_m, modes.lines_y_m)]).T
+    place = np.array([[c.x_m, c.y_m] for c in contacts])
+    points, cells, stress, number, count = [], [], [], [], 0
+    for k, contact in enumerate(contacts):
+        near = np.hypot(*(place - place[k]).T) < FELT_WITHIN * np.array([c.contact_radius_m for c in contacts])
+        here, quads = contact_patch(contact)
+        here = np.clip(here, low, high)
+        points.append(here)
+        cells.append(quads + count)
+        stress.append(total_stress(modes, amplitude, [contacts[n] for n in np.flatnonzero(near)], here, poisson_ratio))
+        number.append(np.full(len(here), k + 1.0))
+        count += len(here)
+    surface, whole = np.vstack(points), np.vstack(stress)
+    return meshio.Mesh(np.column_stack([surface, np.zeros(len(surface))]), [("quad", np.vstack(cells))],
+                       point_data={"displacement_m": _upwards(modes.shape_at(surface) @ amplitude),
+                                   "von_mises_with_contacts_Pa": von_mises_3d(whole), "pressure_Pa": -whole[:, 3],
+                                   "contact": np.concatenate(number)})
+
+
+def _upwards(w: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.zeros((len(w), 2)), w])
 
 
 def _write(file: Path, mesh: meshio.Mesh) -> str:

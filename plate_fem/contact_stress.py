@@ -76,6 +76,24 @@ def total_stress(modes, amplitude, contacts, points_m, poisson_ratio):
     return total
 
 
+def contact_patch(contact, rings=8, sectors=24, reach=4.0):
+    """Mesh of the surface about a contact: points (k, 2) and cells (c, 4), out to `reach` contact radii.
+
+    Half of the rings lie within the contact, where the pressure is.
+    """
+    a = contact.contact_radius_m
+    radius = a * np.append(np.linspace(0, 1, rings // 2 + 1)[1:], np.geomspace(1, reach, rings - rings // 2 + 1)[1:])
+    angle = 2 * np.pi * np.arange(sectors) / sectors
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    points = np.vstack([[[0.0, 0.0]], (radius[:, None, None] * circle).reshape(-1, 2)])
+    inner, after = np.arange(sectors), np.roll(np.arange(sectors), -1)
+    cells = [np.column_stack([0 * inner, 1 + inner, 1 + after, 0 * inner])]  # triangles with a corner twice
+    for ring in range(rings - 1):
+        first, second = 1 + ring * sectors, 1 + (ring + 1) * sectors
+        cells.append(np.column_stack([first + inner, second + inner, second + after, first + after]))
+    return points + (contact.x_m, contact.y_m), np.vstack(cells)
+
+
 def high_stress_area(modes, amplitude, contacts, threshold_Pa, poisson_ratio, spacing_m=5e-4):
     """Area (m^2) of the top surface where von Mises stress exceeds the threshold.
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from plate_fem.model import build_model
 from plate_fem.residual import residual_modes
 from plate_fem.stress import modal_surface_stress
 
-CACHE_FORMAT = 3  # raise when the meaning of the cached arrays changes
+CACHE_FORMAT = 4  # raise when the meaning of the cached arrays changes
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,8 @@ def _refined(lines, times):
 def plate_modes(plate, cache_dir=None, residual_points_m=None):
     """Return the `PlateModes` of a FlexiblePlate up to its `max_frequency_Hz`.
 
-    cache_dir: folder for results, one .npz per table (optional).
+    cache_dir: folder for results, one .npz per table and set of points (optional). The modes below
+    `max_frequency_Hz`, which take longest, have a file of their own that other points and dampings share.
     residual_points_m: (k, 2), where loads act (optional). Up to k modes above `max_frequency_Hz` are added
     that give these points the static compliance of all the modes left out (plate_fem/residual.py).
     Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency.
@@ -110,34 +111,58 @@ def plate_modes(plate, cache_dir=None, residual_points_m=None):
         raise ValueError("max_frequency_Hz is not known yet: see plate_fem.truncation.with_max_frequency")
     points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
     if cache_dir is None:
-        return _compute(plate, points)
-    path = Path(cache_dir) / f"modes-{table_hash(plate, points)}.npz"
+        return _compute(plate, points, None)
+    path = modes_file(plate, cache_dir, points)
     if path.exists():
-        return _load(path)
-    modes = _compute(plate, points)
+        return _damped(PlateModes(**_load(path)), plate)
+    modes = _compute(plate, points, Path(cache_dir))
+    _save(path, {field.name: getattr(modes, field.name) for field in fields(modes)})
+    return modes
+
+
+def modes_file(plate, cache_dir, residual_points_m):
+    """Where `plate_modes` keeps its result."""
+    return Path(cache_dir) / f"modes-{table_hash(plate, residual_points_m)}.npz"
+
+
+def _damped(modes, plate):
+    return replace(modes, damping_ratio=np.full(len(modes.frequency_Hz), plate.damping_ratio))
+
+
+def _save(path, arrays):
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_suffix(f".{os.getpid()}.npz")
-    np.savez(beside, **{field.name: getattr(modes, field.name) for field in fields(modes)})
+    np.savez(beside, **arrays)
     beside.replace(path)  # at once, since another run may want the same file
-    return modes
 
 
 def _load(path):
     with np.load(path, allow_pickle=False) as stored:
-        values = {name: stored[name] if stored[name].shape else stored[name].item() for name in stored.files}
-    return PlateModes(**values)
+        return {name: stored[name] if stored[name].shape else stored[name].item() for name in stored.files}
 
 
 def table_hash(plate, residual_points_m=()):
-    """Hash of everything that the modes depend on."""
-    table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa"})
+    """Hash of everything that frequencies and shapes depend on; the damping ratio is a number beside them."""
+    table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio"})
     text = f"{CACHE_FORMAT} {table} {np.asarray(residual_points_m, float).tolist()}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _compute(plate, residual_points_m):
-    model = build_model(plate)
+def _kept_modes(plate, model, cache_dir):
+    """omega^2 (n,) and vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there."""
+    path = None if cache_dir is None else cache_dir / f"eigen-{table_hash(plate)}.npz"
+    if path is not None and path.exists():
+        stored = _load(path)
+        return stored["omega_squared"], stored["vectors"]
     omega_squared, vectors = eigenmodes(model.stiffness, model.mass, plate.max_frequency_Hz)
+    if path is not None:
+        _save(path, {"omega_squared": omega_squared, "vectors": vectors})
+    return omega_squared, vectors
+
+
+def _compute(plate, residual_points_m, cache_dir):
+    model = build_model(plate)
+    omega_squared, vectors = _kept_modes(plate, model, cache_dir)
     n_residual = 0
     if len(residual_points_m):
         more_omega_squared, more = residual_modes(model, vectors, residual_points_m)

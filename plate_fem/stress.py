@@ -20,6 +20,53 @@ def von_mises(stress):
     return np.sqrt(sx**2 - sx * sy + sy**2 + 3 * txy**2)
 
 
+class StressPeak:
+    """Largest von Mises stress of bending over a motion, away from rods and within a diameter of one.
+
+    modes: PlateModes. rods: those of the plate's table; near them the stress is only indicative.
+    """
+
+    BLOCK = 128  # instants evaluated together
+
+    def __init__(self, modes, rods=()):
+        self._node_m = modes.node_m
+        n_modes = modes.surface_stress.shape[2]
+        self._columns = np.moveaxis(modes.surface_stress, 1, 0).reshape(-1, n_modes)  # all sx, all sy, all txy
+        distance = [np.hypot(*(self._node_m - (rod.x_m, rod.y_m)).T) - rod.diameter_m for rod in rods]
+        near = np.array([d < 0 for d in distance]).any(axis=0) if rods else np.zeros(len(self._node_m), bool)
+        self._kind = {False: np.flatnonzero(~near), True: np.flatnonzero(near)}
+        self._best = {False: (0.0, 0, 0.0), True: (0.0, 0, 0.0)}  # (von Mises squared, node, time)
+        self._waiting = []
+
+    def add(self, t_s, amplitude):
+        """Note the modal amplitudes (n,) at the time t_s."""
+        self._waiting.append((t_s, amplitude.copy()))
+        if len(self._waiting) == self.BLOCK:
+            self._evaluate()
+
+    def result(self, at_rods=False):
+        """The peak: {"von_mises_Pa", "x_m", "y_m", "t_s"}."""
+        self._evaluate()
+        squared, node, t_s = self._best[at_rods]
+        x, y = self._node_m[node]
+        return {"von_mises_Pa": float(np.sqrt(squared)), "x_m": float(x), "y_m": float(y), "t_s": float(t_s)}
+
+    def _evaluate(self):
+        if not self._waiting:
+            return
+        times, amplitudes = zip(*self._waiting)
+        sx, sy, txy = (self._columns @ np.array(amplitudes).T).reshape(3, len(self._node_m), -1)
+        squared = sx * (sx - sy) + sy**2 + 3 * txy**2
+        for kind, nodes in self._kind.items():
+            if not len(nodes):
+                continue
+            node, k = np.unravel_index(squared[nodes].argmax(), (len(nodes), len(times)))
+            found = squared[nodes[node], k]
+            if found > self._best[kind][0]:
+                self._best[kind] = (float(found), int(nodes[node]), times[k])
+        self._waiting = []
+
+
 def curvature_operator(system):
     """Function from unknowns u (system.size, n) to curvatures (3, n_nodes, n) at the nodes, in 1/m.
 

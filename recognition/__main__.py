@@ -1,4 +1,4 @@
-"""Command line: `python -m recognition fit | recognise | report`."""
+"""Command line: `python -m recognition fit | recognise | evaluate | report`."""
 
 from __future__ import annotations
 
@@ -8,45 +8,78 @@ from pathlib import Path
 
 from analysis import RecordError, read_sweep
 from analysis.readers import read_table
+from recognition.dataset import CONDITIONS, read_dataset
 from recognition.errors import RecognitionError
+from recognition.fusion_q import FusionQ
+from recognition.methods import LIKELIHOODS
 from recognition.models import Model
 from recognition.pipeline import FusionPipeline
 
 
 def main(argv: list[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
-    command = {"fit": fit, "recognise": recognise, "report": report}[arguments.command]
+    command = {"fit": fit, "recognise": recognise, "evaluate": evaluate, "report": report}[arguments.command]
     try:
-        command(arguments)
+        return command(arguments) or 0
     except (RecordError, RecognitionError) as error:
         print(f"recognition: {error}", file=sys.stderr)
         return 2
-    return 0
 
 
 def fit(arguments) -> None:
-    sweep = read_sweep(arguments.directory)
-    model = Model.fit(sweep.runs)
-    out = Path(arguments.out)
+    directory, out = Path(arguments.directory), Path(arguments.out)
     if not out.parent.is_dir():
         raise RecognitionError(f"--out {out}: no directory {out.parent}")
+    if any(directory.glob("ratio_*")):
+        sweep = read_sweep(directory)
+        runs, model = sweep.runs, Model.fit(sweep.runs)
+    else:
+        data = read_dataset(directory).calibration()
+        runs = data.runs
+        model = Model.fit(runs, data.table["group"].to_numpy(), data.table[list(CONDITIONS)])
+        print(f"families {', '.join(data.table['family'].unique())}")
+        for reason in data.passed_over:
+            print(f"passed over: {reason}")
     model.save(out)
-    q = model.methods["fusion_q"].fit_
-    print(f"{len(sweep.runs)} runs, ratios {', '.join(f'{r:.0%}' for r in sweep.ratios)}")
-    print(f"Q: R^2 {q.r2:.5f}, adjusted {q.r2_adjusted:.5f}")
+    print(f"{len(runs)} runs, ratios {', '.join(f'{r:.0%}' for r in sorted({run.gangue_ratio for run in runs}))}")
     for name, method in model.methods.items():
-        if isinstance(method, FusionPipeline):
-            strategy = method.strategy
-            print(f"{name}: functions at {strategy.space_.moments.size} of {strategy.n_moments_} moments")
-    print(f"model written to {out}")
+        print(f"{name}: {_fitted(method)}")
+    for name, reason in model.left_out.items():
+        print(f"{name}: not fitted: {reason}")
+    print(f"model written to {out}, {out.stat().st_size / 1e3:.0f} kB")
 
 
-def recognise(arguments) -> None:
+def _fitted(method) -> str:
+    if isinstance(method, FusionPipeline):
+        return f"functions at {method.strategy.space_.moments.size} of {method.strategy.n_moments_} moments"
+    if isinstance(method, FusionQ):
+        return f"R^2 {method.fit_.r2:.5f}, adjusted {method.fit_.r2_adjusted:.5f}"
+    return f"{method.posterior_.variance.size} components, interval of {method.width_:.2f} standard errors"
+
+
+def recognise(arguments) -> int:
+    """0, or 3 for a record outside the calibration."""
     model = Model.load(arguments.model)
     path = Path(arguments.record)
     path = path / "signals.parquet" if path.is_dir() else path
-    for method, answer in model.recognise(read_table(path), str(path)).items():
-        print(f"{method:<22} {answer if isinstance(answer, str) else f'{100 * answer:.2f} %'}")
+    signals, strange = read_table(path), ""
+    answers = model.recognise(signals, str(path))
+    if any(name in model.methods and not isinstance(answers[name], str) for name in LIKELIHOODS):
+        name, best = model.best(signals, str(path))
+        strange = best.strange
+        if strange:
+            print(f"OUTSIDE THE CALIBRATION, do not trust: {strange}")
+        print(f"mixing ratio {100 * best.ratio:.1f} %, 90 % interval {100 * best.low:.1f} to {100 * best.high:.1f}, "
+              f"by {name}")
+    for name, answer in answers.items():
+        print(f"{name:<26} {answer if isinstance(answer, str) else f'{100 * answer:.2f} %'}")
+    return 3 if strange else 0
+
+
+def evaluate(arguments) -> None:
+    from recognition.evaluation import write_evaluation  # late: it needs scikit-learn
+
+    print(f"written to {write_evaluation(arguments.directory, arguments.method)}")
 
 
 def report(arguments) -> None:
@@ -60,12 +93,15 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m recognition", description="Recognise the gangue mixing ratio."
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    command = commands.add_parser("fit", help="fit a model to a directory of runs")
-    command.add_argument("directory", help="directory of runs ratio_*")
+    command = commands.add_parser("fit", help="fit a model to a sweep or a data set")
+    command.add_argument("directory", help="directory of runs ratio_* or FAMILY/GROUP/ratio_*")
     command.add_argument("--out", required=True, help="model file to write (.json)")
     command = commands.add_parser("recognise", help="mixing ratio of a record")
     command.add_argument("record", help="run directory, .parquet or .csv with t_s and the plate's responses")
     command.add_argument("--model", required=True, help="model file")
+    command = commands.add_parser("evaluate", help="what each method makes of runs it was not trained on")
+    command.add_argument("directory", help="data set, FAMILY/GROUP/ratio_*; evaluation.csv is written into it")
+    command.add_argument("--method", action="append", help="one method only; may be given several times")
     command = commands.add_parser("report", help="write report.html into a directory of runs")
     command.add_argument("directory", help="directory of runs ratio_*")
     return parser

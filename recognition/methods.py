@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
+from recognition.calibrated import CalibratedLikelihood
+from recognition.errors import RecognitionError
 from recognition.function_space import Rule
 from recognition.fusion import Fusion
 from recognition.fusion_q import FusionQ
@@ -21,21 +24,35 @@ def mended() -> Strategy:
     return Strategy(Rule(degree=2), least_share=0.5, judge="truncated")
 
 
-#: name -> an unfitted method.
-METHODS: dict[str, Callable[[], FusionQ | FusionPipeline]] = {
+#: name -> an unfitted method of the paper.
+PAPER_METHODS: dict[str, Callable[[], FusionQ | FusionPipeline]] = {
     "fusion_q": FusionQ,
     "energy_fusion_printed": lambda: FusionPipeline(Fusion("energy"), printed()),
     "energy_fusion_mended": lambda: FusionPipeline(Fusion("energy"), mended()),
 }
+
+#: The likelihoods, the best by evaluation first; docs/recognition.md.
+LIKELIHOODS: dict[str, Callable[[], CalibratedLikelihood]] = {
+    f"likelihood_{kind}": partial(CalibratedLikelihood, kind) for kind in ("accelerometers", "centre")
+}
+
+#: name -> an unfitted method of a saved model.
+METHODS: dict[str, Callable[[], FusionQ | FusionPipeline | CalibratedLikelihood]] = {**PAPER_METHODS, **LIKELIHOODS}
 
 #: As a reader sees them.
 METHOD_NAMES = {
     "fusion_q": "Q polynomial",
     "energy_fusion_printed": "energy fusion as printed",
     "energy_fusion_mended": "energy fusion, mended",
+    "likelihood_accelerometers": "likelihood of four accelerometers",
+    "likelihood_centre": "likelihood of the centre of mass",
 }
 
 
 def load_method(name: str, data: dict):
     """A fitted method from its part of a saved model."""
+    if name not in METHODS:
+        raise RecognitionError(f"method {name!r}; this program has {', '.join(METHODS)}")
+    if name in LIKELIHOODS:
+        return CalibratedLikelihood.from_dict(data)
     return (FusionQ if name == "fusion_q" else FusionPipeline).from_dict(data)

@@ -17,11 +17,12 @@ from analysis import RecordError
 from analysis.features import BASE_PARAMETERS
 from analysis.records import sample_rate_Hz
 from analysis.runs import Run
+from recognition.calibrated import Recognition
 from recognition.errors import NotRecognised, RecognitionError
-from recognition.methods import METHODS, load_method
+from recognition.methods import LIKELIHOODS, METHODS, load_method
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 1
+VERSION = 2
 
 #: The window of the paper: 0..0.04 s at 1.5e-4 s.
 WINDOW_S = 0.04
@@ -62,24 +63,57 @@ class Window:
 
 @dataclass
 class Model:
-    """The methods of the paper, fitted to the same runs at the same sample times."""
+    """Methods fitted to the same runs at the same sample times; left_out: those that the runs do not allow, and why."""
 
     window: Window
     methods: dict
     provenance: dict = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def fit(cls, runs: list[Run]) -> Model:
-        """Fit every method to runs of known ratio."""
-        return cls._fit_prepared(runs, *prepare(runs))
+    def fit(cls, runs: list[Run], groups=None, conditions: pd.DataFrame | None = None) -> Model:
+        """Fit every method to runs of known ratio.
+
+        groups (runs,): runs of one draw of arrangement, packing ..., for the intervals; conditions: a row a run of what
+        a record will not tell, such as its impact speed; those that do not vary are left out.
+        """
+        return cls._fit_prepared(runs, *prepare(runs), groups, conditions)
 
     @classmethod
-    def _fit_prepared(cls, runs: list[Run], window: Window, prepared: dict[str, np.ndarray]) -> Model:
+    def _fit_prepared(cls, runs, window, prepared: dict[str, np.ndarray], left_out, groups=None, conditions=None):
         ratios = np.array([run.gangue_ratio for run in runs])
         if np.unique(ratios).size < LEAST_RATIOS:
             raise RecognitionError(f"{len(runs)} runs; needs at least {LEAST_RATIOS} different mixing ratios")
-        methods = {name: make().fit(prepared[name], ratios) for name, make in METHODS.items()}
-        return cls(window, methods, {"runs": [_origin(run) for run in runs]})
+        nuisance, names = None, []
+        if conditions is not None:
+            names = [name for name in conditions if np.ptp(conditions[name]) > 0]
+            nuisance = conditions[names].to_numpy(dtype=float) if names else None
+        methods, left_out = {}, dict(left_out)
+        for name, rows in prepared.items():
+            how = {"groups": groups, "nuisance": nuisance} if name in LIKELIHOODS else {}
+            try:
+                methods[name] = METHODS[name]().fit(rows, ratios, **how)
+            except RecognitionError as reason:
+                left_out[name] = str(reason)
+        if not methods:
+            raise RecognitionError("; ".join(dict.fromkeys(left_out.values())))
+        provenance = {"runs": [_origin(run) for run in runs], "conditions": names}
+        return cls(window, methods, provenance, left_out)
+
+    def best(self, signals: pd.DataFrame, source: str = "record") -> tuple[str, Recognition]:
+        """The best method by evaluation for which the record has the columns, and what it gives.
+
+        Raises RecordError for an unusable record, RecognitionError where no such method applies.
+        """
+        table, reasons = self.window.cut(signals, source), []
+        for name in LIKELIHOODS:
+            if name in self.methods:
+                method = self.methods[name]
+                try:
+                    return name, method.recognise(method.prepare(table))
+                except RecognitionError as reason:
+                    reasons.append(str(reason))
+        raise RecognitionError(f"{source}: {'; '.join(reasons) or 'the model has no method with an interval'}")
 
     def recognise(self, signals: pd.DataFrame, source: str = "record") -> dict[str, float | str]:
         """Mixing ratio by each method that the columns allow; a text where there is no answer.
@@ -88,6 +122,7 @@ class Model:
         """
         table = self.window.cut(signals, source)
         answers = {name: _answer(method, table) for name, method in self.methods.items()}
+        answers |= {name: f"not applicable: {reason}" for name, reason in self.left_out.items()}
         reasons = [answer for answer in answers.values() if isinstance(answer, str)]
         if len(reasons) == len(answers) and all(text.startswith("not applicable") for text in reasons):
             raise RecognitionError(f"{source}: {'; '.join(dict.fromkeys(reasons))}")
@@ -126,18 +161,29 @@ class Model:
                 f"{path}: parameters differ from this program's {', '.join(BASE_PARAMETERS)}"
             )
         try:
-            methods = {name: load_method(name, data["methods"][name]) for name in METHODS}
+            methods = {name: load_method(name, saved) for name, saved in data["methods"].items()}
+            if not methods:
+                raise ValueError("no method")
             window = Window(float(data["rate_Hz"]), int(data["n_samples"]))
             return cls(window, methods, data["provenance"])
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise RecognitionError(f"{path}: broken model ({type(error).__name__}: {error})") from None
 
 
-def prepare(runs: list[Run]) -> tuple[Window, dict[str, np.ndarray]]:
-    """What each method takes of each run, stacked over the runs: independent of the training."""
+def prepare(runs: list[Run]) -> tuple[Window, dict[str, np.ndarray], dict[str, str]]:
+    """What each method takes of each run, stacked over the runs: independent of the training. Then the methods that lack
+    a column of the runs, and which."""
     window = Window.of(runs)
     tables = [window.cut(run.signals, str(run.path)) for run in runs]
-    return window, {name: np.stack([make().prepare(t) for t in tables]) for name, make in METHODS.items()}
+    prepared, left_out = {}, {}
+    for name, make in METHODS.items():
+        try:
+            prepared[name] = np.stack([make().prepare(table) for table in tables])
+        except RecognitionError as reason:
+            left_out[name] = str(reason)
+    if not prepared:
+        raise RecognitionError("; ".join(dict.fromkeys(left_out.values())))
+    return window, prepared, left_out
 
 
 def leave_one_out(runs: list[Run]) -> list[dict[str, float | str]]:
@@ -146,13 +192,14 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, float | str]]:
     Returns one dict per run, as of `Model.recognise`. The ends (0 and 100 %) are then outside
     the training ratios: the answer is an extrapolation.
     """
-    window, prepared = prepare(runs)
+    window, prepared, left_out = prepare(runs)
     answers = []
     for i, held_out in enumerate(runs):
         rest = [j for j, run in enumerate(runs) if run.gangue_ratio != held_out.gangue_ratio]
         chosen = {name: rows[rest] for name, rows in prepared.items()}
-        model = Model._fit_prepared([runs[j] for j in rest], window, chosen)
-        answers.append({name: _answer(method, prepared[name][i]) for name, method in model.methods.items()})
+        model = Model._fit_prepared([runs[j] for j in rest], window, chosen, left_out)
+        answers.append({name: _answer(method, prepared[name][i]) for name, method in model.methods.items()}
+                       | {name: f"not applicable: {reason}" for name, reason in model.left_out.items()})
     return answers
 
 

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "atom.h"
+#include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
 #include "force.h"
@@ -87,6 +88,7 @@ void FixBondParallel::init() {
 
 void FixBondParallel::setup(int vflag) {
   known_tags_.clear();
+  if (resuming) return;
   rebuild();
   // The step that ends here was counted by the run before, or never was; see add_work.
   const std::vector<double> counted = work_;
@@ -379,6 +381,44 @@ void FixBondParallel::restart(char *buf) {
     }
   data = reinterpret_cast<const double *>(buf) + 3 * n;
   for (size_t b = 0; b < intact_.size(); b++) intact_[b] = data[b] != 0;
+}
+
+/* --- checkpoint --------------------------------------------------------------------------------------------------- */
+
+void FixBondParallel::save(CheckpointWriter &out) {
+  write_events();
+  if (comm->nprocs > 1) share_broken();
+  out.sum("bond_work", work_);
+  out.sum("bond_released", released_);
+  out.sum("bond_broken", broken_count_);
+  out.common("bond_intact", std::vector<double>(intact_.begin(), intact_.end()));
+  std::vector<double> rows;
+  rows.reserve(11 * static_cast<size_t>(atom->nlocal));
+  for (int i = 0; i < atom->nlocal; i++) {
+    rows.push_back(atom->tag[i]);
+    rows.insert(rows.end(), quaternion_[i], quaternion_[i] + 4);
+    rows.insert(rows.end(), forces_[i].f, forces_[i].f + 3);
+    rows.insert(rows.end(), forces_[i].torque, forces_[i].torque + 3);
+  }
+  out.rows("bond_atoms", rows);
+}
+
+void FixBondParallel::restore(const CheckpointReader &in) {
+  const size_t n = agglomerates_->count();
+  work_ = in.sum("bond_work", n);
+  released_ = in.sum("bond_released", n);
+  broken_count_ = in.sum("bond_broken", n);
+  const std::vector<double> &intact = in.common("bond_intact", bonds_.size());
+  for (size_t b = 0; b < intact_.size(); b++) intact_[b] = intact[b] != 0;
+  forces_.assign(atom->nlocal + atom->nghost + 2, ForceRecord{});
+  const std::vector<double> &rows = in.rows("bond_atoms", 11);
+  for (size_t k = 0; k < rows.size(); k += 11) {
+    const int i = atom->map(static_cast<int>(rows[k]));
+    if (i < 0 || i >= atom->nlocal) continue;
+    std::copy_n(&rows[k + 1], 4, quaternion_[i]);
+    std::copy_n(&rows[k + 5], 3, forces_[i].f);
+    std::copy_n(&rows[k + 8], 3, forces_[i].torque);
+  }
 }
 
 double FixBondParallel::memory_usage() {

@@ -7,6 +7,7 @@
 #include "agglomerates.h"
 #include "bond_kernel.h"
 #include "bond_table.h"
+#include "checkpointed.h"
 #include "fix.h"
 
 namespace LAMMPS_NS {
@@ -17,7 +18,7 @@ namespace LAMMPS_NS {
 // Parallel bonds in total form: the fix turns a quaternion with each sub-sphere, and every force follows from
 // positions and quaternions alone. Damping is viscous and proportional to stiffness: the forces are taken at
 // x + tau v, which is F + tau dF/dt. A bond whose stress passes its strength is an event and is gone.
-class FixBondParallel : public Fix {
+class FixBondParallel : public Fix, public Checkpointed {
  public:
   FixBondParallel(class LAMMPS *, int, char **);
   ~FixBondParallel() override;
@@ -45,6 +46,10 @@ class FixBondParallel : public Fix {
   int maxsize_restart() override;
   void write_restart(FILE *) override;
   void restart(char *) override;
+
+  void begin_anew() override { known_tags_.clear(); }  // the kernel sums in the order of its list
+  void save(CheckpointWriter &) override;
+  void restore(const CheckpointReader &) override;
 
   double extend_cut_ghost() override;
   double memory_usage() override;

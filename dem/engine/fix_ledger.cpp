@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "atom.h"
+#include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
 #include "fix_bond_parallel.h"
@@ -35,6 +36,8 @@ enum Column {
   WALL_DAMPED,     // by their normal dashpots so far, J
   PAIR_ELASTIC,    // now in the normal contacts between sub-spheres, J
   PAIR_DAMPED,     // by their normal dashpots so far, J
+  WALL_PLASTIC,    // taken by the plate's yielding under the contacts so far, J
+  WALL_DEEPEST,    // largest overlap over radius of a contact with the plate so far
   COLUMNS
 };
 }  // namespace
@@ -76,6 +79,7 @@ void FixLedger::init() {
 
 void FixLedger::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
+  if (resuming) return;
   // The step that ends here was counted by the run before, or never was.
   const std::vector<double> counted = pair_work_;
   post_force(vflag);
@@ -182,8 +186,14 @@ void FixLedger::write() {
     put(WALL_DAMPED, wall_->damped());
     put(WALL_WORK, wall_->work_on_stone());
     put(PLATE_WORK, wall_->work_on_plate());
+    put(WALL_PLASTIC, wall_->plastic());
+    put(WALL_DEEPEST, wall_->deepest());
   }
   MPI_Allreduce(mine.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, world);
+  if (wall_ && comm->nprocs > 1) {
+    MPI_Reduce(wall_->deepest().data(), column.data(), n, MPI_DOUBLE, MPI_MAX, 0, world);
+    for (int k = 0; k < n; k++) total[k * COLUMNS + WALL_DEEPEST] = column[k];
+  }
   add_up(total);
   if (comm->me != 0) return;
   const long long step = update->ntimestep;
@@ -205,4 +215,29 @@ void FixLedger::add_up(const std::vector<double> &rows) {
 
 void FixLedger::post_run() {
   if (file_ && std::fflush(file_) != 0) error->one(FLERR, "cannot write the ledger");
+}
+
+void FixLedger::save(CheckpointWriter &out) {
+  post_run();
+  out.sum("pair_work", pair_work_);
+  out.sum("pair_damped", pair_damped_);
+  std::vector<double> rows;
+  for (const Contact &c : contacts_) {
+    rows.push_back(atom->tag[c.i]);
+    rows.insert(rows.end(), c.force, c.force + 3);
+    rows.insert(rows.end(), c.torque, c.torque + 3);
+  }
+  out.rows("pair_contacts", rows);
+}
+
+void FixLedger::restore(const CheckpointReader &in) {
+  pair_work_ = in.sum("pair_work", agglomerates_->count());
+  pair_damped_ = in.sum("pair_damped", agglomerates_->count());
+  contacts_.clear();
+  const std::vector<double> &rows = in.rows("pair_contacts", 7);
+  for (size_t k = 0; k < rows.size(); k += 7) {
+    const int i = atom->map(static_cast<int>(rows[k]));
+    if (i < 0 || i >= atom->nlocal) continue;
+    contacts_.push_back({i, {rows[k + 1], rows[k + 2], rows[k + 3]}, {rows[k + 4], rows[k + 5], rows[k + 6]}});
+  }
 }

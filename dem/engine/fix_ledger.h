@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "agglomerates.h"
+#include "checkpointed.h"
 #include "fix.h"
 #include "hertz_law.h"
 
@@ -16,7 +17,7 @@ namespace LAMMPS_NS {
 // finds in the force array then comes from the contacts between sub-spheres alone.
 //
 // File: int64 step, then double[agglomerates][columns] with the columns of fix_ledger.cpp.
-class FixLedger : public Fix {
+class FixLedger : public Fix, public Checkpointed {
  public:
   FixLedger(class LAMMPS *, int, char **);
   ~FixLedger() override;
@@ -27,6 +28,8 @@ class FixLedger : public Fix {
   void post_force(int) override;
   void end_of_step() override;
   void post_run() override;
+  void save(CheckpointWriter &) override;
+  void restore(const CheckpointReader &) override;
 
   // Of all agglomerates at the last row. `took`: from the stones and the plate, and not held as elastic energy.
   struct Sum {

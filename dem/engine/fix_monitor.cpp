@@ -8,6 +8,7 @@
 #include <string>
 
 #include "atom.h"
+#include "checkpoint_file.h"
 #include "error.h"
 #include "fix_ledger.h"
 #include "force.h"
@@ -97,3 +98,7 @@ void FixMonitor::check_energy() {
     error->all(FLERR, text);
   }
 }
+
+void FixMonitor::save(CheckpointWriter &out) { out.common("monitor_fallen_J", {fallen_J_}); }
+
+void FixMonitor::restore(const CheckpointReader &in) { fallen_J_ = in.common("monitor_fallen_J", 1)[0]; }

@@ -1,4 +1,5 @@
 #pragma once
+#include "checkpointed.h"
 #include "fix.h"
 
 namespace LAMMPS_NS {
@@ -11,12 +12,14 @@ namespace LAMMPS_NS {
 //     gravity (W, m/s^2) did since the sum of m z was H.
 // The first is looked at every ten steps, the second at each row of the fix ledger, which must come before this one.
 // Lost particles are counted by `thermo_modify lost error`.
-class FixMonitor : public Fix {
+class FixMonitor : public Fix, public Checkpointed {
  public:
   FixMonitor(class LAMMPS *, int, char **);
   int setmask() override;
   void init() override;
   void end_of_step() override;
+  void save(CheckpointWriter &) override;
+  void restore(const CheckpointReader &) override;
 
  private:
   class FixLedger *ledger_ = nullptr;

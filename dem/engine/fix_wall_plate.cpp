@@ -7,9 +7,12 @@
 #include <cstring>
 
 #include "atom.h"
+#include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
+#include "fix_property_atom.h"
 #include "force.h"
+#include "memory.h"
 #include "neighbor.h"
 #include "primitive_wall.h"
 #include "update.h"
@@ -41,7 +44,7 @@ std::vector<char *> &base_arguments(int narg, char **arg) {
 
 FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
     : FixWallGran(lmp, base_arguments(narg, arg).size(), base_arguments(narg, arg).data()) {
-  std::string agglomerates, forces, shapes, to_plate, from_plate;
+  std::string agglomerates, forces, shapes, to_plate, from_plate, contacts;
   bool has_extent = false;
   const int end = position_of_contact(narg, arg);
   for (int k = 3; k < end;) {
@@ -53,6 +56,10 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
     else if (key == "shapes") shapes = arg[k];
     else if (key == "to_plate") to_plate = arg[k];
     else if (key == "from_plate") from_plate = arg[k];
+    else if (key == "contacts") contacts = arg[k];
+    else if (key == "every") contacts_every_ = force->inumeric(FLERR, arg[k]);
+    else if (key == "yield_pressure")
+      plastic_law_ = std::make_unique<PlasticLaw>(force->numeric(FLERR, arg[k]));
     else if (key == "co_step") co_step_ = force->inumeric(FLERR, arg[k]);
     else if (key == "extent") {
       for (int e = 0; e < 4; e++) extent_[e] = force->numeric(FLERR, arg[k + e]);
@@ -67,7 +74,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
 
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   impulse_.assign(agglomerates_->count(), 0);
-  work_on_stone_ = work_on_plate_ = damped_ = impulse_;
+  work_on_stone_ = work_on_plate_ = damped_ = plastic_ = deepest_ = impulse_;
   if (!shapes.empty()) {
     shapes_ = std::make_unique<PlateShapes>(lmp, shapes);
     modal_impulse_.assign(shapes_->modes(), 0);
@@ -77,11 +84,27 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
   if (comm->me == 0) {
     forces_ = std::fopen(forces.c_str(), "ab");
     if (!forces_) error->one(FLERR, ("cannot write " + forces).c_str());
+    if (!contacts.empty() && !(contacts_ = std::fopen(contacts.c_str(), "ab")))
+      error->one(FLERR, ("cannot write " + contacts).c_str());
+  }
+  has_contacts_ = !contacts.empty();
+  if (plastic_law_) {
+    restart_peratom = create_attribute = 1;
+    comm->maxexchange_fix += DENT;
+    grow_arrays(atom->nmax);
+    atom->add_callback(0);
+    atom->add_callback(1);
+    for (int i = 0; i < atom->nlocal; i++) set_arrays(i);
   }
 }
 
 FixWallPlate::~FixWallPlate() {
   if (forces_) std::fclose(forces_);
+  if (contacts_) std::fclose(contacts_);
+  if (!plastic_law_) return;
+  atom->delete_callback(id, 0);
+  atom->delete_callback(id, 1);
+  memory->destroy(dent_);
 }
 
 int FixWallPlate::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
@@ -90,6 +113,7 @@ void FixWallPlate::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
   step_in_co_step_ = 0;
   rebuildPrimitiveNeighlist_ = true;
+  if (resuming) return;
   pre_force(vflag);
   end_co_step(true);
   // The step that ends here was counted by the run before, or never was.
@@ -170,7 +194,11 @@ void FixWallPlate::post_force(int vflag) {
     keep[k] = x[i][2];
     const bool above = x[i][0] >= extent_[0] && x[i][0] <= extent_[1] && x[i][1] >= extent_[2] && x[i][1] <= extent_[3];
     x[i][2] += above ? -p.w : AWAY_M;
-    p.overlap = atom->radius[i] - x[i][2];
+    p.overlap = p.depth = atom->radius[i] - x[i][2];
+    if (plastic_law_) {
+      p.overlap = press(i, p.depth);
+      if (p.overlap != p.depth) x[i][2] = atom->radius[i] - p.overlap;
+    }
     p.touched = p.overlap > 0;
     v[i][2] -= p.rate;
     for (int d = 0; d < 3; d++) p.force[d] = f[i][d], p.torque[d] = torque[i][d];
@@ -190,6 +218,7 @@ void FixWallPlate::post_force(int vflag) {
     const int a = agglomerates_->of_tag(atom->tag[i]);
     work_on_stone_[a] += 0.5 * dt * power;
     work_on_plate_[a] -= dt * p.force[2] * p.rate;
+    deepest_[a] = std::max(deepest_[a], p.depth / atom->radius[i]);
   }
 
   // The mean over a co-step is the trapezoidal one, which is the impulse that the integrator gives to the stones.
@@ -221,6 +250,29 @@ void FixWallPlate::end_of_step() {
     damped_[agglomerates_->of_tag(atom->tag[i])] +=
         dt * law_->damping_power(atom->type[i], atom_type_wall_, atom->radius[i], p.overlap, mass, v_before, v);
   }
+  if (has_contacts_ && update->ntimestep % contacts_every_ == 0) record_contacts();
+}
+
+// Presses sub-sphere i so deep into a plate that may yield; returns the overlap at which Hertz' force is the same.
+double FixWallPlate::press(int i, double depth) {
+  const double E = modulus(i), R = atom->radius[i], *x = atom->x[i];
+  double &largest = dent_[i][0], &x0 = dent_[i][1], &y0 = dent_[i][2];
+  if (largest <= plastic_law_->yield_overlap(E, R)) {
+    if (depth <= plastic_law_->yield_overlap(E, R)) return depth;
+  } else if (depth <= 0) {
+    const PlasticLaw::Dent d = plastic_law_->dent(E, R, largest);
+    if (std::hypot(x[0] - x0, x[1] - y0) > std::sqrt(d.radius * (largest - d.depth))) largest = 0;
+    return depth;
+  }
+  if (depth > largest) {
+    plastic_[agglomerates_->of_tag(atom->tag[i])] +=
+        plastic_law_->taken(E, R, depth) - plastic_law_->taken(E, R, largest);
+    largest = depth;
+  }
+  const double force = plastic_law_->force(E, R, depth, largest);
+  if (force > 0) x0 = x[0], y0 = x[1];
+  // In its dent but not pressed: just clear of the stock wall.
+  return force > 0 ? PlasticLaw::hertz_overlap(E, R, force) : std::min(depth, -1e-6 * R);
 }
 
 void FixWallPlate::add_forces(double weight) {
@@ -294,14 +346,162 @@ void FixWallPlate::record_forces() {
   if (!written) error->one(FLERR, "cannot write the forces on the plate");
 }
 
+// int64 step, int64 n, then n times agglomerate (from 1), x, y, elastic normal force N, radius m of the sphere that
+// presses (of the flattened contact where the plate has yielded), as doubles: every contact at this step.
+void FixWallPlate::record_contacts() {
+  std::vector<double> mine, all;
+  for (const Near &p : near_) {
+    if (!p.touched) continue;
+    const int i = p.i;
+    const double E = modulus(i), R = atom->radius[i], F = law_->normal_force(E, R, p.overlap);
+    const double pressing = plastic_law_ ? plastic_law_->dent(E, R, dent_[i][0]).radius : R;
+    mine.insert(mine.end(), {agglomerates_->of_tag(atom->tag[i]) + 1.0, atom->x[i][0], atom->x[i][1], F, pressing});
+  }
+  int size = mine.size(), total = 0;
+  std::vector<int> sizes(comm->nprocs), starts(comm->nprocs);
+  MPI_Gather(&size, 1, MPI_INT, sizes.data(), 1, MPI_INT, 0, world);
+  for (int rank = 0; rank < comm->nprocs; rank++) starts[rank] = total, total += sizes[rank];
+  all.resize(total);
+  MPI_Gatherv(mine.data(), size, MPI_DOUBLE, all.data(), sizes.data(), starts.data(), MPI_DOUBLE, 0, world);
+  if (comm->me != 0 || total == 0) return;
+  const long long head[2] = {update->ntimestep, total / 5};
+  if (std::fwrite(head, 8, 2, contacts_) != 2 || std::fwrite(all.data(), 8, total, contacts_) != all.size())
+    error->one(FLERR, "cannot write the contacts with the plate");
+}
+
+void FixWallPlate::flush() {
+  if ((forces_ && std::fflush(forces_) != 0) || (contacts_ && std::fflush(contacts_) != 0))
+    error->one(FLERR, "cannot write the forces on the plate");
+}
+
 void FixWallPlate::post_run() {
-  if (forces_ && std::fflush(forces_) != 0) error->one(FLERR, "cannot write the forces on the plate");
+  flush();
   if (link_ && comm->me == 0) link_->finish();
 }
 
 void FixWallPlate::add_elastic_energy(double *energy) const {
-  for (const Near &p : near_)
-    if (p.touched)
-      energy[agglomerates_->of_tag(atom->tag[p.i])] +=
-          law_->elastic_energy(atom->type[p.i], atom_type_wall_, atom->radius[p.i], p.overlap);
+  for (const Near &p : near_) {
+    if (!p.touched) continue;
+    const int i = p.i;
+    double &sum = energy[agglomerates_->of_tag(atom->tag[i])];
+    const double E = modulus(i), R = atom->radius[i];
+    const double left = plastic_law_ ? plastic_law_->dent(E, R, dent_[i][0]).depth : 0;
+    // Hertz' 2/5 F d, which is 8/15 E* sqrt(R) d^(5/2) where nothing has yielded
+    sum += 0.4 * law_->normal_force(E, R, p.overlap) * (p.depth - left);
+  }
+}
+
+/* --- the dent travels with its sub-sphere ------------------------------------------------------------------- */
+
+void FixWallPlate::grow_arrays(int nmax) { memory->grow(dent_, nmax, DENT, "wall/plate:dent"); }
+
+void FixWallPlate::copy_arrays(int i, int j, int) { std::copy_n(dent_[i], DENT, dent_[j]); }
+
+void FixWallPlate::set_arrays(int i) { std::fill_n(dent_[i], DENT, 0.0); }
+
+int FixWallPlate::pack_exchange(int i, double *buf) {
+  std::copy_n(dent_[i], DENT, buf);
+  return DENT;
+}
+
+int FixWallPlate::unpack_exchange(int i, double *buf) {
+  std::copy_n(buf, DENT, dent_[i]);
+  return DENT;
+}
+
+int FixWallPlate::pack_restart(int i, double *buf) {
+  buf[0] = DENT + 1;
+  std::copy_n(dent_[i], DENT, buf + 1);
+  return DENT + 1;
+}
+
+void FixWallPlate::unpack_restart(int i, int nth) {
+  const double *extra = atom->extra[i];
+  for (int k = 0; k < nth; k++) extra += static_cast<int>(*extra);
+  std::copy_n(extra + 1, DENT, dent_[i]);
+}
+
+/* --- checkpoint --------------------------------------------------------------------------------------------------- */
+
+void FixWallPlate::save(CheckpointWriter &out) {
+  flush();
+  out.sum("wall_work_on_stone", work_on_stone_);
+  out.sum("wall_work_on_plate", work_on_plate_);
+  out.sum("wall_damped", damped_);
+  out.sum("wall_plastic", plastic_);
+  std::vector<double> deepest(deepest_.size());
+  MPI_Allreduce(deepest_.data(), deepest.data(), deepest.size(), MPI_DOUBLE, MPI_MAX, world);
+  out.common("wall_deepest", deepest);
+  out.sum("wall_impulse", impulse_);
+  out.sum("wall_modal_impulse", modal_impulse_);
+  out.common("wall_co_step", {static_cast<double>(step_in_co_step_), static_cast<double>(co_steps_passed_),
+                              static_cast<double>(following_), link_ ? link_->reach : 0});
+  if (link_) {
+    out.common("wall_amplitude", link_->amplitude);
+    out.common("wall_rate", link_->rate);
+  }
+  std::vector<double> rows;  // tag, force, torque, history of what touches
+  for (const Near &p : near_) {
+    if (!p.touched) continue;
+    rows.push_back(atom->tag[p.i]);
+    rows.insert(rows.end(), p.force, p.force + 3);
+    rows.insert(rows.end(), p.torque, p.torque + 3);
+    if (dnum_ > 0) rows.insert(rows.end(), fix_history_primitive_->array_atom[p.i],
+                               fix_history_primitive_->array_atom[p.i] + dnum_);
+  }
+  out.rows("wall_contacts", rows);
+  if (!plastic_law_) return;
+  rows.clear();
+  for (int i = 0; i < atom->nlocal; i++) {
+    if (std::all_of(dent_[i], dent_[i] + DENT, [](double d) { return d == 0; })) continue;
+    rows.push_back(atom->tag[i]);
+    rows.insert(rows.end(), dent_[i], dent_[i] + DENT);
+  }
+  out.rows("wall_dents", rows);
+}
+
+// Everything else is found anew when the next step lists what is near.
+void FixWallPlate::restore(const CheckpointReader &in) {
+  const size_t n = agglomerates_->count();
+  work_on_stone_ = in.sum("wall_work_on_stone", n);
+  work_on_plate_ = in.sum("wall_work_on_plate", n);
+  damped_ = in.sum("wall_damped", n);
+  plastic_ = in.sum("wall_plastic", n);
+  deepest_ = in.common("wall_deepest", n);
+  impulse_ = in.sum("wall_impulse", n);
+  modal_impulse_ = in.sum("wall_modal_impulse", modal_impulse_.size());
+  const std::vector<double> &co_step = in.common("wall_co_step", 4);
+  step_in_co_step_ = static_cast<int>(co_step[0]);
+  co_steps_passed_ = static_cast<long long>(co_step[1]);
+  following_ = co_step[2] != 0;
+  if (link_) {
+    link_->reach = co_step[3];
+    link_->amplitude = in.common("wall_amplitude", link_->amplitude.size());
+    link_->rate = in.common("wall_rate", link_->rate.size());
+    if (comm->me == 0) link_->open();
+  }
+  near_.clear();
+  const int columns = 7 + std::max(0, dnum_);
+  const std::vector<double> &rows = in.rows("wall_contacts", columns);
+  for (size_t k = 0; k < rows.size(); k += columns) {
+    const int i = atom->map(static_cast<int>(rows[k]));
+    if (i < 0 || i >= atom->nlocal) continue;
+    Near p;
+    p.i = i;
+    p.touched = true;
+    std::copy_n(&rows[k + 1], 3, p.force);
+    std::copy_n(&rows[k + 4], 3, p.torque);
+    near_.push_back(p);
+    if (dnum_ > 0) std::copy_n(&rows[k + 7], dnum_, fix_history_primitive_->array_atom[i]);
+  }
+  if (!plastic_law_) return;
+  const std::vector<double> &dents = in.rows("wall_dents", 1 + DENT);
+  for (size_t k = 0; k < dents.size(); k += 1 + DENT) {
+    const int i = atom->map(static_cast<int>(dents[k]));
+    if (i >= 0 && i < atom->nlocal) std::copy_n(&dents[k + 1], DENT, dent_[i]);
+  }
+}
+
+void FixWallPlate::saved(long long step) {
+  if (link_ && comm->me == 0) link_->checkpoint(step);
 }

@@ -5,22 +5,29 @@
 #include <vector>
 
 #include "agglomerates.h"
+#include "checkpointed.h"
 #include "fix_wall_gran.h"
 #include "hertz_law.h"
+#include "plastic_law.h"
 #include "plate_link.h"
 #include "plate_shapes.h"
 
 namespace LAMMPS_NS {
 
 // fix ID group wall/plate agglomerates FILE forces FILE extent XMIN XMAX YMIN YMAX co_step N
-//     [shapes FILE to_plate FILE from_plate FILE] contact (arguments of wall/gran with a zplane at 0)
+//     [contacts FILE every N] [yield_pressure P] [shapes FILE to_plate FILE from_plate FILE]
+//     contact (arguments of wall/gran with a zplane at 0)
 //
 // The stock granular wall as the top face of the plate. Sub-spheres near the plate are moved into the frame of the
 // plate (z - w, v_z - dw/dt at their place), the stock wall acts on them there, and they are moved back: contact
 // anywhere, no seams, and contact history stays with the stock wall. The forces are projected on the mode shapes and
 // their mean over each co-step of N steps goes to the plate, which answers where it is predicted to be at the end of
 // the next one. Without shapes the plate is rigid and nothing is exchanged.
-class FixWallPlate : public FixWallGran {
+//
+// With a yield_pressure the plate gives way under a sub-sphere (PlasticLaw): the stock wall meets the sub-sphere at the
+// height at which its Hertz force is the plastic one, so that dashpot and friction act on that force too. The dent is
+// remembered with the sub-sphere until this is clear of the plate and more than the dent's radius away.
+class FixWallPlate : public FixWallGran, public Checkpointed {
  public:
   FixWallPlate(class LAMMPS *, int, char **);
   ~FixWallPlate() override;
@@ -31,12 +38,27 @@ class FixWallPlate : public FixWallGran {
   void post_force(int) override;
   void end_of_step() override;
   void post_run() override;
+  void save(CheckpointWriter &) override;
+  void restore(const CheckpointReader &) override;
+  void saved(long long step) override;
+
+  void grow_arrays(int) override;
+  void copy_arrays(int, int, int) override;
+  void set_arrays(int) override;
+  int pack_exchange(int, double *) override;
+  int unpack_exchange(int, double *) override;
+  int pack_restart(int, double *) override;
+  void unpack_restart(int, int) override;
+  int size_restart(int) override { return DENT + 1; }
+  int maxsize_restart() override { return DENT + 1; }
 
   // By agglomerate, J: work of the contact on the sub-spheres, and on the moving plate.
   const std::vector<double> &work_on_stone() const { return work_on_stone_; }
   const std::vector<double> &work_on_plate() const { return work_on_plate_; }
   const std::vector<double> &damped() const { return damped_; }  // by the normal dashpots of the contacts
-  // Elastic energy now stored in the normal contacts (Hertz), added by agglomerate, J.
+  const std::vector<double> &plastic() const { return plastic_; }  // taken by the plate's yielding
+  const std::vector<double> &deepest() const { return deepest_; }  // largest overlap over radius so far; on this rank
+  // Elastic energy now stored in the normal contacts, added by agglomerate, J.
   void add_elastic_energy(double *energy) const;
 
  protected:
@@ -53,8 +75,10 @@ class FixWallPlate : public FixWallGran {
     double w = 0, rate = 0;     // now
     double force[3], torque[3]; // of the last step
     bool touched = false;
-    double overlap = 0;         // of the last step, m
+    double overlap = 0;         // of the last step as the stock wall sees it, m
+    double depth = 0;           // and as it is; the same unless the plate has yielded
   };
+  static constexpr int DENT = 3;  // numbers a sub-sphere: largest overlap, and x, y where it was last pressed
 
   std::unique_ptr<Agglomerates> agglomerates_;
   std::unique_ptr<PlateShapes> shapes_;
@@ -73,15 +97,26 @@ class FixWallPlate : public FixWallGran {
   std::vector<double> work_on_stone_, work_on_plate_, damped_;
   std::vector<double> kept_z_;
   FILE *forces_ = nullptr;
+  std::vector<double> deepest_;
+  FILE *contacts_ = nullptr;
+  bool has_contacts_ = false;
+  int contacts_every_ = 1;
+  std::unique_ptr<PlasticLaw> plastic_law_;  // only where the plate yields
+  std::vector<double> plastic_;
+  double **dent_ = nullptr;
 
   void list_near();
   void place_plate(double fraction);
   void add_forces(double weight);
   void end_co_step(bool first);
   void record_forces();
+  void flush();
   bool anything_near() const;
   void follow_plate();
   void update_shape(size_t k);
+  double modulus(int i) const { return law_->modulus(atom->type[i], atom_type_wall_); }
+  double press(int i, double depth);
+  void record_contacts();
 };
 
 }  // namespace LAMMPS_NS

@@ -14,6 +14,10 @@ class HertzLaw {
     lmp->force->registry.connect("Yeff", modulus_, "ledger");
     lmp->force->registry.connect("betaeff", beta_, "ledger");
   }
+  double modulus(int type_i, int type_j) const { return modulus_[type_i][type_j]; }
+  static double normal_force(double modulus, double radius, double overlap) {
+    return 4. / 3. * modulus * std::sqrt(radius * overlap) * overlap;
+  }
   // U = 8/15 E* sqrt(R) overlap^(5/2)
   double elastic_energy(int type_i, int type_j, double radius, double overlap) const {
     return 8. / 15. * modulus_[type_i][type_j] * std::sqrt(radius) * std::pow(overlap, 2.5);

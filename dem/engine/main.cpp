@@ -1,17 +1,22 @@
-// The engine: stock LIGGGHTS from libliggghts with four fix styles added.
+// The engine: stock LIGGGHTS from libliggghts with five fix styles added.
 //
 //   bond/parallel   bonds between the sub-spheres of an agglomerate (fix_bond_parallel.h)
 //   wall/plate      the granular wall that moves with the plate       (fix_wall_plate.h)
 //   ledger          energies and momenta of each agglomerate          (fix_ledger.h)
 //   monitor         stops a run that is not stable                    (fix_monitor.h)
+//   checkpoint      keeps the state of a run and takes it up again    (fix_checkpoint.h)
 //
 // It runs any LIGGGHTS deck: `liggghts-bonded -in deck`. The styles are added once, so a deck must not use `clear`.
 
 #include <mpi.h>
 
+#include <csignal>
 #include <cstdio>
+#include <new>
 
+#include "comm.h"
 #include "fix_bond_parallel.h"
+#include "fix_checkpoint.h"
 #include "fix_ledger.h"
 #include "fix_monitor.h"
 #include "fix_wall_plate.h"
@@ -42,11 +47,13 @@ void add_styles(LAMMPS *lmp) {
   styles["wall/plate"] = &create<FixWallPlate>;
   styles["ledger"] = &create<FixLedger>;
   styles["monitor"] = &create<FixMonitor>;
+  styles["checkpoint"] = &create<FixCheckpoint>;
 }
 
 }  // namespace
 
 int main(int argc, char **argv) {
+  std::signal(SIGUSR1, FixCheckpoint::stop_at_next);
   MPI_Init(&argc, &argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);  // an error of one rank aborts, and must not take its message along
   int exit_code = 0;
@@ -61,7 +68,15 @@ int main(int argc, char **argv) {
       exit_code = 3;
     } else {
       add_styles(&lmp);
-      lmp.input->file();
+      try {
+        lmp.input->file();
+      } catch (const FixCheckpoint::Stopped &at) {
+        if (lmp.comm->me == 0) std::printf("Stopped at the checkpoint of step %lld\n", at.step);
+        exit_code = FixCheckpoint::STOPPED;
+      } catch (const std::bad_alloc &) {
+        std::printf("ERROR: not enough memory\n");
+        MPI_Abort(MPI_COMM_WORLD, 1);
+      }
     }
   }
   MPI_Barrier(MPI_COMM_WORLD);

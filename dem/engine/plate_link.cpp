@@ -20,10 +20,10 @@ PlateLink::~PlateLink() {
 }
 
 // A pipe opens when the other side opens it too, and both sides open `to_plate` first.
-void PlateLink::open_both() {
+void PlateLink::open() {
   std::signal(SIGPIPE, SIG_IGN);  // a plate that is gone shows as an error of write
-  out_ = open(to_.c_str(), O_WRONLY);
-  in_ = open(from_.c_str(), O_RDONLY);
+  out_ = ::open(to_.c_str(), O_WRONLY);
+  in_ = ::open(from_.c_str(), O_RDONLY);
   if (out_ < 0 || in_ < 0) lmp_->error->one(FLERR, ("Cannot open the plate's files " + to_ + " and " + from_).c_str());
 }
 
@@ -49,14 +49,25 @@ void PlateLink::receive(void *data, size_t bytes) {
 }
 
 void PlateLink::exchange(long long step, long long co_steps, const double *modal_force) {
-  if (out_ < 0) open_both();
+  if (out_ < 0) open();
   send(step, co_steps, modal_force);
-  long long answered;
-  receive(&answered, 8);
-  if (answered != step) lmp_->error->one(FLERR, "The plate answered another step than the one asked");
+  receive_answer(step);
   receive(&reach, 8);
   receive(amplitude.data(), 8 * amplitude.size());
   receive(rate.data(), 8 * rate.size());
+}
+
+void PlateLink::receive_answer(long long step) {
+  long long answered;
+  receive(&answered, 8);
+  if (answered != step) lmp_->error->one(FLERR, "The plate answered another step than the one asked");
+}
+
+void PlateLink::checkpoint(long long step) {
+  std::vector<double> nothing(1 + 2 * amplitude.size());
+  send(-2, step, nothing.data());
+  receive_answer(-2);
+  receive(nothing.data(), 8 * nothing.size());
 }
 
 void PlateLink::finish() {

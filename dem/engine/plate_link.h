@@ -13,12 +13,15 @@ class LAMMPS;
 //   from the plate: int64 step (the same), double reach, double amplitude[modes], double rate[modes]
 //
 // `reach` bounds |w| anywhere until the next exchange if nothing touches the plate. The answer to step s tells where
-// the plate is predicted to be one co-step later. A step of -1 from the engine says that it has finished.
+// the plate is predicted to be one co-step later. A step of -1 from the engine says that it has finished, -2 that it
+// has taken a checkpoint at the step that stands in the place of the co-steps; the plate answers -2 when it has, too.
 class PlateLink {
  public:
   PlateLink(LAMMPS *lmp, const std::string &to_plate, const std::string &from_plate, int modes);
   ~PlateLink();
+  void open();  // before the first exchange of a resumed run; otherwise that opens the files itself
   void exchange(long long step, long long co_steps, const double *modal_force);
+  void checkpoint(long long step);  // the plate keeps its half of the checkpoint of this step; returns when it has
   void finish();
 
   double reach = 0;
@@ -29,9 +32,9 @@ class PlateLink {
   int out_ = -1, in_ = -1;
   std::string to_, from_;
 
-  void open_both();
   void send(long long step, long long co_steps, const double *modal_force);
   void receive(void *data, size_t bytes);
+  void receive_answer(long long step);
 };
 
 }  // namespace LAMMPS_NS

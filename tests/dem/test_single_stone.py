@@ -82,9 +82,41 @@ def test_view_holds_particles_bonds_and_plate_on_one_time_axis(broken):
     summary, directory = broken["coal"]
     sets = ElementTree.parse(directory / "view.pvd").getroot().findall("./Collection/DataSet")
     times = sorted({float(s.get("timestep")) for s in sets})
-    assert len(times) == 41 and len(sets) == 3 * 41
+    assert len(times) == 41 and sum(s.get("part") in "012" for s in sets) == 3 * 41
     assert np.allclose(times, np.arange(41) * 1.5e-4)
-    last = {s.get("part"): meshio.read(directory / s.get("file")) for s in sets[-3:]}
+    last = {s.get("part"): meshio.read(directory / s.get("file")) for s in sets[-4:]}
     assert len(last["0"].points) == summary["n_particles"]
     assert len(last["1"].cells[0].data) == summary["n_bonds"] - summary["n_bonds_broken"]
     assert np.abs(last["2"].point_data["displacement_m"]).max() > 0
+
+
+def test_the_patches_in_the_view_carry_the_push_on_the_plate(broken):
+    """At a picture with contact: the pressure of the patches adds up to the forces of contacts.parquet, which lie under
+    the stone, and in the middle of each patch the stress is Hertz' and the plate's own."""
+    summary, directory = broken["coal"]
+    contacts = pd.read_parquet(directory / "contacts.parquet")
+    sets = ElementTree.parse(directory / "view.pvd").getroot().findall("./Collection/DataSet")
+    t = contacts.groupby("t_s")["force_N"].sum().idxmax()
+    rows = contacts[contacts["t_s"] == t]
+    files = {s.get("part"): s.get("file") for s in sets if abs(float(s.get("timestep")) - t) < 1e-8}
+    patches, plate = (meshio.read(directory / files[part]) for part in ("3", "2"))
+    pressure, number = patches.point_data["pressure_Pa"], patches.point_data["contact"].astype(int) - 1
+    centre = np.searchsorted(number, np.arange(len(rows)))
+    assert patches.points[centre, :2] == pytest.approx(rows[["x_m", "y_m"]].to_numpy(), abs=1e-12)
+    assert np.abs(rows[["x_m", "y_m"]] - [0.1, 0.0]).to_numpy().max() < 0.025
+    for k, row in enumerate(rows.itertuples()):
+        of_patch = patches.cells[0].data[number[patches.cells[0].data[:, 0]] == k]
+        corner = patches.points[of_patch][:, :, :2]
+        u, v = corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]
+        area = 0.5 * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+        assert (area * pressure[of_patch].mean(axis=1)).sum() == pytest.approx(row.force_N, rel=0.1)
+    total = plate.point_data["von_mises_with_contacts_Pa"]
+    assert total.max() >= plate.point_data["von_mises_Pa"].max() > 0
+    assert patches.point_data["von_mises_with_contacts_Pa"].max() > 5 * plate.point_data["von_mises_Pa"].max()
+    bending = summary["yield"]["bending"]
+    assert bending["von_mises_Pa"] >= 0.99 * plate.point_data["von_mises_Pa"][far_from_rods(plate.points)].max()
+    assert "no yield stress given" in summary["yield"]["verdict"]
+
+
+def far_from_rods(points):
+    return np.abs(np.abs(points[:, :2]) - 0.2).max(axis=1) > 0.02

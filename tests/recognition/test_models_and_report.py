@@ -43,7 +43,7 @@ def test_saved_model_answers_the_same_and_holds_no_code(model, sweep_path, tmp_p
     signals = read_sweep(sweep_path).runs[4].signals
     assert again.recognise(signals) == model.recognise(signals)
     saved = json.loads((tmp_path / "model.json").read_text())
-    assert saved["version"] == 1 and len(saved["provenance"]["runs"]) == 11
+    assert saved["version"] == 2 and len(saved["provenance"]["runs"]) == 11
     assert saved["provenance"]["runs"][3]["seeds"] == {"packing": 10007}
 
 
@@ -71,7 +71,9 @@ def test_command_line(sweep_path, tmp_path, capsys):
     out = tmp_path / "model.json"
     assert main(["fit", str(sweep_path), "--out", str(out)]) == 0
     assert main(["recognise", str(sweep_path / "ratio_030"), "--model", str(out)]) == 0
-    answers = re.findall(r"(\S+) +([\d.]+) %", capsys.readouterr().out)
+    said = capsys.readouterr().out
+    assert re.search(r"^mixing ratio (29|30|31)\.\d %, 90 % interval", said, re.MULTILINE)
+    answers = re.findall(r"^(\S+) +([\d.]+) %$", said, re.MULTILINE)
     assert {name for name, _ in answers} == set(METHODS)
     assert all(abs(float(value) - 30) < 2 for _, value in answers)
     (tmp_path / "other.csv").write_text("t_s,a_m_s2\n0,1\n0.1,2\n0.2,0\n")

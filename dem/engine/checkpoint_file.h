@@ -1,0 +1,48 @@
+#pragma once
+#include <map>
+#include <string>
+#include <vector>
+
+namespace LAMMPS_NS {
+
+class LAMMPS;
+
+// State of the engine as named blocks of numbers in one file:
+//
+//   char magic[8], int64 version, int64 bytes of what follows the CRC, int64 CRC-32 of it (that of zlib)
+//   then each block: char name[32], int64 count, double[count]
+//
+// dem/checkpoint.py checks the same four numbers.
+class CheckpointWriter {
+ public:
+  explicit CheckpointWriter(LAMMPS *lmp) : lmp_(lmp) {}
+  // All ranks call these together.
+  void common(const std::string &name, const std::vector<double> &values);  // the same on all ranks
+  void sum(const std::string &name, const std::vector<double> &mine);       // over the ranks
+  void rows(const std::string &name, const std::vector<double> &mine);      // of all ranks, one after the other
+  // Beside and then renamed, so that `file` is whole or as it was.
+  void write(const std::string &file);
+
+ private:
+  LAMMPS *lmp_;
+  std::string blocks_;
+};
+
+class CheckpointReader {
+ public:
+  CheckpointReader(LAMMPS *lmp, const std::string &file);
+  // Errors end the run: a block that is missing, or not of `count` numbers, or not of whole rows.
+  const std::vector<double> &common(const std::string &name, size_t count) const;
+  std::vector<double> sum(const std::string &name, size_t count) const;  // all of it on rank 0, nothing elsewhere
+  const std::vector<double> &rows(const std::string &name, size_t columns) const;
+
+ private:
+  LAMMPS *lmp_;
+  std::string file_;
+  std::map<std::string, std::vector<double>> blocks_;
+
+  const std::vector<double> &block(const std::string &name) const;
+  [[noreturn]] void fail(const std::string &what) const;
+};
+
+}  // namespace LAMMPS_NS

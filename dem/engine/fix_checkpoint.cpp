@@ -1,0 +1,258 @@
+#include "fix_checkpoint.h"
+
+#include <fcntl.h>
+#include <mpi.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <unordered_map>
+
+#include "atom.h"
+#include "atom_vec.h"
+#include "checkpointed.h"
+#include "comm.h"
+#include "error.h"
+#include "force.h"
+#include "modify.h"
+#include "neigh_list.h"
+#include "pair.h"
+#include "update.h"
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+
+namespace {
+
+const double LEAST_INTERVAL_s = 1.0;
+const double COST_SHARE = 0.01;  // of the run's time that checkpoints may take
+const int ATOM_COLUMNS = 16;     // tag, x, v, omega, force, torque
+
+volatile std::sig_atomic_t stop_asked = 0;
+
+long long pair_key(int i, int j) { return static_cast<long long>(i) << 32 | static_cast<unsigned>(j); }
+
+}  // namespace
+
+void FixCheckpoint::stop_at_next(int) { stop_asked = 1; }
+
+FixCheckpoint::FixCheckpoint(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
+  long long resume_step = 0;
+  for (int k = 3; k + 1 < narg; k += 2) {
+    const std::string key = arg[k];
+    if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
+    else if (key == "directory") directory_ = arg[k + 1];
+    else if (key == "resume") resume_step = std::atoll(arg[k + 1]);
+    else if (key == "streams") {
+      streams_.assign(arg + k + 1, arg + narg);
+      break;
+    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
+  }
+  if (nevery < 1 || directory_.empty()) error->fix_error(FLERR, this, "needs every N and directory DIR");
+  if (comm->me == 0 && mkdir(directory_.c_str(), 0777) != 0 && errno != EEXIST)
+    error->one(FLERR, ("cannot make " + directory_ + ": " + std::strerror(errno)).c_str());
+  force_reneighbor = 1;
+  next_reneighbor = -1;
+  if (resume_step > 0) resume(resume_step);
+}
+
+int FixCheckpoint::setmask() { return END_OF_STEP; }
+
+std::string FixCheckpoint::file(long long step) const {
+  return directory_ + "/engine_" + std::to_string(step) + ".checkpoint";
+}
+
+std::vector<Checkpointed *> FixCheckpoint::others() const {
+  std::vector<Checkpointed *> found;
+  for (int k = 0; k < modify->nfix; k++)
+    if (auto *one = dynamic_cast<Checkpointed *>(modify->fix[k])) found.push_back(one);
+  return found;
+}
+
+void FixCheckpoint::init() {
+  bool last = false;  // of all that must be restored
+  for (int k = 0; k < modify->nfix; k++)
+    last = modify->fix[k] == this || (last && !dynamic_cast<Checkpointed *>(modify->fix[k]));
+  if (!last) error->fix_error(FLERR, this, "must be the last fix");
+  for (Checkpointed *one : others()) one->resuming = resumed_ != nullptr;
+}
+
+// The last of the set-up: what a resumed run must not compute anew is put back.
+void FixCheckpoint::setup(int) {
+  next_time_ = MPI_Wtime() + LEAST_INTERVAL_s;
+  next_reneighbor = update->ntimestep + 1;
+  if (!resumed_) return;
+  restore_forces();
+  restore_contacts();
+  for (Checkpointed *one : others()) {
+    one->restore(*resumed_);
+    one->resuming = false;
+  }
+  resumed_.reset();
+}
+
+void FixCheckpoint::end_of_step() {
+  next_reneighbor = update->ntimestep + 1;
+  for (Checkpointed *one : others()) one->begin_anew();
+  int stop = stop_asked;
+  if (comm->nprocs > 1) MPI_Allreduce(MPI_IN_PLACE, &stop, 1, MPI_INT, MPI_MAX, world);
+  if (!due(stop)) return;
+  const double start = MPI_Wtime();
+  save();
+  const double end = MPI_Wtime();
+  next_time_ = end + std::max(LEAST_INTERVAL_s, (end - start) / COST_SHARE);
+  if (stop) throw Stopped{update->ntimestep};
+}
+
+bool FixCheckpoint::due(bool stop) {
+  if (update->ntimestep >= update->laststep) return false;
+  int due = stop || MPI_Wtime() >= next_time_;
+  if (comm->nprocs > 1) MPI_Bcast(&due, 1, MPI_INT, 0, world);
+  return due;
+}
+
+/* --- taking one ------------------------------------------------------------------------------------------------- */
+
+void FixCheckpoint::save() {
+  CheckpointWriter out(lmp);
+  save_atoms(out);
+  save_contacts(out);
+  for (Checkpointed *one : others()) one->save(out);  // these flush their streams
+  save_streams(out);
+  out.write(file(update->ntimestep));
+  for (Checkpointed *one : others()) one->saved(update->ntimestep);
+  // Only now is the new one whole, with what other programs keep beside it.
+  if (comm->me == 0 && last_saved_) unlink(file(last_saved_).c_str());
+  last_saved_ = update->ntimestep;
+}
+
+void FixCheckpoint::save_atoms(CheckpointWriter &out) {
+  std::vector<double> rows;
+  rows.reserve(static_cast<size_t>(atom->nlocal) * ATOM_COLUMNS);
+  for (int i = 0; i < atom->nlocal; i++) {
+    rows.push_back(atom->tag[i]);
+    for (const double *vector : {atom->x[i], atom->v[i], atom->omega[i], atom->f[i], atom->torque[i]})
+      rows.insert(rows.end(), vector, vector + 3);
+  }
+  out.rows("atoms", rows);
+}
+
+// History of the contacts between sub-spheres: tags, flag, values.
+void FixCheckpoint::save_contacts(CheckpointWriter &out) {
+  const NeighList *list = force->pair->list, *history = list->listgranhistory;
+  if (!history) return;
+  std::vector<double> rows;
+  for (int k = 0; k < list->inum; k++) {
+    const int i = list->ilist[k];
+    for (int m = 0; m < list->numneigh[i]; m++) {
+      if (!history->firstneigh[i][m]) continue;
+      const double *values = history->firstdouble[i] + history->dnum * m;
+      rows.insert(rows.end(), {static_cast<double>(atom->tag[i]),
+                               static_cast<double>(atom->tag[list->firstneigh[i][m] & NEIGHMASK]),
+                               static_cast<double>(history->firstneigh[i][m])});
+      rows.insert(rows.end(), values, values + history->dnum);
+    }
+  }
+  out.rows("contacts", rows);
+}
+
+void FixCheckpoint::save_streams(CheckpointWriter &out) {
+  std::vector<double> length(streams_.size(), 0.0);
+  if (comm->me == 0)
+    for (size_t k = 0; k < streams_.size(); k++) {
+      const int stream = open(streams_[k].c_str(), O_RDONLY);
+      if (stream < 0) continue;  // not begun yet
+      struct stat status;
+      if (fstat(stream, &status) != 0 || fsync(stream) != 0)
+        error->one(FLERR, ("cannot write " + streams_[k] + ": " + std::strerror(errno)).c_str());
+      close(stream);
+      length[k] = status.st_size;
+    }
+  out.common("streams", length);
+}
+
+/* --- taking up a run ------------------------------------------------------------------------------------------------- */
+
+void FixCheckpoint::resume(long long step) {
+  resumed_ = std::make_unique<CheckpointReader>(lmp, file(step));
+  last_saved_ = step;
+  update->ntimestep = step;
+  const std::vector<double> &rows = resumed_->rows("atoms", ATOM_COLUMNS);
+  if (rows.size() != static_cast<size_t>(atom->natoms) * ATOM_COLUMNS)
+    error->all(FLERR, (file(step) + ": is of another deck").c_str());
+  if (comm->nprocs == 1) put_in_order(rows);
+  for (size_t k = 0; k < rows.size(); k += ATOM_COLUMNS) {
+    const int i = atom->map(static_cast<int>(rows[k]));
+    if (i < 0 || i >= atom->nlocal) continue;  // the atoms go to their ranks at set-up
+    std::copy_n(&rows[k + 1], 3, atom->x[i]);
+    std::copy_n(&rows[k + 4], 3, atom->v[i]);
+    std::copy_n(&rows[k + 7], 3, atom->omega[i]);
+  }
+  const std::vector<double> &length = resumed_->common("streams", streams_.size());
+  if (comm->me != 0) return;
+  for (size_t k = 0; k < streams_.size(); k++) {
+    struct stat status;
+    const bool there = stat(streams_[k].c_str(), &status) == 0;
+    if (!there && length[k] == 0) continue;
+    if (!there || status.st_size < length[k])
+      error->one(FLERR, (streams_[k] + ": shorter than at the checkpoint").c_str());
+    if (truncate(streams_[k].c_str(), static_cast<off_t>(length[k])) != 0)
+      error->one(FLERR, ("cannot cut " + streams_[k] + ": " + std::strerror(errno)).c_str());
+  }
+}
+
+// The order in memory decides in which order forces are summed.
+void FixCheckpoint::put_in_order(const std::vector<double> &rows) {
+  AtomVec *avec = atom->avec;
+  if (atom->nlocal == atom->nmax) avec->grow(0);
+  const int spare = atom->nlocal;
+  for (int k = 0; k < atom->nlocal; k++) {
+    const int tag = static_cast<int>(rows[static_cast<size_t>(k) * ATOM_COLUMNS]), i = atom->map(tag);
+    if (i == k) continue;
+    if (i < 0) error->one(FLERR, "the checkpoint is of another deck");
+    avec->copy(k, spare, 0);
+    avec->copy(i, k, 0);
+    avec->copy(spare, i, 0);
+    atom->map_one(atom->tag[k], k);
+    atom->map_one(atom->tag[i], i);
+  }
+}
+
+void FixCheckpoint::restore_forces() {
+  const std::vector<double> &rows = resumed_->rows("atoms", ATOM_COLUMNS);
+  for (size_t k = 0; k < rows.size(); k += ATOM_COLUMNS) {
+    const int i = atom->map(static_cast<int>(rows[k]));
+    if (i < 0 || i >= atom->nlocal) continue;
+    std::copy_n(&rows[k + 10], 3, atom->f[i]);
+    std::copy_n(&rows[k + 13], 3, atom->torque[i]);
+  }
+}
+
+void FixCheckpoint::restore_contacts() {
+  const NeighList *list = force->pair->list, *history = list->listgranhistory;
+  if (!history) return;
+  const int dnum = history->dnum, columns = 3 + dnum;
+  const std::vector<double> &rows = resumed_->rows("contacts", columns);
+  std::unordered_map<long long, const double *> row_of;
+  for (size_t k = 0; k < rows.size(); k += columns)
+    row_of[pair_key(static_cast<int>(rows[k]), static_cast<int>(rows[k + 1]))] = &rows[k];
+  for (int k = 0; k < list->inum; k++) {
+    const int i = list->ilist[k];
+    for (int m = 0; m < list->numneigh[i]; m++) {
+      const int a = atom->tag[i], b = atom->tag[list->firstneigh[i][m] & NEIGHMASK];
+      auto found = row_of.find(pair_key(a, b));
+      double sign = 1;
+      if (found == row_of.end()) {  // on other ranks than before a pair may be seen from its other end
+        found = row_of.find(pair_key(b, a));
+        sign = -1;
+      }
+      const double *row = found == row_of.end() ? nullptr : found->second;
+      history->firstneigh[i][m] = row ? static_cast<int>(row[2]) : 0;
+      for (int d = 0; d < dnum; d++) history->firstdouble[i][dnum * m + d] = row ? sign * row[3 + d] : 0.0;
+    }
+  }
+}

@@ -1,0 +1,56 @@
+#pragma once
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "checkpoint_file.h"
+#include "fix.h"
+
+namespace LAMMPS_NS {
+
+// fix ID group checkpoint every N directory DIR resume STEP streams FILE...
+//
+// The last fix of a deck, after `velocity`. Every N steps (whole co-steps) is a step at which the run can be taken up
+// again; the neighbour lists are built anew after each, whether a checkpoint is taken or not, so that a resumed run goes
+// on as the undisturbed one does, on one rank bit by bit. A checkpoint is taken when the last is so long ago that its
+// cost is below one part in a hundred, and at least a second. SIGUSR1 asks for one at the next such step and for an end.
+//
+// STEP > 0: takes up the run at DIR/engine_STEP.checkpoint; streams, the files that the run appends to, are cut back to
+// their length at that step. LIGGGHTS's own set-up computes forces from velocities half a step too late and advances
+// contacts again; they are put back as they were when it has finished.
+class FixCheckpoint : public Fix {
+ public:
+  FixCheckpoint(class LAMMPS *, int, char **);
+  int setmask() override;
+  void init() override;
+  void setup(int) override;
+  void end_of_step() override;
+
+  static void stop_at_next(int);  // handler of SIGUSR1
+
+  struct Stopped {  // thrown when a checkpoint was asked for and is on disk; main ends with STOPPED
+    long long step;
+  };
+  static const int STOPPED = 75;  // EX_TEMPFAIL of sysexits.h: try again later
+
+ private:
+  std::string directory_;
+  std::vector<std::string> streams_;
+  std::unique_ptr<CheckpointReader> resumed_;
+  long long last_saved_ = 0;
+  double next_time_ = 0;  // s, of MPI_Wtime
+
+  bool due(bool stop);
+  std::string file(long long step) const;
+  std::vector<class Checkpointed *> others() const;
+  void save();
+  void save_atoms(CheckpointWriter &);
+  void save_contacts(CheckpointWriter &);
+  void save_streams(CheckpointWriter &);
+  void resume(long long step);
+  void put_in_order(const std::vector<double> &rows);
+  void restore_forces();
+  void restore_contacts();
+};
+
+}  // namespace LAMMPS_NS

@@ -1,0 +1,144 @@
+"""Recognisers for the evaluation, by name: the paper's methods, a straight line, and better ones.
+
+A recogniser is anything with `prepare(signals)` (a record to an array), `fit(X, y, groups, nuisance)` and
+`answer(X, nuisance)`; `Recogniser` makes one of any scikit-learn regressor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+from sklearn.linear_model import LinearRegression, RidgeCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from recognition.channels import CHANNELS, Channels
+from recognition.errors import NotRecognised, RecognitionError
+from recognition.intervals import GroupConformal
+from recognition.likelihood import RatioLikelihood
+from recognition.methods import PAPER_METHODS
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Of n records: ratio (n,), NaN where there is no answer; low, high (n,), NaN where there is no interval;
+    strange (n,) of bool."""
+
+    ratio: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    strange: np.ndarray
+
+
+class PaperMethod:
+    """A method of the paper as it is: no interval, no warning, sometimes no answer."""
+
+    def __init__(self, name: str):
+        self.method = PAPER_METHODS[name]()
+        self.prepare = self.method.prepare
+
+    def fit(self, X, y, groups=None, nuisance=None) -> PaperMethod:
+        self.method.fit(X, y)
+        return self
+
+    def answer(self, X, nuisance=None) -> Answers:
+        ratio = np.array([self._one(x) for x in X])
+        none = np.full(len(X), np.nan)
+        return Answers(ratio, none, none, np.zeros(len(X), dtype=bool))
+
+    def _one(self, x) -> float:
+        try:
+            return float(self.method.predict(x[None])[0])
+        except NotRecognised:
+            return np.nan
+
+
+class Recogniser:
+    """Any scikit-learn regressor on what `prepare` makes of a record, with intervals by `GroupConformal`.
+
+    with_nuisance: the estimator's `fit` takes the untold conditions as `nuisance`.
+    """
+
+    def __init__(self, prepare: Callable[[pd.DataFrame], np.ndarray], estimator, with_nuisance: bool = False):
+        self.prepare = prepare
+        self.estimator = estimator
+        self.with_nuisance = with_nuisance
+
+    def fit(self, X, y, groups=None, nuisance=None) -> Recogniser:
+        self.conformal_ = GroupConformal(self.estimator).fit(X, y, groups, nuisance if self.with_nuisance else None)
+        return self
+
+    def answer(self, X, nuisance=None) -> Answers:
+        told = nuisance if self.with_nuisance else None
+        ratio, low, high = self.conformal_.predict_interval(X, told).T
+        return Answers(ratio, low, high, self.conformal_.strange(X))
+
+
+def rms_of_acceleration(signals: pd.DataFrame) -> np.ndarray:
+    """Root mean square of the centre of mass' acceleration, shape (1,)."""
+    return np.sqrt(np.mean(Channels("centre").prepare(signals)[1:] ** 2, axis=1))
+
+
+#: Ends of the windows of time of `shares`, in shares of the record.
+WINDOWS = (0.0, 0.025, 0.125, 0.375, 1.0)
+BANDS = (0.0, 0.1, 0.25, 0.5, 1.0)  # of half the sample rate
+
+
+def log_energies(X: np.ndarray) -> np.ndarray:
+    """Logarithm of each channel's rms in windows of time and in bands of frequency, shape (runs, features).
+
+    X: shape (runs, channels, samples). What a change of amplitude adds to, damping tilts and speed shifts.
+    """
+    X = np.asarray(X, dtype=float)
+    ends = np.round(np.array(WINDOWS) * X.shape[2]).astype(int)
+    parts = [np.sqrt(np.mean(X[..., a:b] ** 2, axis=2)) for a, b in pairwise(ends)]
+    spectrum = np.abs(np.fft.rfft(X, axis=2)) ** 2
+    ends = np.round(np.array(BANDS) * spectrum.shape[2]).astype(int)
+    parts += [np.sqrt(np.sum(spectrum[..., a:b], axis=2)) for a, b in pairwise(ends)]
+    return np.log(np.concatenate(parts, axis=1))
+
+
+class ChannelScaler(TransformerMixin, BaseEstimator):
+    """Channels in shares of their rms over the training, as one row a record."""
+
+    def fit(self, X, y=None) -> ChannelScaler:
+        self.scale_ = np.sqrt(np.mean(np.asarray(X) ** 2, axis=(0, 2)))
+        return self
+
+    def transform(self, X) -> np.ndarray:
+        return (np.asarray(X) / self.scale_[:, None]).reshape(len(X), -1)
+
+
+def _ridge():
+    return make_pipeline(ChannelScaler(), RidgeCV(np.logspace(-2, 6, 17)))
+
+
+def _gaussian_process():
+    kernel = ConstantKernel(1.0) * Matern(10.0, nu=2.5) + WhiteKernel(1e-3, (1e-8, 1.0))
+    process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
+    return make_pipeline(FunctionTransformer(log_energies), StandardScaler(), process)
+
+
+#: name -> an unfitted recogniser. The paper's and the straight line are what others are held against.
+RECOGNISERS: dict[str, Callable[[], PaperMethod | Recogniser]] = {
+    **{name: partial(PaperMethod, name) for name in PAPER_METHODS},
+    "rms_line": lambda: Recogniser(rms_of_acceleration, LinearRegression()),
+    "ridge_accelerometers": lambda: Recogniser(Channels("accelerometers").prepare, _ridge()),
+    "gaussian_process_accelerometers": lambda: Recogniser(Channels("accelerometers").prepare, _gaussian_process()),
+    **{f"likelihood_{kind}": partial(Recogniser, Channels(kind).prepare, RatioLikelihood(), True) for kind in CHANNELS},
+}
+
+
+def make(name: str) -> PaperMethod | Recogniser:
+    """A recogniser by name. RecognitionError for an unknown one."""
+    if name not in RECOGNISERS:
+        raise RecognitionError(f"method {name!r}; choose among {', '.join(RECOGNISERS)}")
+    return RECOGNISERS[name]()

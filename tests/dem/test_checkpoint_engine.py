@@ -1,0 +1,106 @@
+"""The engine's half of a checkpoint: taken while bonds break, friction slips and dampers work, the run goes on from it
+bit by bit on one rank, and to round-off on two."""
+
+import os
+import signal
+import subprocess
+
+import numpy as np
+import pytest
+from decks import HEAD, MATERIAL, bond_line, fcc_ball, frames, ledger, write_files
+
+from dem.engine import ENGINE
+
+EVERY, STEPS = 250, 1000
+STREAMS = ("view.dump", "forces.bin", "ledger.bin", "events.csv")
+
+
+def write_strike(directory):
+    """A ball hits the rigid plate aslant, breaks, and its sub-spheres rub on each other and on the plate."""
+    body = fcc_ball(5)
+    body.center_m[:, 2] += 1e-5 - (body.center_m[:, 2] - body.radius_m).min()
+    write_files(directory, body)
+    t0 = np.sqrt(body.mass_kg.min() / (5e9 * np.pi * 1e-3**2 / 2e-3))
+    (directory / "deck.liggghts").write_text(
+        HEAD + "variable resume index 0\nread_data atoms.data\n" + MATERIAL + f"timestep {float(0.2 * t0)!r}\n"
+        "fix ledger all ledger agglomerates agglomerates.txt every 50 file ledger.bin\n"
+        "fix motion all nve/sphere\n" + bond_line(tension=1e6, shear=1e6, damping_time=0.1 * t0) +
+        "fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
+        "contact model hertz tangential history primitive type 2 zplane 0.0\n"
+        "velocity all set 2 1 -5 units box\n"
+        f"dump view all custom {EVERY} view.dump id x y z vx vy vz omegax omegay omegaz fx fy fz tqx tqy tqz mass radius\n"
+        f'dump_modify view format "%d{17 * " %.17g"}" append yes\n'
+        f"fix checkpoint all checkpoint every {EVERY} directory checkpoint resume ${{resume}} streams "
+        f"{' '.join(STREAMS)}\nrun {STEPS} upto\n")
+
+
+def engine(directory, ranks, resume=0):
+    command = [str(ENGINE), "-in", "deck.liggghts", "-var", "resume", str(resume)]
+    if ranks > 1:
+        command = ["mpirun", "--oversubscribe", "-np", str(ranks), *command]
+    return subprocess.Popen(command, cwd=directory, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                            stderr=subprocess.STDOUT, text=True, errors="replace",
+                            env=os.environ | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"})
+
+
+def stopped_at_next(process):
+    """Asks for a checkpoint and an end as soon as LIGGGHTS speaks; returns what it printed."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        if "LIGGGHTS" in line:
+            process.send_signal(signal.SIGUSR1)
+            break
+    return process.communicate(timeout=60)[0]
+
+
+def split(directory, ranks):
+    """The same run stopped at each step at which a checkpoint can be taken, and taken up again."""
+    step = 0
+    while True:
+        process = engine(directory, ranks, step)
+        output = stopped_at_next(process)
+        if process.returncode == 0:
+            return
+        assert f"Stopped at the checkpoint of step {step + EVERY}" in output, output[-1500:]
+        if ranks == 1:
+            assert process.returncode == 75
+        step += EVERY
+        assert [f.name for f in (directory / "checkpoint").iterdir()] == [f"engine_{step}.checkpoint"]
+        with open(directory / "forces.bin", "ab") as stream:  # what a killed run wrote after its checkpoint
+            stream.write(b"torn")
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_split_run_is_the_undisturbed_one(tmp_path, ranks):
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    for directory in (whole, parts):
+        directory.mkdir()
+        write_strike(directory)
+    output, _ = engine(whole, ranks).communicate(timeout=60)
+    assert len(ledger(whole).step) == STEPS // 50, output[-1500:]
+    split(parts, ranks)
+    broken = [int(line.split(",")[0]) for line in (whole / "events.csv").read_text().splitlines()[1:]]
+    assert min(broken) < EVERY < max(broken)
+    contacts = ledger(whole).column
+    assert contacts["pair_damped_J"][-1] > 0 and contacts["wall_damped_J"][-1] > 0
+    if ranks == 1:
+        for name in STREAMS:
+            assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
+    else:
+        a, b = frames(whole), frames(parts)
+        assert np.array_equal(a.step, b.step)
+        assert np.abs(a.x - b.x).max() < 1e-9
+        for name, values in contacts.items():
+            assert ledger(parts).column[name] == pytest.approx(values, rel=1e-6, abs=1e-9 * np.abs(values).max()), name
+
+
+def test_a_damaged_or_foreign_checkpoint_is_refused(tmp_path):
+    write_strike(tmp_path)
+    stopped_at_next(engine(tmp_path, 1))
+    file = tmp_path / "checkpoint" / f"engine_{EVERY}.checkpoint"
+    data = file.read_bytes()
+    for damaged, words in [(data[:-9], "cut off or damaged"), (data[:200] + b"x" + data[201:], "cut off or damaged"),
+                           (b"PAR1" + data[4:], "not a checkpoint"), (data[:8] + b"\x07" + data[9:], "another version")]:
+        file.write_bytes(damaged)
+        output, _ = (process := engine(tmp_path, 1, EVERY)).communicate(timeout=60)
+        assert process.returncode != 0 and words in output and file.name in output

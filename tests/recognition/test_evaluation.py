@@ -1,0 +1,106 @@
+"""Splits never share a group, noise is as loud as it says, and the table holds what was asked for."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from recognition import RecognitionError
+from recognition.dataset import DataSet, read_dataset
+from recognition.evaluation import CASES, Case, Evaluation, evaluate, table, write_evaluation
+from recognition.noise import with_noise
+from recognition.recognisers import RECOGNISERS
+from tests.analysis import synthetic
+
+FAMILIES = {"paper": (1, 11), "ring": (4, 11), "damping": (12, 1), "speed": (12, 1), "free": (12, 1), "scatter": (12, 1),
+            "all": (12, 1)}
+
+
+def rows():
+    rng = np.random.default_rng(1)
+    return pd.DataFrame([
+        {"family": name, "group": f"{name}/{g:03d}", "gangue_ratio": k / 10 if runs == 11 else rng.integers(11) / 10,
+         "speed_m_s": rng.uniform(2, 4), "damping_ratio": rng.uniform(0.005, 0.02)}
+        for name, (groups, runs) in FAMILIES.items() for g in range(groups) for k in range(runs)])
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_what_is_held_out_is_not_in_the_training(case):
+    data = DataSet([], rows(), [])
+    tested = []
+    for train, test in Evaluation(data).splits(case):
+        seen, held = data.table.iloc[train], data.table.iloc[test]
+        assert len(train) and len(test)
+        assert not set(seen["group"]) & set(held["group"])
+        if case.key == "gangue_ratio":
+            assert not set(seen["gangue_ratio"]) & set(held["gangue_ratio"])
+        elif case.key != "group":
+            low, high = held[case.key].min(), held[case.key].max()
+            assert not seen[case.key].between(low, high).any()
+        if case.eleven:
+            assert sorted(seen["gangue_ratio"]) == [k / 10 for k in range(11)] and seen["group"].nunique() == 1
+        else:
+            tested.append(test)
+    if not case.eleven:
+        assert sorted(np.concatenate(tested)) == sorted(data.of(*case.families))  # each once
+
+
+def test_a_case_without_runs_says_so():
+    data = DataSet([], rows().query("family == 'ring'"), [])
+    with pytest.raises(RecognitionError, match="no run of the families free"):
+        list(Evaluation(data).splits(Case("x", "positions", ("free",))))
+
+
+@pytest.mark.parametrize("db", [20.0, 40.0])
+def test_noise_is_as_loud_as_it_says_and_the_same_again(db):
+    t = np.arange(5000) / 6667
+    signals = pd.DataFrame({"t_s": t, "v_m_s": 1e-3 * np.sin(300 * t), "a_m_s2": 400.0 * np.cos(900 * t)})
+    found = with_noise(signals, db, np.random.default_rng(3))
+    assert found["t_s"].equals(signals["t_s"])
+    was, rest = signals[["v_m_s", "a_m_s2"]], (found - signals)[["v_m_s", "a_m_s2"]]
+    level = 20 * np.log10(np.sqrt((rest**2).mean()) / np.sqrt((was**2).mean()))
+    assert level.to_numpy() == pytest.approx(-db, abs=0.2)
+    pd.testing.assert_frame_equal(found, with_noise(signals, db, np.random.default_rng(3)))
+    assert with_noise(signals, None, np.random.default_rng(3)) is signals
+
+
+@pytest.fixture(scope="module")
+def synthetic_set(tmp_path_factory):
+    out = tmp_path_factory.mktemp("dataset")
+    synthetic.SCENE["plate"]["damping_ratio"] = 0.01
+    for group in range(5):
+        for k in (0, 3, 5, 8, 10):
+            synthetic.write_run(out / "ring" / f"{group:03d}" / f"ratio_{10 * k:03d}", k / 10, 100 * group + k, 0.02)
+    return out
+
+
+def test_evaluation_csv(synthetic_set):
+    path = write_evaluation(synthetic_set, ["energy_fusion_mended", "rms_line"])
+    found = pd.read_csv(path)
+    assert list(found.columns[:9]) == ["method", "held_out", "noise_db", "n", "mean_abs_error_points", "p95_points",
+                                       "worst_points", "bias_points", "coverage_90"]
+    many = found[(found["case"] == "many runs") & found["noise_db"].isna()].set_index("method")
+    assert (many["n"] == 25).all() and (many["answered"] == 25).all()
+    assert (many["mean_abs_error_points"] < 4).all() and (many["worst_points"] >= many["p95_points"]).all()
+    assert np.isnan(many.loc["energy_fusion_mended", "coverage_90"]) and many.loc["rms_line", "coverage_90"] > 0.7
+    free = found[found["case"] == "free positions"]
+    assert free["reason"].str.contains("no run of the families free").all()
+
+
+def test_the_table_counts_as_one_counts_by_hand(synthetic_set):
+    data = read_dataset(synthetic_set)
+    case = next(case for case in CASES if case.name == "many runs")
+    results = evaluate(data, ["rms_line"], [case], [None], tell=lambda line: None)
+    answers, row = results[0].answers, table(results).iloc[0]
+    error = [100 * (a - b) for a, b in zip(answers["ratio"], answers["true"], strict=True)]
+    assert row["mean_abs_error_points"] == pytest.approx(sum(map(abs, error)) / 25)
+    assert row["worst_points"] == pytest.approx(max(map(abs, error)))
+    assert row["bias_points"] == pytest.approx(sum(error) / 25)
+    inside = [low <= b <= high for low, b, high in zip(answers["low"], answers["true"], answers["high"], strict=True)]
+    assert row["coverage_90"] == pytest.approx(sum(inside) / 25)
+
+
+def test_every_recogniser_says_which_column_it_misses():
+    signals = pd.DataFrame({"t_s": np.arange(300) / 6667, "other": np.ones(300)})
+    for make in RECOGNISERS.values():
+        with pytest.raises(RecognitionError, match="no column"):
+            make().prepare(signals)
