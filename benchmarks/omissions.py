@@ -22,7 +22,7 @@ from dem.run import Model, Stages, prepare, run_model
 from dem.scene import changed_scene
 from plate_fem.tables import read_toml
 
-BASE = {"time.duration_s": 1.5e-3, "stones.agglomerate.subspheres": 500}
+BASE: dict = {"time.duration_s": 1.5e-3, "stones.agglomerate.subspheres": 500}
 SMOOTH = {f"contacts.{pair}.friction": 0.0 for pair in ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue",
                                                         "gangue_gangue")}
 WITHOUT: dict[str, dict] = {

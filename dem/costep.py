@@ -20,24 +20,26 @@ def follow(motion: ModalMotion, pipes: PlatePipes, step: TimeStep, record: Calla
     """Serve the engine until it has finished.
 
     `record(dem_step, modal_force)` is called at each row of the fast stream, `motion` standing at that instant and
-    `modal_force` acting.
+    `modal_force` acting: the mean over the co-step that ends there, carried on by half a co-step.
     """
     last_force = np.zeros_like(motion.amplitude)
     record(0, last_force)
     now = 0
     while (message := pipes.receive()) is not None:
         force = np.array(message.modal_force)
-        now = _advance(motion, force, now, message.co_steps, step, record)
         if message.co_steps != 1:  # after free flight there is no trend to go on with
             last_force = force
-        predicted = 2 * force - last_force
+        trend = force - last_force
+        now = _advance(motion, force, force + trend / 2, now, message.co_steps, step, record)
+        predicted = force + trend
         last_force = force
         amplitude, rate = motion.predict(predicted)
         pipes.answer(message.step, motion.reach_m(amplitude, rate), amplitude, rate)
-    _advance(motion, np.zeros_like(last_force), now, step.steps // step.co_step - now // step.co_step, step, record)
+    none = np.zeros_like(last_force)
+    _advance(motion, none, none, now, step.steps // step.co_step - now // step.co_step, step, record)
 
 
-def _advance(motion, force, now, co_steps, step, record) -> int:
+def _advance(motion, force, force_at_end, now, co_steps, step, record) -> int:
     """Move over `co_steps` under a constant force, stopping at each row of the fast stream."""
     end = now + co_steps * step.co_step
     while now < end:
@@ -45,5 +47,5 @@ def _advance(motion, force, now, co_steps, step, record) -> int:
         motion.advance(force, (stop - now) // step.co_step)
         now = stop
         if now % step.fast_steps == 0:
-            record(now, force)
+            record(now, force_at_end)
     return now

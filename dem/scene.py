@@ -95,7 +95,7 @@ class MaterialTable(Table):
 
 
 class ContactTable(Table):
-    restitution: Annotated[float, Field(ge=0.05, le=1)]  # LIGGGHTS refuses less than 0.05
+    restitution: Annotated[float, Field(gt=0.05, le=1)]  # LIGGGHTS refuses 0.05 and less
     friction: NotNegative
 
 
@@ -124,6 +124,8 @@ class Scene(Table):
                 raise Refused(f"materials.{name}.bond", None, "must be given, as stones.agglomerate needs it")
         if self.plate.youngs_modulus_Pa < LEAST_MODULUS_Pa:
             raise Refused("plate.youngs_modulus_Pa", self.plate.youngs_modulus_Pa, f"must be at least {LEAST_MODULUS_Pa:g}")
+        if self.stones.speed_m_s == 0 and self.time.gravity_m_s2 == 0:
+            raise Refused("stones.speed_m_s", 0.0, "must be above 0 where there is no time.gravity_m_s2: nothing would move")
         if PLATE in self.materials:
             raise Refused("materials", PLATE, "must be another name, this one is the plate's")
         self._check_contacts()

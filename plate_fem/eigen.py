@@ -3,18 +3,26 @@
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
+from plate_fem.tables import Refused
+
+MODES_AT_MOST = 400  # three times the default scene's; finding more takes minutes and gigabytes
+
 
 def eigenmodes(stiffness, mass, max_frequency_Hz):
     """Return (omega^2 (n,), mass-normalised vectors (size, n)) of all modes up to max_frequency_Hz.
 
     Sylvester's law of inertia gives their number: that of the negative pivots of K - limit M. They come
     from shift-invert Lanczos about a small negative shift, which a free plate's singular stiffness does
-    not disturb. RuntimeError if the two disagree.
+    not disturb. RuntimeError if the two disagree; Refused, by the name of a scene's key, if there are more than
+    MODES_AT_MOST, as with rods so soft that they have modes of their own.
     """
     limit = (2 * np.pi * max_frequency_Hz) ** 2
     count = int((factor(stiffness - limit * mass).U.diagonal() < 0).sum())
     if count == 0:
         return np.empty(0), np.empty((stiffness.shape[0], 0))
+    if count > MODES_AT_MOST:
+        raise Refused("max_frequency_Hz", max_frequency_Hz, f"{count} modes of plate and rods lie below it, the limit is "
+                      f"{MODES_AT_MOST}: it must be lower, or the rods stiffer")
     shift = -1e-4 * limit
     inverse = LinearOperator(stiffness.shape, factor(stiffness - shift * mass).solve, dtype=float)
     start = np.random.default_rng(1).standard_normal(stiffness.shape[0])

@@ -22,10 +22,22 @@ STONE = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_k
 def test_a_step_that_the_bonds_do_not_bear(tmp_path, monkeypatch, sample_s, limit):
     """30 steps a sample: 0.63 t0, which is just unstable, and 0.86 t0."""
     monkeypatch.setattr(dem.time_step, "BOND_FRACTION", 1.0)
+    monkeypatch.setattr(dem.time_step, "DAMPED_SHARE", 9.0)
     monkeypatch.setattr(dem.time_step, "RAYLEIGH_FRACTION", 10.0)
     with pytest.raises(RunError, match=limit):
         run_scene(changed("single", STONE | {"time.sample_interval_s": sample_s}), "single.toml", tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("damping", [1.0])
+def test_the_step_of_damped_bonds_is_short_enough(tmp_path, monkeypatch, damping):
+    """Bonds up to critically damped: the energy closes at the step chosen, and not at the step of undamped bonds."""
+    scene = changed("single", STONE | {"stones.agglomerate.damping_ratio": damping, "time.sample_interval_s": 5e-5})
+    energy = run_scene(scene, "single.toml", tmp_path / "run")["energy"]
+    assert abs(energy["closure"]) < 1e-3 and energy["bond_damping_J"] > 0
+    monkeypatch.setattr(dem.time_step, "DAMPED_SHARE", 9.0)
+    with pytest.raises(RunError, match="limit"):
+        run_scene(scene, "single.toml", tmp_path / "long")
 
 
 def test_a_co_step_that_plate_and_contact_do_not_bear(tmp_path, monkeypatch):

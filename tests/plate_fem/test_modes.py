@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from plates import four_rods, plate, rod
 
+from plate_fem import eigen
 from plate_fem import modes as modes_module
 from plate_fem.modes import plate_modes, table_hash
 from plate_fem.rods import disc_quadrature
+from plate_fem.tables import Refused
 
 TABLE = plate(rods=[rod(0.15, 0.1)], max_frequency_Hz=1500.0, theory="kirchhoff")
 
@@ -104,3 +106,9 @@ def test_hash_follows_what_matters():
     assert table_hash(TABLE) == table_hash(TABLE.model_copy(update={"yield_stress_Pa": 1e8}))
     assert table_hash(TABLE) != table_hash(TABLE.model_copy(update={"thickness_m": 0.021}))
     assert table_hash(TABLE) != table_hash(TABLE, [[0.0, 0.0]])
+
+
+def test_more_modes_than_can_be_found_are_refused(monkeypatch):
+    monkeypatch.setattr(eigen, "MODES_AT_MOST", 4)
+    with pytest.raises(Refused, match="the limit is 4"):
+        plate_modes(TABLE)
