@@ -48,6 +48,15 @@ METHOD_NAMES = {
     "likelihood_centre": "likelihood of the centre of mass",
 }
 
+#: Further ones of the evaluation.
+EVALUATED_NAMES = METHOD_NAMES | {
+    "rms_line": "RMS and a straight line",
+    "ridge_accelerometers": "ridge, four accelerometers",
+    "gaussian_process_accelerometers": "Gaussian process, four accelerometers",
+    "likelihood_rods": "likelihood of the rods",
+    "likelihood_all": "likelihood of all signals",
+}
+
 
 def load_method(name: str, data: dict):
     """A fitted method from its part of a saved model."""

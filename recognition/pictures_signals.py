@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from analysis.hilbert import hilbert_spectrum, marginal_spectrum
-from recognition import figures, figures_signals
-from recognition.methods import METHOD_NAMES
+from recognition import figures, figures_evaluation, figures_signals
+from recognition.methods import EVALUATED_NAMES, LIKELIHOODS, METHOD_NAMES
 from recognition.models import Model
 from recognition.pictures import Plan
 from recognition.pipeline import FusionPipeline
@@ -136,6 +136,11 @@ def recognised(study):
     return figures_signals.recognised(study.ratios, answers)
 
 
+def unseen(study):
+    noises = {"no noise": None, "noise of 20 dB": 20.0}
+    return figures_evaluation.evaluation(study.evaluation, EVALUATED_NAMES, tuple(LIKELIHOODS), noises)
+
+
 SIGNALS = [
     Plan("fig-22", "IMFs of the acceleration (Figure 22)", "Their number differs from ratio to ratio; the maxima of IMF"
          " 1 rise, the others show no pattern.", "Lowest and highest ratio. Rule: ten siftings an IMF.", imfs),
@@ -167,4 +172,8 @@ RECOGNITION = [
          " wins.", "", worked_example),
     Plan("fig-recognised", "Recognised ratio", "The strategy greatly improves on Q; the paper reports no test on unseen"
          " data.", "Trained on all: the run itself was in the training.", recognised),
+]  # fmt: skip
+UNSEEN = [
+    Plan("fig-unseen", "Runs that were not trained on", "Not in the paper.", "Mean absolute error of the data set beside"
+         " this sweep; whole arrangements, packings, speeds, dampings held out.", unseen),
 ]  # fmt: skip

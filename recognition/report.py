@@ -14,7 +14,7 @@ from recognition.claims import VERDICTS, Claim, judge, to_csv
 from recognition.metrics import falling_steps, spearman
 from recognition.pictures import Picture, Plan, realise
 from recognition.pictures_mechanics import BREAKAGE, RESPONSE, THEORY
-from recognition.pictures_signals import RECOGNITION, SIGNALS
+from recognition.pictures_signals import RECOGNITION, SIGNALS, UNSEEN
 from recognition.report_tables import Table
 from recognition.study import Study
 
@@ -26,12 +26,14 @@ CHAPTERS: list[tuple[str, list[Plan]]] = [
     ("Response of the plate", RESPONSE),
     ("Signals", SIGNALS),
     ("Recognition", RECOGNITION),
+    ("Runs not trained on", UNSEEN),
 ]
 
 
 TABLES = {
     "Theory": [report_tables.materials],
     "Signals": [report_tables.emd_rules, report_tables.standardised],
+    "Runs not trained on": [report_tables.unseen],
     "Recognition": [report_tables.deviations, report_tables.recognised, report_tables.choices],
 }
 

@@ -12,7 +12,7 @@ from analysis.features import BASE_PARAMETERS
 from recognition.choices import compare
 from recognition.errors import RecognitionError
 from recognition.least_squares import fit_polynomial
-from recognition.methods import METHOD_NAMES
+from recognition.methods import EVALUATED_NAMES, METHOD_NAMES
 from recognition.study import Study
 
 
@@ -118,6 +118,24 @@ def choices(study: Study) -> Table:
     )
     header = ["choice", "answered", "mean", "worst", ""]
     return Table("table-choices", "Choices that the paper leaves open", note, header, rows)
+
+
+def unseen(study: Study) -> Table:
+    """evaluation.csv without noise and at 20 dB."""
+    rows = []
+    for r in study.evaluation.to_dict("records"):
+        if r["noise_db"] == 40 or not r["answered"]:
+            continue
+        covered = "-" if np.isnan(r["coverage_90"]) else f"{100 * r['coverage_90']:.0f}"
+        rows.append([
+            r["case"], EVALUATED_NAMES.get(r["method"], r["method"]), "-" if np.isnan(r["noise_db"]) else f"{r['noise_db']:.0f}",
+            f"{r['answered']}\u00a0of\u00a0{r['n']}", *(f"{r[name]:.2f}" for name in ("mean_abs_error_points", "p95_points",
+                                                                                 "worst_points", "bias_points")),
+            covered, f"{100 * r['flagged']:.0f}"])  # fmt: skip
+    note = ("Points of mixing ratio, of the runs answered; covered: share of true ratios in the 90 % interval; flagged: as"
+            " outside the calibration. What each case holds out and more noise: evaluation.csv.")
+    header = ["case", "method", "noise, dB", "answered", "mean", "95 %", "worst", "bias", "covered, %", "flagged, %"]
+    return Table("table-unseen", "Runs that were not trained on", note, header, rows)
 
 
 def errors(study: Study) -> Table:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 
 from analysis import RecordError, Sweep, breakage
 from analysis.emd import Decomposition, decompose
 from analysis.emd_rules import RuleCost, compare_rules
 from analysis.features import BASE_PARAMETERS, TIME_PARAMETERS, time_features
 from analysis.hilbert import marginal_spectrum
+from analysis.readers import read_table
 from analysis.real_plate import (
     amplitude_at_peak,
     contact_stress_map_Pa,
@@ -27,6 +29,10 @@ from analysis.theory import STATES, beam_compliance, materials_in_order, peak, t
 from recognition.fusion import FUSIONS, Fusion
 from recognition.kalman import kalman_filter
 from recognition.models import Model, leave_one_out
+
+#: Of evaluation.csv, what the report shows.
+EVALUATION_COLUMNS = ("method", "held_out", "noise_db", "n", "mean_abs_error_points", "p95_points", "worst_points",
+                      "bias_points", "coverage_90", "case", "answered", "flagged")
 
 
 class Study:
@@ -290,6 +296,18 @@ class Study:
         return np.array(
             [100 * (row[method] - ratio) for row, ratio in rows if isinstance(row[method], float)]
         )
+
+    @cached_property
+    def evaluation(self) -> pd.DataFrame:
+        """evaluation.csv of the data set beside the sweep. RecordError if there is none."""
+        path = self.sweep.path.resolve().parent / "dataset" / "evaluation.csv"
+        if not path.is_file():
+            raise RecordError(f"{path}: no such file; `make dataset` writes it")
+        table = read_table(path)
+        missing = [name for name in EVALUATION_COLUMNS if name not in table.columns]
+        if missing:
+            raise RecordError(f"{path}: no column {missing[0]!r}; needs {', '.join(EVALUATION_COLUMNS)}")
+        return table
 
     @cached_property
     def filtered(self) -> dict[str, np.ndarray]:

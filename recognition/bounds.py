@@ -1,0 +1,67 @@
+"""What no recogniser can know: the least error that noise and the scatter between runs leave.
+
+With x = m(theta) + e + n as in recognition/posterior.py the information on theta is I = J (S + s^2)^-1 J^T, J the slopes
+of m (Cramer and Rao); a nuisance that is not told is in the inverse of all of I. The mean absolute error of a normally
+distributed estimate is sqrt(2/pi) of its standard error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from recognition.channels import CHANNELS, Channels
+from recognition.dataset import DataSet
+from recognition.errors import RecognitionError
+from recognition.likelihood import RatioLikelihood
+from recognition.posterior import RatioPosterior, basis_slopes
+
+#: name -> families that show the scatter, and conditions that are not told.
+SETTINGS = {
+    "packing": (("paper", "packing"), ()),
+    "arrangement, packing": (("paper", "ring"), ()),
+    "damping untold": (("damping",), ("damping_ratio",)),
+    "speed untold": (("speed",), ("speed_m_s",)),
+    "free positions": (("free",), ()),
+    "everything varies": (("all",), ("speed_m_s", "damping_ratio")),
+}
+
+
+def least_error_points(model: RatioPosterior, noise_db: float | None, scatter: bool) -> float:
+    """Mean over the ratios, the nuisances in the middle of their ranges, in points of mixing ratio.
+
+    scatter: with e, else noise alone; noise_db: below each channel's rms in training, None for none. The least error is
+    0 without either.
+    """
+    noise2 = 0.0 if noise_db is None else 10 ** (-noise_db / 10)
+    variance = noise2 + (model.variance if scatter else 0.0 * model.variance)
+    if not np.all(variance > 0):
+        return 0.0
+    half = 50 * (model.high - model.low)[0]
+    errors = []
+    for ratio in np.linspace(-1, 1, 11):
+        slope = basis_slopes(np.concatenate([[ratio], np.zeros(len(model.low) - 1)]), model.powers) @ model.coefficients
+        errors.append(half * np.sqrt(np.linalg.inv((slope / variance) @ slope.T)[0, 0]))
+    return float(np.sqrt(2 / np.pi) * np.mean(errors))
+
+
+def bounds(data: DataSet, noises_db=(None, 40.0, 20.0)) -> pd.DataFrame:
+    """A row a setting, set of channels and noise: noise_points (of noise alone), least_points (with the scatter), or the
+    reason why they cannot be had. Settings of which the data set has no run are left out."""
+    rows = []
+    for name, (families, conditions) in SETTINGS.items():
+        chosen = data.of(*families)
+        if not chosen.size:
+            continue
+        nuisance = data.table[list(conditions)].to_numpy()[chosen] if conditions else None
+        for kind in CHANNELS:
+            try:
+                X = np.stack([Channels(kind).prepare(data.signals[k]) for k in chosen])
+                model = RatioLikelihood().fit(X, data.ratios[chosen], nuisance=nuisance).posterior_
+            except RecognitionError as reason:
+                rows.append({"setting": name, "channels": kind, "runs": len(chosen), "reason": str(reason)})
+                continue
+            rows += [{"setting": name, "channels": kind, "noise_db": noise_db, "runs": len(chosen),
+                      "noise_points": least_error_points(model, noise_db, False),
+                      "least_points": least_error_points(model, noise_db, True)} for noise_db in noises_db]
+    return pd.DataFrame(rows)
