@@ -15,7 +15,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep dataset report test validate bench engine setup lint clean
+.PHONY: help sweep campaign dataset report test validate bench engine setup lint docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -28,13 +28,16 @@ dataset: setup  ## hundreds of runs into runs/dataset, and every method of recog
 	$(PYTHON) -m dem dataset scenes/dataset.toml --out runs/dataset --jobs $(JOBS)
 	$(PYTHON) -m recognition evaluate runs/dataset
 
+campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/campaign, by Snakemake
+	$(PYTHON) -m dem campaign scenes/campaign.toml --out runs/campaign --jobs $(JOBS)
+
 report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m recognition report $(OUT)
 
-test: setup  ## all tests but the long ones
+test: setup .venv/campaign  ## all tests but the long ones
 	$(PYTHON) -m pytest -q
 
-validate: setup  ## the long checks
+validate: setup .venv/campaign build/slurm  ## the long checks
 	$(PYTHON) -m pytest -q -m validate
 
 bench: setup  ## cost and results of the bonds beside peers, into runs/bench
@@ -56,6 +59,10 @@ build/packages:
 	@if [ "$$(dpkg-query -W -f='$${Version}' libliggghts-dev 2>/dev/null)" = "$(LIGGGHTS_VERSION)" ] \
 	  && command -v mpicxx >/dev/null && command -v liggghts >/dev/null; then echo "Debian packages: there"; else \
 	  $(SUDO) apt-get update && $(SUDO) apt-get install -y --no-install-recommends $(PACKAGES); fi
+	touch $@
+
+build/slurm: build/packages
+	$(SUDO) apt-get install -y --no-install-recommends slurm-wlm munge
 	touch $@
 
 .venv/installed: pyproject.toml | build/packages

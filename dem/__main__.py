@@ -1,4 +1,4 @@
-"""Command line: python -m dem run|deck|plate|sweep|dataset|calibrate."""
+"""Command line: python -m dem run|deck|plate|sweep|campaign|dataset|calibrate."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 import os
 import shutil
 import sys
+import tomllib
 from pathlib import Path
 
 # The numerics are many small operations: threads would only wait for each other, and take the core of the engine.
@@ -14,12 +15,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 from dem.calibrate import calibrate
+from dem.campaign import campaign
 from dem.costep import follow
 from dem.dataset import build
 from dem.deck import write_deck
 from dem.exchange import ExchangeError, PlatePipes
-from dem.run import RunError, Stages, prepare, run
-from dem.scene import read_scene
+from dem.run import RunError, Stages, prepare, run_scene
+from dem.scene import Scene, changed_scene
 from dem.sweep import sweep
 from plate_fem.motion import ModalMotion
 from plate_fem.tables import InputError
@@ -55,6 +57,8 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(command=command)
         if name != "sweep":
             sub.add_argument("--gangue", type=float, help="share of gangue, 0..1, instead of the scene's")
+            sub.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
+                             help="another value of a key of the scene, as TOML, such as stones.speed_m_s=2.0")
         else:
             sub.add_argument("--jobs", type=int, default=2, help="runs at a time (default 2)")
     text = "run what a plan draws, a data set for recognition"
@@ -63,6 +67,13 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--out", type=Path, required=True, help="directory to write")
     sub.add_argument("--jobs", type=int, default=2, help="runs at a time (default 2)")
     sub.set_defaults(command=lambda options: build(options.plan, options.out, options.jobs))
+    text = "run every combination of values that a campaign's file lists, by Snakemake"
+    sub = commands.add_parser("campaign", help=text, description=text)
+    sub.add_argument("file", type=Path, help="campaign (TOML), such as scenes/campaign.toml")
+    sub.add_argument("--out", type=Path, required=True, help="directory to write")
+    sub.add_argument("--jobs", type=int, default=2, help="cores, or jobs in the queue at a time (default 2)")
+    sub.add_argument("--profile", help="slurm, or a directory with a Snakemake profile (default: this machine)")
+    sub.set_defaults(command=lambda o: campaign(o.file, o.out, o.jobs, o.profile))
     text = "fit the bonds of a material in virtual tests"
     sub = commands.add_parser("calibrate", help=text, description=text)
     sub.add_argument("material", help="name of a material of the scene")
@@ -72,8 +83,22 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _scene(options) -> Scene:
+    """The scene of a command line, with what it changes."""
+    changes: dict = {}
+    for text in options.changes:
+        key, _, value = text.partition("=")
+        try:
+            (changes[key.strip()],) = tomllib.loads(f"value = {value}").values()
+        except ValueError:
+            raise InputError(f"--set {text}: must be a dotted key of the scene, =, and a value in TOML") from None
+    if options.gangue is not None:
+        changes["stones.gangue_ratio"] = options.gangue
+    return changed_scene(options.scene, changes)
+
+
 def _run(options) -> int:
-    print(one_line(run(options.scene, options.out, options.gangue)))
+    print(one_line(run_scene(_scene(options), str(options.scene), options.out, show_progress=True)))
     return 0
 
 
@@ -86,7 +111,7 @@ def one_line(summary: dict) -> str:
 
 
 def _deck(options) -> int:
-    model = prepare(read_scene(options.scene, options.gangue), str(options.scene), None, Stages())
+    model = prepare(_scene(options), str(options.scene), None, Stages())
     if options.out.exists():
         raise InputError(f"--out = {options.out}: must not exist yet")
     try:
@@ -100,7 +125,7 @@ def _deck(options) -> int:
 
 def _plate(options) -> int:
     """The plate's motion is not recorded; it is there for an engine that somebody starts, stops and debugs."""
-    model = prepare(read_scene(options.scene, options.gangue), str(options.scene), None, Stages())
+    model = prepare(_scene(options), str(options.scene), None, Stages())
     if model.modes is None:
         raise InputError(f"{options.scene}: plate.model = 'rigid': only a flexible plate takes part in a run")
     motion = ModalMotion(model.modes, model.step.co_step * model.step.dt_s)

@@ -26,11 +26,21 @@ def check_engine() -> None:
         raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `make engine` builds it")
 
 
-def start_engine(directory: Path) -> subprocess.Popen:
-    """Run deck.liggghts in `directory`; what it prints goes to engine.out there."""
+def start_engine(directory: Path, np: int = 1) -> subprocess.Popen:
+    """Run deck.liggghts in `directory` on `np` MPI ranks; what it prints goes to engine.out there."""
     with open(directory / "engine.out", "wb") as out:
-        return subprocess.Popen([str(ENGINE), "-in", "deck.liggghts", "-log", "engine.log"], cwd=directory,
+        return subprocess.Popen([*_mpirun(np), str(ENGINE), "-in", "deck.liggghts", "-log", "engine.log"], cwd=directory,
+                                env=_environment(),
                                 stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT)
+
+
+def _mpirun(np: int) -> list[str]:
+    return [] if np == 1 else ["mpirun", "-np", str(np), "--oversubscribe", "--bind-to", "none"]
+
+
+def _environment() -> dict[str, str]:
+    """Without what a queue tells MPI: all ranks are on this machine, and LIGGGHTS is no task of the queue's own."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(("SLURM_", "PMI_", "PMIX_"))}
 
 
 def engine_error(directory: Path) -> str:

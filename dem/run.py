@@ -141,7 +141,7 @@ def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateR
     try:
         if motion is not None:
             pipes = PlatePipes(deck, len(motion.amplitude), lambda: engine is not None and engine.poll() is None)
-        engine = start_engine(deck)
+        engine = start_engine(deck, model.scene.engine.np)
         if motion is not None and plate is not None and pipes is not None:
             monitor = PlateMonitor(model.scene, model.assembly)
 

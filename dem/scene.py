@@ -11,7 +11,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from plate_fem.scene import PlateTable
-from plate_fem.tables import Refused, Table, check, read_toml
+from plate_fem.tables import InputError, Refused, Table, check, read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -103,6 +103,10 @@ class OutputTable(Table):
     view_interval_s: Positive | None = None  # absent: no pictures
 
 
+class EngineTable(Table):
+    np: Annotated[int, Field(ge=1, le=256)] = 1  # MPI ranks of a run; docs/campaigns.md says where they stop paying
+
+
 class Scene(Table):
     # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64)]
@@ -113,6 +117,7 @@ class Scene(Table):
     contacts: dict[str, ContactTable]
     plate: PlateTable
     output: OutputTable = OutputTable()
+    engine: EngineTable = EngineTable()
 
     @model_validator(mode="after")
     def names_agree(self):
@@ -181,9 +186,11 @@ def changed_scene(path: str | Path, changes: dict) -> Scene:
         *tables, last = key.split(".")
         table = data
         for name in tables:
-            table = table[name]
+            table = table.setdefault(name, {})
+            if not isinstance(table, dict):
+                raise InputError(f"{path}: {key}: {name} is no table")
         if value is None:
-            del table[last]
+            table.pop(last, None)
         else:
             table[last] = value
     return check(Scene, data, path)
