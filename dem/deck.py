@@ -11,13 +11,14 @@ import numpy as np
 from dem.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.plate_yield import yield_pressure_Pa
 from dem.scene import PLATE, Scene, contact_key
-from dem.time_step import TimeStep
+from dem.time_step import TimeStep, impact_speed_m_s
 from plate_fem.modes import PlateModes
 
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 SHAPE_GRID = 0.4  # of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/exchange.md)
 UNBREAKABLE_Pa = 1e30
 BOX_MARGIN_M = 0.005
+IDLE_EVERY = 64  # DEM steps between two looks at what is idle: one costs as much as a tenth of a step
 
 
 def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep, modes: PlateModes | None) -> str:
@@ -72,6 +73,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         impact_J=float(0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2),
         mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
         view_steps=view_steps(scene, step),
+        idle=_idle(scene, step),
     )
 
 
@@ -79,6 +81,14 @@ def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
     """Can a sub-sphere touch another one? Not where there is one stone that holds together."""
     table = scene.stones.agglomerate
     return len(assembly.sizes) > 1 or (table is not None and not table.unbreakable)
+
+
+def _idle(scene: Scene, step: TimeStep) -> dict | None:
+    """Arguments of fix idle (docs/idle.md); None where the scene wants brute force."""
+    if scene.time.idle_tolerance == 0:
+        return None
+    every = step.co_step * max(1, round(IDLE_EVERY / step.co_step))
+    return {"speed_m_s": impact_speed_m_s(scene), "tolerance": scene.time.idle_tolerance, "every": every}
 
 
 def view_steps(scene: Scene, step: TimeStep) -> int | None:

@@ -138,10 +138,14 @@ def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
                      for name in assembly.materials))
 
 
+def impact_speed_m_s(scene: Scene) -> float:
+    """Speed at which the stones arrive. Those that start at rest are taken to arrive by gravity."""
+    return float(max(scene.stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * scene.stones.gap_m), 1e-3))
+
+
 def _hertz_time_s(scene: Scene, material: str, radius_m, mass_kg):
-    """2.9432 delta/v with delta = (5 m v^2/(4 K))^(2/5) (paper, Eqs. 2, 3, 8). Stones that start at rest are taken to
-    arrive by gravity."""
-    speed = max(scene.stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * scene.stones.gap_m), 1e-3)
+    """2.9432 delta/v with delta = (5 m v^2/(4 K))^(2/5) (paper, Eqs. 2, 3, 8)."""
+    speed = impact_speed_m_s(scene)
     m, plate = scene.materials[material], scene.plate
     modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa
                    + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)

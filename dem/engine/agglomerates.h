@@ -12,6 +12,7 @@ class Agglomerates {
  public:
   Agglomerates(LAMMPS *lmp, const std::string &file);
   int count() const { return static_cast<int>(size_.size()); }
+  int tags() const { return static_cast<int>(of_tag_.size()) - 1; }
   int of_tag(int tag) const { return of_tag_[tag]; }
 
  private:

@@ -2,8 +2,10 @@
 
 #include <mpi.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "atom.h"
 #include "checkpoint_file.h"
@@ -12,6 +14,7 @@
 #include "force.h"
 #include "memory.h"
 #include "modify.h"
+#include "rigid_motion.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -164,6 +167,7 @@ void FixBondParallel::rebuild() {
     if (!intact_[k]) continue;
     const int i = atom->map(bonds_[k].tag_i), j = atom->map(bonds_[k].tag_j);
     const bool mine = (i >= 0 && i < nlocal) || (j >= 0 && j < nlocal);
+    if (bodies_may_leave_ && i < 0 && j < 0) continue;
     if (comm->nprocs == 1 && (i < 0 || j < 0)) error->one(FLERR, "A bonded sub-sphere was lost");
     if (!mine) continue;
     if (i < 0 || j < 0) error->one(FLERR, "A bonded sub-sphere is beyond the ghost atoms of this rank");
@@ -295,7 +299,43 @@ void FixBondParallel::add_elastic_energy(double *energy) const {
   }
 }
 
+const std::vector<int> &FixBondParallel::body_of_tag() {
+  const double broken = std::accumulate(broken_count_.begin(), broken_count_.end(), 0.0);
+  if (broken == broken_at_bodies_) return body_of_tag_;
+  broken_at_bodies_ = broken;
+  std::vector<int> &parent = body_of_tag_;
+  parent.resize(agglomerates_->tags() + 1);
+  std::iota(parent.begin(), parent.end(), 0);
+  auto root = [&](int tag) {
+    while (parent[tag] != tag) tag = parent[tag] = parent[parent[tag]];
+    return tag;
+  };
+  for (int k = 0; k < bond_count(); k++) {
+    if (!intact_[k]) continue;
+    const int i = root(bonds_[k].tag_i), j = root(bonds_[k].tag_j);
+    parent[std::max(i, j)] = std::min(i, j);
+  }
+  for (int tag = 1; tag <= agglomerates_->tags(); tag++) parent[tag] = root(tag);
+  return parent;
+}
+
+void FixBondParallel::add_elastic_energy_by_body(double *energy) {
+  const std::vector<int> &body = body_of_tag();
+  for (const LocalBond &b : local_)
+    if (intact_[b.id]) energy[body[b.bond->tag_i]] += bond_state(*b.bond, record(b.i), record(b.j)).energy;
+}
+
+void FixBondParallel::forget_forces(int i) { forces_[i] = ForceRecord(); }
+
+void FixBondParallel::rotate(int i, const Rotation &turned) {
+  double *q = quaternion_[i];
+  const Rotation now = turned * Rotation{q[0], Vec(q + 1)};
+  q[0] = now.w;
+  now.v.to(q + 1);
+}
+
 double FixBondParallel::compute_scalar() {
+  if (comm->nprocs == 1) return std::count(intact_.begin(), intact_.end(), 1);
   double mine = 0, all = 0;
   for (const LocalBond &b : local_) mine += intact_[b.id] && b.i < atom->nlocal;
   MPI_Allreduce(&mine, &all, 1, MPI_DOUBLE, MPI_SUM, world);

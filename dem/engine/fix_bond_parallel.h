@@ -60,6 +60,12 @@ class FixBondParallel : public Fix, public Checkpointed {
   const std::vector<double> &work() const { return work_; }          // done by bonds on sub-spheres so far, J
   const std::vector<double> &released() const { return released_; }  // elastic energy of bonds when they broke, J
   const std::vector<double> &broken_count() const { return broken_count_; }
+  // For bodies that leave the arrays (fix idle).
+  void let_bodies_leave() { bodies_may_leave_ = true; }  // bonds without sub-spheres here are then no error
+  const std::vector<int> &body_of_tag();  // sub-spheres that bonds hold together: the least tag among them, by tag
+  void add_elastic_energy_by_body(double *energy);  // of bonds whose sub-spheres are here, indexed by body, J
+  void forget_forces(int i);                          // no work of the bonds on i in the coming half step
+  void rotate(int i, const struct Rotation &);        // turns the quaternion of sub-sphere i
   int bond_count() const { return static_cast<int>(bonds_.size()); }
 
  private:
@@ -77,6 +83,9 @@ class FixBondParallel : public Fix, public Checkpointed {
   std::vector<double> work_, released_, broken_count_;
   double **quaternion_;
   double damping_time_;
+  bool bodies_may_leave_ = false;
+  std::vector<int> body_of_tag_;
+  double broken_at_bodies_ = -1;  // bonds broken when the bodies were found
   std::string events_;  // text not yet written
   std::string events_file_;
 

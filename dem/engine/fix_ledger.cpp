@@ -9,6 +9,7 @@
 #include "comm.h"
 #include "error.h"
 #include "fix_bond_parallel.h"
+#include "fix_idle.h"
 #include "fix_wall_plate.h"
 #include "force.h"
 #include "modify.h"
@@ -71,9 +72,11 @@ int FixLedger::setmask() { return POST_INTEGRATE | POST_FORCE | END_OF_STEP; }
 void FixLedger::init() {
   bonds_ = nullptr;
   wall_ = nullptr;
+  idle_ = nullptr;
   for (int k = 0; k < modify->nfix; k++) {
     if (auto *bonds = dynamic_cast<FixBondParallel *>(modify->fix[k])) bonds_ = bonds;
     if (auto *wall = dynamic_cast<FixWallPlate *>(modify->fix[k])) wall_ = wall;
+    if (auto *idle = dynamic_cast<FixIdle *>(modify->fix[k])) idle_ = idle;
   }
 }
 
@@ -161,6 +164,15 @@ void FixLedger::write() {
     row[MOMENTUM_Z] += m * v[2];
     row[MASS_HEIGHT] += m * atom->x[i][2];
   }
+  if (idle_)
+    for (const IdleBody *b : idle_->bodies()) {
+      double *row = &mine[b->agglomerate * COLUMNS];
+      row[KINETIC] += b->kinetic();
+      row[MOMENTUM_Z] += b->mass * b->velocity.z;
+      row[MASS_HEIGHT] += b->mass * b->center.z;
+      row[BOND_ELASTIC] += b->bond_elastic;
+      row[PAIR_ELASTIC] += b->pair_elastic;
+    }
   auto put = [&](Column c, const std::vector<double> &values) {
     for (int a = 0; a < n; a++) mine[a * COLUMNS + c] += values[a];
   };

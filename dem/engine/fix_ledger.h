@@ -30,6 +30,7 @@ class FixLedger : public Fix, public Checkpointed {
   void post_run() override;
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
+  int every() const { return every_; }
 
   // Of all agglomerates at the last row. `took`: from the stones and the plate, and not held as elastic energy.
   struct Sum {
@@ -49,6 +50,7 @@ class FixLedger : public Fix, public Checkpointed {
   std::vector<Contact> contacts_;  // sub-spheres that felt another one at the last step
   class FixBondParallel *bonds_ = nullptr;
   class FixWallPlate *wall_ = nullptr;
+  class FixIdle *idle_ = nullptr;
   int every_ = 1;
   Sum sum_ = {0, 0, 0, 0, 0, 0};
   FILE *file_ = nullptr;

@@ -307,6 +307,13 @@ bool FixWallPlate::anything_near() const {
   return any;
 }
 
+// An exchange after free flight for the sake of the reach alone, which falls as the plate rings down.
+void FixWallPlate::ask_reach() {
+  if (!link_ || co_steps_passed_ == 0) return;
+  link_->exchange(update->ntimestep, co_steps_passed_, modal_impulse_.data());
+  co_steps_passed_ = 0;
+}
+
 // One exchange: the mean modal force since the last one goes out, the predicted place of the plate comes in.
 void FixWallPlate::follow_plate() {
   const int modes = shapes_->modes();

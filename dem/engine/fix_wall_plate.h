@@ -61,6 +61,14 @@ class FixWallPlate : public FixWallGran, public Checkpointed {
   // Elastic energy now stored in the normal contacts, added by agglomerate, J.
   void add_elastic_energy(double *energy) const;
 
+  // For time that passes while nothing can touch the plate (fix idle).
+  const double *extent() const { return extent_; }  // XMIN XMAX YMIN YMAX, m
+  int co_step() const { return co_step_; }
+  double reach() const { return link_ ? link_->reach : 0; }  // bound for |w|, m
+  bool is_quiet() const { return step_in_co_step_ == 0 && !following_; }  // no co-step is open
+  void skip(long long co_steps) { co_steps_passed_ += co_steps; }  // without forces, while it is quiet
+  void ask_reach();  // while it is quiet, at the end of a step
+
  protected:
   void pre_force(int) override;
 

@@ -1,10 +1,11 @@
-// The engine: stock LIGGGHTS from libliggghts with five fix styles added.
+// The engine: stock LIGGGHTS from libliggghts with six fix styles added.
 //
 //   bond/parallel   bonds between the sub-spheres of an agglomerate (fix_bond_parallel.h)
 //   wall/plate      the granular wall that moves with the plate       (fix_wall_plate.h)
 //   ledger          energies and momenta of each agglomerate          (fix_ledger.h)
 //   monitor         stops a run that is not stable                    (fix_monitor.h)
 //   checkpoint      keeps the state of a run and takes it up again    (fix_checkpoint.h)
+//   idle            bodies in the air leave the force loops           (fix_idle.h)
 //
 // It runs any LIGGGHTS deck: `liggghts-bonded -in deck`. The styles are added once, so a deck must not use `clear`.
 
@@ -17,6 +18,7 @@
 #include "comm.h"
 #include "fix_bond_parallel.h"
 #include "fix_checkpoint.h"
+#include "fix_idle.h"
 #include "fix_ledger.h"
 #include "fix_monitor.h"
 #include "fix_wall_plate.h"
@@ -48,6 +50,7 @@ void add_styles(LAMMPS *lmp) {
   styles["ledger"] = &create<FixLedger>;
   styles["monitor"] = &create<FixMonitor>;
   styles["checkpoint"] = &create<FixCheckpoint>;
+  styles["idle"] = &create<FixIdle>;
 }
 
 }  // namespace

@@ -1,0 +1,46 @@
+#pragma once
+#include <vector>
+
+#include "rigid_motion.h"
+
+namespace LAMMPS_NS {
+
+struct Sphere {
+  Vec x;
+  double radius;
+};
+
+// A body at one instant, as far as it matters for what it could touch and when. SI units.
+class Outline {
+ public:
+  Vec center, velocity;  // of the centre of mass
+  double spin = 0;       // bound for |omega|, rad/s
+  double radius = 0;     // of the sphere about the centre of mass that holds the body
+  virtual ~Outline() {}
+  const std::vector<Sphere> &spheres() {  // found only where the sphere that holds the body does not tell
+    if (spheres_.empty()) place(spheres_);
+    return spheres_;
+  }
+
+ protected:
+  std::vector<Sphere> spheres_;
+  virtual void place(std::vector<Sphere> &) = 0;
+};
+
+// The plate for bodies in the air: no deflection above `reach` anywhere on the rectangle `extent`.
+struct PlateOutline {
+  double extent[4];  // XMIN XMAX YMIN YMAX, m
+  double reach;      // m
+};
+
+double gap(Outline &, Outline &);  // between the nearest sub-spheres, never negative
+
+// Time during which nothing can touch, s; a lower bound, never negative. A body is taken to be a sphere as long as that
+// is enough, then each sub-sphere is looked at, which may be anywhere that the spin could bring it.
+double time_to_plate(Outline &, const PlateOutline &, double gravity_m_s2);
+// Between two bodies that both fly freely, so that their centres approach each other uniformly.
+double time_to_meet(Outline &, Outline &);
+// The same where one is not free and may gain the speed `unforeseen`, m/s.
+double time_to_meet(Outline &, Outline &, double unforeseen);
+
+}  // namespace LAMMPS_NS

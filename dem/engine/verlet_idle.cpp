@@ -1,0 +1,82 @@
+#include "verlet_idle.h"
+
+#include "atom.h"
+#include "comm.h"
+#include "domain.h"
+#include "fix_idle.h"
+#include "force.h"
+#include "modify.h"
+#include "neighbor.h"
+#include "output.h"
+#include "pair.h"
+#include "signal_handling.h"
+#include "timer.h"
+#include "update.h"
+
+using namespace LAMMPS_NS;
+
+void VerletIdle::init() {
+  Verlet::init();
+  idle_ = nullptr;
+  for (int k = 0; k < modify->nfix; k++)
+    if (auto *idle = dynamic_cast<FixIdle *>(modify->fix[k])) idle_ = idle;
+}
+
+void VerletIdle::run(int steps) {
+  const bigint last = update->ntimestep + steps;
+  while (update->ntimestep < last) {
+    if (idle_) idle_->jump();
+    step();
+    if (SignalHandler::request_quit && !SignalHandler::request_write_restart) break;
+  }
+  if (idle_) idle_->bring_back();
+}
+
+// One step, in the order of Verlet::run.
+void VerletIdle::step() {
+  const bigint now = ++update->ntimestep;
+  ev_set(now);
+  if (modify->n_pre_initial_integrate) modify->pre_initial_integrate();
+  modify->initial_integrate(vflag);
+  if (modify->n_post_integrate) modify->post_integrate();
+
+  if (neighbor->decide()) rebuild();
+  else comm->forward_comm();
+
+  force_clear();
+  if (modify->n_pre_force) modify->pre_force(vflag);
+  timer->stamp();
+  if (pair_compute_flag) force->pair->compute(eflag, vflag);
+  timer->stamp(TIME_PAIR);
+
+  if (modify->n_post_force) modify->post_force(vflag);
+  if (modify->n_pre_final_integrate) modify->pre_final_integrate();
+  modify->final_integrate();
+  if (modify->n_end_of_step) modify->end_of_step();
+
+  if (now != output->next) return;
+  timer->stamp();
+  if (idle_) idle_->show();
+  output->write(now);
+  if (idle_) idle_->hide();
+  timer->stamp(TIME_OUTPUT);
+}
+
+void VerletIdle::rebuild() {
+  if (modify->n_pre_exchange) modify->pre_exchange();
+  if (idle_) idle_->change_arrays();
+  domain->pbc();
+  if (domain->box_change) {
+    domain->reset_box();
+    comm->setup();
+    if (neighbor->style) neighbor->setup_bins();
+  }
+  timer->stamp();
+  comm->exchange();
+  if (atom->sortfreq > 0 && update->ntimestep >= atom->nextsort) atom->sort();
+  comm->borders();
+  timer->stamp(TIME_COMM);
+  if (modify->n_pre_neighbor) modify->pre_neighbor();
+  neighbor->build();
+  timer->stamp(TIME_NEIGHBOR);
+}
