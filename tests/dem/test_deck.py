@@ -21,7 +21,7 @@ PARTS = {
     "plate exchange": r"to_plate|shapes\.bin",
     "pictures": r"^dump ",
 }
-NAMES = sorted(file.stem for file in SCENES.glob("*.toml"))
+NAMES = sorted(file.stem for file in SCENES.glob("*.toml") if file.stem != "dataset")  # a table of runs, no scene
 
 
 def deck_of(scene):
