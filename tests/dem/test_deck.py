@@ -21,7 +21,7 @@ PARTS = {
     "plate exchange": r"to_plate|shapes\.bin",
     "pictures": r"^dump ",
 }
-NAMES = sorted(file.stem for file in SCENES.glob("*.toml") if file.stem != "dataset")  # a table of runs, no scene
+NAMES = sorted(file.stem for file in SCENES.glob("*.toml") if "[stones]" in file.read_text())  # others list runs
 
 
 def deck_of(scene):
