@@ -26,7 +26,7 @@ def follow(motion: ModalMotion, pipes: PlatePipes, step: TimeStep, record: Calla
     record(0, last_force)
     now = 0
     while (message := pipes.receive()) is not None:
-        force = np.array(message.modal_force)
+        force = message.modal_force
         if message.co_steps != 1:  # after free flight there is no trend to go on with
             last_force = force
         trend = force - last_force

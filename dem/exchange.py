@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import select
 import struct
@@ -36,6 +37,8 @@ class PlatePipes:
     def __init__(self, directory: Path, modes: int, alive: Callable[[], bool], timeout_s: float = TIMEOUT_s):
         self._names = [directory / "to_plate", directory / "from_plate"]
         self._modes = modes
+        self._answer = np.zeros(2 + 2 * modes, dtype="<f8")  # step, which is an integer, reach, amplitude, rate
+        self._answer_step = self._answer[:1].view("<i8")
         self._alive = alive
         self._timeout_s = timeout_s
         self._in: int = CLOSED
@@ -71,13 +74,15 @@ class PlatePipes:
         if step == -1:
             return None
         force = np.frombuffer(data, dtype="<f8", offset=16)
-        if co_steps < 0 or not np.all(np.isfinite(force)):
+        if co_steps < 0 or not math.isfinite(force @ force):
             raise ExchangeError(f"the engine sent a force that is no number at step {step}")
         return Message(step, co_steps, force)
 
     def answer(self, step: int, reach_m: float, amplitude: np.ndarray, rate: np.ndarray) -> None:
         """Where the plate is predicted to be one co-step after `step`."""
-        data = struct.pack("<qd", step, reach_m) + amplitude.astype("<f8").tobytes() + rate.astype("<f8").tobytes()
+        self._answer_step[0], self._answer[1] = step, reach_m
+        self._answer[2:2 + self._modes], self._answer[2 + self._modes:] = amplitude, rate
+        data = self._answer.tobytes()
         try:
             while data:
                 data = data[os.write(self._out, data):]

@@ -15,7 +15,9 @@ BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if damping allows it; u
 DAMPED_SHARE = 0.8       # of the limit of damped bonds, see `bond_fraction`
 RAYLEIGH_FRACTION = 0.2  # of the Rayleigh time of the smallest sub-sphere, the usual share in DEM
 CONTACT_STEPS = 400      # steps in the shortest contact with the plate: peak force and contact time to 1e-4
-CO_STEPS_IN_CONTACT = 45
+CO_STEPS_IN_CONTACT = 45           # of a whole stone with the plate
+CO_STEPS_IN_FRAGMENT_CONTACT = 12  # of the smallest sub-sphere alone, docs/exchange.md
+EXCHANGE_COST = 0.07               # of one exchange, in DEM steps of the default scene
 # The wall moves by prediction, so plate and contact must not react on each other within a co-step. With the mobility
 # Phi of the plate at the stones (kg^-1) and the stiffness k and dashpot c of a contact: shares of 1/sqrt(k Phi) and
 # 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
@@ -66,9 +68,9 @@ def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float 
     if not scene.time.duration_s / min(wanted, scene.time.sample_interval_s) <= MOST_STEPS:
         raise InputError(f"{file}: time.duration_s = {scene.time.duration_s:g}: must be at most {MOST_STEPS} steps of "
                          f"{min(wanted, scene.time.sample_interval_s):.3g} s")
-    co_step = _co_step(scene, wanted, contact, mutual, file)
-    block = FAST_PER_SAMPLE * co_step
-    sample_steps = block * int(np.ceil(scene.time.sample_interval_s / wanted / block - 1e-9))
+    resolved = min(stone_contact_time_s(scene, assembly) / CO_STEPS_IN_CONTACT, contact / CO_STEPS_IN_FRAGMENT_CONTACT)
+    co_step = _co_step(scene, wanted, resolved, mutual, file)
+    sample_steps = _sample_steps(scene, wanted, co_step)
     intervals = int(scene.time.duration_s / scene.time.sample_interval_s + 1e-9)  # 0.04 s: 266, thus 267 samples
     if intervals * sample_steps > MOST_STEPS:
         raise InputError(f"{file}: time.sample_interval_s = {scene.time.sample_interval_s:g}: leaves "
@@ -78,8 +80,15 @@ def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float 
         fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=intervals * sample_steps)
 
 
-def _co_step(scene: Scene, dt_s: float, contact_s: float, mutual: dict[str, float], file: str) -> int:
-    """DEM steps a co-step; a rigid plate has nothing to exchange, and its forces are recorded every step."""
+def _sample_steps(scene: Scene, dt_s: float, co_step: int) -> int:
+    """DEM steps in a sample, a whole number of co-steps in each row of the fast stream."""
+    block = FAST_PER_SAMPLE * co_step
+    return block * int(np.ceil(scene.time.sample_interval_s / dt_s / block - 1e-9))
+
+
+def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, float], file: str) -> int:
+    """DEM steps a co-step: what costs least among those no longer than `resolved_s`, which resolves the contacts, and
+    the limits in `mutual`. A rigid plate has nothing to exchange, and its forces are recorded every step."""
     wanted = scene.time.co_step
     if not mutual:
         return wanted or 1
@@ -87,7 +96,9 @@ def _co_step(scene: Scene, dt_s: float, contact_s: float, mutual: dict[str, floa
     if wanted is not None and wanted > most:
         raise InputError(f"{file}: time.co_step = {wanted}: must be at most {most} with a time step of {dt_s:.3g} s, the "
                          f"limit set by {min(mutual, key=mutual.__getitem__)}")
-    return wanted or max(1, min(most, int(contact_s / CO_STEPS_IN_CONTACT / dt_s)))
+    most = max(1, min(most, int(resolved_s / dt_s)))
+    candidates = range(max(1, most - 99), most + 1)  # of many the longest are as good as any
+    return wanted or min(candidates, key=lambda n: _sample_steps(scene, dt_s, n) * (1 + EXCHANGE_COST / n))
 
 
 def bond_time_s(scene: Scene, assembly: Assembly) -> float | None:

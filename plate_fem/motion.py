@@ -1,7 +1,7 @@
 """Exact motion of the modes under forces that are constant or linear in time over each interval.
 
-Each mode obeys q'' + 2 zeta omega q' + omega^2 q = f. About the particular solution of a linear force,
-(q, y = q' + zeta omega q) turns by omega_d h and shrinks by exp(-zeta omega h). The turn is done as three
+Each mode obeys q'' + 2 zeta omega q' + omega^2 q = f. Free, (q, y = q' + zeta omega q) turns by omega_d h and
+shrinks by exp(-zeta omega h); what a force adds is linear in it. The turn is done as three
 shears: whatever their rounded factors, their product has determinant one and stays a rotation of a
 slightly different ellipse, so that energy cannot drift however many steps are taken.
 """
@@ -15,41 +15,51 @@ import scipy.linalg
 
 @dataclass(frozen=True)
 class _Turn:
-    """Free motion of all modes over one length of time; arrays (n,), scratch one array for products."""
+    """Motion of all modes over one length of time; arrays (n,), and (2, n) for what a constant unit force adds to
+    amplitude and rate."""
 
-    duration_s: float
     shear_q: np.ndarray
     shear_y: np.ndarray
     decay: np.ndarray
-    scratch: np.ndarray
+    decay_rate: np.ndarray
+    unit_response: np.ndarray
 
-    def apply(self, q, y):
-        """Turn (q, y) in place."""
-        p = self.scratch
-        q += np.multiply(self.shear_q, y, out=p)
-        y += np.multiply(self.shear_y, q, out=p)
-        q += np.multiply(self.shear_q, y, out=p)
-        q *= self.decay
-        y *= self.decay
+    def free(self, state):
+        """Free motion from `state` (2, n), amplitude and rate."""
+        end = state.copy()
+        q, y = end
+        y += self.decay_rate * q
+        q += self.shear_q * y
+        y += self.shear_y * q
+        q += self.shear_q * y
+        end *= self.decay
+        y -= self.decay_rate * q
+        return end
 
 
-def _turn(omega_d, decay_rate, duration_s):
+def _turn(omega, omega_d, decay_rate, duration_s):
     """Shears of the turn by omega_d * duration, taken modulo pi so that their factors stay small."""
     angle = omega_d * duration_s
     half_turns = np.rint(angle / np.pi)
-    angle = np.where(half_turns == 0, angle, np.remainder(angle + np.pi / 2, np.pi) - np.pi / 2)
+    rest = np.where(half_turns == 0, angle, np.remainder(angle + np.pi / 2, np.pi) - np.pi / 2)
     rigid = omega_d == 0
     safe = np.where(rigid, 1.0, omega_d)
-    shear_q = np.where(rigid, duration_s / 2, np.tan(angle / 2) / safe)
-    decay = np.exp(-decay_rate * duration_s) * (1 - 2 * np.remainder(half_turns, 2))
-    return _Turn(duration_s, shear_q, -omega_d * np.sin(angle), decay, np.empty_like(omega_d))
+    shear_q = np.where(rigid, duration_s / 2, np.tan(rest / 2) / safe)
+    decay = np.exp(-decay_rate * duration_s)
+    # Under a unit force: (1 - decay (cos + decay_rate / omega_d sin)) / omega^2, without taking 1 from 1.
+    settled = -np.expm1(-decay_rate * duration_s) + 2 * decay * np.sin(angle / 2) ** 2
+    settled = (settled - decay * decay_rate / safe * np.sin(angle)) / np.where(rigid, 1.0, omega**2)
+    response = np.where(rigid, [duration_s**2 / 2 + 0 * omega, duration_s + 0 * omega],
+                        [settled, decay * np.sin(angle) / safe])
+    sign = 1 - 2 * np.remainder(half_turns, 2)
+    return _Turn(shear_q, -omega_d * np.sin(rest), decay * sign, decay_rate, response)
 
 
 class ModalMotion:
     """State of the plate's modes, moved on in multiples of `interval_s`.
 
     modes: PlateModes (frequency_Hz, damping_ratio; largest_shape for `reach_m`).
-    amplitude (kg^1/2 m) and rate (kg^1/2 m/s) have shape (n,); they are replaced, not changed, by a step.
+    amplitude (kg^1/2 m) and rate (kg^1/2 m/s) have shape (n,); a step gives new arrays and leaves the old ones.
     work_J is the exact work of the modal force since the start. Forces have unit N kg^-1/2.
     """
 
@@ -60,29 +70,38 @@ class ModalMotion:
         self._decay_rate = zeta * self._omega
         self._omega_d = self._omega * np.sqrt(1 - zeta**2)
         self._rigid = np.flatnonzero(self._omega == 0)
-        self._compliance = np.where(self._omega == 0, 0.0, 1 / np.where(self._omega == 0, 1.0, self._omega) ** 2)
-        self._period_s = np.sqrt(self._compliance / (1 - zeta**2))  # per radian; zero for rigid-body modes
+        rigid = self._omega_d == 0
+        self._period_s = np.where(rigid, 0.0, 1 / np.where(rigid, 1.0, self._omega_d))  # per radian
         self._turns = {}
-        self.amplitude, self.rate = np.zeros_like(self._omega), np.zeros_like(self._omega)
+        self._state = np.zeros((2, len(self._omega)))
+        self._free_end = None  # (intervals, state after as long a free motion), found by `predict` for `advance`
         self.work_J, self._start_J = 0.0, 0.0
+
+    @property
+    def amplitude(self):
+        return self._state[0]
+
+    @property
+    def rate(self):
+        return self._state[1]
 
     def advance(self, force, intervals=1):
         """Move over `intervals` * interval_s under a constant modal force (n,)."""
         before = self.amplitude
-        self.amplitude, self.rate = self._constant(force, self._turn(intervals))
+        self._move_to(self._after(force, intervals))
         self.work_J += float(force @ (self.amplitude - before))
 
     def predict(self, force):
         """(amplitude, rate) one interval later under a constant modal force (n,); the state stays."""
-        return self._constant(force, self._turn(1))
+        return self._after(force, 1)
 
     def advance_linear(self, force_start, force_end):
         """Move over one interval under a modal force going linearly from force_start to force_end (n,)."""
         h, difference = self.interval_s, np.asarray(force_end) - force_start
         start = np.stack([self.amplitude, self.rate * h, force_start * h**2, difference * h**2])
         before = self.amplitude
-        self.amplitude, rate, mean_minus_start = (self._linear_coefficients * start).sum(axis=1)
-        self.rate = rate / h
+        amplitude, rate, mean_minus_start = (self._linear_coefficients * start).sum(axis=1)
+        self._move_to(np.stack([amplitude, rate / h]))
         # integral of f q' = [f q] - f' * integral of q
         self.work_J += float(force_end @ (self.amplitude - before) - difference @ mean_minus_start)
 
@@ -143,32 +162,26 @@ class ModalMotion:
 
     def set_state(self, state):
         """Take a state from `get_state`; without its "ledger_J" the ledger starts anew at this state."""
-        amplitude, rate = (np.array(state[name], float) for name in ("amplitude", "rate"))
+        amplitude, rate = (np.asarray(state[name], float) for name in ("amplitude", "rate"))
         if amplitude.shape != self._omega.shape or rate.shape != self._omega.shape:
             raise ValueError(f"state of {amplitude.shape} modes for a plate of {self._omega.shape}")
-        self.amplitude, self.rate = amplitude, rate
+        self._move_to(np.stack([amplitude, rate]))
         self.work_J, self._start_J = (float(v) for v in state.get("ledger_J", (0.0, self.total_J)))
 
     def _turn(self, intervals):
         if intervals not in self._turns:
             if intervals < 1:
                 raise ValueError(f"intervals = {intervals}: must be at least 1")
-            self._turns[intervals] = _turn(self._omega_d, self._decay_rate, intervals * self.interval_s)
+            duration_s = intervals * self.interval_s
+            self._turns[intervals] = _turn(self._omega, self._omega_d, self._decay_rate, duration_s)
         return self._turns[intervals]
 
-    def _free(self, q, v, turn):
-        """Free motion; q and v are this method's to change."""
-        v += np.multiply(self._decay_rate, q, out=turn.scratch)
-        turn.apply(q, v)
-        v -= np.multiply(self._decay_rate, q, out=turn.scratch)
-        return q, v
+    def _after(self, force, intervals):
+        """State (2, n) after `intervals` under a constant modal force: free motion and what the force adds."""
+        turn = self._turn(intervals)
+        if self._free_end is None or self._free_end[0] != intervals:
+            self._free_end = (intervals, turn.free(self._state))
+        return self._free_end[1] + turn.unit_response * force
 
-    def _constant(self, force, turn):
-        static = force * self._compliance
-        q, v = self._free(self.amplitude - static, self.rate.copy(), turn)
-        q += static
-        if len(self._rigid):
-            r, h = self._rigid, turn.duration_s
-            q[r] += force[r] * h**2 / 2
-            v[r] += force[r] * h
-        return q, v
+    def _move_to(self, state):
+        self._state, self._free_end = state, None

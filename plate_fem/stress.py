@@ -39,8 +39,8 @@ class StressPeak:
         self._waiting = []
 
     def add(self, t_s, amplitude):
-        """Note the modal amplitudes (n,) at the time t_s."""
-        self._waiting.append((t_s, amplitude.copy()))
+        """Note the modal amplitudes (n,), an array that stays as it is, at the time t_s."""
+        self._waiting.append((t_s, amplitude))
         if len(self._waiting) == self.BLOCK:
             self._evaluate()
 
@@ -50,6 +50,15 @@ class StressPeak:
         squared, node, t_s = self._best[at_rods]
         x, y = self._node_m[node]
         return {"von_mises_Pa": float(np.sqrt(squared)), "x_m": float(x), "y_m": float(y), "t_s": float(t_s)}
+
+    def get_state(self):
+        """What was found so far, an array (2, 3) for `set_state`."""
+        self._evaluate()
+        return np.array([self._best[False], self._best[True]])
+
+    def set_state(self, state):
+        self._waiting = []
+        self._best = {at_rods: (float(a), int(b), float(c)) for at_rods, (a, b, c) in zip((False, True), state)}
 
     def _evaluate(self):
         if not self._waiting:

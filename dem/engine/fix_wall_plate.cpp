@@ -89,11 +89,10 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
   }
   has_contacts_ = !contacts.empty();
   if (plastic_law_) {
-    restart_peratom = create_attribute = 1;
+    create_attribute = 1;
     comm->maxexchange_fix += DENT;
     grow_arrays(atom->nmax);
     atom->add_callback(0);
-    atom->add_callback(1);
     for (int i = 0; i < atom->nlocal; i++) set_arrays(i);
   }
 }
@@ -103,7 +102,6 @@ FixWallPlate::~FixWallPlate() {
   if (contacts_) std::fclose(contacts_);
   if (!plastic_law_) return;
   atom->delete_callback(id, 0);
-  atom->delete_callback(id, 1);
   memory->destroy(dent_);
 }
 
@@ -414,18 +412,6 @@ int FixWallPlate::pack_exchange(int i, double *buf) {
 int FixWallPlate::unpack_exchange(int i, double *buf) {
   std::copy_n(buf, DENT, dent_[i]);
   return DENT;
-}
-
-int FixWallPlate::pack_restart(int i, double *buf) {
-  buf[0] = DENT + 1;
-  std::copy_n(dent_[i], DENT, buf + 1);
-  return DENT + 1;
-}
-
-void FixWallPlate::unpack_restart(int i, int nth) {
-  const double *extra = atom->extra[i];
-  for (int k = 0; k < nth; k++) extra += static_cast<int>(*extra);
-  std::copy_n(extra + 1, DENT, dent_[i]);
 }
 
 /* --- checkpoint --------------------------------------------------------------------------------------------------- */

@@ -47,10 +47,6 @@ class FixWallPlate : public FixWallGran, public Checkpointed {
   void set_arrays(int) override;
   int pack_exchange(int, double *) override;
   int unpack_exchange(int, double *) override;
-  int pack_restart(int, double *) override;
-  void unpack_restart(int, int) override;
-  int size_restart(int) override { return DENT + 1; }
-  int maxsize_restart() override { return DENT + 1; }
 
   // By agglomerate, J: work of the contact on the sub-spheres, and on the moving plate.
   const std::vector<double> &work_on_stone() const { return work_on_stone_; }
