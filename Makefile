@@ -37,7 +37,7 @@ report: setup  ## the report again from the runs in OUT
 test: setup .venv/campaign  ## all tests but the long ones
 	$(PYTHON) -m pytest -q
 
-validate: setup .venv/campaign build/slurm  ## the long checks
+validate: setup .venv/campaign build/slurm build/calculix  ## the long checks
 	$(PYTHON) -m pytest -q -m validate
 
 bench: setup  ## cost and results of the bonds beside peers, into runs/bench
@@ -63,6 +63,12 @@ build/packages:
 
 build/slurm: build/packages
 	$(SUDO) apt-get install -y --no-install-recommends slurm-wlm munge
+	touch $@
+
+# The solid models that the plate is compared with, in `make validate` alone.
+build/calculix: | build/packages
+	@command -v ccx >/dev/null || { $(SUDO) apt-get update && \
+	  $(SUDO) apt-get install -y --no-install-recommends calculix-ccx; }
 	touch $@
 
 .venv/installed: pyproject.toml | build/packages

@@ -31,8 +31,9 @@ from dem.time_step import TimeStep, plate_mobility_1_kg, stone_contact_time_s, t
 from dem.view import write_view
 from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.motion import ModalMotion
+from plate_fem.scene import FlexiblePlate
 from plate_fem.tables import refused_in
-from plate_fem.truncation import with_max_frequency
+from plate_fem.truncation import energy_left_out, with_max_frequency
 
 POLL_s = 0.05
 
@@ -234,6 +235,7 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
         "n_bonds_broken": len(events),
         "n_bonds_broken_by_agglomerate": broken.tolist(),
         "n_modes": 0 if motion is None else len(motion.amplitude),
+        "plate_energy_left_out": plate_energy_left_out(scene, assembly),
         "peak_force_N": float(forces[1].sum(axis=1).max(initial=0.0)),
         "impulse_N_s": float(forces[1].sum() * step.co_step * step.dt_s),
         "momentum_change_kg_m_s": float(ledger.column["momentum_z_kg_m_s"][-1].sum()
@@ -246,6 +248,13 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
         "n_samples": len(signals),
         "wall_time_s": stages.wall_time_s,
     }
+
+
+def plate_energy_left_out(scene: Scene, assembly: Assembly) -> float | None:
+    """Share of the plate's energy that would belong to modes above those kept, for the shortest contact of a stone."""
+    if not isinstance(scene.plate, FlexiblePlate) or scene.plate.max_frequency_Hz is None:
+        return None
+    return energy_left_out(scene.plate.max_frequency_Hz, stone_contact_time_s(scene, assembly))
 
 
 def plate_maxima(fast) -> dict[str, float]:
