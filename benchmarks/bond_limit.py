@@ -70,7 +70,7 @@ def engine_limit(damping_ratio: float, seed: int) -> float:
     del data["output"]
     data["stones"] |= {"agglomerate": {"subspheres": COUNT, "unbreakable": True, "damping_ratio": damping_ratio},
                        "gap_m": 0.05, "seed": seed}
-    data["time"]["gravity_m_s2"] = 0.0
+    data["time"] |= {"gravity_m_s2": 0.0, "idle_tolerance": 0.0}
     model = prepare(check(Scene, data, "single.toml"), "single.toml", None, Stages())
     assert model.step.bond_time_s is not None  # the stone is bonded
     with tempfile.TemporaryDirectory() as work:

@@ -54,6 +54,7 @@ def main() -> None:
     data = read_toml(SCENES / "single.toml")
     data["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
     del data["output"]
+    data["time"]["idle_tolerance"] = 0.0  # the stone is to be computed while it flies
     rows = []
     for count in COUNTS:
         data["stones"]["agglomerate"] = {"subspheres": count, "unbreakable": True}

@@ -8,16 +8,19 @@ from scipy.linalg import eigh
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh, spsolve
 
+from dem.assembly import CONTACT_RADIUS_RATIO
 from dem.bonds import (
     Bonds,
     affine_modulus,
     bond_matrices,
     bond_network,
+    highest_frequency_rad_s,
     network_stiffness,
     sphere_energies,
     stiffness_matrix,
 )
 from dem.packing import BoxContainer, Packing, fcc_sphere, pack_box, pack_cylinder, pack_sphere
+from dem.time_step import bond_fraction, undamped_limit
 
 E = 5e9
 
@@ -257,3 +260,15 @@ def test_table_of_the_documentation(count, modulus, nu):
         found.append([result.youngs_modulus_Pa.mean(), result.poisson_ratio[0]])
         assert np.abs(result.youngs_modulus_Pa / result.youngs_modulus_Pa.mean() - 1).max() < 0.03
     assert np.mean(found, axis=0) == pytest.approx([modulus, nu], rel=0.02)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 2.17, 4.0])
+def test_default_step_is_below_the_limit_of_the_network(ratio):
+    """The undamped limit of the time step as fitted, against the highest frequency of a stone that had no part in it."""
+    stone = pack_sphere(1.0, 300, seed=7)
+    bonds = bond_network(stone)
+    mass = stone.radius_m**3
+    frequency = highest_frequency_rad_s(bonds, 1.0, ratio, mass, CONTACT_RADIUS_RATIO * stone.radius_m)
+    t0 = np.sqrt(np.minimum(mass[bonds.first], mass[bonds.second]) * bonds.length_m / bonds.area_m2).min()
+    assert undamped_limit(ratio) == pytest.approx(2 / frequency / t0, rel=0.1)
+    assert bond_fraction(0.0, ratio) < 0.9 * 2 / frequency / t0
