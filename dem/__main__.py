@@ -1,4 +1,4 @@
-"""Command line: python -m dem run|deck|plate|sweep|campaign|dataset|calibrate."""
+"""Command line: python -m dem run|resume|deck|plate|sweep|campaign|dataset|calibrate."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from dem.campaign import campaign
 from dem.costep import follow
 from dem.dataset import build
 from dem.deck import write_deck
+from dem.engine import STOPPED
 from dem.exchange import ExchangeError, PlatePipes
-from dem.run import RunError, Stages, prepare, run_scene
+from dem.run import RunError, Stages, Stopped, prepare, resume, run_scene
 from dem.scene import Scene, changed_scene
 from dem.sweep import sweep
 from plate_fem.motion import ModalMotion
@@ -34,8 +35,14 @@ def main(arguments: list[str] | None = None) -> int:
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
+    except Stopped as stopped:
+        print(stopped, file=sys.stderr)
+        return STOPPED
     except (RunError, ExchangeError) as error:
         print(error, file=sys.stderr)
+        return 1
+    except MemoryError:
+        print(f"{options.out}: not enough memory", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("interrupted; what is finished stays, the same command goes on", file=sys.stderr)
@@ -74,6 +81,13 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--jobs", type=int, default=2, help="cores, or jobs in the queue at a time (default 2)")
     sub.add_argument("--profile", help="slurm, or a directory with a Snakemake profile (default: this machine)")
     sub.set_defaults(command=lambda o: campaign(o.file, o.out, o.jobs, o.profile))
+    text = "go on with a run that was stopped or killed, from its last checkpoint"
+    sub = commands.add_parser("resume", help=text, description=text)
+    sub.add_argument("out", type=Path, metavar="directory", help="the --out of the run, with or without .partial")
+    sub.set_defaults(command=_resume)
+    for long in (commands.choices["run"], sub):
+        long.add_argument("--walltime", type=_seconds, metavar="SECONDS",
+                          help=f"stop at a checkpoint when this time has passed, with exit code {STOPPED}")
     text = "fit the bonds of a material in virtual tests"
     sub = commands.add_parser("calibrate", help=text, description=text)
     sub.add_argument("material", help="name of a material of the scene")
@@ -98,8 +112,20 @@ def _scene(options) -> Scene:
 
 
 def _run(options) -> int:
-    print(one_line(run_scene(_scene(options), str(options.scene), options.out, show_progress=True)))
+    print(one_line(run_scene(_scene(options), str(options.scene), options.out, True, options.walltime)))
     return 0
+
+
+def _resume(options) -> int:
+    print(one_line(resume(options.out, walltime_s=options.walltime)))
+    return 0
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: must be a time in s, at least 0")
+    return value
 
 
 def one_line(summary: dict) -> str:

@@ -8,35 +8,49 @@ under it, exactly. The scheme is of second order in the co-step, and conserves t
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from dem.exchange import PlatePipes
+from dem.exchange import CHECKPOINT, PlatePipes
 from dem.time_step import TimeStep
 from plate_fem.motion import ModalMotion
 
 
-def follow(motion: ModalMotion, pipes: PlatePipes, step: TimeStep, record: Callable[[int, np.ndarray], None]) -> None:
-    """Serve the engine until it has finished.
+@dataclass
+class Place:
+    """Where the plate is in the exchange: DEM step and the last modal force (modes,), None before the first record."""
+
+    dem_step: int = 0
+    last_force: np.ndarray | None = None
+
+
+def follow(motion: ModalMotion, pipes: PlatePipes, step: TimeStep, record: Callable[[int, np.ndarray], None],
+           place: Place | None = None, keep: Callable[[int], None] = lambda dem_step: None) -> None:
+    """Serve the engine until it has finished, from `place` on, which goes along.
 
     `record(dem_step, modal_force)` is called at each row of the fast stream, `motion` standing at that instant and
-    `modal_force` acting: the mean over the co-step that ends there, carried on by half a co-step.
+    `modal_force` acting: the mean over the co-step that ends there, carried on by half a co-step. `keep(dem_step)` is
+    called when the engine has kept its state at that step.
     """
-    last_force = np.zeros_like(motion.amplitude)
-    record(0, last_force)
-    now = 0
+    place = place or Place()
+    none = np.zeros_like(motion.amplitude)
+    if place.last_force is None:
+        place.last_force = none
+        record(0, none)
     while (message := pipes.receive()) is not None:
+        if message.step == CHECKPOINT:
+            keep(message.co_steps)
+            pipes.answer(CHECKPOINT, 0.0, none, none)
+            continue
         force = message.modal_force
-        if message.co_steps != 1:  # after free flight there is no trend to go on with
-            last_force = force
-        trend = force - last_force
-        now = _advance(motion, force, force + trend / 2, now, message.co_steps, step, record)
-        predicted = force + trend
-        last_force = force
-        amplitude, rate = motion.predict(predicted)
+        # After free flight there is no trend to go on with.
+        trend = force - place.last_force if message.co_steps == 1 else none
+        place.dem_step = _advance(motion, force, force + trend / 2, place.dem_step, message.co_steps, step, record)
+        place.last_force = force
+        amplitude, rate = motion.predict(force + trend)
         pipes.answer(message.step, motion.reach_m(amplitude, rate), amplitude, rate)
-    none = np.zeros_like(last_force)
-    _advance(motion, none, none, now, step.steps // step.co_step - now // step.co_step, step, record)
+    _advance(motion, none, none, place.dem_step, (step.steps - place.dem_step) // step.co_step, step, record)
 
 
 def _advance(motion, force, force_at_end, now, co_steps, step, record) -> int:

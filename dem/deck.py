@@ -74,7 +74,14 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
         view_steps=view_steps(scene, step),
         idle=_idle(scene, step),
+        streams=streams(scene, assembly),
     )
+
+
+def streams(scene: Scene, assembly: Assembly) -> list[str]:
+    """Files in the deck's directory that the engine appends to."""
+    return ["ledger.bin", "forces.bin", "contacts.bin", *(["events.csv"] if assembly.n_bonds else []),
+            *(["view.dump"] if scene.output.view_interval_s is not None else [])]
 
 
 def _stones_meet(scene: Scene, assembly: Assembly) -> bool:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
 import subprocess
+from functools import partial
 from pathlib import Path
 
 from plate_fem.tables import InputError
@@ -26,12 +29,26 @@ def check_engine() -> None:
         raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `make engine` builds it")
 
 
-def start_engine(directory: Path, np: int = 1) -> subprocess.Popen:
-    """Run deck.liggghts in `directory` on `np` MPI ranks; what it prints goes to engine.out there."""
+STOPPED = 75  # exit code of an engine that was asked to stop at a checkpoint and did
+PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
+
+
+def die_with_parent(by: int = signal.SIGKILL) -> None:
+    """For `preexec_fn`: the kernel sends this process a signal when the one that started it is gone."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, by)
+
+
+def start_engine(directory: Path, np: int = 1, resume_step: int = 0, inherit: tuple[int, ...] = ()) -> subprocess.Popen:
+    """Run deck.liggghts in `directory` on `np` MPI ranks, from the checkpoint of `resume_step` if that is not 0; what it
+    prints goes to engine.out there. `inherit`: file descriptors that stay open as long as the engine lives."""
+    command = [*_mpirun(np), str(ENGINE), "-in", "deck.liggghts", "-log", "engine.log"]
+    if resume_step:
+        command += ["-var", "resume", str(resume_step)]
+    end = signal.SIGKILL if np == 1 else signal.SIGTERM  # which mpirun passes on
     with open(directory / "engine.out", "wb") as out:
-        return subprocess.Popen([*_mpirun(np), str(ENGINE), "-in", "deck.liggghts", "-log", "engine.log"], cwd=directory,
-                                env=_environment(),
-                                stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT)
+        return subprocess.Popen(command, cwd=directory, env=_environment(), stdin=subprocess.DEVNULL, stdout=out,
+                                stderr=subprocess.STDOUT, pass_fds=inherit,
+                                preexec_fn=partial(die_with_parent, end))  # noqa: PLW1509 - takes no lock
 
 
 def _mpirun(np: int) -> list[str]:

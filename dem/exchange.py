@@ -16,6 +16,7 @@ import numpy as np
 TIMEOUT_s = 600.0  # of silence from a living engine; set-up of a large scene takes minutes
 POLL_s = 0.2
 CLOSED = -1
+FINISHED, CHECKPOINT = -1, -2  # in the place of the step
 
 
 class ExchangeError(RuntimeError):
@@ -24,7 +25,10 @@ class ExchangeError(RuntimeError):
 
 @dataclass(frozen=True)
 class Message:
-    """`modal_force` (modes,) is the mean over the `co_steps` that ended at DEM step `step`, N kg^-1/2."""
+    """`modal_force` (modes,) is the mean over the `co_steps` that ended at DEM step `step`, N kg^-1/2.
+
+    With the step CHECKPOINT the engine says that it has kept its state at DEM step `co_steps`.
+    """
 
     step: int
     co_steps: int
@@ -71,7 +75,7 @@ class PlatePipes:
         """The next message, or None when the engine says that it has finished."""
         data = self._read(16 + 8 * self._modes)
         step, co_steps = struct.unpack_from("<qq", data)
-        if step == -1:
+        if step == FINISHED:
             return None
         force = np.frombuffer(data, dtype="<f8", offset=16)
         if co_steps < 0 or not math.isfinite(force @ force):

@@ -48,6 +48,16 @@ class PlateRecorder:
         if self._view_steps and dem_step % self._view_steps == 0:
             self.view_amplitude.append(m.amplitude.copy())
 
+    def get_state(self) -> dict[str, np.ndarray]:
+        """All that was recorded, for `set_state`."""
+        return {"rows": np.array(self.rows), "steps": np.array(self.steps),
+                "view_amplitude": np.array(self.view_amplitude), **self.bending.get_state()}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        self.rows, self.steps = list(state["rows"]), state["steps"].tolist()
+        self.view_amplitude = list(state["view_amplitude"])
+        self.bending.set_state(state)
+
     def frame(self) -> pd.DataFrame:
         return pd.DataFrame(np.array(self.rows), columns=self.columns)
 

@@ -13,6 +13,7 @@ class Progress:
         self._name, self._duration_s, self._shown = name, duration_s, shown
         self._start = self._last = time.monotonic()
         self._tenth = 0
+        self._first_share: float | None = None  # above zero for a run that was taken up again
 
     def __call__(self, t_s: float) -> None:
         """Called often with the simulated time; writes seldom."""
@@ -20,13 +21,16 @@ class Progress:
             return
         now = time.monotonic()
         share = t_s / self._duration_s
+        if self._first_share is None:
+            self._first_share, self._tenth = share, int(10 * share)
         if sys.stderr.isatty():
             if now - self._last < INTERVAL_s:
                 return
         elif int(10 * share) <= self._tenth:
             return
         self._last, self._tenth = now, int(10 * share)
-        left = (now - self._start) * max(0.0, 1 - share) / share if share > 0 else float("inf")
+        done = share - self._first_share
+        left = (now - self._start) * max(0.0, 1 - share) / done if done > 0 else float("inf")
         end = "" if sys.stderr.isatty() else "\n"
         start = "\r" if sys.stderr.isatty() else ""
         print(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  left {left:4.0f} s", end=end,

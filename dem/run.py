@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
-import json
 import platform
 import shutil
+import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
 from dem.arrangement import Arrangement, arrange
 from dem.assembly import Assembly, assemble
-from dem.costep import follow
-from dem.deck import view_steps, write_deck
-from dem.engine import LIGGGHTS_VERSION, check_engine, engine_error, start_engine
+from dem.checkpoint import State, check_engine_file, engine_file, keep_plate, latest, plate_file, read_plate
+from dem.costep import Place, follow
+from dem.deck import streams, view_steps, write_deck
+from dem.engine import ENGINE, LIGGGHTS_VERSION, STOPPED, check_engine, engine_error, start_engine
 from dem.exchange import ExchangeError, PlatePipes
 from dem.ledger import PlateEnergy, energy_ledger, energy_table, read_ledger, stone_energies
 from dem.monitor import PlateMonitor, Unstable, check_closure
@@ -28,11 +32,12 @@ from dem.plate_yield import read_contacts, yield_report
 from dem.progress import Progress
 from dem.scene import Scene, read_scene, scene_hash
 from dem.time_step import TimeStep, plate_mobility_1_kg, stone_contact_time_s, time_step
+from dem.unfinished import SUFFIX, Busy, Unfinished, read_json, write_json
 from dem.view import write_view
 from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.motion import ModalMotion
 from plate_fem.scene import FlexiblePlate
-from plate_fem.tables import refused_in
+from plate_fem.tables import InputError, refused_in
 from plate_fem.truncation import energy_left_out, with_max_frequency
 
 POLL_s = 0.05
@@ -42,10 +47,15 @@ class RunError(RuntimeError):
     """A run that started and could not be finished; one line that says why."""
 
 
+class Stopped(RuntimeError):
+    """A run that was asked to stop before its end and did; one line that says how to go on."""
+
+
 @dataclass
 class Model:
     """A scene made ready to run."""
 
+    given: Scene  # as the file gives it
     scene: Scene  # with what the file left to be found filled in
     scene_hash: str  # of the scene as the file gives it
     arrangement: Arrangement
@@ -84,65 +94,148 @@ def prepare(scene: Scene, source: str, cache: Path | None, stages: Stages) -> Mo
                 modes = plate_modes(plate, cache, arrangement.position_m)
         mobility = plate_mobility_1_kg(modes, arrangement.position_m)
     step = time_step(scene, assembly, source, mobility)
-    return Model(resolved, scene_hash(scene), arrangement, assembly, step, modes)
+    return Model(scene, resolved, scene_hash(scene), arrangement, assembly, step, modes)
 
 
-def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None, show_progress: bool = True) -> dict:
+def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None, show_progress: bool = True,
+        walltime_s: float | None = None) -> dict:
     """Run a scene file, see `run_scene`."""
-    return run_scene(read_scene(scene_file, gangue_ratio), str(scene_file), out, show_progress)
+    return run_scene(read_scene(scene_file, gangue_ratio), str(scene_file), out, show_progress, walltime_s)
 
 
-def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False) -> dict:
+def resume(directory: Path, show_progress: bool = True, walltime_s: float | None = None) -> dict:
+    """Go on with the run that was to become `directory` (its name, or that with .partial), see `run_scene`. A run that is
+    finished is left alone. Raises InputError if there is nothing to go on with."""
+    out = directory.with_name(directory.name.removesuffix(SUFFIX))
+    begun = Unfinished(out).begun()
+    if begun is None:
+        finished = read_json(out / "run.json")
+        if finished is None:
+            raise InputError(f"{directory}: no run was begun here; allowed is the --out of one that was")
+        return finished
+    try:
+        scene = Scene.model_validate(begun["scene"], strict=False)
+        source = str(begun["source"])
+    except (KeyError, ValidationError) as error:
+        raise InputError(f"{Unfinished(out).path / 'begun.json'}: not what this version writes "
+                         f"({str(error).splitlines()[0]})") from None
+    return run_scene(scene, source, out, show_progress, walltime_s)
+
+
+def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False, walltime_s: float | None = None) -> dict:
     """Run a scene and leave `out` whole: it is written beside and renamed at the end. Returns what run.json says.
 
-    Raises InputError for bad input, RunError if the run could not be finished.
+    A run that was stopped or killed goes on from its last checkpoint. After `walltime_s` it is asked to take one and
+    stop. Raises InputError for bad input, Stopped after that time, RunError if the run could not be finished.
     """
     stages = Stages()
     check_engine()
-    return run_model(prepare(scene, source, out.parent / ".modes", stages), source, out, stages, show_progress)
+    stop_at = None if walltime_s is None else time.monotonic() + walltime_s
+    model = prepare(scene, source, out.parent / ".modes", stages)
+    return run_model(model, source, out, stages, show_progress, stop_at)
 
 
-def run_model(model: Model, source: str, out: Path, stages: Stages, show_progress: bool = False) -> dict:
-    """Run what `prepare` made ready, or another model with, say, another plate's modes."""
-    work = out.with_name(out.name + ".partial")
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir(parents=True)
+def run_model(model: Model, source: str, out: Path, stages: Stages, show_progress: bool = False,
+              stop_at: float | None = None) -> dict:
+    """Run what `prepare` made ready, or another model with, say, another plate's modes. `stop_at` is a time of
+    `time.monotonic`, see `run_scene`."""
+    unfinished = Unfinished(out)
     try:
-        summary = _run_in(work, model, stages, show_progress)
-    except (RunError, ExchangeError, Unstable) as error:
-        raise RunError(f"{source}: {error} (what there is of the run is in {work})") from error
-    (work / "run.json").write_text(json.dumps(summary, indent=1) + "\n")
-    if out.exists():
-        shutil.rmtree(out)
-    work.rename(out)
-    return summary
+        with unfinished.claimed() as lock:
+            identity, step = _take_up(unfinished, model, source, stages)
+            summary = unfinished.finished(identity)
+            if summary is None:
+                summary = _run_in(unfinished, identity["deck"], step, lock, model, stages, show_progress, stop_at)
+                write_json(unfinished.path / "run.json", summary)
+            deck = unfinished.path / "deck"
+            for name in (*streams(model.scene, model.assembly), "engine.out", "engine.log", "log.liggghts"):
+                (deck / name).unlink(missing_ok=True)
+            shutil.rmtree(deck / "checkpoint", ignore_errors=True)
+            unfinished.publish()
+            return summary
+    except (RunError, ExchangeError, Unstable, Busy) as error:
+        raise RunError(f"{source}: {error} (what there is of the run is in {unfinished.path})") from error
 
 
-def _run_in(work: Path, model: Model, stages: Stages, show_progress: bool) -> dict:
-    deck = work / "deck"
+def _take_up(unfinished: Unfinished, model: Model, source: str, stages: Stages) -> tuple[dict, int]:
+    """The deck in its place, what the run is known by, and the step of the checkpoint to go on from, 0 if from the start.
+
+    Only a run with the same deck, plate, program and engine goes on; any other starts anew in an empty directory.
+    """
+    deck, fresh = unfinished.path / "deck", unfinished.path / "deck.fresh"
+    shutil.rmtree(fresh, ignore_errors=True)
     with stages("deck"):
-        deck_hash = write_deck(deck, model.scene, model.assembly, model.step, model.modes)
-    motion, plate = None, None
+        deck_hash = write_deck(fresh, model.scene, model.assembly, model.step, model.modes)
+    plate = [] if model.modes is None else [model.modes.frequency_Hz, model.modes.damping_ratio, model.modes.rod_force]
+    identity = {"scene": model.scene_hash, "deck": deck_hash, "version": own_version(),
+                "plate": hashlib.sha256(b"".join(values.tobytes() for values in plate)).hexdigest(),
+                "engine": hashlib.sha256(ENGINE.read_bytes()).hexdigest()}
+    begun = unfinished.begun()
+    if begun is None or begun.get("identity") != identity:
+        unfinished.clear(keep=(fresh.name,))
+        fresh.rename(deck)
+        unfinished.begin(identity, model.given.model_dump(mode="json"), source)
+        return identity, 0
+    shutil.rmtree(fresh)
+    if unfinished.finished(identity):
+        return identity, 0
+    unfinished.clear(keep=("begun.json", "deck"))
+    step = latest(deck / "checkpoint", model.modes is not None)
+    if step:
+        check_engine_file(engine_file(deck / "checkpoint", step))
+    else:
+        for name in streams(model.scene, model.assembly):
+            (deck / name).unlink(missing_ok=True)
+    return identity, step
+
+
+def _run_in(unfinished: Unfinished, deck_hash: str, resume_step: int, lock: int, model: Model, stages: Stages,
+            show_progress: bool, stop_at: float | None) -> dict:
+    deck = unfinished.path / "deck"
+    resumed_at_s = unfinished.note_resumed(resume_step * model.step.dt_s) if resume_step else []
+    motion, plate, place = None, None, Place()
     if model.modes is not None:
         motion = ModalMotion(model.modes, model.step.co_step * model.step.dt_s)
         plate = PlateRecorder(model.scene, model.modes, motion, model.step, view_steps(model.scene, model.step))
     progress = Progress(f"{model.scene.name} {model.scene.stones.gangue_ratio:4.0%}", model.scene.time.duration_s,
                         show_progress)
+    if resume_step and motion is not None and plate is not None:
+        set_plate_state(read_plate(plate_file(deck / "checkpoint", resume_step)), motion, plate, place)
     with stages("engine and plate"):
-        simulate(deck, model, motion, plate, progress)
+        simulate(deck, model, motion, plate, place, progress, resume_step, lock, stop_at)
     with stages("output"):
-        return _write_results(work, model, motion, plate, stages, deck_hash)
+        summary = _write_results(unfinished.path, model, motion, plate, stages, deck_hash)
+    return summary | {"resumed_at_s": resumed_at_s}
 
 
-def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateRecorder | None,
-             progress: Progress) -> None:
-    """Engine and plate side by side until the engine has finished. Raises RunError or ExchangeError."""
+def plate_state(motion: ModalMotion, plate: PlateRecorder, place: Place) -> State:
+    """The plate's half of a checkpoint."""
+    assert place.last_force is not None
+    return {"dem_step": np.array(place.dem_step), "last_force": place.last_force,
+            **{f"motion_{name}": value for name, value in motion.get_state().items()},
+            **{f"plate_{name}": value for name, value in plate.get_state().items()}}
+
+
+def set_plate_state(state: State, motion: ModalMotion, plate: PlateRecorder, place: Place) -> None:
+    place.dem_step, place.last_force = int(state["dem_step"]), state["last_force"]
+    motion.set_state({name.removeprefix("motion_"): value for name, value in state.items() if name.startswith("motion_")})
+    plate.set_state({name.removeprefix("plate_"): value for name, value in state.items() if name.startswith("plate_")})
+
+
+def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateRecorder | None, place: Place,
+             progress: Progress, resume_step: int, lock: int, stop_at: float | None) -> None:
+    """Engine and plate side by side until the engine has finished. Raises RunError, ExchangeError or Stopped."""
     engine: subprocess.Popen | None = None
+    timer = None
     pipes = None
     try:
         if motion is not None:
             pipes = PlatePipes(deck, len(motion.amplitude), lambda: engine is not None and engine.poll() is None)
-        engine = start_engine(deck, model.scene.engine.np)
+        engine = start_engine(deck, model.scene.engine.np, resume_step, (lock,))
+        if stop_at is not None:
+            timer = threading.Timer(max(0.0, stop_at - time.monotonic()), engine.send_signal, [signal.SIGUSR1])
+            timer.daemon = True
+            timer.start()
         if motion is not None and plate is not None and pipes is not None:
             monitor = PlateMonitor(model.scene, model.assembly)
 
@@ -152,21 +245,35 @@ def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateR
                 progress(dem_step * model.step.dt_s)
             try:
                 pipes.open()
-                follow(motion, pipes, model.step, record)
+                follow(motion, pipes, model.step, record, place,
+                       keep_plate(deck / "checkpoint", lambda: plate_state(motion, plate, place)))
             except ExchangeError as error:
                 if _exit_code(engine) not in (None, 0):
+                    _check_not_stopped(deck, engine.returncode, model)
                     raise RunError(f"LIGGGHTS stopped: {engine_error(deck)}") from error
                 raise
         while engine.poll() is None:
             time.sleep(POLL_s)
     finally:
+        if timer is not None:
+            timer.cancel()
         if pipes is not None:
             pipes.close()
         if engine is not None and engine.poll() is None:
             engine.kill()
             engine.wait()
         progress.end()
+    _check_not_stopped(deck, engine.returncode, model)
     _check_finished(deck, engine.returncode, model)
+
+
+def _check_not_stopped(deck: Path, code: int, model: Model) -> None:
+    if code not in (STOPPED, -signal.SIGUSR1):  # the second before it listened
+        return
+    step = latest(deck / "checkpoint", model.modes is not None)
+    where = f"at the checkpoint at t = {step * model.step.dt_s:.6g} s" if step else "before the first checkpoint"
+    raise Stopped(f"{model.scene.name}: stopped {where} of {model.scene.time.duration_s:g} s; "
+                  f"`python -m dem resume {deck.parent.with_name(deck.parent.name.removesuffix(SUFFIX))}` goes on")
 
 
 def _exit_code(engine: subprocess.Popen) -> int | None:
@@ -202,9 +309,6 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
     if scene.output.view_interval_s is not None:
         write_view(work, deck / "view.dump", scene, assembly, step, events, contacts, model.modes,
                    plate.view_amplitude if plate else [])
-    for name in ("forces.bin", "contacts.bin", "events.csv", "ledger.bin", "view.dump", "engine.out", "engine.log",
-                 "log.liggghts"):
-        (deck / name).unlink(missing_ok=True)
 
     plate_energy = PlateEnergy() if motion is None else PlateEnergy(
         motion.kinetic_J, motion.internal_J, motion.damped_J, motion.work_J)

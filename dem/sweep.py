@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from dem.arrangement import arrange
-from dem.engine import check_engine
+from dem.engine import check_engine, die_with_parent
 from dem.scene import Scene, ratio_name, read_scene, scene_hash
+from dem.unfinished import read_json
 
 
 def sweep(scene_file: Path, out: Path, jobs: int) -> int:
@@ -27,7 +27,7 @@ def sweep(scene_file: Path, out: Path, jobs: int) -> int:
         runs = {pool.submit(_run_ratio, scene_file, out / ratio_name(ratio), ratio): ratio for ratio in missing}
         for finished in as_completed(runs):
             result = finished.result()
-            print((result.stdout or result.stderr).strip().splitlines()[-1], flush=True)
+            print(result.stdout, end="", flush=True)  # what went wrong is on stderr already
             failed += result.returncode != 0
     return 1 if failed else 0
 
@@ -38,15 +38,13 @@ def is_done(scene_file: Path, directory: Path, ratio: float) -> bool:
 
 
 def is_finished(directory: Path, scene: Scene) -> bool:
-    """Does a directory hold a finished run of this very scene?"""
-    file = directory / "run.json"
-    if not file.exists():
-        return False
-    summary = json.loads(file.read_text())
-    return summary["status"] == "finished" and summary["scene_hash"] == scene_hash(scene)
+    """Does a directory hold a finished run of this very scene? Raises InputError for a run.json that cannot be read."""
+    summary = read_json(directory / "run.json")
+    return summary is not None and summary.get("status") == "finished" and summary.get("scene_hash") == scene_hash(scene)
 
 
 def _run_ratio(scene_file: Path, directory: Path, ratio: float) -> subprocess.CompletedProcess:
-    """One ratio in a process of its own, progress passed through to this terminal."""
+    """One ratio in a process of its own, which goes on from a checkpoint if there is one; progress passed through."""
     command = [sys.executable, "-m", "dem", "run", str(scene_file), "--gangue", repr(ratio), "--out", str(directory)]
-    return subprocess.run(command, stdout=subprocess.PIPE, stderr=None, text=True, check=False)
+    return subprocess.run(command, stdout=subprocess.PIPE, stderr=None, text=True, check=False,
+                          preexec_fn=die_with_parent)

@@ -44,6 +44,18 @@ class StressPeak:
         if len(self._waiting) == self.BLOCK:
             self._evaluate()
 
+    def get_state(self):
+        """Copy of the state, a dict of arrays, for `set_state`."""
+        times, amplitudes = zip(*self._waiting) if self._waiting else ((), ())
+        return {"peak": np.array([self._best[False], self._best[True]]),
+                "waiting_t_s": np.array(times), "waiting_amplitude": np.array(amplitudes)}
+
+    def set_state(self, state):
+        """Take a state from `get_state`."""
+        self._best = {at_rods: (float(squared), int(node), float(t_s))
+                      for at_rods, (squared, node, t_s) in zip((False, True), state["peak"])}
+        self._waiting = list(zip(state["waiting_t_s"].tolist(), state["waiting_amplitude"]))
+
     def result(self, at_rods=False):
         """The peak: {"von_mises_Pa", "x_m", "y_m", "t_s"}."""
         self._evaluate()

@@ -28,7 +28,7 @@ using namespace FixConst;
 
 namespace {
 
-const double LEAST_INTERVAL_s = 1.0;
+const double LEAST_INTERVAL_s = 0.2;
 const double COST_SHARE = 0.01;  // of the run's time that checkpoints may take
 const int ATOM_COLUMNS = 16;     // tag, x, v, omega, force, torque
 

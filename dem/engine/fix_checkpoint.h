@@ -13,7 +13,7 @@ namespace LAMMPS_NS {
 // The last fix of a deck, after `velocity`. Every N steps (whole co-steps) is a step at which the run can be taken up
 // again; the neighbour lists are built anew after each, whether a checkpoint is taken or not, so that a resumed run goes
 // on as the undisturbed one does, on one rank bit by bit. A checkpoint is taken when the last is so long ago that its
-// cost is below one part in a hundred, and at least a second. SIGUSR1 asks for one at the next such step and for an end.
+// cost is below one part in a hundred. SIGUSR1 asks for one at the next such step and for an end.
 //
 // STEP > 0: takes up the run at DIR/engine_STEP.checkpoint; streams, the files that the run appends to, are cut back to
 // their length at that step. LIGGGHTS's own set-up computes forces from velocities half a step too late and advances

@@ -430,8 +430,10 @@ void FixWallPlate::save(CheckpointWriter &out) {
   out.common("wall_co_step", {static_cast<double>(step_in_co_step_), static_cast<double>(co_steps_passed_),
                               static_cast<double>(following_), link_ ? link_->reach : 0});
   if (link_) {
-    out.common("wall_amplitude", link_->amplitude);
-    out.common("wall_rate", link_->rate);
+    out.common("wall_amplitude_start", amplitude0_);
+    out.common("wall_rate_start", rate0_);
+    out.common("wall_amplitude_end", link_->amplitude);
+    out.common("wall_rate_end", link_->rate);
   }
   std::vector<double> rows;  // tag, force, torque, history of what touches
   for (const Near &p : near_) {
@@ -469,8 +471,11 @@ void FixWallPlate::restore(const CheckpointReader &in) {
   following_ = co_step[2] != 0;
   if (link_) {
     link_->reach = co_step[3];
-    link_->amplitude = in.common("wall_amplitude", link_->amplitude.size());
-    link_->rate = in.common("wall_rate", link_->rate.size());
+    const size_t modes = link_->amplitude.size();
+    amplitude0_ = in.common("wall_amplitude_start", modes);
+    rate0_ = in.common("wall_rate_start", modes);
+    link_->amplitude = in.common("wall_amplitude_end", modes);
+    link_->rate = in.common("wall_rate_end", modes);
     if (comm->me == 0) link_->open();
   }
   near_.clear();

@@ -1,0 +1,154 @@
+"""A run that is killed or stopped goes on from its last checkpoint and gives what the undisturbed one gives."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from scenes_of_tests import SCENES
+
+from dem.run import resume
+from dem.unfinished import Unfinished
+from plate_fem.tables import InputError
+
+DEM = [sys.executable, "-m", "dem"]
+SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """One breaking stone on the flexible plate, friction and dampers on: a few seconds of the engine."""
+    text = (SCENES / "single.toml").read_text()
+    for old, new in [("max_frequency_Hz = 20000.0", "max_frequency_Hz = 1000.0"), ("subspheres = 500", "subspheres = 300"),
+                     ("view_interval_s = 1.5e-4", "view_interval_s = 1.5e-3")]:
+        assert old in text
+        text = text.replace(old, new)
+    file = tmp_path_factory.mktemp("survive") / "stone.toml"
+    file.write_text(text)
+    return file
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scene):
+    out = scene.parent / "undisturbed"
+    assert start("run", scene, "--out", out).wait(timeout=120) == 0
+    return out
+
+
+def start(*arguments, **options):
+    return subprocess.Popen([*DEM, *map(str, arguments)], cwd=SCENES.parent, stdin=subprocess.DEVNULL,
+                            stdout=subprocess.DEVNULL, **options)
+
+
+def children(pid):
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def engine_of(process):
+    """The engine's pid as soon as there is one, None if the run ends first."""
+    while process.poll() is None:
+        for child in children(process.pid):
+            try:
+                if "liggghts" in os.readlink(f"/proc/{child}/exe"):
+                    return child
+            except OSError:
+                pass  # gone meanwhile
+        time.sleep(0.01)
+    return None
+
+
+def gone(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+def check_same(out, undisturbed):
+    """Every number of every signal, and every picture, bit by bit."""
+    for name in SIGNALS:
+        pd.testing.assert_frame_equal(pd.read_parquet(out / f"{name}.parquet"),
+                                      pd.read_parquet(undisturbed / f"{name}.parquet"), check_exact=True)
+    for file in undisturbed.glob("view/*"):
+        assert (out / "view" / file.name).read_bytes() == file.read_bytes(), file.name
+    summary, expected = (json.loads((d / "run.json").read_text()) for d in (out, undisturbed))
+    for key in ("wall_time_s", "resumed_at_s"):
+        summary.pop(key), expected.pop(key)
+    assert summary == expected
+
+
+def kill_and_go_on(scene, undisturbed, kills, rng):
+    """Kill the run, the engine, or both, by turns, at random moments of the time that the engine takes; go on each time,
+    and begin again when it is finished. Returns at how many checkpoints a run was taken up."""
+    length_s = json.loads((undisturbed / "run.json").read_text())["wall_time_s"]["engine and plate"]
+    out = undisturbed.with_name("killed")
+    done = resumed = 0
+    while done < kills:
+        shutil.rmtree(out, ignore_errors=True)
+        while not out.exists():
+            process = start("run", scene, "--out", out, stderr=subprocess.PIPE, text=True)
+            engine = engine_of(process)
+            moment = rng.uniform(0, length_s)
+            if engine and done < kills:
+                try:
+                    process.wait(timeout=moment)
+                except subprocess.TimeoutExpired:
+                    victims = [[process.pid], [engine], [process.pid, engine]][done % 3]
+                    for pid in victims:
+                        os.kill(pid, signal.SIGKILL)
+                    done += 1
+            error = process.communicate(timeout=120)[1]
+            if process.returncode == 1:
+                assert error.splitlines()[-1].startswith(str(scene)) and "LIGGGHTS stopped" in error, error
+            assert process.returncode in (0, 1, -signal.SIGKILL)
+            deadline = time.monotonic() + 10
+            while engine and not gone(engine):
+                assert time.monotonic() < deadline, "the engine outlived the run"
+                time.sleep(0.01)
+            assert not out.exists() or (out / "run.json").exists()  # whole or absent
+        check_same(out, undisturbed)
+        resumed += len(json.loads((out / "run.json").read_text())["resumed_at_s"])
+    return resumed
+
+
+def test_a_run_killed_at_three_moments_gives_the_undisturbed_result(scene, undisturbed):
+    assert kill_and_go_on(scene, undisturbed, 3, random.Random(3)) > 0
+
+
+@pytest.mark.validate
+def test_a_run_killed_at_twenty_moments_gives_the_undisturbed_result(scene, undisturbed):
+    assert kill_and_go_on(scene, undisturbed, 20, random.Random(20)) > 0
+
+
+def test_walltime_stops_at_a_checkpoint_and_resume_goes_on(scene, undisturbed):
+    out = undisturbed.with_name("stopped")
+    process = start("run", scene, "--out", out, "--walltime", 1.2, stderr=subprocess.PIPE, text=True)
+    error = process.communicate(timeout=60)[1]
+    assert process.returncode == 75
+    assert "stopped at the checkpoint" in error and "dem resume" in error and not out.exists()
+    assert start("resume", out.with_name("stopped.partial")).wait(timeout=60) == 0
+    check_same(out, undisturbed)
+    assert not list(out.glob("deck/checkpoint*")) and not (out / "begun.json").exists()
+    assert start("resume", out).wait(timeout=60) == 0  # nothing left to do
+
+
+def test_there_must_be_something_to_resume(tmp_path):
+    with pytest.raises(InputError, match="no run was begun here"):
+        resume(tmp_path / "nothing")
+    assert not list(tmp_path.iterdir())
+
+
+def test_two_processes_do_not_work_on_one_run(scene, undisturbed, monkeypatch):
+    import dem.unfinished
+
+    monkeypatch.setattr(dem.unfinished, "LOCK_WAIT_s", 0.2)
+    first, second = (Unfinished(scene.parent / "both").claimed() for _ in range(2))
+    with first, pytest.raises(dem.unfinished.Busy, match="another process"), second:
+        pass
