@@ -182,9 +182,9 @@ void FixCheckpoint::resume(long long step) {
   last_saved_ = step;
   update->ntimestep = step;
   const std::vector<double> &rows = resumed_->rows("atoms", ATOM_COLUMNS);
+  if (comm->nprocs == 1) put_in_order(rows);
   if (rows.size() != static_cast<size_t>(atom->natoms) * ATOM_COLUMNS)
     error->all(FLERR, (file(step) + ": is of another deck").c_str());
-  if (comm->nprocs == 1) put_in_order(rows);
   for (size_t k = 0; k < rows.size(); k += ATOM_COLUMNS) {
     const int i = atom->map(static_cast<int>(rows[k]));
     if (i < 0 || i >= atom->nlocal) continue;  // the atoms go to their ranks at set-up
@@ -205,12 +205,15 @@ void FixCheckpoint::resume(long long step) {
   }
 }
 
-// The order in memory decides in which order forces are summed.
+// The order in memory decides in which order forces are summed. What is not in the checkpoint was away (fix idle), which
+// has it.
 void FixCheckpoint::put_in_order(const std::vector<double> &rows) {
   AtomVec *avec = atom->avec;
+  const int kept = static_cast<int>(rows.size() / ATOM_COLUMNS);
+  if (kept > atom->nlocal) return;
   if (atom->nlocal == atom->nmax) avec->grow(0);
   const int spare = atom->nlocal;
-  for (int k = 0; k < atom->nlocal; k++) {
+  for (int k = 0; k < kept; k++) {
     const int tag = static_cast<int>(rows[static_cast<size_t>(k) * ATOM_COLUMNS]), i = atom->map(tag);
     if (i == k) continue;
     if (i < 0) error->one(FLERR, "the checkpoint is of another deck");
@@ -220,6 +223,9 @@ void FixCheckpoint::put_in_order(const std::vector<double> &rows) {
     atom->map_one(atom->tag[k], k);
     atom->map_one(atom->tag[i], i);
   }
+  for (int i = kept; i < atom->nlocal; i++) atom->map_one(atom->tag[i], -1);
+  atom->nlocal = kept;
+  atom->natoms = kept;
 }
 
 void FixCheckpoint::restore_forces() {

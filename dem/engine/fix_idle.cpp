@@ -6,6 +6,7 @@
 
 #include "atom.h"
 #include "atom_vec.h"
+#include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
 #include "fix_bond_parallel.h"
@@ -456,3 +457,35 @@ double FixIdle::compute_scalar() {
 }
 
 double FixIdle::compute_vector(int n) { return n == 0 ? jumped_ : departures_; }
+
+/* --- checkpoint: bodies that are away stay away --------------------------------------------------------------- */
+
+// Attitudes are integrated from one asking to the next.
+void FixIdle::begin_anew() {
+  for (IdleBody *b : bodies()) b->attitude();
+}
+
+void FixIdle::save(CheckpointWriter &out) {
+  std::vector<double> row;
+  for (const auto &b : bodies_) b->append_to(row);
+  out.common("idle", {static_cast<double>(bodies_.size()), plate_.reach, static_cast<double>(jumped_),
+                      static_cast<double>(departures_)});
+  out.common("idle_calm", std::vector<double>(calm_.begin(), calm_.end()));
+  out.rows("idle_bodies", row);
+}
+
+void FixIdle::restore(const CheckpointReader &in) {
+  const std::vector<double> &numbers = in.common("idle", 4), &calm = in.common("idle_calm", calm_.size());
+  plate_.reach = numbers[1];
+  jumped_ = static_cast<bigint>(numbers[2]);
+  departures_ = static_cast<bigint>(numbers[3]);
+  std::copy(calm.begin(), calm.end(), calm_.begin());
+  bodies_.clear();
+  const double *row = in.rows("idle_bodies", 1).data();
+  for (int k = 0; k < static_cast<int>(numbers[0]); k++) {
+    bodies_.push_back(std::make_unique<IdleBody>(row));
+    bodies_.back()->go_to(update->ntimestep);
+  }
+  for (IdleBody *b : bodies()) shown_ += insert(*b, 0);  // until the end of the set-up
+  atom->natoms += shown_;
+}

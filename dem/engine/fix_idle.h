@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "agglomerates.h"
+#include "checkpointed.h"
 #include "fix.h"
 #include "hertz_law.h"
 #include "idle_body.h"
@@ -16,7 +17,7 @@ namespace LAMMPS_NS {
 // and fly as rigid bodies on their exact path until they could touch something; when all do, time jumps (docs/idle.md).
 // A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2, V being the speed of the impact.
 // Looked at every N steps. Gravity acts along -z. For one rank; after all other fixes.
-class FixIdle : public Fix {
+class FixIdle : public Fix, public Checkpointed {
  public:
   FixIdle(class LAMMPS *, int, char **);
   ~FixIdle() override;
@@ -24,6 +25,9 @@ class FixIdle : public Fix {
   void init() override;
   void setup(int) override;
   void end_of_step() override;
+  void begin_anew() override;
+  void save(CheckpointWriter &) override;
+  void restore(const CheckpointReader &) override;
   double compute_scalar() override;        // sub-spheres that are idle
   double compute_vector(int) override;     // 1: steps jumped over; 2: departures
 

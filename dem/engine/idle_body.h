@@ -1,4 +1,7 @@
 #pragma once
+#include <algorithm>
+#include <cstring>
+#include <type_traits>
 #include <vector>
 
 #include "lmptype.h"
@@ -47,6 +50,30 @@ class IdleBody : public Outline {
     return {center + arm, velocity + cross(omega, arm) + turned(p.velocity), omega + turned(p.spin),
             turned(p.acceleration), turned(p.spin_acceleration)};
   }
+
+  // Everything, appended to a row of numbers, and back from where it stands there (advanced).
+  void append_to(std::vector<double> &row) const {
+    const double numbers[] = {double(start), dt, double(agglomerate), mass, kinetic_start, bond_elastic, pair_elastic,
+                              double(is_leaving), double(is_waking), double(safe_until), spin, radius,
+                              double(parts.size()), double(packed.size())};
+    row.insert(row.end(), numbers, numbers + NUMBERS);
+    append_bytes(row, &motion, 1);
+    append_bytes(row, parts.data(), parts.size());
+    row.insert(row.end(), packed.begin(), packed.end());
+  }
+  explicit IdleBody(const double *&row) {
+    start = bigint(row[0]), dt = row[1], agglomerate = int(row[2]), mass = row[3], kinetic_start = row[4];
+    bond_elastic = row[5], pair_elastic = row[6], is_leaving = row[7] != 0, is_waking = row[8] != 0;
+    safe_until = bigint(row[9]), spin = row[10], radius = row[11];
+    parts.resize(size_t(row[12])), packed.resize(size_t(row[13]));
+    row += NUMBERS;
+    take_bytes(row, &motion, 1);
+    take_bytes(row, parts.data(), parts.size());
+    std::copy_n(row, packed.size(), packed.begin());
+    row += packed.size();
+  }
+  IdleBody() {}
+
   const Rotation &attitude() { return motion.attitude(time(step_)); }
   double kinetic() const {
     const Vec v0 = motion.velocity(0);
@@ -60,7 +87,19 @@ class IdleBody : public Outline {
   }
 
  private:
+  static constexpr int NUMBERS = 14;
   bigint step_ = -1;
+
+  template <class T> static void append_bytes(std::vector<double> &row, const T *from, size_t count) {
+    static_assert(std::is_trivially_copyable<T>::value && sizeof(T) % sizeof(double) == 0, "kept as it lies in memory");
+    const size_t at = row.size();
+    row.resize(at + count * sizeof(T) / sizeof(double));
+    std::memcpy(static_cast<void *>(row.data() + at), from, count * sizeof(T));
+  }
+  template <class T> static void take_bytes(const double *&row, T *to, size_t count) {
+    std::memcpy(static_cast<void *>(to), row, count * sizeof(T));
+    row += count * sizeof(T) / sizeof(double);
+  }
   double time(bigint step) const { return (step - start) * dt; }
 };
 

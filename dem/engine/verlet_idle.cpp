@@ -22,6 +22,11 @@ void VerletIdle::init() {
     if (auto *idle = dynamic_cast<FixIdle *>(modify->fix[k])) idle_ = idle;
 }
 
+void VerletIdle::setup() {
+  Verlet::setup();
+  if (idle_) idle_->hide();  // what a resumed run shows to the first dump
+}
+
 void VerletIdle::run(int steps) {
   const bigint last = update->ntimestep + steps;
   while (update->ntimestep < last) {

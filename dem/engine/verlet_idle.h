@@ -9,6 +9,7 @@ class VerletIdle : public Verlet {
  public:
   VerletIdle(class LAMMPS *lmp) : Verlet(lmp, 0, nullptr) {}
   void init() override;
+  void setup() override;
   void run(int) override;
 
  private:

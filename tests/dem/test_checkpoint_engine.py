@@ -12,10 +12,12 @@ from decks import HEAD, MATERIAL, bond_line, fcc_ball, frames, ledger, write_fil
 from dem.engine import ENGINE
 
 EVERY, STEPS = 250, 1000
+IDLE = ("fix gravity all gravity 6000 vector 0 0 -1\n"
+        "fix idle all idle agglomerates agglomerates.txt gravity 6000 speed 5 tolerance 1e-3 every 50\n")
 STREAMS = ("view.dump", "forces.bin", "ledger.bin", "events.csv")
 
 
-def write_strike(directory):
+def write_strike(directory, steps=STEPS, idle=""):
     """A ball hits the rigid plate aslant, breaks, and its sub-spheres rub on each other and on the plate."""
     body = fcc_ball(5)
     body.center_m[:, 2] += 1e-5 - (body.center_m[:, 2] - body.radius_m).min()
@@ -26,12 +28,12 @@ def write_strike(directory):
         "fix ledger all ledger agglomerates agglomerates.txt every 50 file ledger.bin\n"
         "fix motion all nve/sphere\n" + bond_line(tension=1e6, shear=1e6, damping_time=0.1 * t0) +
         "fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
-        "contact model hertz tangential history primitive type 2 zplane 0.0\n"
+        "contact model hertz tangential history primitive type 2 zplane 0.0\n" + idle +
         "velocity all set 2 1 -5 units box\n"
         f"dump view all custom {EVERY} view.dump id x y z vx vy vz omegax omegay omegaz fx fy fz tqx tqy tqz mass radius\n"
         f'dump_modify view format "%d{17 * " %.17g"}" append yes\n'
         f"fix checkpoint all checkpoint every {EVERY} directory checkpoint resume ${{resume}} streams "
-        f"{' '.join(STREAMS)}\nrun {STEPS} upto\n")
+        f"{' '.join(STREAMS)}\nrun {steps} upto\n")
 
 
 def engine(directory, ranks, resume=0):
@@ -53,14 +55,15 @@ def stopped_at_next(process):
     return process.communicate(timeout=60)[0]
 
 
-def split(directory, ranks):
-    """The same run stopped at each step at which a checkpoint can be taken, and taken up again."""
-    step = 0
+def split(directory, ranks, look=lambda: None):
+    """The same run stopped at each step at which a checkpoint can be taken, and taken up again. Returns what was to be
+    looked at at each."""
+    step, seen = 0, []
     while True:
         process = engine(directory, ranks, step)
         output = stopped_at_next(process)
         if process.returncode == 0:
-            return
+            return seen
         assert f"Stopped at the checkpoint of step {step + EVERY}" in output, output[-1500:]
         if ranks == 1:
             assert process.returncode == 75
@@ -68,6 +71,7 @@ def split(directory, ranks):
         assert [f.name for f in (directory / "checkpoint").iterdir()] == [f"engine_{step}.checkpoint"]
         with open(directory / "forces.bin", "ab") as stream:  # what a killed run wrote after its checkpoint
             stream.write(b"torn")
+        seen.append(look())
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -92,6 +96,32 @@ def test_a_split_run_is_the_undisturbed_one(tmp_path, ranks):
         assert np.abs(a.x - b.x).max() < 1e-9
         for name, values in contacts.items():
             assert ledger(parts).column[name] == pytest.approx(values, rel=1e-6, abs=1e-9 * np.abs(values).max()), name
+
+
+def bodies_away(checkpoint):
+    """How many bodies fix idle has in a checkpoint of the engine."""
+    data = checkpoint.read_bytes()
+    at = data.index(b"idle\0".ljust(32, b"\0")) + 32
+    return int(np.frombuffer(data, "<f8", 1, at + 8)[0])
+
+
+def test_a_run_with_bodies_in_the_air_is_split(tmp_path):
+    """Fragments are away from the arrays at the checkpoint, and one of them comes back later."""
+    steps = 16 * EVERY
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    for directory in (whole, parts):
+        directory.mkdir()
+        write_strike(directory, steps, IDLE)
+    output, _ = engine(whole, 1).communicate(timeout=60)
+    assert len(ledger(whole).step) == steps // 50, output[-1500:]
+    away = split(parts, 1, lambda: bodies_away(next((parts / "checkpoint").iterdir())))
+    assert max(away) > 3, away
+    assert any(later < earlier for earlier, later in zip(away, away[1:])), away  # one came back
+    for name in STREAMS[1:]:
+        assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
+    a, b = frames(whole), frames(parts)
+    for name in ("step", "x", "v", "omega"):  # a body that is away has no forces
+        assert np.array_equal(getattr(a, name), getattr(b, name)), name
 
 
 def test_a_damaged_or_foreign_checkpoint_is_refused(tmp_path):
