@@ -63,15 +63,6 @@ class StressPeak:
         x, y = self._node_m[node]
         return {"von_mises_Pa": float(np.sqrt(squared)), "x_m": float(x), "y_m": float(y), "t_s": float(t_s)}
 
-    def get_state(self):
-        """What was found so far, an array (2, 3) for `set_state`."""
-        self._evaluate()
-        return np.array([self._best[False], self._best[True]])
-
-    def set_state(self, state):
-        self._waiting = []
-        self._best = {at_rods: (float(a), int(b), float(c)) for at_rods, (a, b, c) in zip((False, True), state)}
-
     def _evaluate(self):
         if not self._waiting:
             return
