@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import BaseEstimator, RegressorMixin, TransformerMixin
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 from sklearn.linear_model import LinearRegression, RidgeCV
@@ -38,25 +38,30 @@ class Answers:
     strange: np.ndarray
 
 
-class PaperMethod:
-    """A method of the paper as it is: no interval, no warning, sometimes no answer."""
+class PaperMethod(RegressorMixin, BaseEstimator):
+    """A method of the paper as it is, by its name in PAPER_METHODS, as an estimator of scikit-learn: no interval, no
+    warning, and NaN where it has no answer."""
 
     def __init__(self, name: str):
-        self.method = PAPER_METHODS[name]()
-        self.prepare = self.method.prepare
+        self.name = name
+
+    def prepare(self, signals: pd.DataFrame) -> np.ndarray:
+        return PAPER_METHODS[self.name]().prepare(signals)
 
     def fit(self, X, y, groups=None, nuisance=None) -> PaperMethod:
-        self.method.fit(X, y)
+        self.method_ = PAPER_METHODS[self.name]().fit(np.asarray(X), np.asarray(y))
         return self
 
+    def predict(self, X) -> np.ndarray:
+        return np.array([self._one(x) for x in X])
+
     def answer(self, X, nuisance=None) -> Answers:
-        ratio = np.array([self._one(x) for x in X])
         none = np.full(len(X), np.nan)
-        return Answers(ratio, none, none, np.zeros(len(X), dtype=bool))
+        return Answers(self.predict(X), none, none, np.zeros(len(X), dtype=bool))
 
     def _one(self, x) -> float:
         try:
-            return float(self.method.predict(x[None])[0])
+            return float(self.method_.predict(x[None])[0])
         except NotRecognised:
             return np.nan
 
