@@ -60,7 +60,7 @@ def decompose(record: Record, rule: str = DEFAULT_RULE) -> Decomposition:
 
     Raises RecordError for an unknown rule or a constant record.
     """
-    from PyEMD import EMD  # late: it is slow to import
+    from analysis.sifting import LeanEMD  # late: PyEMD is slow to import
 
     if rule not in STOPPING_RULES:
         raise RecordError(f"{record.name}: stopping rule {rule!r}; choose one of {', '.join(STOPPING_RULES)}")
@@ -68,7 +68,7 @@ def decompose(record: Record, rule: str = DEFAULT_RULE) -> Decomposition:
     if scale == 0:
         raise RecordError(f"{record.name}: standard deviation {scale:g}; EMD needs a changing signal")
     extrema = "parabol" if record.values.size <= PARABOLIC_UP_TO else "simple"
-    emd = EMD(extrema_detection=extrema, **STOPPING_RULES[rule])
+    emd = LeanEMD(extrema_detection=extrema, **STOPPING_RULES[rule])
     emd.emd((record.values - offset) / scale, max_imf=MOST_IMFS)
     imfs, residue = emd.get_imfs_and_residue()
     imfs = np.asarray(imfs).reshape(-1, record.values.size)

@@ -8,6 +8,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import has_fit_parameter
 
 from recognition.errors import RecognitionError
 
@@ -41,7 +42,7 @@ class GroupConformal(RegressorMixin, BaseEstimator):
         scores, strange = [], []
         folds = GroupKFold(min(self.folds, np.unique(groups).size))
         for train, test in folds.split(X, y, groups):
-            model = fitted(self.estimator, X[train], y[train], None if nuisance is None else nuisance[train])
+            model = fitted(self.estimator, X[train], y[train], groups[train], None if nuisance is None else nuisance[train])
             ratio, error = with_error(model, X[test])
             scores.append(np.abs(ratio - y[test]) / error)
             if hasattr(model, "strangeness"):
@@ -50,7 +51,7 @@ class GroupConformal(RegressorMixin, BaseEstimator):
         rank = int(np.ceil(self.coverage * (len(ordered) + 1)))
         self.width_ = float(ordered[min(rank, len(ordered)) - 1])
         self.limit_ = STRANGE_FACTOR * np.maximum(1.0, np.vstack(strange).max(axis=0)) if strange else None
-        self.estimator_ = fitted(self.estimator, X, y, nuisance)
+        self.estimator_ = fitted(self.estimator, X, y, groups, nuisance)
         return self
 
     def predict(self, X) -> np.ndarray:
@@ -68,10 +69,12 @@ class GroupConformal(RegressorMixin, BaseEstimator):
         return np.any(self.estimator_.strangeness(X) > self.limit_, axis=1)
 
 
-def fitted(estimator, X, y, nuisance=None):
-    """A fitted copy."""
-    model = clone(estimator)
-    return model.fit(X, y) if nuisance is None else model.fit(X, y, nuisance=nuisance)
+def fitted(estimator, X, y, groups, nuisance=None):
+    """A fitted copy, told what its `fit` asks for."""
+    told = {"groups": groups} if has_fit_parameter(estimator, "groups") else {}
+    if nuisance is not None:
+        told["nuisance"] = nuisance
+    return clone(estimator).fit(X, y, **told)
 
 
 def with_error(model, X, nuisance=None) -> tuple[np.ndarray, np.ndarray]:

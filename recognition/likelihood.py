@@ -6,9 +6,12 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.covariance import oas
 from sklearn.decomposition import PCA
+from sklearn.model_selection import GroupKFold
 
 from recognition.errors import RecognitionError
 from recognition.posterior import RatioPosterior, basis, monomials
+
+FOLDS = 11
 
 
 class RatioLikelihood(RegressorMixin, BaseEstimator):
@@ -22,8 +25,9 @@ class RatioLikelihood(RegressorMixin, BaseEstimator):
         self.components = components
         self.degree = degree
 
-    def fit(self, X, y, nuisance=None) -> RatioLikelihood:
-        """y (runs,): ratios, 0..1; nuisance (runs, q - 1): conditions that a record will not tell.
+    def fit(self, X, y, nuisance=None, groups=None) -> RatioLikelihood:
+        """y (runs,): ratios, 0..1; nuisance (runs, q - 1): conditions that a record will not tell; groups (runs,): runs
+        that are held out together, each ratio by itself if None.
 
         RecognitionError for fewer runs than the polynomials have coefficients.
         """
@@ -42,8 +46,8 @@ class RatioLikelihood(RegressorMixin, BaseEstimator):
         z = pca.transform(rows)
         phi = basis(2 * (theta - low) / (high - low) - 1, powers)
         coefficients = np.linalg.lstsq(phi, z, rcond=None)[0]
-        rest = (z - phi @ coefficients) * np.sqrt(len(y) / (len(y) - len(powers)))
-        variance, turn = np.linalg.eigh(oas(rest, assume_centered=True)[0])
+        rest = held_out_rest(rows, phi, y if groups is None else np.asarray(groups))
+        variance, turn = np.linalg.eigh(oas(rest @ pca.components_.T, assume_centered=True)[0])
         self.posterior_ = RatioPosterior(scale, pca.mean_, turn.T @ pca.components_, powers, coefficients @ turn,
                                          np.maximum(variance, 1e-12), low, high)
         return self
@@ -62,3 +66,14 @@ class RatioLikelihood(RegressorMixin, BaseEstimator):
     def strangeness(self, X) -> np.ndarray:
         """`Estimate.strangeness` of each record, shape (runs, 2)."""
         return np.array([e.strangeness for e in self.estimates(X)])
+
+
+def held_out_rest(rows: np.ndarray, phi: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """What the law of the other groups leaves of each run, shape as rows (runs, d).
+
+    The rest within the fit would be too small, most of all in the components that only few runs have.
+    """
+    rest = np.empty_like(rows)
+    for train, test in GroupKFold(min(FOLDS, np.unique(groups).size)).split(rows, groups=groups):
+        rest[test] = rows[test] - phi[test] @ np.linalg.lstsq(phi[train], rows[train], rcond=None)[0]
+    return rest

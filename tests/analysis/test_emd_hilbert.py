@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
+from PyEMD import EMD
+from scipy.interpolate import CubicSpline
 
 from analysis import RecordError, as_record
 from analysis.emd import STOPPING_RULES, decompose
 from analysis.emd_rules import compare_rules
 from analysis.hilbert import hilbert_spectrum, instantaneous, marginal_spectrum
+from analysis.sifting import not_a_knot
 
 RATE_HZ = 6667.0
 
@@ -148,3 +151,22 @@ def test_short_and_monotone_records_have_a_decomposition():
         found = decompose(as_record(np.array(values), RATE_HZ))
         np.testing.assert_allclose(found.imfs.sum(axis=0) + found.residue, values, atol=1e-12)
         assert np.isfinite(marginal_spectrum(found).left_out)
+
+
+@pytest.mark.parametrize("points", [4, 5, 9, 60])
+def test_lean_spline_is_scipys(points):
+    rng = np.random.default_rng(points)
+    x, y = np.cumsum(rng.uniform(0.2, 2, points)), rng.normal(size=points)
+    at = np.linspace(x[0], x[-1], 300)
+    assert not_a_knot(x, y, at) == pytest.approx(CubicSpline(x, y)(at), abs=1e-12)
+
+
+def test_lean_decomposition_is_pyemds():
+    rng = np.random.default_rng(2)
+    x = np.cumsum(rng.normal(size=400)) * 1e-3 + np.sin(np.arange(400) / 3)
+    emd = EMD(extrema_detection="parabol", FIXE=10)
+    emd.emd((x - x.mean()) / x.std(), max_imf=12)
+    imfs, residue = emd.get_imfs_and_residue()
+    found = decompose(as_record(x, 6667.0))
+    assert found.imfs == pytest.approx(imfs * x.std(), abs=1e-8 * x.std())
+    assert found.residue == pytest.approx(residue * x.std() + x.mean(), abs=1e-8 * x.std())
