@@ -70,7 +70,7 @@ def read_plan(path: Path) -> list[PlannedRun]:
     """Every run of a plan, all families progressing alike. Raises InputError."""
     plan = check(Plan, read_toml(path), path)
     scene_file = Path(path).parent / plan.scene
-    base = _changed(scene_file, plan.changes, path)
+    base = changed_scene(scene_file, plan.changes)
     planned = []
     groups = [(group, name) for name, family in plan.families.items() for group in range(family.groups)]
     for group, name in sorted(groups, key=lambda g: (g[0] + 0.5) / plan.families[g[1]].groups):
@@ -79,17 +79,10 @@ def read_plan(path: Path) -> list[PlannedRun]:
         drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
         for ratio in _ratios(name, family, base.stones.count, group, plan.seed):
             place = Path(name) / f"{group:03d}" / ratio_name(ratio)
-            scene = _changed(scene_file, drawn | {"stones.gangue_ratio": ratio}, path)
+            scene = changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
             arrange(scene, f"{path}: {place}")
             planned.append(PlannedRun(place, scene, f"{path}: {place}"))
     return planned
-
-
-def _changed(scene_file: Path, changes: dict, plan_file: Path) -> Scene:
-    try:
-        return changed_scene(scene_file, changes)
-    except (KeyError, TypeError) as error:
-        raise InputError(f"{plan_file}: changes: {scene_file} has no table {error} to change a key of") from None
 
 
 def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict:

@@ -84,7 +84,7 @@ def test_a_stone_that_arrives_later_lies_higher():
     ("arrangement = true", "arangement = true", ["families.ring.arangement", "unknown key"]),
     ("speed_m_s = [2.0, 4.0]", "speed_m_s = [2.0, -4.0]", ["families.free.speed_m_s", "-4.0"]),
     ("strength_scatter = 0.15", "position_scatter_m = 0.01", ["position_scatter_m", "free_positions"]),
-    ('"stones.agglomerate.subspheres"', '"stone.agglomerate.subspheres"', ["changes", "stone"]),
+    ('"stones.agglomerate.subspheres"', '"stone.agglomerate.subspheres"', ["paper.toml", "stone = ", "unknown key"]),
     ("paper.toml", "none.toml", ["none.toml", "cannot be read"]),
 ])
 def test_a_wrong_plan_is_refused_in_one_line(tmp_path, old, new, words):
