@@ -7,6 +7,8 @@ JOBS ?= 2
 PYTHON := .venv/bin/python
 LIGGGHTS_VERSION := 3.8.0+repack1-9+b2
 PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev g++ make python3-venv
+# dem and plate_fem are walked; the other two name what they export, so their modules are listed.
+MODULES := $(subst /,.,$(filter-out %__init__ %__main__,$(basename $(wildcard analysis/*.py recognition/*.py))))
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
@@ -46,6 +48,9 @@ bench: setup  ## cost and results of the bonds beside peers, into runs/bench
 lint: setup .venv/lint  ## style and types of the Python code
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m mypy
+
+docs: setup .venv/docs  ## pages of the programming interface into build/docs; a warning is an error
+	$(PYTHON) -W error -m pdoc dem plate_fem analysis recognition $(MODULES) -o build/docs
 
 setup: .venv/installed engine
 

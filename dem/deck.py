@@ -91,8 +91,8 @@ def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
 
 
 def _idle(scene: Scene, step: TimeStep) -> dict | None:
-    """Arguments of fix idle (docs/idle.md); None where the scene wants brute force."""
-    if scene.time.idle_tolerance == 0:
+    """Arguments of fix idle (docs/idle.md); None where the scene wants brute force or several ranks."""
+    if scene.time.idle_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
         return None
     every = step.co_step * max(1, round(IDLE_EVERY / step.co_step))
     return {"speed_m_s": impact_speed_m_s(scene), "tolerance": scene.time.idle_tolerance, "every": every}

@@ -41,7 +41,7 @@ def die_with_parent(by: int = signal.SIGKILL) -> None:
 def start_engine(directory: Path, np: int = 1, resume_step: int = 0, inherit: tuple[int, ...] = ()) -> subprocess.Popen:
     """Run deck.liggghts in `directory` on `np` MPI ranks, from the checkpoint of `resume_step` if that is not 0; what it
     prints goes to engine.out there. `inherit`: file descriptors that stay open as long as the engine lives."""
-    command = [*_mpirun(np), str(ENGINE), "-in", "deck.liggghts", "-log", "engine.log"]
+    command = [*mpirun(np), "-in", "deck.liggghts", "-log", "engine.log"]
     if resume_step:
         command += ["-var", "resume", str(resume_step)]
     end = signal.SIGKILL if np == 1 else signal.SIGTERM  # which mpirun passes on
@@ -51,8 +51,10 @@ def start_engine(directory: Path, np: int = 1, resume_step: int = 0, inherit: tu
                                 preexec_fn=partial(die_with_parent, end))  # noqa: PLW1509 - takes no lock
 
 
-def _mpirun(np: int) -> list[str]:
-    return [] if np == 1 else ["mpirun", "-np", str(np), "--oversubscribe", "--bind-to", "none"]
+def mpirun(np: int) -> list[str]:
+    """The engine on `np` ranks of this machine, to which its arguments are added."""
+    ranks = [] if np == 1 else ["mpirun", "-np", str(np), "--oversubscribe", "--bind-to", "none"]
+    return [*ranks, str(ENGINE)]
 
 
 def _environment() -> dict[str, str]:

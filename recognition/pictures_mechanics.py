@@ -188,6 +188,8 @@ def stress(study):
 
 def contact_stress(study):
     offset_m = np.linspace(-0.006, 0.006, 121)
+    if len(study.setup.places_m) < 3:
+        raise RecordError(f"{len(study.setup.places_m)} particles; the paper shows the third")
     maps = study.contact_stress_Pa(3, offset_m)
     largest = study.per_stone(study.contact_pressure_Pa)
     words = ", ".join(
