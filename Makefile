@@ -17,7 +17,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep campaign dataset report test validate bench engine setup lint docs clean
+.PHONY: help sweep campaign dataset report test validate bench accuracy stability engine setup lint docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -44,6 +44,14 @@ validate: setup .venv/campaign build/slurm build/calculix  ## the long checks
 
 bench: setup  ## cost and results of the bonds beside peers, into runs/bench
 	$(PYTHON) -m benchmarks.bonds
+
+accuracy: setup  ## error against run time, and what each part of a scene costs, into runs/accuracy
+	$(PYTHON) -m benchmarks.accuracy
+	$(PYTHON) -m benchmarks.tolerance
+	$(PYTHON) -m benchmarks.omissions
+
+stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability
+	$(PYTHON) -m benchmarks.stability --jobs $(JOBS)
 
 lint: setup .venv/lint  ## style and types of the Python code
 	$(PYTHON) -m ruff check .

@@ -31,14 +31,15 @@ from dem.output import PlateRecorder, fast_stream, read_events, read_forces, wri
 from dem.plate_yield import read_contacts, yield_report
 from dem.progress import Progress
 from dem.scene import Scene, read_scene, scene_hash
-from dem.time_step import TimeStep, plate_mobility_1_kg, stone_contact_time_s, time_step
+from dem.time_step import TimeStep, accuracy_settings, plate_mobility_1_kg, stone_contact_time_s, time_step
+from dem.tolerance import expected_error, with_tolerance
 from dem.unfinished import SUFFIX, Busy, Unfinished, read_json, write_json
 from dem.view import write_view
 from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.motion import ModalMotion
 from plate_fem.scene import FlexiblePlate
 from plate_fem.tables import InputError, refused_in
-from plate_fem.truncation import energy_left_out, with_max_frequency
+from plate_fem.truncation import energy_left_out
 
 POLL_s = 0.05
 
@@ -87,7 +88,8 @@ def prepare(scene: Scene, source: str, cache: Path | None, stages: Stages) -> Mo
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":
         with stages("modes"):
-            plate = with_max_frequency(scene.plate, stone_contact_time_s(scene, assembly))
+            plate = with_tolerance(scene.plate, scene.tolerance, stone_contact_time_s(scene, assembly),
+                                   assembly.n_bonds > 0)
             resolved = scene.model_copy(update={"plate": plate})
             # The stones' places get the static compliance of the modes left out.
             with refused_in(source, "plate"):
@@ -332,6 +334,7 @@ def _write_results(work: Path, model: Model, motion, plate, stages: Stages, deck
         "dt_s": step.dt_s,
         "dt_limits_s": step.limits_s,
         "bond_time_s": step.bond_time_s,
+        "expected_error": expected_error(accuracy_settings(scene, assembly, step)),
         "co_step": step.co_step,
         "steps": step.steps,
         "n_particles": assembly.n_particles,

@@ -10,6 +10,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from dem.tolerance import least_tolerance
 from plate_fem.scene import PlateTable
 from plate_fem.tables import InputError, Refused, Table, check, read_toml
 
@@ -114,6 +115,8 @@ class Scene(Table):
     # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64)]
     assumptions: tuple[str, ...] = ()
+    # Relative error that time step, co-step and modes together may make; it takes the place of their own keys.
+    tolerance: Annotated[float, Field(gt=0, le=0.1)] | None = None
     time: TimeTable
     stones: StonesTable
     materials: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable]
@@ -150,6 +153,26 @@ class Scene(Table):
         """How stones are made, for what is asked only of bonded ones."""
         assert self.stones.agglomerate is not None
         return self.stones.agglomerate
+
+    @model_validator(mode="after")
+    def one_word_on_accuracy(self):
+        keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
+        if self.plate.model == "flexible":
+            modes = {"plate.max_frequency_Hz": self.plate.max_frequency_Hz,
+                     "plate.truncation_tolerance": self.plate.truncation_tolerance}
+            if self.tolerance is None and set(modes.values()) == {None}:
+                raise Refused("plate.max_frequency_Hz", None, "it, plate.truncation_tolerance or tolerance must be given")
+            keys |= modes
+        if self.tolerance is None:
+            return self
+        least = least_tolerance(self.stones.agglomerate is not None)
+        if self.tolerance < least:
+            raise Refused("tolerance", self.tolerance, f"must be at least {least:.2g}, the limit of what was measured "
+                          "(dem/error_laws.toml)")
+        for key, value in keys.items():
+            if value is not None:
+                raise Refused(key, value, "must be left out where tolerance is given")
+        return self
 
     def _check_contacts(self):
         names = sorted({self.stones.coal, self.stones.gangue})

@@ -8,6 +8,7 @@ import numpy as np
 
 from dem.assembly import Assembly
 from dem.scene import PLATE, Scene, contact_key
+from dem.tolerance import modes_knob, setting_for
 from plate_fem.modes import PlateModes
 from plate_fem.tables import InputError
 
@@ -48,12 +49,16 @@ def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float 
     """
     bond_time = bond_time_s(scene, assembly)
     contact = contact_time_s(scene, assembly)
+    stone_contact = stone_contact_time_s(scene, assembly)
     limits = {"rayleigh": RAYLEIGH_FRACTION * rayleigh_time_s(scene, assembly),
               "plate_contact": contact / CONTACT_STEPS}
     if bond_time is not None:
         least = min(scene.bond_of(name).stiffness_ratio for name in assembly.materials)
         limits["bond"] = bond_fraction(scene.agglomerate.damping_ratio, least) * bond_time
         del limits["plate_contact"]  # the bonds carry the contact of an agglomerate
+    if scene.tolerance is not None:
+        knob, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
+        limits["tolerance"] = setting_for(knob, scene.tolerance) * unit
     mutual = {} if mobility_1_kg is None else exchange_limits_s(scene, mobility_1_kg)
     limits |= mutual
     for name, limit in limits.items():
@@ -69,7 +74,9 @@ def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float 
     if not scene.time.duration_s / min(wanted, scene.time.sample_interval_s) <= MOST_STEPS:
         raise InputError(f"{file}: time.duration_s = {scene.time.duration_s:g}: must be at most {MOST_STEPS} steps of "
                          f"{min(wanted, scene.time.sample_interval_s):.3g} s")
-    resolved = min(stone_contact_time_s(scene, assembly) / CO_STEPS_IN_CONTACT, contact / CO_STEPS_IN_FRAGMENT_CONTACT)
+    resolved = min(stone_contact / CO_STEPS_IN_CONTACT, contact / CO_STEPS_IN_FRAGMENT_CONTACT)
+    if scene.tolerance is not None:
+        resolved = min(resolved, setting_for("co_step", scene.tolerance) * stone_contact)
     co_step = _co_step(scene, wanted, resolved, mutual, file)
     sample_steps = _sample_steps(scene, wanted, co_step)
     intervals = int(scene.time.duration_s / scene.time.sample_interval_s + 1e-9)  # 0.04 s: 266, thus 267 samples
@@ -100,6 +107,17 @@ def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, flo
     most = max(1, min(most, int(resolved_s / dt_s)))
     candidates = range(max(1, most - 99), most + 1)  # of many the longest are as good as any
     return wanted or min(candidates, key=lambda n: _sample_steps(scene, dt_s, n) * (1 + EXCHANGE_COST / n))
+
+
+def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
+    """The settings of a run by the knobs of dem/tolerance.py; `scene` with its plate's frequency filled in."""
+    contact = stone_contact_time_s(scene, assembly)
+    settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
+                {"time_step": step.dt_s / step.bond_time_s})
+    if scene.plate.model == "flexible" and scene.plate.max_frequency_Hz is not None:
+        settings |= {"co_step": step.co_step * step.dt_s / contact,
+                     modes_knob(assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
+    return settings
 
 
 def bond_time_s(scene: Scene, assembly: Assembly) -> float | None:

@@ -61,7 +61,8 @@ class FlexiblePlate(Plate):
     """A plate that bends, described by its modes up to `max_frequency_Hz`.
 
     That frequency is given, or follows from `truncation_tolerance`: the share of the impact energy that
-    may belong to modes left out (plate_fem/truncation.py; it needs the contact time).
+    may belong to modes left out (plate_fem/truncation.py; it needs the contact time). It may be left to a
+    scene that has a tolerance for everything.
     """
 
     model: Literal["flexible"]
@@ -78,8 +79,6 @@ class FlexiblePlate(Plate):
 
     @model_validator(mode="after")
     def _one_limit(self):
-        if self.max_frequency_Hz is None and self.truncation_tolerance is None:
-            raise Refused("max_frequency_Hz", None, "it, or truncation_tolerance, must be given")
         if self.max_frequency_Hz is not None and self.truncation_tolerance is not None:
             allowed = "must be left out where max_frequency_Hz is given"
             raise Refused("truncation_tolerance", self.truncation_tolerance, allowed)

@@ -1,0 +1,300 @@
+"""Error against run time: each numerical knob by itself, against a far finer setting of the same knob.
+
+    python -m benchmarks.accuracy [--repeats 3] [--knobs dt co_step ...] [--out runs/accuracy]
+
+Four stones that do not break, 200 sub-spheres each, fall on a plate of 0.3 x 0.3 x 0.02 m on four rods; 3 ms, which is
+the impact and many periods of the plate. Without breakage nothing is chaotic, and the error of a knob has an order.
+What is chaotic, the broken area of one stone, is an ensemble of five packings with its spread.
+
+Writes work_precision.csv (a row a knob and setting: errors, processor time, outcome), error_laws.toml (what `tolerance`
+in a scene goes by, committed as dem/error_laws.toml) and work_precision.png. Processor time is the least of the repeats
+after a warm-up, of engine, plate and output; with knobs of the plate the modes are counted too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import dem.time_step
+from benchmarks.accuracy_picture import draw
+from benchmarks.cost import cpu_s, machine
+from benchmarks.error_laws import ERRORS, write_laws
+from benchmarks.stone import SCENES, SEEDS, strike
+from dem.arrangement import arrange
+from dem.assembly import assemble
+from dem.run import RunError, Stages, prepare, run_model
+from dem.scene import Scene, changed_scene
+from dem.time_step import bond_time_s, stone_contact_time_s
+from plate_fem.mesh import default_mesh_size
+from plate_fem.tables import InputError, read_toml
+from recognition.methods import METHODS
+
+PAPER = SCENES / "paper.toml"
+SAMPLE_s = 1.5e-4
+COUNT = 4
+TEST_RATIO = 0.5
+METHOD = "energy_fusion_mended"
+# Relative: of the largest value, and of the L2 norm over the run. An accelerometer also hears the highest modes, the
+# centre of mass does not; it is listed beside them.
+SIGNALS = {"force": "force_N", "energy": "total_J", "acceleration": "a_m_s2", "sensor": "acc_one_m_s2"}
+
+
+@dataclass
+class Setting:
+    """One value of a knob: the scene's keys that make it, and constants of dem.time_step that stand in the way."""
+
+    value: float
+    changes: dict = field(default_factory=dict)
+    constants: dict = field(default_factory=dict)
+
+
+@dataclass
+class Knob:
+    """`reference` is far finer than every one of `settings`; `default` is the value that a scene gets by itself."""
+
+    name: str
+    unit: str
+    default: float
+    settings: list[Setting]
+    reference: Setting
+    of_the_plate: bool = False
+    recognised: bool = True  # by the model of the bonded stones
+
+
+def _rods(x_m: float, y_m: float) -> list[dict]:
+    """The paper's, elsewhere."""
+    return [rod | {"x_m": np.sign(rod["x_m"]) * x_m, "y_m": np.sign(rod["y_m"]) * y_m}
+            for rod in read_toml(PAPER)["plate"]["rods"]]
+
+
+def scene_of(changes: dict) -> Scene:
+    """The reduced scene."""
+    places = [(0.06, 0.0), (0.0, 0.05), (-0.07, -0.01), (0.01, -0.08)]
+    sensors = [{"name": "one", "x_m": 0.03, "y_m": 0.1}]
+    return changed_scene(PAPER, {
+        "time.duration_s": 3e-3, "time.sample_interval_s": SAMPLE_s, "output": None,
+        "stones.count": COUNT, "stones.gangue_order": list(range(1, COUNT + 1)), "stones.circle_radius_m": None,
+        "stones.positions": [{"x_m": x, "y_m": y} for x, y in places], "stones.gangue_ratio": TEST_RATIO,
+        "stones.agglomerate.subspheres": 200, "stones.agglomerate.unbreakable": True,
+        "plate.length_m": 0.3, "plate.width_m": 0.3, "plate.rods": _rods(0.12, 0.12), "plate.sensors": sensors,
+        "plate.max_frequency_Hz": 20e3} | changes)
+
+
+@contextmanager
+def constants(values: dict) -> Iterator[None]:
+    """dem.time_step with other constants: settings coarser than a scene may ask for are part of the study."""
+    before = {name: getattr(dem.time_step, name) for name in values}
+    for name, value in values.items():
+        setattr(dem.time_step, name, value)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(dem.time_step, name, value)
+
+
+def knobs() -> list[Knob]:
+    scene = scene_of({})
+    assembly = assemble(scene, arrange(scene, "scene"))
+    t0 = bond_time_s(scene, assembly)
+    stone_contact = stone_contact_time_s(scene, assembly)
+    assert t0 is not None
+    free = {"CONTACT_STEPS": 1, "BOND_FRACTION": 9.0, "DAMPED_SHARE": 9.0, "RAYLEIGH_FRACTION": 9.0, "STIFFNESS_SHARE": 9.0, "DASHPOT_SHARE": 9.0}
+
+    # A sample holds 30 rows of the fast stream, a row whole co-steps: lengths that divide it are met exactly.
+    longest = SAMPLE_s / dem.time_step.FAST_PER_SAMPLE / np.ceil(SAMPLE_s / dem.time_step.FAST_PER_SAMPLE / (0.36 * t0))
+
+    def step(k: int) -> Setting:
+        return Setting(longest / k / t0, {"time.time_step_s": longest / k, "time.co_step": k}, free)
+
+    def sphere(k: int) -> Setting:
+        dt = SAMPLE_s / dem.time_step.FAST_PER_SAMPLE / 2 / k
+        return Setting(dt / stone_contact, {"stones.agglomerate": None, "time.time_step_s": dt, "time.co_step": k}, free)
+
+    fine = longest / 4
+
+    def co_step(n: int) -> Setting:
+        return Setting(n * fine / stone_contact, {"time.time_step_s": fine, "time.co_step": n}, free)
+
+    def modes(frequency_Hz: float) -> Setting:
+        return Setting(frequency_Hz * stone_contact, {"plate.max_frequency_Hz": frequency_Hz})
+
+    thin = {"plate.length_m": 0.32, "plate.width_m": 0.24, "plate.thickness_m": 0.012, "time.duration_s": 1.8e-3,
+            "plate.rods": _rods(0.12, 0.09), "stones.count": 1, "stones.gangue_order": [1],
+            "stones.positions": [{"x_m": 0.07, "y_m": 0.03}], "stones.gangue_ratio": 1.0}
+    stone = {"stones.speed_m_s": 2.0, "stones.agglomerate.subspheres": 300}
+    one_sphere = {"stones.speed_m_s": 4.0, "stones.agglomerate": None}
+
+    def thin_modes(number: float, changes: dict) -> Setting:
+        alone = scene_of(thin | changes)
+        contact = stone_contact_time_s(alone, assemble(alone, arrange(alone, "scene")))
+        return Setting(number, {"plate.max_frequency_Hz": number / contact} | thin | changes)
+
+    cell = default_mesh_size(scene.plate)
+
+    def mesh(factor: float) -> Setting:
+        return Setting(factor, {"plate.mesh_size_m": factor * cell})
+
+    def rows(n: int) -> Setting:
+        return Setting(n / SAMPLE_s, {}, {"FAST_PER_SAMPLE": n})
+
+    def idle(tolerance: float) -> Setting:
+        return Setting(tolerance, {"time.idle_tolerance": tolerance})
+
+    default_co_step = 1 / dem.time_step.CO_STEPS_IN_CONTACT
+    return [
+        Knob("time step", "dt/t0", dem.time_step.BOND_FRACTION, [step(k) for k in (1, 2, 3, 4, 6, 8)], step(32)),
+        Knob("time step, spheres", "of the contact time", 1 / dem.time_step.CONTACT_STEPS, [sphere(k) for k in (1, 2, 4, 8)],
+             sphere(32), recognised=False),
+        Knob("co-step", "of the contact time", default_co_step, [co_step(n) for n in (1, 2, 3, 4, 6, 12)],
+             Setting(0.0, {"time.time_step_s": fine / 6, "time.co_step": 1}, free)),
+        Knob("modes", "cut-off x contact time", 20e3 * stone_contact,
+             [modes(f) for f in (2.5e3, 3.5e3, 5e3, 10e3, 20e3, 28e3)], modes(56e3), of_the_plate=True),
+        *(Knob(f"modes, thin plate{name}", "cut-off x contact time", 20e3 * stone_contact,
+               [thin_modes(n, changes) for n in (1.13, 2.3, 4.5)], thin_modes(6.4, changes), of_the_plate=True,
+               recognised=False) for name, changes in (("", stone), (", spheres", one_sphere))),
+        Knob("mesh", "of the default cell", 1.0, [mesh(f) for f in (2.0, 1.5, 1.0, 0.7)], mesh(0.35), of_the_plate=True),
+        Knob("output rate", "Hz", dem.time_step.FAST_PER_SAMPLE / SAMPLE_s, [rows(n) for n in (1, 2, 5, 10, 15, 30)],
+             rows(60)),
+        Knob("idle tolerance", "of the energy of the impact", 1e-6, [idle(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
+             idle(0.0)),
+    ]
+
+
+def run(setting: Setting, out: Path, repeats: int, of_the_plate: bool, ratio: float = TEST_RATIO) -> dict:
+    """{"fast", "signals": streams, "cpu_s"} of one setting; InputError or RunError if there is none."""
+    with constants(setting.constants):
+        scene = scene_of({"stones.gangue_ratio": ratio} | setting.changes)
+        directory, times, models = out / "run", [], []
+        cache = None if of_the_plate else out / ".modes"
+        preparation = cpu_s(lambda: models.append(prepare(scene, "accuracy", cache, Stages())))
+        model = models[0]
+        for _ in range(repeats):
+            times.append(cpu_s(lambda: run_model(model, "accuracy", directory, Stages())))
+    fast, signals = (pd.read_parquet(directory / f"{name}.parquet") for name in ("fast", "signals"))
+    summary = json.loads((directory / "run.json").read_text())
+    shutil.rmtree(directory)
+    return {"fast": fast, "signals": signals, "cpu_s": min(times) + (preparation if of_the_plate else 0.0), "summary": summary}
+
+
+def errors(fast: pd.DataFrame, reference: pd.DataFrame) -> dict[str, float]:
+    """Relative errors by name. A stream with fewer rows is compared as a user would see it: its peaks with
+    those of the finer one, and held or drawn linearly between its rows."""
+    t = reference["t_s"].to_numpy()
+    found = {}
+    for name, column in SIGNALS.items():
+        exact, x = reference[column].to_numpy(), fast[column].to_numpy()
+        found[f"{name}_peak"] = abs(abs(x).max() / abs(exact).max() - 1)
+        if len(x) != len(t):
+            # Forces are means over the row that ends there, states are of that instant.
+            at = fast["t_s"].to_numpy()
+            x = x[np.searchsorted(at, t - 1e-12)] if name == "force" else np.interp(t, at, x)
+        found[f"{name}_l2"] = float(np.linalg.norm(x - exact) / np.linalg.norm(exact))
+    return found
+
+
+class Recognition:
+    """A model fitted on reference runs of every ratio, to see what a knob does to a recognised ratio."""
+
+    def __init__(self, out: Path):
+        ratios = [k / COUNT for k in range(COUNT + 1)]
+        self._method = METHODS[METHOD]()
+        signals = [run(Setting(0.0), out, 1, False, ratio)["signals"] for ratio in ratios]
+        self._method.fit(np.stack([self._method.prepare(s) for s in signals]), np.array(ratios))
+
+    def points(self, signals: pd.DataFrame) -> float:
+        """Recognised ratio, points of mixing ratio. Raises NotRecognised."""
+        return 100 * float(self._method.predict(self._method.prepare(signals)[None])[0])
+
+
+def measure(knob: Knob, out: Path, repeats: int, recognition: Recognition) -> Iterator[dict]:
+    exact = run(knob.reference, out, 1, knob.of_the_plate)
+    ratio = recognition.points(exact["signals"]) if knob.recognised else 0.0
+    for setting in knob.settings:
+        row = {"knob": knob.name, "setting": setting.value, "unit": knob.unit, "default": knob.default}
+        try:
+            found = run(setting, out, repeats, knob.of_the_plate)
+        except (InputError, RunError) as error:
+            yield row | {"outcome": str(error)}
+            continue
+        if knob.recognised:
+            row["ratio_points"] = abs(recognition.points(found["signals"]) - ratio)
+        yield row | errors(found["fast"], exact["fast"]) | {
+            "cpu_s": found["cpu_s"],
+            "dt_s": found["summary"]["dt_s"], "co_step": found["summary"]["co_step"],
+            "n_modes": found["summary"]["n_modes"], "outcome": "finished"}
+
+
+# Knob, unit, default, and (value, keys of the scene, constants), the finest first.
+ENSEMBLES: list[tuple[str, str, float, list[tuple[float, dict, dict]]]] = [
+    ("sub-spheres", "a stone", 500.0, [(n, {"stones.agglomerate.subspheres": n}, {}) for n in (1000, 500, 200, 100)]),
+    ("time step, breaking", "dt/t0", 0.3, [(f, {"stones.agglomerate.subspheres": 200}, {"BOND_FRACTION": f})
+                                           for f in (0.06, 0.15, 0.3)])]
+
+
+def breakage() -> Iterator[dict]:
+    """One coal stone on a rigid plate, five packings a setting: broken area and peak force, mean and standard error of
+    the mean. The errors are the differences of the means from the finest setting's."""
+    for name, unit, default, settings in ENSEMBLES:
+        finest = (0.0, 0.0)
+        for k, (value, changes, values) in enumerate(settings):
+            runs, cost = _ensemble(changes, values)
+            area, peak = (np.array([r[key] for r in runs]) for key in ("broken_area_m2", "peak_force_N"))
+            finest = finest if k else (area.mean(), peak.mean())
+            yield {"knob": name, "setting": value, "unit": unit, "default": default, "cpu_s": cost / len(SEEDS),
+                   "broken_area_cm2": 1e4 * area.mean(), "broken_area_sem_cm2": 1e4 * area.std(ddof=1) / len(SEEDS)**0.5,
+                   "broken_area": abs(area.mean() / finest[0] - 1), "force_peak": abs(peak.mean() / finest[1] - 1),
+                   "force_peak_sem": peak.std(ddof=1) / len(SEEDS)**0.5 / finest[1], "outcome": "finished"}
+
+
+def _ensemble(changes: dict, values: dict) -> tuple[list[dict], float]:
+    """Runs of all seeds, and their processor time."""
+    runs: list[dict] = []
+    with constants(values):
+        cost = cpu_s(lambda: runs.extend(strike("coal", changes | {"stones.seed": seed}, 9e-4) for seed in SEEDS))
+    return runs, cost
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--repeats", type=int, default=2)
+    parser.add_argument("--knobs", nargs="*", help="of these knobs alone")
+    parser.add_argument("--out", type=Path, default=Path("runs/accuracy"))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    run(Setting(0.0), options.out, 1, False)  # warm-up
+    recognition = Recognition(options.out)
+    rows: list[dict] = []
+    for knob in knobs():
+        if not options.knobs or knob.name in options.knobs:
+            for row in measure(knob, options.out, options.repeats, recognition):
+                rows.append(row)
+                print(_line(row), flush=True)
+    if not options.knobs:
+        for row in breakage():
+            rows.append(row)
+            print(_line(row), flush=True)
+    table = pd.DataFrame(rows)
+    table.to_csv(options.out / "work_precision.csv", index=False, float_format="%.6g")
+    (options.out / "machine.json").write_text(json.dumps(machine(), indent=1) + "\n")
+    draw(table, options.out / "work_precision.png")
+    if not options.knobs:
+        write_laws(table, options.out / "error_laws.toml")
+
+
+def _line(row: dict) -> str:
+    numbers = " ".join(f"{key} {row[key]:.1e}" for key in (*ERRORS, "sensor_l2", "ratio_points", "broken_area", "cpu_s") if key in row)
+    return f"{row['knob']:20s} {row['setting']:10.4g} {numbers} {row['outcome']}"
+
+
+if __name__ == "__main__":
+    main()

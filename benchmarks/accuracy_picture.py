@@ -1,0 +1,39 @@
+"""The picture of `make accuracy`: error against processor time, one line a knob."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from benchmarks.error_laws import worst_error
+
+CHAOTIC = ("sub-spheres", "time step, breaking")
+
+
+def draw(table: pd.DataFrame, file: Path) -> None:
+    """`table` is work_precision.csv. The default of each knob is ringed; failures have no error and are left out."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), gridspec_kw={"width_ratios": [1.6, 1]}, layout="constrained")
+    table = table[table["outcome"] == "finished"]
+    for knob, rows in table[~table["knob"].isin(CHAOTIC)].groupby("knob", sort=False):
+        rows = rows.assign(worst=worst_error(rows)).sort_values("setting")
+        line, = left.plot(rows["cpu_s"], rows["worst"], "o-", ms=4, lw=1, label=knob)
+        nearest = rows.iloc[(rows["setting"] / rows["default"] - 1).abs().argmin()]
+        left.plot(nearest["cpu_s"], nearest["worst"], "o", ms=11, mfc="none", color=line.get_color())
+    left.axhline(0.01, color="0.6", lw=0.8, ls="--")
+    left.set(xscale="log", yscale="log", xlabel="processor time, s", ylabel="largest deterministic error",
+             title="each knob by itself (rings: near the default)")
+    left.legend(fontsize=8)
+    for knob, rows in table[table["knob"].isin(CHAOTIC)].groupby("knob", sort=False):
+        right.errorbar(rows["cpu_s"], rows["broken_area_cm2"], rows["broken_area_sem_cm2"], fmt="o-", ms=4, lw=1,
+                       capsize=3, label=knob)
+    right.set(xscale="log", xlabel="processor time a run, s", ylabel="broken area of a coal stone, cm2",
+              title="five packings, standard error", ylim=(0, None))
+    right.legend(fontsize=8)
+    figure.savefig(file, dpi=110)
+    plt.close(figure)

@@ -1,0 +1,248 @@
+"""Extreme scenes, alone and combined: each must finish with a closed ledger or be refused by the name of a limit.
+
+    python -m benchmarks.stability [--jobs 2] [--only TEXT] [--out runs/stability]
+
+Two bonded stones fall on the plate of scenes/paper.toml with fewer sub-spheres and modes, for 1.6 contact times of a
+whole stone; every case changes one value to an extreme, or all of them at random. Writes cases.csv (case, settings,
+outcome finished|refused, ledger_error, message, wall_s) and map.png. Ends with 1 if a case ended in any other way: a
+hang, a ledger that does not close, a refusal that names no limit, a Python error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import dem.assembly
+from benchmarks.stone import SCENES
+from dem.arrangement import arrange
+from dem.assembly import Assembly, assemble
+from dem.monitor import ENERGY_SHARE
+from dem.run import RunError, run_scene
+from dem.scene import Scene, changed_scene
+from dem.time_step import stone_contact_time_s, time_step
+from plate_fem.tables import InputError, read_toml
+
+PAPER = SCENES / "paper.toml"
+HANG_s = 300.0      # of wall time; the longest case takes a twentieth of it on an idle machine
+CONTACT_TIMES = 1.6  # of a whole stone, from the first touch
+N_COMBINED = 95
+SEED = 20011
+PAIRS = ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")
+
+LEVELS: dict[str, list] = {
+    "stiffness": [0.01, 0.1, 1.0, 10.0, 100.0, 1000.0],   # of stones and bonds, times the paper's
+    "speed_m_s": [0.01, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0],
+    "thickness_m": [0.001, 0.002, 0.005, 0.02, 0.05, 0.1],
+    "rod_stiffness": [1e-6, 1e-3, 0.01, 0.1, 1.0, 100.0, 1e6],   # modulus, times steel's
+    "density_kg_m3": [100.0, 300.0, 1000.0, 5000.0, 20000.0],
+    "plate_density_kg_m3": [100.0, 1000.0, 7830.0, 20000.0],
+    "restitution": [0.05, 0.051, 0.2, 0.5, 0.8, 1.0],
+    "friction": [0.0, 0.1, 0.5, 1.0, 2.0],
+    "strength": [0.0, 0.001, 0.1, 1.0, 100.0, "unbreakable"],  # times the paper's
+    "bond_damping": [0.0, 0.05, 0.2, 0.5, 1.0],            # of the critical one
+    "plate_damping": [0.0, 0.01, 0.2, 0.9, 0.999],
+    "step_share": [0.1, 0.3, 0.6, 1.0, 1.1, 1.5],          # of the largest time step that the limits allow
+    "co_step": [1, 2, 5, 10, 30, 100],
+    "stones": [2, 3, 10, 30, 60],
+    "subspheres": [1, 2, 3, 10, 60, 300, 1000],
+    "place": ["ring", "edge", "corner", "rod", "near"],
+    "start": ["falling", "resting"],
+    "gangue_ratio": [0.0, 0.5, 1.0],
+}
+ALONE_ONLY = {"subspheres": [5000]}
+# What is refused alone says nothing new in company.
+NOT_COMBINED: dict[str, list] = {"rod_stiffness": [1e-6], "restitution": [0.05], "step_share": [1.1, 1.5], "co_step": [30, 100]}
+# In combined cases a stone has few sub-spheres where there are many stones, so that a case takes a second or two.
+PARTICLES_AT_MOST = 700
+
+
+@dataclass
+class Case:
+    name: str
+    settings: dict = field(default_factory=dict)
+
+
+def cases() -> list[Case]:
+    alone = [Case(f"{key} {value}", {key: value}) for key, values in LEVELS.items()
+             for value in [*values, *ALONE_ONLY.get(key, [])]]
+    random = np.random.default_rng(SEED)
+    combined = []
+    levels = {key: [v for v in values if v not in NOT_COMBINED.get(key, [])] for key, values in LEVELS.items()}
+    for k in range(N_COMBINED):
+        settings = {key: values[random.integers(len(values))] for key, values in levels.items()}
+        while settings["stones"] * settings["subspheres"] > PARTICLES_AT_MOST:
+            settings["subspheres"] = LEVELS["subspheres"][random.integers(len(LEVELS["subspheres"]))]
+        combined.append(Case(f"combined {k + 1}", settings))
+    rigid = [Case(f"rigid plate, {key} {value}", {"rigid": True, key: value})
+             for key in ("speed_m_s", "stiffness", "bond_damping") for value in LEVELS[key]]
+    return alone + rigid + combined
+
+
+def build(settings: dict) -> Scene:
+    """The scene of a case. Raises InputError where the scene, or its time step or co-step, is refused."""
+    s = {"stiffness": 1.0, "speed_m_s": 3.0, "stones": 2, "subspheres": 60, "gangue_ratio": 0.5, "place": "ring",
+         "start": "falling"} | settings
+    changes = _stones(s) | _materials(s) | _plate(s)
+    changes |= {"output": None, "time.duration_s": 1.0, "time.sample_interval_s": 1.0}
+    contact = stone_contact_time_s(*_assembled(changed_scene(PAPER, changes)))
+    duration = CONTACT_TIMES * contact + changes["stones.gap_m"] / max(changes["stones.speed_m_s"], 1e-3)
+    if s["start"] == "resting":
+        duration = CONTACT_TIMES * contact
+    changes |= {"time.duration_s": duration, "time.sample_interval_s": duration / 10}
+    if "step_share" in s:
+        scene, assembly = _assembled(changed_scene(PAPER, changes))
+        step = time_step(scene, assembly, "scene", 1.0)
+        changes["time.time_step_s"] = s["step_share"] * min(step.limits_s.values())
+    if "co_step" in s:
+        changes["time.co_step"] = s["co_step"]
+    return changed_scene(PAPER, changes)
+
+
+def _assembled(scene: Scene) -> tuple[Scene, Assembly]:
+    return scene, assemble(scene, arrange(scene, "scene"))
+
+
+def _stones(s: dict) -> dict:
+    count = s["stones"]
+    resting = s["start"] == "resting"
+    speed = 0.0 if resting else s["speed_m_s"]
+    # Whole stones, so that the ratio is one that they can give.
+    n_gangue = round(s["gangue_ratio"] * count)
+    changes = {
+        "stones.count": count, "stones.circle_radius_m": None, "stones.positions": _places(s["place"], count),
+        "stones.gangue_order": list(range(1, count + 1)), "stones.gangue_ratio": n_gangue / count,
+        "stones.speed_m_s": speed, "stones.gap_m": 1e-7 if resting else 1e-6 * min(1.0, speed),
+        "stones.agglomerate.subspheres": s["subspheres"]}
+    if s["subspheres"] == 1:
+        return {key: v for key, v in changes.items() if "agglomerate" not in key} | {"stones.agglomerate": None}
+    if s.get("strength") == "unbreakable":
+        changes["stones.agglomerate.unbreakable"] = True
+    if "bond_damping" in s:
+        changes["stones.agglomerate.damping_ratio"] = s["bond_damping"]
+    return changes
+
+
+def _places(place: str, count: int) -> list[dict]:
+    """The first stone where `place` says, the others on a square grid around the centre."""
+    first = {"ring": (0.1, 0.0), "edge": (0.25, 0.0), "corner": (0.25, 0.25), "rod": (0.2, 0.2), "near": (0.0275, 0.0275)}
+    axis = 0.055 * (np.arange(8) - 3.5)
+    grid = sorted(((x, y) for x in axis for y in axis), key=lambda p: (round(np.hypot(*p), 9), p))
+    chosen = [first[place]]
+    for point in grid:
+        if len(chosen) < count and all(np.hypot(point[0] - x, point[1] - y) >= 0.0501 for x, y in chosen):
+            chosen.append(point)
+    return [{"x_m": float(x), "y_m": float(y)} for x, y in chosen]
+
+
+def _materials(s: dict) -> dict:
+    materials = read_toml(PAPER)["materials"]
+    changes = {}
+    for name, table in materials.items():
+        bond = table["bond"]
+        changes[f"materials.{name}.youngs_modulus_Pa"] = s["stiffness"] * table["youngs_modulus_Pa"]
+        changes[f"materials.{name}.bond.youngs_modulus_Pa"] = s["stiffness"] * bond["youngs_modulus_Pa"]
+        if "density_kg_m3" in s:
+            changes[f"materials.{name}.density_kg_m3"] = s["density_kg_m3"]
+        if isinstance(s.get("strength"), float):
+            for key in ("tensile_strength_Pa", "shear_strength_Pa"):
+                changes[f"materials.{name}.bond.{key}"] = s["strength"] * bond[key]
+    for pair in PAIRS:
+        for key in ("restitution", "friction"):
+            if key in s:
+                changes[f"contacts.{pair}.{key}"] = s[key]
+    return changes
+
+
+def _plate(s: dict) -> dict:
+    if s.get("rigid"):
+        return {"plate": read_toml(SCENES / "hertz_coal.toml")["plate"]}
+    changes: dict = {"plate.max_frequency_Hz": 2000.0, "plate.mesh_size_m": 0.12}
+    for key, name in (("thickness_m", "thickness_m"), ("plate_density_kg_m3", "density_kg_m3"),
+                      ("plate_damping", "damping_ratio")):
+        if key in s:
+            changes[f"plate.{name}"] = s[key]
+    if s.get("thickness_m", 1.0) < 0.005:  # as many modes as in a thick one, or nearly
+        changes["plate.max_frequency_Hz"] = 1000.0
+    if "rod_stiffness" in s:
+        rods = read_toml(PAPER)["plate"]["rods"]
+        changes["plate.rods"] = [rod | {"youngs_modulus_Pa": s["rod_stiffness"] * rod["youngs_modulus_Pa"]} for rod in rods]
+    return changes
+
+
+class Hang(Exception):
+    pass
+
+
+# A stone's packing is sought once, not for every case and again to find its time step.
+dem.assembly.pack_sphere = cache(dem.assembly.pack_sphere)
+
+
+def _on_alarm(*_):
+    raise Hang(f"still running after {HANG_s:g} s")
+
+
+def run_case(case: Case, runs: Path) -> dict:
+    """One row of the table."""
+    signal.signal(signal.SIGALRM, _on_alarm)
+    signal.alarm(int(HANG_s))
+    start, closure, message = time.monotonic(), float("nan"), ""
+    try:
+        scene = build(case.settings)
+        with tempfile.TemporaryDirectory(dir=runs) as directory:
+            Path(directory, ".modes").symlink_to(runs / "modes")
+            closure = run_scene(scene, case.name, Path(directory) / "run")["energy"]["closure"]
+        outcome = "finished" if abs(closure) <= ENERGY_SHARE else "ledger open"
+    except (InputError, RunError) as error:
+        message = re.sub(r" \(what there is of the run is in .*\)$", "", str(error))
+        outcome = "refused" if re.search(r"limit|must", message) else "refused without a limit"
+    except Hang as error:
+        outcome, message = "hang", str(error)
+    except Exception:  # noqa: BLE001 - a case that ends in a Python error is a finding, and the others go on
+        outcome, message = "error", traceback.format_exc().strip().replace("\n", " | ")[-400:]
+    finally:
+        signal.alarm(0)
+    return {"case": case.name, "settings": json.dumps(case.settings), "outcome": outcome, "ledger_error": closure,
+            "message": message, "wall_s": time.monotonic() - start}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--only", default="", help="cases whose name holds this text")
+    parser.add_argument("--out", type=Path, default=Path("runs/stability"))
+    options = parser.parse_args()
+    chosen = [case for case in cases() if options.only in case.name]
+    runs = (options.out / ".runs").resolve()
+    (runs / "modes").mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        rows = []
+        for row in pool.map(run_case, chosen, [runs] * len(chosen)):
+            rows.append(row)
+            print(f"{row['case']:32s} {row['outcome']:10s} {row['ledger_error']:9.1e} {row['wall_s']:5.1f} s  "
+                  f"{row['message']}", flush=True)
+    table = pd.DataFrame(rows)
+    table.to_csv(options.out / "cases.csv", index=False, float_format="%.4g")
+    from benchmarks.stability_map import draw
+
+    draw(table, LEVELS, options.out / "map.png")
+    good = table["outcome"].isin(["finished", "refused"])
+    print(f"{len(table)} cases: {dict(table['outcome'].value_counts())}")
+    return 0 if good.all() else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,78 @@
+"""Does a scene keep the tolerance it asks for? On scenes that had no part in finding the error laws.
+
+    python -m benchmarks.tolerance [--out runs/accuracy]
+
+One coal stone of 250 sub-spheres at 2.5 m/s on a plate of 0.4 x 0.3 x 0.015 m, and an unbonded sphere at 3 m/s, off every
+axis; the reference has an eighth of the step, at most a quarter of the co-step, and modes to 25 kHz. Writes tolerance.csv: asked,
+expected (run.json) and achieved error, the largest of those of benchmarks/accuracy.py, and processor time.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.accuracy import constants, errors
+from benchmarks.cost import cpu_s
+from benchmarks.error_laws import ERRORS
+from benchmarks.stone import SCENES
+from dem.run import Stages, prepare, run_model
+from dem.scene import Scene, changed_scene
+from plate_fem.tables import read_toml
+
+TOLERANCES = {"stone": (0.1, 0.03, 0.01, 0.006), "sphere": (0.1, 0.07, 0.04)}
+STONES: dict[str, dict] = {"stone": {"stones.agglomerate.subspheres": 250, "stones.agglomerate.unbreakable": True, "stones.speed_m_s": 2.5},
+                           "sphere": {"stones.agglomerate": None, "stones.speed_m_s": 3.0}}
+REFERENCE_Hz = 25e3
+
+
+def scene_of(stone: str, changes: dict) -> Scene:
+    rods = [rod | {"x_m": np.sign(rod["x_m"]) * 0.16, "y_m": np.sign(rod["y_m"]) * 0.12}
+            for rod in read_toml(SCENES / "single.toml")["plate"]["rods"]]
+    return changed_scene(SCENES / "single.toml", {
+        "time.duration_s": 1.8e-3, "output": None, "stones.gangue_ratio": 0.0, "plate.thickness_m": 0.015,
+        "plate.length_m": 0.4, "plate.width_m": 0.3, "plate.rods": rods,
+        "stones.positions": [{"x_m": -0.05, "y_m": 0.06}], "plate.sensors": [{"name": "one", "x_m": 0.1, "y_m": 0.08}],
+        "plate.max_frequency_Hz": None} | STONES[stone] | changes)
+
+
+def run(scene: Scene, out: Path) -> tuple[pd.DataFrame, dict, float]:
+    """(fast stream, run.json, processor time) of a scene."""
+    model = prepare(scene, "tolerance", out / ".modes", Stages())
+    summaries: list[dict] = []
+    cost = cpu_s(lambda: summaries.append(run_model(model, "tolerance", out / "tolerance", Stages())))
+    return pd.read_parquet(out / "tolerance" / "fast.parquet"), summaries[0], cost
+
+
+def achieved(stone: str, tolerances: tuple[float, ...], out: Path) -> list[dict]:
+    """A row a tolerance."""
+    runs = [run(scene_of(stone, {"tolerance": tolerance}), out) for tolerance in tolerances]
+    finest = min(summary["dt_s"] for _, summary, _ in runs) / 8
+    with constants({"CONTACT_STEPS": 1}):
+        exact, _, _ = run(scene_of(stone, {"plate.max_frequency_Hz": REFERENCE_Hz, "time.time_step_s": finest,
+                                           "time.co_step": 2}), out)
+    rows = []
+    for tolerance, (fast, summary, cost) in zip(tolerances, runs, strict=True):
+        found = errors(fast, exact)
+        rows.append({"stone": stone, "tolerance": tolerance, "expected": summary["expected_error"]["total"],
+                     "achieved": max(found[name] for name in ERRORS), "dt_s": summary["dt_s"],
+                     "co_step": summary["co_step"], "n_modes": summary["n_modes"], "cpu_s": cost})
+    return rows
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("runs/accuracy"))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    table = pd.DataFrame([row for stone in STONES for row in achieved(stone, TOLERANCES[stone], options.out)])
+    table.to_csv(options.out / "tolerance.csv", index=False, float_format="%.4g")
+    print(table.to_string(index=False, float_format=lambda x: f"{x:.3g}"))
+    return 0 if bool(np.all(table["achieved"] <= table["tolerance"])) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
