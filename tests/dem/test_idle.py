@@ -1,0 +1,186 @@
+"""Bodies out of the force loops: what a jump keeps, and brute force beside it. docs/idle.md."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from decks import Body, bond_line, deck, fcc_ball, frames, ledger, run_engine, write_files
+from scenes_of_tests import changed
+from scipy.integrate import solve_ivp
+
+from dem.run import run_scene
+
+GRAVITY = 9.8
+DT = 2e-7
+IDLE = f"fix idle all idle agglomerates agglomerates.txt gravity {GRAVITY} speed 3 tolerance {{}} every 50\n"
+WEIGHT = f"fix gravity all gravity {GRAVITY} vector 0 0 -1\n"
+PLATE = ("fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
+         "contact model hertz tangential history primitive type 2 zplane 0.0\n")
+
+
+def bracket():
+    """Five sub-spheres in a bent row with a branch: three different principal moments."""
+    center = 2e-3 * np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [1, 0, 1.0]])
+    pair = np.array([[0, 1], [1, 2], [2, 3], [1, 4]])
+    return Body(center, np.full(5, 0.9e-3), pair, np.full(4, 1e-3))
+
+
+def moments(x, v, omega, mass, radius):
+    """Momentum, angular momentum about the origin and kinetic energy of each frame."""
+    own = (0.4 * mass * radius**2)[..., None]
+    m = mass[..., None]
+    return ((m * v).sum(axis=-2), (m * np.cross(x, v) + own * omega).sum(axis=-2),
+            0.5 * (m * v**2 + own * omega**2).sum(axis=(-2, -1)))
+
+
+def throw(body, omega, v):
+    """Deck lines: the centre of each sub-sphere in rigid motion. None spins about itself, which is inner motion."""
+    lines = ""
+    for k, r in enumerate(body.center_m - np.average(body.center_m, axis=0, weights=body.mass_kg)):
+        ux, uy, uz = (float(c) for c in v + np.cross(omega, r))
+        lines += f"group one_{k} id {k + 1}\nvelocity one_{k} set {ux!r} {uy!r} {uz!r} units box\n"
+    return lines
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    """A bracket thrown with a spin about none of its axes, 0.1 s of flight, idle nearly from the start."""
+    directory = tmp_path_factory.mktemp("flight")
+    body = bracket()
+    write_files(directory, body)
+    output = run_engine(directory, deck(
+        DT, 500_000, 10_000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + IDLE.format(1),
+        velocity=throw(body, np.array([40.0, -250.0, 90.0]), np.array([0.5, 0.2, 2.0]))
+        + "thermo 5000\nthermo_style custom step atoms\nthermo_modify lost ignore\n"))
+    return directory, output
+
+
+def test_a_spinning_fragment_leaves_the_arrays(flight):
+    _, output = flight
+    rows = [line.split() for line in output.splitlines()]
+    atoms = {int(row[0]): int(row[1]) for row in rows if len(row) == 2 and row[0].isdigit() and row[1].isdigit()}
+    assert atoms[5000] == 0 and atoms[10_000] == 5  # shown at the step of a dump
+
+
+def test_momentum_and_energy_are_kept_over_the_flight(flight):
+    """To 1e-9 from the first frame in the air to the last: closed form of momentum, energy with its potential."""
+    directory, _ = flight
+    f = frames(directory)
+    idle = slice(1, None)
+    t = f.step[idle] * DT
+    momentum, angular, kinetic = (q[idle] for q in moments(f.x, f.v, f.omega, f.mass, f.radius))
+    total = f.mass[0].sum()
+    expected = momentum[0] + np.outer(t - t[0], [0, 0, -total * GRAVITY])
+    assert np.abs(momentum - expected).max() < 1e-9 * np.abs(momentum).max()
+    center = (f.mass[idle, :, None] * f.x[idle]).sum(axis=1) / total
+    path = center[0] + np.outer(t - t[0], momentum[0] / total) - 0.5 * GRAVITY * np.outer((t - t[0]) ** 2, [0, 0, 1])
+    assert np.abs(center - path).max() < 1e-9 * np.abs(path).max()
+    own = angular - np.cross(center, momentum)
+    assert np.abs(own - own[0]).max() < 1e-9 * np.abs(own).max()
+    energy = kinetic + total * GRAVITY * center[:, 2]
+    assert np.abs(energy - energy[0]).max() < 1e-9 * kinetic.max()
+    rows = ledger(directory)
+    late = rows.step >= f.step[1]
+    sum_of_parts = sum(rows.column[name][late, 0] for name in ("kinetic_J", "bond_elastic_J"))
+    sum_of_parts = sum_of_parts + GRAVITY * rows.column["mass_height_kg_m"][late, 0]
+    assert np.abs(np.diff(sum_of_parts)).max() < 1e-9 * kinetic.max()
+    assert rows.column["kinetic_J"][late, 0] == pytest.approx(kinetic, rel=1e-9)
+
+
+def test_attitude_follows_the_free_top(flight):
+    """Against Euler's equations in the body's frame, integrated by DOP853."""
+    directory, _ = flight
+    f = frames(directory)
+    first, last = 1, -1
+    m, r = f.mass[first], f.radius[first]
+
+    def arms(k):
+        return f.x[k] - np.average(f.x[k], axis=0, weights=m)
+
+    arm = arms(first)
+    inertia = sum(mi * (a @ a * np.eye(3) - np.outer(a, a)) + 0.4 * mi * ri**2 * np.eye(3)
+                  for mi, ri, a in zip(m, r, arm))
+    velocity = f.v[first] - np.average(f.v[first], axis=0, weights=m)
+    spin = np.linalg.solve(inertia, (m[:, None] * np.cross(arm, velocity)
+                                     + 0.4 * (m * r**2)[:, None] * f.omega[first]).sum(axis=0))
+
+    def rates(_, y):
+        turned, w = y[:9].reshape(3, 3), y[9:]
+        skew = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+        return np.concatenate([(turned @ skew).ravel(), np.linalg.solve(inertia, -np.cross(w, inertia @ w))])
+
+    time = (f.step[last] - f.step[first]) * DT
+    end = solve_ivp(rates, (0, time), np.concatenate([np.eye(3).ravel(), spin]), method="DOP853", rtol=1e-12,
+                    atol=1e-12).y[:, -1]
+    expected = arm @ end[:9].reshape(3, 3).T
+    assert np.abs(spin).max() * time > 15  # several turns
+    assert np.abs(arms(last) - expected).max() < 1e-8 * np.abs(arm).max()
+
+
+def drop(directory, idle):
+    """An unbreakable ball falls 20 mm before it hits the rigid plate."""
+    body = fcc_ball(4)
+    body.center_m[:, 2] += 0.02 - (body.center_m[:, 2] - body.radius_m).min()
+    write_files(directory, body)
+    run_engine(directory, deck(DT, 100_000, 10_000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + PLATE + idle,
+                               velocity="velocity all set 0.3 0 -1.5 units box\nthermo_modify lost ignore\n"))
+    force = np.fromfile(directory / "forces.bin", dtype=[("step", "<i8"), ("force_N", "<f8")])
+    return force, frames(directory)
+
+
+def test_a_ball_that_falls_hits_as_by_brute_force(tmp_path):
+    (tmp_path / "brute").mkdir()
+    (tmp_path / "idle").mkdir()
+    brute, end_brute = drop(tmp_path / "brute", "")
+    idle, end_idle = drop(tmp_path / "idle", IDLE.format(1e-6))
+    assert brute["force_N"].max() > 1
+    assert np.array_equal(brute["step"], idle["step"])
+    assert idle["force_N"] == pytest.approx(brute["force_N"], abs=1e-6 * brute["force_N"].max())
+    # after the rebound they fly as rigid bodies, where brute force lets what vibration is left die
+    assert end_idle.x[-1] == pytest.approx(end_brute.x[-1], abs=1e-6)
+
+
+def test_two_balls_that_meet_in_the_air(tmp_path):
+    """They are in the arrays in time: the encounter is that of brute force."""
+    one = fcc_ball(3)
+    ends = {}
+    for name, idle in (("brute", ""), ("idle", IDLE.format(1e-4))):
+        directory = tmp_path / name
+        directory.mkdir()
+        n = len(one.radius_m)
+        two = Body(np.vstack([one.center_m, one.center_m + [0.02, 0.001, 0]]), np.tile(one.radius_m, 2),
+                   np.vstack([one.pair, one.pair + n]), np.tile(one.bond_radius_m, 2))
+        write_files(directory, two)
+        velocity = (f"group left id <= {n}\nvelocity all set 0 0 1 units box\nvelocity left set 2 0 1 units box\n"
+                    "thermo_modify lost ignore\n")
+        run_engine(directory, deck(DT, 50_000, 5000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + idle,
+                                   velocity=velocity))
+        ends[name] = frames(directory)
+    brute, idle = ends["brute"], ends["idle"]
+    assert np.abs(brute.v[-1] - brute.v[0])[:, 0].min() > 0.5  # both felt it
+    assert idle.v[-1].mean(axis=0) == pytest.approx(brute.v[-1].mean(axis=0), abs=1e-9)
+    assert idle.x[-1] == pytest.approx(brute.x[-1], abs=1e-6)
+
+
+def test_an_unknown_count_of_sub_spheres_is_an_error(tmp_path):
+    """Each look counts them: here the agglomerates say that there is one more."""
+    write_files(tmp_path, bracket())
+    (tmp_path / "agglomerates.txt").write_text("6\n")
+    with pytest.raises(AssertionError, match="Sub-spheres were lost"):
+        run_engine(tmp_path, deck(DT, 200, 100, bonds=bond_line(), lines=IDLE.format(1)))
+
+
+def test_plate_signals_are_those_of_brute_force(runs):
+    """An elastic sphere leaves the plate and comes back while the plate is not asked: the same record."""
+    tables = []
+    for name, tolerance in (("brute", 0.0), ("idle", 1e-6)):
+        scene = changed("elastic_plate", {"time.idle_tolerance": tolerance, "time.duration_s": 0.012,
+                                          "time.gravity_m_s2": 980.0, "stones.speed_m_s": 3.0})
+        run_scene(scene, "test", runs / f"jump_{name}")
+        tables.append(pd.read_parquet(runs / f"jump_{name}" / "fast.parquet"))
+    brute, idle = tables
+    hits = np.flatnonzero(np.diff((brute["force_N"] > 0).astype(int)) == 1)
+    assert len(hits) >= 2
+    for name in ("force_N", "u_m", "a_m_s2", "total_J", "rod_1_N"):
+        assert np.abs(idle[name] - brute[name]).max() < 1e-5 * np.abs(brute[name]).max(), name
+
+
