@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import socket
 import subprocess
 from functools import partial
 from pathlib import Path
@@ -58,8 +59,10 @@ def mpirun(np: int) -> list[str]:
 
 
 def _environment() -> dict[str, str]:
-    """Without what a queue tells MPI: all ranks are on this machine, and LIGGGHTS is no task of the queue's own."""
-    return {name: value for name, value in os.environ.items() if not name.startswith(("SLURM_", "PMI_", "PMIX_"))}
+    """Without what a queue tells MPI: all ranks are on this machine, and LIGGGHTS is no task of the queue's own. The
+    engine learns which process the plate is, to see when that is stuck (dem/engine/peer.h)."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("SLURM_", "PMI_", "PMIX_"))}
+    return kept | {"PLATE_PROCESS": f"{socket.gethostname()} {os.getpid()}"}
 
 
 def engine_error(directory: Path) -> str:

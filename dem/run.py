@@ -28,6 +28,7 @@ from dem.exchange import ExchangeError, PlatePipes
 from dem.ledger import PlateEnergy, energy_ledger, energy_table, read_ledger, stone_energies
 from dem.monitor import PlateMonitor, Unstable, check_closure
 from dem.output import PlateRecorder, fast_stream, read_events, read_forces, write_streams
+from dem.peer import EngineWatch
 from dem.plate_yield import read_contacts, yield_report
 from dem.progress import Progress
 from dem.scene import Scene, read_scene, scene_hash
@@ -228,12 +229,14 @@ def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateR
              progress: Progress, resume_step: int, lock: int, stop_at: float | None) -> None:
     """Engine and plate side by side until the engine has finished. Raises RunError, ExchangeError or Stopped."""
     engine: subprocess.Popen | None = None
+    watch: EngineWatch | None = None
     timer = None
     pipes = None
     try:
-        if motion is not None:
-            pipes = PlatePipes(deck, len(motion.amplitude), lambda: engine is not None and engine.poll() is None)
+        if motion is not None:  # makes the pipes, which the engine must find
+            pipes = PlatePipes(deck, len(motion.amplitude), lambda: watch is not None and watch())
         engine = start_engine(deck, model.scene.engine.np, resume_step, (lock,))
+        watch = EngineWatch(engine)
         if stop_at is not None:
             timer = threading.Timer(max(0.0, stop_at - time.monotonic()), engine.send_signal, [signal.SIGUSR1])
             timer.daemon = True
@@ -254,7 +257,7 @@ def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateR
                     _check_not_stopped(deck, engine.returncode, model)
                     raise RunError(f"LIGGGHTS stopped: {engine_error(deck)}") from error
                 raise
-        while engine.poll() is None:
+        while watch():
             time.sleep(POLL_s)
     finally:
         if timer is not None:

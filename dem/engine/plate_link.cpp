@@ -1,8 +1,10 @@
 #include "plate_link.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 #include <cstring>
 
@@ -12,7 +14,8 @@
 namespace LAMMPS_NS {
 
 PlateLink::PlateLink(LAMMPS *lmp, const std::string &to_plate, const std::string &from_plate, int modes)
-    : amplitude(modes), rate(modes), lmp_(lmp), to_(to_plate), from_(from_plate) {}
+    : amplitude(modes), rate(modes), lmp_(lmp), to_(to_plate), from_(from_plate),
+      plate_(Peer::plate()) {}
 
 PlateLink::~PlateLink() {
   if (out_ >= 0) close(out_);
@@ -25,6 +28,7 @@ void PlateLink::open() {
   out_ = ::open(to_.c_str(), O_WRONLY);
   in_ = ::open(from_.c_str(), O_RDONLY);
   if (out_ < 0 || in_ < 0) lmp_->error->one(FLERR, ("Cannot open the plate's files " + to_ + " and " + from_).c_str());
+  fcntl(in_, F_SETFL, O_NONBLOCK);  // so that a plate that is stuck can be seen while it is waited for
 }
 
 void PlateLink::send(long long step, long long co_steps, const double *modal_force) {
@@ -43,9 +47,21 @@ void PlateLink::send(long long step, long long co_steps, const double *modal_for
 void PlateLink::receive(void *data, size_t bytes) {
   for (size_t got = 0; got < bytes;) {
     const ssize_t some = read(in_, static_cast<char *>(data) + got, bytes - got);
+    if (some < 0 && (errno == EAGAIN || errno == EINTR)) {
+      wait_for_input();
+      continue;
+    }
     if (some <= 0) lmp_->error->one(FLERR, "The plate does not answer any more");
     got += some;
   }
+}
+
+void PlateLink::wait_for_input() {
+  const int POLL_ms = 200;
+  pollfd input = {in_, POLLIN, 0};
+  if (poll(&input, 1, POLL_ms) != 0) return;
+  const std::string trouble = plate_.trouble();
+  if (!trouble.empty()) lmp_->error->one(FLERR, trouble.c_str());
 }
 
 void PlateLink::exchange(long long step, long long co_steps, const double *modal_force) {

@@ -2,6 +2,8 @@
 #include <string>
 #include <vector>
 
+#include "peer.h"
+
 namespace LAMMPS_NS {
 
 class LAMMPS;
@@ -31,10 +33,12 @@ class PlateLink {
   LAMMPS *lmp_;
   int out_ = -1, in_ = -1;
   std::string to_, from_;
+  Peer plate_;
 
   void send(long long step, long long co_steps, const double *modal_force);
   void receive(void *data, size_t bytes);
   void receive_answer(long long step);
+  void wait_for_input();
 };
 
 }  // namespace LAMMPS_NS

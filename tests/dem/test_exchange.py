@@ -1,14 +1,17 @@
 """The contract of docs/exchange.md, each side alone against a stand-in for the other, and what happens when one fails."""
 
 import os
+import signal
 import struct
 import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes_of_tests import changed
+from scenes_of_tests import SCENES, changed
 from scipy.linalg import expm
 
 from dem.costep import follow
@@ -161,3 +164,35 @@ def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate
     output, _ = engine.communicate(timeout=20)
     assert engine.returncode != 0
     assert words in output
+
+
+@pytest.mark.parametrize("stopped", ["engine", "plate"])
+def test_a_side_that_is_stopped_ends_the_run_within_seconds(tmp_path, stopped):
+    """SIGSTOP: the process lives, its pipes are open, and it says nothing. The other one sees that it uses no time."""
+    scene = tmp_path / "scene.toml"
+    text = (SCENES / "elastic_plate.toml").read_text()
+    assert "max_frequency_Hz = 20000.0" in text
+    scene.write_text(text.replace("max_frequency_Hz = 20000.0", "max_frequency_Hz = 500.0"))
+    run = subprocess.Popen([sys.executable, "-m", "dem", "run", str(scene), "--out", str(tmp_path / "run")],
+                           cwd=SCENES.parent, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                           stderr=subprocess.PIPE, text=True)
+    engine, output = None, tmp_path / "run.partial" / "deck" / "engine.out"
+    while not (output.exists() and "Setting up run" in output.read_text(errors="replace")):
+        assert run.poll() is None
+        time.sleep(0.002)
+    engine = int(Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()[0])
+    victim = engine if stopped == "engine" else run.pid
+    os.kill(victim, signal.SIGSTOP)
+    start = time.monotonic()
+    if stopped == "engine":
+        error = run.communicate(timeout=60)[1]
+        assert run.returncode == 1
+        assert f"the engine (process {engine}) is stopped by a signal" in error.splitlines()[-1]
+    else:
+        while "ERROR" not in output.read_text(errors="replace"):
+            assert time.monotonic() - start < 60
+            time.sleep(0.1)
+        assert f"The plate (process {run.pid}) is stopped by a signal" in output.read_text(errors="replace")
+    assert 9 < time.monotonic() - start < 40
+    run.kill()
+    run.wait()
