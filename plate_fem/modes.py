@@ -2,8 +2,10 @@
 
 import hashlib
 import os
+import zipfile
+import zlib
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +15,6 @@ from plate_fem.eigen import eigenmodes
 from plate_fem.model import build_model
 from plate_fem.residual import residual_modes
 from plate_fem.stress import modal_surface_stress
-
-CACHE_FORMAT = 4  # raise when the meaning of the cached arrays changes
 
 
 @dataclass(frozen=True)
@@ -113,10 +113,11 @@ def plate_modes(plate, cache_dir=None, residual_points_m=None):
     if cache_dir is None:
         return _compute(plate, points, None)
     path = modes_file(plate, cache_dir, points)
-    if path.exists():
-        return _damped(PlateModes(**_load(path)), plate)
+    names = [field.name for field in fields(PlateModes)]
+    if (stored := _load(path, names)) is not None:
+        return _damped(PlateModes(**stored), plate)
     modes = _compute(plate, points, Path(cache_dir))
-    _save(path, {field.name: getattr(modes, field.name) for field in fields(modes)})
+    _save(path, {name: getattr(modes, name) for name in names})
     return modes
 
 
@@ -132,27 +133,43 @@ def _damped(modes, plate):
 def _save(path, arrays):
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_suffix(f".{os.getpid()}.npz")
-    np.savez(beside, **arrays)
-    beside.replace(path)  # at once, since another run may want the same file
+    try:
+        np.savez(beside, **arrays)
+        beside.replace(path)  # at once, since another run may want the same file
+    finally:
+        beside.unlink(missing_ok=True)
 
 
-def _load(path):
-    with np.load(path, allow_pickle=False) as stored:
-        return {name: stored[name] if stored[name].shape else stored[name].item() for name in stored.files}
+def _load(path, names):
+    """What is kept there; None if there is nothing, or a file that is cut off or foreign: it is made anew."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if set(stored.files) != set(names):
+                return None
+            return {name: stored[name] if stored[name].shape else stored[name].item() for name in names}
+    except (FileNotFoundError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+        return None
+
+
+@cache
+def _code():
+    """Hash of this package, so that modes which another version of it found are not taken for those of this one."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def table_hash(plate, residual_points_m=()):
-    """Hash of everything that frequencies and shapes depend on; the damping ratio is a number beside them."""
+    """Hash of everything that frequencies and shapes depend on, the code included; the damping ratio is a
+    number beside them."""
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio"})
-    text = f"{CACHE_FORMAT} {table} {np.asarray(residual_points_m, float).tolist()}"
+    text = f"{_code()} {table} {np.asarray(residual_points_m, float).tolist()}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _kept_modes(plate, model, cache_dir):
     """omega^2 (n,) and vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there."""
     path = None if cache_dir is None else cache_dir / f"eigen-{table_hash(plate)}.npz"
-    if path is not None and path.exists():
-        stored = _load(path)
+    if path is not None and (stored := _load(path, ["omega_squared", "vectors"])) is not None:
         return stored["omega_squared"], stored["vectors"]
     omega_squared, vectors = eigenmodes(model.stiffness, model.mass, plate.max_frequency_Hz)
     if path is not None:
