@@ -17,9 +17,11 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
+from pydantic import Field
 from scipy.optimize import brentq
 
 from dem.bonds import bond_network, network_stiffness
@@ -48,12 +50,16 @@ STRENGTH_ROUNDS = 4
 FITTED = ("bond_modulus_Pa", "stiffness_ratio", "tensile_strength_Pa", "shear_strength_Pa")
 
 
+# Copied into the TOML file that is written: nothing that would end its string or its line.
+Source = Annotated[str, Field(pattern=r'^[^"\\\x00-\x1f\x7f]*$', max_length=200)]
+
+
 class TargetTable(Table):
     tensile_strength_Pa: Positive
     compressive_strength_Pa: Positive
-    strength_source: str
-    friction_angle_deg: float
-    friction_source: str
+    strength_source: Source
+    friction_angle_deg: Annotated[float, Field(ge=0, lt=90)]
+    friction_source: Source
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 
 from dem.__main__ import main
+from dem.calibrate import TARGETS, read_target
 from dem.scene import read_scene
-from plate_fem.tables import read_toml
+from plate_fem.tables import InputError, read_toml
 from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, mutated, outcome
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -117,3 +118,28 @@ def test_free_text_stays_out_of_the_deck(tmp_path):
     assert code == 0
     for file in (tmp_path / "out" / "deck").iterdir():
         assert not any(name.encode() in file.read_bytes() for name in HOSTILE if len(name) > 5)
+
+
+def check_targets(tables):
+    """Strengths of rocks for the calibration: a table, or one line."""
+    here = Path(tempfile.mkdtemp())
+    try:
+        file = here / "targets.toml"
+        file.write_text(as_toml(tables), encoding="utf-8")
+        try:
+            target = read_target("coal", file)
+        except InputError as error:
+            assert "\n" not in str(error) and str(file) in str(error)
+        else:
+            assert 0 < target.tensile_strength_Pa < np.inf and '"' not in target.strength_source
+    finally:
+        shutil.rmtree(here)
+
+
+def test_some_targets_of_calibration():
+    fuzz(check_targets, mutated(read_toml(TARGETS)), 30)
+
+
+@pytest.mark.validate
+def test_many_targets_of_calibration():
+    fuzz(check_targets, mutated(read_toml(TARGETS)), 500)
