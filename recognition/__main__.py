@@ -9,9 +9,10 @@ from pathlib import Path
 from analysis import RecordError, read_sweep
 from analysis.readers import read_table
 from recognition.dataset import CONDITIONS, read_dataset
+from recognition.energies import CalibratedEnergies
 from recognition.errors import RecognitionError
 from recognition.fusion_q import FusionQ
-from recognition.methods import LIKELIHOODS
+from recognition.methods import CALIBRATED
 from recognition.models import Model
 from recognition.pipeline import FusionPipeline
 
@@ -54,6 +55,8 @@ def _fitted(method) -> str:
         return f"functions at {method.strategy.space_.moments.size} of {method.strategy.n_moments_} moments"
     if isinstance(method, FusionQ):
         return f"R^2 {method.fit_.r2:.5f}, adjusted {method.fit_.r2_adjusted:.5f}"
+    if isinstance(method, CalibratedEnergies):
+        return f"{method.numbers_.mean.size} features, interval of {100 * method.width_:.1f} points"
     return f"{method.posterior_.variance.size} components, interval of {method.width_:.2f} standard errors"
 
 
@@ -64,7 +67,7 @@ def recognise(arguments) -> int:
     path = path / "signals.parquet" if path.is_dir() else path
     signals, strange = read_table(path), ""
     answers = model.recognise(signals, str(path))
-    if any(name in model.methods and not isinstance(answers[name], str) for name in LIKELIHOODS):
+    if any(name in model.methods and not isinstance(answers[name], str) for name in CALIBRATED):
         name, best = model.best(signals, str(path))
         strange = best.strange
         if strange:

@@ -19,7 +19,7 @@ from recognition.posterior import RatioPosterior, basis_slopes
 #: name -> families that show the scatter, and conditions that are not told.
 SETTINGS = {
     "packing": (("paper", "packing"), ()),
-    "arrangement, packing": (("paper", "ring"), ()),
+    "arrangement, packing": (("paper", "packing", "ring"), ()),
     "damping untold": (("damping",), ("damping_ratio",)),
     "speed untold": (("speed",), ("speed_m_s",)),
     "free positions": (("free",), ()),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from recognition.calibrated import CalibratedLikelihood
+from recognition.energies import ENERGY_METHODS, CalibratedEnergies
 from recognition.errors import RecognitionError
 from recognition.function_space import Rule
 from recognition.fusion import Fusion
@@ -31,19 +32,26 @@ PAPER_METHODS: dict[str, Callable[[], FusionQ | FusionPipeline]] = {
     "energy_fusion_mended": lambda: FusionPipeline(Fusion("energy"), mended()),
 }
 
-#: The likelihoods, the best by evaluation first; docs/recognition.md.
+#: One likelihood over all moments.
 LIKELIHOODS: dict[str, Callable[[], CalibratedLikelihood]] = {
     f"likelihood_{kind}": partial(CalibratedLikelihood, kind) for kind in ("accelerometers", "centre")
 }
 
+#: Those that give an interval and a warning, the best by evaluation first.
+CALIBRATED: dict[str, Callable[[], CalibratedEnergies | CalibratedLikelihood]] = {**ENERGY_METHODS, **LIKELIHOODS}
+
 #: name -> an unfitted method of a saved model.
-METHODS: dict[str, Callable[[], FusionQ | FusionPipeline | CalibratedLikelihood]] = {**PAPER_METHODS, **LIKELIHOODS}
+METHODS: dict[str, Callable[[], FusionQ | FusionPipeline | CalibratedEnergies | CalibratedLikelihood]] = {
+    **PAPER_METHODS, **CALIBRATED}
 
 #: As a reader sees them.
 METHOD_NAMES = {
     "fusion_q": "Q polynomial",
     "energy_fusion_printed": "energy fusion as printed",
     "energy_fusion_mended": "energy fusion, mended",
+    "energies_all": "energies of all signals",
+    "energies_sensors": "energies of four accelerometers",
+    "energies_rms": "RMS of four accelerometers",
     "likelihood_accelerometers": "likelihood of four accelerometers",
     "likelihood_centre": "likelihood of the centre of mass",
 }
@@ -52,7 +60,6 @@ METHOD_NAMES = {
 EVALUATED_NAMES = METHOD_NAMES | {
     "rms_line": "RMS and a straight line",
     "ridge_accelerometers": "ridge, four accelerometers",
-    "gaussian_process_accelerometers": "Gaussian process, four accelerometers",
     "likelihood_rods": "likelihood of the rods",
     "likelihood_all": "likelihood of all signals",
 }
@@ -62,6 +69,8 @@ def load_method(name: str, data: dict):
     """A fitted method from its part of a saved model."""
     if name not in METHODS:
         raise RecognitionError(f"method {name!r}; this program has {', '.join(METHODS)}")
+    if name in ENERGY_METHODS:
+        return CalibratedEnergies.from_dict(data)
     if name in LIKELIHOODS:
         return CalibratedLikelihood.from_dict(data)
     return (FusionQ if name == "fusion_q" else FusionPipeline).from_dict(data)

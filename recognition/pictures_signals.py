@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from analysis.hilbert import hilbert_spectrum, marginal_spectrum
 from recognition import figures, figures_evaluation, figures_signals
-from recognition.methods import EVALUATED_NAMES, LIKELIHOODS, METHOD_NAMES
+from recognition.methods import CALIBRATED, EVALUATED_NAMES, METHOD_NAMES
 from recognition.models import Model
 from recognition.pictures import Plan
 from recognition.pipeline import FusionPipeline
@@ -138,7 +138,7 @@ def recognised(study):
 
 def unseen(study):
     noises = {"no noise": None, "noise of 20 dB": 20.0}
-    return figures_evaluation.evaluation(study.evaluation, EVALUATED_NAMES, tuple(LIKELIHOODS), noises)
+    return figures_evaluation.evaluation(study.evaluation, EVALUATED_NAMES, tuple(CALIBRATED), noises)
 
 
 SIGNALS = [

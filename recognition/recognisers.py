@@ -9,22 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin, TransformerMixin
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 from sklearn.linear_model import LinearRegression, RidgeCV
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from recognition.channels import CHANNELS, Channels
+from recognition.energies import ENERGIES
 from recognition.errors import NotRecognised, RecognitionError
 from recognition.intervals import GroupConformal
 from recognition.likelihood import RatioLikelihood
 from recognition.methods import PAPER_METHODS
+from recognition.process import EnergyProcess
 
 
 @dataclass(frozen=True)
@@ -92,25 +90,6 @@ def rms_of_acceleration(signals: pd.DataFrame) -> np.ndarray:
     return np.sqrt(np.mean(Channels("centre").prepare(signals)[1:] ** 2, axis=1))
 
 
-#: Ends of the windows of time of `shares`, in shares of the record.
-WINDOWS = (0.0, 0.025, 0.125, 0.375, 1.0)
-BANDS = (0.0, 0.1, 0.25, 0.5, 1.0)  # of half the sample rate
-
-
-def log_energies(X: np.ndarray) -> np.ndarray:
-    """Logarithm of each channel's rms in windows of time and in bands of frequency, shape (runs, features).
-
-    X: shape (runs, channels, samples). What a change of amplitude adds to, damping tilts and speed shifts.
-    """
-    X = np.asarray(X, dtype=float)
-    ends = np.round(np.array(WINDOWS) * X.shape[2]).astype(int)
-    parts = [np.sqrt(np.mean(X[..., a:b] ** 2, axis=2)) for a, b in pairwise(ends)]
-    spectrum = np.abs(np.fft.rfft(X, axis=2)) ** 2
-    ends = np.round(np.array(BANDS) * spectrum.shape[2]).astype(int)
-    parts += [np.sqrt(np.sum(spectrum[..., a:b], axis=2)) for a, b in pairwise(ends)]
-    return np.log(np.concatenate(parts, axis=1))
-
-
 class ChannelScaler(TransformerMixin, BaseEstimator):
     """Channels in shares of their rms over the training, as one row a record."""
 
@@ -126,18 +105,12 @@ def _ridge():
     return make_pipeline(ChannelScaler(), RidgeCV(np.logspace(-2, 6, 17)))
 
 
-def _gaussian_process():
-    kernel = ConstantKernel(1.0) * Matern(10.0, nu=2.5) + WhiteKernel(1e-3, (1e-8, 1.0))
-    process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
-    return make_pipeline(FunctionTransformer(log_energies), StandardScaler(), process)
-
-
 #: name -> an unfitted recogniser. The paper's and the straight line are what others are held against.
 RECOGNISERS: dict[str, Callable[[], PaperMethod | Recogniser]] = {
     **{name: partial(PaperMethod, name) for name in PAPER_METHODS},
     "rms_line": lambda: Recogniser(rms_of_acceleration, LinearRegression()),
     "ridge_accelerometers": lambda: Recogniser(Channels("accelerometers").prepare, _ridge()),
-    "gaussian_process_accelerometers": lambda: Recogniser(Channels("accelerometers").prepare, _gaussian_process()),
+    **{f"energies_{kind}": partial(Recogniser, prepare, EnergyProcess()) for kind, prepare in ENERGIES.items()},
     **{f"likelihood_{kind}": partial(Recogniser, Channels(kind).prepare, RatioLikelihood(), True) for kind in CHANNELS},
 }
 

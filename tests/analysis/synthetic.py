@@ -90,7 +90,7 @@ def signals(gangue_ratio, seed=1, scatter=0.0):
     table |= {"total_J": kinetic + internal, "force_N": total_N}
     table |= {f"force_{i:02d}_N": row for i, row in enumerate(forces, 1)}
     table |= {f"acc_{name}_m_s2": gain * a for name, gain in (("A", 1.1), ("B", 0.9), ("C", 1.0), ("D", 0.8))}
-    table |= {f"rod_{i}_N": 0.25 * total_N for i in range(1, 5)}
+    table |= {f"rod_{i}_N": 0.25 * total_N + 1e6 * u for i in range(1, 5)}
     return pd.DataFrame(table)
 
 

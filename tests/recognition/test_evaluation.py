@@ -11,7 +11,7 @@ from recognition.noise import with_noise
 from recognition.recognisers import RECOGNISERS
 from tests.analysis import synthetic
 
-FAMILIES = {"paper": (1, 11), "ring": (4, 11), "damping": (12, 1), "speed": (12, 1), "free": (12, 1), "scatter": (12, 1),
+FAMILIES = {"paper": (1, 11), "ring": (4, 11), "packing": (2, 11), "damping": (12, 1), "speed": (12, 1), "free": (12, 1), "scatter": (12, 1),
             "all": (12, 1)}
 
 

@@ -1,0 +1,60 @@
+"""Energies and the Gaussian process on them: against scikit-learn's own, and against records of another kind."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.gaussian_process import GaussianProcessRegressor
+
+from recognition import RecognitionError
+from recognition.energies import CalibratedEnergies, log_rms
+from recognition.process import EnergyProcess
+
+T = np.arange(267) / 6667
+
+
+def records(count, seed, frequency_Hz=600.0):
+    """Four sensors; the louder, the more gangue, with scatter of 1 %."""
+    rng = np.random.default_rng(seed)
+    ratio = rng.uniform(0, 1, count)
+    found = []
+    for b in ratio:
+        size = (1 + 0.6 * b + 0.2 * b**2) * (1 + 0.01 * rng.standard_normal(4))
+        wave = [s * np.exp(-30 * T) * np.sin(2 * np.pi * frequency_Hz * (1 + 0.3 * k) * T) for k, s in enumerate(size)]
+        found.append(pd.DataFrame({"t_s": T, **{f"acc_{k}_m_s2": 200 * w for k, w in enumerate(wave)}}))
+    return found, ratio
+
+
+def test_rms_of_a_sine_by_window_and_band():
+    x = np.sin(2 * np.pi * 50 / 400 * np.arange(400))[None]
+    found = np.exp(log_rms(3 * x, (0, 0.5, 1.0), (0, 0.2, 0.3, 1.0)))
+    assert found[:2] == pytest.approx(3 / np.sqrt(2), rel=1e-9)
+    assert found[3] == pytest.approx(3 * 200, rel=1e-9)  # one line at 0.25 of half the rate, n/2 high
+    assert max(found[2], found[4]) < 1e-9 * found[3]
+    with pytest.raises(RecognitionError, match="silent"):
+        log_rms(np.zeros((1, 400)))
+
+
+def test_the_numbers_answer_as_scikit_learn_does():
+    signals, y = records(40, 1)
+    X = np.stack([CalibratedEnergies("sensors").prepare(s) for s in signals])
+    model = EnergyProcess().fit(X, y)
+    n = model.numbers_
+    whole = GaussianProcessRegressor(model.process_.kernel_, optimizer=None, normalize_y=True).fit((X - n.mean) / n.scale, y)
+    new = np.stack([CalibratedEnergies("sensors").prepare(s) for s in records(10, 2)[0]])
+    assert model.predict(new) == pytest.approx(whole.predict((new - n.mean) / n.scale), abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["rms", "sensors"])
+def test_ratio_interval_and_warning(kind):
+    signals, y = records(80, 3)
+    method = CalibratedEnergies(kind)
+    method.fit(np.stack([method.prepare(s) for s in signals]), y)
+    method = CalibratedEnergies.from_dict(method.to_dict())
+    like = [method.recognise(method.prepare(s)) for s in records(200, 4)[0]]
+    true = records(200, 4)[1]
+    assert np.abs([r.ratio - b for r, b in zip(like, true, strict=True)]).mean() < 0.02
+    assert 0.83 < np.mean([r.low <= b <= r.high for r, b in zip(like, true, strict=True)]) < 0.97
+    assert np.mean([r.strange != "" for r in like]) < 0.02
+    if kind == "sensors":
+        other = [method.recognise(method.prepare(s)) for s in records(20, 5, frequency_Hz=400.0)[0]]
+        assert all(r.strange for r in other)
