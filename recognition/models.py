@@ -144,7 +144,7 @@ class Model:
             "methods": {name: method.to_dict() for name, method in self.methods.items()},
         }
         beside = path.with_name(path.name + ".part")
-        beside.write_text(json.dumps(data, indent=1, allow_nan=False))
+        beside.write_text(json.dumps(data, allow_nan=False, separators=(",", ":")))
         beside.replace(path)
 
     @classmethod
