@@ -155,7 +155,7 @@ def knobs() -> list[Knob]:
         Knob("time step", "dt/t0", dem.time_step.BOND_FRACTION, [step(k) for k in (1, 2, 3, 4, 6, 8)], step(32)),
         Knob("time step, spheres", "of the contact time", 1 / dem.time_step.CONTACT_STEPS, [sphere(k) for k in (1, 2, 4, 8)],
              sphere(32), recognised=False),
-        Knob("co-step", "of the contact time", default_co_step, [co_step(n) for n in (1, 2, 3, 4, 6, 12)],
+        Knob("co-step", "of the contact time", default_co_step, [co_step(n) for n in (1, 2, 3, 4, 6, 12, 24)],
              Setting(0.0, {"time.time_step_s": fine / 6, "time.co_step": 1}, free)),
         Knob("modes", "cut-off x contact time", 20e3 * stone_contact,
              [modes(f) for f in (2.5e3, 3.5e3, 5e3, 10e3, 20e3, 28e3)], modes(56e3), of_the_plate=True),

@@ -34,6 +34,7 @@ def draw(table: pd.DataFrame, file: Path) -> None:
                        capsize=3, label=knob)
     right.set(xscale="log", xlabel="processor time a run, s", ylabel="broken area of a coal stone, cm2",
               title="five packings, standard error", ylim=(0, None))
-    right.legend(fontsize=8)
+    if right.get_legend_handles_labels()[0]:
+        right.legend(fontsize=8)
     figure.savefig(file, dpi=110)
     plt.close(figure)

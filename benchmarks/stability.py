@@ -64,8 +64,6 @@ LEVELS: dict[str, list] = {
     "gangue_ratio": [0.0, 0.5, 1.0],
 }
 ALONE_ONLY = {"subspheres": [5000]}
-# What is refused alone says nothing new in company.
-NOT_COMBINED: dict[str, list] = {"rod_stiffness": [1e-6], "restitution": [0.05], "step_share": [1.1, 1.5], "co_step": [30, 100]}
 # In combined cases a stone has few sub-spheres where there are many stones, so that a case takes a second or two.
 PARTICLES_AT_MOST = 700
 
@@ -81,9 +79,8 @@ def cases() -> list[Case]:
              for value in [*values, *ALONE_ONLY.get(key, [])]]
     random = np.random.default_rng(SEED)
     combined = []
-    levels = {key: [v for v in values if v not in NOT_COMBINED.get(key, [])] for key, values in LEVELS.items()}
     for k in range(N_COMBINED):
-        settings = {key: values[random.integers(len(values))] for key, values in levels.items()}
+        settings = {key: values[random.integers(len(values))] for key, values in LEVELS.items()}
         while settings["stones"] * settings["subspheres"] > PARTICLES_AT_MOST:
             settings["subspheres"] = LEVELS["subspheres"][random.integers(len(LEVELS["subspheres"]))]
         combined.append(Case(f"combined {k + 1}", settings))
