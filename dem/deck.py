@@ -17,6 +17,7 @@ from plate_fem.modes import PlateModes
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 SHAPE_GRID = 0.4  # of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/exchange.md)
 UNBREAKABLE_Pa = 1e30
+CHECKPOINT_SAMPLES = 5  # between two steps that allow a checkpoint; each costs a build of lists (docs/runs.md)
 BOX_MARGIN_M = 0.005
 IDLE_EVERY = 64  # DEM steps between two looks at what is idle: one costs as much as a tenth of a step
 
@@ -74,6 +75,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
         view_steps=view_steps(scene, step),
         idle=_idle(scene, step),
+        checkpoint_steps=CHECKPOINT_SAMPLES * step.sample_steps,
         streams=streams(scene, assembly),
     )
 
