@@ -1,0 +1,18 @@
+"""Writes impacts.parquet, the data set that the tests use, from runs/dataset: python tests/recognition/data/make.py DIR."""
+
+import sys
+from pathlib import Path
+
+import pandas as pd
+
+from recognition.dataset import read_dataset
+
+GROUPS = ("paper/000", "ring/000", "ring/001", "ring/002", "ring/003", "packing/001")
+
+data = read_dataset(sys.argv[1])
+parts = []
+for signals, row in zip(data.signals, data.table.to_dict("records"), strict=True):
+    if row["group"] in GROUPS or row["family"] == "thin_plate":
+        sensors = signals[["t_s", *(c for c in signals if c.startswith("acc_"))]].astype("float32")
+        parts.append(sensors.assign(group=row["group"], gangue_ratio=row["gangue_ratio"]))
+pd.concat(parts).to_parquet(Path(__file__).with_name("impacts.parquet"), index=False, compression="zstd")
