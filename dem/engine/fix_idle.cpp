@@ -31,7 +31,7 @@ const int LEAST_REST = 4;         // looks: a body that may be touched sooner do
 // Loose pieces in the cracks of a body, of its own agglomerate, fly with it as if they were lodged: pieces below the
 // first share of its mass, within the second share of their radius, when all of them have less than the third share of
 // the energy of the impact relative to its motion, for so many looks that those on their way out are gone.
-const double PIECE_MASS = 0.05, PIECE_GAP = 0.1, PIECES_ENERGY = 1e-4;
+const double PIECE_MASS = 0.05, PIECE_GAP = 0.1, PIECES_ENERGY = 1e-3;
 const int PIECES_LOOKS = 50;
 const double REACH_MARGIN = 1.1;  // the reach may grow by this before all times are found anew
 const double CLEARANCE_M = 1e-5;
