@@ -253,8 +253,8 @@ RESPONSE = [
          " later.", "Fast stream: first collision, and all after it.", single_force),
     Plan("fig-18", "Total contact force (Figure 18)", "Rises with the ratio; from the second collision on the particles"
          " do not hit together.", "Fast stream, each ratio one curve (dark: coal): first collision, and all after it.", total_force),
-    Plan("fig-19", "Maxima against the ratio (Figure 19)", "All rise, in both directions.", "Largest values in"
-         " 0..0.04 s, fast stream.", maxima),
+    Plan("fig-19", "Maxima against the ratio (Figure 19)", "All rise, in both directions.", "Largest values of"
+         " the run, fast stream.", maxima),
     Plan("fig-21", "Stress of the plate (Figures 20, 21)", "The stress rises above 20 %; a region of high stress crosses"
          " the contact area above 70 %.", "Von Mises stress of bending at the top surface at the instant of the largest"
          " total force, without the contacts' own. Crosses: places of the particles.", stress, pixels=True),

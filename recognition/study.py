@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +29,7 @@ from analysis.setup import Setup, setup_of
 from analysis.theory import STATES, beam_compliance, materials_in_order, peak, total_force_N
 from recognition.fusion import FUSIONS, Fusion
 from recognition.kalman import kalman_filter
-from recognition.models import Model, leave_one_out
+from recognition.models import Model, Window, leave_one_out
 
 #: Of evaluation.csv, what the report shows.
 EVALUATION_COLUMNS = ("method", "held_out", "noise_db", "n", "mean_abs_error_points", "p95_points", "worst_points",
@@ -38,13 +39,15 @@ EVALUATION_COLUMNS = ("method", "held_out", "noise_db", "n", "mean_abs_error_poi
 class Study:
     """A sweep with its theory, features, breakage and recognition.
 
+    `signals` of each run are those of the paper's window; the fast stream and the breakage are of the whole run.
     Arrays over the runs are in order of the ratio. A part that the runs do not hold raises
     RecordError (one line) when asked for.
     """
 
     def __init__(self, sweep: Sweep):
-        self.sweep = sweep
-        self.runs = sweep.runs
+        window = Window.of(sweep.runs)
+        self.runs = [replace(run, signals=window.cut(run.signals, str(run.path))) for run in sweep.runs]
+        self.sweep = replace(sweep, runs=self.runs)
         self.ratios = sweep.ratios
 
     @property
