@@ -84,7 +84,7 @@ class StonesTable(Table):
 class BondTable(Table):
     youngs_modulus_Pa: Positive
     stiffness_ratio: Positive  # k_n / k_s
-    tensile_strength_Pa: NotNegative
+    tensile_strength_Pa: Positive
     shear_strength_Pa: NotNegative
     friction_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0  # 0: no Mohr-Coulomb
     # Mean sub-sphere radius that the strengths belong to; other sizes get theirs by dem/strength.py. Absent: as given.
