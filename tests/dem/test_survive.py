@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
@@ -101,9 +102,11 @@ def kill_and_go_on(scene, undisturbed, kills, rng):
                     process.wait(timeout=moment)
                 except subprocess.TimeoutExpired:
                     victims = [[process.pid], [engine], [process.pid, engine]][done % 3]
-                    for pid in victims:
-                        os.kill(pid, signal.SIGKILL)
-                    done += 1
+                    living = [pid for pid in victims if not gone(pid)]  # the engine ends before the run does
+                    for pid in living:
+                        with suppress(ProcessLookupError):
+                            os.kill(pid, signal.SIGKILL)
+                    done += bool(living)
             error = process.communicate(timeout=120)[1]
             if process.returncode == 1:
                 assert error.splitlines()[-1].startswith(str(scene)) and "LIGGGHTS stopped" in error, error
