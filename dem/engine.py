@@ -39,17 +39,23 @@ def die_with_parent(by: int = signal.SIGKILL) -> None:
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, by)
 
 
+def _begin() -> None:
+    """A signal to stop that comes before the engine listens waits until it does."""
+    die_with_parent()
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
+
+
 def start_engine(directory: Path, np: int = 1, resume_step: int = 0, inherit: tuple[int, ...] = ()) -> subprocess.Popen:
     """Run deck.liggghts in `directory` on `np` MPI ranks, from the checkpoint of `resume_step` if that is not 0; what it
     prints goes to engine.out there. `inherit`: file descriptors that stay open as long as the engine lives."""
     command = [*mpirun(np), "-in", "deck.liggghts", "-log", "engine.log"]
     if resume_step:
         command += ["-var", "resume", str(resume_step)]
-    end = signal.SIGKILL if np == 1 else signal.SIGTERM  # which mpirun passes on
+    prepare = _begin if np == 1 else partial(die_with_parent, signal.SIGTERM)  # which mpirun passes on
     with open(directory / "engine.out", "wb") as out:
         return subprocess.Popen(command, cwd=directory, env=_environment(), stdin=subprocess.DEVNULL, stdout=out,
                                 stderr=subprocess.STDOUT, pass_fds=inherit,
-                                preexec_fn=partial(die_with_parent, end))  # noqa: PLW1509 - takes no lock
+                                preexec_fn=prepare)  # noqa: PLW1509 - takes no lock
 
 
 def mpirun(np: int) -> list[str]:

@@ -57,6 +57,10 @@ void add_styles(LAMMPS *lmp) {
 
 int main(int argc, char **argv) {
   std::signal(SIGUSR1, FixCheckpoint::stop_at_next);
+  sigset_t stop;  // kept back until here by who started the engine
+  sigemptyset(&stop);
+  sigaddset(&stop, SIGUSR1);
+  sigprocmask(SIG_UNBLOCK, &stop, nullptr);
   MPI_Init(&argc, &argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);  // an error of one rank aborts, and must not take its message along
   int exit_code = 0;

@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 from scenes_of_tests import SCENES
 
+from dem.checkpoint import latest
 from dem.run import resume
 from dem.unfinished import Unfinished
 from plate_fem.tables import InputError
@@ -85,9 +86,10 @@ def check_same(out, undisturbed):
     assert summary == expected
 
 
-def kill_and_go_on(scene, undisturbed, kills, rng):
-    """Kill the run, the engine, or both, by turns, at random moments of the time that the engine takes; go on each time,
-    and begin again when it is finished. Returns at how many checkpoints a run was taken up."""
+def kill_and_go_on(scene, undisturbed, kills, rng, not_before_checkpoint):
+    """Kill the run, the engine, or both, by turns, at random moments of the time that the engine takes, counted from its
+    start or from when there is a checkpoint; go on each time, and begin again when it is finished. Returns at how many
+    checkpoints a run was taken up."""
     length_s = json.loads((undisturbed / "run.json").read_text())["wall_time_s"]["engine and plate"]
     out = undisturbed.with_name("killed")
     done = resumed = 0
@@ -97,6 +99,9 @@ def kill_and_go_on(scene, undisturbed, kills, rng):
             process = start("run", scene, "--out", out, stderr=subprocess.PIPE, text=True)
             engine = engine_of(process)
             moment = rng.uniform(0, length_s)
+            while not_before_checkpoint and process.poll() is None and not latest(
+                    Unfinished(out).path / "deck" / "checkpoint", flexible=True):
+                time.sleep(0.01)
             if engine and done < kills:
                 try:
                     process.wait(timeout=moment)
@@ -122,17 +127,17 @@ def kill_and_go_on(scene, undisturbed, kills, rng):
 
 
 def test_a_run_killed_at_three_moments_gives_the_undisturbed_result(scene, undisturbed):
-    assert kill_and_go_on(scene, undisturbed, 3, random.Random(3)) > 0
+    assert kill_and_go_on(scene, undisturbed, 3, random.Random(3), not_before_checkpoint=True) > 0
 
 
 @pytest.mark.validate
 def test_a_run_killed_at_twenty_moments_gives_the_undisturbed_result(scene, undisturbed):
-    assert kill_and_go_on(scene, undisturbed, 20, random.Random(20)) > 0
+    assert kill_and_go_on(scene, undisturbed, 20, random.Random(20), not_before_checkpoint=False) > 0
 
 
 def test_walltime_stops_at_a_checkpoint_and_resume_goes_on(scene, undisturbed):
     out = undisturbed.with_name("stopped")
-    process = start("run", scene, "--out", out, "--walltime", 1.2, stderr=subprocess.PIPE, text=True)
+    process = start("run", scene, "--out", out, "--walltime", 0, stderr=subprocess.PIPE, text=True)
     error = process.communicate(timeout=60)[1]
     assert process.returncode == 75
     assert "stopped at the checkpoint" in error and "dem resume" in error and not out.exists()
