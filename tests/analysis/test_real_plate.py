@@ -99,7 +99,7 @@ def test_cached_modes_are_taken_only_if_identical(run, modes, tmp_path):
     (tmp_path / ".modes").mkdir()
     beside = SimpleNamespace(path=tmp_path / "ratio_000", info=run.info)
     modes_of(beside)
-    (stored,) = (tmp_path / ".modes").iterdir()
+    (stored,) = (tmp_path / ".modes").glob("modes-*.npz")
     plate = run.info["scene"]["plate"] | {"thickness_m": 0.005}
     n_modes = plate_modes(FlexiblePlate.model_validate(plate)).frequency_Hz.size
     other = {"scene": run.info["scene"] | {"plate": plate}, "n_modes": n_modes}
