@@ -65,7 +65,7 @@ LEVELS: dict[str, list] = {
 }
 ALONE_ONLY = {"subspheres": [5000]}
 # A scene refused for one value tells nothing about the others: what is always refused is left to the cases alone.
-REFUSED_ALONE = {"strength": [0.0], "restitution": [0.05], "step_share": [1.1, 1.5], "co_step": [30, 100],
+REFUSED_ALONE: dict[str, list] = {"strength": [0.0], "restitution": [0.05], "step_share": [1.1, 1.5], "co_step": [30, 100],
                  "rod_stiffness": [1e-6]}
 # In combined cases a stone has few sub-spheres where there are many stones, so that a case takes a second or two.
 PARTICLES_AT_MOST = 700
