@@ -22,13 +22,18 @@ PlateLink::~PlateLink() {
   if (in_ >= 0) close(in_);
 }
 
-// A pipe opens when the other side opens it too, and both sides open `to_plate` first.
+// A pipe opens when the other side opens it too, and both sides open `to_plate` first. Opened without blocking, so that a
+// plate that is stuck can be seen while it is waited for.
 void PlateLink::open() {
   std::signal(SIGPIPE, SIG_IGN);  // a plate that is gone shows as an error of write
-  out_ = ::open(to_.c_str(), O_WRONLY);
-  in_ = ::open(from_.c_str(), O_RDONLY);
+  const useconds_t PAUSE_us = 10000;
+  while ((out_ = ::open(to_.c_str(), O_WRONLY | O_NONBLOCK)) < 0 && errno == ENXIO) {
+    check_plate();
+    usleep(PAUSE_us);
+  }
+  in_ = ::open(from_.c_str(), O_RDONLY | O_NONBLOCK);
   if (out_ < 0 || in_ < 0) lmp_->error->one(FLERR, ("Cannot open the plate's files " + to_ + " and " + from_).c_str());
-  fcntl(in_, F_SETFL, O_NONBLOCK);  // so that a plate that is stuck can be seen while it is waited for
+  fcntl(out_, F_SETFL, 0);
 }
 
 void PlateLink::send(long long step, long long co_steps, const double *modal_force) {
@@ -45,6 +50,7 @@ void PlateLink::send(long long step, long long co_steps, const double *modal_for
 }
 
 void PlateLink::receive(void *data, size_t bytes) {
+  while (!answered_) wait_for_input();  // a pipe that the plate has yet to open would read as one that it has closed
   for (size_t got = 0; got < bytes;) {
     const ssize_t some = read(in_, static_cast<char *>(data) + got, bytes - got);
     if (some < 0 && (errno == EAGAIN || errno == EINTR)) {
@@ -59,7 +65,11 @@ void PlateLink::receive(void *data, size_t bytes) {
 void PlateLink::wait_for_input() {
   const int POLL_ms = 200;
   pollfd input = {in_, POLLIN, 0};
-  if (poll(&input, 1, POLL_ms) != 0) return;
+  if (poll(&input, 1, POLL_ms) != 0) answered_ = true;
+  else check_plate();
+}
+
+void PlateLink::check_plate() {
   const std::string trouble = plate_.trouble();
   if (!trouble.empty()) lmp_->error->one(FLERR, trouble.c_str());
 }

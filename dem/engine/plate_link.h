@@ -32,6 +32,7 @@ class PlateLink {
  private:
   LAMMPS *lmp_;
   int out_ = -1, in_ = -1;
+  bool answered_ = false;  // has the plate ever?
   std::string to_, from_;
   Peer plate_;
 
@@ -39,6 +40,7 @@ class PlateLink {
   void receive(void *data, size_t bytes);
   void receive_answer(long long step);
   void wait_for_input();
+  void check_plate();
 };
 
 }  // namespace LAMMPS_NS

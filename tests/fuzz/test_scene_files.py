@@ -52,7 +52,7 @@ def check(scene):
         code, errors = outcome(main, ["deck", str(file), "--out", str(out)])
         if code == 0:
             deck = (out / "deck" / "deck.liggghts").read_text()
-            steps = int(deck.rsplit("run ", 1)[1])
+            steps = int(deck.rsplit("run ", 1)[1].split()[0])
             shutil.rmtree(out)
             if steps > MOST_STEPS:
                 return
