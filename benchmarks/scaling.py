@@ -1,14 +1,14 @@
 """What whole scenes cost: `python -m benchmarks.scaling`, into runs/bench/scaling.csv; `--ranks` into ranks.csv.
 
 Stones of the paper's coal on a rigid plate, from 20 us before the impact on. Packing and peak memory are those of the
-whole preparation; a step on one rank is processor time, less that of the set-up; ranks are compared by LIGGGHTS' own loop
-time, on a machine that has nothing else to do. Stones share one packing, whose time is taken times their number: memory
+whole preparation; the time of a step is LIGGGHTS' own loop time, on a machine that has nothing else to do. Stones share one packing, whose time is taken times their number: memory
 and steps do not know.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import resource
 import shutil
@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 import dem.assembly
-from benchmarks.growth import engine_usage
+from benchmarks.growth import engine_run
 from benchmarks.stone import SCENES
 from dem.deck import write_deck
 from dem.engine import mpirun
@@ -93,15 +93,17 @@ def measure(stones: int, subspheres: int, rank_numbers: tuple[int, ...]) -> dict
         deck_MB = sum(f.stat().st_size for f in (here / "deck").iterdir()) / 1e6
         n = model.assembly.n_particles
         steps = max(60, PARTICLE_STEPS // n)
-        start_s, _ = engine_usage(here / "deck", 0)
-        end_s, engine_MB = engine_usage(here / "deck", steps)
+        begin = time.perf_counter()
+        engine_run(here / "deck", 0)
+        set_up_s = time.perf_counter() - begin
+        loop_s, engine_MB = engine_run(here / "deck", steps)
         times = {ranks: min(loop_time_s(here / "deck", steps, ranks) for _ in range(2)) / steps for ranks in rank_numbers}
     finally:
         shutil.rmtree(here)
     row = {"stones": stones, "subspheres": subspheres, "sub_spheres_in_all": n, "bonds": model.assembly.n_bonds,
            "packing_s": stones * sum(packing_s), "prepared_s": prepared_s, "python_MB": python_MB,
-           "engine_MB": engine_MB, "set_up_s": start_s, "deck_MB": deck_MB, "dt_s": model.step.dt_s,
-           "ms_per_step": 1e3 * (end_s - start_s) / steps}
+           "engine_MB": engine_MB, "set_up_s": set_up_s, "deck_MB": deck_MB, "dt_s": model.step.dt_s,
+           "ms_per_step": 1e3 * loop_s / steps}
     row |= {f"loop_ms_{ranks}": 1e3 * t for ranks, t in times.items()}
     return row | {"hours_of_a_run": row["ms_per_step"] / 1e3 * PAPER_s / model.step.dt_s / 3600}
 
@@ -119,8 +121,8 @@ def main() -> None:
     for stones, subspheres in RANK_CASES if options.ranks else CASES:
         command = [sys.executable, "-m", "benchmarks.scaling", "--case", str(stones), str(subspheres)]
         done = subprocess.run(command + ["--ranks"] * options.ranks, stdout=subprocess.PIPE, text=True, check=True)
-        rows.append(pd.read_json(done.stdout, typ="series"))
-        print(rows[-1].to_json(), flush=True)
+        rows.append(json.loads(done.stdout))
+        print(rows[-1], flush=True)
     table = pd.DataFrame(rows)
     out = Path("runs/bench")
     out.mkdir(parents=True, exist_ok=True)

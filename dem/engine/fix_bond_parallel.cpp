@@ -52,6 +52,7 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
 
   bonds_ = read_bonds(lmp, bonds, materials_);
+  for (const Bond &b : bonds_) longest_ = std::max(longest_, b.length);
   intact_.assign(bonds_.size(), 1);
   broken_.resize(bonds_.size());
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
@@ -101,9 +102,7 @@ void FixBondParallel::setup(int vflag) {
 
 // A bond must be seen by each rank that owns one of its ends.
 double FixBondParallel::extend_cut_ghost() {
-  double longest = 0;
-  for (const Bond &b : bonds_) longest = std::fmax(longest, b.length);
-  return 1.5 * longest;
+  return 1.5 * longest_;
 }
 
 // Second half of the work of the last forces, with the velocities of the coming step, then the turn of each

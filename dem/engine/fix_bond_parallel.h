@@ -83,6 +83,7 @@ class FixBondParallel : public Fix, public Checkpointed {
   std::vector<double> work_, released_, broken_count_;
   double **quaternion_;
   double damping_time_;
+  double longest_ = 0;  // of the bonds, m
   bool bodies_may_leave_ = false;
   std::vector<int> body_of_tag_;
   double broken_at_bodies_ = -1;  // bonds broken when the bodies were found
