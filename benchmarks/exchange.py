@@ -1,15 +1,16 @@
 """What the exchange between engine and plate costs, as a share of one run of the default scene.
 
-    python -m benchmarks.exchange [duration_s]
+    python -m benchmarks.exchange [duration_s] [--brute]
 
-The plate's time counts from the arrival of a message until its answer is written, while the engine waits, less that of
-recording signals and stress, which is given apart. Shares of the wall time and of the processor time of one run.
+Three parts of the time from the arrival of a message until its answer is written, while the engine waits: the messages
+(pipes, copies, waking the other side), the motion of the modes, and recording. Shares of the wall time and of the processor
+time of one run. `--brute` keeps bodies in the air in the force loops.
 """
 
 from __future__ import annotations
 
+import argparse
 import resource
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -18,6 +19,7 @@ import dem.run
 from dem.exchange import PlatePipes
 from dem.output import PlateRecorder
 from dem.scene import changed_scene
+from plate_fem.motion import ModalMotion
 
 SCENE = Path(__file__).resolve().parent.parent / "scenes" / "paper.toml"
 
@@ -37,7 +39,19 @@ class Clock:
         self.cpu_s += time.process_time() - self._started[1]
 
 
-answering, recording = Clock(), Clock()
+answering, moving, recording = Clock(), Clock(), Clock()
+
+
+def timed(base, clock: Clock, *names: str):
+    """A class like `base` with the calls of the methods `names` on the clock."""
+    def on_the_clock(name):
+        def call(self, *values):
+            clock.start()
+            result = getattr(base, name)(self, *values)
+            clock.stop()
+            return result
+        return call
+    return type(f"Timed{base.__name__}", (base,), {name: on_the_clock(name) for name in names})
 
 
 class TimedPipes(PlatePipes):
@@ -51,29 +65,32 @@ class TimedPipes(PlatePipes):
         answering.stop()
 
 
-class TimedRecorder(PlateRecorder):
-    def __call__(self, *values):
-        recording.start()
-        super().__call__(*values)
-        recording.stop()
-
-
-def main(duration_s: float) -> None:
-    scene = changed_scene(SCENE, {"time.duration_s": duration_s, "output": None})
-    for name, timed in (("PlatePipes", TimedPipes), ("PlateRecorder", TimedRecorder)):
-        setattr(dem.run, name, timed)
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("duration_s", type=float, nargs="?", default=0.04)
+    parser.add_argument("--brute", action="store_true")
+    options = parser.parse_args()
+    changes = {"time.duration_s": options.duration_s, "output": None} | ({"time.idle_tolerance": 0.0} if options.brute else {})
+    scene = changed_scene(SCENE, changes)
+    classes = {"PlatePipes": TimedPipes, "PlateRecorder": timed(PlateRecorder, recording, "__call__"),
+               "ModalMotion": timed(ModalMotion, moving, "advance", "predict", "reach_m", "free_states")}
+    for name, of_time in classes.items():
+        setattr(dem.run, name, of_time)
     with tempfile.TemporaryDirectory() as directory:
         before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
         summary = dem.run.run_scene(scene, str(SCENE), Path(directory) / "run")
         engine_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
     run_s = summary["wall_time_s"]["engine and plate"]
     total_s = engine_s + answering.cpu_s
-    wall_s, cpu_s = answering.wall_s - recording.wall_s, answering.cpu_s - recording.cpu_s
     print(f"{summary['steps']} steps, {answering.count} exchanges of {summary['n_modes']} modes every "
           f"{summary['co_step']} steps; engine {engine_s:.1f} s of processor time, run {run_s:.1f} s")
-    print(f"exchange {1e6 * cpu_s / answering.count:.0f} us each, {cpu_s / total_s:.1%} of the processor time, "
-          f"{wall_s / run_s:.1%} of the wall time; recording {recording.cpu_s / total_s:.1%}")
+    parts = {"messages": (answering.wall_s - moving.wall_s - recording.wall_s,
+                          answering.cpu_s - moving.cpu_s - recording.cpu_s),
+             "motion of the modes": (moving.wall_s, moving.cpu_s), "recording": (recording.wall_s, recording.cpu_s)}
+    for name, (wall_s, cpu_s) in parts.items():
+        print(f"{name:20} {1e6 * cpu_s / answering.count:4.0f} us an exchange, {cpu_s / total_s:.1%} of the processor time, "
+              f"{wall_s / run_s:.1%} of the wall time")
 
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]) if len(sys.argv) > 1 else 0.04)
+    main()

@@ -158,7 +158,7 @@ def _plate(options) -> int:
     pipes = PlatePipes(options.out / "deck", len(motion.amplitude), lambda: True)
     try:
         pipes.open()
-        follow(motion, pipes, model.step, lambda dem_step, force: None)
+        follow(motion, pipes, model.step, lambda *row: None)
     finally:
         pipes.close()
     print(f"plate: kinetic {motion.kinetic_J:.6g} J, internal {motion.internal_J:.6g} J, damped {motion.damped_J:.6g} J")

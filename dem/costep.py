@@ -25,19 +25,22 @@ class Place:
     last_force: np.ndarray | None = None
 
 
-def follow(motion: ModalMotion, pipes: PlatePipes, step: TimeStep, record: Callable[[int, np.ndarray], None],
-           place: Place | None = None, keep: Callable[[int], None] = lambda dem_step: None) -> None:
+Record = Callable[[int, np.ndarray, np.ndarray, np.ndarray], None]
+
+
+def follow(motion: ModalMotion, pipes: PlatePipes, step: TimeStep, record: Record, place: Place | None = None,
+           keep: Callable[[int], None] = lambda dem_step: None) -> None:
     """Serve the engine until it has finished, from `place` on, which goes along.
 
-    `record(dem_step, modal_force)` is called at each row of the fast stream, `motion` standing at that instant and
-    `modal_force` acting: the mean over the co-step that ends there, carried on by half a co-step. `keep(dem_step)` is
-    called when the engine has kept its state at that step.
+    `record(dem_step, amplitude, rate, modal_force)` is called at each row of the fast stream with the state at that
+    instant and the force then acting: the mean over the co-step that ends there, carried on by half a co-step.
+    `keep(dem_step)` is called when the engine has kept its state at that step.
     """
     place = place or Place()
     none = np.zeros_like(motion.amplitude)
     if place.last_force is None:
         place.last_force = none
-        record(0, none)
+        record(0, motion.amplitude, motion.rate, none)
     while (message := pipes.receive()) is not None:
         if message.step == CHECKPOINT:
             keep(message.co_steps)
@@ -57,9 +60,21 @@ def _advance(motion, force, force_at_end, now, co_steps, step, record) -> int:
     """Move over `co_steps` under a constant force, stopping at each row of the fast stream."""
     end = now + co_steps * step.co_step
     while now < end:
+        rows = min((end - now) // step.fast_steps, motion.ROWS)
+        if rows > 1 and now % step.fast_steps == 0 and not force.any():
+            now = _fly(motion, force, now, rows, step, record)
+            continue
         stop = min(end, (now // step.fast_steps + 1) * step.fast_steps)
         motion.advance(force, (stop - now) // step.co_step)
         now = stop
         if now % step.fast_steps == 0:
-            record(now, force_at_end)
+            record(now, motion.amplitude, motion.rate, force_at_end)
+    return now
+
+
+def _fly(motion, no_force, now, rows, step, record) -> int:
+    """`rows` rows of free motion at once; the same as one after the other."""
+    for amplitude, rate in motion.free_states(step.fast_steps // step.co_step, rows):
+        now += step.fast_steps
+        record(now, amplitude, rate, no_force)
     return now

@@ -7,9 +7,10 @@ engine does not know, and the ledger of the whole run.
 
 from __future__ import annotations
 
+import numpy as np
+
 from dem.assembly import Assembly
 from dem.scene import Scene
-from plate_fem.motion import ModalMotion
 
 ENERGY_SHARE = 0.01  # of the energy supplied
 
@@ -19,19 +20,20 @@ class Unstable(RuntimeError):
 
 
 class PlateMonitor:
-    """Called at each row of the fast stream: the plate never holds more than the stones could bring."""
+    """Sees the rows of the fast stream: the plate never holds more than the stones could bring."""
 
     def __init__(self, scene: Scene, assembly: Assembly):
         stones, mass = scene.stones, float(assembly.mass_kg.sum())
         fall = scene.time.gravity_m_s2 * (stones.gap_m + 2 * stones.radius_m)  # until all of a stone lies flat
         self._limit_J = (1 + ENERGY_SHARE) * mass * (0.5 * stones.speed_m_s**2 + fall)
 
-    def __call__(self, t_s: float, motion: ModalMotion) -> None:
-        """Raises Unstable."""
-        energy = motion.total_J
-        if not energy <= self._limit_J:  # so written that what is no number is refused
-            raise Unstable(f"at {t_s:.4g} s the plate holds {energy:.3g} J, the limit of energy is what impact and fall "
-                           f"supply, {self._limit_J:.3g} J: plate and contact are not stable with this co-step")
+    def __call__(self, t_s: np.ndarray, total_J: np.ndarray) -> None:
+        """Raises Unstable. Times and the plate's energies, (k,)."""
+        broken = np.flatnonzero(~(total_J <= self._limit_J))  # so written that what is no number is refused
+        if len(broken):
+            at = broken[0]
+            raise Unstable(f"at {t_s[at]:.4g} s the plate holds {total_J[at]:.3g} J, the limit of energy is what impact and "
+                           f"fall supply, {self._limit_J:.3g} J: plate and contact are not stable with this co-step")
 
 
 def check_closure(energy: dict) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,20 @@ from plate_fem.stress import StressPeak
 
 
 class PlateRecorder:
-    """Collects the plate's state at each row of the fast stream, and its modal amplitudes at each picture."""
+    """Collects the plate's state at each row of the fast stream, and its modal amplitudes at each picture.
 
-    def __init__(self, scene: Scene, modes: PlateModes, motion: ModalMotion, step: TimeStep, view_steps: int | None):
+    What a row says is worked out in blocks, since a product of matrices costs little more than one of vectors.
+    `check(t_s, total_J)` sees the energy of each block, arrays (k,).
+    """
+
+    BLOCK = 128  # rows
+
+    def __init__(self, scene: Scene, modes: PlateModes, motion: ModalMotion, step: TimeStep, view_steps: int | None,
+                 check: Callable[[np.ndarray, np.ndarray], None]):
         self._motion = motion
         self._step = step
         self._view_steps = view_steps
+        self._check = check
         assert isinstance(scene.plate, FlexiblePlate)  # the other has no motion to record
         sensors = scene.plate.sensors
         self._mean = modes.mean_shape
@@ -30,36 +39,53 @@ class PlateRecorder:
         rods = [f"rod_{k + 1}_N" for k in range(len(self._rod))]
         self.columns = ["u_m", "v_m_s", "a_m_s2", "kinetic_J", "internal_J", "total_J",
                         *(f"acc_{s.name}_m_s2" for s in sensors), *rods]
-        self.rows: list[np.ndarray] = []
         self.steps: list[int] = []
         self.view_amplitude: list[np.ndarray] = []
         self.bending = StressPeak(modes, scene.plate.rods)
+        self._blocks: list[np.ndarray] = []
+        self._waiting: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # amplitude, rate, modal force
 
-    def __call__(self, dem_step: int, modal_force: np.ndarray) -> None:
-        m = self._motion
-        acceleration = m.acceleration(modal_force)
-        kinetic, internal = m.kinetic_J, m.internal_J
+    def __call__(self, dem_step: int, amplitude: np.ndarray, rate: np.ndarray, modal_force: np.ndarray) -> None:
+        """Arrays (modes,) that stay as they are."""
         self.steps.append(dem_step)
-        self.rows.append(np.concatenate([
-            [self._mean @ m.amplitude, self._mean @ m.rate, self._mean @ acceleration,
-             kinetic, internal, kinetic + internal],
-            self._sensor @ acceleration, self._rod @ m.amplitude]))
-        self.bending.add(dem_step * self._step.dt_s, m.amplitude)
+        self._waiting.append((amplitude, rate, modal_force))
         if self._view_steps and dem_step % self._view_steps == 0:
-            self.view_amplitude.append(m.amplitude.copy())
+            self.view_amplitude.append(amplitude.copy())
+        if len(self._waiting) == self.BLOCK:
+            self._evaluate()
+
+    def _evaluate(self) -> None:
+        if not self._waiting:
+            return
+        amplitude, rate, force = (np.array(values) for values in zip(*self._waiting, strict=True))
+        t_s = np.array(self.steps[-len(amplitude):]) * self._step.dt_s
+        acceleration = self._motion.acceleration_at(amplitude, rate, force)
+        kinetic, internal = self._motion.energies_at(amplitude, rate)
+        self._check(t_s, kinetic + internal)
+        self._blocks.append(np.column_stack([
+            amplitude @ self._mean, rate @ self._mean, acceleration @ self._mean, kinetic, internal, kinetic + internal,
+            acceleration @ self._sensor.T, amplitude @ self._rod.T]))
+        self.bending.add(t_s, amplitude)
+        self._waiting = []
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """All that was recorded, for `set_state`."""
-        return {"rows": np.array(self.rows), "steps": np.array(self.steps),
+        """All that was recorded, for `set_state`. The rows of a block begun stay as they are, so that a run that goes on
+        from here works out the same blocks."""
+        return {"rows": self._rows(), "steps": np.array(self.steps), "waiting": np.array(self._waiting),
                 "view_amplitude": np.array(self.view_amplitude), **self.bending.get_state()}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        self.rows, self.steps = list(state["rows"]), state["steps"].tolist()
+        self._blocks, self.steps = [state["rows"]], state["steps"].tolist()
+        self._waiting = [(amplitude, rate, force) for amplitude, rate, force in state["waiting"]]
         self.view_amplitude = list(state["view_amplitude"])
         self.bending.set_state(state)
 
+    def _rows(self) -> np.ndarray:
+        return np.concatenate([np.empty((0, len(self.columns))), *self._blocks])
+
     def frame(self) -> pd.DataFrame:
-        return pd.DataFrame(np.array(self.rows), columns=self.columns)
+        self._evaluate()
+        return pd.DataFrame(self._rows(), columns=self.columns)
 
 
 def read_forces(file: Path, n_agglomerates: int) -> tuple[np.ndarray, np.ndarray]:

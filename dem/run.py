@@ -199,7 +199,8 @@ def _run_in(unfinished: Unfinished, deck_hash: str, resume_step: int, lock: int,
     motion, plate, place = None, None, Place()
     if model.modes is not None:
         motion = ModalMotion(model.modes, model.step.co_step * model.step.dt_s)
-        plate = PlateRecorder(model.scene, model.modes, motion, model.step, view_steps(model.scene, model.step))
+        plate = PlateRecorder(model.scene, model.modes, motion, model.step, view_steps(model.scene, model.step),
+                              PlateMonitor(model.scene, model.assembly))
     progress = Progress(f"{model.scene.name} {model.scene.stones.gangue_ratio:4.0%}", model.scene.time.duration_s,
                         show_progress)
     if resume_step and motion is not None and plate is not None:
@@ -242,11 +243,8 @@ def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateR
             timer.daemon = True
             timer.start()
         if motion is not None and plate is not None and pipes is not None:
-            monitor = PlateMonitor(model.scene, model.assembly)
-
-            def record(dem_step, force):
-                plate(dem_step, force)
-                monitor(dem_step * model.step.dt_s, motion)
+            def record(dem_step, *state):
+                plate(dem_step, *state)
                 progress(dem_step * model.step.dt_s)
             try:
                 pipes.open()

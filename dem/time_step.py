@@ -17,8 +17,8 @@ DAMPED_SHARE = 0.8       # of the limit of damped bonds, see `bond_fraction`
 RAYLEIGH_FRACTION = 0.2  # of the Rayleigh time of the smallest sub-sphere, the usual share in DEM
 CONTACT_STEPS = 400      # steps in the shortest contact with the plate: peak force and contact time to 1e-4
 CO_STEPS_IN_CONTACT = 45           # of a whole stone with the plate
-CO_STEPS_IN_FRAGMENT_CONTACT = 12  # of the smallest sub-sphere alone, docs/exchange.md
-EXCHANGE_COST = 0.07               # of one exchange, in DEM steps of the default scene
+CO_STEPS_IN_FRAGMENT_CONTACT = 4   # of the smallest sub-sphere alone, docs/exchange.md
+EXCHANGE_COST = 0.15               # of one exchange, in DEM steps of the default scene
 # The wall moves by prediction, so plate and contact must not react on each other within a co-step. With the mobility
 # Phi of the plate at the stones (kg^-1) and the stiffness k and dashpot c of a contact: shares of 1/sqrt(k Phi) and
 # 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
@@ -104,8 +104,14 @@ def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, flo
     if wanted is not None and wanted > most:
         raise InputError(f"{file}: time.co_step = {wanted}: must be at most {most} with a time step of {dt_s:.3g} s, the "
                          f"limit set by {min(mutual, key=mutual.__getitem__)}")
-    most = max(1, min(most, int(resolved_s / dt_s)))
-    candidates = range(max(1, most - 99), most + 1)  # of many the longest are as good as any
+    longest_s = min(resolved_s, *mutual.values())
+
+    def length_s(n: int) -> float:  # with the step that n leads to
+        return n * scene.time.sample_interval_s / _sample_steps(scene, dt_s, n)
+
+    at_most = max(1, int(2 * longest_s / dt_s))
+    candidates = [n for n in range(max(1, at_most - 199), at_most + 1)  # of many the longest are as good as any
+                  if length_s(n) <= longest_s] or [1]
     return wanted or min(candidates, key=lambda n: _sample_steps(scene, dt_s, n) * (1 + EXCHANGE_COST / n))
 
 

@@ -63,6 +63,8 @@ class ModalMotion:
     work_J is the exact work of the modal force since the start. Forces have unit N kg^-1/2.
     """
 
+    ROWS = 128  # of free motion found at once
+
     def __init__(self, modes, interval_s):
         self._modes, self.interval_s = modes, float(interval_s)
         self._omega = 2 * np.pi * np.asarray(modes.frequency_Hz, float)
@@ -72,7 +74,7 @@ class ModalMotion:
         self._rigid = np.flatnonzero(self._omega == 0)
         rigid = self._omega_d == 0
         self._period_s = np.where(rigid, 0.0, 1 / np.where(rigid, 1.0, self._omega_d))  # per radian
-        self._turns = {}
+        self._turns, self._powers = {}, {}
         self._state = np.zeros((2, len(self._omega)))
         self._free_end = None  # (intervals, state after as long a free motion), found by `predict` for `advance`
         self.work_J, self._start_J = 0.0, 0.0
@@ -94,6 +96,27 @@ class ModalMotion:
     def predict(self, force):
         """(amplitude, rate) one interval later under a constant modal force (n,); the state stays."""
         return self._after(force, 1)
+
+    def free_states(self, intervals, count):
+        """States (count, 2, n), amplitude and rate, after 1, 2, ... `count` times `intervals` of free motion, count at
+        most ROWS; the motion stands at the last.
+
+        By powers of exp((-zeta omega + i omega_d) h), exact like `advance` without force, many rows for the price of few.
+        """
+        if intervals not in self._powers:
+            h = np.arange(1, self.ROWS + 1)[:, None] * (intervals * self.interval_s)
+            self._powers[intervals] = np.exp(h * (-self._decay_rate + 1j * self._omega_d)), h
+        power, h = (values[:count] for values in self._powers[intervals])
+        q, r = self._state
+        # q(t) = Re(c exp(..)); its derivative is y - zeta omega q with y = -Im(omega_d c exp(..))
+        turned = power * (q - 1j * (r + self._decay_rate * q) * self._period_s)
+        states = np.empty((count, 2, len(q)))
+        states[:, 0] = turned.real
+        states[:, 1] = -self._omega_d * turned.imag - self._decay_rate * turned.real
+        states[:, 0, self._rigid] = q[self._rigid] + h * r[self._rigid]
+        states[:, 1, self._rigid] = r[self._rigid]
+        self._move_to(states[-1])
+        return states
 
     def advance_linear(self, force_start, force_end):
         """Move over one interval under a modal force going linearly from force_start to force_end (n,)."""
@@ -123,7 +146,11 @@ class ModalMotion:
 
     def acceleration(self, force):
         """Modal accelerations (n,) at this instant under a modal force (n,)."""
-        return force - 2 * self._decay_rate * self.rate - self._omega**2 * self.amplitude
+        return self.acceleration_at(self.amplitude, self.rate, force)
+
+    def acceleration_at(self, amplitude, rate, force):
+        """Modal accelerations (..., n) in the state (amplitude, rate) under a modal force, each (..., n)."""
+        return force - 2 * self._decay_rate * rate - self._omega**2 * amplitude
 
     def reach_m(self, amplitude, rate):
         """Upper bound for |w| anywhere on the plate, at any later time of free motion from (amplitude, rate).
@@ -134,7 +161,11 @@ class ModalMotion:
         if len(self._rigid) and rate[self._rigid].any():
             return np.inf
         other = (rate + self._decay_rate * amplitude) * self._period_s
-        return float(self._modes.largest_shape @ np.hypot(amplitude, other))
+        return float(self._modes.largest_shape @ np.sqrt(amplitude * amplitude + other * other))
+
+    def energies_at(self, amplitude, rate):
+        """Kinetic and strain energy (...,) in J of plate and rods in the state (amplitude, rate), each (..., n)."""
+        return 0.5 * (rate**2).sum(axis=-1), 0.5 * ((self._omega * amplitude) ** 2).sum(axis=-1)
 
     @property
     def kinetic_J(self):

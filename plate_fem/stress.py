@@ -26,8 +26,6 @@ class StressPeak:
     modes: PlateModes. rods: those of the plate's table; near them the stress is only indicative.
     """
 
-    BLOCK = 128  # instants evaluated together
-
     def __init__(self, modes, rods=()):
         self._node_m = modes.node_m
         n_modes = modes.surface_stress.shape[2]
@@ -36,47 +34,41 @@ class StressPeak:
         near = np.array([d < 0 for d in distance]).any(axis=0) if rods else np.zeros(len(self._node_m), bool)
         self._kind = {False: np.flatnonzero(~near), True: np.flatnonzero(near)}
         self._best = {False: (0.0, 0, 0.0), True: (0.0, 0, 0.0)}  # (von Mises squared, node, time)
-        self._waiting = []
+        # Von Mises stress is a norm, so that of a sum is at most the sum of those of the modes.
+        unit = von_mises(np.moveaxis(modes.surface_stress, 1, 2))  # (n_nodes, n_modes)
+        self._largest = {kind: unit[nodes].max(axis=0, initial=0.0) for kind, nodes in self._kind.items()}
 
     def add(self, t_s, amplitude):
-        """Note the modal amplitudes (n,), an array that stays as it is, at the time t_s."""
-        self._waiting.append((t_s, amplitude))
-        if len(self._waiting) == self.BLOCK:
-            self._evaluate()
+        """Note the modal amplitudes (k, n) at the times t_s (k,)."""
+        t_s, amplitude = np.asarray(t_s), np.asarray(amplitude)
+        bound = {kind: np.abs(amplitude) @ self._largest[kind] for kind in self._kind}
+        above = np.any([bound[kind] ** 2 > self._best[kind][0] for kind in self._kind], axis=0)
+        if not above.any():
+            return
+        sx, sy, txy = (self._columns @ amplitude[above].T).reshape(3, len(self._node_m), -1)
+        squared = sx * (sx - sy) + sy**2 + 3 * txy**2
+        for kind, nodes in self._kind.items():
+            if not len(nodes):
+                continue
+            node, k = np.unravel_index(squared[nodes].argmax(), (len(nodes), squared.shape[1]))
+            found = squared[nodes[node], k]
+            if found > self._best[kind][0]:
+                self._best[kind] = (float(found), int(nodes[node]), float(t_s[above][k]))
 
     def get_state(self):
         """Copy of the state, a dict of arrays, for `set_state`."""
-        times, amplitudes = zip(*self._waiting) if self._waiting else ((), ())
-        return {"peak": np.array([self._best[False], self._best[True]]),
-                "waiting_t_s": np.array(times), "waiting_amplitude": np.array(amplitudes)}
+        return {"peak": np.array([self._best[False], self._best[True]])}
 
     def set_state(self, state):
         """Take a state from `get_state`."""
         self._best = {at_rods: (float(squared), int(node), float(t_s))
                       for at_rods, (squared, node, t_s) in zip((False, True), state["peak"])}
-        self._waiting = list(zip(state["waiting_t_s"].tolist(), state["waiting_amplitude"]))
 
     def result(self, at_rods=False):
         """The peak: {"von_mises_Pa", "x_m", "y_m", "t_s"}."""
-        self._evaluate()
         squared, node, t_s = self._best[at_rods]
         x, y = self._node_m[node]
         return {"von_mises_Pa": float(np.sqrt(squared)), "x_m": float(x), "y_m": float(y), "t_s": float(t_s)}
-
-    def _evaluate(self):
-        if not self._waiting:
-            return
-        times, amplitudes = zip(*self._waiting)
-        sx, sy, txy = (self._columns @ np.array(amplitudes).T).reshape(3, len(self._node_m), -1)
-        squared = sx * (sx - sy) + sy**2 + 3 * txy**2
-        for kind, nodes in self._kind.items():
-            if not len(nodes):
-                continue
-            node, k = np.unravel_index(squared[nodes].argmax(), (len(nodes), len(times)))
-            found = squared[nodes[node], k]
-            if found > self._best[kind][0]:
-                self._best[kind] = (float(found), int(nodes[node]), times[k])
-        self._waiting = []
 
 
 def curvature_operator(system):

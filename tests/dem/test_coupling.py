@@ -169,7 +169,8 @@ def test_the_scheme_is_of_second_order_in_the_co_step(runs):
 
 
 def test_the_co_step_of_a_bonded_stone_is_short_enough(runs):
-    """A stone that does not break, at the default co-step and at every step: force, plate velocity and energy."""
+    """A stone that does not break, at the default co-step and at every step: a tenth of the 1 % that a default may be
+    off in force, plate velocity and energy."""
     found = {}
     for co_step in (None, 1):
         scene = changed("single", {"stones.agglomerate": {"subspheres": 500, "unbreakable": True}, "output": None,
@@ -179,10 +180,10 @@ def test_the_co_step_of_a_bonded_stone_is_short_enough(runs):
         summary = run_scene(scene, "co-step", directory)
         found[co_step] = (summary["co_step"], summary["dt_s"], pd.read_parquet(directory / "fast.parquet"))
     assert found[None][0] > 1 and found[None][1] == found[1][1]
-    for name, bound in (("force_N", 2e-4), ("v_m_s", 2e-5), ("total_J", 2e-4)):
+    for name in ("force_N", "v_m_s", "total_J"):
         every, default = (found[k][2][name].to_numpy() for k in (1, None))
         error = np.linalg.norm(default - every) / np.linalg.norm(every)
-        assert error < bound, f"{name}: {error:.1e}"
+        assert error < 1e-3, f"{name}: {error:.1e}"
 
 
 @pytest.mark.parametrize("case, changes", [

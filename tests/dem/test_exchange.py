@@ -79,7 +79,7 @@ def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
     engine = FakeEngine(tmp_path, mass=0.3, stiffness=1e6, co_steps=count, interval_s=interval)
     engine.start()
     pipes.open()
-    follow(motion, pipes, steps(10 * count), lambda step, force: None)
+    follow(motion, pipes, steps(10 * count), lambda *row: None)
     pipes.close()
     engine.join(5)
     omega2 = (2 * np.pi * FREQUENCY_Hz) ** 2
