@@ -17,7 +17,7 @@ ENDINGS = (*TABLES, ".wav", ".uff", ".unv")
 TIME_COLUMNS = ("t_s", "time_s", "time", "t")
 
 # What scipy raises for a broken file, found by tests/fuzz.
-BROKEN_WAV = (OSError, ValueError, EOFError, TypeError, UnboundLocalError, struct.error)
+BROKEN_WAV = (OSError, ValueError, EOFError, TypeError, UnboundLocalError, ZeroDivisionError, struct.error)
 TIME_DOMAIN = 1  # func_type of a time response in UFF dataset 58
 
 
@@ -135,6 +135,8 @@ def read_wav(path, channel: str | None = None) -> Record:
             rate_Hz, samples = wavfile.read(path)
     except BROKEN_WAV as error:
         raise RecordError(f"{path}: not a readable WAV file ({error})") from None
+    if samples.size == 0:
+        raise RecordError(f"{path}: holds no samples")
     if np.issubdtype(samples.dtype, np.integer):
         limits = np.iinfo(samples.dtype)
         centre = 128.0 if samples.dtype == np.uint8 else 0.0

@@ -125,6 +125,12 @@ def knobs() -> list[Knob]:
     def co_step(n: int) -> Setting:
         return Setting(n * fine / stone_contact, {"time.time_step_s": fine, "time.co_step": n}, free)
 
+    row = SAMPLE_s / dem.time_step.FAST_PER_SAMPLE
+
+    def sphere_co_step(n: int) -> Setting:
+        dt = row / 36
+        return Setting(n * dt / stone_contact, {"stones.agglomerate": None, "time.time_step_s": dt, "time.co_step": n}, free)
+
     def modes(frequency_Hz: float) -> Setting:
         return Setting(frequency_Hz * stone_contact, {"plate.max_frequency_Hz": frequency_Hz})
 
@@ -147,8 +153,12 @@ def knobs() -> list[Knob]:
     def rows(n: int) -> Setting:
         return Setting(n / SAMPLE_s, {}, {"FAST_PER_SAMPLE": n})
 
+    # Seen only where a stone comes down again: one, slow enough to do so within 0.15 s.
+    bounce = {"time.duration_s": 0.15, "stones.speed_m_s": 0.5, "stones.count": 1, "stones.gangue_order": [1],
+              "stones.positions": [{"x_m": 0.05, "y_m": 0.03}], "stones.gangue_ratio": 0.0}
+
     def idle(tolerance: float) -> Setting:
-        return Setting(tolerance, {"time.idle_tolerance": tolerance})
+        return Setting(tolerance, {"time.idle_tolerance": tolerance} | bounce)
 
     default_co_step = 1 / dem.time_step.CO_STEPS_IN_CONTACT
     return [
@@ -157,6 +167,8 @@ def knobs() -> list[Knob]:
              sphere(32), recognised=False),
         Knob("co-step", "of the contact time", default_co_step, [co_step(n) for n in (1, 2, 3, 4, 6, 12, 24)],
              Setting(0.0, {"time.time_step_s": fine / 6, "time.co_step": 1}, free)),
+        Knob("co-step, spheres", "of the contact time", default_co_step, [sphere_co_step(n) for n in (2, 4, 9, 18, 36)],
+             sphere_co_step(1), recognised=False),
         Knob("modes", "cut-off x contact time", 20e3 * stone_contact,
              [modes(f) for f in (2.5e3, 3.5e3, 5e3, 10e3, 20e3, 28e3)], modes(56e3), of_the_plate=True),
         *(Knob(f"modes, thin plate{name}", "cut-off x contact time", 20e3 * stone_contact,
@@ -165,8 +177,8 @@ def knobs() -> list[Knob]:
         Knob("mesh", "of the default cell", 1.0, [mesh(f) for f in (2.0, 1.5, 1.0, 0.7)], mesh(0.35), of_the_plate=True),
         Knob("output rate", "Hz", dem.time_step.FAST_PER_SAMPLE / SAMPLE_s, [rows(n) for n in (1, 2, 5, 10, 15, 30)],
              rows(60)),
-        Knob("idle tolerance", "of the energy of the impact", 1e-6, [idle(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
-             idle(0.0)),
+        Knob("idle tolerance", "of the energy of the impact", 1e-4, [idle(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
+             idle(0.0), recognised=False),
     ]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 KNOBS = {"time step": "time_step", "time step, spheres": "contact", "co-step": "co_step",
+         "co-step, spheres": "co_step_spheres",
          "modes, thin plate": "modes", "modes, thin plate, spheres": "modes_spheres"}
 ERRORS = ["force_peak", "force_l2", "energy_peak", "energy_l2", "acceleration_peak", "acceleration_l2"]
 

@@ -73,7 +73,7 @@ def main() -> None:
     changes = {"time.duration_s": options.duration_s, "output": None} | ({"time.idle_tolerance": 0.0} if options.brute else {})
     scene = changed_scene(SCENE, changes)
     classes = {"PlatePipes": TimedPipes, "PlateRecorder": timed(PlateRecorder, recording, "__call__"),
-               "ModalMotion": timed(ModalMotion, moving, "advance", "predict", "reach_m", "free_states")}
+               "ModalMotion": timed(ModalMotion, moving, "advance", "predict", "reach_m", "advance_rows")}
     for name, of_time in classes.items():
         setattr(dem.run, name, of_time)
     with tempfile.TemporaryDirectory() as directory:

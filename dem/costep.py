@@ -1,8 +1,8 @@
 """The plate's half of the co-simulation: it follows the forces of the engine and says where it will be.
 
-The engine's wall aims at the place where the plate is predicted to be at the end of the coming co-step; the prediction
-takes the modal force to go on linearly, 2 F0 - F1. When the true mean force of that co-step is known the plate moves
-under it, exactly. The scheme is of second order in the co-step, and conserves the impulse to round-off.
+The engine's wall aims at the place where the plate is predicted to be at the next exchange; the prediction takes the modal
+force to go on linearly, 2 F0 - F1. When the true mean force of that time is known the plate moves under it, exactly. The
+scheme is of second order in the time between exchanges, and conserves the impulse to round-off.
 """
 
 from __future__ import annotations
@@ -12,17 +12,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dem.exchange import CHECKPOINT, PlatePipes
+from dem.exchange import CHECKPOINT, Message, PlatePipes
 from dem.time_step import TimeStep
 from plate_fem.motion import ModalMotion
 
 
 @dataclass
 class Place:
-    """Where the plate is in the exchange: DEM step and the last modal force (modes,), None before the first record."""
+    """Where the plate is in the exchange: DEM step, the last modal force (modes,), None before the first record, the
+    co-steps that it is the mean of, and how many co-steps ahead the engine then asked."""
 
     dem_step: int = 0
     last_force: np.ndarray | None = None
+    co_steps: int = 0
+    ahead: int = 0
 
 
 Record = Callable[[int, np.ndarray, np.ndarray, np.ndarray], None]
@@ -47,13 +50,20 @@ def follow(motion: ModalMotion, pipes: PlatePipes, step: TimeStep, record: Recor
             pipes.answer(CHECKPOINT, 0.0, none, none)
             continue
         force = message.modal_force
-        # After free flight there is no trend to go on with.
-        trend = force - place.last_force if message.co_steps == 1 else none
-        place.dem_step = _advance(motion, force, force + trend / 2, place.dem_step, message.co_steps, step, record)
-        place.last_force = force
-        amplitude, rate = motion.predict(force + trend)
+        slope = _slope(place, message) * (force - place.last_force)
+        place.dem_step = _advance(motion, force, force + slope * (message.co_steps / 2), place.dem_step, message.co_steps,
+                                  step, record)
+        place.last_force, place.co_steps, place.ahead = force, message.co_steps, message.ahead
+        amplitude, rate = motion.predict(force + slope * ((message.co_steps + message.ahead) / 2), message.ahead)
         pipes.answer(message.step, motion.reach_m(amplitude, rate), amplitude, rate)
     _advance(motion, none, none, place.dem_step, (step.steps - place.dem_step) // step.co_step, step, record)
+
+
+def _slope(place: Place, message: Message) -> float:
+    """One over the co-steps between the middles of the last two forces, which are means; 0 after free flight, when there is
+    no trend to go on with."""
+    followed = 0 < message.co_steps == place.ahead
+    return 2 / (place.co_steps + message.co_steps) if followed else 0.0
 
 
 def _advance(motion, force, force_at_end, now, co_steps, step, record) -> int:
@@ -61,20 +71,15 @@ def _advance(motion, force, force_at_end, now, co_steps, step, record) -> int:
     end = now + co_steps * step.co_step
     while now < end:
         rows = min((end - now) // step.fast_steps, motion.ROWS)
-        if rows > 1 and now % step.fast_steps == 0 and not force.any():
-            now = _fly(motion, force, now, rows, step, record)
-            continue
-        stop = min(end, (now // step.fast_steps + 1) * step.fast_steps)
-        motion.advance(force, (stop - now) // step.co_step)
-        now = stop
-        if now % step.fast_steps == 0:
-            record(now, motion.amplitude, motion.rate, force_at_end)
-    return now
-
-
-def _fly(motion, no_force, now, rows, step, record) -> int:
-    """`rows` rows of free motion at once; the same as one after the other."""
-    for amplitude, rate in motion.free_states(step.fast_steps // step.co_step, rows):
-        now += step.fast_steps
-        record(now, amplitude, rate, no_force)
+        if rows > 1 and now % step.fast_steps == 0:
+            states = motion.advance_rows(force, step.fast_steps // step.co_step, rows)
+            steps = range(now + step.fast_steps, now + rows * step.fast_steps + 1, step.fast_steps)
+        else:
+            stop = min(end, (now // step.fast_steps + 1) * step.fast_steps)
+            motion.advance(force, (stop - now) // step.co_step)
+            states, steps = [(motion.amplitude, motion.rate)], range(stop, stop + 1)
+        for at, (amplitude, rate) in zip(steps, states, strict=True):
+            if at % step.fast_steps == 0:
+                record(at, amplitude, rate, force_at_end if at == end else force)
+        now = steps[-1]
     return now

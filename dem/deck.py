@@ -11,7 +11,7 @@ import numpy as np
 from dem.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.plate_yield import yield_pressure_Pa
 from dem.scene import PLATE, Scene, contact_key
-from dem.time_step import TimeStep, impact_speed_m_s
+from dem.time_step import TimeStep, impact_speed_m_s, light_contact
 from plate_fem.modes import PlateModes
 
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
@@ -68,6 +68,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         dt_s=repr(step.dt_s),
         sample_steps=step.sample_steps,
         co_step=step.co_step,
+        light=light_contact(scene, assembly, step),
         steps=step.steps,
         extent_m=[-half[0], half[0], -half[1], half[1]],
         speed_m_s=scene.stones.speed_m_s,
@@ -101,10 +102,12 @@ def _idle(scene: Scene, step: TimeStep) -> dict | None:
 
 
 def view_steps(scene: Scene, step: TimeStep) -> int | None:
-    """DEM steps between two pictures, a whole number of samples; None if the scene wants none."""
+    """DEM steps between two pictures, a whole number of samples; None if the scene wants none. An interval longer than the
+    run, which LIGGGHTS might not be able to count, is one sample more than the run: a picture at its start alone."""
     if scene.output.view_interval_s is None:
         return None
-    return step.sample_steps * max(1, round(scene.output.view_interval_s / scene.time.sample_interval_s))
+    samples = min(scene.output.view_interval_s / scene.time.sample_interval_s, step.steps // step.sample_steps + 1)
+    return step.sample_steps * max(1, round(samples))
 
 
 def skin_m(assembly: Assembly) -> float:

@@ -25,13 +25,15 @@ class ExchangeError(RuntimeError):
 
 @dataclass(frozen=True)
 class Message:
-    """`modal_force` (modes,) is the mean over the `co_steps` that ended at DEM step `step`, N kg^-1/2.
+    """`modal_force` (modes,) is the mean over the `co_steps` that ended at DEM step `step`, N kg^-1/2. The engine asks where
+    the plate will be `ahead` co-steps later.
 
     With the step CHECKPOINT the engine says that it has kept its state at DEM step `co_steps`.
     """
 
     step: int
     co_steps: int
+    ahead: int
     modal_force: np.ndarray
 
 
@@ -73,17 +75,20 @@ class PlatePipes:
 
     def receive(self) -> Message | None:
         """The next message, or None when the engine says that it has finished."""
-        data = self._read(16 + 8 * self._modes)
-        step, co_steps = struct.unpack_from("<qq", data)
+        data = self._read(24 + 8 * self._modes)
+        step, co_steps, ahead = struct.unpack_from("<qqq", data)
         if step == FINISHED:
             return None
-        force = np.frombuffer(data, dtype="<f8", offset=16)
-        if co_steps < 0 or not math.isfinite(force @ force):
+        force = np.frombuffer(data, dtype="<f8", offset=24)
+        if not math.isfinite(force @ force):
             raise ExchangeError(f"the engine sent a force that is no number at step {step}")
-        return Message(step, co_steps, force)
+        if step != CHECKPOINT and (step < 0 or co_steps < 0 or ahead < 1):
+            raise ExchangeError(f"the engine sent step {step}, {co_steps} co-steps and {ahead} ahead; allowed are numbers "
+                                "from 0, 0 and 1 on")
+        return Message(step, co_steps, ahead, force)
 
     def answer(self, step: int, reach_m: float, amplitude: np.ndarray, rate: np.ndarray) -> None:
-        """Where the plate is predicted to be one co-step after `step`."""
+        """Where the plate is predicted to be, as far after `step` as was asked."""
         self._answer_step[0], self._answer[1] = step, reach_m
         self._answer[2:2 + self._modes], self._answer[2 + self._modes:] = amplitude, rate
         data = self._answer.tobytes()

@@ -215,13 +215,14 @@ def _run_in(unfinished: Unfinished, deck_hash: str, resume_step: int, lock: int,
 def plate_state(motion: ModalMotion, plate: PlateRecorder, place: Place) -> State:
     """The plate's half of a checkpoint."""
     assert place.last_force is not None
-    return {"dem_step": np.array(place.dem_step), "last_force": place.last_force,
+    return {"place": np.array([place.dem_step, place.co_steps, place.ahead]), "last_force": place.last_force,
             **{f"motion_{name}": value for name, value in motion.get_state().items()},
             **{f"plate_{name}": value for name, value in plate.get_state().items()}}
 
 
 def set_plate_state(state: State, motion: ModalMotion, plate: PlateRecorder, place: Place) -> None:
-    place.dem_step, place.last_force = int(state["dem_step"]), state["last_force"]
+    place.dem_step, place.co_steps, place.ahead = (int(number) for number in state["place"])
+    place.last_force = state["last_force"]
     motion.set_state({name.removeprefix("motion_"): value for name, value in state.items() if name.startswith("motion_")})
     plate.set_state({name.removeprefix("plate_"): value for name, value in state.items() if name.startswith("plate_")})
 

@@ -28,7 +28,7 @@ class TimeTable(Table):
     co_step: Annotated[int, Field(ge=1)] | None = None  # DEM steps; default from the shortest contact
     # A body in the air is left out of the force loops when its inner motion has less than this share of the kinetic
     # energy of the impact; 0: never (docs/idle.md).
-    idle_tolerance: NotNegative = 1e-6
+    idle_tolerance: NotNegative = 1e-4
 
     @model_validator(mode="after")
     def whole_samples(self):

@@ -8,7 +8,7 @@ import numpy as np
 
 from dem.assembly import Assembly
 from dem.scene import PLATE, Scene, contact_key
-from dem.tolerance import modes_knob, setting_for
+from dem.tolerance import co_step_knob, modes_knob, setting_for
 from plate_fem.modes import PlateModes
 from plate_fem.tables import InputError
 
@@ -24,6 +24,9 @@ EXCHANGE_COST = 0.15               # of one exchange, in DEM steps of the defaul
 # 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
 STIFFNESS_SHARE = 0.2
 DASHPOT_SHARE = 0.15
+# While chips lie or hop on the plate one exchange serves several co-steps: while the push is below this share of a stone's
+# peak force and nothing comes faster than this share of the impact, and no more co-steps than this.
+LIGHT_FORCE_SHARE, LIGHT_SPEED_SHARE, LIGHT_CO_STEPS = 1e-3, 0.1, 8
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
 
@@ -40,6 +43,15 @@ class TimeStep:
     fast_steps: int
     sample_steps: int
     steps: int
+
+
+@dataclass(frozen=True)
+class LightContact:
+    """Below this push and speed one exchange serves `co_steps`."""
+
+    force_N: float
+    speed_m_s: float
+    co_steps: int
 
 
 def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float | None = None) -> TimeStep:
@@ -76,7 +88,7 @@ def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float 
                          f"{min(wanted, scene.time.sample_interval_s):.3g} s")
     resolved = min(stone_contact / CO_STEPS_IN_CONTACT, contact / CO_STEPS_IN_FRAGMENT_CONTACT)
     if scene.tolerance is not None:
-        resolved = min(resolved, setting_for("co_step", scene.tolerance) * stone_contact)
+        resolved = min(resolved, setting_for(co_step_knob(bond_time is not None), scene.tolerance) * stone_contact)
     co_step = _co_step(scene, wanted, resolved, mutual, file)
     sample_steps = _sample_steps(scene, wanted, co_step)
     intervals = int(scene.time.duration_s / scene.time.sample_interval_s + 1e-9)  # 0.04 s: 266, thus 267 samples
@@ -115,13 +127,29 @@ def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, flo
     return wanted or min(candidates, key=lambda n: _sample_steps(scene, dt_s, n) * (1 + EXCHANGE_COST / n))
 
 
+def light_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> LightContact:
+    """When the exchange may be seldomer. Only chips push so little for long, so a scene without bonds, or one that sets its
+    co-step, has one exchange every co-step.
+
+    The stiffness of a Hertz contact goes with the cube root of the force, and the limits of the co-step (1/sqrt(k), 1/c) with
+    the inverse sixth.
+    """
+    limits = [limit for name, limit in step.limits_s.items() if name.startswith("exchange_")]
+    co_steps = 1
+    if limits and assembly.n_bonds and scene.time.co_step is None:
+        co_steps = int(min(limits) * LIGHT_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
+    peak_N = min(_stone_peak_force_N(scene, name) for name in assembly.materials)
+    return LightContact(LIGHT_FORCE_SHARE * peak_N, LIGHT_SPEED_SHARE * impact_speed_m_s(scene),
+                        min(max(1, co_steps), LIGHT_CO_STEPS))
+
+
 def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
     """The settings of a run by the knobs of dem/tolerance.py; `scene` with its plate's frequency filled in."""
     contact = stone_contact_time_s(scene, assembly)
     settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
                 {"time_step": step.dt_s / step.bond_time_s})
     if scene.plate.model == "flexible" and scene.plate.max_frequency_Hz is not None:
-        settings |= {"co_step": step.co_step * step.dt_s / contact,
+        settings |= {co_step_knob(assembly.n_bonds > 0): step.co_step * step.dt_s / contact,
                      modes_knob(assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
     return settings
 
@@ -197,6 +225,16 @@ def _hertz_time_s(scene: Scene, material: str, radius_m, mass_kg):
                    + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
     depth = (5 * mass_kg * speed**2 / (4 * 4 / 3 * np.sqrt(radius_m) * modulus)) ** 0.4
     return 2.9432 * depth / speed
+
+
+def _stone_peak_force_N(scene: Scene, material: str) -> float:
+    """Hertz' K delta^(3/2) of a whole stone on the rigid plate (paper, Eqs. 2, 3)."""
+    stones, m, plate = scene.stones, scene.materials[material], scene.plate
+    modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa
+                   + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
+    hertz = 4 / 3 * np.sqrt(stones.radius_m) * modulus
+    mass = m.density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
+    return float(hertz * (5 * mass * impact_speed_m_s(scene) ** 2 / (4 * hertz)) ** 0.6)
 
 
 def exchange_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:

@@ -6,7 +6,8 @@ setting is free of units, so that the law holds for other scenes, and grows with
 
     time_step   dt/t0 of bonded stones (dem/time_step.py)
     contact     dt over the contact time of a whole stone, of unbonded spheres
-    co_step     co-step over the contact time of a whole stone
+    co_step     co-step over the contact time of a whole stone, under bonded stones
+    co_step_spheres  the same under unbonded spheres
     modes       period of the highest of the plate's modes over that contact time, under bonded stones
     modes_spheres  the same under unbonded spheres, whose push begins more sharply
 
@@ -59,12 +60,16 @@ def law(knob: str) -> Law:
 
 def least_tolerance(bonded: bool) -> float:
     """The smallest tolerance that the settings measured can keep."""
-    knobs = ("time_step", "co_step", "modes") if bonded else ("contact", "co_step", "modes_spheres")
+    knobs = ("time_step", "co_step", "modes") if bonded else ("contact", "co_step_spheres", "modes_spheres")
     return KNOBS * max(float(law(knob).errors[0]) for knob in knobs)
 
 
 def modes_knob(bonded: bool) -> str:
     return "modes" if bonded else "modes_spheres"
+
+
+def co_step_knob(bonded: bool) -> str:
+    return "co_step" if bonded else "co_step_spheres"
 
 
 def setting_for(knob: str, tolerance: float) -> float:

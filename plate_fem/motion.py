@@ -63,7 +63,7 @@ class ModalMotion:
     work_J is the exact work of the modal force since the start. Forces have unit N kg^-1/2.
     """
 
-    ROWS = 128  # of free motion found at once
+    ROWS = 128  # found at once by `advance_rows`
 
     def __init__(self, modes, interval_s):
         self._modes, self.interval_s = modes, float(interval_s)
@@ -72,6 +72,7 @@ class ModalMotion:
         self._decay_rate = zeta * self._omega
         self._omega_d = self._omega * np.sqrt(1 - zeta**2)
         self._rigid = np.flatnonzero(self._omega == 0)
+        self._flexibility = 1 / np.where(self._omega == 0, 1.0, self._omega**2)  # of each mode but the rigid ones, s^2
         rigid = self._omega_d == 0
         self._period_s = np.where(rigid, 0.0, 1 / np.where(rigid, 1.0, self._omega_d))  # per radian
         self._turns, self._powers = {}, {}
@@ -93,28 +94,32 @@ class ModalMotion:
         self._move_to(self._after(force, intervals))
         self.work_J += float(force @ (self.amplitude - before))
 
-    def predict(self, force):
-        """(amplitude, rate) one interval later under a constant modal force (n,); the state stays."""
-        return self._after(force, 1)
+    def predict(self, force, intervals=1):
+        """(amplitude, rate) `intervals` later under a constant modal force (n,); the state stays."""
+        return self._after(force, intervals)
 
-    def free_states(self, intervals, count):
-        """States (count, 2, n), amplitude and rate, after 1, 2, ... `count` times `intervals` of free motion, count at
-        most ROWS; the motion stands at the last.
+    def advance_rows(self, force, intervals, count):
+        """States (count, 2, n), amplitude and rate, after 1, 2, ... `count` times `intervals` under a constant modal force
+        (n,), count at most ROWS; the motion stands at the last.
 
-        By powers of exp((-zeta omega + i omega_d) h), exact like `advance` without force, many rows for the price of few.
+        About the static deflection each mode moves freely: powers of exp((-zeta omega + i omega_d) h), exact like
+        `advance`, many rows for the price of few.
         """
         if intervals not in self._powers:
             h = np.arange(1, self.ROWS + 1)[:, None] * (intervals * self.interval_s)
             self._powers[intervals] = np.exp(h * (-self._decay_rate + 1j * self._omega_d)), h
         power, h = (values[:count] for values in self._powers[intervals])
-        q, r = self._state
+        rest = np.where(self._omega == 0, 0.0, force * self._flexibility)
+        q, r = self.amplitude - rest, self.rate
         # q(t) = Re(c exp(..)); its derivative is y - zeta omega q with y = -Im(omega_d c exp(..))
         turned = power * (q - 1j * (r + self._decay_rate * q) * self._period_s)
         states = np.empty((count, 2, len(q)))
-        states[:, 0] = turned.real
+        states[:, 0] = turned.real + rest
         states[:, 1] = -self._omega_d * turned.imag - self._decay_rate * turned.real
-        states[:, 0, self._rigid] = q[self._rigid] + h * r[self._rigid]
-        states[:, 1, self._rigid] = r[self._rigid]
+        pushed = force[self._rigid]
+        states[:, 0, self._rigid] = q[self._rigid] + h * r[self._rigid] + h**2 / 2 * pushed
+        states[:, 1, self._rigid] = r[self._rigid] + h * pushed
+        self.work_J += float(force @ (states[-1, 0] - self.amplitude))
         self._move_to(states[-1])
         return states
 

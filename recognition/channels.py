@@ -24,6 +24,10 @@ class Channels:
 
     kind: str
 
+    def __post_init__(self):
+        if self.kind not in CHANNELS:
+            raise ValueError(f"channels {self.kind!r}; allowed are {', '.join(CHANNELS)}")
+
     def names(self, columns) -> list[str]:
         """The columns taken. RecognitionError where the record has none of a kind."""
         found = []

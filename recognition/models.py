@@ -7,6 +7,8 @@ of its format and where it came from.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -113,7 +115,12 @@ class Model:
             if name in self.methods:
                 method = self.methods[name]
                 try:
-                    return name, method.recognise(method.prepare(table))
+                    row = method.prepare(table)
+                    with _fitting_numbers():
+                        found = method.recognise(row)
+                        if not np.isfinite(found.ratio) or np.isnan([found.low, found.high]).any():
+                            raise ValueError(f"ratio {found.ratio}, interval {found.low} to {found.high}")
+                    return name, found
                 except RecognitionError as reason:
                     reasons.append(str(reason))
         raise RecognitionError(f"{source}: {'; '.join(reasons) or 'the model has no method with an interval'}")
@@ -168,8 +175,11 @@ class Model:
             if not methods:
                 raise ValueError("no method")
             window = Window(float(data["rate_Hz"]), int(data["n_samples"]))
-            return cls(window, methods, data["provenance"])
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            provenance = data["provenance"]
+            if not isinstance(provenance, dict) or not isinstance(provenance.get("groups"), int):
+                raise TypeError("provenance must say from how many groups of runs")
+            return cls(window, methods, provenance)
+        except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
             raise RecognitionError(f"{path}: broken model ({type(error).__name__}: {error})") from None
 
 
@@ -206,11 +216,27 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, float | str]]:
     return answers
 
 
+@contextmanager
+def _fitting_numbers() -> Iterator[None]:
+    """A model file may hold numbers that do not fit together: arrays of other shapes, or too large to calculate with.
+    Raises RecognitionError."""
+    try:
+        yield
+    except RecognitionError:
+        raise
+    except (ValueError, TypeError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
+        raise RecognitionError(f"the model's numbers do not fit together ({error})") from error
+
+
 def _answer(method, record: pd.DataFrame | np.ndarray) -> float | str:
     """The ratio of a record's window, or of what `method.prepare` makes of it; else the reason."""
     try:
         row = method.prepare(record) if isinstance(record, pd.DataFrame) else record
-        return float(method.predict(row[None])[0])
+        with _fitting_numbers():
+            ratio = float(method.predict(row[None])[0])
+            if not np.isfinite(ratio):
+                raise ValueError(f"ratio {ratio}")
+        return ratio
     except NotRecognised as reason:
         return f"no answer: {reason}"
     except RecognitionError as reason:

@@ -49,7 +49,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
   const int end = position_of_contact(narg, arg);
   for (int k = 3; k < end;) {
     const std::string key = arg[k++];
-    const int needed = key == "extent" ? 4 : 1;
+    const int needed = key == "extent" ? 4 : key == "light" ? 3 : 1;
     if (k + needed > end) error->fix_error(FLERR, this, "a keyword lacks its value");
     if (key == "agglomerates") agglomerates = arg[k];
     else if (key == "forces") forces = arg[k];
@@ -61,14 +61,19 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
     else if (key == "yield_pressure")
       plastic_law_ = std::make_unique<PlasticLaw>(force->numeric(FLERR, arg[k]));
     else if (key == "co_step") co_step_ = force->inumeric(FLERR, arg[k]);
+    else if (key == "light") {
+      light_force_ = force->numeric(FLERR, arg[k]);
+      light_speed_ = force->numeric(FLERR, arg[k + 1]);
+      light_co_steps_ = force->inumeric(FLERR, arg[k + 2]);
+    }
     else if (key == "extent") {
       for (int e = 0; e < 4; e++) extent_[e] = force->numeric(FLERR, arg[k + e]);
       has_extent = true;
     } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
     k += needed;
   }
-  if (agglomerates.empty() || forces.empty() || !has_extent || co_step_ < 1)
-    error->fix_error(FLERR, this, "needs agglomerates, forces, extent and a co_step of at least 1");
+  if (agglomerates.empty() || forces.empty() || !has_extent || co_step_ < 1 || light_co_steps_ < 1)
+    error->fix_error(FLERR, this, "needs agglomerates, forces, extent and numbers of co-steps of at least 1");
   if (shapes.empty() != to_plate.empty() || shapes.empty() != from_plate.empty())
     error->fix_error(FLERR, this, "shapes, to_plate and from_plate go together");
 
@@ -110,6 +115,7 @@ int FixWallPlate::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | E
 void FixWallPlate::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
   step_in_co_step_ = 0;
+  ahead_ = 1;
   rebuildPrimitiveNeighlist_ = true;
   if (resuming) return;
   pre_force(vflag);
@@ -147,7 +153,7 @@ void FixWallPlate::list_near() {
 void FixWallPlate::update_shape(size_t k) {
   Near &p = near_[k];
   const double *x = atom->x[p.i];
-  const double reach = link_->reach + 2 * std::fabs(atom->v[p.i][2]) * co_step_ * update->dt;
+  const double reach = link_->reach + 2 * std::fabs(atom->v[p.i][2]) * interval();
   p.active = x[2] - atom->radius[p.i] < reach + 1e-6;
   if (!p.active) {
     p.w0 = p.w1 = p.rate0 = p.rate1 = 0;
@@ -168,11 +174,17 @@ void FixWallPlate::update_shape(size_t k) {
   }
 }
 
-// The plate at each near sub-sphere: the cubic that has the places and rates of both ends of the co-step.
-void FixWallPlate::place_plate(double s) {
-  const double T = co_step_ * update->dt;
+double FixWallPlate::interval() const { return ahead_ * co_step_ * update->dt; }
+
+// The plate at each near sub-sphere: the cubic that has the places and rates of both ends of the time between exchanges.
+void FixWallPlate::place_plate() {
+  const double T = interval();
+  const double s = static_cast<double>(co_steps_passed_ * co_step_ + step_in_co_step_) / (ahead_ * co_step_);
   for (Near &p : near_) {
-    if (!p.active) continue;
+    if (!p.active || !following_) {
+      p.w = p.rate = 0;
+      continue;
+    }
     const double rise = p.w1 - p.w0, a = T * p.rate0 - rise, b = rise - T * p.rate1;
     p.w = p.w0 + s * rise + s * (1 - s) * ((1 - s) * a + s * b);
     p.rate = (rise + (1 - 2 * s) * ((1 - s) * a + s * b) + s * (1 - s) * (b - a)) / T;
@@ -182,7 +194,7 @@ void FixWallPlate::place_plate(double s) {
 void FixWallPlate::post_force(int vflag) {
   double **x = atom->x, **v = atom->v, **f = atom->f, **torque = atom->torque;
   const double dt = update->dt;
-  if (link_) place_plate(static_cast<double>(step_in_co_step_) / co_step_);
+  if (link_) place_plate();
 
   std::vector<double> &keep = kept_z_;
   keep.resize(near_.size());
@@ -291,12 +303,13 @@ void FixWallPlate::end_co_step(bool first) {
     co_steps_passed_++;
   }
   step_in_co_step_ = 0;
-  if (link_ && (first || following_ || anything_near())) follow_plate();
+  if (!link_ || (!first && following_ && co_steps_passed_ < ahead_)) return;
+  if (first || following_ || anything_near()) follow_plate();
 }
 
 bool FixWallPlate::anything_near() const {
   int mine = 0, any = 0;
-  const double T = co_step_ * update->dt;
+  const double T = interval();
   for (const Near &p : near_) {
     const double clearance = atom->x[p.i][2] - atom->radius[p.i];
     mine |= clearance < link_->reach + 2 * T * std::fabs(atom->v[p.i][2]) + 1e-6;
@@ -305,24 +318,40 @@ bool FixWallPlate::anything_near() const {
   return any;
 }
 
+// One while a stone hits the plate, more while there are chips at rest or hopping, as long as the run lasts.
+int FixWallPlate::co_steps_ahead() const {
+  const long long left = (update->laststep - update->ntimestep) / co_step_;
+  const int most = std::max(1LL, std::min<long long>(light_co_steps_, left));
+  if (most == 1 || !following_) return 1;
+  const double T = most * co_step_ * update->dt;
+  double mine[2] = {0, 0}, all[2];  // push, how many come fast
+  for (const Near &p : near_) {
+    const double clearance = atom->x[p.i][2] - atom->radius[p.i], speed = std::fabs(atom->v[p.i][2]);
+    if (p.touched) mine[0] += std::fabs(p.force[2]);
+    mine[1] += speed > light_speed_ && clearance < link_->reach + 2 * T * speed + 1e-6;
+  }
+  MPI_Allreduce(mine, all, 2, MPI_DOUBLE, MPI_SUM, world);
+  return all[0] < light_force_ && all[1] == 0 ? most : 1;
+}
+
 // An exchange after free flight for the sake of the reach alone, which falls as the plate rings down.
 void FixWallPlate::ask_reach() {
   if (!link_ || co_steps_passed_ == 0) return;
-  link_->exchange(update->ntimestep, co_steps_passed_, modal_impulse_.data());
+  link_->exchange(update->ntimestep, co_steps_passed_, 1, modal_impulse_.data());
   co_steps_passed_ = 0;
 }
 
 // One exchange: the mean modal force since the last one goes out, the predicted place of the plate comes in.
 void FixWallPlate::follow_plate() {
   const int modes = shapes_->modes();
-  const double T = co_step_ * update->dt;
   const bool resumed = !following_;
+  ahead_ = co_steps_ahead();
   amplitude0_ = link_->amplitude;
   rate0_ = link_->rate;
   std::vector<double> total(modes);
   MPI_Reduce(modal_impulse_.data(), total.data(), modes, MPI_DOUBLE, MPI_SUM, 0, world);
   for (double &force : total) force /= std::max(1LL, co_steps_passed_);
-  if (comm->me == 0) link_->exchange(update->ntimestep, co_steps_passed_, total.data());
+  if (comm->me == 0) link_->exchange(update->ntimestep, co_steps_passed_, ahead_, total.data());
   MPI_Bcast(&link_->reach, 1, MPI_DOUBLE, 0, world);
   MPI_Bcast(link_->amplitude.data(), modes, MPI_DOUBLE, 0, world);
   MPI_Bcast(link_->rate.data(), modes, MPI_DOUBLE, 0, world);
@@ -330,7 +359,7 @@ void FixWallPlate::follow_plate() {
   co_steps_passed_ = 0;
   if (resumed) {  // nothing touches yet, so where the co-step starts is read back from its end
     rate0_ = link_->rate;
-    for (int m = 0; m < modes; m++) amplitude0_[m] = link_->amplitude[m] - T * link_->rate[m];
+    for (int m = 0; m < modes; m++) amplitude0_[m] = link_->amplitude[m] - interval() * link_->rate[m];
   }
   following_ = anything_near();
   if (link_->reach > listed_reach_) list_near();
@@ -428,7 +457,8 @@ void FixWallPlate::save(CheckpointWriter &out) {
   out.sum("wall_impulse", impulse_);
   out.sum("wall_modal_impulse", modal_impulse_);
   out.common("wall_co_step", {static_cast<double>(step_in_co_step_), static_cast<double>(co_steps_passed_),
-                              static_cast<double>(following_), link_ ? link_->reach : 0});
+                              static_cast<double>(following_), link_ ? link_->reach : 0,
+                              static_cast<double>(ahead_)});
   if (link_) {
     out.common("wall_amplitude_start", amplitude0_);
     out.common("wall_rate_start", rate0_);
@@ -465,10 +495,11 @@ void FixWallPlate::restore(const CheckpointReader &in) {
   deepest_ = in.common("wall_deepest", n);
   impulse_ = in.sum("wall_impulse", n);
   modal_impulse_ = in.sum("wall_modal_impulse", modal_impulse_.size());
-  const std::vector<double> &co_step = in.common("wall_co_step", 4);
+  const std::vector<double> &co_step = in.common("wall_co_step", 5);
   step_in_co_step_ = static_cast<int>(co_step[0]);
   co_steps_passed_ = static_cast<long long>(co_step[1]);
   following_ = co_step[2] != 0;
+  ahead_ = static_cast<int>(co_step[4]);
   if (link_) {
     link_->reach = co_step[3];
     const size_t modes = link_->amplitude.size();

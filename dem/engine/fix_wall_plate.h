@@ -15,14 +15,16 @@
 namespace LAMMPS_NS {
 
 // fix ID group wall/plate agglomerates FILE forces FILE extent XMIN XMAX YMIN YMAX co_step N
-//     [contacts FILE every N] [yield_pressure P] [shapes FILE to_plate FILE from_plate FILE]
+//     [contacts FILE every N] [yield_pressure P]
+//     [shapes FILE to_plate FILE from_plate FILE [light FORCE SPEED N]]
 //     contact (arguments of wall/gran with a zplane at 0)
 //
 // The stock granular wall as the top face of the plate. Sub-spheres near the plate are moved into the frame of the
 // plate (z - w, v_z - dw/dt at their place), the stock wall acts on them there, and they are moved back: contact
 // anywhere, no seams, and contact history stays with the stock wall. The forces are projected on the mode shapes and
 // their mean over each co-step of N steps goes to the plate, which answers where it is predicted to be at the end of
-// the next one. Without shapes the plate is rigid and nothing is exchanged.
+// the next one. Without shapes the plate is rigid and nothing is exchanged. While the stones push with less than FORCE
+// and nothing comes near faster than SPEED, chips at rest say, one exchange serves N co-steps.
 //
 // With a yield_pressure the plate gives way under a sub-sphere (PlasticLaw): the stock wall meets the sub-sphere at the
 // height at which its Hertz force is the plastic one, so that dashpot and friction act on that force too. The dent is
@@ -71,10 +73,10 @@ class FixWallPlate : public FixWallGran, public Checkpointed {
  private:
   struct Near {
     int i;                      // local index
-    bool active = false;        // may touch the plate in this co-step
+    bool active = false;        // may touch the plate before the next exchange
     bool has_shape = false;
     double x, y;                // where the shape was taken
-    double w0 = 0, w1 = 0;      // plate at the start and the end of the co-step, m
+    double w0 = 0, w1 = 0;      // plate at the last and the next exchange, m
     double rate0 = 0, rate1 = 0;
     double w = 0, rate = 0;     // now
     double force[3], torque[3]; // of the last step
@@ -94,6 +96,8 @@ class FixWallPlate : public FixWallGran, public Checkpointed {
   int co_step_ = 1, step_in_co_step_ = 0;
   long long co_steps_passed_ = 0;     // since the last exchange
   bool following_ = false;            // was the plate asked at the last co-step?
+  double light_force_ = 0, light_speed_ = 0;
+  int light_co_steps_ = 1, ahead_ = 1;  // co-steps from the last exchange to the next
   double listed_reach_ = 0;
   std::vector<double> impulse_;       // sum over the co-step of F_z / N by agglomerate, push on the plate
   std::vector<double> modal_impulse_;
@@ -110,12 +114,14 @@ class FixWallPlate : public FixWallGran, public Checkpointed {
   double **dent_ = nullptr;
 
   void list_near();
-  void place_plate(double fraction);
+  void place_plate();
   void add_forces(double weight);
   void end_co_step(bool first);
   void record_forces();
   void flush();
   bool anything_near() const;
+  int co_steps_ahead() const;
+  double interval() const;            // between exchanges, s
   void follow_plate();
   void update_shape(size_t k);
   double modulus(int i) const { return law_->modulus(atom->type[i], atom_type_wall_); }

@@ -36,11 +36,12 @@ void PlateLink::open() {
   fcntl(out_, F_SETFL, 0);
 }
 
-void PlateLink::send(long long step, long long co_steps, const double *modal_force) {
-  std::vector<double> message(2);
+void PlateLink::send(long long step, long long co_steps, long long ahead, const double *modal_force) {
+  std::vector<double> message(3);
   message.insert(message.end(), modal_force, modal_force + amplitude.size());
   std::memcpy(&message[0], &step, 8);
   std::memcpy(&message[1], &co_steps, 8);
+  std::memcpy(&message[2], &ahead, 8);
   const char *bytes_of = reinterpret_cast<const char *>(message.data());
   for (size_t size = 8 * message.size(), sent = 0; sent < size;) {
     const ssize_t bytes = write(out_, bytes_of + sent, size - sent);
@@ -74,9 +75,9 @@ void PlateLink::check_plate() {
   if (!trouble.empty()) lmp_->error->one(FLERR, trouble.c_str());
 }
 
-void PlateLink::exchange(long long step, long long co_steps, const double *modal_force) {
+void PlateLink::exchange(long long step, long long co_steps, long long ahead, const double *modal_force) {
   if (out_ < 0) open();
-  send(step, co_steps, modal_force);
+  send(step, co_steps, ahead, modal_force);
   receive_answer(step);
   receive(&reach, 8);
   receive(amplitude.data(), 8 * amplitude.size());
@@ -91,7 +92,7 @@ void PlateLink::receive_answer(long long step) {
 
 void PlateLink::checkpoint(long long step) {
   std::vector<double> nothing(1 + 2 * amplitude.size());
-  send(-2, step, nothing.data());
+  send(-2, step, 0, nothing.data());
   receive_answer(-2);
   receive(nothing.data(), 8 * nothing.size());
 }
@@ -99,7 +100,7 @@ void PlateLink::checkpoint(long long step) {
 void PlateLink::finish() {
   if (out_ < 0) return;
   const std::vector<double> none(amplitude.size(), 0.0);
-  send(-1, 0, none.data());
+  send(-1, 0, 0, none.data());
 }
 
 }  // namespace LAMMPS_NS

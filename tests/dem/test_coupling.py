@@ -6,6 +6,8 @@ import pytest
 from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
+import dem.run
+from dem.exchange import PlatePipes
 from dem.run import Stages, prepare, run_model, run_scene
 from plate_fem.modes import PlateModes, plate_modes
 
@@ -206,3 +208,28 @@ def test_lasting_contact_stays_stable(runs, case, changes):
         assert fast["force_N"][fast["t_s"] > 0.01].mean() == pytest.approx(mass * 9.8, rel=0.05)
     else:
         assert abs(summary["energy"]["closure"]) < 1e-2
+
+
+def test_chips_need_the_plate_seldom(runs, monkeypatch):
+    """While chips hop one exchange serves several co-steps: fewer exchanges, and the same motion, as with one a co-step."""
+    received = []
+
+    class CountedPipes(PlatePipes):
+        def receive(self):
+            received[-1] += 1
+            return super().receive()
+
+    monkeypatch.setattr(dem.run, "PlatePipes", CountedPipes)
+    scene = {"stones.agglomerate.subspheres": 200, "output": None, "time.duration_s": 0.02}
+    found = []
+    for co_step in (None, 6):
+        received.append(0)
+        directory = runs / f"chips_{co_step}"
+        summary = run_scene(changed("single", scene | ({"time.co_step": co_step} if co_step else {})), "chips", directory)
+        assert summary["co_step"] == 6 and summary["n_bonds_broken"] > 50
+        found.append((summary["n_bonds_broken"], pd.read_parquet(directory / "fast.parquet")))
+    assert received[0] < 0.75 * received[1]
+    assert found[0][0] == found[1][0]
+    for name in ("force_N", "v_m_s", "a_m_s2", "total_J"):
+        seldom, often = (fast[name].to_numpy() for _, fast in found)
+        assert np.linalg.norm(seldom - often) < 1e-3 * np.linalg.norm(often), name

@@ -55,7 +55,7 @@ class FakeEngine(threading.Thread):
             dt = self.interval_s / self.substeps
             mean = 0.0
             for k in range(self.co_steps):
-                out.write(struct.pack("<qqd", 10 * k, min(k, 1), mean))
+                out.write(struct.pack("<qqqd", 10 * k, min(k, 1), 1, mean))
                 step, reach, target, _ = struct.unpack("<qddd", answers.read(32))
                 assert step == 10 * k and reach >= 0
                 impulse, start = 0.0, w
@@ -68,7 +68,7 @@ class FakeEngine(threading.Thread):
                     impulse += 0.5 * dt * (force + after)
                 w, mean = target, -impulse / self.interval_s
                 self.z.append(z)
-            out.write(struct.pack("<qqd", -1, 0, 0.0))
+            out.write(struct.pack("<qqqd", -1, 0, 0, 0.0))
 
 
 def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
@@ -130,7 +130,7 @@ def test_a_stuck_engine_is_given_up(tmp_path):
 
 def test_a_force_that_is_no_number_is_refused(tmp_path):
     pipes, ends = opened(tmp_path)
-    os.write(ends[0], struct.pack("<qqd", 7, 1, float("nan")))
+    os.write(ends[0], struct.pack("<qqqd", 7, 1, 1, float("nan")))
     with pytest.raises(ExchangeError, match="no number at step 7"):
         pipes.receive()
     pipes.close()
@@ -158,7 +158,7 @@ def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
     names = [tmp_path / "deck" / name for name in ("to_plate", "from_plate")]
     with open(names[0], "rb", buffering=0) as read, open(names[1], "wb", buffering=0) as write:
-        read.read(16 + 8 * n)
+        read.read(24 + 8 * n)
         if plate != "dies":
             write.write(struct.pack("<qd", 99, 0.0) + bytes(16 * n))
     output, _ = engine.communicate(timeout=20)

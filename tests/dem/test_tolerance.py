@@ -29,7 +29,7 @@ def test_the_setting_of_an_error_has_that_error_or_less(error):
     assert POWER.error(POWER.setting(error)) <= error * (1 + 1e-12) and POWER.setting(error) in POWER.settings
 
 
-@pytest.mark.parametrize("knob", ["time_step", "contact", "co_step", "modes", "modes_spheres"])
+@pytest.mark.parametrize("knob", ["time_step", "contact", "co_step", "co_step_spheres", "modes", "modes_spheres"])
 def test_the_committed_laws_ascend(knob):
     assert np.all(np.diff(law(knob).settings) > 0) and np.all(np.diff(law(knob).errors) > 0)
 

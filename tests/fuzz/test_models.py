@@ -31,8 +31,9 @@ def check(text, run):
         file = here / "model.json"
         file.write_bytes(text)
         code, errors = outcome(main, ["recognise", str(run), "--model", str(file)])
-        assert code == 0 and not errors or code == 2 and errors.count("\n") == 1, (code, errors)
-        if code == 0:
+        # 3: the record is outside of what the changed model was calibrated for
+        assert code in (0, 3) and not errors or code == 2 and errors.count("\n") == 1, (code, errors)
+        if code != 2:
             answers = Model.load(file).recognise(read_sweep(run.parent).runs[3].signals)
             assert all(isinstance(a, str) or np.isfinite(a) for a in answers.values())
         assert [p.name for p in here.iterdir()] == ["model.json"]

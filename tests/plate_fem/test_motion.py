@@ -82,11 +82,13 @@ def test_many_intervals_at_once_are_many_single_ones():
     assert one.damped_J == pytest.approx(many.damped_J, rel=1e-9)
 
 
-def test_free_states_are_those_of_single_steps():
+@pytest.mark.parametrize("push", [0.0, 30.0])
+def test_rows_at_once_are_those_of_single_steps(push):
     one, many = motion_of(0.01, 5e-6), motion_of(0.01, 5e-6)
-    states = np.concatenate([many.free_states(3, ModalMotion.ROWS), many.free_states(3, 72)])
+    force = push * np.linspace(-1, 1.3, len(FREQUENCY_Hz))
+    states = np.concatenate([many.advance_rows(force, 3, ModalMotion.ROWS), many.advance_rows(force, 3, 72)])
     for amplitude, rate in states:
-        one.advance(np.zeros(len(FREQUENCY_Hz)), 3)
+        one.advance(force, 3)
         assert one.amplitude == pytest.approx(amplitude, rel=1e-11, abs=1e-13 * abs(amplitude).max())
         assert one.rate == pytest.approx(rate, rel=1e-11, abs=1e-13 * abs(rate).max())
     assert np.array_equal(many.amplitude, states[-1, 0]) and np.array_equal(many.rate, states[-1, 1])
