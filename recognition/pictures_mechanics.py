@@ -100,7 +100,8 @@ def broken_areas(study):
 def area_over_time(study):
     index = study.runs.index(study.nearest(0.5))
     run = study.runs[index]
-    t_s = np.linspace(0, run.t_s[-1], 300)
+    last_s = run.breakage["t_s"].max() if len(run.breakage) else 0.0  # of the whole run, not of the paper's window
+    t_s = np.linspace(0, max(run.t_s[-1], last_s), 300)
     return figures_breakage.area_over_time(
         t_s, breakage.broken_area_over_time(run, t_s), study.is_gangue[index]
     )
