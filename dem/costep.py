@@ -7,7 +7,7 @@ scheme is of second order in the time between exchanges, and conserves the impul
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,22 +28,22 @@ class Place:
     ahead: int = 0
 
 
-Record = Callable[[int, np.ndarray, np.ndarray, np.ndarray], None]
+Record = Callable[[range, Sequence, list[np.ndarray]], None]
 
 
 def follow(motion: ModalMotion, pipes: PlatePipes, step: TimeStep, record: Record, place: Place | None = None,
            keep: Callable[[int], None] = lambda dem_step: None) -> None:
     """Serve the engine until it has finished, from `place` on, which goes along.
 
-    `record(dem_step, amplitude, rate, modal_force)` is called at each row of the fast stream with the state at that
-    instant and the force then acting: the mean over the co-step that ends there, carried on by half a co-step.
+    `record(dem_steps, states, modal_forces)` is called with rows of the fast stream, one or several: the state (amplitude,
+    rate) at each, and the force then acting: the mean over the time that ends there, carried on by half of it at its end.
     `keep(dem_step)` is called when the engine has kept its state at that step.
     """
     place = place or Place()
     none = np.zeros_like(motion.amplitude)
     if place.last_force is None:
         place.last_force = none
-        record(0, motion.amplitude, motion.rate, none)
+        record(range(1), [(motion.amplitude, motion.rate)], [none])
     while (message := pipes.receive()) is not None:
         if message.step == CHECKPOINT:
             keep(message.co_steps)
@@ -78,8 +78,7 @@ def _advance(motion, force, force_at_end, now, co_steps, step, record) -> int:
             stop = min(end, (now // step.fast_steps + 1) * step.fast_steps)
             motion.advance(force, (stop - now) // step.co_step)
             states, steps = [(motion.amplitude, motion.rate)], range(stop, stop + 1)
-        for at, (amplitude, rate) in zip(steps, states, strict=True):
-            if at % step.fast_steps == 0:
-                record(at, amplitude, rate, force_at_end if at == end else force)
         now = steps[-1]
+        if now % step.fast_steps == 0:
+            record(steps, states, [force] * (len(steps) - 1) + [force_at_end if now == end else force])
     return now

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -45,20 +45,25 @@ class PlateRecorder:
         self._blocks: list[np.ndarray] = []
         self._waiting: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # amplitude, rate, modal force
 
-    def __call__(self, dem_step: int, amplitude: np.ndarray, rate: np.ndarray, modal_force: np.ndarray) -> None:
-        """Arrays (modes,) that stay as they are."""
-        self.steps.append(dem_step)
-        self._waiting.append((amplitude, rate, modal_force))
-        if self._view_steps and dem_step % self._view_steps == 0:
-            self.view_amplitude.append(amplitude.copy())
-        if len(self._waiting) == self.BLOCK:
+    def __call__(self, dem_steps: range, states: Sequence, modal_forces: list[np.ndarray]) -> None:
+        """Rows at `dem_steps`: amplitude and rate of each, and the force on it, arrays (modes,) that stay as they are."""
+        if self._view_steps:
+            for dem_step in range(-(-dem_steps[0] // self._view_steps) * self._view_steps, dem_steps[-1] + 1,
+                                  self._view_steps):
+                self.view_amplitude.append(states[dem_steps.index(dem_step)][0].copy())
+        self.steps.extend(dem_steps)
+        self._waiting.extend((amplitude, rate, force)
+                             for (amplitude, rate), force in zip(states, modal_forces, strict=True))
+        while len(self._waiting) >= self.BLOCK:
             self._evaluate()
 
     def _evaluate(self) -> None:
+        """The rows that wait, a block at most."""
         if not self._waiting:
             return
-        amplitude, rate, force = (np.array(values) for values in zip(*self._waiting, strict=True))
-        t_s = np.array(self.steps[-len(amplitude):]) * self._step.dt_s
+        first = len(self.steps) - len(self._waiting)
+        amplitude, rate, force = (np.array(values) for values in zip(*self._waiting[:self.BLOCK], strict=True))
+        t_s = np.array(self.steps[first:first + len(amplitude)]) * self._step.dt_s
         acceleration = self._motion.acceleration_at(amplitude, rate, force)
         kinetic, internal = self._motion.energies_at(amplitude, rate)
         self._check(t_s, kinetic + internal)
@@ -66,7 +71,7 @@ class PlateRecorder:
             amplitude @ self._mean, rate @ self._mean, acceleration @ self._mean, kinetic, internal, kinetic + internal,
             acceleration @ self._sensor.T, amplitude @ self._rod.T]))
         self.bending.add(t_s, amplitude)
-        self._waiting = []
+        del self._waiting[:self.BLOCK]
 
     def get_state(self) -> dict[str, np.ndarray]:
         """All that was recorded, for `set_state`. The rows of a block begun stay as they are, so that a run that goes on

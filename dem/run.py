@@ -244,9 +244,9 @@ def simulate(deck: Path, model: Model, motion: ModalMotion | None, plate: PlateR
             timer.daemon = True
             timer.start()
         if motion is not None and plate is not None and pipes is not None:
-            def record(dem_step, *state):
-                plate(dem_step, *state)
-                progress(dem_step * model.step.dt_s)
+            def record(dem_steps, *rows):
+                plate(dem_steps, *rows)
+                progress(dem_steps[-1] * model.step.dt_s)
             try:
                 pipes.open()
                 follow(motion, pipes, model.step, record, place,
