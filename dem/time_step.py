@@ -206,9 +206,7 @@ def contact_time_s(scene: Scene, assembly: Assembly) -> float:
 
 def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a whole stone with the plate."""
-    radius = scene.stones.radius_m
-    return float(min(_hertz_time_s(scene, name, radius,
-                                   scene.materials[name].density_kg_m3 * 4 / 3 * np.pi * radius**3)
+    return float(min(_hertz_time_s(scene, name, scene.stones.radius_m, _stone_mass_kg(scene, name))
                      for name in assembly.materials))
 
 
@@ -217,38 +215,40 @@ def impact_speed_m_s(scene: Scene) -> float:
     return float(max(scene.stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * scene.stones.gap_m), 1e-3))
 
 
-def _hertz_time_s(scene: Scene, material: str, radius_m, mass_kg):
-    """2.9432 delta/v with delta = (5 m v^2/(4 K))^(2/5) (paper, Eqs. 2, 3, 8)."""
-    speed = impact_speed_m_s(scene)
+def _hertz(scene: Scene, material: str, radius_m, mass_kg, speed_m_s: float):
+    """K in N/m^(3/2) and the greatest depth in m of a sphere that hits the rigid plate: F = K d^(3/2), d = (5 m v^2/(4 K))^(2/5)
+    (paper, Eqs. 2, 3)."""
     m, plate = scene.materials[material], scene.plate
     modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa
                    + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
-    depth = (5 * mass_kg * speed**2 / (4 * 4 / 3 * np.sqrt(radius_m) * modulus)) ** 0.4
-    return 2.9432 * depth / speed
+    stiffness = 4 / 3 * np.sqrt(radius_m) * modulus
+    return stiffness, (5 * mass_kg * speed_m_s**2 / (4 * stiffness)) ** 0.4
+
+
+def _stone_mass_kg(scene: Scene, material: str) -> float:
+    return scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * scene.stones.radius_m**3
+
+
+def _hertz_time_s(scene: Scene, material: str, radius_m, mass_kg):
+    """2.9432 delta/v (paper, Eq. 8)."""
+    speed = impact_speed_m_s(scene)
+    return 2.9432 * _hertz(scene, material, radius_m, mass_kg, speed)[1] / speed
 
 
 def _stone_peak_force_N(scene: Scene, material: str) -> float:
-    """Hertz' K delta^(3/2) of a whole stone on the rigid plate (paper, Eqs. 2, 3)."""
-    stones, m, plate = scene.stones, scene.materials[material], scene.plate
-    modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa
-                   + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
-    hertz = 4 / 3 * np.sqrt(stones.radius_m) * modulus
-    mass = m.density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
-    return float(hertz * (5 * mass * impact_speed_m_s(scene) ** 2 / (4 * hertz)) ** 0.6)
+    """Of a whole stone on the rigid plate."""
+    stiffness, depth = _hertz(scene, material, scene.stones.radius_m, _stone_mass_kg(scene, material), impact_speed_m_s(scene))
+    return float(stiffness * depth**1.5)
 
 
 def exchange_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:
     """Limits of the co-step from the mutual reaction of plate and contact, each stone taken as one Hertz sphere at its
     greatest depth, which is stiffer than the agglomerate."""
     stones = scene.stones
-    plate = (1 - scene.plate.poisson_ratio**2) / scene.plate.youngs_modulus_Pa
     limits = {"exchange_stiffness": np.inf, "exchange_dashpot": np.inf}
     for name in {stones.coal, stones.gangue}:
-        m = scene.materials[name]
-        modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa + plate)
-        mass = m.density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
-        hertz = 4 / 3 * np.sqrt(stones.radius_m) * modulus
-        depth = (5 * mass * max(stones.speed_m_s, 1e-3) ** 2 / (4 * hertz)) ** 0.4
+        mass = _stone_mass_kg(scene, name)
+        hertz, depth = _hertz(scene, name, stones.radius_m, mass, max(stones.speed_m_s, 1e-3))
         stiffness = 1.5 * hertz * np.sqrt(depth)
         log_e = np.log(scene.contacts[contact_key(name, PLATE)].restitution)
         dashpot = 2 * np.sqrt(5 / 6) * -log_e / np.hypot(log_e, np.pi) * np.sqrt(4 / 3 * stiffness * mass)

@@ -149,10 +149,6 @@ class ModalMotion:
         end[:, 2, 0] -= 1.0
         return np.moveaxis(end, 0, -1).copy()
 
-    def acceleration(self, force):
-        """Modal accelerations (n,) at this instant under a modal force (n,)."""
-        return self.acceleration_at(self.amplitude, self.rate, force)
-
     def acceleration_at(self, amplitude, rate, force):
         """Modal accelerations (..., n) in the state (amplitude, rate) under a modal force, each (..., n)."""
         return force - 2 * self._decay_rate * rate - self._omega**2 * amplitude

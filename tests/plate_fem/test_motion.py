@@ -118,7 +118,7 @@ def test_state_round_trip_repeats_the_run_to_the_bit():
 
 def test_acceleration_is_the_derivative_of_the_rate():
     motion, force, h = motion_of(0.01, 1e-9), np.full(len(FREQUENCY_Hz), 7.0), 1e-9
-    acceleration = motion.acceleration(force)
+    acceleration = motion.acceleration_at(motion.amplitude, motion.rate, force)
     _, rate = motion.predict(force)
     assert (rate - motion.rate) / h == pytest.approx(acceleration, rel=1e-3, abs=1e-3 * abs(acceleration).max())
 
