@@ -200,16 +200,17 @@ def run(setting: Setting, out: Path, repeats: int, of_the_plate: bool, ratio: fl
 
 def errors(fast: pd.DataFrame, reference: pd.DataFrame) -> dict[str, float]:
     """Relative errors by name. A stream with fewer rows is compared as a user would see it: its peaks with
-    those of the finer one, and held or drawn linearly between its rows."""
+    those of the finer one, and drawn linearly between its rows: states at their instant, forces, which are means over
+    the row that ends there, at its middle."""
     t = reference["t_s"].to_numpy()
     found = {}
     for name, column in SIGNALS.items():
         exact, x = reference[column].to_numpy(), fast[column].to_numpy()
         found[f"{name}_peak"] = abs(abs(x).max() / abs(exact).max() - 1)
         if len(x) != len(t):
-            # Forces are means over the row that ends there, states are of that instant.
             at = fast["t_s"].to_numpy()
-            x = x[np.searchsorted(at, t - 1e-12)] if name == "force" else np.interp(t, at, x)
+            early = 0.5 if name == "force" else 0.0
+            x = np.interp(t - early * (t[1] - t[0]), at - early * (at[1] - at[0]), x)
         found[f"{name}_l2"] = float(np.linalg.norm(x - exact) / np.linalg.norm(exact))
     return found
 

@@ -4,7 +4,9 @@
 
 Three parts of the time from the arrival of a message until its answer is written, while the engine waits: the messages
 (pipes, copies, waking the other side), the motion of the modes, and recording. Shares of the wall time and of the processor
-time of one run. `--brute` keeps bodies in the air in the force loops.
+time of one run; and what is left of the wall time when neither works: start-up, and the time until a process that slept
+runs. The wall time of the messages includes what the engine, once woken, does on the same processor
+before the clock is stopped. `--brute` keeps bodies in the air in the force loops.
 """
 
 from __future__ import annotations
@@ -65,6 +67,12 @@ class TimedPipes(PlatePipes):
         answering.stop()
 
 
+def children_s() -> float:
+    """Processor time of processes that were started and have ended."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("duration_s", type=float, nargs="?", default=0.04)
@@ -77,9 +85,9 @@ def main() -> None:
     for name, of_time in classes.items():
         setattr(dem.run, name, of_time)
     with tempfile.TemporaryDirectory() as directory:
-        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        before_s = children_s()
         summary = dem.run.run_scene(scene, str(SCENE), Path(directory) / "run")
-        engine_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+        engine_s = children_s() - before_s
     run_s = summary["wall_time_s"]["engine and plate"]
     total_s = engine_s + answering.cpu_s
     print(f"{summary['steps']} steps, {answering.count} exchanges of {summary['n_modes']} modes every "
@@ -90,6 +98,7 @@ def main() -> None:
     for name, (wall_s, cpu_s) in parts.items():
         print(f"{name:20} {1e6 * cpu_s / answering.count:4.0f} us an exchange, {cpu_s / total_s:.1%} of the processor time, "
               f"{wall_s / run_s:.1%} of the wall time")
+    print(f"neither at work      {1 - (engine_s + answering.wall_s) / run_s:.1%} of the wall time")
 
 
 if __name__ == "__main__":

@@ -24,9 +24,9 @@ EXCHANGE_COST = 0.15               # of one exchange, in DEM steps of the defaul
 # 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
 STIFFNESS_SHARE = 0.2
 DASHPOT_SHARE = 0.15
-# While chips lie or hop on the plate one exchange serves several co-steps: while the push is below this share of a stone's
-# peak force and nothing comes faster than this share of the impact, and no more co-steps than this.
-LIGHT_FORCE_SHARE, LIGHT_SPEED_SHARE, LIGHT_CO_STEPS = 1e-3, 0.1, 8
+# While chips lie or hop on the plate one exchange serves several co-steps: where the push is this share of a stone's peak
+# force and nothing comes faster than this share of the impact so many as the limits above then allow; and never more than.
+LIGHT_FORCE_SHARE, LIGHT_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
 
@@ -47,11 +47,12 @@ class TimeStep:
 
 @dataclass(frozen=True)
 class LightContact:
-    """Below this push and speed one exchange serves `co_steps`."""
+    """At this push and speed one exchange serves `co_steps`; fewer above, more below, up to `most_co_steps`."""
 
     force_N: float
     speed_m_s: float
     co_steps: int
+    most_co_steps: int
 
 
 def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float | None = None) -> TimeStep:
@@ -127,20 +128,20 @@ def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, flo
     return wanted or min(candidates, key=lambda n: _sample_steps(scene, dt_s, n) * (1 + EXCHANGE_COST / n))
 
 
-def light_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> LightContact:
+def light_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> LightContact | None:
     """When the exchange may be seldomer. Only chips push so little for long, so a scene without bonds, or one that sets its
-    co-step, has one exchange every co-step.
+    co-step, has one exchange every co-step: None.
 
     The stiffness of a Hertz contact goes with the cube root of the force, and the limits of the co-step (1/sqrt(k), 1/c) with
     the inverse sixth.
     """
     limits = [limit for name, limit in step.limits_s.items() if name.startswith("exchange_")]
-    co_steps = 1
-    if limits and assembly.n_bonds and scene.time.co_step is None:
-        co_steps = int(min(limits) * LIGHT_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
+    if not limits or not assembly.n_bonds or scene.time.co_step is not None:
+        return None
+    co_steps = int(min(limits) * LIGHT_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
     peak_N = min(_stone_peak_force_N(scene, name) for name in assembly.materials)
     return LightContact(LIGHT_FORCE_SHARE * peak_N, LIGHT_SPEED_SHARE * impact_speed_m_s(scene),
-                        min(max(1, co_steps), LIGHT_CO_STEPS))
+                        min(max(1, co_steps), MOST_CO_STEPS), MOST_CO_STEPS)
 
 
 def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:

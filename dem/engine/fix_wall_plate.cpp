@@ -49,7 +49,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
   const int end = position_of_contact(narg, arg);
   for (int k = 3; k < end;) {
     const std::string key = arg[k++];
-    const int needed = key == "extent" ? 4 : key == "light" ? 3 : 1;
+    const int needed = key == "extent" ? 4 : key == "light" ? 4 : 1;
     if (k + needed > end) error->fix_error(FLERR, this, "a keyword lacks its value");
     if (key == "agglomerates") agglomerates = arg[k];
     else if (key == "forces") forces = arg[k];
@@ -65,6 +65,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
       light_force_ = force->numeric(FLERR, arg[k]);
       light_speed_ = force->numeric(FLERR, arg[k + 1]);
       light_co_steps_ = force->inumeric(FLERR, arg[k + 2]);
+      most_co_steps_ = force->inumeric(FLERR, arg[k + 3]);
     }
     else if (key == "extent") {
       for (int e = 0; e < 4; e++) extent_[e] = force->numeric(FLERR, arg[k + e]);
@@ -72,7 +73,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
     } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
     k += needed;
   }
-  if (agglomerates.empty() || forces.empty() || !has_extent || co_step_ < 1 || light_co_steps_ < 1)
+  if (agglomerates.empty() || forces.empty() || !has_extent || co_step_ < 1 || light_co_steps_ < 1 || most_co_steps_ < 1)
     error->fix_error(FLERR, this, "needs agglomerates, forces, extent and numbers of co-steps of at least 1");
   if (shapes.empty() != to_plate.empty() || shapes.empty() != from_plate.empty())
     error->fix_error(FLERR, this, "shapes, to_plate and from_plate go together");
@@ -318,20 +319,25 @@ bool FixWallPlate::anything_near() const {
   return any;
 }
 
-// One while a stone hits the plate, more while there are chips at rest or hopping, as long as the run lasts.
+// One while a stone hits the plate, more while there are chips at rest or hopping. light_co_steps_ at a push of light_force_;
+// at another n goes with push^(-1/2) so that the error of the push stays the same, and with no more than push^(-1/6), in which
+// the limits of stability of a Hertz contact go. Nothing comes further between exchanges than at light_speed_.
 int FixWallPlate::co_steps_ahead() const {
   const long long left = (update->laststep - update->ntimestep) / co_step_;
-  const int most = std::max(1LL, std::min<long long>(light_co_steps_, left));
+  const int most = std::max(1LL, std::min<long long>(most_co_steps_, left));
   if (most == 1 || !following_) return 1;
-  const double T = most * co_step_ * update->dt;
-  double mine[2] = {0, 0}, all[2];  // push, how many come fast
+  double push = 0, all_push;
+  int mine = most, all;
   for (const Near &p : near_) {
+    if (p.touched) push += std::fabs(p.force[2]);
     const double clearance = atom->x[p.i][2] - atom->radius[p.i], speed = std::fabs(atom->v[p.i][2]);
-    if (p.touched) mine[0] += std::fabs(p.force[2]);
-    mine[1] += speed > light_speed_ && clearance < link_->reach + 2 * T * speed + 1e-6;
+    const double way = 2 * co_step_ * update->dt * speed;
+    while (mine > 1 && speed * mine > light_speed_ * light_co_steps_ && clearance < link_->reach + mine * way + 1e-6) mine--;
   }
-  MPI_Allreduce(mine, all, 2, MPI_DOUBLE, MPI_SUM, world);
-  return all[0] < light_force_ && all[1] == 0 ? most : 1;
+  MPI_Allreduce(&push, &all_push, 1, MPI_DOUBLE, MPI_SUM, world);
+  MPI_Allreduce(&mine, &all, 1, MPI_INT, MPI_MIN, world);
+  const double share = all_push / light_force_, allowed = light_co_steps_ * std::pow(share, share > 1 ? -1. / 2 : -1. / 6);
+  return allowed < all ? std::max(1, static_cast<int>(allowed)) : all;
 }
 
 // An exchange after free flight for the sake of the reach alone, which falls as the plate rings down.

@@ -97,7 +97,8 @@ class FixWallPlate : public FixWallGran, public Checkpointed {
   long long co_steps_passed_ = 0;     // since the last exchange
   bool following_ = false;            // was the plate asked at the last co-step?
   double light_force_ = 0, light_speed_ = 0;
-  int light_co_steps_ = 1, ahead_ = 1;  // co-steps from the last exchange to the next
+  int light_co_steps_ = 1, most_co_steps_ = 1;
+  int ahead_ = 1;                     // co-steps from the last exchange to the next
   double listed_reach_ = 0;
   std::vector<double> impulse_;       // sum over the co-step of F_z / N by agglomerate, push on the plate
   std::vector<double> modal_impulse_;

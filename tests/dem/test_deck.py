@@ -8,7 +8,10 @@ from scenes_of_tests import SCENES, changed
 from dem.arrangement import arrange
 from dem.assembly import assemble
 from dem.deck import render
+from dem.output import PlateRecorder
 from dem.time_step import time_step
+from plate_fem.modes import plate_modes
+from plate_fem.motion import ModalMotion
 
 # What each part looks like in a deck.
 PARTS = {
@@ -20,6 +23,9 @@ PARTS = {
     "gravity": r"^fix gravity ",
     "plate exchange": r"to_plate|shapes\.bin",
     "pictures": r"^dump ",
+    "plasticity": r"yield_pressure",
+    "idle bodies": r"^fix idle ",
+    "light contact": r" light ",
 }
 NAMES = sorted(file.stem for file in SCENES.glob("*.toml") if "[stones]" in file.read_text())  # others list runs
 
@@ -43,6 +49,9 @@ def needed(scene):
         "gravity": scene.time.gravity_m_s2 > 0,
         "plate exchange": scene.plate.model == "flexible",
         "pictures": scene.output.view_interval_s is not None,
+        "plasticity": scene.plate.yield_stress_Pa is not None,
+        "idle bodies": scene.time.idle_tolerance > 0,
+        "light contact": scene.plate.model == "flexible" and table is not None and scene.time.co_step is None,
     }.items() if wanted}
 
 
@@ -63,11 +72,15 @@ SMOOTH = {f"contacts.{pair}": {"restitution": 0.5, "friction": 0.0}
 RIGID = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
                    "poisson_ratio": 0.3}}
 OMISSIONS = {
-    "bonds": ({"stones.agglomerate": None}, {"bonds", "bond damping"}),
+    # whole spheres press too little to yield, and a rigid plate does not yield at all
+    "bonds": ({"stones.agglomerate": None}, {"bonds", "bond damping", "light contact", "plasticity"}),
     "damping": ({"stones.agglomerate.damping_ratio": 0.0}, {"bond damping"}),
     "friction": (SMOOTH, {"friction", "friction history"}),
     "gravity": ({"time.gravity_m_s2": None}, {"gravity"}),
-    "plate": (RIGID, {"plate exchange"}),
+    "plate": (RIGID, {"plate exchange", "light contact", "plasticity"}),
+    "plasticity": ({"plate.yield_stress_Pa": None}, {"plasticity"}),
+    "idle bodies": ({"time.idle_tolerance": 0.0}, {"idle bodies"}),
+    "co-step of its own": ({"time.co_step": 1}, {"light contact"}),
     "pictures": ({"output": None}, {"pictures"}),
 }
 
@@ -75,9 +88,19 @@ OMISSIONS = {
 @pytest.mark.parametrize("omission", OMISSIONS)
 def test_what_the_scene_leaves_out_the_deck_leaves_out(omission):
     changes, gone = OMISSIONS[omission]
-    whole = deck_of(small("paper"))[0]
+    yields = {"plate.yield_stress_Pa": 8e8}
+    whole = deck_of(small("paper", yields))[0]
     assert whole == set(PARTS) - {"rolling"}
-    assert whole - deck_of(small("paper", changes))[0] == gone
+    assert whole - deck_of(small("paper", yields | changes))[0] == gone
+
+
+def test_a_plate_without_rods_has_none_in_its_modes_and_signals():
+    held = {"plate.mesh_size_m": 0.1, "plate.max_frequency_Hz": 2000.0}
+    for changes, rods in ((held, 4), (held | {"plate.rods": None, "plate.edges": "simply_supported"}, 0)):
+        scene = small("paper", changes)
+        modes = plate_modes(scene.plate)
+        recorder = PlateRecorder(scene, modes, ModalMotion(modes, 1e-5), None, None, None)
+        assert len(modes.rod_force) == sum(column.startswith("rod_") for column in recorder.columns) == rods
 
 
 def test_contacts_that_cannot_happen_ask_for_nothing():
