@@ -9,7 +9,7 @@ import pandas as pd
 
 from recognition.channels import Channels
 from recognition.errors import RecognitionError
-from recognition.posterior import RatioPosterior
+from recognition.posterior import RatioPosterior, why_strange
 
 
 @dataclass(frozen=True)
@@ -53,20 +53,8 @@ class CalibratedLikelihood:
             raise RecognitionError(f"{x.shape[0]} channels of {x.shape[1]} samples; the model has {shape[0]} of {shape[1]}")
         found = self.posterior_.estimate(x)
         half = self.width_ * found.standard_error
-        return Recognition(found.ratio, found.ratio - half, found.ratio + half, self._strange(found))
-
-    def _strange(self, found) -> str:
-        reasons = []
-        for value, limit, what in zip(found.strangeness, self.limit_, ("misfit", "part unknown to the training"),
-                                      strict=True):
-            if value > limit:
-                reasons.append(f"{what} {value:.3g}, limit {limit:.3g}")
-        low, high = self.posterior_.low, self.posterior_.high
-        theta = np.concatenate([[found.ratio], found.nuisance])
-        outside = np.abs(theta - 0.5 * (low + high)) > (0.5 + EXTRAPOLATION) * (high - low)
-        if np.any(outside):
-            reasons.append(f"{'a condition' if not outside[0] else 'the ratio'} far outside the training")
-        return "; ".join(reasons)
+        return Recognition(found.ratio, found.ratio - half, found.ratio + half,
+                           why_strange(found.strangeness, self.limit_))
 
     def to_dict(self) -> dict:
         return {"channels": self.channels.kind, "posterior": self.posterior_.to_dict(), "width": self.width_,
@@ -78,7 +66,3 @@ class CalibratedLikelihood:
         method.posterior_ = RatioPosterior.from_dict(data["posterior"])
         method.width_, method.limit_ = float(data["width"]), np.asarray(data["limit"], dtype=float)
         return method
-
-
-#: How far outside its range in training, in shares of it, a ratio or condition may come out.
-EXTRAPOLATION = 0.1

@@ -16,6 +16,7 @@ import pandas as pd
 from recognition.calibrated import Recognition
 from recognition.channels import Channels
 from recognition.errors import RecognitionError
+from recognition.posterior import RatioPosterior, why_strange
 
 #: Ends of windows in shares of the record, ends of bands in shares of half its sample rate.
 WINDOWS = (0.0, 0.025, 0.125, 0.375, 1.0)
@@ -56,10 +57,10 @@ ENERGIES = {"rms": _rms, "sensors": _sensors, "all": _all}
 
 @dataclass(frozen=True)
 class ProcessNumbers:
-    """A fitted Gaussian process with Matern's kernel (nu 5/2), and what is usual among its records.
+    """A fitted Gaussian process with Matern's kernel (nu 5/2), and the law that usual records keep.
 
     mean, scale (p,): of the features; points (n, p), weights (n,): of the process, in standardised features; constant,
-    length: of its kernel; offset, size: of the ratio; precision (p, p): of the standardised features.
+    length: of its kernel; offset, size: of the ratio; law: of the standardised features, taken as one channel.
     """
 
     mean: np.ndarray
@@ -70,7 +71,7 @@ class ProcessNumbers:
     length: float
     offset: float
     size: float
-    precision: np.ndarray
+    law: RatioPosterior
 
     def ratio(self, features: np.ndarray) -> float:
         """Of one record, shape (p,)."""
@@ -79,10 +80,9 @@ class ProcessNumbers:
         kernel = self.constant * (1 + r + r**2 / 3) * np.exp(-r)
         return float(self.offset + self.size * (kernel @ self.weights))
 
-    def strangeness(self, features: np.ndarray) -> float:
-        """Squared Mahalanobis distance over the number of features: about 1 for a usual record."""
-        z = (features - self.mean) / self.scale
-        return float(z @ self.precision @ z) / len(z)
+    def strangeness(self, features: np.ndarray) -> np.ndarray:
+        """`Estimate.strangeness` by the law, shape (3,)."""
+        return self.law.estimate(((features - self.mean) / self.scale)[None]).strangeness
 
 
 class CalibratedEnergies:
@@ -96,13 +96,13 @@ class CalibratedEnergies:
         return ENERGIES[self.kind](signals)
 
     def fit(self, X, y, groups=None, nuisance=None) -> CalibratedEnergies:
-        """X (runs, p); needs scikit-learn. The nuisance is not used. Raises RecognitionError."""
+        """X (runs, p); nuisance: see `EnergyProcess.fit`. Needs scikit-learn. Raises RecognitionError."""
         from recognition.intervals import GroupConformal  # late: records are recognised without scikit-learn
         from recognition.process import EnergyProcess
 
-        conformal = GroupConformal(EnergyProcess()).fit(X, y, groups)
+        conformal = GroupConformal(EnergyProcess()).fit(X, y, groups, nuisance)
         self.numbers_, self.width_ = conformal.estimator_.numbers_, conformal.width_
-        self.limit_ = float(np.asarray(conformal.limit_)[0])
+        self.limit_ = np.asarray(conformal.limit_)
         return self
 
     def predict(self, X) -> np.ndarray:
@@ -113,13 +113,14 @@ class CalibratedEnergies:
         """Of one record, shape (p,)."""
         if x.shape != self.numbers_.mean.shape:
             raise RecognitionError(f"{x.size} features; the model has {self.numbers_.mean.size}")
-        ratio, strange = self.numbers_.ratio(x), self.numbers_.strangeness(x)
-        reason = "" if strange <= self.limit_ else f"distance from the training {strange:.3g}, limit {self.limit_:.3g}"
-        return Recognition(ratio, ratio - self.width_, ratio + self.width_, reason)
+        ratio = self.numbers_.ratio(x)
+        strange = why_strange(self.numbers_.strangeness(x), self.limit_)
+        return Recognition(ratio, ratio - self.width_, ratio + self.width_, strange)
 
     def to_dict(self) -> dict:
-        numbers = {name: np.asarray(value).tolist() for name, value in vars(self.numbers_).items()}
-        return {"energies": self.kind, "numbers": numbers, "width": self.width_, "limit": self.limit_}
+        numbers = {name: np.asarray(value).tolist() for name, value in vars(self.numbers_).items() if name != "law"}
+        return {"energies": self.kind, "numbers": numbers | {"law": self.numbers_.law.to_dict()}, "width": self.width_,
+                "limit": self.limit_.tolist()}
 
     @classmethod
     def from_dict(cls, data: dict) -> CalibratedEnergies:
@@ -127,11 +128,12 @@ class CalibratedEnergies:
             raise ValueError(f"energies {data['energies']!r}")
         method = cls(data["energies"])
         saved = data["numbers"]
-        mean, scale, points, weights, precision = (
-            np.asarray(saved[name], dtype=float) for name in ("mean", "scale", "points", "weights", "precision"))
+        mean, scale, points, weights = (
+            np.asarray(saved[name], dtype=float) for name in ("mean", "scale", "points", "weights"))
         constant, length, offset, size = (float(saved[name]) for name in ("constant", "length", "offset", "size"))
-        method.numbers_ = ProcessNumbers(mean, scale, points, weights, constant, length, offset, size, precision)
-        method.width_, method.limit_ = float(data["width"]), float(data["limit"])
+        law = RatioPosterior.from_dict(saved["law"])
+        method.numbers_ = ProcessNumbers(mean, scale, points, weights, constant, length, offset, size, law)
+        method.width_, method.limit_ = float(data["width"]), np.asarray(data["limit"], dtype=float)
         return method
 
 

@@ -12,9 +12,9 @@ from sklearn.utils.validation import has_fit_parameter
 
 from recognition.errors import RecognitionError
 
-#: A record is strange where it is stranger by this factor than every held-out training record, or than the 1 that an
-#: estimator scales its `strangeness` to.
-STRANGE_FACTOR = 1.5
+#: A record is strange where it is stranger by this factor than this share of the held-out training records, and than the 1
+#: that an estimator scales its `strangeness` to. Not than all of them: a record from the end of a range, held out, is strange.
+STRANGE_FACTOR, USUAL_SHARE = 1.5, 0.95
 LEAST_GROUPS = 3
 
 
@@ -47,10 +47,9 @@ class GroupConformal(RegressorMixin, BaseEstimator):
             scores.append(np.abs(ratio - y[test]) / error)
             if hasattr(model, "strangeness"):
                 strange.append(model.strangeness(X[test]))
-        ordered = np.sort(np.concatenate(scores))
-        rank = int(np.ceil(self.coverage * (len(ordered) + 1)))
-        self.width_ = float(ordered[min(rank, len(ordered)) - 1])
-        self.limit_ = STRANGE_FACTOR * np.maximum(1.0, np.vstack(strange).max(axis=0)) if strange else None
+        self.width_ = float(conformal_quantile(np.concatenate(scores), self.coverage))
+        self.limit_ = (STRANGE_FACTOR * np.maximum(1.0, conformal_quantile(np.vstack(strange), USUAL_SHARE))
+                       if strange else None)
         self.estimator_ = fitted(self.estimator, X, y, groups, nuisance)
         return self
 
@@ -67,6 +66,13 @@ class GroupConformal(RegressorMixin, BaseEstimator):
         if self.limit_ is None:
             return np.zeros(len(X), dtype=bool)
         return np.any(self.estimator_.strangeness(X) > self.limit_, axis=1)
+
+
+def conformal_quantile(values: np.ndarray, share: float) -> np.ndarray:
+    """The least of `values` (n, ...) that a further one does not pass with probability `share`; the largest if n is too
+    small for that."""
+    rank = int(np.ceil(share * (len(values) + 1)))
+    return np.sort(values, axis=0)[min(rank, len(values)) - 1]
 
 
 def fitted(estimator, X, y, groups, nuisance=None):

@@ -64,7 +64,7 @@ class RatioLikelihood(RegressorMixin, BaseEstimator):
         return [self.posterior_.estimate(np.asarray(x, dtype=float), k) for x, k in zip(X, known, strict=True)]
 
     def strangeness(self, X) -> np.ndarray:
-        """`Estimate.strangeness` of each record, shape (runs, 2)."""
+        """`Estimate.strangeness` of each record, shape (runs, 3)."""
         return np.array([e.strangeness for e in self.estimates(X)])
 
 

@@ -24,7 +24,7 @@ from recognition.errors import NotRecognised, RecognitionError
 from recognition.methods import CALIBRATED, METHODS, load_method
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 2
+VERSION = 3
 
 #: The window of the paper: 0..0.04 s at 1.5e-4 s.
 WINDOW_S = 0.04

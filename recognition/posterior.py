@@ -22,6 +22,9 @@ MARGIN = 0.15  # of each range, how far outside of the training theta is looked 
 GRID = {1: (131,), 2: (53, 25), 3: (53, 13, 9)}  # points along each axis of theta
 STEPS = 12
 WORST_NOISE_DB = 20.0  # below the signal; what is louder is no noise of a sensor that one would use
+EXTRAPOLATION = 0.1  # how far outside its range in training, in shares of it, a ratio or condition is expected to come out
+#: What each number of `Estimate.strangeness` says of a record.
+STRANGE = ("misfit", "part unknown to the training", "ratio or condition outside the training")
 
 
 def monomials(count: int, degree: int) -> np.ndarray:
@@ -57,19 +60,27 @@ def _standard_error(curvature: np.ndarray) -> float:
 @dataclass(frozen=True)
 class Estimate:
     """Of one record. ratio is not clipped. misfit: chi-square over its degrees of freedom; noise: what no training
-    record has, as a share of the record's own rms."""
+    record has, as a share of the record's own rms; outside: how far theta lies outside the training, in shares of the
+    range of each variable, at most."""
 
     ratio: float
     standard_error: float
     misfit: float
     noise: float
+    outside: float
     nuisance: np.ndarray
 
     @property
     def strangeness(self) -> np.ndarray:
-        """How unlike the training, shape (2,), 1 being as expected: misfit of the model, and what no training record has
-        against noise of WORST_NOISE_DB."""
-        return np.array([self.misfit, self.noise / 10 ** (-WORST_NOISE_DB / 20)])
+        """How unlike the training, shape (3,) as in STRANGE, 1 being as expected: misfit of the model, what no training
+        record has against noise of WORST_NOISE_DB, and how far outside against EXTRAPOLATION."""
+        return np.array([self.misfit, self.noise / 10 ** (-WORST_NOISE_DB / 20), self.outside / EXTRAPOLATION])
+
+
+def why_strange(strangeness: np.ndarray, limit: np.ndarray) -> str:
+    """Which of STRANGE are above their limits, "" if none is."""
+    return "; ".join(f"{what} {value:.3g}, limit {most:.3g}"
+                     for what, value, most in zip(STRANGE, strangeness, limit, strict=True) if value > most)
 
 
 @dataclass(frozen=True)
@@ -112,7 +123,9 @@ class RatioPosterior:
         physical = self.low + 0.5 * (theta + 1) * (self.high - self.low)
         error = 0.5 * (self.high - self.low)[0] * _standard_error(curvature)
         misfit = float(np.sum(weight * rest**2)) / len(z)
-        return Estimate(float(physical[0]), float(error), misfit, float(np.sqrt(noise2 / np.mean(row**2))), physical[1:])
+        outside = max(0.0, float(np.abs(theta).max() - 1) / 2)
+        return Estimate(float(physical[0]), float(error), misfit, float(np.sqrt(noise2 / np.mean(row**2))), outside,
+                        physical[1:])
 
     def _to_unit(self, theta: np.ndarray) -> np.ndarray:
         return 2 * (theta - self.low) / (self.high - self.low) - 1

@@ -6,18 +6,20 @@ import warnings
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.covariance import oas
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from recognition.energies import ProcessNumbers
+from recognition.likelihood import RatioLikelihood
 
 
 class EnergyProcess(RegressorMixin, BaseEstimator):
-    """Gaussian process on standardised features, X of shape (runs, p)."""
+    """Gaussian process on standardised features, X of shape (runs, p); a law of the features with their scatter says which
+    records are strange."""
 
-    def fit(self, X, y) -> EnergyProcess:
+    def fit(self, X, y, nuisance=None, groups=None) -> EnergyProcess:
+        """y (runs,): ratios; nuisance, groups: of the law, as in `RatioLikelihood.fit`, which raises RecognitionError."""
         X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         mean, scale = X.mean(axis=0), X.std(axis=0)
         z = (X - mean) / scale
@@ -28,9 +30,9 @@ class EnergyProcess(RegressorMixin, BaseEstimator):
             process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(z, y)
         self.process_ = process
         smooth = process.kernel_.k1
+        law = RatioLikelihood(components=z.shape[1]).fit(z[:, None, :], y, nuisance, groups).posterior_
         self.numbers_ = ProcessNumbers(mean, scale, z, process.alpha_, float(smooth.k1.constant_value),
-                                       float(smooth.k2.length_scale), float(y.mean()), float(y.std()),
-                                       np.linalg.inv(oas(z, assume_centered=True)[0]))
+                                       float(smooth.k2.length_scale), float(y.mean()), float(y.std()), law)
         return self
 
     def predict(self, X) -> np.ndarray:
@@ -38,5 +40,5 @@ class EnergyProcess(RegressorMixin, BaseEstimator):
         return np.array([self.numbers_.ratio(x) for x in np.asarray(X, dtype=float)])
 
     def strangeness(self, X) -> np.ndarray:
-        """`ProcessNumbers.strangeness` of each record, shape (runs, 1)."""
-        return np.array([[self.numbers_.strangeness(x)] for x in np.asarray(X, dtype=float)])
+        """`ProcessNumbers.strangeness` of each record, shape (runs, 3)."""
+        return np.array([self.numbers_.strangeness(x) for x in np.asarray(X, dtype=float)])

@@ -110,7 +110,7 @@ RECOGNISERS: dict[str, Callable[[], PaperMethod | Recogniser]] = {
     **{name: partial(PaperMethod, name) for name in PAPER_METHODS},
     "rms_line": lambda: Recogniser(rms_of_acceleration, LinearRegression()),
     "ridge_accelerometers": lambda: Recogniser(Channels("accelerometers").prepare, _ridge()),
-    **{f"energies_{kind}": partial(Recogniser, prepare, EnergyProcess()) for kind, prepare in ENERGIES.items()},
+    **{f"energies_{kind}": partial(Recogniser, prepare, EnergyProcess(), True) for kind, prepare in ENERGIES.items()},
     **{f"likelihood_{kind}": partial(Recogniser, Channels(kind).prepare, RatioLikelihood(), True) for kind in CHANNELS},
 }
 

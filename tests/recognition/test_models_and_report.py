@@ -45,7 +45,7 @@ def test_saved_model_answers_the_same_and_holds_no_code(model, sweep_path, tmp_p
     signals = read_sweep(sweep_path).runs[4].signals
     assert again.recognise(signals) == model.recognise(signals)
     saved = json.loads((tmp_path / "model.json").read_text())
-    assert saved["version"] == 2 and len(saved["provenance"]["runs"]) == 11
+    assert saved["version"] == 3 and len(saved["provenance"]["runs"]) == 11
     assert saved["provenance"]["runs"][3]["seeds"] == {"packing": 10007}
 
 
