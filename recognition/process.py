@@ -23,7 +23,8 @@ class EnergyProcess(RegressorMixin, BaseEstimator):
         X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         mean, scale = X.mean(axis=0), X.std(axis=0)
         z = (X - mean) / scale
-        kernel = ConstantKernel() * Matern(10.0, nu=2.5) + WhiteKernel(1e-2, (1e-6, 1.0))
+        # The bounds keep the search from the answer that all is noise, which is always there.
+        kernel = ConstantKernel(1.0, (1e-2, 1e3)) * Matern(10.0, (0.3, 1e3), nu=2.5) + WhiteKernel(0.1, (1e-6, 1.0))
         with warnings.catch_warnings():
             # A scale of the kernel at its bound is an answer too: a straight line, or no noise.
             warnings.simplefilter("ignore", ConvergenceWarning)

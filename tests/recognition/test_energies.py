@@ -44,6 +44,17 @@ def test_the_numbers_answer_as_scikit_learn_does():
     assert model.predict(new) == pytest.approx(whole.predict((new - n.mean) / n.scale), abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_the_process_does_not_take_all_for_noise(seed):
+    """A line through eight related features with noise of 0.4: that is what may be left, not the spread of y."""
+    rng = np.random.default_rng(seed)
+    X = rng.standard_normal((310, 8))
+    X[:, 1:] = 0.7 * X[:, :1] + 0.5 * X[:, 1:]
+    y = X[:, 0] + 0.6 * X[:, 3] - 0.8 * X[:, 5]
+    model = EnergyProcess().fit(X[:110], y[:110] + 0.4 * rng.standard_normal(110))
+    assert np.std(model.predict(X[110:]) - y[110:]) < 0.25 < 0.3 * np.std(y)
+
+
 @pytest.mark.parametrize("kind", ["rms", "sensors"])
 def test_ratio_interval_and_warning(kind):
     signals, y = records(80, 3)
