@@ -59,11 +59,12 @@ class Setting:
 
 @dataclass
 class Knob:
-    """`reference` is far finer than every one of `settings`; `default` is the value that a scene gets by itself."""
+    """`reference` is far finer than every one of `settings`; `default` is the value that the scenes have or get by themselves,
+    None where none has such a plate."""
 
     name: str
     unit: str
-    default: float
+    default: float | None
     settings: list[Setting]
     reference: Setting
     of_the_plate: bool = False
@@ -131,8 +132,8 @@ def knobs() -> list[Knob]:
         dt = row / 36
         return Setting(n * dt / stone_contact, {"stones.agglomerate": None, "time.time_step_s": dt, "time.co_step": n}, free)
 
-    def modes(frequency_Hz: float) -> Setting:
-        return Setting(frequency_Hz * stone_contact, {"plate.max_frequency_Hz": frequency_Hz})
+    def modes(frequency_Hz: float, changes: dict) -> Setting:
+        return Setting(frequency_Hz * stone_contact, {"plate.max_frequency_Hz": frequency_Hz} | changes)
 
     thin = {"plate.length_m": 0.32, "plate.width_m": 0.24, "plate.thickness_m": 0.012, "time.duration_s": 1.8e-3,
             "plate.rods": _rods(0.12, 0.09), "stones.count": 1, "stones.gangue_order": [1],
@@ -169,9 +170,10 @@ def knobs() -> list[Knob]:
              Setting(0.0, {"time.time_step_s": fine / 6, "time.co_step": 1}, free)),
         Knob("co-step, spheres", "of the contact time", default_co_step, [sphere_co_step(n) for n in (2, 4, 9, 18, 36)],
              sphere_co_step(1), recognised=False),
-        Knob("modes", "cut-off x contact time", 20e3 * stone_contact,
-             [modes(f) for f in (2.5e3, 3.5e3, 5e3, 10e3, 20e3, 28e3)], modes(56e3), of_the_plate=True),
-        *(Knob(f"modes, thin plate{name}", "cut-off x contact time", 20e3 * stone_contact,
+        *(Knob(f"modes{name}", "cut-off x contact time", 20e3 * stone_contact,
+               [modes(f, changes) for f in (2.5e3, 3.5e3, 5e3, 10e3, 20e3, 28e3)], modes(56e3, changes), of_the_plate=True,
+               recognised=not changes) for name, changes in (("", {}), (", spheres", {"stones.agglomerate": None}))),
+        *(Knob(f"modes, thin plate{name}", "cut-off x contact time", None,
                [thin_modes(n, changes) for n in (1.13, 2.3, 4.5)], thin_modes(6.4, changes), of_the_plate=True,
                recognised=False) for name, changes in (("", stone), (", spheres", one_sphere))),
         Knob("mesh", "of the default cell", 1.0, [mesh(f) for f in (2.0, 1.5, 1.0, 0.7)], mesh(0.35), of_the_plate=True),

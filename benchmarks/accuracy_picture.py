@@ -12,7 +12,7 @@ CHAOTIC = ("sub-spheres", "time step, breaking")
 
 
 def draw(table: pd.DataFrame, file: Path) -> None:
-    """`table` is work_precision.csv. The default of each knob is ringed; failures have no error and are left out."""
+    """`table` is work_precision.csv. The default of each knob that has one is ringed; failures have no error and are left out."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -23,6 +23,8 @@ def draw(table: pd.DataFrame, file: Path) -> None:
     for knob, rows in table[~table["knob"].isin(CHAOTIC)].groupby("knob", sort=False):
         rows = rows.assign(worst=worst_error(rows)).sort_values("setting")
         line, = left.plot(rows["cpu_s"], rows["worst"], "o-", ms=4, lw=1, label=knob)
+        if rows["default"].isna().any():
+            continue
         nearest = rows.iloc[(rows["setting"] / rows["default"] - 1).abs().argmin()]
         left.plot(nearest["cpu_s"], nearest["worst"], "o", ms=11, mfc="none", color=line.get_color())
     left.axhline(0.01, color="0.6", lw=0.8, ls="--")

@@ -56,7 +56,7 @@ def _fitted(method) -> str:
     if isinstance(method, FusionQ):
         return f"R^2 {method.fit_.r2:.5f}, adjusted {method.fit_.r2_adjusted:.5f}"
     if isinstance(method, CalibratedEnergies):
-        return f"{method.numbers_.mean.size} features, interval of {100 * method.width_:.1f} points"
+        return f"{method.numbers_.mean.size} features, interval of {100 * method.width_ * method.numbers_.size * method.numbers_.scatter**0.5:.1f} points"
     return f"{method.posterior_.variance.size} components, interval of {method.width_:.2f} standard errors"
 
 

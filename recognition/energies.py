@@ -1,4 +1,5 @@
-"""Energies of a record in windows of time and bands of frequency, and a Gaussian process on their logarithms.
+"""Energies of a record in windows of time and bands of frequency, and a Gaussian process on their logarithms, or on the
+stones' impulse.
 
 Sensors are pooled, which the arrangement of the stones then hardly moves; a louder record adds to all of them, damping
 tilts the windows, a harder blow shifts the bands.
@@ -16,6 +17,7 @@ import pandas as pd
 from recognition.calibrated import Recognition
 from recognition.channels import Channels
 from recognition.errors import RecognitionError
+from recognition.impulse import impulse
 from recognition.posterior import RatioPosterior, why_strange
 
 #: Ends of windows in shares of the record, ends of bands in shares of half its sample rate.
@@ -35,32 +37,44 @@ def log_rms(signals: np.ndarray, windows=WINDOWS, bands=BANDS) -> np.ndarray:
     return np.log(parts)
 
 
+def _without_errors(features: np.ndarray) -> np.ndarray:
+    """An rms of many samples hardly feels the chance of their noise."""
+    return np.stack([features, np.zeros_like(features)])
+
+
 def _rms(signals: pd.DataFrame) -> np.ndarray:
-    return log_rms(Channels("accelerometers").prepare(signals), (0.0, 1.0), ())
+    return _without_errors(log_rms(Channels("accelerometers").prepare(signals), (0.0, 1.0), ()))
 
 
 def _sensors(signals: pd.DataFrame) -> np.ndarray:
-    return log_rms(Channels("accelerometers").prepare(signals))
+    return _without_errors(log_rms(Channels("accelerometers").prepare(signals)))
 
 
 def _all(signals: pd.DataFrame) -> np.ndarray:
     speed = Channels("centre").prepare(signals)[:1]
     rods = Channels("rods").prepare(signals)
     # No bands: above the first modes these two hold so little that noise of a sensor would be all there is.
-    return np.concatenate([_sensors(signals), log_rms(speed, WINDOWS, ()), log_rms(rods, WINDOWS, ())])
+    return np.hstack([_sensors(signals), _without_errors(log_rms(speed, WINDOWS, ())), _without_errors(log_rms(rods, WINDOWS, ()))])
 
 
-#: name -> what it takes of a record, shape (p,): the sensors' rms alone, their windows and bands, and the windows of the
-#: centre of mass' velocity and of the rods' forces besides.
-ENERGIES = {"rms": _rms, "sensors": _sensors, "all": _all}
+def _impulse(signals: pd.DataFrame) -> np.ndarray:
+    found = impulse(signals)
+    return np.hstack([[[found.impulse_N_s], [found.standard_error_N_s]], _all(signals)])
+
+
+#: name -> what it takes of a record, features and their standard errors by the noise of sensors, shape (2, p): the stones' impulse and all that follows; the sensors' windows and bands and
+#: the windows of the centre of mass' velocity and of the rods' forces; the sensors alone; and their rms alone.
+ENERGIES = {"impulse": _impulse, "energies_all": _all, "energies_sensors": _sensors, "energies_rms": _rms}
+#: How many of them, from the first on, the ratio is told from, where that is not all: the others tell strange records.
+ANSWERING = {"impulse": 1}
 
 
 @dataclass(frozen=True)
 class ProcessNumbers:
     """A fitted Gaussian process with Matern's kernel (nu 5/2), and the law that usual records keep.
 
-    mean, scale (p,): of the features; points (n, p), weights (n,): of the process, in standardised features; constant,
-    length: of its kernel; offset, size: of the ratio; law: of the standardised features, taken as one channel.
+    mean, scale (p,): of the features; points (n, m), weights (n,): of the process, in the first m standardised features; constant,
+    length: of its kernel; scatter: mean square error of a record left out; offset, size: of the ratio; law: of the standardised features, taken as one channel.
     """
 
     mean: np.ndarray
@@ -69,20 +83,26 @@ class ProcessNumbers:
     weights: np.ndarray
     constant: float
     length: float
+    scatter: float
     offset: float
     size: float
     law: RatioPosterior
 
-    def ratio(self, features: np.ndarray) -> float:
-        """Of one record, shape (p,)."""
-        z = (features - self.mean) / self.scale
-        r = np.sqrt(5) * np.linalg.norm(self.points - z, axis=1) / self.length
-        kernel = self.constant * (1 + r + r**2 / 3) * np.exp(-r)
-        return float(self.offset + self.size * (kernel @ self.weights))
+    def ratio(self, record: np.ndarray) -> tuple[float, float]:
+        """Of one record, features and their errors (2, p): ratio, and its standard error from the scatter of the training and
+        the errors of the features."""
+        m = self.points.shape[1]
+        away = self.points - ((record[0] - self.mean) / self.scale)[:m]
+        r = np.sqrt(5) * np.linalg.norm(away, axis=1) / self.length
+        smooth = self.constant * np.exp(-r) * self.weights
+        slope = 5 / (3 * self.length**2) * (smooth * (1 + r)) @ away
+        error = slope * (record[1] / self.scale)[:m]
+        return (float(self.offset + self.size * (smooth @ (1 + r + r**2 / 3))),
+                float(self.size * np.sqrt(self.scatter + error @ error)))
 
-    def strangeness(self, features: np.ndarray) -> np.ndarray:
-        """`Estimate.strangeness` by the law, shape (3,)."""
-        return self.law.estimate(((features - self.mean) / self.scale)[None]).strangeness
+    def strangeness(self, record: np.ndarray) -> np.ndarray:
+        """`Estimate.strangeness` of features and errors (2, p) by the law, shape (3,)."""
+        return self.law.estimate(((record[0] - self.mean) / self.scale)[None]).strangeness
 
 
 class CalibratedEnergies:
@@ -92,30 +112,30 @@ class CalibratedEnergies:
         self.kind = kind
 
     def prepare(self, signals: pd.DataFrame) -> np.ndarray:
-        """Shape (p,)."""
+        """Features and their standard errors, shape (2, p)."""
         return ENERGIES[self.kind](signals)
 
     def fit(self, X, y, groups=None, nuisance=None) -> CalibratedEnergies:
-        """X (runs, p); nuisance: see `EnergyProcess.fit`. Needs scikit-learn. Raises RecognitionError."""
+        """X (runs, 2, p); nuisance: see `EnergyProcess.fit`. Needs scikit-learn. Raises RecognitionError."""
         from recognition.intervals import GroupConformal  # late: records are recognised without scikit-learn
         from recognition.process import EnergyProcess
 
-        conformal = GroupConformal(EnergyProcess()).fit(X, y, groups, nuisance)
+        conformal = GroupConformal(EnergyProcess(ANSWERING.get(self.kind))).fit(X, y, groups, nuisance)
         self.numbers_, self.width_ = conformal.estimator_.numbers_, conformal.width_
         self.limit_ = np.asarray(conformal.limit_)
         return self
 
     def predict(self, X) -> np.ndarray:
         """Mixing ratio of each record, shape (runs,); not clipped."""
-        return np.array([self.numbers_.ratio(x) for x in X])
+        return np.array([self.numbers_.ratio(x)[0] for x in X])
 
     def recognise(self, x: np.ndarray) -> Recognition:
-        """Of one record, shape (p,)."""
-        if x.shape != self.numbers_.mean.shape:
-            raise RecognitionError(f"{x.size} features; the model has {self.numbers_.mean.size}")
-        ratio = self.numbers_.ratio(x)
+        """Of one record, shape (2, p)."""
+        if x[0].shape != self.numbers_.mean.shape:
+            raise RecognitionError(f"{x[0].size} features; the model has {self.numbers_.mean.size}")
+        ratio, error = self.numbers_.ratio(x)
         strange = why_strange(self.numbers_.strangeness(x), self.limit_)
-        return Recognition(ratio, ratio - self.width_, ratio + self.width_, strange)
+        return Recognition(ratio, ratio - self.width_ * error, ratio + self.width_ * error, strange)
 
     def to_dict(self) -> dict:
         numbers = {name: np.asarray(value).tolist() for name, value in vars(self.numbers_).items() if name != "law"}
@@ -130,12 +150,13 @@ class CalibratedEnergies:
         saved = data["numbers"]
         mean, scale, points, weights = (
             np.asarray(saved[name], dtype=float) for name in ("mean", "scale", "points", "weights"))
-        constant, length, offset, size = (float(saved[name]) for name in ("constant", "length", "offset", "size"))
+        constant, length, scatter, offset, size = (
+            float(saved[name]) for name in ("constant", "length", "scatter", "offset", "size"))
         law = RatioPosterior.from_dict(saved["law"])
-        method.numbers_ = ProcessNumbers(mean, scale, points, weights, constant, length, offset, size, law)
+        method.numbers_ = ProcessNumbers(mean, scale, points, weights, constant, length, scatter, offset, size, law)
         method.width_, method.limit_ = float(data["width"]), np.asarray(data["limit"], dtype=float)
         return method
 
 
 #: name -> an unfitted method.
-ENERGY_METHODS = {f"energies_{kind}": partial(CalibratedEnergies, kind) for kind in ("all", "sensors", "rms")}
+ENERGY_METHODS = {name: partial(CalibratedEnergies, name) for name in ENERGIES}

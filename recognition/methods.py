@@ -49,6 +49,7 @@ METHOD_NAMES = {
     "fusion_q": "Q polynomial",
     "energy_fusion_printed": "energy fusion as printed",
     "energy_fusion_mended": "energy fusion, mended",
+    "impulse": "impulse from plate and rods",
     "energies_all": "energies of all signals",
     "energies_sensors": "energies of four accelerometers",
     "energies_rms": "RMS of four accelerometers",

@@ -110,7 +110,7 @@ class Model:
         """
         table, reasons = self.window.cut(signals, source), []
         # Of one draw nobody learns what other arrangements do: the fewest features are the safest.
-        order = list(CALIBRATED) if self.provenance.get("groups", 1) > 2 else ["energies_rms", *CALIBRATED]
+        order = list(CALIBRATED) if self.provenance.get("groups", 1) > 2 else ["impulse", "energies_rms", *CALIBRATED]
         for name in order:
             if name in self.methods:
                 method = self.methods[name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+from scipy.linalg import cho_solve
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
@@ -14,31 +15,42 @@ from recognition.energies import ProcessNumbers
 from recognition.likelihood import RatioLikelihood
 
 
+def _scatter(process: GaussianProcessRegressor) -> float:
+    """Mean square error at each training record when it is left out: alpha_i/(K^-1)_ii (Rasmussen and Williams 2006, 5.12).
+    The noise of the kernel may be none where few records happen to lie on a smooth curve."""
+    inverse = cho_solve((process.L_, True), np.eye(len(process.L_)))
+    return float(np.mean((process.alpha_ / np.diag(inverse)) ** 2))
+
+
 class EnergyProcess(RegressorMixin, BaseEstimator):
-    """Gaussian process on standardised features, X of shape (runs, p); a law of the features with their scatter says which
-    records are strange."""
+    """Gaussian process on the first `answering` standardised features (None: on all); a law of all features with their
+    scatter says which records are strange. X has the shape (runs, 2, p): features, and their errors by the noise of sensors."""
+
+    def __init__(self, answering: int | None = None):
+        self.answering = answering
 
     def fit(self, X, y, nuisance=None, groups=None) -> EnergyProcess:
         """y (runs,): ratios; nuisance, groups: of the law, as in `RatioLikelihood.fit`, which raises RecognitionError."""
         X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
-        mean, scale = X.mean(axis=0), X.std(axis=0)
-        z = (X - mean) / scale
+        mean, scale = X[:, 0].mean(axis=0), X[:, 0].std(axis=0)
+        z = (X[:, 0] - mean) / scale
         # The bounds keep the search from the answer that all is noise, which is always there.
         kernel = ConstantKernel(1.0, (1e-2, 1e3)) * Matern(10.0, (0.3, 1e3), nu=2.5) + WhiteKernel(0.1, (1e-6, 1.0))
         with warnings.catch_warnings():
             # A scale of the kernel at its bound is an answer too: a straight line, or no noise.
             warnings.simplefilter("ignore", ConvergenceWarning)
-            process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(z, y)
+            process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(z[:, :self.answering], y)
         self.process_ = process
         smooth = process.kernel_.k1
         law = RatioLikelihood(components=z.shape[1]).fit(z[:, None, :], y, nuisance, groups).posterior_
-        self.numbers_ = ProcessNumbers(mean, scale, z, process.alpha_, float(smooth.k1.constant_value),
-                                       float(smooth.k2.length_scale), float(y.mean()), float(y.std()), law)
+        self.numbers_ = ProcessNumbers(mean, scale, z[:, :self.answering], process.alpha_, float(smooth.k1.constant_value),
+                                       float(smooth.k2.length_scale), _scatter(process), float(y.mean()), float(y.std()), law)
         return self
 
-    def predict(self, X) -> np.ndarray:
-        """Ratios, shape (runs,); not clipped."""
-        return np.array([self.numbers_.ratio(x) for x in np.asarray(X, dtype=float)])
+    def predict(self, X, return_std: bool = False, nuisance=None):
+        """Ratios (runs,), not clipped, and their standard errors where asked for. The nuisance is not used."""
+        ratio, error = np.array([self.numbers_.ratio(x) for x in np.asarray(X, dtype=float)]).T
+        return (ratio, error) if return_std else ratio
 
     def strangeness(self, X) -> np.ndarray:
         """`ProcessNumbers.strangeness` of each record, shape (runs, 3)."""

@@ -17,7 +17,7 @@ from sklearn.linear_model import LinearRegression, RidgeCV
 from sklearn.pipeline import make_pipeline
 
 from recognition.channels import CHANNELS, Channels
-from recognition.energies import ENERGIES
+from recognition.energies import ANSWERING, ENERGIES
 from recognition.errors import NotRecognised, RecognitionError
 from recognition.intervals import GroupConformal
 from recognition.likelihood import RatioLikelihood
@@ -110,7 +110,7 @@ RECOGNISERS: dict[str, Callable[[], PaperMethod | Recogniser]] = {
     **{name: partial(PaperMethod, name) for name in PAPER_METHODS},
     "rms_line": lambda: Recogniser(rms_of_acceleration, LinearRegression()),
     "ridge_accelerometers": lambda: Recogniser(Channels("accelerometers").prepare, _ridge()),
-    **{f"energies_{kind}": partial(Recogniser, prepare, EnergyProcess(), True) for kind, prepare in ENERGIES.items()},
+    **{name: partial(Recogniser, prepare, EnergyProcess(ANSWERING.get(name)), True) for name, prepare in ENERGIES.items()},
     **{f"likelihood_{kind}": partial(Recogniser, Channels(kind).prepare, RatioLikelihood(), True) for kind in CHANNELS},
 }
 

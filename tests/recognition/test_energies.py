@@ -36,12 +36,37 @@ def test_rms_of_a_sine_by_window_and_band():
 
 def test_the_numbers_answer_as_scikit_learn_does():
     signals, y = records(40, 1)
-    X = np.stack([CalibratedEnergies("sensors").prepare(s) for s in signals])
+    X = np.stack([CalibratedEnergies("energies_sensors").prepare(s) for s in signals])
     model = EnergyProcess().fit(X, y)
     n = model.numbers_
-    whole = GaussianProcessRegressor(model.process_.kernel_, optimizer=None, normalize_y=True).fit((X - n.mean) / n.scale, y)
-    new = np.stack([CalibratedEnergies("sensors").prepare(s) for s in records(10, 2)[0]])
-    assert model.predict(new) == pytest.approx(whole.predict((new - n.mean) / n.scale), abs=1e-9)
+    whole = GaussianProcessRegressor(model.process_.kernel_, optimizer=None, normalize_y=True).fit((X[:, 0] - n.mean) / n.scale, y)
+    new = np.stack([CalibratedEnergies("energies_sensors").prepare(s) for s in records(10, 2)[0]])
+    assert model.predict(new) == pytest.approx(whole.predict((new[:, 0] - n.mean) / n.scale), abs=1e-9)
+
+
+def test_the_scatter_is_that_of_records_left_out():
+    signals, y = records(25, 6)
+    X = np.stack([CalibratedEnergies("energies_sensors").prepare(s) for s in signals])
+    process, numbers = (model := EnergyProcess().fit(X, y)).process_, model.numbers_
+    z, unit = (X[:, 0] - numbers.mean) / numbers.scale, (y - y.mean()) / y.std()
+    errors = []
+    for k in range(len(y)):
+        rest = np.arange(len(y)) != k
+        left_out = GaussianProcessRegressor(process.kernel_, optimizer=None).fit(z[rest], unit[rest])
+        errors.append(left_out.predict(z[k:k + 1])[0] - unit[k])
+    assert numbers.scatter == pytest.approx(np.mean(np.square(errors)), rel=1e-6)
+
+
+def test_the_standard_error_follows_the_slope():
+    signals, y = records(40, 7)
+    X = np.stack([CalibratedEnergies("energies_sensors").prepare(s) for s in signals])
+    numbers, record, step = EnergyProcess().fit(X, y).numbers_, X[5].copy(), 1e-6
+    record[1, 2] = 0.01
+    further = record.copy()
+    further[0, 2] += step
+    slope = (numbers.ratio(further)[0] - numbers.ratio(record)[0]) / step
+    without = numbers.ratio(X[5])[1]
+    assert numbers.ratio(record)[1] == pytest.approx(np.hypot(without, 0.01 * slope), rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -51,11 +76,12 @@ def test_the_process_does_not_take_all_for_noise(seed):
     X = rng.standard_normal((310, 8))
     X[:, 1:] = 0.7 * X[:, :1] + 0.5 * X[:, 1:]
     y = X[:, 0] + 0.6 * X[:, 3] - 0.8 * X[:, 5]
+    X = np.stack([X, 0 * X], axis=1)
     model = EnergyProcess().fit(X[:110], y[:110] + 0.4 * rng.standard_normal(110))
     assert np.std(model.predict(X[110:]) - y[110:]) < 0.25 < 0.3 * np.std(y)
 
 
-@pytest.mark.parametrize("kind", ["rms", "sensors"])
+@pytest.mark.parametrize("kind", ["energies_rms", "energies_sensors"])
 def test_ratio_interval_and_warning(kind):
     signals, y = records(80, 3)
     method = CalibratedEnergies(kind)
@@ -66,6 +92,6 @@ def test_ratio_interval_and_warning(kind):
     assert np.abs([r.ratio - b for r, b in zip(like, true, strict=True)]).mean() < 0.02
     assert 0.83 < np.mean([r.low <= b <= r.high for r, b in zip(like, true, strict=True)]) < 0.97
     assert np.mean([r.strange != "" for r in like]) < 0.02
-    if kind == "sensors":
+    if kind == "energies_sensors":
         other = [method.recognise(method.prepare(s)) for s in records(20, 5, frequency_Hz=400.0)[0]]
         assert all(r.strange for r in other)

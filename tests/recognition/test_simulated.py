@@ -19,7 +19,7 @@ def impacts():
 
 def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts):
     groups, ratio, signals = impacts
-    method = CalibratedEnergies("rms")
+    method = CalibratedEnergies("energies_rms")
     X = np.stack([method.prepare(s) for s in signals])
     errors, straight, inside = [], [], []
     for group in (g for g in np.unique(groups) if not g.startswith("thin")):
@@ -27,7 +27,7 @@ def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts):
         found = [method.fit(X[train], ratio[train], groups[train]).recognise(x) for x in X[test]]
         errors += [r.ratio - b for r, b in zip(found, ratio[test], strict=True)]
         inside += [r.low <= b <= r.high for r, b in zip(found, ratio[test], strict=True)]
-        straight += list(LinearRegression().fit(np.exp(X[train]), ratio[train]).predict(np.exp(X[test])) - ratio[test])
+        straight += list(LinearRegression().fit(np.exp(X[train, 0]), ratio[train]).predict(np.exp(X[test, 0])) - ratio[test])
     assert len(errors) == 66
     assert np.abs(errors).mean() < 0.06 and np.abs(errors).mean() < np.abs(straight).mean()
     assert 0.75 < np.mean(inside) <= 1
@@ -36,7 +36,7 @@ def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts):
 def test_another_plate_is_flagged(impacts):
     groups, ratio, signals = impacts
     thin = np.char.startswith(groups, "thin")
-    method = CalibratedEnergies("sensors")
+    method = CalibratedEnergies("energies_sensors")
     X = np.stack([method.prepare(s) for s in signals])
     method.fit(X[~thin], ratio[~thin], groups[~thin])
     assert sum(method.recognise(x).strange != "" for x in X[thin]) >= thin.sum() - 1

@@ -1,0 +1,62 @@
+"""The stones' impulse from what the plate and its rods take up.
+
+After the impact the plate's momentum M v and what its rods have carried away together stay what the stones gave:
+
+    integral of the rods' forces + M v = -J
+
+v is that of the centre of mass, upwards, the rods' forces pull upwards where they are positive (tension), J is the push
+downwards. M, the mass that moves with v, is minus the slope of the integral against v in the record itself, so that no
+number of the plate is needed. J knows nothing of where the stones fell, of the plate's modes or of their damping.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.integrate import cumulative_trapezoid
+
+from recognition.channels import Channels
+from recognition.errors import RecognitionError
+
+#: J is the mean over this time. Before, stones still push; the longer it lasts, the more noise the integral has gathered.
+WINDOW_S = (0.75e-3, 3e-3)
+
+
+#: Samples apart over which the balance is watched to tell noise of the velocity from that of the rods.
+LAG = 10
+
+
+@dataclass(frozen=True)
+class Impulse:
+    """J, and its standard error from the noise of the sensors alone."""
+
+    impulse_N_s: float
+    standard_error_N_s: float
+
+
+def impulse(signals: pd.DataFrame) -> Impulse:
+    """Of a record with columns t_s, v_m_s and rod_*. RecognitionError for missing ones, or a record that is too short or at
+    rest."""
+    rods_N, (v_m_s,) = Channels("rods").prepare(signals), Channels("centre").prepare(signals)[:1]
+    t_s = signals["t_s"].to_numpy(dtype=float) - float(signals["t_s"].iloc[0])
+    start, end = np.searchsorted(t_s, WINDOW_S)
+    if len(t_s) < max(end, start + LAG + 2):
+        raise RecognitionError(f"the record is shorter than {WINDOW_S[1]:g} s")
+    taken_N_s, v = np.asarray(cumulative_trapezoid(rods_N.sum(axis=0), t_s, initial=0))[start:], v_m_s[start:]
+    swing = v - v.mean()
+    if swing @ swing <= 0:
+        raise RecognitionError("the record is at rest")
+    mass_kg = -(swing @ taken_N_s) / (swing @ swing)
+    balance = -(taken_N_s + mass_kg * v)
+    return Impulse(float(balance[:end - start].mean()), _standard_error(balance, start, end - start))
+
+
+def _standard_error(balance: np.ndarray, before: int, count: int) -> float:
+    """Of the mean of the first `count` values, `before` samples after the record's start. Noise of the rods' forces, summed
+    up, is a random walk, that of the velocity is white: (y_(k+m) - y_k)^2 is m walk + 2 white on average."""
+    near, far = (np.mean((balance[lag:] - balance[:-lag]) ** 2) for lag in (1, LAG))
+    walk = max(0.0, float(far - near) / (LAG - 1))
+    white = max(0.0, float(near - walk) / 2)
+    return float(np.sqrt(walk * (before + (count - 1) / 3) + white / count))
