@@ -80,9 +80,11 @@ def recognise(arguments) -> int:
 
 
 def evaluate(arguments) -> None:
-    from recognition.evaluation import write_evaluation  # late: it needs scikit-learn
+    from recognition.bounds import write_bounds  # late: they need scikit-learn
+    from recognition.evaluation import write_evaluation
 
     print(f"written to {write_evaluation(arguments.directory, arguments.method)}")
+    print(f"what no method can pass: {write_bounds(arguments.directory)}")
 
 
 def report(arguments) -> None:
@@ -103,7 +105,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("record", help="run directory, .parquet or .csv with t_s and the plate's responses")
     command.add_argument("--model", required=True, help="model file")
     command = commands.add_parser("evaluate", help="what each method makes of runs it was not trained on")
-    command.add_argument("directory", help="data set, FAMILY/GROUP/ratio_*; evaluation.csv is written into it")
+    command.add_argument("directory", help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")
     command.add_argument("--method", action="append", help="one method only; may be given several times")
     command = commands.add_parser("report", help="write report.html into a directory of runs")
     command.add_argument("directory", help="directory of runs ratio_*")
