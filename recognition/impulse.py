@@ -2,11 +2,11 @@
 
 After the impact the plate's momentum M v and what its rods have carried away together stay what the stones gave:
 
-    integral of the rods' forces + M v = -J
+    integral of the rods' forces + M v = -J_s
 
-v is that of the centre of mass, upwards, the rods' forces pull upwards where they are positive (tension), J is the push
-downwards. M, the mass that moves with v, is minus the slope of the integral against v in the record itself, so that no
-number of the plate is needed. J knows nothing of where the stones fell, of the plate's modes or of their damping.
+v is that of the centre of mass, upwards; the rods' forces pull the plate down where they are positive (tension); J_s is the
+push downwards. M, the mass that moves with v, is minus the slope of the integral against v in the record itself, so that no
+number of the plate is needed. J_s knows nothing of where the stones fell, of the plate's modes or of their damping.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scipy.integrate import cumulative_trapezoid
 from recognition.channels import Channels
 from recognition.errors import RecognitionError
 
-#: J is the mean over this time. Before, stones still push; the longer it lasts, the more noise the integral has gathered.
+#: J_s is the mean over this time. Before, stones still push; the longer it lasts, the more noise the integral has gathered.
 WINDOW_S = (0.75e-3, 3e-3)
 
 
@@ -30,7 +30,7 @@ LAG = 10
 
 @dataclass(frozen=True)
 class Impulse:
-    """J, and its standard error from the noise of the sensors alone."""
+    """J_s, and its standard error from the noise of the sensors alone."""
 
     impulse_N_s: float
     standard_error_N_s: float

@@ -14,7 +14,7 @@ T_S = np.arange(267) * DT_S
 
 
 def record(impulse_N_s, frequency_Hz, damping_ratio, other_N=0.0, start_s=0.0):
-    """M u'' + c u' + k u = 0 from u' = -J/M; the rods' forces, pulling upwards, are c u' + k u of the plate's own motion.
+    """M u'' + c u' + k u = 0 from u' = -J/M; the rods' forces, pulling down, are c u' + k u.
     `other_N`: forces of a pair of rods that pull against each other."""
     w0, decay = 2 * np.pi * frequency_Hz, damping_ratio * 2 * np.pi * frequency_Hz
     wd = np.sqrt(w0**2 - decay**2)
