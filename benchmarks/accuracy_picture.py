@@ -18,8 +18,9 @@ def draw(table: pd.DataFrame, file: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), gridspec_kw={"width_ratios": [1.6, 1]}, layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.6), gridspec_kw={"width_ratios": [1.6, 1]}, layout="constrained")
     table = table[table["outcome"] == "finished"]
+    left.set_prop_cycle(color=plt.get_cmap("tab20").colors[::2] + plt.get_cmap("tab20").colors[1::2])
     for knob, rows in table[~table["knob"].isin(CHAOTIC)].groupby("knob", sort=False):
         rows = rows.assign(worst=worst_error(rows)).sort_values("setting")
         line, = left.plot(rows["cpu_s"], rows["worst"], "o-", ms=4, lw=1, label=knob)
@@ -30,7 +31,7 @@ def draw(table: pd.DataFrame, file: Path) -> None:
     left.axhline(0.01, color="0.6", lw=0.8, ls="--")
     left.set(xscale="log", yscale="log", xlabel="processor time, s", ylabel="largest deterministic error",
              title="each knob by itself (rings: near the default)")
-    left.legend(fontsize=8)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=6, fontsize=8)
     for knob, rows in table[table["knob"].isin(CHAOTIC)].groupby("knob", sort=False):
         right.errorbar(rows["cpu_s"], rows["broken_area_cm2"], rows["broken_area_sem_cm2"], fmt="o-", ms=4, lw=1,
                        capsize=3, label=knob)
