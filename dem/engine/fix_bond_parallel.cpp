@@ -91,7 +91,7 @@ void FixBondParallel::init() {
 }
 
 void FixBondParallel::setup(int vflag) {
-  known_tags_.clear();
+  listed_ = false;
   if (resuming) return;
   rebuild();
   // The step that ends here was counted by the run before, or never was; see add_work.
@@ -156,9 +156,10 @@ void FixBondParallel::post_run() { write_events(); }
 void FixBondParallel::rebuild() {
   if (comm->nprocs > 1) share_broken();
   const int nlocal = atom->nlocal;
-  const bool same = static_cast<int>(known_tags_.size()) == nlocal &&
+  const bool same = listed_ && static_cast<int>(known_tags_.size()) == nlocal &&
                     std::equal(known_tags_.begin(), known_tags_.end(), atom->tag);
   if (same && comm->nprocs == 1) return;
+  listed_ = true;
   known_tags_.assign(atom->tag, atom->tag + nlocal);
 
   local_.clear();

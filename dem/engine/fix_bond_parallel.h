@@ -47,7 +47,7 @@ class FixBondParallel : public Fix, public Checkpointed {
   void write_restart(FILE *) override;
   void restart(char *) override;
 
-  void begin_anew() override { known_tags_.clear(); }  // the kernel sums in the order of its list
+  void begin_anew() override { listed_ = false; }  // the kernel sums in the order of its list
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
 
@@ -76,6 +76,7 @@ class FixBondParallel : public Fix, public Checkpointed {
   std::vector<int> newly_broken_;  // since the last neighbour build, on this rank
   std::vector<LocalBond> local_;
   std::vector<int> broken_;        // room for the kernel's findings
+  bool listed_ = false;            // does the kernel have a list that may be kept?
   std::vector<int> known_tags_;    // local order at the last build: if it stands, so does the kernel
   std::vector<AtomRecord> atoms_;
   std::vector<ForceRecord> forces_;

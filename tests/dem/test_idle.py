@@ -1,5 +1,7 @@
 """Bodies out of the force loops: what a jump keeps, and brute force beside it. docs/idle.md."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -39,6 +41,19 @@ def throw(body, omega, v):
         ux, uy, uz = (float(c) for c in v + np.cross(omega, r))
         lines += f"group one_{k} id {k + 1}\nvelocity one_{k} set {ux!r} {uy!r} {uz!r} units box\n"
     return lines
+
+
+def test_all_bodies_may_leave_where_a_checkpoint_begins_anew(tmp_path):
+    """The kernel's list is then to be made anew of nothing; an older one would name sub-spheres that are gone."""
+    body = bracket()
+    write_files(tmp_path, body)
+    output = run_engine(tmp_path, deck(
+        DT, 20_000, 10_000, bonds=bond_line(tension=1e6, shear=1e6, damping_time=1e-7), lines=WEIGHT + IDLE.format(1)
+        + "fix checkpoint all checkpoint every 50 directory checkpoint resume 0\n",
+        velocity=throw(body, np.array([40.0, -250.0, 90.0]), np.array([0.5, 0.2, 2.0]))
+        + "thermo 5000\nthermo_style custom step atoms\nthermo_modify lost ignore\n"))
+    assert re.search(r"^ *5000 +0 *$", output, re.MULTILINE)  # step, sub-spheres in the arrays
+    assert len((tmp_path / "events.csv").read_text().splitlines()) <= 1  # nothing broke
 
 
 @pytest.fixture(scope="module")
