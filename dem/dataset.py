@@ -35,7 +35,7 @@ class Family(Table):
 
     groups: Annotated[int, Field(ge=1)]
     runs_per_group: Annotated[int, Field(ge=1)]  # ratios of a group, spread over 0..1
-    changes: dict[str, float | int | str] = Field(default_factory=dict)  # dotted keys of the scene, for all runs of the family
+    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # dotted keys of the scene, for all runs of the family
     arrangement: bool = False  # which stones turn into gangue first
     packing: bool = False  # sub-spheres of every stone
     speed_m_s: tuple[Positive, Positive] | None = None  # evenly between these
@@ -55,7 +55,7 @@ class Family(Table):
 class Plan(Table):
     scene: str  # file, beside the plan
     seed: Annotated[int, Field(ge=0)]
-    changes: dict[str, float | int | str] = Field(default_factory=dict)  # for all runs
+    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # for all runs
     families: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")], Family]
 
 

@@ -48,10 +48,10 @@ class DataSet:
         return np.flatnonzero(self.table["family"].isin(families))
 
     def calibration(self) -> DataSet:
-        """The runs of the plate and the materials that most runs have; the others are passed over."""
+        """The runs of the plate, the materials and the agglomerates that most runs have; the others are passed over."""
         kinds = pd.Series([_kind(run) for run in self.runs])
         same = (kinds == kinds.mode()[0]).to_numpy()
-        others = [f"{self.runs[k].path}: another plate or other materials" for k in np.flatnonzero(~same)]
+        others = [f"{self.runs[k].path}: another plate, other materials or other agglomerates" for k in np.flatnonzero(~same)]
         runs = [run for run, one in zip(self.runs, same, strict=True) if one]
         return DataSet(runs, self.table[same].reset_index(drop=True), self.passed_over + others)
 
@@ -59,7 +59,7 @@ class DataSet:
 def _kind(run: Run) -> str:
     scene = run.info["scene"]
     plate = {key: value for key, value in scene["plate"].items() if key != "damping_ratio"}
-    return json.dumps([plate, scene.get("materials")], sort_keys=True)
+    return json.dumps([plate, scene.get("materials"), scene["stones"].get("agglomerate")], sort_keys=True)
 
 
 def read_dataset(path) -> DataSet:
