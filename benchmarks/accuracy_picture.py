@@ -20,7 +20,7 @@ def draw(table: pd.DataFrame, file: Path) -> None:
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.6), gridspec_kw={"width_ratios": [1.6, 1]}, layout="constrained")
     table = table[table["outcome"] == "finished"]
-    left.set_prop_cycle(color=plt.get_cmap("tab20").colors[::2] + plt.get_cmap("tab20").colors[1::2])
+    left.set_prop_cycle(color=[plt.get_cmap("tab20")(k) for k in (*range(0, 20, 2), *range(1, 20, 2))])
     for knob, rows in table[~table["knob"].isin(CHAOTIC)].groupby("knob", sort=False):
         rows = rows.assign(worst=worst_error(rows)).sort_values("setting")
         line, = left.plot(rows["cpu_s"], rows["worst"], "o-", ms=4, lw=1, label=knob)
