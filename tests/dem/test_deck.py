@@ -85,13 +85,19 @@ OMISSIONS = {
 }
 
 
+YIELDS = {"plate.yield_stress_Pa": 8e8}
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return deck_of(small("paper", YIELDS))[0]
+
+
 @pytest.mark.parametrize("omission", OMISSIONS)
-def test_what_the_scene_leaves_out_the_deck_leaves_out(omission):
+def test_what_the_scene_leaves_out_the_deck_leaves_out(omission, whole):
     changes, gone = OMISSIONS[omission]
-    yields = {"plate.yield_stress_Pa": 8e8}
-    whole = deck_of(small("paper", yields))[0]
     assert whole == set(PARTS) - {"rolling"}
-    assert whole - deck_of(small("paper", yields | changes))[0] == gone
+    assert whole - deck_of(small("paper", YIELDS | changes))[0] == gone
 
 
 def test_a_plate_without_rods_has_none_in_its_modes_and_signals():
