@@ -103,54 +103,80 @@ def constants(values: dict) -> Iterator[None]:
             setattr(dem.time_step, name, value)
 
 
+# Settings coarser than a scene may ask for.
+FREE = {"CONTACT_STEPS": 1, "BOND_FRACTION": 9.0, "DAMPED_SHARE": 9.0, "RAYLEIGH_FRACTION": 9.0, "STIFFNESS_SHARE": 9.0,
+        "DASHPOT_SHARE": 9.0}
+SPHERES: dict = {"stones.agglomerate": None}
+
+
 def knobs() -> list[Knob]:
     scene = scene_of({})
     assembly = assemble(scene, arrange(scene, "scene"))
-    t0 = bond_time_s(scene, assembly)
-    stone_contact = stone_contact_time_s(scene, assembly)
+    t0, stone_contact_s = bond_time_s(scene, assembly), stone_contact_time_s(scene, assembly)
     assert t0 is not None
-    free = {"CONTACT_STEPS": 1, "BOND_FRACTION": 9.0, "DAMPED_SHARE": 9.0, "RAYLEIGH_FRACTION": 9.0, "STIFFNESS_SHARE": 9.0, "DASHPOT_SHARE": 9.0}
+    return [*step_knobs(t0, stone_contact_s), *plate_knobs(stone_contact_s, default_mesh_size(scene.plate)), *other_knobs()]
 
+
+def step_knobs(t0: float, stone_contact_s: float) -> list[Knob]:
+    """Time step and co-step, of bonded stones and of unbonded spheres."""
     # A sample holds 30 rows of the fast stream, a row whole co-steps: lengths that divide it are met exactly.
-    longest = SAMPLE_s / dem.time_step.FAST_PER_SAMPLE / np.ceil(SAMPLE_s / dem.time_step.FAST_PER_SAMPLE / (0.36 * t0))
-
-    def step(k: int) -> Setting:
-        return Setting(longest / k / t0, {"time.time_step_s": longest / k, "time.co_step": k}, free)
-
-    def sphere(k: int) -> Setting:
-        dt = SAMPLE_s / dem.time_step.FAST_PER_SAMPLE / 2 / k
-        return Setting(dt / stone_contact, {"stones.agglomerate": None, "time.time_step_s": dt, "time.co_step": k}, free)
-
+    row = SAMPLE_s / dem.time_step.FAST_PER_SAMPLE
+    longest = row / np.ceil(row / (0.36 * t0))
     fine = longest / 4
 
-    def co_step(n: int) -> Setting:
-        return Setting(n * fine / stone_contact, {"time.time_step_s": fine, "time.co_step": n}, free)
+    def step(k: int) -> Setting:
+        return Setting(longest / k / t0, {"time.time_step_s": longest / k, "time.co_step": k}, FREE)
 
-    row = SAMPLE_s / dem.time_step.FAST_PER_SAMPLE
+    def sphere(k: int) -> Setting:
+        dt = row / 2 / k
+        return Setting(dt / stone_contact_s, SPHERES | {"time.time_step_s": dt, "time.co_step": k}, FREE)
 
-    def sphere_co_step(n: int) -> Setting:
-        dt = row / 36
-        return Setting(n * dt / stone_contact, {"stones.agglomerate": None, "time.time_step_s": dt, "time.co_step": n}, free)
+    def co_step(n: int, dt: float, changes: dict) -> Setting:
+        return Setting(n * dt / stone_contact_s, changes | {"time.time_step_s": dt, "time.co_step": n}, FREE)
 
-    def modes(frequency_Hz: float, changes: dict) -> Setting:
-        return Setting(frequency_Hz * stone_contact, {"plate.max_frequency_Hz": frequency_Hz} | changes)
+    unit, default = "of the contact time", 1 / dem.time_step.CO_STEPS_IN_CONTACT
+    return [
+        Knob("time step", "dt/t0", dem.time_step.BOND_FRACTION, [step(k) for k in (1, 2, 3, 4, 6, 8)], step(32)),
+        Knob("time step, spheres", unit, 1 / dem.time_step.CONTACT_STEPS, [sphere(k) for k in (1, 2, 4, 8)], sphere(32),
+             recognised=False),
+        Knob("co-step", unit, default, [co_step(n, fine, {}) for n in (1, 2, 3, 4, 6, 12, 24)],
+             Setting(0.0, {"time.time_step_s": fine / 6, "time.co_step": 1}, FREE)),
+        Knob("co-step, spheres", unit, default, [co_step(n, row / 36, SPHERES) for n in (2, 4, 9, 18, 36)],
+             co_step(1, row / 36, SPHERES), recognised=False)]
 
+
+def plate_knobs(stone_contact_s: float, cell_m: float) -> list[Knob]:
+    """Modes and mesh; modes also on a thinner plate, which needs more of them."""
     thin = {"plate.length_m": 0.32, "plate.width_m": 0.24, "plate.thickness_m": 0.012, "time.duration_s": 1.8e-3,
             "plate.rods": _rods(0.12, 0.09), "stones.count": 1, "stones.gangue_order": [1],
             "stones.positions": [{"x_m": 0.07, "y_m": 0.03}], "stones.gangue_ratio": 1.0}
     stone = {"stones.speed_m_s": 2.0, "stones.agglomerate.subspheres": 300}
-    one_sphere = {"stones.speed_m_s": 4.0, "stones.agglomerate": None}
+    one_sphere = {"stones.speed_m_s": 4.0} | SPHERES
+
+    def modes(frequency_Hz: float, changes: dict) -> Setting:
+        return Setting(frequency_Hz * stone_contact_s, {"plate.max_frequency_Hz": frequency_Hz} | changes)
 
     def thin_modes(number: float, changes: dict) -> Setting:
         alone = scene_of(thin | changes)
-        contact = stone_contact_time_s(alone, assemble(alone, arrange(alone, "scene")))
-        return Setting(number, {"plate.max_frequency_Hz": number / contact} | thin | changes)
-
-    cell = default_mesh_size(scene.plate)
+        contact_s = stone_contact_time_s(alone, assemble(alone, arrange(alone, "scene")))
+        return Setting(number, {"plate.max_frequency_Hz": number / contact_s} | thin | changes)
 
     def mesh(factor: float) -> Setting:
-        return Setting(factor, {"plate.mesh_size_m": factor * cell})
+        return Setting(factor, {"plate.mesh_size_m": factor * cell_m})
 
+    unit = "cut-off x contact time"
+    return [
+        *(Knob(f"modes{name}", unit, 20e3 * stone_contact_s,
+               [modes(f, changes) for f in (2.5e3, 3.5e3, 5e3, 10e3, 20e3, 28e3)], modes(56e3, changes), of_the_plate=True,
+               recognised=not changes) for name, changes in (("", {}), (", spheres", SPHERES))),
+        *(Knob(f"modes, thin plate{name}", unit, None, [thin_modes(n, changes) for n in (1.13, 2.3, 4.5)],
+               thin_modes(6.4, changes), of_the_plate=True, recognised=False)
+          for name, changes in (("", stone), (", spheres", one_sphere))),
+        Knob("mesh", "of the default cell", 1.0, [mesh(f) for f in (2.0, 1.5, 1.0, 0.7)], mesh(0.35), of_the_plate=True)]
+
+
+def other_knobs() -> list[Knob]:
+    """Output rate and idle tolerance."""
     def rows(n: int) -> Setting:
         return Setting(n / SAMPLE_s, {}, {"FAST_PER_SAMPLE": n})
 
@@ -161,27 +187,11 @@ def knobs() -> list[Knob]:
     def idle(tolerance: float) -> Setting:
         return Setting(tolerance, {"time.idle_tolerance": tolerance} | bounce)
 
-    default_co_step = 1 / dem.time_step.CO_STEPS_IN_CONTACT
     return [
-        Knob("time step", "dt/t0", dem.time_step.BOND_FRACTION, [step(k) for k in (1, 2, 3, 4, 6, 8)], step(32)),
-        Knob("time step, spheres", "of the contact time", 1 / dem.time_step.CONTACT_STEPS, [sphere(k) for k in (1, 2, 4, 8)],
-             sphere(32), recognised=False),
-        Knob("co-step", "of the contact time", default_co_step, [co_step(n) for n in (1, 2, 3, 4, 6, 12, 24)],
-             Setting(0.0, {"time.time_step_s": fine / 6, "time.co_step": 1}, free)),
-        Knob("co-step, spheres", "of the contact time", default_co_step, [sphere_co_step(n) for n in (2, 4, 9, 18, 36)],
-             sphere_co_step(1), recognised=False),
-        *(Knob(f"modes{name}", "cut-off x contact time", 20e3 * stone_contact,
-               [modes(f, changes) for f in (2.5e3, 3.5e3, 5e3, 10e3, 20e3, 28e3)], modes(56e3, changes), of_the_plate=True,
-               recognised=not changes) for name, changes in (("", {}), (", spheres", {"stones.agglomerate": None}))),
-        *(Knob(f"modes, thin plate{name}", "cut-off x contact time", None,
-               [thin_modes(n, changes) for n in (1.13, 2.3, 4.5)], thin_modes(6.4, changes), of_the_plate=True,
-               recognised=False) for name, changes in (("", stone), (", spheres", one_sphere))),
-        Knob("mesh", "of the default cell", 1.0, [mesh(f) for f in (2.0, 1.5, 1.0, 0.7)], mesh(0.35), of_the_plate=True),
         Knob("output rate", "Hz", dem.time_step.FAST_PER_SAMPLE / SAMPLE_s, [rows(n) for n in (1, 2, 5, 10, 15, 30)],
              rows(60)),
         Knob("idle tolerance", "of the energy of the impact", 1e-4, [idle(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
-             idle(0.0), recognised=False),
-    ]
+             idle(0.0), recognised=False)]
 
 
 def run(setting: Setting, out: Path, repeats: int, of_the_plate: bool, ratio: float = TEST_RATIO) -> dict:

@@ -5,8 +5,8 @@
 Three parts of the time from the arrival of a message until its answer is written, while the engine waits: the messages
 (pipes, copies, waking the other side), the motion of the modes, and recording. Shares of the wall time and of the processor
 time of one run; and what is left of the wall time when neither works: start-up, and the time until a process that slept
-runs. The wall time of the messages includes what the engine, once woken, does on the same processor
-before the clock is stopped. `--brute` keeps bodies in the air in the force loops.
+runs. The wall time of the messages includes what the engine, once woken, does on the same processor before the clock is
+stopped. `--brute` keeps bodies in the air in the force loops.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ def _fitted(method) -> str:
     if isinstance(method, FusionQ):
         return f"R^2 {method.fit_.r2:.5f}, adjusted {method.fit_.r2_adjusted:.5f}"
     if isinstance(method, CalibratedEnergies):
-        return f"{method.numbers_.mean.size} features, interval of {100 * method.width_ * method.numbers_.size * method.numbers_.scatter**0.5:.1f} points"
+        return f"{method.numbers_.mean.size} features, interval of {100 * method.width_ * method.numbers_.usual_error:.1f} points"
     return f"{method.posterior_.variance.size} components, interval of {method.width_:.2f} standard errors"
 
 
@@ -83,8 +83,9 @@ def evaluate(arguments) -> None:
     from recognition.bounds import write_bounds  # late: they need scikit-learn
     from recognition.evaluation import write_evaluation
 
-    print(f"written to {write_evaluation(arguments.directory, arguments.method)}")
-    print(f"what no method can pass: {write_bounds(arguments.directory)}")
+    data = read_dataset(arguments.directory)
+    print(f"written to {write_evaluation(data, arguments.directory, arguments.method)}")
+    print(f"what no method can pass: {write_bounds(data, arguments.directory)}")
 
 
 def report(arguments) -> None:

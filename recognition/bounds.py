@@ -20,9 +20,9 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from recognition.channels import CHANNELS, Channels
-from recognition.dataset import DataSet, read_dataset
+from recognition.dataset import DataSet
 from recognition.errors import RecognitionError
-from recognition.evaluation import FOLDS, LEAST_FOLDS
+from recognition.evaluation import FOLDS, LEAST_FOLDS, write_whole
 from recognition.likelihood import RatioLikelihood
 from recognition.posterior import RatioPosterior, basis_slopes
 
@@ -97,15 +97,13 @@ def _by_true_impulse(data: DataSet, chosen: np.ndarray) -> dict:
     try:
         impulse = np.array([float(data.runs[k].info["impulse_N_s"]) for k in chosen])
         error = true_impulse_errors_points(impulse, data.ratios[chosen], data.table["group"].to_numpy()[chosen])
-    except (KeyError, TypeError, ValueError) as reason:
+    except (KeyError, TypeError):
+        return {"reason": "a run.json has no impulse_N_s"}
+    except RecognitionError as reason:
         return {"reason": str(reason)}
     return {"least_points": np.abs(error).mean(), "worst_points": np.abs(error).max()}
 
 
-def write_bounds(directory) -> Path:
-    """Bounds of a data set; writes bounds.csv into it, whole or not at all, and returns its path. RecordError."""
-    out = Path(directory) / "bounds.csv"
-    beside = out.with_name(out.name + ".part")
-    bounds(read_dataset(directory)).to_csv(beside, index=False, float_format="%.4g")
-    beside.replace(out)
-    return out
+def write_bounds(data: DataSet, directory) -> Path:
+    """Bounds of a data set; writes bounds.csv and returns its path."""
+    return write_whole(bounds(data), Path(directory) / "bounds.csv")

@@ -88,6 +88,11 @@ class ProcessNumbers:
     size: float
     law: RatioPosterior
 
+    @property
+    def usual_error(self) -> float:
+        """Standard error of the ratio of a record without noise."""
+        return float(self.size * np.sqrt(self.scatter))
+
     def ratio(self, record: np.ndarray) -> tuple[float, float]:
         """Of one record, features and their errors (2, p): ratio, and its standard error from the scatter of the training and
         the errors of the features."""
@@ -98,7 +103,7 @@ class ProcessNumbers:
         slope = 5 / (3 * self.length**2) * (smooth * (1 + r)) @ away
         error = slope * (record[1] / self.scale)[:m]
         return (float(self.offset + self.size * (smooth @ (1 + r + r**2 / 3))),
-                float(self.size * np.sqrt(self.scatter + error @ error)))
+                float(np.hypot(self.usual_error, self.size * np.linalg.norm(error))))
 
     def strangeness(self, record: np.ndarray) -> np.ndarray:
         """`Estimate.strangeness` of features and errors (2, p) by the law, shape (3,)."""

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from sklearn.model_selection import GroupKFold
 
-from recognition.dataset import DataSet, read_dataset
+from recognition.dataset import DataSet
 from recognition.errors import RecognitionError
 from recognition.noise import with_noise
 from recognition.recognisers import RECOGNISERS, Answers, make
@@ -205,13 +205,15 @@ def table(results: list[Result]) -> pd.DataFrame:
     return pd.DataFrame([summary(result) for result in results])
 
 
-def write_evaluation(directory, methods=None) -> Path:
-    """Evaluate every method, or some, on a data set; writes evaluation.csv into it, whole or not at all, and returns its
-    path. RecordError or RecognitionError where that cannot be."""
-    data = read_dataset(directory)
-    results = evaluate(data, methods or list(RECOGNISERS))
-    out = Path(directory) / "evaluation.csv"
-    beside = out.with_name(out.name + ".part")
-    table(results).to_csv(beside, index=False, float_format="%.4g")
-    beside.replace(out)
-    return out
+def write_whole(frame: pd.DataFrame, path: Path) -> Path:
+    """A CSV file, whole or not at all; returns its path."""
+    beside = path.with_name(path.name + ".part")
+    frame.to_csv(beside, index=False, float_format="%.4g")
+    beside.replace(path)
+    return path
+
+
+def write_evaluation(data: DataSet, directory, methods=None) -> Path:
+    """Evaluate every method, or some, on a data set; writes evaluation.csv and returns its path. RecognitionError for an
+    unknown method."""
+    return write_whole(table(evaluate(data, methods or list(RECOGNISERS))), Path(directory) / "evaluation.csv")

@@ -13,6 +13,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from recognition.energies import ProcessNumbers
+from recognition.errors import RecognitionError
 from recognition.likelihood import RatioLikelihood
 
 
@@ -62,9 +63,9 @@ class EnergyProcess(RegressorMixin, BaseEstimator):
         mean, scale = X[:, 0].mean(axis=0), X[:, 0].std(axis=0)
         z = (X[:, 0] - mean) / scale
         process = _fitted(z[:, :self.answering], y)
-        if nuisance is not None:
-            self.told_ = _Told.fit(z[:, :self.answering], np.asarray(nuisance, dtype=float), y)
         self.process_ = process
+        self.told_: _Told | None = None  # fitted when first asked for
+        self.training_ = z[:, :self.answering], None if nuisance is None else np.asarray(nuisance, dtype=float), y
         smooth = process.kernel_.k1
         law = RatioLikelihood(components=z.shape[1]).fit(z[:, None, :], y, nuisance, groups).posterior_
         self.numbers_ = ProcessNumbers(mean, scale, z[:, :self.answering], process.alpha_, float(smooth.k1.constant_value),
@@ -75,6 +76,11 @@ class EnergyProcess(RegressorMixin, BaseEstimator):
         """Ratios (runs,), not clipped, and their standard errors where asked for; nuisance (runs, q): told with the records."""
         if nuisance is not None:
             z = (np.asarray(X, dtype=float)[:, 0] - self.numbers_.mean) / self.numbers_.scale
+            if self.told_ is None:
+                points, conditions, y = self.training_
+                if conditions is None:
+                    raise RecognitionError("conditions are told with a record; the training was told none")
+                self.told_ = _Told.fit(points, conditions, y)
             ratio, error = self.told_.predict(z[:, :self.answering], np.asarray(nuisance, dtype=float))
             return (ratio, error) if return_std else ratio
         ratio, error = np.array([self.numbers_.ratio(x) for x in np.asarray(X, dtype=float)]).T

@@ -49,7 +49,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
   const int end = position_of_contact(narg, arg);
   for (int k = 3; k < end;) {
     const std::string key = arg[k++];
-    const int needed = key == "extent" ? 4 : key == "light" ? 4 : 1;
+    const int needed = key == "extent" || key == "light" ? 4 : 1;
     if (k + needed > end) error->fix_error(FLERR, this, "a keyword lacks its value");
     if (key == "agglomerates") agglomerates = arg[k];
     else if (key == "forces") forces = arg[k];

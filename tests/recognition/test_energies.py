@@ -77,6 +77,8 @@ def test_a_condition_that_is_told_is_used():
     model = EnergyProcess().fit(X[:120], y[:120], nuisance=speed[:120, None])
     untold, told = (np.abs(model.predict(X[120:], nuisance=n) - y[120:]).mean() for n in (None, speed[120:, None]))
     assert told < 0.01 and untold > 0.1
+    with pytest.raises(RecognitionError, match="the training was told none"):
+        EnergyProcess().fit(X[:120], y[:120]).predict(X[120:], nuisance=speed[120:, None])
 
 
 @pytest.mark.parametrize("seed", range(8))

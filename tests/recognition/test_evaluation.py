@@ -74,7 +74,7 @@ def synthetic_set(tmp_path_factory):
 
 
 def test_evaluation_csv(synthetic_set):
-    path = write_evaluation(synthetic_set, ["energy_fusion_mended", "rms_line"])
+    path = write_evaluation(read_dataset(synthetic_set), synthetic_set, ["energy_fusion_mended", "rms_line"])
     found = pd.read_csv(path)
     assert list(found.columns[:9]) == ["method", "held_out", "noise_db", "n", "mean_abs_error_points", "p95_points",
                                        "worst_points", "bias_points", "coverage_90"]
