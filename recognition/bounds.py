@@ -19,7 +19,7 @@ from sklearn.model_selection import GroupKFold, cross_val_predict
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from recognition.channels import CHANNELS, Channels
+from recognition.channels import LIKELIHOOD_CHANNELS, Channels
 from recognition.dataset import DataSet
 from recognition.errors import RecognitionError
 from recognition.evaluation import FOLDS, LEAST_FOLDS, write_whole
@@ -80,7 +80,7 @@ def bounds(data: DataSet, noises_db=(None, 40.0, 20.0)) -> pd.DataFrame:
             continue
         nuisance = data.table[list(conditions)].to_numpy()[chosen] if conditions else None
         rows.append({"setting": name, "channels": TRUE_IMPULSE, "runs": len(chosen), **_by_true_impulse(data, chosen)})
-        for kind in CHANNELS:
+        for kind in LIKELIHOOD_CHANNELS:
             try:
                 X = np.stack([Channels(kind).prepare(data.signals[k]) for k in chosen])
                 model = RatioLikelihood().fit(X, data.ratios[chosen], nuisance=nuisance).posterior_

@@ -14,8 +14,12 @@ CHANNELS = {
     "centre": ("v_m_s", "a_m_s2"),
     "accelerometers": ("acc_*",),
     "rods": ("rod_*",),
+    "plate": ("v_m_s", "acc_*", "rod_*"),
     "all": ("v_m_s", "a_m_s2", "acc_*", "rod_*"),
 }
+
+#: Those that one likelihood over all moments takes.
+LIKELIHOOD_CHANNELS = ("centre", "accelerometers", "rods", "all")
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,15 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError, read_run
+from analysis.readers import read_table
+from analysis.records import sample_rate_Hz
 from analysis.runs import Run
+from recognition.channels import Channels
 from recognition.errors import RecognitionError
 from recognition.models import Window
+
+#: 40 kHz beside the paper's 6667.
+FAST_TIMES = 6
 
 #: Conditions that a record does not tell.
 CONDITIONS = ("speed_m_s", "damping_ratio")
@@ -39,6 +45,18 @@ class DataSet:
     def signals(self) -> list[pd.DataFrame]:
         return [self.window.cut(run.signals, str(run.path)) for run in self.runs]
 
+    @cached_property
+    def fast(self) -> list[pd.DataFrame]:
+        """The same at FAST_TIMES their rate, from the fast streams: what the plate's sensors give. RecordError without."""
+        return [_fast_signals(run, self.window) for run in self.runs]
+
+    @cached_property
+    def lessons(self) -> list:
+        """A `recognition.lessons.Lesson` of each run, None where it teaches nothing of its stones."""
+        from recognition.lessons import lessons_of  # late: it needs the simulation's plate model
+
+        return lessons_of(self.runs)
+
     @property
     def ratios(self) -> np.ndarray:
         return self.table["gangue_ratio"].to_numpy()
@@ -54,6 +72,15 @@ class DataSet:
         others = [f"{self.runs[k].path}: another plate, other materials or other agglomerates" for k in np.flatnonzero(~same)]
         runs = [run for run, one in zip(self.runs, same, strict=True) if one]
         return DataSet(runs, self.table[same].reset_index(drop=True), self.passed_over + others)
+
+
+def _fast_signals(run: Run, window: Window) -> pd.DataFrame:
+    path = run.path / "fast.parquet"
+    table = read_table(path)
+    names = ["t_s", *Channels("plate").names(table.columns)]
+    fast = Window(FAST_TIMES * window.rate_Hz, FAST_TIMES * (window.n_samples - 1) + 1)
+    steps = round(sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{path}: t_s") / fast.rate_Hz)
+    return fast.cut(table.loc[::steps, names], str(path))
 
 
 def _kind(run: Run) -> str:

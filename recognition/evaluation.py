@@ -88,12 +88,14 @@ class Evaluation:
         """`prepare` of every run, stacked."""
         key = (method, noise_db)
         if key not in self._prepared:
-            prepare = make(method).prepare
-            self._prepared[key] = np.stack([prepare(signals) for signals in self._noisy(noise_db)])
+            recogniser = make(method)
+            records = self.data.fast if recogniser.fast else self.data.signals
+            self._prepared[key] = np.stack([recogniser.prepare(signals) for signals in self._noisy(records, noise_db)])
         return self._prepared[key]
 
-    def _noisy(self, noise_db: float | None) -> Iterator[pd.DataFrame]:
-        for number, signals in enumerate(self.data.signals):
+    @staticmethod
+    def _noisy(records: list[pd.DataFrame], noise_db: float | None) -> Iterator[pd.DataFrame]:
+        for number, signals in enumerate(records):
             yield with_noise(signals, noise_db, np.random.default_rng([number, int(noise_db or 0)]))
 
     def run(self, case: Case, method: str, noises_db=NOISES_DB) -> list[Result]:
@@ -104,8 +106,9 @@ class Evaluation:
         try:
             for train, test in self.splits(case):
                 known = None if nuisance is None else nuisance[train]
-                recogniser = make(method).fit(clean[train], self.data.ratios[train], table["group"].to_numpy()[train],
-                                              known)
+                recogniser = make(method)
+                lessons = {"lessons": [self.data.lessons[k] for k in train]} if recogniser.learns_from_stones else {}
+                recogniser.fit(clean[train], self.data.ratios[train], table["group"].to_numpy()[train], known, **lessons)
                 for noise_db in noises_db:
                     told = nuisance[test] if nuisance is not None and case.told else None
                     answers = recogniser.answer(self.prepared(method, noise_db)[test], told)

@@ -12,6 +12,7 @@ from recognition.function_space import Rule
 from recognition.fusion import Fusion
 from recognition.fusion_q import FusionQ
 from recognition.pipeline import FusionPipeline
+from recognition.stones import Stones
 from recognition.strategy import Strategy
 
 
@@ -38,10 +39,11 @@ LIKELIHOODS: dict[str, Callable[[], CalibratedLikelihood]] = {
 }
 
 #: Those that give an interval and a warning, the best by evaluation first.
-CALIBRATED: dict[str, Callable[[], CalibratedEnergies | CalibratedLikelihood]] = {**ENERGY_METHODS, **LIKELIHOODS}
+CALIBRATED: dict[str, Callable[[], Stones | CalibratedEnergies | CalibratedLikelihood]] = {
+    "stones": Stones, **ENERGY_METHODS, **LIKELIHOODS}
 
 #: name -> an unfitted method of a saved model.
-METHODS: dict[str, Callable[[], FusionQ | FusionPipeline | CalibratedEnergies | CalibratedLikelihood]] = {
+METHODS: dict[str, Callable[[], FusionQ | FusionPipeline | Stones | CalibratedEnergies | CalibratedLikelihood]] = {
     **PAPER_METHODS, **CALIBRATED}
 
 #: As a reader sees them.
@@ -49,6 +51,7 @@ METHOD_NAMES = {
     "fusion_q": "Q polynomial",
     "energy_fusion_printed": "energy fusion as printed",
     "energy_fusion_mended": "energy fusion, mended",
+    "stones": "which stones are gangue",
     "impulse": "impulse from plate and rods",
     "energies_all": "energies of all signals",
     "energies_sensors": "energies of four accelerometers",
@@ -59,6 +62,7 @@ METHOD_NAMES = {
 
 #: Further ones of the evaluation.
 EVALUATED_NAMES = METHOD_NAMES | {
+    "stones_fast": "which stones are gangue, at 40 kHz",
     "rms_line": "RMS and a straight line",
     "ridge_accelerometers": "ridge, four accelerometers",
     "likelihood_rods": "likelihood of the rods",
@@ -70,6 +74,8 @@ def load_method(name: str, data: dict):
     """A fitted method from its part of a saved model."""
     if name not in METHODS:
         raise RecognitionError(f"method {name!r}; this program has {', '.join(METHODS)}")
+    if name == "stones":
+        return Stones.from_dict(data)
     if name in ENERGY_METHODS:
         return CalibratedEnergies.from_dict(data)
     if name in LIKELIHOODS:

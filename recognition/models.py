@@ -24,7 +24,7 @@ from recognition.errors import NotRecognised, RecognitionError
 from recognition.methods import CALIBRATED, METHODS, load_method
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 3
+VERSION = 4
 
 #: The window of the paper: 0..0.04 s at 1.5e-4 s.
 WINDOW_S = 0.04
@@ -82,7 +82,7 @@ class Model:
         return cls._fit_prepared(runs, *prepare(runs), groups, conditions)
 
     @classmethod
-    def _fit_prepared(cls, runs, window, prepared: dict[str, np.ndarray], left_out, groups=None, conditions=None):
+    def _fit_prepared(cls, runs, window, prepared: dict[str, np.ndarray], left_out, groups=None, conditions=None, lessons=None):
         ratios = np.array([run.gangue_ratio for run in runs])
         if np.unique(ratios).size < LEAST_RATIOS:
             raise RecognitionError(f"{len(runs)} runs; needs at least {LEAST_RATIOS} different mixing ratios")
@@ -93,6 +93,8 @@ class Model:
         methods, left_out = {}, dict(left_out)
         for name, rows in prepared.items():
             how = {"groups": groups, "nuisance": nuisance} if name in CALIBRATED else {}
+            if name == "stones":
+                how["lessons"] = _lessons(runs) if lessons is None else lessons
             try:
                 methods[name] = METHODS[name]().fit(rows, ratios, **how)
             except RecognitionError as reason:
@@ -104,26 +106,28 @@ class Model:
         return cls(window, methods, provenance, left_out)
 
     def best(self, signals: pd.DataFrame, source: str = "record") -> tuple[str, Recognition]:
-        """The best method by evaluation for which the record has the columns, and what it gives.
+        """The first method, in order of the evaluation, for which the record has the columns and which does not find it
+        strange, and what it gives; if all find it strange, the first.
 
         Raises RecordError for an unusable record, RecognitionError where no such method applies.
         """
-        table, reasons = self.window.cut(signals, source), []
+        table, reasons, strange = self.window.cut(signals, source), [], []
         # Of one draw nobody learns what other arrangements do: the fewest features are the safest.
-        order = list(CALIBRATED) if self.provenance.get("groups", 1) > 2 else ["impulse", "energies_rms", *CALIBRATED]
+        order = list(CALIBRATED) if self.provenance.get("groups", 1) > 2 else ["stones", "impulse", "energies_rms", *CALIBRATED]
         for name in order:
-            if name in self.methods:
-                method = self.methods[name]
-                try:
-                    row = method.prepare(table)
-                    with _fitting_numbers():
-                        found = method.recognise(row)
-                        if not np.isfinite(found.ratio) or np.isnan([found.low, found.high]).any():
-                            raise ValueError(f"ratio {found.ratio}, interval {found.low} to {found.high}")
-                    return name, found
-                except RecognitionError as reason:
-                    reasons.append(str(reason))
-        raise RecognitionError(f"{source}: {'; '.join(reasons) or 'the model has no method with an interval'}")
+            if name not in self.methods:
+                continue
+            try:
+                found = _recognised(self.methods[name], table)
+            except RecognitionError as reason:
+                reasons.append(str(reason))
+                continue
+            if not found.strange:
+                return name, found
+            strange.append((name, found))
+        if not strange:
+            raise RecognitionError(f"{source}: {'; '.join(reasons) or 'the model has no method with an interval'}")
+        return strange[0]
 
     def recognise(self, signals: pd.DataFrame, source: str = "record") -> dict[str, float | str]:
         """Mixing ratio by each method that the columns allow; a text where there is no answer.
@@ -206,14 +210,20 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, float | str]]:
     the training ratios: the answer is an extrapolation.
     """
     window, prepared, left_out = prepare(runs)
-    answers = []
+    lessons, answers = _lessons(runs), []
     for i, held_out in enumerate(runs):
         rest = [j for j, run in enumerate(runs) if run.gangue_ratio != held_out.gangue_ratio]
         chosen = {name: rows[rest] for name, rows in prepared.items()}
-        model = Model._fit_prepared([runs[j] for j in rest], window, chosen, left_out)
+        model = Model._fit_prepared([runs[j] for j in rest], window, chosen, left_out, lessons=[lessons[j] for j in rest])
         answers.append({name: _answer(method, prepared[name][i]) for name, method in model.methods.items()}
                        | {name: f"not applicable: {reason}" for name, reason in model.left_out.items()})
     return answers
+
+
+def _lessons(runs: list[Run]) -> list:
+    from recognition.lessons import lessons_of  # late: records are recognised without the simulation
+
+    return lessons_of(runs)
 
 
 @contextmanager
@@ -226,6 +236,15 @@ def _fitting_numbers() -> Iterator[None]:
         raise
     except (ValueError, TypeError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
         raise RecognitionError(f"the model's numbers do not fit together ({error})") from error
+
+
+def _recognised(method, table: pd.DataFrame) -> Recognition:
+    row = method.prepare(table)
+    with _fitting_numbers():
+        found = method.recognise(row)
+        if not np.isfinite(found.ratio) or np.isnan([found.low, found.high]).any():
+            raise ValueError(f"ratio {found.ratio}, interval {found.low} to {found.high}")
+    return found
 
 
 def _answer(method, record: pd.DataFrame | np.ndarray) -> float | str:

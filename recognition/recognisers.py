@@ -7,7 +7,7 @@ A recogniser is anything with `prepare(signals)` (a record to an array), `fit(X,
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,13 +16,15 @@ from sklearn.base import BaseEstimator, RegressorMixin, TransformerMixin
 from sklearn.linear_model import LinearRegression, RidgeCV
 from sklearn.pipeline import make_pipeline
 
-from recognition.channels import CHANNELS, Channels
+from recognition.channels import LIKELIHOOD_CHANNELS, Channels
+from recognition.dataset import FAST_TIMES
 from recognition.energies import ANSWERING, ENERGIES
 from recognition.errors import NotRecognised, RecognitionError
 from recognition.intervals import GroupConformal
 from recognition.likelihood import RatioLikelihood
 from recognition.methods import PAPER_METHODS
 from recognition.process import EnergyProcess
+from recognition.stones import Stones
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,8 @@ class Answers:
 class PaperMethod(RegressorMixin, BaseEstimator):
     """A method of the paper as it is, by its name in PAPER_METHODS, as an estimator of scikit-learn: no interval, no
     warning, and NaN where it has no answer."""
+
+    fast = learns_from_stones = False
 
     def __init__(self, name: str):
         self.name = name
@@ -67,8 +71,11 @@ class PaperMethod(RegressorMixin, BaseEstimator):
 class Recogniser:
     """Any scikit-learn regressor on what `prepare` makes of a record, with intervals by `GroupConformal`.
 
-    with_nuisance: the estimator's `fit` takes the untold conditions as `nuisance`.
+    with_nuisance: the estimator's `fit` takes the untold conditions as `nuisance`. fast: it takes records at six times the
+    sample rate; learns_from_stones: its `fit` takes `lessons` of the runs.
     """
+
+    fast = learns_from_stones = False
 
     def __init__(self, prepare: Callable[[pd.DataFrame], np.ndarray], estimator, with_nuisance: bool = False):
         self.prepare = prepare
@@ -83,6 +90,30 @@ class Recogniser:
         told = nuisance if self.with_nuisance else None
         ratio, low, high = self.conformal_.predict_interval(X, told).T
         return Answers(ratio, low, high, self.conformal_.strange(X))
+
+
+class StoneRecogniser:
+    """`recognition.stones.Stones`; the one condition that may be told with a record is the impact speed."""
+
+    learns_from_stones = True
+
+    def __init__(self, fast: bool):
+        self.fast = fast
+
+    def prepare(self, signals: pd.DataFrame) -> np.ndarray:
+        return Stones().prepare(signals)
+
+    def fit(self, X, y, groups=None, nuisance=None, lessons=()) -> StoneRecogniser:
+        if self.fast:
+            lessons = [lesson and replace(lesson, sample_s=lesson.sample_s / FAST_TIMES) for lesson in lessons]
+        self.method_ = Stones().fit(X, y, groups, nuisance, lessons)
+        return self
+
+    def answer(self, X, nuisance=None) -> Answers:
+        speeds = [None] * len(X) if nuisance is None else [float(told[0]) for told in nuisance]
+        found = [self.method_.recognise(x, speed) for x, speed in zip(X, speeds, strict=True)]
+        ratio, low, high, strange = zip(*((r.ratio, r.low, r.high, r.strange != "") for r in found), strict=True)
+        return Answers(np.array(ratio), np.array(low), np.array(high), np.array(strange))
 
 
 def rms_of_acceleration(signals: pd.DataFrame) -> np.ndarray:
@@ -106,16 +137,18 @@ def _ridge():
 
 
 #: name -> an unfitted recogniser. The paper's and the straight line are what others are held against.
-RECOGNISERS: dict[str, Callable[[], PaperMethod | Recogniser]] = {
+RECOGNISERS: dict[str, Callable[[], PaperMethod | Recogniser | StoneRecogniser]] = {
     **{name: partial(PaperMethod, name) for name in PAPER_METHODS},
+    "stones": lambda: StoneRecogniser(fast=False),
+    "stones_fast": lambda: StoneRecogniser(fast=True),
     "rms_line": lambda: Recogniser(rms_of_acceleration, LinearRegression()),
     "ridge_accelerometers": lambda: Recogniser(Channels("accelerometers").prepare, _ridge()),
     **{name: partial(Recogniser, prepare, EnergyProcess(ANSWERING.get(name)), True) for name, prepare in ENERGIES.items()},
-    **{f"likelihood_{kind}": partial(Recogniser, Channels(kind).prepare, RatioLikelihood(), True) for kind in CHANNELS},
+    **{f"likelihood_{kind}": partial(Recogniser, Channels(kind).prepare, RatioLikelihood(), True) for kind in LIKELIHOOD_CHANNELS},
 }
 
 
-def make(name: str) -> PaperMethod | Recogniser:
+def make(name: str) -> PaperMethod | Recogniser | StoneRecogniser:
     """A recogniser by name. RecognitionError for an unknown one."""
     if name not in RECOGNISERS:
         raise RecognitionError(f"method {name!r}; choose among {', '.join(RECOGNISERS)}")

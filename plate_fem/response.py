@@ -1,0 +1,25 @@
+"""What the plate's modes answer to a push that lasts one step; any other push is a sum of such."""
+
+import numpy as np
+
+from plate_fem.motion import ModalMotion
+
+
+def pulse_response(modes, step_s, count):
+    """Amplitude, rate and acceleration of every mode under a unit modal force from 0 to step_s, exact.
+
+    Three arrays (count, n), at the times 0, step_s, 2 step_s ..., in units of `ModalMotion` per N kg^-1/2. At 0 and
+    step_s, where the force jumps, the acceleration is the mean of both sides.
+    """
+    motion = ModalMotion(modes, step_s)
+    n = len(modes.frequency_Hz)
+    states = np.zeros((count, 2, n))
+    motion.advance(np.ones(n))
+    states[1] = motion.amplitude, motion.rate
+    for start in range(2, count, motion.ROWS):
+        rows = min(motion.ROWS, count - start)
+        states[start:start + rows] = motion.advance_rows(np.zeros(n), 1, rows)
+    force = np.zeros((count, 1))
+    force[:2] = 0.5
+    amplitude, rate = states[:, 0], states[:, 1]
+    return amplitude, rate, motion.acceleration_at(amplitude, rate, force)

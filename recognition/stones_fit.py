@@ -1,0 +1,143 @@
+"""Fit of `recognition.stones` from simulated runs; needs the simulation's plate model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from sklearn.model_selection import GroupKFold
+
+from recognition.errors import RecognitionError
+from recognition.intervals import LEAST_GROUPS, STRANGE_FACTOR, USUAL_SHARE, conformal_quantile
+from recognition.lessons import Lesson, pushed, response
+from recognition.stones import MOST_STONES, StoneNumbers
+
+BIN_S = 25e-6  # of forces, linear between bins, about
+DEGREE = 2  # of the force in the speed
+#: A covariance of few stones is drawn to one of forces independent from bin to bin, as if so many stones more had shown it.
+MORE_STONES = 20
+LEAST_DEVIATION = 0.02  # of a force at any time, in shares of its largest
+LEAST_REST = 0.005  # of the plate's model, in shares of the signal
+LEAST_STONES = 5  # different ones, of either material
+FOLDS = 5
+
+
+def same_places(lessons: Sequence[Lesson | None]) -> np.ndarray:
+    """Numbers of the runs whose stones fall at once and on the places that most have. RecognitionError if they are few."""
+    places = {k: lesson.place_m.round(6).tobytes() for k, lesson in enumerate(lessons) if lesson is not None and lesson.at_once}
+    keys = list(places.values())
+    most = max(keys, key=keys.count, default=b"")
+    chosen = np.array([k for k, place in places.items() if place == most], dtype=int)
+    if len(chosen) < LEAST_GROUPS:
+        raise RecognitionError(f"{len(chosen)} runs whose stones fall at once and on the same places; needs {LEAST_GROUPS}")
+    stones = len(most) // (2 * np.dtype(float).itemsize)
+    if stones > MOST_STONES:
+        raise RecognitionError(f"{stones} stones; at most {MOST_STONES}")
+    return chosen
+
+
+def fit_numbers(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray) -> StoneNumbers:
+    """X (runs, channels, samples + 1), lessons and groups of the same runs."""
+    chosen = same_places(lessons)
+    taught = [lessons[k] for k in chosen]
+    speed = np.array([lesson.speed_m_s for lesson in taught])
+    damping = np.array([lesson.plate.damping_ratio for lesson in taught])
+    middle = float(speed.mean())
+    scale = np.sqrt(np.mean(X[chosen, :, :-1] ** 2, axis=(0, 2)))
+    at = _sampled_rows(taught[0], X.shape[2] - 1)
+    bins = force_bins(taught[0], at[-1] + 1)
+    left = [X[k, :, :-1] - lesson.told[:, at] for k, lesson in zip(chosen, taught, strict=True)]
+    rest = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
+    laws, covariances, stones = [], [], np.inf
+    for gangue in (False, True):
+        force, v, seen = _forces(taught, bins, groups[chosen], gangue, middle)
+        if seen < LEAST_STONES:
+            raise RecognitionError(f"{seen} different stones of {'gangue' if gangue else 'coal'}; needs {LEAST_STONES}")
+        law, covariance = force_law(force, v - middle, seen)
+        laws.append(law)
+        covariances.append(covariance)
+        stones = min(stones, seen)
+    one = _bin_responses(taught[0], float(damping.mean()), bins, at, scale)
+    either = (covariances[0] + covariances[1]) / 2  # a place has one or the other
+    scatter = sum(one[:, i] @ either @ one[:, i].T for i in range(one.shape[1]))
+    # The means themselves are known from so many stones only, and err alike at all places.
+    together = one.sum(axis=1)
+    scatter = scatter + together @ either @ together.T / 2 / stones
+    mean = _means(one, laws)
+    if np.ptp(damping) > 0:
+        other = _bin_responses(taught[0], float(damping.mean() + damping.std()), bins, at, scale) - one
+        slopes = _means(other, [law[:1] for law in laws])[0]
+        middling = slopes[:, 0] + slopes[:, 1:].sum(axis=1) / 2
+        scatter = scatter + np.outer(middling, middling) + slopes[:, 1:] @ slopes[:, 1:].T / 4
+    return StoneNumbers(scale, np.hypot(rest, LEAST_REST), scatter, mean, middle, float(speed.min()), float(speed.max()))
+
+
+def _sampled_rows(lesson: Lesson, samples: int) -> np.ndarray:
+    """The lesson's steps at which its record has samples."""
+    return np.arange(samples) * round(lesson.sample_s / lesson.step_s)
+
+
+def force_bins(lesson: Lesson, rows: int) -> np.ndarray:
+    """Hat functions (rows, bins) over the first steps of a lesson, `_steps_apart`."""
+    apart = _steps_apart(lesson)
+    middle = (np.arange(-(-rows // apart)) + 0.5) * apart
+    return np.maximum(0.0, 1 - np.abs(np.arange(rows)[:, None] + 0.5 - middle) / apart)
+
+
+def _steps_apart(lesson: Lesson) -> int:
+    return max(1, round(BIN_S / lesson.step_s))
+
+
+def _forces(taught: list[Lesson], bins: np.ndarray, groups: np.ndarray, gangue: bool, middle: float):
+    """Of all stones of a material: forces (m, bins) in shares of v / middle, speeds (m,), and how many different packings
+    of stones there are: a group's stones are the same in all its runs."""
+    to_bins = np.linalg.pinv(bins)
+    force = np.vstack([lesson.force_N[lesson.gangue == gangue, :len(bins)] @ to_bins.T * (middle / lesson.speed_m_s) for lesson in taught])
+    speed = np.concatenate([np.full(np.sum(lesson.gangue == gangue), lesson.speed_m_s) for lesson in taught])
+    different = {(group, stone) for lesson, group in zip(taught, groups, strict=True)
+                 for stone in np.flatnonzero(lesson.gangue == gangue)}
+    return force, speed, len(different)
+
+
+def force_law(force: np.ndarray, speed: np.ndarray, stones: int) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (p, bins) of the mean force by powers of the speed, and the covariance (bins, bins) about it, of forces
+    (m, bins) of `stones` different stones."""
+    powers = speed[:, None] ** np.arange(DEGREE + 1 if np.ptp(speed) > 0 else 1)
+    law = np.linalg.lstsq(powers, force, rcond=None)[0]
+    off = force - powers @ law
+    seen = off.T @ off / len(off)
+    variance = np.diag(seen)
+    variance = np.maximum(variance, LEAST_DEVIATION**2 * variance.max())
+    return law, (stones * seen + MORE_STONES * np.diag(variance)) / (stones + MORE_STONES)
+
+
+def _bin_responses(lesson: Lesson, damping_ratio: float, bins: np.ndarray, at: np.ndarray,
+                   scale: np.ndarray) -> np.ndarray:
+    """Records (d, stones, bins) by a unit force in each bin on each place, each channel in shares of its scale."""
+    one = response(lesson, damping_ratio)
+    # The plate does not change with time: all bins but the first, which is cut at 0, are the second one, later.
+    first, second = (pushed(one[:, :len(bins)], bins[:, k, None]) for k in (0, 1))
+    later = _steps_apart(lesson)
+    answers = np.zeros((one.shape[0], len(at), one.shape[2], bins.shape[1]))
+    answers[..., 0] = first[:, at]
+    for k in range(1, bins.shape[1]):
+        rows = at - (k - 1) * later
+        answers[..., k][:, rows >= 0] = second[:, rows[rows >= 0]]
+    return (answers / scale[:, None, None, None]).reshape(-1, *answers.shape[2:])
+
+
+def _means(one: np.ndarray, laws: list[np.ndarray]) -> np.ndarray:
+    """(p, d, 1 + stones): a record of coal alone, and what each stone of gangue adds."""
+    coal, gangue = (np.einsum("dib,pb->pdi", one, law) for law in laws)
+    return np.concatenate([coal.sum(axis=2, keepdims=True), gangue - coal], axis=2)
+
+
+def usual_limits(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """What 95 % of records keep whose group, or where there are fewer than three groups, whose ratio, was held out, times 1.5."""
+    chosen = same_places(lessons)
+    keys = (groups if np.unique(groups[chosen]).size >= LEAST_GROUPS else y)[chosen]
+    strange = []
+    for train, test in GroupKFold(min(FOLDS, np.unique(keys).size)).split(chosen, groups=keys):
+        numbers = fit_numbers(X[chosen[train]], [lessons[k] for k in chosen[train]], groups[chosen[train]])
+        strange += [numbers.estimate(X[k]).strangeness for k in chosen[test]]
+    return STRANGE_FACTOR * np.maximum(1.0, conformal_quantile(np.array(strange), USUAL_SHARE))

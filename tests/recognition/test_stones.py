@@ -1,0 +1,159 @@
+"""Which stones are gangue: against the sum over all arrangements, one by one, and on pushes of a known law on a small
+plate whose motion is found by `ModalMotion` in small steps."""
+
+import json
+from functools import cache
+from itertools import product
+from math import comb
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from plate_fem.modes import plate_modes
+from plate_fem.motion import ModalMotion
+from plate_fem.scene import FlexiblePlate
+from recognition.errors import RecognitionError
+from recognition.lessons import Lesson
+from recognition.stones import StoneNumbers, Stones, noise_of
+
+PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
+STEP_s, SAMPLE_s, SAMPLES = 1e-5, 5e-5, 60
+SENSORS_M = [(0.0, 0.11), (-0.1, 0.03), (0.12, -0.06)]
+ROD = {"diameter_m": 0.012, "length_m": 0.06, "youngs_modulus_Pa": 2e11, "density_kg_m3": 7800.0}
+
+
+@cache
+def modes_of(thickness_m):
+    return plate_modes(plate(thickness_m), None, PLACES_M)
+
+
+def plate(thickness_m=0.008):
+    rods = [ROD | {"x_m": x, "y_m": y} for x, y in product((-0.12, 0.12), repeat=2)]
+    sensors = [{"name": f"s{k}", "x_m": x, "y_m": y} for k, (x, y) in enumerate(SENSORS_M)]
+    return FlexiblePlate.model_validate({
+        "model": "flexible", "length_m": 0.3, "width_m": 0.3, "thickness_m": thickness_m, "density_kg_m3": 7800.0,
+        "youngs_modulus_Pa": 2e11, "poisson_ratio": 0.3, "max_frequency_Hz": 5000.0, "damping_ratio": 0.01,
+        "mesh_size_m": 0.03, "rods": rods, "sensors": sensors})
+
+
+def forces_N(gangue, size, speed_m_s):
+    """Half sines of 0.25 ms, gangue's twice as large, all as the speed: (steps, stones)."""
+    t = (np.arange(SAMPLES * round(SAMPLE_s / STEP_s)) + 0.5) * STEP_s
+    pulse = np.where(t < 2.5e-4, np.sin(np.pi * t / 2.5e-4), 0.0)
+    return pulse[:, None] * np.where(gangue, 2000.0, 1000.0) * size * speed_m_s / 3
+
+
+def record(modes, force_N, noise, rng):
+    """As `Stones.prepare` gives it, from the motion of the modes step by step."""
+    motion, down = ModalMotion(modes, STEP_s), -modes.shape_at(PLACES_M)
+    sensors, seen = modes.shape_at(np.array(SENSORS_M)), []
+    push = np.vstack([force_N, force_N[-1:]]) @ down
+    before = np.zeros_like(push[0])
+    for k in range(len(force_N)):
+        a = motion.acceleration_at(motion.amplitude, motion.rate, (before + push[k]) / 2)
+        seen.append(np.concatenate([[modes.mean_shape @ motion.rate], sensors @ a, modes.rod_force @ motion.amplitude]))
+        before = push[k]
+        motion.advance(push[k])
+    values = np.array(seen)[::round(SAMPLE_s / STEP_s)].T
+    sd = noise * np.sqrt(np.mean(values**2, axis=1))
+    return np.column_stack([values + sd[:, None] * rng.standard_normal(values.shape), sd])
+
+
+def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0.1):
+    """Records, lessons, ratios, groups: a stone of every run is another one."""
+    table, modes, rng = plate(thickness_m), modes_of(thickness_m), np.random.default_rng(seed)
+    X, lessons, ratios = [], [], []
+    for _ in range(count):
+        n = rng.integers(len(PLACES_M) + 1)
+        gangue = rng.permutation(len(PLACES_M)) < n
+        speed = rng.uniform(*speeds)
+        force = forces_N(gangue, 1 + scatter * rng.standard_normal(len(PLACES_M)), speed)
+        X.append(record(modes, force, noise, rng))
+        lessons.append(Lesson(table, None, PLACES_M, True, speed, SAMPLE_s, STEP_s, force.T, gangue))
+        ratios.append(n / len(PLACES_M))
+    return np.array(X), lessons, np.array(ratios)
+
+
+@pytest.fixture(scope="module")
+def taught():
+    X, lessons, ratios = draw(30, 1)
+    return Stones().fit(X, ratios, np.arange(30), lessons=lessons)
+
+
+def test_against_every_arrangement_by_itself():
+    rng = np.random.default_rng(4)
+    stones, channels, samples, powers = 4, 2, 6, 2
+    d = channels * samples
+    root = 0.4 * rng.standard_normal((d, 3))
+    numbers = StoneNumbers(np.array([1.0, 2.0]), np.array([0.3, 0.2]), root @ root.T,
+                           rng.standard_normal((powers, d, 1 + stones)) * np.array([1.0, 0.2])[:, None, None], 3.0, 3.0, 3.0)
+    x = np.column_stack([rng.standard_normal((channels, samples)), [0.5, 0.1]])
+    for speed in (3.0, 2.2):
+        share, chance = speed / 3.0, np.zeros(stones + 1)
+        covariance = numbers.scatter + np.diag(
+            np.repeat(numbers.rest**2 + (x[:, -1] / numbers.scale) ** 2, samples))
+        flat, least = (x[:, :-1] / numbers.scale[:, None]).ravel(), np.inf
+        logs = []
+        for which in product((0, 1), repeat=stones):
+            mean = share * sum((speed - 3.0) ** k * numbers.mean[k] for k in range(powers)) @ np.array([1, *which])
+            logs.append(multivariate_normal(mean, covariance).logpdf(flat) - np.log(comb(stones, sum(which))))
+            least = min(least, float((flat - mean) @ np.linalg.solve(covariance, flat - mean)))
+        heat = max(1.0, least / d)
+        likelihood = [log + np.log(comb(stones, sum(which))) for log, which in zip(logs, product((0, 1), repeat=stones), strict=True)]
+        for log, which in zip(likelihood, product((0, 1), repeat=stones), strict=True):
+            chance[sum(which)] += np.exp((log - max(likelihood)) / heat) / comb(stones, sum(which))
+        found = numbers.estimate(x, speed)
+        assert found.misfit == pytest.approx(least / d, rel=1e-9)
+        assert found.probability == pytest.approx(chance / chance.sum(), rel=1e-7)
+
+
+@pytest.mark.parametrize(("noise", "least_right"), [(0.0, 0.95), (0.1, 0.9)])
+def test_stones_of_other_draws_are_counted(taught, noise, least_right):
+    X, _, ratios = draw(40, 2, noise=noise)
+    found = [taught.recognise(x) for x in X]
+    assert np.mean([round(5 * r.ratio) == round(5 * b) for r, b in zip(found, ratios, strict=True)]) >= least_right
+    assert np.mean([r.low <= b <= r.high for r, b in zip(found, ratios, strict=True)]) >= least_right
+    assert sum(r.strange != "" for r in found) <= 2
+
+
+def test_another_plate_and_another_speed_are_strange(taught):
+    X, _, _ = draw(10, 3, 0.007)
+    assert all(taught.recognise(x).strange for x in X)
+    X, _, ratios = draw(50, 3, speeds=(4.5, 4.5))
+    mixed = (ratios > 0.3) & (ratios < 0.7)  # where nearly all are of one kind, a harder blow is more gangue
+    assert mixed.sum() >= 8 and all(taught.recognise(x).strange for x in X[mixed])
+
+
+def test_a_speed_that_varied_is_told_from_mixtures():
+    X, lessons, ratios = draw(90, 5, speeds=(2.0, 4.0))
+    method = Stones().fit(X[:40], ratios[:40], np.arange(40), lessons=lessons[:40])
+    mixed = (ratios[40:] > 0.3) & (ratios[40:] < 0.7)
+    untold = np.array([method.recognise(x).ratio for x in X[40:]]) - ratios[40:]
+    told = np.array([method.recognise(x, lesson.speed_m_s).ratio for x, lesson in zip(X[40:], lessons[40:], strict=True)])
+    assert mixed.sum() >= 5 and np.abs(untold[mixed]).mean() < 0.04
+    assert np.abs(told - ratios[40:]).mean() < 0.02
+
+
+def test_saved_and_read(taught):
+    again = Stones.from_dict(json.loads(json.dumps(taught.to_dict())))
+    X, _, _ = draw(5, 6)
+    assert again.predict(X) == pytest.approx(taught.predict(X), abs=1e-4)
+    broken = taught.to_dict()
+    broken["numbers"]["scatter"] = broken["numbers"]["scatter"][:-1]
+    with pytest.raises(ValueError, match="do not fit"):
+        Stones.from_dict(broken)
+
+
+def test_what_does_not_teach():
+    X, lessons, ratios = draw(6, 7)
+    with pytest.raises(RecognitionError, match="2 runs whose stones fall at once"):
+        Stones().fit(X, ratios, lessons=[*lessons[:2], None, None, None, None])
+    with pytest.raises(RecognitionError, match="different stones of"):
+        Stones().fit(X, ratios, np.zeros(6), lessons=lessons[:1] * 6)
+
+
+def test_noise_of_smooth_signals():
+    rng, t = np.random.default_rng(0), np.linspace(0, 1, 2000)
+    smooth = np.vstack([np.sin(9 * t), 40 * t**2])
+    assert noise_of(smooth + [[0.1], [0.5]] * rng.standard_normal((2, 2000))) == pytest.approx([0.1, 0.5], rel=0.1)
