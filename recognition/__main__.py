@@ -15,6 +15,7 @@ from recognition.fusion_q import FusionQ
 from recognition.methods import CALIBRATED
 from recognition.models import Model
 from recognition.pipeline import FusionPipeline
+from recognition.stones import Stones
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -55,6 +56,9 @@ def _fitted(method) -> str:
         return f"functions at {method.strategy.space_.moments.size} of {method.strategy.n_moments_} moments"
     if isinstance(method, FusionQ):
         return f"R^2 {method.fit_.r2:.5f}, adjusted {method.fit_.r2_adjusted:.5f}"
+    if isinstance(method, Stones):
+        n = method.numbers_
+        return f"{n.stones} stones, {n.low_m_s:.3g} to {n.high_m_s:.3g} m/s, {n.samples} samples of {n.scale.size} signals"
     if isinstance(method, CalibratedEnergies):
         return f"{method.numbers_.mean.size} features, interval of {100 * method.width_ * method.numbers_.usual_error:.1f} points"
     return f"{method.posterior_.variance.size} components, interval of {method.width_:.2f} standard errors"

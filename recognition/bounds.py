@@ -4,12 +4,16 @@ With x = m(theta) + e + n as in recognition/posterior.py the information on thet
 of m (Cramer and Rao); a nuisance that is not told is in the inverse of all of I. The mean absolute error of a normally
 distributed estimate is sqrt(2/pi) of its standard error.
 
+For stones that fall on known places the probability of each ratio is known (recognition/stones.py), and so is the least
+error: that of its mean, over records drawn from the model itself.
+
 Beside it what the simulation alone knows, the stones' impulse itself, says of runs that were held out: it has no noise, and
 neither places nor the plate are in it.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +23,14 @@ from sklearn.model_selection import GroupKFold, cross_val_predict
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
+from analysis import RecordError
 from recognition.channels import LIKELIHOOD_CHANNELS, Channels
-from recognition.dataset import DataSet
+from recognition.dataset import FAST_TIMES, DataSet
 from recognition.errors import RecognitionError
 from recognition.evaluation import FOLDS, LEAST_FOLDS, write_whole
 from recognition.likelihood import RatioLikelihood
 from recognition.posterior import RatioPosterior, basis_slopes
+from recognition.stones import StoneNumbers, Stones
 
 #: name -> families that show the scatter, and conditions that are not told.
 SETTINGS = {
@@ -54,6 +60,26 @@ def least_error_points(model: RatioPosterior, noise_db: float | None, scatter: b
         slope = basis_slopes(np.concatenate([[ratio], np.zeros(len(model.low) - 1)]), model.powers) @ model.coefficients
         errors.append(half * np.sqrt(np.linalg.inv((slope / variance) @ slope.T)[0, 0]))
     return float(np.sqrt(2 / np.pi) * np.mean(errors))
+
+
+STONES = "stones"
+DRAWS = 400
+
+
+def stones_error_points(numbers: StoneNumbers, noise: np.ndarray, seed: int = 0) -> float:
+    """Mean absolute error over DRAWS records of the model itself, all ratios and speeds equally likely; noise (channels,):
+    standard deviation of the sensors' noise."""
+    rng, n = np.random.default_rng(seed), numbers.stones
+    variance = np.repeat(numbers.rest**2 + (noise / numbers.scale) ** 2, numbers.samples)
+    root = np.linalg.cholesky(numbers.scatter + np.diag(variance))
+    errors = []
+    for _ in range(DRAWS):
+        count, speed_m_s = rng.integers(n + 1), rng.uniform(numbers.low_m_s, numbers.high_m_s)
+        which = np.append(1.0, rng.permutation(n) < count)
+        x = (numbers.mean_at(speed_m_s) @ which + root @ rng.standard_normal(len(root))).reshape(len(noise), -1)
+        record = np.column_stack([x * numbers.scale[:, None], noise])
+        errors.append(numbers.estimate(record).ratio - count / n)
+    return float(100 * np.abs(errors).mean())
 
 
 TRUE_IMPULSE = "true impulse"
@@ -90,7 +116,29 @@ def bounds(data: DataSet, noises_db=(None, 40.0, 20.0)) -> pd.DataFrame:
             rows += [{"setting": name, "channels": kind, "noise_db": noise_db, "runs": len(chosen),
                       "noise_points": least_error_points(model, noise_db, False),
                       "least_points": least_error_points(model, noise_db, True)} for noise_db in noises_db]
+        rows += _by_stones(data, name, chosen, noises_db)
     return pd.DataFrame(rows)
+
+
+def _by_stones(data: DataSet, name: str, chosen: np.ndarray, noises_db) -> list[dict]:
+    """At the records' own rate, and at six times that."""
+    from recognition.stones_fit import fit_numbers  # late: it needs the simulation's plate model
+
+    rows: list[dict] = []
+    groups, lessons = data.table["group"].to_numpy()[chosen], [data.lessons[k] for k in chosen]
+    for channels, times in ((STONES, 1), (f"{STONES}, {FAST_TIMES} times the rate", FAST_TIMES)):
+        row = {"setting": name, "channels": channels, "runs": len(chosen)}
+        try:
+            records = [(data.signals if times == 1 else data.fast)[k] for k in chosen]
+            X = np.stack([Stones().prepare(signals) for signals in records])
+            numbers = fit_numbers(X, [one and replace(one, sample_s=one.sample_s / times) for one in lessons], groups)
+        except (RecordError, RecognitionError) as reason:
+            rows.append(row | {"reason": str(reason)})
+            continue
+        rms = np.sqrt(np.mean([np.mean(Channels("plate").prepare(s) ** 2, axis=1) for s in records], axis=0))
+        rows += [row | {"noise_db": db, "least_points": stones_error_points(numbers, rms * (0.0 if db is None else 10 ** (-db / 20)))}
+                 for db in noises_db]
+    return rows
 
 
 def _by_true_impulse(data: DataSet, chosen: np.ndarray) -> dict:

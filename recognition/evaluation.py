@@ -21,6 +21,7 @@ from recognition.recognisers import RECOGNISERS, Answers, make
 
 NOISES_DB = (None, 40.0, 20.0)
 FOLDS, LEAST_FOLDS = 8, 3
+MOST_TRAININGS = 8  # of eleven runs, one after the other
 BANDS = 5  # of speed or damping, whole ones held out
 
 
@@ -155,7 +156,7 @@ class Evaluation:
         trainings = [rows for rows in trainings if np.unique(self.data.ratios[rows]).size == 11]
         if not trainings:
             raise RecognitionError(f"no group of the families {', '.join(RINGS)} has all eleven ratios")
-        for train in trainings:
+        for train in trainings[::-(-len(trainings) // MOST_TRAININGS)]:
             yield train, np.setdiff1d(tested, train)
 
     def _keys(self, case: Case, tested: np.ndarray) -> np.ndarray:

@@ -114,6 +114,14 @@ class StoneNumbers:
         speeds = np.linspace(self.low_m_s * (1 - BEYOND), self.high_m_s * (1 + BEYOND), SPEEDS)
         return np.union1d(speeds, [self.low_m_s, self.high_m_s])
 
+    def mean_at(self, speed_m_s: float) -> np.ndarray:
+        """Of a record of coal alone, and what each stone of gangue adds, shape (d, 1 + stones)."""
+        return np.tensordot(self._law(np.array([speed_m_s]))[0], self.mean, 1)
+
+    def _law(self, speeds_m_s: np.ndarray) -> np.ndarray:
+        """Share of each power of the speed in the mean, shape (speeds, p)."""
+        return speeds_m_s[:, None] / self.middle_m_s * (speeds_m_s[:, None] - self.middle_m_s) ** np.arange(len(self.mean))
+
     def estimate(self, record: np.ndarray, speed_m_s: float | None = None) -> StonesEstimate:
         """Of one record (channels, samples + 1) of `Stones.prepare`; speed_m_s where it is told."""
         speeds = self.speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
@@ -136,7 +144,7 @@ class StoneNumbers:
         factor = cho_factor(self.scatter + np.diag(variance), lower=True, check_finite=False)
         inner = known.T @ cho_solve(factor, known, check_finite=False)
         # The mean at a speed is a sum over powers; so are its products with itself and with x.
-        law = speeds_m_s[:, None] / self.middle_m_s * (speeds_m_s[:, None] - self.middle_m_s) ** np.arange(powers)
+        law = self._law(speeds_m_s)
         blocks = inner[1:, 1:].reshape(powers, columns, powers, columns)
         squares = np.einsum("vp,vq,piqj->vij", law, law, blocks, optimize=True)
         sums = law @ inner[0, 1:].reshape(powers, columns)

@@ -27,6 +27,9 @@ def test_unseen_ratios_are_recognised(model, tmp_path):
     sweep = read_sweep(write_sweep(tmp_path / "x", ratios=(0.3, 0.7), seed=91))
     for run in sweep.runs:
         for method, answer in model.recognise(run.signals).items():
+            if method == "stones":  # these runs have no fast stream to learn it from
+                assert "whose stones fall at once" in answer
+                continue
             # One number of the whole record: what the phase of the second impact does to it is not averaged out.
             tolerance = 0.07 if method == "energies_rms" else 0.03
             assert answer == pytest.approx(run.gangue_ratio, abs=tolerance), method
@@ -45,7 +48,7 @@ def test_saved_model_answers_the_same_and_holds_no_code(model, sweep_path, tmp_p
     signals = read_sweep(sweep_path).runs[4].signals
     assert again.recognise(signals) == model.recognise(signals)
     saved = json.loads((tmp_path / "model.json").read_text())
-    assert saved["version"] == 3 and len(saved["provenance"]["runs"]) == 11
+    assert saved["version"] == 4 and len(saved["provenance"]["runs"]) == 11
     assert saved["provenance"]["runs"][3]["seeds"] == {"packing": 10007}
 
 
@@ -76,7 +79,7 @@ def test_command_line(sweep_path, tmp_path, capsys):
     said = capsys.readouterr().out
     assert re.search(r"^mixing ratio (29|30|31)\.\d %, 90 % interval", said, re.MULTILINE)
     answers = re.findall(r"^(\S+) +([\d.]+) %$", said, re.MULTILINE)
-    assert {name for name, _ in answers} == set(METHODS)
+    assert {name for name, _ in answers} == set(METHODS) - {"stones"}
     assert all(abs(float(value) - 30) < 2 for _, value in answers)
     (tmp_path / "other.csv").write_text("t_s,a_m_s2\n0,1\n0.1,2\n0.2,0\n")
     for arguments in (
