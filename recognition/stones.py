@@ -43,7 +43,7 @@ MOST_STONES = 12  # 4096 arrangements
 SPEEDS, BEYOND = 31, 0.5
 #: Share of the interval left out on either side.
 TAIL = 0.05
-STRANGE = ("misfit of the plate's model", "another impact speed explains it better")
+STRANGE = ("misfit of the plate's model", "another impact speed explains it better", "stones that scatter too little")
 #: A log-likelihood that another speed gains which is as strange as the 1 that strangeness is scaled to: twenty times as likely.
 GAIN = 3.0
 
@@ -56,11 +56,6 @@ class StonesEstimate:
     probability: np.ndarray
     misfit: float
     gain: float
-
-    @property
-    def strangeness(self) -> np.ndarray:
-        """Shape (2,), as in STRANGE, 1 being as expected."""
-        return np.array([self.misfit, self.gain / GAIN])
 
     @property
     def ratio(self) -> float:
@@ -153,6 +148,12 @@ class StoneNumbers:
         return squares.reshape(len(law), -1) @ pairs.T - 2 * sums @ which.T + inner[0, 0]
 
 
+def strangeness(found: StonesEstimate, usual: np.ndarray) -> np.ndarray:
+    """Shape (3,), as in STRANGE, 1 being as expected; usual (3,): logarithm of the misfit of usual records, a quadratic in the
+    ratio, for coal scatters more than gangue."""
+    return np.array([found.misfit, found.gain / GAIN, np.exp(np.polyval(usual, found.ratio)) / found.misfit])
+
+
 def noise_of(signals: np.ndarray) -> np.ndarray:
     """Standard deviation (m,) of white noise on smooth signals (m, n): of their third differences, over the last quarter,
     where the plate's high modes have died away."""
@@ -181,7 +182,7 @@ class Stones:
 
         groups = np.asarray(y if groups is None else groups)
         self.numbers_ = fit_numbers(np.asarray(X, dtype=float), lessons, groups)
-        self.limit_ = usual_limits(np.asarray(X, dtype=float), lessons, groups, np.asarray(y))
+        self.usual_, self.limit_ = usual_limits(np.asarray(X, dtype=float), lessons, groups, np.asarray(y))
         return self
 
     def recognise(self, x: np.ndarray, speed_m_s: float | None = None) -> Recognition:
@@ -191,7 +192,7 @@ class Stones:
             raise RecognitionError(f"{x.shape[0]} channels of {x.shape[1] - 1} samples; the model has {shape[0]} of {shape[1] - 1}")
         found = self.numbers_.estimate(x, speed_m_s)
         strange = "; ".join(f"{what} {value:.3g}, limit {most:.3g}" for what, value, most in
-                            zip(STRANGE, found.strangeness, self.limit_, strict=True) if value > most)
+                            zip(STRANGE, strangeness(found, self.usual_), self.limit_, strict=True) if value > most)
         return Recognition(found.ratio, *found.interval, strange)
 
     def predict(self, X) -> np.ndarray:
@@ -200,7 +201,7 @@ class Stones:
 
     def to_dict(self) -> dict:
         numbers = {name: _shortened(value) for name, value in asdict(self.numbers_).items()}
-        return {"numbers": numbers, "limit": self.limit_.tolist()}
+        return {"numbers": numbers, "usual": self.usual_.tolist(), "limit": self.limit_.tolist()}
 
     @classmethod
     def from_dict(cls, data: dict) -> Stones:
@@ -213,7 +214,7 @@ class Stones:
         if not (n.mean.ndim == 3 and n.scatter.ndim == 2 and n.scale.shape == n.rest.shape and 1 <= n.stones <= MOST_STONES
                 and n.mean.shape[1] == n.scatter.shape[0] == n.samples * n.scale.size):
             raise ValueError("the stones' arrays do not fit together")
-        method.limit_ = np.asarray(data["limit"], dtype=float)
+        method.usual_, method.limit_ = (np.asarray(data[name], dtype=float) for name in ("usual", "limit"))
         return method
 
 

@@ -10,7 +10,7 @@ from sklearn.model_selection import GroupKFold
 from recognition.errors import RecognitionError
 from recognition.intervals import LEAST_GROUPS, STRANGE_FACTOR, USUAL_SHARE, conformal_quantile
 from recognition.lessons import Lesson, pushed, response
-from recognition.stones import MOST_STONES, StoneNumbers
+from recognition.stones import MOST_STONES, StoneNumbers, strangeness
 
 BIN_S = 25e-6  # of forces, linear between bins, about
 DEGREE = 2  # of the force in the speed
@@ -132,12 +132,16 @@ def _means(one: np.ndarray, laws: list[np.ndarray]) -> np.ndarray:
     return np.concatenate([coal.sum(axis=2, keepdims=True), gangue - coal], axis=2)
 
 
-def usual_limits(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What 95 % of records keep whose group, or where there are fewer than three groups, whose ratio, was held out, times 1.5."""
+def usual_limits(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray,
+                 y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of records whose group, or where there are fewer than three groups, whose ratio, was held out: the law of their misfit
+    (`strangeness`), and the limits: what 95 % of them keep, times 1.5."""
     chosen = same_places(lessons)
     keys = (groups if np.unique(groups[chosen]).size >= LEAST_GROUPS else y)[chosen]
-    strange = []
+    found = []
     for train, test in GroupKFold(min(FOLDS, np.unique(keys).size)).split(chosen, groups=keys):
         numbers = fit_numbers(X[chosen[train]], [lessons[k] for k in chosen[train]], groups[chosen[train]])
-        strange += [numbers.estimate(X[k]).strangeness for k in chosen[test]]
-    return STRANGE_FACTOR * np.maximum(1.0, conformal_quantile(np.array(strange), USUAL_SHARE))
+        found += [numbers.estimate(X[k]) for k in chosen[test]]
+    usual = np.polyfit([one.ratio for one in found], np.log([one.misfit for one in found]), 2)
+    strange = np.array([strangeness(one, usual) for one in found])
+    return usual, STRANGE_FACTOR * np.maximum(1.0, conformal_quantile(strange, USUAL_SHARE))

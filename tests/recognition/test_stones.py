@@ -15,7 +15,7 @@ from plate_fem.motion import ModalMotion
 from plate_fem.scene import FlexiblePlate
 from recognition.errors import RecognitionError
 from recognition.lessons import Lesson
-from recognition.stones import StoneNumbers, Stones, noise_of
+from recognition.stones import StoneNumbers, Stones, StonesEstimate, noise_of, strangeness
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
 STEP_s, SAMPLE_s, SAMPLES = 1e-5, 5e-5, 60
@@ -157,3 +157,10 @@ def test_noise_of_smooth_signals():
     rng, t = np.random.default_rng(0), np.linspace(0, 1, 2000)
     smooth = np.vstack([np.sin(9 * t), 40 * t**2])
     assert noise_of(smooth + [[0.1], [0.5]] * rng.standard_normal((2, 2000))) == pytest.approx([0.1, 0.5], rel=0.1)
+
+
+def test_stones_that_scatter_less_than_their_ratio_usually_does_are_strange():
+    """Usual misfits: 0.8 for coal, 0.2 for gangue, exponential between."""
+    usual = np.array([0.0, np.log(0.25), np.log(0.8)])
+    half = StonesEstimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1, 6.0)
+    assert strangeness(half, usual) == pytest.approx([0.1, 2.0, 4.0])
