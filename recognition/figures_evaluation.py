@@ -7,8 +7,8 @@ import pandas as pd
 from recognition.figures import ACCENT, COAL, GANGUE, PALE, canvas, styled
 
 MARKS = {"fusion_q": "x", "energy_fusion_printed": "s", "energy_fusion_mended": "+", "rms_line": "v"}  # what others are held against
-BEST_MARKS = "DoP^*8"
-TICKS = (3, 5, 10, 20, 50)
+BEST_MARKS = "DoP^*8hd"
+TICKS = (0.2, 0.5, 1, 2, 5, 10, 20, 50)
 
 
 @styled
@@ -29,7 +29,7 @@ def evaluation(table: pd.DataFrame, names: dict[str, str], best: tuple[str, ...]
                       markerfacecolor=colour if method == best[0] else "none", markersize=5, label=label)
         axis.set_xscale("log")
         axis.set_title(title)
-        axis.set_xticks(TICKS, [str(tick) for tick in TICKS])
+        axis.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
         axis.minorticks_off()
         axis.grid(axis="both", color=PALE, linewidth=0.3)
         axis.set_yticks(range(len(cases)), cases)

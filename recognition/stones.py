@@ -211,7 +211,7 @@ class Stones:
         middle, low, high = (float(saved[name]) for name in ("middle_m_s", "low_m_s", "high_m_s"))
         method.numbers_ = StoneNumbers(scale, rest, scatter, mean, middle, low, high)
         n = method.numbers_
-        if not (n.mean.ndim == 3 and n.scatter.ndim == 2 and n.scale.shape == n.rest.shape and 1 <= n.stones <= MOST_STONES
+        if not (n.mean.ndim == 3 and n.scatter.ndim == 2 and n.scale.shape == n.rest.shape != (0,) and 1 <= n.stones <= MOST_STONES
                 and n.mean.shape[1] == n.scatter.shape[0] == n.samples * n.scale.size):
             raise ValueError("the stones' arrays do not fit together")
         method.usual_, method.limit_ = (np.asarray(data[name], dtype=float) for name in ("usual", "limit"))

@@ -46,30 +46,45 @@ def fit_numbers(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndar
     scale = np.sqrt(np.mean(X[chosen, :, :-1] ** 2, axis=(0, 2)))
     at = _sampled_rows(taught[0], X.shape[2] - 1)
     bins = force_bins(taught[0], at[-1] + 1)
+    laws, covariance, stones = learnt_forces(taught, bins, groups[chosen], middle)
     left = [X[k, :, :-1] - lesson.told[:, at] for k, lesson in zip(chosen, taught, strict=True)]
     rest = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
-    laws, covariances, stones = [], [], np.inf
+    one = _bin_responses(taught[0], float(damping.mean()), bins, at, scale)
+    scatter = _scatter_of_forces(one, covariance, stones)
+    if np.ptp(damping) > 0:
+        more = _bin_responses(taught[0], float(damping.mean() + damping.std()), bins, at, scale)
+        scatter = scatter + _scatter_of_damping(_means(more - one, [law[:1] for law in laws])[0])
+    return StoneNumbers(scale, np.hypot(rest, LEAST_REST), scatter, _means(one, laws), middle, float(speed.min()),
+                        float(speed.max()))
+
+
+def learnt_forces(taught: list[Lesson], bins: np.ndarray, groups: np.ndarray,
+                  middle_m_s: float) -> tuple[list[np.ndarray], np.ndarray, int]:
+    """`force_law` of coal and of gangue, the mean of their covariances, since a place has one or the other, and the fewest
+    different stones of either. RecognitionError for too few."""
+    laws, covariances, stones = [], [], []
     for gangue in (False, True):
-        force, v, seen = _forces(taught, bins, groups[chosen], gangue, middle)
+        force, speed_m_s, seen = _forces(taught, bins, groups, gangue, middle_m_s)
         if seen < LEAST_STONES:
             raise RecognitionError(f"{seen} different stones of {'gangue' if gangue else 'coal'}; needs {LEAST_STONES}")
-        law, covariance = force_law(force, v - middle, seen)
+        law, covariance = force_law(force, speed_m_s - middle_m_s, seen)
         laws.append(law)
         covariances.append(covariance)
-        stones = min(stones, seen)
-    one = _bin_responses(taught[0], float(damping.mean()), bins, at, scale)
-    either = (covariances[0] + covariances[1]) / 2  # a place has one or the other
-    scatter = sum(one[:, i] @ either @ one[:, i].T for i in range(one.shape[1]))
-    # The means themselves are known from so many stones only, and err alike at all places.
+        stones.append(seen)
+    return laws, (covariances[0] + covariances[1]) / 2, min(stones)
+
+
+def _scatter_of_forces(one: np.ndarray, covariance: np.ndarray, stones: int) -> np.ndarray:
+    """Of x: each place by itself; and the means, known from so many stones only, which err alike at all places."""
+    alone = sum(one[:, i] @ covariance @ one[:, i].T for i in range(one.shape[1]))
     together = one.sum(axis=1)
-    scatter = scatter + together @ either @ together.T / 2 / stones
-    mean = _means(one, laws)
-    if np.ptp(damping) > 0:
-        other = _bin_responses(taught[0], float(damping.mean() + damping.std()), bins, at, scale) - one
-        slopes = _means(other, [law[:1] for law in laws])[0]
-        middling = slopes[:, 0] + slopes[:, 1:].sum(axis=1) / 2
-        scatter = scatter + np.outer(middling, middling) + slopes[:, 1:] @ slopes[:, 1:].T / 4
-    return StoneNumbers(scale, np.hypot(rest, LEAST_REST), scatter, mean, middle, float(speed.min()), float(speed.max()))
+    return alone + together @ covariance @ together.T / (2 * stones)
+
+
+def _scatter_of_damping(change: np.ndarray) -> np.ndarray:
+    """Of x, by a standard deviation of the damping: change (d, 1 + stones) of the mean, each place coal or gangue alike."""
+    middling = change[:, 0] + change[:, 1:].sum(axis=1) / 2
+    return np.outer(middling, middling) + change[:, 1:] @ change[:, 1:].T / 4
 
 
 def _sampled_rows(lesson: Lesson, samples: int) -> np.ndarray:
