@@ -1,0 +1,45 @@
+"""What recognition learns from a run of the engine: the plate's model, pushed by the stones' forces, gives the record."""
+
+import shutil
+
+import numpy as np
+import pytest
+from scenes_of_tests import changed
+
+from analysis import RecordError, read_run
+from dem.run import run_scene
+from recognition.channels import Channels
+from recognition.errors import RecognitionError
+from recognition.lessons import lesson_of, lessons_of
+
+
+@pytest.fixture(scope="module")
+def directory(runs):
+    sensors = [{"name": "west", "x_m": -0.15, "y_m": 0.05}, {"name": "east", "x_m": 0.18, "y_m": -0.03}]
+    run_scene(changed("small", {"time.duration_s": 0.0045, "plate.sensors": sensors}), "small", runs / "lesson")
+    return runs / "lesson"
+
+
+def test_the_plates_model_gives_the_record_of_a_run(directory):
+    run = read_run(directory)
+    lesson = lesson_of(run)
+    rows = lesson.force_N.shape[1]
+    seen = Channels("plate").prepare(run.fast.iloc[:rows])
+    left = np.sqrt(np.mean((lesson.told - seen) ** 2, axis=1) / np.mean(seen**2, axis=1))
+    # The force acts where sub-spheres touch, not in the middle of a stone's place: accelerometers feel that most.
+    assert left[0] < 0.01 and left[1:3].max() < 0.1 and left[3:].max() < 0.02
+    assert lesson.force_N.sum() * lesson.step_s == pytest.approx(run.info["impulse_N_s"], rel=0.05)
+    assert sorted(lesson.gangue) == [False, True] and lesson.sample_s == pytest.approx(1.5e-4)
+
+
+def test_runs_that_teach_nothing(directory, tmp_path):
+    for name in ("run.json", "signals.parquet"):
+        shutil.copy(directory / name, tmp_path / name)
+    run = read_run(tmp_path)
+    assert lessons_of([run]) == [None]
+    with pytest.raises(RecordError, match="fast.parquet"):
+        lesson_of(run)
+    shutil.copy(directory / "fast.parquet", tmp_path)
+    run.info["scene"]["plate"]["model"] = "rigid"
+    with pytest.raises(RecognitionError, match="no scene of stones on a flexible plate"):
+        lesson_of(run)
