@@ -78,8 +78,10 @@ def recognise(arguments) -> int:
             print(f"OUTSIDE THE CALIBRATION, do not trust: {strange}")
         print(f"mixing ratio {100 * best.ratio:.1f} %, 90 % interval {100 * best.low:.1f} to {100 * best.high:.1f}, "
               f"by {name}")
+    why = model.strange(signals, str(path))
     for name, answer in answers.items():
-        print(f"{name:<26} {answer if isinstance(answer, str) else f'{100 * answer:.2f} %'}")
+        said = answer if isinstance(answer, str) else f"{100 * answer:.2f} %"
+        print(f"{name:<26} {said}" + (f", not to be trusted: {why[name]}" if name in why else ""))
     return 3 if strange else 0
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from analysis.runs import Run
 from recognition.calibrated import Recognition
 from recognition.errors import NotRecognised, RecognitionError
 from recognition.methods import CALIBRATED, METHODS, load_method
+from recognition.stones import MISFIT
 
 FORMAT = "coal-gangue mixing ratio"
 VERSION = 4
@@ -106,12 +107,12 @@ class Model:
         return cls(window, methods, provenance, left_out)
 
     def best(self, signals: pd.DataFrame, source: str = "record") -> tuple[str, Recognition]:
-        """The first method, in order of the evaluation, for which the record has the columns and which does not find it
-        strange, and what it gives; if all find it strange, the first.
+        """The first method, in order of the evaluation, for which the record has the columns, and what it gives. Stones that
+        fall on other places than in training are none of `stones`' business: it leaves records that it does not fit to the next.
 
         Raises RecordError for an unusable record, RecognitionError where no such method applies.
         """
-        table, reasons, strange = self.window.cut(signals, source), [], []
+        table, reasons, misfit = self.window.cut(signals, source), [], None
         # Of one draw nobody learns what other arrangements do: the fewest features are the safest.
         order = list(CALIBRATED) if self.provenance.get("groups", 1) > 2 else ["stones", "impulse", "energies_rms", *CALIBRATED]
         for name in order:
@@ -122,12 +123,20 @@ class Model:
             except RecognitionError as reason:
                 reasons.append(str(reason))
                 continue
-            if not found.strange:
+            if name != "stones" or MISFIT not in found.strange:
                 return name, found
-            strange.append((name, found))
-        if not strange:
+            misfit = name, found
+        if misfit is None:
             raise RecognitionError(f"{source}: {'; '.join(reasons) or 'the model has no method with an interval'}")
-        return strange[0]
+        return misfit
+
+    def strange(self, signals: pd.DataFrame, source: str = "record") -> dict[str, str]:
+        """Of each method that can say so and finds the record unlike its training: why."""
+        table, why = self.window.cut(signals, source), {}
+        for name in CALIBRATED:
+            with suppress(RecognitionError):
+                why[name] = _recognised(self.methods[name], table).strange if name in self.methods else ""
+        return {name: text for name, text in why.items() if text}
 
     def recognise(self, signals: pd.DataFrame, source: str = "record") -> dict[str, float | str]:
         """Mixing ratio by each method that the columns allow; a text where there is no answer.

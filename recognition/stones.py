@@ -43,7 +43,8 @@ MOST_STONES = 12  # 4096 arrangements
 SPEEDS, BEYOND = 31, 0.5
 #: Share of the interval left out on either side.
 TAIL = 0.05
-STRANGE = ("misfit of the plate's model", "another impact speed explains it better", "stones that scatter too little")
+MISFIT = "misfit of the plate's model"
+STRANGE = (MISFIT, "another impact speed explains it better", "stones that scatter too little")
 #: A log-likelihood that another speed gains which is as strange as the 1 that strangeness is scaled to: twenty times as likely.
 GAIN = 3.0
 
