@@ -64,6 +64,8 @@ def least_error_points(model: RatioPosterior, noise_db: float | None, scatter: b
 
 STONES = "stones"
 DRAWS = 400
+UNKNOWN_M = (0.0, 0.01, 0.025)  # the last is a stone's radius
+PLACED = 10
 
 
 def stones_error_points(numbers: StoneNumbers, noise: np.ndarray, seed: int = 0) -> float:
@@ -117,6 +119,7 @@ def bounds(data: DataSet, noises_db=(None, 40.0, 20.0)) -> pd.DataFrame:
                       "noise_points": least_error_points(model, noise_db, False),
                       "least_points": least_error_points(model, noise_db, True)} for noise_db in noises_db]
         rows += _by_stones(data, name, chosen, noises_db)
+    rows += _by_told_places(data, noises_db)
     return pd.DataFrame(rows)
 
 
@@ -135,10 +138,37 @@ def _by_stones(data: DataSet, name: str, chosen: np.ndarray, noises_db) -> list[
         except (RecordError, RecognitionError) as reason:
             rows.append(row | {"reason": str(reason)})
             continue
-        rms = np.sqrt(np.mean([np.mean(Channels("plate").prepare(s) ** 2, axis=1) for s in records], axis=0))
-        rows += [row | {"noise_db": db, "least_points": stones_error_points(numbers, rms * (0.0 if db is None else 10 ** (-db / 20)))}
-                 for db in noises_db]
+        rows += [row | {"noise_db": db, "least_points": stones_error_points(numbers, _noise(records, db))} for db in noises_db]
     return rows
+
+
+def _by_told_places(data: DataSet, noises_db) -> list[dict]:
+    """Stones anywhere on the plate, if every place were told to within UNKNOWN_M: the forces are those of stones on the
+    circle, the mean is over PLACED runs."""
+    from recognition.stones_fit import learn, numbers_on  # late: it needs the simulation's plate model
+
+    circle, free = data.of(*SETTINGS["arrangement, packing"][0]), data.of("free")[:PLACED]
+    if not (circle.size and free.size):
+        return []
+    try:
+        records = [data.signals[k] for k in circle]
+        X, groups = np.stack([Stones().prepare(one) for one in records]), data.table["group"].to_numpy()[circle]
+        learnt, _ = learn(X, [data.lessons[k] for k in circle], groups)
+    except (RecordError, RecognitionError) as reason:
+        return [{"setting": "free positions", "channels": f"{STONES}, places told", "runs": len(free), "reason": str(reason)}]
+    rows = []
+    for unknown_m in UNKNOWN_M:
+        row = {"setting": "free positions", "channels": f"{STONES}, places told to {1000 * unknown_m:g} mm", "runs": len(free)}
+        numbers = [numbers_on(learnt, data.lessons[k], unknown_m) for k in free if data.lessons[k] is not None]
+        rows += [row | {"noise_db": db, "least_points": np.mean([stones_error_points(one, _noise(records, db)) for one in numbers])}
+                 for db in noises_db if numbers]
+    return rows
+
+
+def _noise(records: list[pd.DataFrame], noise_db: float | None) -> np.ndarray:
+    """Standard deviation (channels,), so far below the records' mean rms."""
+    rms = np.sqrt(np.mean([np.mean(Channels("plate").prepare(one) ** 2, axis=1) for one in records], axis=0))
+    return rms * (0.0 if noise_db is None else 10 ** (-noise_db / 20))
 
 
 def _by_true_impulse(data: DataSet, chosen: np.ndarray) -> dict:

@@ -73,11 +73,12 @@ def lessons_of(runs: list[Run]) -> list[Lesson | None]:
     return lessons
 
 
-def response(lesson: Lesson, damping_ratio: float) -> np.ndarray:
-    """Of each channel to a force of 1 N on each stone's place during the first step, shape (channels, rows, stones)."""
+def response(lesson: Lesson, damping_ratio: float, moved_m: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """Of each channel to a force of 1 N on each stone's place, moved_m from it, during the first step, shape (channels, rows,
+    stones)."""
     plate = lesson.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
-    return _response(plate.model_dump_json(), tuple(map(tuple, lesson.place_m)), lesson.step_s, lesson.force_N.shape[1],
-                     lesson.modes_dir)
+    return _response(plate.model_dump_json(), tuple(map(tuple, lesson.place_m)), moved_m, lesson.step_s,
+                     lesson.force_N.shape[1], lesson.modes_dir)
 
 
 def pushed(one: np.ndarray, force_N: np.ndarray) -> np.ndarray:
@@ -86,11 +87,11 @@ def pushed(one: np.ndarray, force_N: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _response(plate_json: str, places: tuple, step_s: float, rows: int, modes_dir: Path | None) -> np.ndarray:
+def _response(plate_json: str, places: tuple, moved_m: tuple[float, float], step_s: float, rows: int, modes_dir: Path | None) -> np.ndarray:
     plate = FlexiblePlate.model_validate_json(plate_json)
     modes = plate_modes(plate, modes_dir, np.array(places))
     amplitude, rate, acceleration = pulse_response(modes, step_s, rows)
-    down = -modes.shape_at(np.array(places))
+    down = -modes.shape_at(np.array(places) + moved_m)
     sensors = sorted(plate.sensors, key=lambda sensor: f"acc_{sensor.name}_m_s2")  # as `Channels` has the columns
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
     rods = modes.rod_force[sorted(range(len(modes.rod_force)), key=lambda k: f"rod_{k + 1}_N")]

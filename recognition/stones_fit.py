@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from sklearn.model_selection import GroupKFold
@@ -20,6 +21,7 @@ LEAST_DEVIATION = 0.02  # of a force at any time, in shares of its largest
 LEAST_REST = 0.005  # of the plate's model, in shares of the signal
 LEAST_STONES = 5  # different ones, of either material
 FOLDS = 5
+SMALL_M = 1e-3  # to find how an answer changes with the place
 
 
 def same_places(lessons: Sequence[Lesson | None]) -> np.ndarray:
@@ -36,26 +38,55 @@ def same_places(lessons: Sequence[Lesson | None]) -> np.ndarray:
     return chosen
 
 
-def fit_numbers(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray) -> StoneNumbers:
-    """X (runs, channels, samples + 1), lessons and groups of the same runs."""
+@dataclass(frozen=True)
+class Learnt:
+    """Of simulated stones: laws of the force of coal and of gangue and their covariance (`force_law`), from so many different
+    stones, in bins (rows, bins); at (samples,): steps at which records have samples; scale, rest: as `StoneNumbers`;
+    damping_ratio: mean and standard deviation; speed_m_s: mean, least, greatest."""
+
+    laws: list[np.ndarray]
+    covariance: np.ndarray
+    stones: int
+    bins: np.ndarray
+    at: np.ndarray
+    scale: np.ndarray
+    rest: np.ndarray
+    damping_ratio: tuple[float, float]
+    speed_m_s: tuple[float, float, float]
+
+
+def learn(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray) -> tuple[Learnt, Lesson]:
+    """X (runs, channels, samples + 1), lessons and groups of the same runs; and one of the lessons taken."""
     chosen = same_places(lessons)
     taught = [lessons[k] for k in chosen]
     speed = np.array([lesson.speed_m_s for lesson in taught])
     damping = np.array([lesson.plate.damping_ratio for lesson in taught])
-    middle = float(speed.mean())
     scale = np.sqrt(np.mean(X[chosen, :, :-1] ** 2, axis=(0, 2)))
-    at = _sampled_rows(taught[0], X.shape[2] - 1)
+    at = np.arange(X.shape[2] - 1) * round(taught[0].sample_s / taught[0].step_s)
     bins = force_bins(taught[0], at[-1] + 1)
-    laws, covariance, stones = learnt_forces(taught, bins, groups[chosen], middle)
+    laws, covariance, stones = learnt_forces(taught, bins, groups[chosen], float(speed.mean()))
     left = [X[k, :, :-1] - lesson.told[:, at] for k, lesson in zip(chosen, taught, strict=True)]
     rest = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
-    one = _bin_responses(taught[0], float(damping.mean()), bins, at, scale)
-    scatter = _scatter_of_forces(one, covariance, stones)
-    if np.ptp(damping) > 0:
-        more = _bin_responses(taught[0], float(damping.mean() + damping.std()), bins, at, scale)
-        scatter = scatter + _scatter_of_damping(_means(more - one, [law[:1] for law in laws])[0])
-    return StoneNumbers(scale, np.hypot(rest, LEAST_REST), scatter, _means(one, laws), middle, float(speed.min()),
-                        float(speed.max()))
+    return Learnt(laws, covariance, stones, bins, at, scale, np.hypot(rest, LEAST_REST), (damping.mean(), damping.std()),
+                  (float(speed.mean()), float(speed.min()), float(speed.max()))), taught[0]
+
+
+def fit_numbers(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray) -> StoneNumbers:
+    """X (runs, channels, samples + 1), lessons and groups of the same runs."""
+    return numbers_on(*learn(X, lessons, groups))
+
+
+def numbers_on(learnt: Learnt, lesson: Lesson, unknown_m: float = 0.0) -> StoneNumbers:
+    """On the plate and places of a lesson; unknown_m: standard deviation of each stone's place along x and along y."""
+    one = _bin_responses(learnt, lesson)
+    scatter = _scatter_of_forces(one, learnt.covariance, learnt.stones)
+    if learnt.damping_ratio[1] > 0:
+        more = _bin_responses(learnt, lesson, damped=sum(learnt.damping_ratio))
+        scatter = scatter + _scatter_of_damping(_means(more - one, [law[:1] for law in learnt.laws])[0])
+    for moved_m in ((SMALL_M, 0.0), (0.0, SMALL_M)) if unknown_m else ():
+        slope = (_bin_responses(learnt, lesson, moved_m) - one) / SMALL_M @ (learnt.laws[0][0] + learnt.laws[1][0]) / 2
+        scatter = scatter + unknown_m**2 * slope @ slope.T
+    return StoneNumbers(learnt.scale, learnt.rest, scatter, _means(one, learnt.laws), *learnt.speed_m_s)
 
 
 def learnt_forces(taught: list[Lesson], bins: np.ndarray, groups: np.ndarray,
@@ -85,11 +116,6 @@ def _scatter_of_damping(change: np.ndarray) -> np.ndarray:
     """Of x, by a standard deviation of the damping: change (d, 1 + stones) of the mean, each place coal or gangue alike."""
     middling = change[:, 0] + change[:, 1:].sum(axis=1) / 2
     return np.outer(middling, middling) + change[:, 1:] @ change[:, 1:].T / 4
-
-
-def _sampled_rows(lesson: Lesson, samples: int) -> np.ndarray:
-    """The lesson's steps at which its record has samples."""
-    return np.arange(samples) * round(lesson.sample_s / lesson.step_s)
 
 
 def force_bins(lesson: Lesson, rows: int) -> np.ndarray:
@@ -126,19 +152,19 @@ def force_law(force: np.ndarray, speed: np.ndarray, stones: int) -> tuple[np.nda
     return law, (stones * seen + MORE_STONES * np.diag(variance)) / (stones + MORE_STONES)
 
 
-def _bin_responses(lesson: Lesson, damping_ratio: float, bins: np.ndarray, at: np.ndarray,
-                   scale: np.ndarray) -> np.ndarray:
+def _bin_responses(learnt: Learnt, lesson: Lesson, moved_m: tuple[float, float] = (0.0, 0.0),
+                   damped: float | None = None) -> np.ndarray:
     """Records (d, stones, bins) by a unit force in each bin on each place, each channel in shares of its scale."""
-    one = response(lesson, damping_ratio)
+    one = response(lesson, learnt.damping_ratio[0] if damped is None else damped, moved_m)[:, :len(learnt.bins)]
     # The plate does not change with time: all bins but the first, which is cut at 0, are the second one, later.
-    first, second = (pushed(one[:, :len(bins)], bins[:, k, None]) for k in (0, 1))
+    first, second = (pushed(one, learnt.bins[:, k, None]) for k in (0, 1))
     later = _steps_apart(lesson)
-    answers = np.zeros((one.shape[0], len(at), one.shape[2], bins.shape[1]))
-    answers[..., 0] = first[:, at]
-    for k in range(1, bins.shape[1]):
-        rows = at - (k - 1) * later
+    answers = np.zeros((one.shape[0], len(learnt.at), one.shape[2], learnt.bins.shape[1]))
+    answers[..., 0] = first[:, learnt.at]
+    for k in range(1, learnt.bins.shape[1]):
+        rows = learnt.at - (k - 1) * later
         answers[..., k][:, rows >= 0] = second[:, rows[rows >= 0]]
-    return (answers / scale[:, None, None, None]).reshape(-1, *answers.shape[2:])
+    return (answers / learnt.scale[:, None, None, None]).reshape(-1, *answers.shape[2:])
 
 
 def _means(one: np.ndarray, laws: list[np.ndarray]) -> np.ndarray:
