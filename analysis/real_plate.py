@@ -1,7 +1,7 @@
 """The real plate, from its modes: its static compliance, and its stress under recorded forces.
 
-The only module that needs `plate_fem`, and only where the deflection of the actual plate
-on its rods is wanted instead of the paper's beam formula.
+With `analysis.lessons` the only module that needs `plate_fem`, and only where the deflection of the
+actual plate on its rods is wanted instead of the paper's beam formula.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def modes_of(run: Run):
     from plate_fem.modes import plate_modes
 
     cache = Path(run.path).parent / ".modes"
-    plate, counts = _flexible_plate(run), []
+    plate, counts = flexible_plate(run), []
     for points_m in (None, places_of(run)):
         modes = plate_modes(plate, cache if cache.is_dir() else None, points_m)
         counts.append(modes.frequency_Hz.size)
@@ -39,7 +39,8 @@ def modes_of(run: Run):
     )
 
 
-def _flexible_plate(run: Run):
+def flexible_plate(run: Run):
+    """The plate's table (`plate_fem.scene.FlexiblePlate`). RecordError if the scene has no flexible one."""
     from plate_fem.scene import FlexiblePlate
 
     table = run.info.get("scene", {}).get("plate", {})

@@ -17,6 +17,7 @@ from analysis.runs import Run
 from recognition.channels import Channels
 from recognition.errors import RecognitionError
 from recognition.models import Window
+from recognition.stones import LISTENED_S
 
 #: 40 kHz beside the paper's 6667.
 FAST_TIMES = 6
@@ -52,10 +53,10 @@ class DataSet:
 
     @cached_property
     def lessons(self) -> list:
-        """A `recognition.lessons.Lesson` of each run, None where it teaches nothing of its stones."""
-        from recognition.lessons import lessons_of  # late: it needs the simulation's plate model
+        """A `analysis.lessons.Lesson` of each run, None where it teaches nothing of its stones."""
+        from analysis.lessons import lessons_of  # late: it needs the simulation's plate model
 
-        return lessons_of(self.runs)
+        return lessons_of(self.runs, LISTENED_S)
 
     @property
     def ratios(self) -> np.ndarray:

@@ -22,7 +22,7 @@ from analysis.runs import Run
 from recognition.calibrated import Recognition
 from recognition.errors import NotRecognised, RecognitionError
 from recognition.methods import CALIBRATED, METHODS, load_method
-from recognition.stones import MISFIT
+from recognition.stones import LISTENED_S, MISFIT
 
 FORMAT = "coal-gangue mixing ratio"
 VERSION = 4
@@ -230,9 +230,9 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, float | str]]:
 
 
 def _lessons(runs: list[Run]) -> list:
-    from recognition.lessons import lessons_of  # late: records are recognised without the simulation
+    from analysis.lessons import lessons_of  # late: records are recognised without the simulation
 
-    return lessons_of(runs)
+    return lessons_of(runs, LISTENED_S)
 
 
 @contextmanager

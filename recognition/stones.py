@@ -34,7 +34,7 @@ from recognition.channels import Channels
 from recognition.errors import RecognitionError
 
 if TYPE_CHECKING:
-    from recognition.lessons import Lesson
+    from analysis.lessons import Lesson
 
 #: Time from the first contact that is listened to. Pushes last 0.45 ms; what the plate rings on holds them still.
 LISTENED_S, MOST_SAMPLES = 3.75e-3, 60

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.model_selection import GroupKFold
 
+from analysis.lessons import Lesson, pushed, response
 from recognition.errors import RecognitionError
 from recognition.intervals import LEAST_GROUPS, STRANGE_FACTOR, USUAL_SHARE, conformal_quantile
-from recognition.lessons import Lesson, pushed, response
 from recognition.stones import MOST_STONES, StoneNumbers, strangeness
 
 BIN_S = 25e-6  # of forces, linear between bins, about

@@ -7,10 +7,10 @@ import pytest
 from scenes_of_tests import changed
 
 from analysis import RecordError, read_run
+from analysis.lessons import lesson_of, lessons_of
 from dem.run import run_scene
 from recognition.channels import Channels
-from recognition.errors import RecognitionError
-from recognition.lessons import lesson_of, lessons_of
+from recognition.stones import LISTENED_S
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def directory(runs):
 
 def test_the_plates_model_gives_the_record_of_a_run(directory):
     run = read_run(directory)
-    lesson = lesson_of(run)
+    lesson = lesson_of(run, LISTENED_S)
     rows = lesson.force_N.shape[1]
     seen = Channels("plate").prepare(run.fast.iloc[:rows])
     left = np.sqrt(np.mean((lesson.told - seen) ** 2, axis=1) / np.mean(seen**2, axis=1))
@@ -36,10 +36,10 @@ def test_runs_that_teach_nothing(directory, tmp_path):
     for name in ("run.json", "signals.parquet"):
         shutil.copy(directory / name, tmp_path / name)
     run = read_run(tmp_path)
-    assert lessons_of([run]) == [None]
+    assert lessons_of([run], LISTENED_S) == [None]
     with pytest.raises(RecordError, match="fast.parquet"):
-        lesson_of(run)
+        lesson_of(run, LISTENED_S)
     shutil.copy(directory / "fast.parquet", tmp_path)
     run.info["scene"]["plate"]["model"] = "rigid"
-    with pytest.raises(RecognitionError, match="no scene of stones on a flexible plate"):
-        lesson_of(run)
+    with pytest.raises(RecordError, match="needs 'flexible'"):
+        lesson_of(run, LISTENED_S)

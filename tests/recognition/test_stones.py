@@ -2,30 +2,33 @@
 plate whose motion is found by `ModalMotion` in small steps."""
 
 import json
+import tempfile
 from functools import cache
 from itertools import product
 from math import comb
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from analysis.lessons import Lesson
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 from plate_fem.scene import FlexiblePlate
 from recognition.errors import RecognitionError
-from recognition.lessons import Lesson
 from recognition.stones import StoneNumbers, Stones, StonesEstimate, noise_of, strangeness
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
 STEP_s, SAMPLE_s, SAMPLES = 1e-5, 5e-5, 60
+KEPT = tempfile.TemporaryDirectory()  # of the plates' modes
 SENSORS_M = [(0.0, 0.11), (-0.1, 0.03), (0.12, -0.06)]
 ROD = {"diameter_m": 0.012, "length_m": 0.06, "youngs_modulus_Pa": 2e11, "density_kg_m3": 7800.0}
 
 
 @cache
 def modes_of(thickness_m):
-    return plate_modes(plate(thickness_m), None, PLACES_M)
+    return plate_modes(plate(thickness_m), Path(KEPT.name), PLACES_M)
 
 
 def plate(thickness_m=0.008):
@@ -70,7 +73,7 @@ def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0
         speed = rng.uniform(*speeds)
         force = forces_N(gangue, 1 + scatter * rng.standard_normal(len(PLACES_M)), speed)
         X.append(record(modes, force, noise, rng))
-        lessons.append(Lesson(table, None, PLACES_M, True, speed, SAMPLE_s, STEP_s, force.T, gangue))
+        lessons.append(Lesson(table, Path(KEPT.name), PLACES_M, True, speed, SAMPLE_s, STEP_s, force.T, gangue))
         ratios.append(n / len(PLACES_M))
     return np.array(X), lessons, np.array(ratios)
 

@@ -1,6 +1,6 @@
 """What simulated runs teach besides their records: how each stone pushed, and what the plate makes of a push.
 
-Needs the simulation's plate model (plate_fem); records are recognised without it.
+Needs the simulation's plate model (plate_fem): import it late.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import fftconvolve
 
-from analysis import RecordError
 from analysis.readers import read_table
+from analysis.real_plate import flexible_plate
+from analysis.records import RecordError
 from analysis.runs import Run
+from analysis.setup import places_of
 from plate_fem.modes import plate_modes
 from plate_fem.response import pulse_response
 from plate_fem.scene import FlexiblePlate
-from recognition.errors import RecognitionError
-from recognition.stones import LISTENED_S
 
 
 @dataclass(frozen=True)
@@ -39,36 +39,37 @@ class Lesson:
 
     @cached_property
     def told(self) -> np.ndarray:
-        """What the plate's model makes of these forces, for each channel of `Channels("plate")`, shape (channels, rows)."""
+        """What the plate's model makes of these forces, (channels, rows): velocity of the centre of mass, accelerometers and
+        rods, each by name."""
         return pushed(response(self, self.plate.damping_ratio), self.force_N.T).sum(axis=2)
 
 
-def lesson_of(run: Run) -> Lesson:
-    """Of a finished run. RecordError without a fast stream, RecognitionError for a rigid plate or unknown places."""
-    table = read_table(run.path / "fast.parquet")
+def lesson_of(run: Run, listened_s: float) -> Lesson:
+    """Of a finished run, its first listened_s. RecordError without a fast stream so long, a flexible plate or places of stones."""
+    path = run.path / "fast.parquet"
+    table = read_table(path)
     t_s = table["t_s"].to_numpy(dtype=float)
-    step_s = float(t_s[1] - t_s[0]) if len(t_s) > 1 else LISTENED_S
-    rows = round(LISTENED_S / step_s)
+    step_s = float(t_s[1] - t_s[0]) if len(t_s) > 1 else listened_s
+    rows = round(listened_s / step_s)
     if len(t_s) <= rows or not np.allclose(np.diff(t_s[:rows + 1]), step_s):
-        raise RecordError(f"{run.path}/fast.parquet: needs {LISTENED_S:g} s without gaps")
-    try:
-        scene = run.info["scene"]
-        plate, place_m = FlexiblePlate.model_validate(scene["plate"]), _places_m(scene)
-        speed_m_s, at_once = float(scene["stones"]["speed_m_s"]), scene["stones"].get("arrival_s") is None
-    except (KeyError, TypeError, ValueError) as error:
-        raise RecognitionError(f"{run.path}/run.json: no scene of stones on a flexible plate ({error})") from None
-    force_N = table[[c for c in table.columns.astype(str) if c.startswith("force_") and c != "force_N"]].to_numpy(dtype=float)[1:rows + 1].T
-    return Lesson(plate, _modes_dir(run.path), place_m, at_once, speed_m_s, 1 / run.rate_Hz, step_s, force_N,
+        raise RecordError(f"{path}: needs {listened_s:g} s without gaps")
+    stones = run.info.get("scene", {}).get("stones", {})
+    speed_m_s = stones.get("speed_m_s")
+    if not isinstance(speed_m_s, (int, float)):
+        raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = {speed_m_s!r}; needs a number")
+    forces = [name for name in table.columns.astype(str) if name.startswith("force_") and name != "force_N"]
+    return Lesson(flexible_plate(run), _modes_dir(run.path), places_of(run), stones.get("arrival_s") is None, float(speed_m_s),
+                  1 / run.rate_Hz, step_s, table[forces].to_numpy(dtype=float)[1:rows + 1].T,
                   np.array(run.materials) == "gangue")
 
 
-def lessons_of(runs: list[Run]) -> list[Lesson | None]:
+def lessons_of(runs: list[Run], listened_s: float) -> list[Lesson | None]:
     """What each run teaches; None where that is nothing: no fast stream, a rigid plate, no places."""
     lessons: list[Lesson | None] = []
     for run in runs:
         try:
-            lessons.append(lesson_of(run))
-        except (RecordError, RecognitionError):
+            lessons.append(lesson_of(run, listened_s))
+        except RecordError:
             lessons.append(None)
     return lessons
 
@@ -87,12 +88,13 @@ def pushed(one: np.ndarray, force_N: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _response(plate_json: str, places: tuple, moved_m: tuple[float, float], step_s: float, rows: int, modes_dir: Path | None) -> np.ndarray:
+def _response(plate_json: str, places: tuple, moved_m: tuple[float, float], step_s: float, rows: int,
+              modes_dir: Path | None) -> np.ndarray:
     plate = FlexiblePlate.model_validate_json(plate_json)
     modes = plate_modes(plate, modes_dir, np.array(places))
     amplitude, rate, acceleration = pulse_response(modes, step_s, rows)
     down = -modes.shape_at(np.array(places) + moved_m)
-    sensors = sorted(plate.sensors, key=lambda sensor: f"acc_{sensor.name}_m_s2")  # as `Channels` has the columns
+    sensors = sorted(plate.sensors, key=lambda sensor: f"acc_{sensor.name}_m_s2")  # as sorted columns are
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
     rods = modes.rod_force[sorted(range(len(modes.rod_force)), key=lambda k: f"rod_{k + 1}_N")]
     return np.concatenate([_channels(rate, modes.mean_shape[None], down), _channels(acceleration, at_sensors, down),
@@ -102,14 +104,6 @@ def _response(plate_json: str, places: tuple, moved_m: tuple[float, float], step
 def _channels(motion: np.ndarray, seen: np.ndarray, down: np.ndarray) -> np.ndarray:
     """Modal motion (rows, n) under a unit modal force, seen by (channels, n), pushed at (stones, n)."""
     return np.einsum("tn,cn,in->cti", motion, seen, down, optimize=True)
-
-
-def _places_m(scene: dict) -> np.ndarray:
-    stones = scene["stones"]
-    if stones.get("positions") is not None:
-        return np.array([[place["x_m"], place["y_m"]] for place in stones["positions"]])
-    angle = 2 * np.pi * np.arange(stones["count"]) / stones["count"]
-    return stones["circle_radius_m"] * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _modes_dir(path: Path) -> Path | None:
