@@ -80,7 +80,7 @@ def _fast_signals(run: Run, window: Window) -> pd.DataFrame:
     table = read_table(path)
     names = ["t_s", *Channels("plate").names(table.columns)]
     fast = Window(FAST_TIMES * window.rate_Hz, FAST_TIMES * (window.n_samples - 1) + 1)
-    steps = round(sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{path}: t_s") / fast.rate_Hz)
+    steps = max(1, round(sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{path}: t_s") / fast.rate_Hz))
     return fast.cut(table.loc[::steps, names], str(path))
 
 

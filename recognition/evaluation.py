@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from sklearn.model_selection import GroupKFold
 
+from analysis import RecordError
 from recognition.dataset import DataSet
 from recognition.errors import RecognitionError
 from recognition.noise import with_noise
@@ -100,11 +101,12 @@ class Evaluation:
             yield with_noise(signals, noise_db, np.random.default_rng([number, int(noise_db or 0)]))
 
     def run(self, case: Case, method: str, noises_db=NOISES_DB) -> list[Result]:
-        """RecognitionError where the data set lacks the runs."""
-        table, clean = self.data.table, self.prepared(method, None)
+        """A result a noise; where the runs, their signals or the method do not allow it, with the reason and no answers."""
+        table = self.data.table
         rows: dict[float | None, list[pd.DataFrame]] = {noise: [] for noise in noises_db}
         nuisance = table[list(case.nuisance)].to_numpy() if case.nuisance else None
         try:
+            clean = self.prepared(method, None)
             for train, test in self.splits(case):
                 known = None if nuisance is None else nuisance[train]
                 recogniser = make(method)
@@ -114,7 +116,7 @@ class Evaluation:
                     told = nuisance[test] if nuisance is not None and case.told else None
                     answers = recogniser.answer(self.prepared(method, noise_db)[test], told)
                     rows[noise_db].append(self._rows(answers, test))
-        except RecognitionError as reason:
+        except (RecordError, RecognitionError) as reason:
             return [Result(case, method, noise_db, pd.DataFrame(), str(reason)) for noise_db in noises_db]
         return [Result(case, method, noise_db, pd.concat(parts, ignore_index=True)) for noise_db, parts in rows.items()]
 

@@ -6,7 +6,7 @@ import pytest
 
 from recognition import RecognitionError
 from recognition.dataset import DataSet, read_dataset
-from recognition.evaluation import CASES, Case, Evaluation, evaluate, table, write_evaluation
+from recognition.evaluation import CASES, Case, Evaluation, evaluate, summary, table, write_evaluation
 from recognition.noise import with_noise
 from recognition.recognisers import RECOGNISERS
 from tests.analysis import synthetic
@@ -104,3 +104,9 @@ def test_every_recogniser_says_which_column_it_misses():
     for make in RECOGNISERS.values():
         with pytest.raises(RecognitionError, match="no column"):
             make().prepare(signals)
+
+
+def test_a_method_that_the_records_do_not_allow_says_why(synthetic_set):
+    """These runs have no fast stream."""
+    (result,) = Evaluation(read_dataset(synthetic_set)).run(CASES[0], "stones_fast", (None,))
+    assert "fast.parquet" in result.reason and summary(result)["answered"] == 0
