@@ -138,7 +138,8 @@ def _by_stones(data: DataSet, name: str, chosen: np.ndarray, noises_db) -> list[
         except (RecordError, RecognitionError) as reason:
             rows.append(row | {"reason": str(reason)})
             continue
-        rows += [row | {"noise_db": db, "least_points": stones_error_points(numbers, _noise(records, db))} for db in noises_db]
+        rows += [row | {"noise_db": db, "least_points": stones_error_points(numbers, noise)}
+                 for db, noise in _noises(records, noises_db).items()]
     return rows
 
 
@@ -156,19 +157,19 @@ def _by_told_places(data: DataSet, noises_db) -> list[dict]:
         learnt, _ = learn(X, [data.lessons[k] for k in circle], groups)
     except (RecordError, RecognitionError) as reason:
         return [{"setting": "free positions", "channels": f"{STONES}, places told", "runs": len(free), "reason": str(reason)}]
-    rows = []
+    rows, noises = [], _noises(records, noises_db)
     for unknown_m in UNKNOWN_M:
         row = {"setting": "free positions", "channels": f"{STONES}, places told to {1000 * unknown_m:g} mm", "runs": len(free)}
         numbers = [numbers_on(learnt, data.lessons[k], unknown_m) for k in free if data.lessons[k] is not None]
-        rows += [row | {"noise_db": db, "least_points": np.mean([stones_error_points(one, _noise(records, db)) for one in numbers])}
-                 for db in noises_db if numbers]
+        rows += [row | {"noise_db": db, "least_points": np.mean([stones_error_points(one, noise) for one in numbers])}
+                 for db, noise in noises.items() if numbers]
     return rows
 
 
-def _noise(records: list[pd.DataFrame], noise_db: float | None) -> np.ndarray:
-    """Standard deviation (channels,), so far below the records' mean rms."""
+def _noises(records: list[pd.DataFrame], noises_db) -> dict[float | None, np.ndarray]:
+    """Standard deviations (channels,), each so far below the records' mean rms."""
     rms = np.sqrt(np.mean([np.mean(Channels("plate").prepare(one) ** 2, axis=1) for one in records], axis=0))
-    return rms * (0.0 if noise_db is None else 10 ** (-noise_db / 20))
+    return {db: rms * (0.0 if db is None else 10 ** (-db / 20)) for db in noises_db}
 
 
 def _by_true_impulse(data: DataSet, chosen: np.ndarray) -> dict:

@@ -113,7 +113,7 @@ class Model:
         Raises RecordError for an unusable record, RecognitionError where no such method applies.
         """
         table, reasons, misfit = self.window.cut(signals, source), [], None
-        # Of one draw nobody learns what other arrangements do: the fewest features are the safest.
+        # Of one draw the others do not learn what other arrangements do: the fewest features are the safest.
         order = list(CALIBRATED) if self.provenance.get("groups", 1) > 2 else ["stones", "impulse", "energies_rms", *CALIBRATED]
         for name in order:
             if name not in self.methods:

