@@ -7,8 +7,8 @@ JOBS ?= 2
 PYTHON := .venv/bin/python
 LIGGGHTS_VERSION := 3.8.0+repack1-9+b2
 PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev g++ make python3-venv
-# dem and plate_fem are walked; the other two name what they export, so their modules are listed.
-MODULES := $(subst /,.,$(filter-out %__init__ %__main__,$(basename $(wildcard analysis/*.py recognition/*.py))))
+# Packages are walked; those that name what they export have their modules listed.
+MODULES := $(subst /,.,$(filter-out %__init__ %__main__,$(basename $(wildcard analysis/*.py recognition/*.py recognition/*/*.py))))
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1
@@ -24,7 +24,7 @@ help:  ## this list
 
 sweep: setup  ## every mixing ratio of SCENE into OUT, then analysis, recognition and OUT/report.html
 	$(PYTHON) -m dem sweep $(SCENE) --out $(OUT) --jobs $(JOBS)
-	$(PYTHON) -m recognition report $(OUT)
+	$(PYTHON) -m report $(OUT)
 
 dataset: setup  ## hundreds of runs into runs/dataset, and every method of recognition on runs it was not trained on
 	$(PYTHON) -m dem dataset scenes/dataset.toml --out runs/dataset --jobs $(JOBS)
@@ -34,7 +34,7 @@ campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/c
 	$(PYTHON) -m dem campaign scenes/campaign.toml --out runs/campaign --jobs $(JOBS)
 
 report: setup  ## the report again from the runs in OUT
-	$(PYTHON) -m recognition report $(OUT)
+	$(PYTHON) -m report $(OUT)
 
 test: setup .venv/campaign  ## all tests but the long ones
 	$(PYTHON) -m pytest -q
@@ -59,7 +59,7 @@ lint: setup .venv/lint  ## style and types of the Python code
 	$(PYTHON) -m mypy
 
 docs: setup .venv/docs  ## pages of the programming interface into build/docs; a warning is an error
-	$(PYTHON) -W error -m pdoc dem plate_fem analysis recognition $(MODULES) -o build/docs
+	$(PYTHON) -W error -m pdoc common dem plate_fem analysis recognition report $(MODULES) -o build/docs
 
 setup: .venv/installed engine
 

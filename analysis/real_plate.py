@@ -1,6 +1,6 @@
 """The real plate, from its modes: its static compliance, and its stress under recorded forces.
 
-With `analysis.lessons` the only module that needs `plate_fem`, and only where the deflection of the
+With `recognition.physics.force_records` the only module that needs `plate_fem`, and only where the deflection of the
 actual plate on its rods is wanted instead of the paper's beam formula.
 """
 
@@ -40,8 +40,8 @@ def modes_of(run: Run):
 
 
 def flexible_plate(run: Run):
-    """The plate's table (`plate_fem.scene.FlexiblePlate`). RecordError if the scene has no flexible one."""
-    from plate_fem.scene import FlexiblePlate
+    """The plate's table (`common.plate.FlexiblePlate`). RecordError if the scene has no flexible one."""
+    from common.plate import FlexiblePlate
 
     table = run.info.get("scene", {}).get("plate", {})
     if table.get("model") != "flexible":

@@ -7,7 +7,7 @@ the impact and many periods of the plate. Without breakage nothing is chaotic, a
 What is chaotic, the broken area of one stone, is an ensemble of five packings with its spread.
 
 Writes work_precision.csv (a row a knob and setting: errors, processor time, outcome), error_laws.toml (what `tolerance`
-in a scene goes by, committed as dem/error_laws.toml) and work_precision.png. Processor time is the least of the repeats
+in a scene goes by, committed as common/error_laws.toml) and work_precision.png. Processor time is the least of the repeats
 after a warm-up, of engine, plate and output; with knobs of the plate the modes are counted too.
 """
 
@@ -24,18 +24,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-import dem.time_step
+import dem.deck.time_step
 from benchmarks.accuracy_picture import draw
 from benchmarks.cost import cpu_s, machine
 from benchmarks.error_laws import ERRORS, write_laws
 from benchmarks.stone import SCENES, SEEDS, strike
-from dem.arrangement import arrange
-from dem.assembly import assemble
-from dem.run import RunError, Stages, prepare, run_model
-from dem.scene import Scene, changed_scene
-from dem.time_step import bond_time_s, stone_contact_time_s
+from common.scene import Scene, changed_scene
+from common.tables import InputError, read_toml
+from dem.deck.time_step import bond_time_s, stone_contact_time_s
+from dem.run.run import RunError, Stages, prepare, run_model
+from dem.stones.arrangement import arrange
+from dem.stones.assembly import assemble
 from plate_fem.mesh import default_mesh_size
-from plate_fem.tables import InputError, read_toml
 from recognition.methods import METHODS
 
 PAPER = SCENES / "paper.toml"
@@ -50,7 +50,7 @@ SIGNALS = {"force": "force_N", "energy": "total_J", "acceleration": "a_m_s2", "s
 
 @dataclass
 class Setting:
-    """One value of a knob: the scene's keys that make it, and constants of dem.time_step that stand in the way."""
+    """One value of a knob: the scene's keys that make it, and constants of dem.deck.time_step that stand in the way."""
 
     value: float
     changes: dict = field(default_factory=dict)
@@ -92,15 +92,15 @@ def scene_of(changes: dict) -> Scene:
 
 @contextmanager
 def constants(values: dict) -> Iterator[None]:
-    """dem.time_step with other constants: settings coarser than a scene may ask for are part of the study."""
-    before = {name: getattr(dem.time_step, name) for name in values}
+    """dem.deck.time_step with other constants: settings coarser than a scene may ask for are part of the study."""
+    before = {name: getattr(dem.deck.time_step, name) for name in values}
     for name, value in values.items():
-        setattr(dem.time_step, name, value)
+        setattr(dem.deck.time_step, name, value)
     try:
         yield
     finally:
         for name, value in before.items():
-            setattr(dem.time_step, name, value)
+            setattr(dem.deck.time_step, name, value)
 
 
 # Settings coarser than a scene may ask for.
@@ -120,7 +120,7 @@ def knobs() -> list[Knob]:
 def step_knobs(t0: float, stone_contact_s: float) -> list[Knob]:
     """Time step and co-step, of bonded stones and of unbonded spheres."""
     # A sample holds 30 rows of the fast stream, a row whole co-steps: lengths that divide it are met exactly.
-    row = SAMPLE_s / dem.time_step.FAST_PER_SAMPLE
+    row = SAMPLE_s / dem.deck.time_step.FAST_PER_SAMPLE
     longest = row / np.ceil(row / (0.36 * t0))
     fine = longest / 4
 
@@ -134,10 +134,10 @@ def step_knobs(t0: float, stone_contact_s: float) -> list[Knob]:
     def co_step(n: int, dt: float, changes: dict) -> Setting:
         return Setting(n * dt / stone_contact_s, changes | {"time.time_step_s": dt, "time.co_step": n}, FREE)
 
-    unit, default = "of the contact time", 1 / dem.time_step.CO_STEPS_IN_CONTACT
+    unit, default = "of the contact time", 1 / dem.deck.time_step.CO_STEPS_IN_CONTACT
     return [
-        Knob("time step", "dt/t0", dem.time_step.BOND_FRACTION, [step(k) for k in (1, 2, 3, 4, 6, 8)], step(32)),
-        Knob("time step, spheres", unit, 1 / dem.time_step.CONTACT_STEPS, [sphere(k) for k in (1, 2, 4, 8)], sphere(32),
+        Knob("time step", "dt/t0", dem.deck.time_step.BOND_FRACTION, [step(k) for k in (1, 2, 3, 4, 6, 8)], step(32)),
+        Knob("time step, spheres", unit, 1 / dem.deck.time_step.CONTACT_STEPS, [sphere(k) for k in (1, 2, 4, 8)], sphere(32),
              recognised=False),
         Knob("co-step", unit, default, [co_step(n, fine, {}) for n in (1, 2, 3, 4, 6, 12, 24)],
              Setting(0.0, {"time.time_step_s": fine / 6, "time.co_step": 1}, FREE)),
@@ -188,7 +188,7 @@ def other_knobs() -> list[Knob]:
         return Setting(tolerance, {"time.idle_tolerance": tolerance} | bounce)
 
     return [
-        Knob("output rate", "Hz", dem.time_step.FAST_PER_SAMPLE / SAMPLE_s, [rows(n) for n in (1, 2, 5, 10, 15, 30)],
+        Knob("output rate", "Hz", dem.deck.time_step.FAST_PER_SAMPLE / SAMPLE_s, [rows(n) for n in (1, 2, 5, 10, 15, 30)],
              rows(60)),
         Knob("idle tolerance", "of the energy of the impact", 1e-4, [idle(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
              idle(0.0), recognised=False)]

@@ -15,15 +15,15 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.stone import SCENES, SEEDS
-from dem.assembly import CONTACT_RADIUS_RATIO
-from dem.bonds import bond_network, highest_frequency_rad_s
-from dem.deck import write_deck
-from dem.engine import ENGINE
-from dem.ledger import read_ledger
-from dem.packing import fcc_sphere, pack_sphere
-from dem.run import Stages, prepare
-from dem.scene import Scene
-from plate_fem.tables import check, read_toml
+from common.scene import Scene
+from common.tables import check, read_toml
+from dem.coupling.launch import ENGINE
+from dem.deck.render import write_deck
+from dem.run.energy_balance import read_ledger
+from dem.run.run import Stages, prepare
+from dem.stones.assembly import CONTACT_RADIUS_RATIO
+from dem.stones.bonds import bond_network, highest_frequency_rad_s
+from dem.stones.packing import fcc_sphere, pack_sphere
 
 DAMPING = (0.0, 0.05, 0.1, 0.2)
 COUNT = 500

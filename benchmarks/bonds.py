@@ -20,10 +20,10 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from dem.deck import TEMPLATES
-from dem.engine import ENGINE
-from dem.ledger import read_ledger
-from dem.packing import fcc_sphere, near_pairs
+from dem.coupling.launch import ENGINE
+from dem.deck.render import TEMPLATES
+from dem.run.energy_balance import read_ledger
+from dem.stones.packing import fcc_sphere, near_pairs
 
 ROUNDS = 5
 STEPS = 6000

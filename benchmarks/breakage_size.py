@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.stone import SCENES, strike
-from dem.packing import pack_sphere
-from dem.strength import SIZE_EXPONENT, strength_scale
-from plate_fem.tables import read_toml
+from common.tables import read_toml
+from dem.stones.packing import pack_sphere
+from dem.stones.strength import SIZE_EXPONENT, strength_scale
 
 COUNTS = (500, 1000, 2000)
 FIRST_SEED = 40011  # packings that had no part in finding the exponent

@@ -1,4 +1,4 @@
-"""The laws of dem/tolerance.py, from what `make accuracy` measured."""
+"""The laws of dem/deck/tolerance.py, from what `make accuracy` measured."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def worst_error(table: pd.DataFrame) -> pd.Series:
 def write_laws(table: pd.DataFrame, file: Path) -> None:
     """Write the law of each of KNOBS (of the modes on the thinner plate, which needs more of them): the worst error of each setting, and of all finer ones, which chance may have made
     larger; a repeated error is raised by a thousandth, so that the law ascends."""
-    lines = ["# Error of each numerical knob by setting; dem/tolerance.py says what the settings are.",
+    lines = ["# Error of each numerical knob by setting; dem/deck/tolerance.py says what the settings are.",
              f"# Written by `python -m benchmarks.accuracy`, {date.today().isoformat()}, from its work_precision.csv.", ""]
     for knob, name in KNOBS.items():
         rows = table[(table["knob"] == knob) & (table["outcome"] == "finished")]

@@ -17,10 +17,10 @@ import tempfile
 import time
 from pathlib import Path
 
-import dem.run
-from dem.exchange import PlatePipes
-from dem.output import PlateRecorder
-from dem.scene import changed_scene
+import dem.run.run
+from common.scene import changed_scene
+from dem.coupling.pipes import PlatePipes
+from dem.run.recorder import PlateRecorder
 from plate_fem.motion import ModalMotion
 
 SCENE = Path(__file__).resolve().parent.parent / "scenes" / "paper.toml"
@@ -83,10 +83,10 @@ def main() -> None:
     classes = {"PlatePipes": TimedPipes, "PlateRecorder": timed(PlateRecorder, recording, "__call__"),
                "ModalMotion": timed(ModalMotion, moving, "advance", "predict", "reach_m", "advance_rows")}
     for name, of_time in classes.items():
-        setattr(dem.run, name, of_time)
+        setattr(dem.run.run, name, of_time)
     with tempfile.TemporaryDirectory() as directory:
         before_s = children_s()
-        summary = dem.run.run_scene(scene, str(SCENE), Path(directory) / "run")
+        summary = dem.run.run.run_scene(scene, str(SCENE), Path(directory) / "run")
         engine_s = children_s() - before_s
     run_s = summary["wall_time_s"]["engine and plate"]
     total_s = engine_s + answering.cpu_s

@@ -18,11 +18,11 @@ import pandas as pd
 from scipy.optimize import nnls
 
 from benchmarks.stone import SCENES
-from dem.deck import write_deck
-from dem.engine import ENGINE
-from dem.run import Model, Stages, prepare
-from dem.scene import Scene
-from plate_fem.tables import check, read_toml
+from common.scene import Scene
+from common.tables import check, read_toml
+from dem.coupling.launch import ENGINE
+from dem.deck.render import write_deck
+from dem.run.run import Model, Stages, prepare
 
 COUNTS = (200, 500, 1000, 2000, 5000, 10000, 20000)
 PARTICLE_STEPS = 2_000_000

@@ -17,8 +17,8 @@ import pandas as pd
 
 from benchmarks.cost import cpu_s
 from benchmarks.stone import SCENES
-from dem.run import Stages, prepare, run_model
-from dem.scene import changed_scene, read_scene
+from common.scene import changed_scene, read_scene
+from dem.run.run import Stages, prepare, run_model
 
 PAPER = SCENES / "paper.toml"
 

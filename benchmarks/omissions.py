@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-import dem.deck
+import dem.deck.render
 from benchmarks.cost import cpu_s
 from benchmarks.stone import SCENES
-from dem.run import Model, Stages, prepare, run_model
-from dem.scene import changed_scene
-from plate_fem.tables import read_toml
+from common.scene import changed_scene
+from common.tables import read_toml
+from dem.run.run import Model, Stages, prepare, run_model
 
 BASE: dict = {"time.duration_s": 1.2e-2, "time.idle_tolerance": 0.0, "stones.agglomerate.subspheres": 500,
               "output.view_interval_s": 1.2e-3}
@@ -50,17 +50,17 @@ def cost_s(model: Model) -> float:
 
 def with_monitors(model: Model, count: int) -> float:
     """The monitor is in every run and too cheap to be seen; so the deck gets `count` of them."""
-    render = dem.deck.render
+    render = dem.deck.render.render
 
     def render_many(*scene):
         return re.sub(r"^fix monitor( .*\n)", lambda line: "".join(f"fix monitor{k}{line[1]}" for k in range(count)),
                       render(*scene), flags=re.MULTILINE)
 
-    dem.deck.render = render_many
+    dem.deck.render.render = render_many
     try:
         return cost_s(model)
     finally:
-        dem.deck.render = render
+        dem.deck.render.render = render
 
 
 def main() -> None:

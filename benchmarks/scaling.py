@@ -22,15 +22,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-import dem.assembly
+import dem.stones.assembly
 from benchmarks.growth import engine_run
 from benchmarks.stone import SCENES
-from dem.deck import write_deck
-from dem.engine import mpirun
-from dem.packing import pack_sphere
-from dem.run import Stages, prepare
-from dem.scene import changed_scene
-from plate_fem.tables import read_toml
+from common.scene import changed_scene
+from common.tables import read_toml
+from dem.coupling.launch import mpirun
+from dem.deck.render import write_deck
+from dem.run.run import Stages, prepare
+from dem.stones.packing import pack_sphere
 
 CASES = [(10, 500), (10, 1000), (10, 2000), (10, 5000), (10, 10_000), (60, 500), (60, 10_000)]
 RANK_CASES = [(10, 500), (10, 1000), (10, 2000), (10, 5000), (10, 10_000)]
@@ -65,7 +65,7 @@ def one_packing() -> list[float]:
     def shared(radius_m: float, count: int, seed: int, size_ratio: float = 1.5):
         return packed(radius_m, count)
 
-    dem.assembly.pack_sphere = shared
+    dem.stones.assembly.pack_sphere = shared
     return times
 
 

@@ -26,15 +26,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-import dem.assembly
+import dem.stones.assembly
 from benchmarks.stone import SCENES
-from dem.arrangement import arrange
-from dem.assembly import Assembly, assemble
-from dem.monitor import ENERGY_SHARE
-from dem.run import RunError, run_scene
-from dem.scene import Scene, changed_scene
-from dem.time_step import stone_contact_time_s, time_step
-from plate_fem.tables import InputError, read_toml
+from common.scene import Scene, changed_scene
+from common.tables import InputError, read_toml
+from dem.coupling.monitor import ENERGY_SHARE
+from dem.deck.time_step import stone_contact_time_s, time_step
+from dem.run.run import RunError, run_scene
+from dem.stones.arrangement import arrange
+from dem.stones.assembly import Assembly, assemble
 
 PAPER = SCENES / "paper.toml"
 HANG_s = 300.0      # of wall time; the longest case takes a twentieth of it on an idle machine
@@ -189,7 +189,7 @@ class Hang(Exception):
 
 
 # A stone's packing is sought once, not for every case and again to find its time step.
-dem.assembly.pack_sphere = cache(dem.assembly.pack_sphere)
+dem.stones.assembly.pack_sphere = cache(dem.stones.assembly.pack_sphere)
 
 
 def _on_alarm(*_):

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from dem.run import run_scene
-from dem.scene import changed_scene
-from plate_fem.tables import read_toml
+from common.scene import changed_scene
+from common.tables import read_toml
+from dem.run.run import run_scene
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 SEEDS = (20011, 20021, 20023, 20029, 20047)

@@ -19,9 +19,9 @@ from benchmarks.accuracy import constants, errors
 from benchmarks.cost import cpu_s
 from benchmarks.error_laws import ERRORS
 from benchmarks.stone import SCENES
-from dem.run import Stages, prepare, run_model
-from dem.scene import Scene, changed_scene
-from plate_fem.tables import read_toml
+from common.scene import Scene, changed_scene
+from common.tables import read_toml
+from dem.run.run import Stages, prepare, run_model
 
 TOLERANCES = {"stone": (0.1, 0.03, 0.01, 0.006), "sphere": (0.1, 0.07, 0.04)}
 STONES: dict[str, dict] = {"stone": {"stones.agglomerate.subspheres": 250, "stones.agglomerate.unbreakable": True, "stones.speed_m_s": 2.5},

@@ -14,18 +14,18 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-from dem.calibrate import calibrate
-from dem.campaign import campaign
-from dem.costep import follow
-from dem.dataset import build
-from dem.deck import write_deck
-from dem.engine import STOPPED
-from dem.exchange import ExchangeError, PlatePipes
-from dem.run import RunError, Stages, Stopped, prepare, resume, run_scene
-from dem.scene import Scene, changed_scene
-from dem.sweep import sweep
+from common.scene import Scene, changed_scene
+from common.tables import InputError
+from dem.batch.campaign import campaign
+from dem.batch.dataset import build
+from dem.batch.sweep import sweep
+from dem.calibration.calibrate import calibrate
+from dem.coupling.launch import STOPPED
+from dem.coupling.pipes import ExchangeError, PlatePipes
+from dem.coupling.scheme import follow
+from dem.deck.render import write_deck
+from dem.run.run import RunError, Stages, Stopped, prepare, resume, run_scene
 from plate_fem.motion import ModalMotion
-from plate_fem.tables import InputError
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from common.plate import read_plate
+from common.tables import InputError, refused_in
 from plate_fem.modes import plate_modes
-from plate_fem.scene import read_plate
-from plate_fem.tables import InputError, refused_in
 
 
 def main(arguments=None):

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from plate_fem.tables import Refused
+from common.tables import Refused
 
 MODES_AT_MOST = 400  # three times the default scene's; finding more takes minutes and gigabytes
 

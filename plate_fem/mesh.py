@@ -6,7 +6,7 @@ import math
 import numpy as np
 import skfem
 
-from plate_fem.tables import Refused
+from common.tables import Refused
 
 SHEAR_ERROR_ALLOWED = 0.005  # Kirchhoff is used while its highest frequency is at most this much too high
 MOST_CELLS, MOST_LINES = 20_000, 500  # some GB of memory

@@ -1,4 +1,4 @@
-"""Command line: `python -m recognition fit | recognise | evaluate | report`."""
+"""Command line: `python -m recognition fit | recognise | evaluate`."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from pathlib import Path
 
 from analysis import RecordError, read_sweep
 from analysis.readers import read_table
-from recognition.dataset import CONDITIONS, read_dataset
-from recognition.energies import CalibratedEnergies
 from recognition.errors import RecognitionError
-from recognition.fusion_q import FusionQ
+from recognition.evaluation.dataset import CONDITIONS, read_dataset
 from recognition.methods import CALIBRATED
 from recognition.models import Model
-from recognition.pipeline import FusionPipeline
-from recognition.stones import Stones
+from recognition.paper.pipeline import FusionPipeline
+from recognition.paper.q_parameter import FusionQ
+from recognition.physics.arrangement_likelihood import Stones
+from recognition.regression.band_energies import CalibratedEnergies
 
 
 def main(argv: list[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
-    command = {"fit": fit, "recognise": recognise, "evaluate": evaluate, "report": report}[arguments.command]
+    command = {"fit": fit, "recognise": recognise, "evaluate": evaluate}[arguments.command]
     try:
         return command(arguments) or 0
     except (RecordError, RecognitionError) as error:
@@ -86,18 +86,12 @@ def recognise(arguments) -> int:
 
 
 def evaluate(arguments) -> None:
-    from recognition.bounds import write_bounds  # late: they need scikit-learn
-    from recognition.evaluation import write_evaluation
+    from recognition.evaluation.cross_validation import write_evaluation
+    from recognition.evaluation.error_bounds import write_bounds  # late: they need scikit-learn
 
     data = read_dataset(arguments.directory)
     print(f"written to {write_evaluation(data, arguments.directory, arguments.method)}")
     print(f"what no method can pass: {write_bounds(data, arguments.directory)}")
-
-
-def report(arguments) -> None:
-    from recognition.report import write_report  # late: it needs matplotlib
-
-    print(f"report written to {write_report(arguments.directory)}")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -114,8 +108,6 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("evaluate", help="what each method makes of runs it was not trained on")
     command.add_argument("directory", help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")
     command.add_argument("--method", action="append", help="one method only; may be given several times")
-    command = commands.add_parser("report", help="write report.html into a directory of runs")
-    command.add_argument("directory", help="directory of runs ratio_*")
     return parser
 
 

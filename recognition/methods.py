@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from recognition.calibrated import CalibratedLikelihood
-from recognition.energies import ENERGY_METHODS, CalibratedEnergies
 from recognition.errors import RecognitionError
-from recognition.function_space import Rule
-from recognition.fusion import Fusion
-from recognition.fusion_q import FusionQ
-from recognition.pipeline import FusionPipeline
-from recognition.stones import Stones
-from recognition.strategy import Strategy
+from recognition.paper.function_space import Rule
+from recognition.paper.fusion import Fusion
+from recognition.paper.pipeline import FusionPipeline
+from recognition.paper.q_parameter import FusionQ
+from recognition.paper.strategy import Strategy
+from recognition.physics.arrangement_likelihood import Stones
+from recognition.regression.band_energies import ENERGY_METHODS, CalibratedEnergies
+from recognition.regression.saved_likelihood import CalibratedLikelihood
 
 
 def printed() -> Strategy:

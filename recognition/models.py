@@ -19,10 +19,10 @@ from analysis import RecordError
 from analysis.features import BASE_PARAMETERS
 from analysis.records import sample_rate_Hz
 from analysis.runs import Run
-from recognition.calibrated import Recognition
 from recognition.errors import NotRecognised, RecognitionError
 from recognition.methods import CALIBRATED, METHODS, load_method
-from recognition.stones import LISTENED_S, MISFIT
+from recognition.physics.arrangement_likelihood import LISTENED_S, MISFIT
+from recognition.regression.saved_likelihood import Recognition
 
 FORMAT = "coal-gangue mixing ratio"
 VERSION = 4
@@ -230,7 +230,9 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, float | str]]:
 
 
 def _lessons(runs: list[Run]) -> list:
-    from analysis.lessons import lessons_of  # late: records are recognised without the simulation
+    from recognition.physics.force_records import (
+        lessons_of,  # late: records are recognised without the simulation
+    )
 
     return lessons_of(runs, LISTENED_S)
 

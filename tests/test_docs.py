@@ -105,7 +105,7 @@ def test_one_symbol_has_one_meaning():
 
 
 def test_names_of_the_notation_are_those_of_the_code():
-    source = "".join(p.read_text() for folder in ("dem", "plate_fem", "analysis", "recognition")
+    source = "".join(p.read_text() for folder in ("common", "dem", "plate_fem", "analysis", "recognition", "report")
                      for p in (ROOT / folder).rglob("*") if p.suffix in (".py", ".cpp", ".h"))
     for _, code, *_ in notation():
         for name in re.findall(r"`(\w+)`", code):

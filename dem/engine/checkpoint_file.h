@@ -12,7 +12,7 @@ class LAMMPS;
 //   char magic[8], int64 version, int64 bytes of what follows the CRC, int64 CRC-32 of it (that of zlib)
 //   then each block: char name[32], int64 count, double[count]
 //
-// dem/checkpoint.py checks the same four numbers.
+// dem/coupling/checkpoint.py checks the same four numbers.
 class CheckpointWriter {
  public:
   explicit CheckpointWriter(LAMMPS *lmp) : lmp_(lmp) {}

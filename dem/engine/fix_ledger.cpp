@@ -21,7 +21,7 @@ using namespace LAMMPS_NS;
 using namespace FixConst;
 
 namespace {
-// dem/ledger.py reads these in this order.
+// dem/run/energy_balance.py reads these in this order.
 enum Column {
   KINETIC,         // translation and spin of the sub-spheres, J
   MOMENTUM_Z,      // kg m/s

@@ -3,7 +3,7 @@
 
 namespace LAMMPS_NS {
 
-// Is the process at the other end of a pipe stuck? The twin of dem/peer.py: told from its processor time, which a
+// Is the process at the other end of a pipe stuck? The twin of dem/coupling/watchdog.py: told from its processor time, which a
 // working process uses even on a crowded machine. Knows nothing about a peer that it was not told about.
 class Peer {
  public:

@@ -6,10 +6,10 @@ from pathlib import Path
 import matplotlib
 
 from analysis import read_sweep
-from recognition.figures import STYLE
-from recognition.pictures_mechanics import BREAKAGE, RESPONSE, THEORY
-from recognition.pictures_signals import RECOGNITION, SIGNALS
-from recognition.study import Study
+from report.chapters.mechanics import BREAKAGE, RESPONSE, THEORY
+from report.chapters.signals import RECOGNITION, SIGNALS
+from report.figures.style import STYLE
+from report.study import Study
 
 SHOWN = ("fig-7", "fig-10", "fig-laws", "fig-area-time", "fig-18", "fig-19", "fig-hilbert", "fig-23", "fig-33", "fig-38")
 HERE = Path(__file__).parent

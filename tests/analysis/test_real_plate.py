@@ -15,8 +15,8 @@ from analysis.real_plate import (
     static_compliance_m_N,
 )
 from analysis.theory import PLATE, ROCKS, contact_stiffness
+from common.plate import FlexiblePlate
 from plate_fem.modes import plate_modes
-from plate_fem.scene import FlexiblePlate
 from tests.analysis.synthetic import SCENE
 
 PLACES_M = np.array([[0.03, 0.02], [-0.1, 0.05]])

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from common.scene import read_scene, scene_hash
+from common.tables import InputError
 from dem.__main__ import main
-from dem.campaign import as_toml, plan, read_plan, write_plan
-from dem.scene import read_scene, scene_hash
-from plate_fem.tables import InputError
+from dem.batch.campaign import as_toml, plan, read_plan, write_plan
 from tests.campaign.private_slurm import missing, private_slurm
 
 ROOT = Path(__file__).resolve().parents[2]

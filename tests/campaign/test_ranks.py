@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dem.run import run_scene
-from dem.scene import changed_scene
+from common.scene import changed_scene
+from dem.run.run import run_scene
 
 SMALL = Path(__file__).resolve().parents[2] / "scenes" / "small.toml"
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dem.engine import ENGINE
-from dem.ledger import read_ledger
-from dem.view import read_dump
+from dem.coupling.launch import ENGINE
+from dem.run.energy_balance import read_ledger
+from dem.run.paraview import read_dump
 
 DENSITY = 2000.0
 

@@ -69,18 +69,18 @@ def test_a_missing_scene_and_no_toml_are_refused(tmp_path, capsys):
 
 
 def test_another_liggghts_or_none_is_refused(tmp_path, capsys, monkeypatch):
-    import dem.engine
+    import dem.coupling.launch
     from dem.__main__ import main
 
     scene = str(SCENES / "hertz_coal.toml")
     arguments = ["run", scene, "--out", str(tmp_path / "run")]
     with monkeypatch.context() as patch:
-        patch.setattr(dem.engine, "LIGGGHTS_VERSION", "3.7.0")
+        patch.setattr(dem.coupling.launch, "LIGGGHTS_VERSION", "3.7.0")
         assert main(arguments) == 2
         error = capsys.readouterr().err
         assert error.count("\n") == 1 and "3.7.0" in error and "LIGGGHTS" in error
     with monkeypatch.context() as patch:
-        patch.setattr(dem.engine, "ENGINE", tmp_path / "nothing")
+        patch.setattr(dem.coupling.launch, "ENGINE", tmp_path / "nothing")
         assert main(arguments) == 2
         assert "engine" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from decks import bond_line, chain, deck, fcc_ball, frames, ledger, run_engine, write_files
 
-from dem.bonds import Bonds, highest_frequency_rad_s
+from dem.stones.bonds import Bonds, highest_frequency_rad_s
 
 E, RATIO = 5e9, 2.0
 LENGTH, RADIUS = 2e-3, 1e-3

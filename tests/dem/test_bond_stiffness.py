@@ -8,8 +8,9 @@ from scipy.linalg import eigh
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh, spsolve
 
-from dem.assembly import CONTACT_RADIUS_RATIO
-from dem.bonds import (
+from dem.deck.time_step import bond_fraction, undamped_limit
+from dem.stones.assembly import CONTACT_RADIUS_RATIO
+from dem.stones.bonds import (
     Bonds,
     affine_modulus,
     bond_matrices,
@@ -19,8 +20,7 @@ from dem.bonds import (
     sphere_energies,
     stiffness_matrix,
 )
-from dem.packing import BoxContainer, Packing, fcc_sphere, pack_box, pack_cylinder, pack_sphere
-from dem.time_step import bond_fraction, undamped_limit
+from dem.stones.packing import BoxContainer, Packing, fcc_sphere, pack_box, pack_cylinder, pack_sphere
 
 E = 5e9
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dem.bonds import bond_network, fragments
-from dem.packing import Packing, SphereContainer, fcc_sphere, pack_sphere
+from dem.stones.bonds import bond_network, fragments
+from dem.stones.packing import Packing, SphereContainer, fcc_sphere, pack_sphere
 
 RADIUS = 0.025
 

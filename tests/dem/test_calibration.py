@@ -6,13 +6,19 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES
 
+from common.scene import BondTable, read_scene
+from common.tables import InputError, check, read_toml
 from dem.__main__ import main
-from dem.bonds import network_stiffness
-from dem.calibrate import CHECK_SEEDS, TARGETS, calibrate, fit_tensile_strength, read_target
-from dem.scene import BondTable, read_scene
-from dem.strength import strength_scale
-from dem.virtual_tests import Rock, brazilian_specimen, compression_specimen, elastic_test, strength_test
-from plate_fem.tables import InputError, check, read_toml
+from dem.calibration.calibrate import CHECK_SEEDS, TARGETS, calibrate, fit_tensile_strength, read_target
+from dem.calibration.virtual_tests import (
+    Rock,
+    brazilian_specimen,
+    compression_specimen,
+    elastic_test,
+    strength_test,
+)
+from dem.stones.bonds import network_stiffness
+from dem.stones.strength import strength_scale
 
 ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=0.3, restitution=0.5, friction=0.6,
             bond_modulus_Pa=6e9, stiffness_ratio=3.0, tensile_strength_Pa=3e6, shear_strength_Pa=6e6,

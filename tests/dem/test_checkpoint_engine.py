@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from decks import HEAD, MATERIAL, bond_line, fcc_ball, frames, ledger, write_files
 
-from dem.engine import ENGINE
+from dem.coupling.launch import ENGINE
 
 EVERY, STEPS = 250, 1000
 IDLE = ("fix gravity all gravity 6000 vector 0 0 -1\n"

@@ -6,9 +6,9 @@ import pytest
 from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
-import dem.run
-from dem.exchange import PlatePipes
-from dem.run import Stages, prepare, run_model, run_scene
+import dem.run.run
+from dem.coupling.pipes import PlatePipes
+from dem.run.run import Stages, prepare, run_model, run_scene
 from plate_fem.modes import PlateModes, plate_modes
 
 STEEL = {"density_kg_m3": 7833.0, "youngs_modulus_Pa": 206.8e9, "poisson_ratio": 0.28}
@@ -219,7 +219,7 @@ def test_chips_need_the_plate_seldom(runs, monkeypatch):
             received[-1] += 1
             return super().receive()
 
-    monkeypatch.setattr(dem.run, "PlatePipes", CountedPipes)
+    monkeypatch.setattr(dem.run.run, "PlatePipes", CountedPipes)
     scene = {"stones.agglomerate.subspheres": 200, "output": None, "time.duration_s": 0.02}
     found = []
     for co_step in (None, 6):

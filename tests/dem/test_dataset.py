@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES, changed
 
-from dem.arrangement import arrange
-from dem.assembly import assemble
-from dem.dataset import build, read_plan
-from dem.scene import read_scene
-from plate_fem.tables import InputError
+from common.scene import read_scene
+from common.tables import InputError
+from dem.batch.dataset import build, read_plan
+from dem.stones.arrangement import arrange
+from dem.stones.assembly import assemble
 
 PLAN = """scene = "{scenes}/paper.toml"
 seed = 7

@@ -5,11 +5,11 @@ import re
 import pytest
 from scenes_of_tests import SCENES, changed
 
-from dem.arrangement import arrange
-from dem.assembly import assemble
-from dem.deck import render
-from dem.output import PlateRecorder
-from dem.time_step import time_step
+from dem.deck.render import render
+from dem.deck.time_step import time_step
+from dem.run.recorder import PlateRecorder
+from dem.stones.arrangement import arrange
+from dem.stones.assembly import assemble
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 

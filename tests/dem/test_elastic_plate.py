@@ -6,8 +6,8 @@ import pytest
 from scenes_of_tests import SCENES, hertz
 from scipy.integrate import solve_ivp
 
-from dem.run import run
-from dem.scene import read_scene
+from common.scene import read_scene
+from dem.run.run import run
 from plate_fem.modes import plate_modes
 
 SCENE = SCENES / "elastic_plate.toml"

@@ -14,12 +14,12 @@ import pytest
 from scenes_of_tests import SCENES, changed
 from scipy.linalg import expm
 
-from dem.costep import follow
-from dem.deck import write_deck
-from dem.engine import ENGINE
-from dem.exchange import ExchangeError, PlatePipes
-from dem.run import Stages, prepare
-from dem.time_step import TimeStep
+from dem.coupling.launch import ENGINE
+from dem.coupling.pipes import ExchangeError, PlatePipes
+from dem.coupling.scheme import follow
+from dem.deck.render import write_deck
+from dem.deck.time_step import TimeStep
+from dem.run.run import Stages, prepare
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
 

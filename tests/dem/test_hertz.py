@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES, hertz
 
-from dem.run import run
-from dem.scene import read_scene
+from common.scene import read_scene
+from dem.run.run import run
 
 
 @pytest.mark.parametrize("material, force_N, time_us", [("coal", 4261.6, 233.9), ("gangue", 7646.3, 226.7)])

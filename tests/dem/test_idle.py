@@ -9,7 +9,7 @@ from decks import Body, bond_line, deck, fcc_ball, frames, ledger, run_engine, w
 from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
-from dem.run import run_scene
+from dem.run.run import run_scene
 
 GRAVITY = 9.8
 DT = 2e-7

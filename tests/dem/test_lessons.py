@@ -7,10 +7,10 @@ import pytest
 from scenes_of_tests import changed
 
 from analysis import RecordError, read_run
-from analysis.lessons import lesson_of, lessons_of
-from dem.run import run_scene
+from dem.run.run import run_scene
 from recognition.channels import Channels
-from recognition.stones import LISTENED_S
+from recognition.physics.arrangement_likelihood import LISTENED_S
+from recognition.physics.force_records import lesson_of, lessons_of
 
 
 @pytest.fixture(scope="module")

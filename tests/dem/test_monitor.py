@@ -7,10 +7,10 @@ import pytest
 from decks import HEAD, MATERIAL, fcc_ball, write_files
 from scenes_of_tests import changed
 
-import dem.time_step
-from dem.engine import ENGINE
-from dem.monitor import Unstable, check_closure
-from dem.run import RunError, run_scene
+import dem.deck.time_step
+from dem.coupling.launch import ENGINE
+from dem.coupling.monitor import Unstable, check_closure
+from dem.run.run import RunError, run_scene
 
 STONE = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
                    "poisson_ratio": 0.3},
@@ -21,9 +21,9 @@ STONE = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_k
 @pytest.mark.parametrize("sample_s, limit", [(8e-5, "limit of energy"), (1.1e-4, "limit of displacement")])
 def test_a_step_that_the_bonds_do_not_bear(tmp_path, monkeypatch, sample_s, limit):
     """30 steps a sample: 0.63 t0, which is just unstable, and 0.86 t0."""
-    monkeypatch.setattr(dem.time_step, "BOND_FRACTION", 1.0)
-    monkeypatch.setattr(dem.time_step, "DAMPED_SHARE", 9.0)
-    monkeypatch.setattr(dem.time_step, "RAYLEIGH_FRACTION", 10.0)
+    monkeypatch.setattr(dem.deck.time_step, "BOND_FRACTION", 1.0)
+    monkeypatch.setattr(dem.deck.time_step, "DAMPED_SHARE", 9.0)
+    monkeypatch.setattr(dem.deck.time_step, "RAYLEIGH_FRACTION", 10.0)
     with pytest.raises(RunError, match=limit):
         run_scene(changed("single", STONE | {"time.sample_interval_s": sample_s}), "single.toml", tmp_path / "run")
     assert not (tmp_path / "run").exists()
@@ -35,16 +35,16 @@ def test_the_step_of_damped_bonds_is_short_enough(tmp_path, monkeypatch, damping
     scene = changed("single", STONE | {"stones.agglomerate.damping_ratio": damping, "time.sample_interval_s": 5e-5})
     energy = run_scene(scene, "single.toml", tmp_path / "run")["energy"]
     assert abs(energy["closure"]) < 1e-3 and energy["bond_damping_J"] > 0
-    monkeypatch.setattr(dem.time_step, "DAMPED_SHARE", 9.0)
+    monkeypatch.setattr(dem.deck.time_step, "DAMPED_SHARE", 9.0)
     with pytest.raises(RunError, match="limit"):
         run_scene(scene, "single.toml", tmp_path / "long")
 
 
 def test_a_co_step_that_plate_and_contact_do_not_bear(tmp_path, monkeypatch):
     """The heavy sphere on the thin plate of test_coupling, ten times beyond the limit of its dashpot."""
-    monkeypatch.setattr(dem.time_step, "DASHPOT_SHARE", 1.5)
-    monkeypatch.setattr(dem.time_step, "STIFFNESS_SHARE", 2.0)
-    monkeypatch.setattr(dem.time_step, "CO_STEPS_IN_CONTACT", 5)
+    monkeypatch.setattr(dem.deck.time_step, "DASHPOT_SHARE", 1.5)
+    monkeypatch.setattr(dem.deck.time_step, "STIFFNESS_SHARE", 2.0)
+    monkeypatch.setattr(dem.deck.time_step, "CO_STEPS_IN_CONTACT", 5)
     scene = changed("elastic_plate", {
         "time.duration_s": 0.003, "time.gravity_m_s2": 9.8, "stones.speed_m_s": 0.5, "plate.thickness_m": 0.002,
         "plate.max_frequency_Hz": 2000.0, "materials.gangue.density_kg_m3": 20000.0,

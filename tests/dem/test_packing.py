@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dem.packing import (
+from dem.stones.packing import (
     OVERLAP_TOLERANCE,
     BoxContainer,
     CylinderContainer,

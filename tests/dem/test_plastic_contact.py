@@ -7,9 +7,9 @@ import pytest
 from decks import run_engine
 from scenes_of_tests import changed, hertz
 
-from dem.deck import write_deck
-from dem.output import read_forces
-from dem.run import Stages, prepare, run_scene
+from dem.deck.render import write_deck
+from dem.run.recorder import read_forces
+from dem.run.run import Stages, prepare, run_scene
 from plate_fem.plasticity import PlasticContact
 
 YIELD_STRESS_Pa = 345e6

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from scenes_of_tests import SCENES
 
-from dem.run import run
+from dem.run.run import run
 
 SINGLE = (SCENES / "single.toml").read_text()
 

@@ -7,11 +7,11 @@ import pytest
 from scenes_of_tests import SCENES
 
 from benchmarks.breakage_size import COUNTS, impact
-from dem.arrangement import arrange
-from dem.assembly import assemble
-from dem.packing import pack_sphere
-from dem.scene import changed_scene
-from dem.strength import SIZE_EXPONENT
+from common.scene import changed_scene
+from dem.stones.arrangement import arrange
+from dem.stones.assembly import assemble
+from dem.stones.packing import pack_sphere
+from dem.stones.strength import SIZE_EXPONENT
 
 PACKINGS = 20
 FIRST_SEED = 50021  # neither those of the fit nor those of the table in the documentation

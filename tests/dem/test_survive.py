@@ -15,10 +15,10 @@ import pandas as pd
 import pytest
 from scenes_of_tests import SCENES
 
-from dem.checkpoint import latest
-from dem.run import resume
-from dem.unfinished import Unfinished
-from plate_fem.tables import InputError
+from common.tables import InputError
+from dem.coupling.checkpoint import latest
+from dem.run.directory import Unfinished
+from dem.run.run import resume
 
 DEM = [sys.executable, "-m", "dem"]
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
@@ -154,9 +154,9 @@ def test_there_must_be_something_to_resume(tmp_path):
 
 
 def test_two_processes_do_not_work_on_one_run(scene, undisturbed, monkeypatch):
-    import dem.unfinished
+    import dem.run.directory
 
-    monkeypatch.setattr(dem.unfinished, "LOCK_WAIT_s", 0.2)
+    monkeypatch.setattr(dem.run.directory, "LOCK_WAIT_s", 0.2)
     first, second = (Unfinished(scene.parent / "both").claimed() for _ in range(2))
-    with first, pytest.raises(dem.unfinished.Busy, match="another process"), second:
+    with first, pytest.raises(dem.run.directory.Busy, match="another process"), second:
         pass

@@ -10,7 +10,7 @@ import time
 import pytest
 from scenes_of_tests import SCENES
 
-from dem.sweep import is_done, sweep
+from dem.batch.sweep import is_done, sweep
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes_of_tests import changed
 
-from dem.arrangement import arrange
-from dem.assembly import assemble
-from dem.time_step import accuracy_settings, stone_contact_time_s, time_step
-from dem.tolerance import Law, expected_error, law, least_tolerance, with_tolerance
-from plate_fem.tables import InputError
+from common.error_laws import Law, law, least_tolerance
+from common.tables import InputError
+from dem.deck.time_step import accuracy_settings, stone_contact_time_s, time_step
+from dem.deck.tolerance import expected_error, with_tolerance
+from dem.stones.arrangement import arrange
+from dem.stones.assembly import assemble
 
 POWER = Law(np.array([0.1, 0.2, 0.8]), 3 * np.array([0.1, 0.2, 0.8]) ** 2)
 

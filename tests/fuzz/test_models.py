@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from analysis import read_sweep
 from recognition import Model
 from recognition.__main__ import main
-from recognition.stones import StoneNumbers, Stones
+from recognition.physics.arrangement_likelihood import StoneNumbers, Stones
 from tests.analysis.synthetic import write_sweep
 from tests.fuzz.mutations import fuzz, mutated, outcome
 

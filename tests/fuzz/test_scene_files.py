@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from common.scene import read_scene
+from common.tables import InputError, read_toml
 from dem.__main__ import main
-from dem.calibrate import TARGETS, read_target
-from dem.scene import read_scene
-from plate_fem.tables import InputError, read_toml
+from dem.calibration.calibrate import TARGETS, read_target
 from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, mutated, outcome
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"

@@ -7,9 +7,9 @@ import pytest
 from plates import TABLE, plate, rod
 from pydantic import Field
 
+from common.plate import PlateTable, read_plate
+from common.tables import InputError, Refused, Table, check, read_toml
 from plate_fem.__main__ import main
-from plate_fem.scene import PlateTable, read_plate
-from plate_fem.tables import InputError, Refused, Table, check, read_toml
 
 GOOD_ROD = rod(0.1, 0.1)
 

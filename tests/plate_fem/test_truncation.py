@@ -10,13 +10,13 @@ from plates import four_rods, plate
 from scipy.integrate import quad
 from scipy.special import j1
 
+from common.tables import InputError
 from plate_fem.mesh import bending_stiffness, bending_wavenumber, shear_stiffness
 from plate_fem.model import build_model
 from plate_fem.modes import plate_modes
 from plate_fem.residual import LOAD_RADIUS, load_rows
 from plate_fem.rods import disc_quadrature
 from plate_fem.statics import static_response
-from plate_fem.tables import InputError
 from plate_fem.truncation import compliance_left_out, energy_left_out, frequency_for, with_max_frequency
 
 HELD = {"edges": "clamped", "max_frequency_Hz": 4e3}

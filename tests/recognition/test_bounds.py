@@ -5,10 +5,15 @@ import pandas as pd
 import pytest
 
 from recognition import RecognitionError
-from recognition.bounds import TRUE_IMPULSE, bounds, least_error_points, true_impulse_errors_points
-from recognition.dataset import read_dataset
-from recognition.likelihood import RatioLikelihood
-from recognition.posterior import RatioPosterior
+from recognition.evaluation.dataset import read_dataset
+from recognition.evaluation.error_bounds import (
+    TRUE_IMPULSE,
+    bounds,
+    least_error_points,
+    true_impulse_errors_points,
+)
+from recognition.regression.ratio_likelihood import RatioLikelihood
+from recognition.regression.ratio_posterior import RatioPosterior
 from tests.analysis import synthetic
 from tests.recognition.draws import draws, noisy
 

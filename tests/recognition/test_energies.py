@@ -6,8 +6,8 @@ import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
 
 from recognition import RecognitionError
-from recognition.energies import CalibratedEnergies, log_rms
-from recognition.process import EnergyProcess
+from recognition.regression.band_energies import CalibratedEnergies, log_rms
+from recognition.regression.gaussian_process import EnergyProcess
 
 T = np.arange(267) / 6667
 

@@ -5,10 +5,18 @@ import pandas as pd
 import pytest
 
 from recognition import RecognitionError
-from recognition.dataset import DataSet, read_dataset
-from recognition.evaluation import CASES, Case, Evaluation, evaluate, summary, table, write_evaluation
-from recognition.noise import with_noise
-from recognition.recognisers import RECOGNISERS
+from recognition.evaluation.cross_validation import (
+    CASES,
+    Case,
+    Evaluation,
+    evaluate,
+    summary,
+    table,
+    write_evaluation,
+)
+from recognition.evaluation.dataset import DataSet, read_dataset
+from recognition.evaluation.estimators import RECOGNISERS
+from recognition.evaluation.sensor_noise import with_noise
 from tests.analysis import synthetic
 
 FAMILIES = {"paper": (1, 11), "ring": (4, 11), "packing": (2, 11), "damping": (12, 1), "speed": (12, 1), "free": (12, 1), "scatter": (12, 1),

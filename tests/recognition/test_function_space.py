@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from recognition import RecognitionError, Rule, Strategy
-from recognition.function_space import FORMS, SHIFT, fit_form
-from recognition.least_squares import fit_polynomial
+from recognition.paper.function_space import FORMS, SHIFT, fit_form
+from recognition.paper.least_squares import fit_polynomial
 
 RATIOS = np.arange(11) / 10
 

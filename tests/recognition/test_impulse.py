@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from recognition import RecognitionError
-from recognition.impulse import impulse
-from recognition.noise import with_noise
+from recognition.evaluation.sensor_noise import with_noise
+from recognition.physics.impulse import impulse
 
 MASS_KG = 40.0
 DT_S = 1.5e-4

@@ -7,10 +7,10 @@ from sklearn.linear_model import Ridge
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from recognition import RecognitionError
-from recognition.calibrated import CalibratedLikelihood
-from recognition.intervals import GroupConformal
-from recognition.likelihood import RatioLikelihood
-from recognition.posterior import basis, monomials
+from recognition.regression.conformal import GroupConformal
+from recognition.regression.ratio_likelihood import RatioLikelihood
+from recognition.regression.ratio_posterior import basis, monomials
+from recognition.regression.saved_likelihood import CalibratedLikelihood
 from tests.recognition.draws import draws, law, noisy
 
 

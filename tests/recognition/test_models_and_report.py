@@ -8,7 +8,8 @@ from analysis import read_sweep
 from recognition import Model, RecognitionError, leave_one_out
 from recognition.__main__ import main
 from recognition.methods import METHODS
-from recognition.report import write_report
+from report.__main__ import main as report_main
+from report.page import write_report
 from tests.analysis.synthetic import write_run, write_sweep
 
 
@@ -86,11 +87,16 @@ def test_command_line(sweep_path, tmp_path, capsys):
         ["recognise", str(tmp_path / "other.csv"), "--model", str(out)],
         ["recognise", str(sweep_path / "ratio_030"), "--model", str(tmp_path / "none.json")],
         ["fit", str(tmp_path), "--out", str(out)],
-        ["report", str(tmp_path / "none")],
     ):
         assert main(arguments) == 2
         captured = capsys.readouterr()
         assert captured.out == "" and captured.err.count("\n") == 1
+
+
+def test_command_line_of_the_report(tmp_path, capsys):
+    assert report_main([str(tmp_path / "none")]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err.count("\n") == 1
 
 
 EVALUATION = """method,held_out,noise_db,n,mean_abs_error_points,p95_points,worst_points,bias_points,coverage_90,case,answered,\

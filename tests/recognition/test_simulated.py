@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from sklearn.linear_model import LinearRegression
 
-from recognition.energies import CalibratedEnergies
-from recognition.impulse import impulse
+from recognition.physics.impulse import impulse
+from recognition.regression.band_energies import CalibratedEnergies
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from recognition import FusionQ, NotRecognised, RecognitionError
-from recognition.least_squares import fit_polynomial
-from recognition.standardise import MinMaxByTrend, ResponseRange, trend
+from recognition.paper.least_squares import fit_polynomial
+from recognition.paper.standardise import MinMaxByTrend, ResponseRange, trend
 
 RATIOS = np.arange(11) / 10
 

@@ -12,12 +12,18 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from analysis.lessons import Lesson
+from common.plate import FlexiblePlate
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
-from plate_fem.scene import FlexiblePlate
 from recognition.errors import RecognitionError
-from recognition.stones import StoneNumbers, Stones, StonesEstimate, noise_of, strangeness
+from recognition.physics.arrangement_likelihood import (
+    StoneNumbers,
+    Stones,
+    StonesEstimate,
+    noise_of,
+    strangeness,
+)
+from recognition.physics.force_records import Lesson
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
 STEP_s, SAMPLE_s, SAMPLES = 1e-5, 5e-5, 60

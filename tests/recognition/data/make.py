@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from recognition.dataset import read_dataset
+from recognition.evaluation.dataset import read_dataset
 
 GROUPS = ("paper/000", "ring/000", "ring/001", "ring/002", "ring/003", "packing/001")
 

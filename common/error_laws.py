@@ -1,0 +1,59 @@
+"""The measured error of each numerical knob of a simulation by its setting (docs/accuracy.md).
+
+A law is an upper bound of the relative errors (largest value, and L2 norm over the run) of the force on the plate, the
+energy of the plate and the acceleration of its centre of mass. A setting is free of units, so that the law holds for other
+scenes, and grows with the error:
+
+    time_step   dt/t0 of bonded stones (dem/deck/time_step.py)
+    contact     dt over the contact time of a whole stone, of unbonded spheres
+    co_step     co-step over the contact time of a whole stone, under bonded stones
+    co_step_spheres  the same under unbonded spheres
+    modes       period of the highest of the plate's modes over that contact time, under bonded stones
+    modes_spheres  the same under unbonded spheres, whose push begins more sharply
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from common.tables import read_toml
+
+LAWS = Path(__file__).with_name("error_laws.toml")  # written by `make accuracy`
+KNOBS = 3  # time step, co-step, modes: a tolerance is shared out equally among them
+
+
+@dataclass(frozen=True)
+class Law:
+    """`settings` and `errors` (k,), both ascending; between them a power law."""
+
+    settings: np.ndarray
+    errors: np.ndarray
+
+    def error(self, setting: float) -> float:
+        """Below the finest setting measured the error of that, above the coarsest the last power law goes on."""
+        s, e = np.log(self.settings), np.log(self.errors)
+        x = np.log(setting)
+        if x > s[-1]:
+            return float(np.exp(e[-1] + (e[-1] - e[-2]) / (s[-1] - s[-2]) * (x - s[-1])))
+        return float(np.exp(np.interp(x, s, e)))
+
+    def setting(self, error: float) -> float:
+        """The coarsest of those measured whose error is at most this, which must not be below that of the finest. None
+        between them is taken: one mode more or less can make a leap of the error."""
+        return float(self.settings[np.flatnonzero(self.errors <= error)[-1]])
+
+
+@cache
+def law(knob: str) -> Law:
+    table = read_toml(LAWS)[knob]
+    return Law(np.array(table["settings"]), np.array(table["errors"]))
+
+
+def least_tolerance(bonded: bool) -> float:
+    """The smallest tolerance that the settings measured can keep."""
+    knobs = ("time_step", "co_step", "modes") if bonded else ("contact", "co_step_spheres", "modes_spheres")
+    return KNOBS * max(float(law(knob).errors[0]) for knob in knobs)

@@ -1,0 +1,133 @@
+"""The `[plate]` table of a scene.
+
+The plate lies horizontally; the origin is its centre, z points up, and z = 0 is its undeformed top surface.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from common.tables import InputError, Refused, Table, check, read_toml
+
+Positive = Annotated[float, Field(gt=0)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
+
+
+class Rod(Table):
+    """A vertical rod below the plate, welded to it over its disc and clamped at its lower end."""
+
+    x_m: float
+    y_m: float
+    diameter_m: Positive
+    length_m: Positive
+    youngs_modulus_Pa: Positive
+    density_kg_m3: Positive
+    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5)] = 0.3
+
+
+class PointSupport(Table):
+    """A point of the plate that cannot move vertically."""
+
+    x_m: float
+    y_m: float
+
+
+class Sensor(Table):
+    """An accelerometer on the plate."""
+
+    name: Name
+    x_m: float
+    y_m: float
+
+
+class Plate(Table):
+    """What the contact needs of any plate: its outline and its material."""
+
+    length_m: Positive  # along x
+    width_m: Positive  # along y
+    density_kg_m3: Positive
+    youngs_modulus_Pa: Positive
+    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5)]
+    yield_stress_Pa: Positive | None = None
+
+
+class RigidPlate(Plate):
+    """A plate that does not move."""
+
+    model: Literal["rigid"]
+
+
+class FlexiblePlate(Plate):
+    """A plate that bends, described by its modes up to `max_frequency_Hz`.
+
+    That frequency is given, or follows from `truncation_tolerance`: the share of the impact energy that
+    may belong to modes left out (plate_fem/truncation.py; it needs the contact time). It may be left to a
+    scene that has a tolerance for everything.
+    """
+
+    model: Literal["flexible"]
+    thickness_m: Positive
+    theory: Literal["auto", "kirchhoff", "mindlin"] = "auto"
+    edges: Literal["free", "simply_supported", "clamped"] = "free"
+    max_frequency_Hz: Positive | None = None
+    truncation_tolerance: Annotated[float, Field(ge=1e-6, le=0.5)] | None = None
+    damping_ratio: Annotated[float, Field(ge=0, lt=1)]
+    mesh_size_m: Positive | None = None
+    rods: tuple[Rod, ...] = ()
+    point_supports: tuple[PointSupport, ...] = ()
+    sensors: tuple[Sensor, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_limit(self):
+        if self.max_frequency_Hz is not None and self.truncation_tolerance is not None:
+            allowed = "must be left out where max_frequency_Hz is given"
+            raise Refused("truncation_tolerance", self.truncation_tolerance, allowed)
+        return self
+
+    @model_validator(mode="after")
+    def _inside(self):
+        shortest = min(self.length_m, self.width_m)
+        if self.thickness_m > 0.2 * shortest:
+            raise Refused("thickness_m", self.thickness_m, f"must be at most a fifth of the side, {0.2 * shortest:g}")
+        if self.mesh_size_m is not None and self.mesh_size_m > shortest:
+            raise Refused("mesh_size_m", self.mesh_size_m, f"must be at most the shorter side, {shortest:g}")
+        tables: list[tuple[str, tuple[Rod | PointSupport | Sensor, ...]]] = [
+            ("rods", self.rods), ("point_supports", self.point_supports), ("sensors", self.sensors)]
+        for name, items in tables:
+            for i, item in enumerate(items):
+                margin = item.diameter_m / 2 if isinstance(item, Rod) else 0.0
+                self._check_inside(f"{name}.{i}.x_m", item.x_m, self.length_m / 2 - margin)
+                self._check_inside(f"{name}.{i}.y_m", item.y_m, self.width_m / 2 - margin)
+        return self
+
+    @staticmethod
+    def _check_inside(key, value, limit):
+        if abs(value) > limit * (1 + 1e-12):
+            raise Refused(key, value, f"must lie on the plate, between {-limit:g} and {limit:g}")
+
+    @model_validator(mode="after")
+    def _distinct(self):
+        for i, rod in enumerate(self.rods):
+            for other in self.rods[:i]:
+                gap = ((rod.x_m - other.x_m) ** 2 + (rod.y_m - other.y_m) ** 2) ** 0.5
+                if gap < (rod.diameter_m + other.diameter_m) / 2:
+                    raise Refused(f"rods.{i}.x_m", rod.x_m, "must not overlap another rod")
+        for i, support in enumerate(self.point_supports):
+            if support in self.point_supports[:i]:
+                raise Refused(f"point_supports.{i}.x_m", support.x_m, "must not repeat another support")
+        names = [sensor.name for sensor in self.sensors]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise Refused(f"sensors.{i}.name", name, "must differ from the other sensors' names")
+        return self
+
+
+PlateTable = Annotated[FlexiblePlate | RigidPlate, Field(discriminator="model")]
+
+
+def read_plate(path):
+    """Return the checked `[plate]` table of a scene file; InputError on any mistake in it."""
+    data = read_toml(path)
+    if not isinstance(data.get("plate"), dict):
+        raise InputError(f"{path}: plate is missing: a table [plate] must be given")
+    return check(PlateTable, data["plate"], path, "plate")

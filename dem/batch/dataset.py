@@ -1,0 +1,173 @@
+"""A data set for recognition: many impacts, drawn at random by a plan; what is there and unchanged is not run again.
+
+A plan (TOML) names a scene and families of runs. A family has groups; a group is one draw of everything that the family
+varies, run at some mixing ratios: OUT/FAMILY/GROUP/ratio_050. Draws follow from the plan's seed, the family's name and
+the group's number alone, so that more groups or other families leave the rest as it is.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+import zlib
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from common.scene import NotNegative, Positive, Scene, changed_scene, ratio_name
+from common.tables import InputError, Refused, Table, check, read_toml
+from dem.batch.sweep import is_finished
+from dem.coupling.launch import check_engine
+from dem.run.run import RunError, Stages, prepare, run_model
+from dem.stones.arrangement import arrange
+from plate_fem.modes import modes_file
+
+NOT_KEPT = ("deck", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
+PLACE_TRIES = 10_000
+
+
+class Family(Table):
+    """What its groups vary; a key that is absent leaves the scene as it is."""
+
+    groups: Annotated[int, Field(ge=1)]
+    runs_per_group: Annotated[int, Field(ge=1)]  # ratios of a group, spread over 0..1
+    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # dotted keys of the scene, for all runs of the family
+    arrangement: bool = False  # which stones turn into gangue first
+    packing: bool = False  # sub-spheres of every stone
+    speed_m_s: tuple[Positive, Positive] | None = None  # evenly between these
+    damping_ratio: tuple[NotNegative, NotNegative] | None = None  # of the plate, evenly between these
+    arrival_spread_s: Positive | None = None  # each stone evenly between 0 and this
+    strength_scatter: Positive | None = None  # standard deviation of the logarithm of each stone's strength
+    position_scatter_m: Positive | None = None  # each stone evenly in a disc of this radius about its place
+    free_positions: bool = False  # anywhere on the plate, without overlap
+
+    @model_validator(mode="after")
+    def one_kind_of_place(self):
+        if self.free_positions and self.position_scatter_m is not None:
+            raise Refused("position_scatter_m", self.position_scatter_m, "must be absent with free_positions")
+        return self
+
+
+class Plan(Table):
+    scene: str  # file, beside the plan
+    seed: Annotated[int, Field(ge=0)]
+    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # for all runs
+    families: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")], Family]
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    place: Path  # FAMILY/GROUP/ratio_050
+    scene: Scene
+    source: str
+
+
+def read_plan(path: Path) -> list[PlannedRun]:
+    """Every run of a plan, all families progressing alike. Raises InputError."""
+    plan = check(Plan, read_toml(path), path)
+    scene_file = Path(path).parent / plan.scene
+    base = changed_scene(scene_file, plan.changes)
+    planned = []
+    groups = [(group, name) for name, family in plan.families.items() for group in range(family.groups)]
+    for group, name in sorted(groups, key=lambda g: (g[0] + 0.5) / plan.families[g[1]].groups):
+        family = plan.families[name]
+        rng = np.random.default_rng([plan.seed, zlib.crc32(name.encode()), group])
+        drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
+        for ratio in _ratios(name, family, base.stones.count, group, plan.seed):
+            place = Path(name) / f"{group:03d}" / ratio_name(ratio)
+            scene = changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
+            arrange(scene, f"{path}: {place}")
+            planned.append(PlannedRun(place, scene, f"{path}: {place}"))
+    return planned
+
+
+def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict:
+    """The changes of one group, by dotted key of the scene. Raises InputError where free stones find no place."""
+    stones, changes = scene.stones, {}
+    if family.arrangement:
+        changes["stones.gangue_order"] = (rng.permutation(stones.count) + 1).tolist()
+    if family.packing:
+        changes["stones.seed"] = int(rng.integers(100_000, 1_000_000_000))
+    if family.speed_m_s:
+        changes["stones.speed_m_s"] = float(rng.uniform(*family.speed_m_s))
+    if family.damping_ratio:
+        changes["plate.damping_ratio"] = float(rng.uniform(*family.damping_ratio))
+    if family.arrival_spread_s:
+        changes["stones.arrival_s"] = rng.uniform(0, family.arrival_spread_s, stones.count).tolist()
+    if family.strength_scatter:
+        changes["stones.strength_factor"] = rng.lognormal(0, family.strength_scatter, stones.count).tolist()
+    if family.free_positions or family.position_scatter_m:
+        place = _free_places(scene, rng) if family.free_positions else _moved_places(scene, family, rng)
+        changes["stones.positions"] = [{"x_m": float(x), "y_m": float(y)} for x, y in place]
+        changes["stones.circle_radius_m"] = None
+    return changes
+
+
+def _moved_places(scene: Scene, family: Family, rng: np.random.Generator) -> np.ndarray:
+    place = arrange(scene, "").position_m
+    angle = rng.uniform(0, 2 * np.pi, len(place))
+    distance = family.position_scatter_m * np.sqrt(rng.uniform(size=len(place)))
+    return place + distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _free_places(scene: Scene, rng: np.random.Generator) -> np.ndarray:
+    """Stones wholly above the plate, one after the other where no stone is yet."""
+    stones, plate = scene.stones, scene.plate
+    half = np.array([plate.length_m, plate.width_m]) / 2 - stones.radius_m
+    place = np.empty((0, 2))
+    for _ in range(PLACE_TRIES):
+        if len(place) == stones.count:
+            return place
+        one = rng.uniform(-half, half)
+        if np.all(np.linalg.norm(place - one, axis=1) > 2 * stones.radius_m):
+            place = np.vstack([place, one])
+    raise InputError(f"free_positions: {stones.count} stones of {stones.radius_m:g} m find no place on the plate")
+
+
+def _ratios(name: str, family: Family, count: int, group: int, seed: int) -> list[float]:
+    """`runs_per_group` ratios k/count, evenly spaced from a start that runs through all of them from group to group."""
+    size, wanted = count + 1, min(family.runs_per_group, count + 1)
+    start = np.random.default_rng([seed, zlib.crc32(name.encode())]).permutation(size)[group % size]
+    return sorted({int((start + j * size // wanted) % size) / count for j in range(wanted)})
+
+
+def build(plan_file: Path, out: Path, jobs: int) -> int:
+    """Run what is missing, `jobs` at a time; returns an exit code. Raises InputError for bad input."""
+    check_engine()
+    planned = read_plan(plan_file)
+    missing = [run for run in planned if not is_finished(out / run.place, run.scene)]
+    print(f"{plan_file}: {len(planned)} runs, {len(missing)} to run", flush=True)
+    start, failed = time.monotonic(), 0
+    with ProcessPoolExecutor(jobs) as pool:
+        try:
+            running = {pool.submit(run_one, run, out): run for run in missing}
+            for number, done in enumerate(as_completed(running), 1):
+                text, ok = done.result()
+                failed += not ok
+                left_min = (time.monotonic() - start) / number * (len(missing) - number) / 60
+                print(f"{number} of {len(missing)}, left {left_min:.0f} min: {running[done].place}: {text}", flush=True)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return 1 if failed else 0
+
+
+def run_one(planned: PlannedRun, out: Path) -> tuple[str, bool]:
+    """One run, in a process of its own; what it says in a line, and whether it finished."""
+    directory, cache, stages = out / planned.place, out / ".modes", Stages()
+    try:
+        model = prepare(planned.scene, planned.source, cache, stages)
+        summary = run_model(model, planned.source, directory, stages)
+    except (InputError, RunError) as error:
+        return str(error), False
+    for name in NOT_KEPT:
+        shutil.rmtree(directory / name) if (directory / name).is_dir() else (directory / name).unlink(missing_ok=True)
+    if planned.scene.stones.positions is not None and model.modes is not None:  # nobody else has these places
+        modes_file(model.scene.plate, cache, model.arrangement.position_m).unlink(missing_ok=True)
+    return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
+            f"{sum(summary['wall_time_s'].values()):.0f} s"), True
+

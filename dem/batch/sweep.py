@@ -1,0 +1,50 @@
+"""Every mixing ratio of a scene, each in a run of its own; what is there and unchanged is not run again."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+
+from common.scene import Scene, ratio_name, read_scene, scene_hash
+from dem.coupling.launch import check_engine, die_with_parent
+from dem.run.directory import read_json
+from dem.stones.arrangement import arrange
+
+
+def sweep(scene_file: Path, out: Path, jobs: int) -> int:
+    """Run the missing ratios, `jobs` at a time; returns an exit code. Raises InputError for bad input."""
+    check_engine()
+    count = read_scene(scene_file).stones.count
+    ratios = [k / count for k in range(count + 1)]
+    for ratio in ratios:
+        arrange(read_scene(scene_file, ratio), str(scene_file))
+    missing = [ratio for ratio in ratios if not is_done(scene_file, out / ratio_name(ratio), ratio)]
+    print(f"{scene_file}: {len(ratios)} ratios, {len(missing)} to run", flush=True)
+    failed = 0
+    with ThreadPoolExecutor(jobs) as pool:
+        runs = {pool.submit(_run_ratio, scene_file, out / ratio_name(ratio), ratio): ratio for ratio in missing}
+        for finished in as_completed(runs):
+            result = finished.result()
+            print(result.stdout, end="", flush=True)  # what went wrong is on stderr already
+            failed += result.returncode != 0
+    return 1 if failed else 0
+
+
+def is_done(scene_file: Path, directory: Path, ratio: float) -> bool:
+    """Is there a finished run of this very scene at this ratio?"""
+    return is_finished(directory, read_scene(scene_file, ratio))
+
+
+def is_finished(directory: Path, scene: Scene) -> bool:
+    """Does a directory hold a finished run of this very scene? Raises InputError for a run.json that cannot be read."""
+    summary = read_json(directory / "run.json")
+    return summary is not None and summary.get("status") == "finished" and summary.get("scene_hash") == scene_hash(scene)
+
+
+def _run_ratio(scene_file: Path, directory: Path, ratio: float) -> subprocess.CompletedProcess:
+    """One ratio in a process of its own, which goes on from a checkpoint if there is one; progress passed through."""
+    command = [sys.executable, "-m", "dem", "run", str(scene_file), "--gangue", repr(ratio), "--out", str(directory)]
+    return subprocess.run(command, stdout=subprocess.PIPE, stderr=None, text=True, check=False,
+                          preexec_fn=die_with_parent)

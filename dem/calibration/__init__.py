@@ -1,0 +1,1 @@
+"""Virtual laboratory tests, and bonds fitted to them."""

@@ -1,0 +1,1 @@
+"""Engine and plate side by side: co-step scheme, pipes, checkpoints, watchdog."""

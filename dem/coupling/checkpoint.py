@@ -1,0 +1,77 @@
+"""The state of a run on disk, from which it goes on after it was stopped or killed (docs/runs.md).
+
+A checkpoint has two halves, one of each program, in `deck/checkpoint`: `engine_STEP.checkpoint`, written by the engine
+(dem/engine/fix_checkpoint.h), and `plate_STEP.npz`, written here when the engine says that its half is on disk. Each is
+written beside and then renamed; a checkpoint counts when all its halves are there.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from common.tables import InputError
+
+ENGINE_HEADER = struct.Struct("<8sqqq")  # magic, version, bytes that follow, their CRC-32
+ENGINE_MAGIC, ENGINE_VERSION = b"CGISTATE", 1
+
+State = dict[str, np.ndarray]
+
+
+def engine_file(directory: Path, step: int) -> Path:
+    return directory / f"engine_{step}.checkpoint"
+
+
+def plate_file(directory: Path, step: int) -> Path:
+    return directory / f"plate_{step}.npz"
+
+
+def latest(directory: Path, flexible: bool) -> int:
+    """The DEM step of the last whole checkpoint, 0 if there is none."""
+    steps = [int(found[1]) for file in directory.glob("engine_*.checkpoint")
+             if (found := re.fullmatch(r"engine_(\d+)\.checkpoint", file.name))]
+    return max((step for step in steps if not flexible or plate_file(directory, step).exists()), default=0)
+
+
+def check_engine_file(file: Path) -> None:
+    """Raises InputError, one line, for a file that is cut off, damaged or none of the engine's."""
+    data = file.read_bytes()
+    if len(data) < ENGINE_HEADER.size or data[:8] != ENGINE_MAGIC:
+        raise InputError(f"{file}: not a checkpoint of the engine; allowed is what the engine wrote")
+    _, version, size, crc = ENGINE_HEADER.unpack_from(data)
+    if version != ENGINE_VERSION:
+        raise InputError(f"{file}: a checkpoint of version {version}; allowed is {ENGINE_VERSION}")
+    if len(data) != ENGINE_HEADER.size + size or zlib.crc32(data[ENGINE_HEADER.size:]) != crc:
+        raise InputError(f"{file}: cut off or damaged; allowed is what the engine wrote")
+
+
+def keep_plate(directory: Path, state: Callable[[], State]) -> Callable[[int], None]:
+    """What the plate does at a checkpoint of the engine: write `state()` beside it, and drop its own earlier half."""
+    def keep(step: int) -> None:
+        file = plate_file(directory, step)
+        beside = file.with_suffix(".part")
+        with open(beside, "wb") as out:
+            np.savez(out, allow_pickle=False, **state())
+            out.flush()
+            os.fsync(out.fileno())
+        beside.replace(file)
+        for earlier in directory.glob("plate_*.npz"):
+            if earlier != file:
+                earlier.unlink()
+    return keep
+
+
+def read_plate(file: Path) -> State:
+    """Raises InputError, one line, for a file that is cut off, damaged or no state of the plate."""
+    try:
+        with np.load(file, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{file}: cut off, damaged or not the state of a plate ({error})") from None

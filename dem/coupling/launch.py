@@ -1,0 +1,78 @@
+"""Find the engine, refuse another LIGGGHTS than the pinned one, and start it."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import socket
+import subprocess
+from functools import partial
+from pathlib import Path
+
+from common.tables import InputError
+
+LIGGGHTS_VERSION = "3.8.0+repack1-9+b2"  # Debian package; the engine is built against its headers
+ENGINE = Path(os.environ.get("LIGGGHTS_BONDED",
+                             Path(__file__).resolve().parents[2] / "build" / "engine" / "liggghts-bonded"))
+
+
+def check_engine() -> None:
+    """Raises InputError, one line, if LIGGGHTS or the engine is missing or LIGGGHTS is of another version."""
+    query = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "libliggghts-dev"], capture_output=True, text=True,
+                           check=False)
+    if query.returncode != 0:
+        raise InputError(f"LIGGGHTS: libliggghts-dev is not installed; version {LIGGGHTS_VERSION} is needed "
+                         "(`make engine` installs it)")
+    if query.stdout != LIGGGHTS_VERSION:
+        raise InputError(f"LIGGGHTS: libliggghts-dev is of version {query.stdout}; allowed is {LIGGGHTS_VERSION}")
+    if not os.access(ENGINE, os.X_OK):
+        raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `make engine` builds it")
+
+
+STOPPED = 75  # exit code of an engine that was asked to stop at a checkpoint and did
+PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
+
+
+def die_with_parent(by: int = signal.SIGKILL) -> None:
+    """For `preexec_fn`: the kernel sends this process a signal when the one that started it is gone."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, by)
+
+
+def _begin() -> None:
+    """A signal to stop that comes before the engine listens waits until it does."""
+    die_with_parent()
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
+
+
+def start_engine(directory: Path, np: int = 1, resume_step: int = 0, inherit: tuple[int, ...] = ()) -> subprocess.Popen:
+    """Run deck.liggghts in `directory` on `np` MPI ranks, from the checkpoint of `resume_step` if that is not 0; what it
+    prints goes to engine.out there. `inherit`: file descriptors that stay open as long as the engine lives."""
+    command = [*mpirun(np), "-in", "deck.liggghts", "-log", "engine.log"]
+    if resume_step:
+        command += ["-var", "resume", str(resume_step)]
+    prepare = _begin if np == 1 else partial(die_with_parent, signal.SIGTERM)  # which mpirun passes on
+    with open(directory / "engine.out", "wb") as out:
+        return subprocess.Popen(command, cwd=directory, env=_environment(), stdin=subprocess.DEVNULL, stdout=out,
+                                stderr=subprocess.STDOUT, pass_fds=inherit,
+                                preexec_fn=prepare)  # noqa: PLW1509 - takes no lock
+
+
+def mpirun(np: int) -> list[str]:
+    """The engine on `np` ranks of this machine, to which its arguments are added."""
+    ranks = [] if np == 1 else ["mpirun", "-np", str(np), "--oversubscribe", "--bind-to", "none"]
+    return [*ranks, str(ENGINE)]
+
+
+def _environment() -> dict[str, str]:
+    """Without what a queue tells MPI: all ranks are on this machine, and LIGGGHTS is no task of the queue's own. The
+    engine learns which process the plate is, to see when that is stuck (dem/engine/peer.h)."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("SLURM_", "PMI_", "PMIX_"))}
+    return kept | {"PLATE_PROCESS": f"{socket.gethostname()} {os.getpid()}"}
+
+
+def engine_error(directory: Path) -> str:
+    """What the engine said last: its ERROR line, or its last line."""
+    lines = [line for line in (directory / "engine.out").read_text(errors="replace").splitlines() if line.strip()]
+    errors = [line for line in lines if line.startswith("ERROR")]  # MPI writes of its own errors when it is ended
+    return (errors or lines or ["no output"])[-1]

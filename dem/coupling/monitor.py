@@ -1,0 +1,43 @@
+"""Limits that every run keeps, or ends with the one that it broke.
+
+The engine's half is fix monitor (dem/engine/fix_monitor.h): displacement in a step, numbers that are none, energy that
+bonds or contacts give from nothing; LIGGGHTS itself counts the particles. This half watches the plate, whose energy the
+engine does not know, and the ledger of the whole run.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from common.scene import Scene
+from dem.stones.assembly import Assembly
+
+ENERGY_SHARE = 0.01  # of the energy supplied
+
+
+class Unstable(RuntimeError):
+    """A limit was broken; one line that names it."""
+
+
+class PlateMonitor:
+    """Sees the rows of the fast stream: the plate never holds more than the stones could bring."""
+
+    def __init__(self, scene: Scene, assembly: Assembly):
+        stones, mass = scene.stones, float(assembly.mass_kg.sum())
+        fall = scene.time.gravity_m_s2 * (stones.gap_m + 2 * stones.radius_m)  # until all of a stone lies flat
+        self._limit_J = (1 + ENERGY_SHARE) * mass * (0.5 * stones.speed_m_s**2 + fall)
+
+    def __call__(self, t_s: np.ndarray, total_J: np.ndarray) -> None:
+        """Raises Unstable. Times and the plate's energies, (k,)."""
+        broken = np.flatnonzero(~(total_J <= self._limit_J))  # so written that what is no number is refused
+        if len(broken):
+            at = broken[0]
+            raise Unstable(f"at {t_s[at]:.4g} s the plate holds {total_J[at]:.3g} J, the limit of energy is what impact and "
+                           f"fall supply, {self._limit_J:.3g} J: plate and contact are not stable with this co-step")
+
+
+def check_closure(energy: dict) -> None:
+    """Raises Unstable if the ledger of a finished run misses more than 1 % of the energy supplied."""
+    if not abs(energy["closure"]) <= ENERGY_SHARE:
+        raise Unstable(f"the energy ledger misses {energy['closure']:.2%} of the energy of impact and fall, the limit is "
+                       f"{ENERGY_SHARE:.0%}: the time step or the co-step is too long")

@@ -1,0 +1,1 @@
+"""The deck: time step, contact laws and the rendered LIGGGHTS input."""

@@ -1,0 +1,169 @@
+"""Render the LIGGGHTS deck and the data files it reads, holding only what the scene needs."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import jinja2
+import numpy as np
+
+from common.scene import PLATE, Scene, contact_key
+from dem.deck.plate_yield import yield_pressure_Pa
+from dem.deck.time_step import TimeStep, impact_speed_m_s, light_contact
+from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
+from plate_fem.modes import PlateModes
+
+TEMPLATES = Path(__file__).resolve().parents[2] / "templates"
+SHAPE_GRID = 0.4  # of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/exchange.md)
+UNBREAKABLE_Pa = 1e30
+CHECKPOINT_SAMPLES = 5  # between two steps that allow a checkpoint; each costs a build of lists (docs/runs.md)
+BOX_MARGIN_M = 0.005
+IDLE_EVERY = 64  # DEM steps between two looks at what is idle: one costs as much as a tenth of a step
+
+
+def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep, modes: PlateModes | None) -> str:
+    """Write the deck into `directory` and return the hash of its files."""
+    directory.mkdir(parents=True)
+    (directory / "deck.liggghts").write_text(render(scene, assembly, step))
+    _write_atoms(directory / "atoms.data", scene, assembly)
+    np.savetxt(directory / "agglomerates.txt", assembly.sizes, fmt="%d")
+    if assembly.n_bonds:
+        _write_bonds(directory / "bonds.txt", assembly)
+    if modes is not None:
+        _write_shapes(directory / "shapes.bin", modes)
+    digest = hashlib.sha256()
+    for file in sorted(directory.iterdir()):
+        digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
+    """The text of the deck."""
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
+                                     keep_trailing_newline=True)
+    pairs = [contact_key(a, b) for a in [*assembly.materials, PLATE] for b in [*assembly.materials, PLATE]]
+    stones_meet = _stones_meet(scene, assembly)
+    contacts = [scene.contacts.get(pair) if stones_meet or PLATE in pair.split("_") else None for pair in pairs]
+    friction = [c.friction if c else 0.0 for c in contacts]
+    tangential = " tangential history" if any(friction) else ""
+    half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
+    return environment.get_template("deck.liggghts.j2").render(
+        name=scene.name,
+        stones=_describe(scene, assembly),
+        plate=scene.plate.model,
+        yield_pressure_Pa=yield_pressure_Pa(scene, assembly),
+        exchange=scene.plate.model == "flexible",
+        materials=[{"name": name, **scene.materials[name].model_dump()} for name in assembly.materials],
+        plate_material=scene.plate.model_dump(),
+        # A pair that cannot meet in this scene still needs a number; elastic is what does least.
+        restitution=[c.restitution if c else 1.0 for c in contacts],
+        friction=friction if any(friction) else None,
+        tangential=tangential,
+        gravity_m_s2=scene.time.gravity_m_s2,
+        bonds=_bonds(scene, assembly, step) if assembly.n_bonds else None,
+        skin_m=skin_m(assembly),
+        # Bins a little larger than the range of a contact: a rebuild clears few and looks through 27.
+        bin_m=float(f"{1.2 * (2 * assembly.radius_m.max() + skin_m(assembly)):.3g}"),
+        dt_s=repr(step.dt_s),
+        sample_steps=step.sample_steps,
+        co_step=step.co_step,
+        light=light_contact(scene, assembly, step),
+        steps=step.steps,
+        extent_m=[-half[0], half[0], -half[1], half[1]],
+        speed_m_s=scene.stones.speed_m_s,
+        impact_J=float(0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2),
+        mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
+        view_steps=view_steps(scene, step),
+        idle=_idle(scene, step),
+        checkpoint_steps=CHECKPOINT_SAMPLES * step.sample_steps,
+        streams=streams(scene, assembly),
+    )
+
+
+def streams(scene: Scene, assembly: Assembly) -> list[str]:
+    """Files in the deck's directory that the engine appends to."""
+    return ["ledger.bin", "forces.bin", "contacts.bin", *(["events.csv"] if assembly.n_bonds else []),
+            *(["view.dump"] if scene.output.view_interval_s is not None else [])]
+
+
+def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
+    """Can a sub-sphere touch another one? Not where there is one stone that holds together."""
+    table = scene.stones.agglomerate
+    return len(assembly.sizes) > 1 or (table is not None and not table.unbreakable)
+
+
+def _idle(scene: Scene, step: TimeStep) -> dict | None:
+    """Arguments of fix idle (docs/idle.md); None where the scene wants brute force or several ranks."""
+    if scene.time.idle_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
+        return None
+    every = step.co_step * max(1, round(IDLE_EVERY / step.co_step))
+    return {"speed_m_s": impact_speed_m_s(scene), "tolerance": scene.time.idle_tolerance, "every": every}
+
+
+def view_steps(scene: Scene, step: TimeStep) -> int | None:
+    """DEM steps between two pictures, a whole number of samples; None if the scene wants none. An interval longer than the
+    run, which LIGGGHTS might not be able to count, is one sample more than the run: a picture at its start alone."""
+    if scene.output.view_interval_s is None:
+        return None
+    samples = min(scene.output.view_interval_s / scene.time.sample_interval_s, step.steps // step.sample_steps + 1)
+    return step.sample_steps * max(1, round(samples))
+
+
+def skin_m(assembly: Assembly) -> float:
+    """Neighbour skin. Smaller than the gap of bonded pairs, so that lists stay empty where bonds hold."""
+    radius = assembly.radius_m.min()
+    if assembly.n_bonds == 0:
+        return float(f"{0.25 * radius:.3g}")
+    return float(f"{0.9 * 2 * (1 / CONTACT_RADIUS_RATIO - 1) * radius:.3g}")
+
+
+def _describe(scene: Scene, assembly: Assembly) -> str:
+    kind = f"agglomerates of {scene.agglomerate.subspheres} sub-spheres" if assembly.n_bonds else "spheres"
+    return f"{len(assembly.sizes)} {kind}"
+
+
+def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict:
+    table = scene.agglomerate
+    materials = []
+    for name in assembly.materials:
+        bond = scene.bond_of(name)
+        values = bond.model_dump()
+        if table.unbreakable:
+            values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa}
+        angle = 0.0 if table.unbreakable else bond.friction_angle_deg
+        materials.append(values | {"tan_friction": float(np.tan(np.radians(angle)))})
+    # Viscous damping proportional to stiffness, c = tau k, with c = 2 zeta sqrt(k m) in the stiffest bond.
+    assert step.bond_time_s is not None
+    return {"damping_time_s": 2 * table.damping_ratio * step.bond_time_s, "materials": materials}
+
+
+def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
+    density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
+    # Boundaries of style m grow with the stones and never shrink below this: a small box means few neighbour bins.
+    low = (assembly.center_m - assembly.radius_m[:, None]).min(axis=0) - BOX_MARGIN_M
+    high = (assembly.center_m + assembly.radius_m[:, None]).max(axis=0) + BOX_MARGIN_M
+    with open(file, "w") as out:
+        out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(assembly.materials) + 1} atom types\n\n")
+        out.writelines(f"{a:.9g} {b:.9g} {axis}lo {axis}hi\n" for axis, a, b in zip("xyz", low, high))
+        out.write("\n")
+        out.write("Atoms\n\n")
+        for k in range(assembly.n_particles):
+            x, y, z = assembly.center_m[k]
+            out.write(f"{k + 1} {assembly.material[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "
+                      f"{x:.17g} {y:.17g} {z:.17g}\n")
+
+
+def _write_bonds(file: Path, assembly: Assembly) -> None:
+    columns = np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_material + 1,
+                               assembly.bond_vector_m, assembly.bond_radius_m, assembly.bond_strength_factor])
+    np.savetxt(file, columns, fmt=["%d"] * 3 + ["%.17g"] * 5)
+
+
+def _write_shapes(file: Path, modes: PlateModes) -> None:
+    cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
+    x, y, shape = modes.grid(SHAPE_GRID * cell)
+    with open(file, "wb") as out:
+        np.array(shape.shape, dtype="<i8").tofile(out)
+        np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
+        np.ascontiguousarray(shape, dtype="<f8").tofile(out)

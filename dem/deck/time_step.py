@@ -1,0 +1,267 @@
+"""The DEM time step with each limit that could set it, and the co-step of the plate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.scene import PLATE, Scene, contact_key
+from common.tables import InputError
+from dem.deck.tolerance import co_step_knob, modes_knob, setting_for
+from dem.stones.assembly import Assembly
+from plate_fem.modes import PlateModes
+
+BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it
+DAMPED_SHARE = 0.8       # of the limit of damped bonds, see `bond_fraction`
+RAYLEIGH_FRACTION = 0.2  # of the Rayleigh time of the smallest sub-sphere, the usual share in DEM
+CONTACT_STEPS = 400      # steps in the shortest contact with the plate: peak force and contact time to 1e-4
+CO_STEPS_IN_CONTACT = 45           # of a whole stone with the plate
+CO_STEPS_IN_FRAGMENT_CONTACT = 4   # of the smallest sub-sphere alone, docs/exchange.md
+EXCHANGE_COST = 0.15               # of one exchange, in DEM steps of the default scene
+# The wall moves by prediction, so plate and contact must not react on each other within a co-step. With the mobility
+# Phi of the plate at the stones (kg^-1) and the stiffness k and dashpot c of a contact: shares of 1/sqrt(k Phi) and
+# 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
+STIFFNESS_SHARE = 0.2
+DASHPOT_SHARE = 0.15
+# While chips lie or hop on the plate one exchange serves several co-steps: where the push is this share of a stone's peak
+# force and nothing comes faster than this share of the impact so many as the limits above then allow; and never more than.
+LIGHT_FORCE_SHARE, LIGHT_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
+MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
+FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """`dt_s`, the limits that were met by name, and the whole numbers of steps that fit together:
+    sample = samples_fast x fast, fast = whole number of co-steps of `co_step` DEM steps."""
+
+    dt_s: float
+    limits_s: dict[str, float]
+    bond_time_s: float | None  # t0
+    co_step: int
+    fast_steps: int
+    sample_steps: int
+    steps: int
+
+
+@dataclass(frozen=True)
+class LightContact:
+    """At this push and speed one exchange serves `co_steps`; fewer above, more below, up to `most_co_steps`."""
+
+    force_N: float
+    speed_m_s: float
+    co_steps: int
+    most_co_steps: int
+
+
+def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float | None = None) -> TimeStep:
+    """Choose the step and the co-step; `mobility_1_kg` is that of a flexible plate (`plate_mobility_1_kg`).
+
+    Raises InputError if the scene's own `time.time_step_s` or `time.co_step` is above a limit.
+    """
+    bond_time = bond_time_s(scene, assembly)
+    contact = contact_time_s(scene, assembly)
+    stone_contact = stone_contact_time_s(scene, assembly)
+    limits = {"rayleigh": RAYLEIGH_FRACTION * rayleigh_time_s(scene, assembly),
+              "plate_contact": contact / CONTACT_STEPS}
+    if bond_time is not None:
+        least = min(scene.bond_of(name).stiffness_ratio for name in assembly.materials)
+        limits["bond"] = bond_fraction(scene.agglomerate.damping_ratio, least) * bond_time
+        del limits["plate_contact"]  # the bonds carry the contact of an agglomerate
+    if scene.tolerance is not None:
+        knob, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
+        limits["tolerance"] = setting_for(knob, scene.tolerance) * unit
+    mutual = {} if mobility_1_kg is None else exchange_limits_s(scene, mobility_1_kg)
+    limits |= mutual
+    for name, limit in limits.items():
+        if not 0 < limit < np.inf:
+            raise InputError(f"{file}: the limit {name} of the time step would be {limit:g} s: sizes, densities, moduli and "
+                             "speed must be of magnitudes that double precision can hold")
+    largest = min(limits.values())
+    wanted = scene.time.time_step_s or largest
+    if wanted > largest * (1 + 1e-12):
+        name = min(limits, key=limits.__getitem__)
+        raise InputError(f"{file}: time.time_step_s = {wanted:g}: must not be above {largest:.4g} s, the limit set by "
+                         f"{name}")
+    if not scene.time.duration_s / min(wanted, scene.time.sample_interval_s) <= MOST_STEPS:
+        raise InputError(f"{file}: time.duration_s = {scene.time.duration_s:g}: must be at most {MOST_STEPS} steps of "
+                         f"{min(wanted, scene.time.sample_interval_s):.3g} s")
+    resolved = min(stone_contact / CO_STEPS_IN_CONTACT, contact / CO_STEPS_IN_FRAGMENT_CONTACT)
+    if scene.tolerance is not None:
+        resolved = min(resolved, setting_for(co_step_knob(bond_time is not None), scene.tolerance) * stone_contact)
+    co_step = _co_step(scene, wanted, resolved, mutual, file)
+    sample_steps = _sample_steps(scene, wanted, co_step)
+    intervals = int(scene.time.duration_s / scene.time.sample_interval_s + 1e-9)  # 0.04 s: 266, thus 267 samples
+    if intervals * sample_steps > MOST_STEPS:
+        raise InputError(f"{file}: time.sample_interval_s = {scene.time.sample_interval_s:g}: leaves "
+                         f"{intervals * sample_steps:.3g} steps; must leave at most {MOST_STEPS}")
+    return TimeStep(
+        dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits, bond_time_s=bond_time, co_step=co_step,
+        fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=intervals * sample_steps)
+
+
+def _sample_steps(scene: Scene, dt_s: float, co_step: int) -> int:
+    """DEM steps in a sample, a whole number of co-steps in each row of the fast stream."""
+    block = FAST_PER_SAMPLE * co_step
+    return block * int(np.ceil(scene.time.sample_interval_s / dt_s / block - 1e-9))
+
+
+def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, float], file: str) -> int:
+    """DEM steps a co-step: what costs least among those no longer than `resolved_s`, which resolves the contacts, and
+    the limits in `mutual`. A rigid plate has nothing to exchange, and its forces are recorded every step."""
+    wanted = scene.time.co_step
+    if not mutual:
+        return wanted or 1
+    most = max(1, int(min(mutual.values()) / dt_s))
+    if wanted is not None and wanted > most:
+        raise InputError(f"{file}: time.co_step = {wanted}: must be at most {most} with a time step of {dt_s:.3g} s, the "
+                         f"limit set by {min(mutual, key=mutual.__getitem__)}")
+    longest_s = min(resolved_s, *mutual.values())
+
+    def length_s(n: int) -> float:  # with the step that n leads to
+        return n * scene.time.sample_interval_s / _sample_steps(scene, dt_s, n)
+
+    at_most = max(1, int(2 * longest_s / dt_s))
+    candidates = [n for n in range(max(1, at_most - 199), at_most + 1)  # of many the longest are as good as any
+                  if length_s(n) <= longest_s] or [1]
+    return wanted or min(candidates, key=lambda n: _sample_steps(scene, dt_s, n) * (1 + EXCHANGE_COST / n))
+
+
+def light_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> LightContact | None:
+    """When the exchange may be seldomer. Only chips push so little for long, so a scene without bonds, or one that sets its
+    co-step, has one exchange every co-step: None.
+
+    The stiffness of a Hertz contact goes with the cube root of the force, and the limits of the co-step (1/sqrt(k), 1/c) with
+    the inverse sixth.
+    """
+    limits = [limit for name, limit in step.limits_s.items() if name.startswith("exchange_")]
+    if not limits or not assembly.n_bonds or scene.time.co_step is not None:
+        return None
+    co_steps = int(min(limits) * LIGHT_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
+    peak_N = min(_stone_peak_force_N(scene, name) for name in assembly.materials)
+    return LightContact(LIGHT_FORCE_SHARE * peak_N, LIGHT_SPEED_SHARE * impact_speed_m_s(scene),
+                        min(max(1, co_steps), MOST_CO_STEPS), MOST_CO_STEPS)
+
+
+def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
+    """The settings of a run by the knobs of dem/deck/tolerance.py; `scene` with its plate's frequency filled in."""
+    contact = stone_contact_time_s(scene, assembly)
+    settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
+                {"time_step": step.dt_s / step.bond_time_s})
+    if scene.plate.model == "flexible" and scene.plate.max_frequency_Hz is not None:
+        settings |= {co_step_knob(assembly.n_bonds > 0): step.co_step * step.dt_s / contact,
+                     modes_knob(assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
+    return settings
+
+
+def bond_time_s(scene: Scene, assembly: Assembly) -> float | None:
+    """t0 = min over bonds of sqrt(m r0/(E A)), m the lighter end; None without bonds."""
+    if assembly.n_bonds == 0:
+        return None
+    modulus = np.array([scene.bond_of(name).youngs_modulus_Pa for name in assembly.materials])
+    modulus = modulus[assembly.bond_material]
+    mass = np.minimum(assembly.mass_kg[assembly.bond_first], assembly.mass_kg[assembly.bond_second])
+    length = np.linalg.norm(assembly.bond_vector_m, axis=1)
+    return float(np.sqrt(mass * length / (modulus * np.pi * assembly.bond_radius_m**2)).min())
+
+
+def undamped_limit(stiffness_ratio: float) -> float:
+    """Largest stable step over t0 of undamped bonds in a random packing, k_n/k_s = `stiffness_ratio`.
+
+    2/(w t0) with the highest frequency w of the network; stretch and shear add to w^2 as 3.5 + 29.5 k_s/k_n. Fitted to
+    `highest_frequency_rad_s` of stones of 200 to 2000 sub-spheres at ratios of 1 to 10, within 8 %.
+    """
+    return float(2 / np.sqrt(3.5 + 29.5 / stiffness_ratio))
+
+
+def bond_fraction(damping_ratio: float, stiffness_ratio: float) -> float:
+    """The step over t0. Leapfrog with the damping force at the velocity half a step back is stable while
+    (w dt)^2 + 2 w^2 tau dt < 4; here tau = 2 zeta t0 and w = 2/(a t0), a the undamped limit, so
+    dt/t0 < sqrt(4 zeta^2 + a^2) - 2 zeta."""
+    limit = np.hypot(2 * damping_ratio, undamped_limit(stiffness_ratio)) - 2 * damping_ratio
+    return min(BOND_FRACTION, DAMPED_SHARE * float(limit))
+
+
+def rayleigh_time_s(scene: Scene, assembly: Assembly) -> float:
+    """pi R sqrt(rho/G)/(0.1631 nu + 0.8766), the least of all sub-spheres (Thornton and Randall 1988)."""
+    times = []
+    for k, name in enumerate(assembly.materials):
+        here = assembly.material == k
+        m = scene.materials[name]
+        shear_modulus = m.youngs_modulus_Pa / (2 * (1 + m.poisson_ratio))
+        density = assembly.mass_kg[here] / (4 / 3 * np.pi * assembly.radius_m[here] ** 3)
+        times.append((np.pi * assembly.radius_m[here] * np.sqrt(density / shear_modulus)
+                      / (0.1631 * m.poisson_ratio + 0.8766)).min())
+    return float(min(times))
+
+
+def contact_time_s(scene: Scene, assembly: Assembly) -> float:
+    """Duration of the shortest Hertz contact of a sub-sphere with the plate."""
+    times = []
+    for k, name in enumerate(assembly.materials):
+        here = assembly.material == k
+        times.append(_hertz_time_s(scene, name, assembly.radius_m[here], assembly.mass_kg[here]).min())
+    return float(min(times))
+
+
+def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
+    """Duration of the shortest Hertz contact of a whole stone with the plate."""
+    return float(min(_hertz_time_s(scene, name, scene.stones.radius_m, _stone_mass_kg(scene, name))
+                     for name in assembly.materials))
+
+
+def impact_speed_m_s(scene: Scene) -> float:
+    """Speed at which the stones arrive. Those that start at rest are taken to arrive by gravity."""
+    return float(max(scene.stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * scene.stones.gap_m), 1e-3))
+
+
+def _hertz(scene: Scene, material: str, radius_m, mass_kg, speed_m_s: float):
+    """K in N/m^(3/2) and the greatest depth in m of a sphere that hits the rigid plate: F = K d^(3/2), d = (5 m v^2/(4 K))^(2/5)
+    (paper, Eqs. 2, 3)."""
+    m, plate = scene.materials[material], scene.plate
+    modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa
+                   + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
+    stiffness = 4 / 3 * np.sqrt(radius_m) * modulus
+    return stiffness, (5 * mass_kg * speed_m_s**2 / (4 * stiffness)) ** 0.4
+
+
+def _stone_mass_kg(scene: Scene, material: str) -> float:
+    return scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * scene.stones.radius_m**3
+
+
+def _hertz_time_s(scene: Scene, material: str, radius_m, mass_kg):
+    """2.9432 delta/v (paper, Eq. 8)."""
+    speed = impact_speed_m_s(scene)
+    return 2.9432 * _hertz(scene, material, radius_m, mass_kg, speed)[1] / speed
+
+
+def _stone_peak_force_N(scene: Scene, material: str) -> float:
+    """Of a whole stone on the rigid plate."""
+    stiffness, depth = _hertz(scene, material, scene.stones.radius_m, _stone_mass_kg(scene, material), impact_speed_m_s(scene))
+    return float(stiffness * depth**1.5)
+
+
+def exchange_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:
+    """Limits of the co-step from the mutual reaction of plate and contact, each stone taken as one Hertz sphere at its
+    greatest depth, which is stiffer than the agglomerate."""
+    stones = scene.stones
+    limits = {"exchange_stiffness": np.inf, "exchange_dashpot": np.inf}
+    for name in {stones.coal, stones.gangue}:
+        mass = _stone_mass_kg(scene, name)
+        hertz, depth = _hertz(scene, name, stones.radius_m, mass, max(stones.speed_m_s, 1e-3))
+        stiffness = 1.5 * hertz * np.sqrt(depth)
+        log_e = np.log(scene.contacts[contact_key(name, PLATE)].restitution)
+        dashpot = 2 * np.sqrt(5 / 6) * -log_e / np.hypot(log_e, np.pi) * np.sqrt(4 / 3 * stiffness * mass)
+        limits["exchange_stiffness"] = min(limits["exchange_stiffness"],
+                                           STIFFNESS_SHARE / np.sqrt(stiffness * mobility_1_kg))
+        if dashpot > 0:
+            limits["exchange_dashpot"] = min(limits["exchange_dashpot"], DASHPOT_SHARE / (dashpot * mobility_1_kg))
+    return {name: limit for name, limit in limits.items() if np.isfinite(limit)}
+
+
+def plate_mobility_1_kg(modes: PlateModes, position_m: np.ndarray) -> float:
+    """How much the plate under a stone accelerates at once for a force of 1 N on every stone, at most: the largest row
+    sum of |phi phi^T| over the stones' places (k, 2)."""
+    shape = modes.shape_at(position_m)
+    return float(np.abs(shape @ shape.T).sum(axis=1).max())

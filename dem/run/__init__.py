@@ -1,0 +1,1 @@
+"""One run from scene to run directory."""

@@ -1,0 +1,145 @@
+"""view.pvd: particles, bonds and the plate for ParaView, on one time axis in seconds."""
+
+from __future__ import annotations
+
+import io
+import itertools
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pandas as pd
+
+from common.scene import Scene
+from dem.deck.plate_yield import contact_modulus_Pa
+from dem.deck.time_step import TimeStep
+from dem.stones.assembly import Assembly
+from dem.stones.bonds import fragments
+from plate_fem.contact_stress import HertzContact, contact_patch, total_stress, von_mises_3d
+from plate_fem.modes import PlateModes
+from plate_fem.stress import surface_stress, von_mises
+
+FELT_WITHIN = 20  # contact radii: beyond, a contact adds less than 4e-4 of its pressure
+
+
+def write_view(directory: Path, dump: Path, scene: Scene, assembly: Assembly, step: TimeStep, events: pd.DataFrame,
+               contacts: pd.DataFrame, modes: PlateModes | None, amplitudes: list[np.ndarray]) -> None:
+    """Turn the engine's dump into view/*.vtu and view.pvd in `directory`."""
+    pictures = directory / "view"
+    pictures.mkdir()
+    broken_at = np.full(assembly.n_bonds, np.inf)
+    broken_at[events["bond"].to_numpy(dtype=int) - 1] = events["t_s"]
+    entries = []
+    for k, (dem_step, particles) in enumerate(read_dump(dump)):
+        t = dem_step * step.dt_s
+        intact = broken_at > t + 0.5 * step.dt_s
+        entries.append((t, 0, _write(pictures / f"particles_{k:04d}.vtu", _particles(particles, assembly, intact))))
+        if assembly.n_bonds:
+            entries.append((t, 1, _write(pictures / f"bonds_{k:04d}.vtu", _bonds(particles, assembly, intact))))
+        if modes is not None:
+            touching = hertz_contacts(contacts[np.abs(contacts["t_s"] - t) < 0.5 * step.dt_s], scene, assembly)
+            plate = _plate(modes, amplitudes[k], touching, scene.plate.poisson_ratio)
+            entries.append((t, 2, _write(pictures / f"plate_{k:04d}.vtu", plate)))
+            if touching:
+                patches = _contacts(modes, amplitudes[k], touching, scene.plate.poisson_ratio)
+                entries.append((t, 3, _write(pictures / f"contacts_{k:04d}.vtu", patches)))
+    _write_pvd(directory / "view.pvd", entries)
+
+
+def read_dump(file: Path):
+    """Yield (DEM step, array (n, columns) sorted by id) of each frame of `dump custom id x y z ...`."""
+    with open(file) as lines:
+        for line in lines:
+            if not line.startswith("ITEM: TIMESTEP"):
+                raise RuntimeError(f"{file}: not a dump of the engine")
+            dem_step = int(next(lines))
+            next(lines)
+            count = int(next(lines))
+            *_, names = itertools.islice(lines, 5)  # the last is ITEM: ATOMS id x y ...
+            columns = range(len(names.split()) - 2)
+            text = io.StringIO("".join(itertools.islice(lines, count)))
+            frame = pd.read_csv(text, sep=" ", header=None, usecols=columns).to_numpy(dtype=float)
+            if len(frame) != count or not np.all(np.isfinite(frame)):
+                raise RuntimeError(f"{file}: the frame of step {dem_step} is cut off or damaged")
+            yield dem_step, frame[np.argsort(frame[:, 0])]
+
+
+def _particles(frame: np.ndarray, assembly: Assembly, intact: np.ndarray) -> meshio.Mesh:
+    n = len(frame)
+    label = fragments(assembly.n_particles, assembly.bond_first, assembly.bond_second, intact)
+    return meshio.Mesh(
+        frame[:, 1:4], [("vertex", np.arange(n).reshape(-1, 1))],
+        point_data={"radius_m": frame[:, 7], "velocity_m_s": frame[:, 4:7], "material": assembly.material + 1.0,
+                    "agglomerate": assembly.agglomerate + 1.0, "fragment": label + 1.0})
+
+
+def _bonds(frame: np.ndarray, assembly: Assembly, intact: np.ndarray) -> meshio.Mesh:
+    ends = np.column_stack([assembly.bond_first, assembly.bond_second])[intact]
+    length = np.linalg.norm(frame[ends[:, 1], 1:4] - frame[ends[:, 0], 1:4], axis=1)
+    strain = length / np.linalg.norm(assembly.bond_vector_m[intact], axis=1) - 1
+    return meshio.Mesh(frame[:, 1:4], [("line", ends)],
+                       cell_data={"strain": [strain], "radius_m": [assembly.bond_radius_m[intact]],
+                                  "agglomerate": [assembly.agglomerate[ends[:, 0]] + 1.0]})
+
+
+def hertz_contacts(rows: pd.DataFrame, scene: Scene, assembly: Assembly) -> list[HertzContact]:
+    """The contacts of one instant (rows of contacts.parquet)."""
+    first = np.append(0, np.cumsum(assembly.sizes)[:-1])
+    modulus = [contact_modulus_Pa(scene, assembly.materials[m]) for m in assembly.material[first]]
+    of_stone = rows["agglomerate"].to_numpy(dtype=int) - 1
+    values = rows[["x_m", "y_m", "force_N", "radius_m"]].to_numpy(dtype=float)
+    return [HertzContact(x, y, force, radius, modulus[stone]) for (x, y, force, radius), stone in zip(values, of_stone)]
+
+
+def _plate(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact], poisson_ratio: float) -> meshio.Mesh:
+    w = modes.shape @ amplitude
+    points = np.column_stack([modes.node_m, np.zeros(len(w))])
+    total = total_stress(modes, amplitude, contacts, modes.node_m, poisson_ratio)
+    return meshio.Mesh(points, [("quad", modes.quad)],
+                       point_data={"displacement_m": _upwards(w),
+                                   "von_mises_Pa": von_mises(surface_stress(modes, amplitude)),
+                                   "von_mises_with_contacts_Pa": von_mises_3d(total)})
+
+
+def _contacts(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact],
+              poisson_ratio: float) -> meshio.Mesh:
+    """A patch of the plate's surface about each contact, much finer than the plate's mesh, with the whole stress."""
+    low, high = np.array([[lines[0], lines[-1]] for lines in (modes.lines_x_m, modes.lines_y_m)]).T
+    place = np.array([[c.x_m, c.y_m] for c in contacts])
+    points, cells, stress, number, count = [], [], [], [], 0
+    for k, contact in enumerate(contacts):
+        near = np.hypot(*(place - place[k]).T) < FELT_WITHIN * np.array([c.contact_radius_m for c in contacts])
+        here, quads = contact_patch(contact)
+        here = np.clip(here, low, high)
+        points.append(here)
+        cells.append(quads + count)
+        stress.append(total_stress(modes, amplitude, [contacts[n] for n in np.flatnonzero(near)], here, poisson_ratio))
+        number.append(np.full(len(here), k + 1.0))
+        count += len(here)
+    surface, whole = np.vstack(points), np.vstack(stress)
+    return meshio.Mesh(np.column_stack([surface, np.zeros(len(surface))]), [("quad", np.vstack(cells))],
+                       point_data={"displacement_m": _upwards(modes.shape_at(surface) @ amplitude),
+                                   "von_mises_with_contacts_Pa": von_mises_3d(whole), "pressure_Pa": -whole[:, 3],
+                                   "contact": np.concatenate(number)})
+
+
+def _upwards(w: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.zeros((len(w), 2)), w])
+
+
+def _write(file: Path, mesh: meshio.Mesh) -> str:
+    """Values in single precision, which is what a picture needs: smaller files, and less time to compress them."""
+    def single(values):
+        return np.asarray(values, dtype=np.int32 if np.asarray(values).dtype.kind in "iu" else np.float32)
+
+    meshio.Mesh(mesh.points, [(block.type, single(block.data)) for block in mesh.cells],
+                point_data={name: single(values) for name, values in mesh.point_data.items()},
+                cell_data={name: [single(values) for values in blocks] for name, blocks in mesh.cell_data.items()},
+                ).write(file, file_format="vtu")
+    return f"view/{file.name}"
+
+
+def _write_pvd(file: Path, entries: list[tuple[float, int, str]]) -> None:
+    rows = "\n".join(f'    <DataSet timestep="{t:.9g}" part="{part}" file="{name}"/>' for t, part, name in entries)
+    file.write_text('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+                    f"  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n")

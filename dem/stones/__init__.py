@@ -1,0 +1,1 @@
+"""Stones: packings of sub-spheres, their bonds and strengths, where they stand."""

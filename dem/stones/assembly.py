@@ -1,0 +1,124 @@
+"""All sub-spheres and bonds of a scene, ready for the deck."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from common.scene import Scene
+from dem.stones.arrangement import Arrangement
+from dem.stones.bonds import bond_network
+from dem.stones.packing import pack_sphere
+from dem.stones.strength import SIZE_EXPONENT, strength_scale
+
+# A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
+# before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
+CONTACT_RADIUS_RATIO = 0.975
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """n sub-spheres and m bonds.
+
+    `center_m` (n, 3), `radius_m` (n,) of contact, `mass_kg` (n,), `material` (n,) index into `materials`,
+    `agglomerate` (n,) 0-based and ascending; `bond_first`, `bond_second` (m,) 0-based sub-spheres, `bond_vector_m`
+    (m, 3) from first to second, `bond_radius_m` (m,), all in the undeformed state; `bond_strength_factor` (m,) on both
+    strengths of the material.
+    """
+
+    materials: list[str]
+    center_m: np.ndarray
+    radius_m: np.ndarray
+    mass_kg: np.ndarray
+    material: np.ndarray
+    agglomerate: np.ndarray
+    bond_first: np.ndarray
+    bond_second: np.ndarray
+    bond_vector_m: np.ndarray
+    bond_radius_m: np.ndarray
+    bond_strength_factor: np.ndarray
+
+    @property
+    def n_particles(self) -> int:
+        return len(self.radius_m)
+
+    @property
+    def n_bonds(self) -> int:
+        return len(self.bond_first)
+
+    @property
+    def bond_material(self) -> np.ndarray:
+        return self.material[self.bond_first]
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """Sub-spheres of each agglomerate."""
+        return np.bincount(self.agglomerate)
+
+
+def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
+    """Pack each stone and set it down above the plate, its lowest point `gap_m` up, or higher to arrive later."""
+    stones = scene.stones
+    materials = sorted(set(arrangement.material))  # LIGGGHTS wants types without gaps
+    parts = []
+    for k, (place, material) in enumerate(zip(arrangement.position_m, arrangement.material)):
+        center, radius, bonds = _stone(scene, k)
+        center = center + [place[0], place[1], _height_m(scene, k) - (center[:, 2] - radius).min()]
+        mass = scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
+        parts.append((center, radius, mass * radius**3 / (radius**3).sum(), materials.index(material), bonds,
+                      _strength_factor(scene, k, material, radius / CONTACT_RADIUS_RATIO)))
+    first = np.cumsum([0, *(len(p[0]) for p in parts)])
+    return Assembly(
+        materials=materials,
+        center_m=np.vstack([p[0] for p in parts]),
+        radius_m=np.concatenate([p[1] for p in parts]),
+        mass_kg=np.concatenate([p[2] for p in parts]),
+        material=np.concatenate([np.full(len(p[0]), p[3]) for p in parts]),
+        agglomerate=np.concatenate([np.full(len(p[0]), k) for k, p in enumerate(parts)]),
+        bond_first=np.concatenate([p[4][0] + f for p, f in zip(parts, first)]),
+        bond_second=np.concatenate([p[4][1] + f for p, f in zip(parts, first)]),
+        bond_vector_m=np.vstack([p[4][2] for p in parts]),
+        bond_radius_m=np.concatenate([p[4][3] for p in parts]),
+        bond_strength_factor=np.concatenate([np.full(len(p[4][0]), p[5]) for p in parts]),
+    )
+
+
+def _height_m(scene: Scene, index: int) -> float:
+    """Of the stone's lowest point: what it falls in its time of arrival on top of the gap."""
+    later = scene.stones.arrival_s[index] if scene.stones.arrival_s else 0.0
+    return scene.stones.gap_m + scene.stones.speed_m_s * later + 0.5 * scene.time.gravity_m_s2 * later**2
+
+
+def _strength_factor(scene: Scene, index: int, material: str, radius_m: np.ndarray) -> float:
+    own = scene.stones.strength_factor[index] if scene.stones.strength_factor else 1.0
+    bond = scene.materials[material].bond
+    if bond is None or bond.reference_subsphere_radius_m is None:
+        return own
+    return own * float(strength_scale(radius_m.mean(), bond.reference_subsphere_radius_m, SIZE_EXPONENT))
+
+
+def _stone(scene: Scene, index: int):
+    """Centres, contact radii and bonds (first, second, vector, radius) of one stone about its own centre."""
+    stones = scene.stones
+    if stones.agglomerate is None:
+        none = np.zeros(0, dtype=int)
+        return np.zeros((1, 3)), np.array([stones.radius_m]), (none, none, np.zeros((0, 3)), np.zeros(0))
+    # A place keeps its packing whatever its material, so that a sweep changes the material alone.
+    packing = pack_sphere(stones.radius_m, stones.agglomerate.subspheres, seed=stones.seed + index)
+    order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
+    packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
+    bonds = bond_network(packing)
+    return (packing.center_m, CONTACT_RADIUS_RATIO * packing.radius_m,
+            (bonds.first, bonds.second, bonds.vector_m, bonds.radius_m))
+
+
+def _along_z_curve(points: np.ndarray, cell: float) -> np.ndarray:
+    """Order of points (n, 3) along Morton's curve through cells of size `cell`: neighbours in space become neighbours in
+    memory, where the engine's bonds look for them."""
+    cells = ((points - points.min(axis=0)) / cell).astype(np.int64)
+    key = np.zeros(len(points), dtype=np.int64)
+    for bit in range(20):
+        for axis in range(3):
+            key |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(key, kind="stable")

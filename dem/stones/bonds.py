@@ -1,0 +1,283 @@
+"""The network of parallel bonds of a packing, its fragments, and its elastic constants without a time step.
+
+A bond is a short round beam of radius r_b and length L = |v| between the centres of two sub-spheres, with
+
+    k_n = E A/L,   k_s = k_n/stiffness_ratio (acting at mid-length),   k_b = k_n r_b^2/4,   k_t = k_s r_b^2/2
+
+(D. O. Potyondy and P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329), the same as in dem/engine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import cg, eigsh
+
+from dem.stones.packing import CylinderContainer, Packing, SphereContainer, near_pairs
+
+GAP_TOLERANCE = 0.2  # of the sum of the two radii; see docs/packing.md for what other values do
+LEAST_BONDS = 3      # that hold a sub-sphere against any force
+PLATEN_GAP = 0.02    # of the radius: nearer sub-spheres are held by a platen
+
+
+@dataclass(frozen=True)
+class Bonds:
+    """m bonds: `first` < `second` (m,) 0-based sub-spheres, `vector_m` (m, 3) from first to second in the undeformed
+    state, `radius_m` (m,) of the beam."""
+
+    first: np.ndarray
+    second: np.ndarray
+    vector_m: np.ndarray
+    radius_m: np.ndarray
+
+    @property
+    def length_m(self) -> np.ndarray:
+        return np.linalg.norm(self.vector_m, axis=1)
+
+    @property
+    def area_m2(self) -> np.ndarray:
+        return np.pi * self.radius_m**2
+
+    @property
+    def inertia_m4(self) -> np.ndarray:
+        """Second moment of area for bending."""
+        return np.pi * self.radius_m**4 / 4
+
+    @property
+    def polar_m4(self) -> np.ndarray:
+        """Second moment of area for twist."""
+        return np.pi * self.radius_m**4 / 2
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+
+def bond_network(packing: Packing, gap_tolerance: float = GAP_TOLERANCE, radius_ratio: float = 1.0) -> Bonds:
+    """Bond every two sub-spheres with a gap of at most `gap_tolerance` times the sum of their radii.
+
+    The bond's radius is `radius_ratio` times the smaller of the two. A sub-sphere left with fewer than three bonds
+    gets its nearest unbonded neighbours, by gap over sum of radii, until it has three (or all there are).
+
+    Raises ValueError for a negative tolerance or a radius ratio that is not positive, and where the network falls
+    into separate pieces.
+    """
+    if not gap_tolerance >= 0 or not radius_ratio > 0:
+        raise ValueError(f"gap_tolerance = {gap_tolerance}, radius_ratio = {radius_ratio}: must be >= 0 and > 0")
+    n = len(packing.radius_m)
+    pairs = _with_least_bonds(packing, near_pairs(packing.center_m, packing.radius_m, gap_tolerance))
+    pieces = fragments(n, pairs[:, 0], pairs[:, 1], np.ones(len(pairs), dtype=bool)).max() + 1
+    if pieces > 1:
+        raise ValueError(f"the bonds leave {n} sub-spheres in {pieces} separate pieces: gap_tolerance = "
+                         f"{gap_tolerance} must be larger")
+    first, second = pairs.T
+    return Bonds(first, second, packing.center_m[second] - packing.center_m[first],
+                 radius_ratio * np.minimum(packing.radius_m[first], packing.radius_m[second]))
+
+
+def _with_least_bonds(packing: Packing, pairs: np.ndarray) -> np.ndarray:
+    """The pairs, and more for sub-spheres with fewer than LEAST_BONDS."""
+    n = len(packing.radius_m)
+    wanted = min(LEAST_BONDS, n - 1)
+    added = []
+    for k in np.flatnonzero(np.bincount(pairs.ravel(), minlength=n) < wanted):
+        distance = np.linalg.norm(packing.center_m - packing.center_m[k], axis=1)
+        relative = distance / (packing.radius_m + packing.radius_m[k])
+        relative[k] = np.inf
+        nearest = np.argsort(relative, kind="stable")[:wanted]
+        added += [(min(k, other), max(k, other)) for other in nearest]
+    return np.unique(np.vstack([pairs, *added]), axis=0) if added else pairs
+
+
+def fragments(count: int, first: np.ndarray, second: np.ndarray, intact: np.ndarray) -> np.ndarray:
+    """Label (count,), from 0, of the piece that each sub-sphere belongs to by its `intact` (m,) bonds."""
+    links = coo_matrix((np.ones(int(np.sum(intact))), (first[intact], second[intact])), shape=(count, count))
+    return connected_components(links, directed=False)[1]
+
+
+def affine_modulus(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> tuple[float, float]:
+    """Young's modulus (Pa) and Poisson ratio if every sub-sphere moved with the mean strain (Voigt).
+
+    Without turning, a strain e stretches a bond by L n.e.n and shears it by L |e.n - n (n.e.n)|. The stiffness is
+    averaged over all orientations, as for an isotropic body:
+
+        9 K = sum L^2 k_n/V,    15 G = sum L^2 (k_n + 3/2 k_s)/V
+
+    which for equal touching sub-spheres is E = phi z k_n (2 + 3a)/(2 pi R (4 + a)), nu = (1 - a)/(4 + a), a = k_s/k_n.
+    V is the container's volume. Its rim outside the centres carries no load, so in a small sample the modulus by
+    force and section (network_stiffness) can lie above this one.
+    """
+    k_normal = modulus_Pa * bonds.area_m2 / bonds.length_m
+    normal = (k_normal * bonds.length_m**2).sum() / packing.container.volume_m3
+    shear = normal / stiffness_ratio
+    bulk_Pa, shear_Pa = normal / 9, (normal + 1.5 * shear) / 15
+    return (9 * bulk_Pa * shear_Pa / (3 * bulk_Pa + shear_Pa),
+            (3 * bulk_Pa - 2 * shear_Pa) / (2 * (3 * bulk_Pa + shear_Pa)))
+
+
+def bond_matrices(bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> np.ndarray:
+    """Stiffness (m, 12, 12) of each bond for (u_first, theta_first, u_second, theta_second), small displacements.
+
+    The ends part by e = u_2 - u_1 + v x (theta_1 + theta_2)/2 and turn by theta_2 - theta_1; k_n and k_s act on e along
+    and across the bond, k_t and k_b on the turn. With k_s = 12 E I/L^3 this is the Euler-Bernoulli beam.
+    """
+    v, length, m = bonds.vector_m, bonds.length_m, len(bonds)
+    k_normal = modulus_Pa * bonds.area_m2 / length
+    k_shear = k_normal / stiffness_ratio
+    k_twist, k_bend = k_shear * bonds.radius_m**2 / 2, k_normal * bonds.radius_m**2 / 4
+    along = np.einsum("ma,mb->mab", v, v) / length[:, None, None] ** 2
+    across = np.eye(3) - along
+    part = k_normal[:, None, None] * along + k_shear[:, None, None] * across
+    turn = k_twist[:, None, None] * along + k_bend[:, None, None] * across
+    v_cross = np.zeros((m, 3, 3))
+    for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        v_cross[:, b, c], v_cross[:, c, b] = -v[:, a], v[:, a]
+    one, none = np.broadcast_to(np.eye(3), (m, 3, 3)), np.zeros((m, 3, 3))
+    to_part = np.concatenate([-one, v_cross / 2, one, v_cross / 2], axis=2)
+    to_turn = np.concatenate([none, -one, none, one], axis=2)
+    return (to_part.transpose(0, 2, 1) @ part @ to_part) + (to_turn.transpose(0, 2, 1) @ turn @ to_turn)
+
+
+def stiffness_matrix(count: int, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> csr_matrix:
+    """Sparse stiffness (6 count, 6 count) of the network, (u, theta) of each sub-sphere in turn, SI units."""
+    dof = np.concatenate([6 * bonds.first[:, None] + np.arange(6), 6 * bonds.second[:, None] + np.arange(6)], axis=1)
+    rows, columns = np.repeat(dof, 12, axis=1), np.tile(dof, (1, 12))
+    block = bond_matrices(bonds, modulus_Pa, stiffness_ratio)
+    return coo_matrix((block.ravel(), (rows.ravel(), columns.ravel())), shape=(6 * count, 6 * count)).tocsr()
+
+
+def highest_frequency_rad_s(bonds: Bonds, modulus_Pa: float, stiffness_ratio: float, mass_kg: np.ndarray,
+                            radius_m: np.ndarray) -> float:
+    """Of the network, sub-spheres with mass and radius (n,) and spin inertia 0.4 m R^2.
+
+    The leapfrog scheme is stable below a time step of 2 over this frequency, where nothing damps.
+    """
+    inertia = np.column_stack([np.repeat(mass_kg[:, None], 3, axis=1),
+                               np.repeat(0.4 * (mass_kg * radius_m**2)[:, None], 3, axis=1)]).ravel()
+    scale = diags(1 / np.sqrt(inertia))
+    matrix = stiffness_matrix(len(mass_kg), bonds, modulus_Pa, stiffness_ratio)
+    largest = eigsh(scale @ matrix @ scale, k=1, which="LA", tol=1e-6, return_eigenvectors=False,
+                    v0=np.random.default_rng(1).normal(size=matrix.shape[0]))
+    return float(np.sqrt(largest[0]))
+
+
+@dataclass(frozen=True)
+class NetworkStiffness:
+    """`youngs_modulus_Pa` and `poisson_ratio` by direction of load: (3,) along x, y, z, or (1,) along z for a
+    cylinder. A sphere has one Poisson ratio, given three times."""
+
+    youngs_modulus_Pa: np.ndarray
+    poisson_ratio: np.ndarray
+
+
+def network_stiffness(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> NetworkStiffness:
+    """Elastic constants of the network at rest (small strain, every sub-sphere in equilibrium).
+
+    A box or cylinder is pressed between two rigid frictionless platens, which hold the sub-spheres that touch them:
+    force over the container's section against the strain imposed on their centres; the lateral strain is fitted to
+    all sub-spheres. A sphere carries the body force rho A.x for three stretches A along the axes, three shears, and
+    the dilatation, and its strain energy is compared with the closed solution of a homogeneous isotropic sphere.
+    """
+    matrix = stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio)
+    if isinstance(packing.container, SphereContainer):
+        return _sphere_stiffness(packing, matrix)
+    axes = [2] if isinstance(packing.container, CylinderContainer) else [0, 1, 2]
+    results = [_uniaxial_test(packing, matrix, axis) for axis in axes]
+    return NetworkStiffness(*np.array(results).T)
+
+
+def _uniaxial_test(packing: Packing, matrix: csr_matrix, axis: int) -> tuple[float, float]:
+    """Young's modulus and Poisson ratio under unit strain along `axis`."""
+    x, n = packing.center_m, len(packing.radius_m)
+    half = packing.container.half_size_m[axis]
+    upper = x[:, axis] + packing.radius_m > half - PLATEN_GAP * packing.radius_m
+    lower = x[:, axis] - packing.radius_m < -half + PLATEN_GAP * packing.radius_m
+    displacement, held = np.zeros((n, 6)), np.zeros((n, 6), dtype=bool)
+    displacement[:, axis] = x[:, axis]
+    held[:, axis] = upper | lower
+    # The body must not drift across the axis or spin about it: three supports without reaction.
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    middle, side = np.argmin(np.hypot(x[:, a], x[:, b])), np.argmax(x[:, a])
+    held[middle, [a, b]] = held[side, b] = True
+    fixed, u = held.ravel(), displacement.ravel()
+    free = ~fixed
+    u[free] = _solve(matrix[free][:, free], -(matrix[free][:, fixed] @ u[fixed]), _dof_scale(packing)[free])
+    displacement = u.reshape(n, 6)
+    force = (matrix @ u).reshape(n, 6)[upper, axis].sum()
+    section = packing.container.volume_m3 / (2 * half)
+    lateral = [np.polyfit(x[:, k], displacement[:, k], 1)[0] for k in (a, b)]
+    return force / section, -float(np.mean(lateral))
+
+
+def _sphere_stiffness(packing: Packing, matrix: csr_matrix) -> NetworkStiffness:
+    stretches = [np.diag(3.0 * axis - 1) / np.sqrt(6) for axis in np.eye(3)]
+    shears = [(np.outer(p, q) + np.outer(q, p)) / np.sqrt(2) for p, q in zip(np.eye(3), np.roll(np.eye(3), 1, axis=0))]
+    stretch = np.array([_inertial_energy(packing, matrix, load) for load in stretches])
+    shear = np.array([_inertial_energy(packing, matrix, load) for load in shears])
+    dilatation = _inertial_energy(packing, matrix, np.eye(3) / np.sqrt(3))
+    # The three stretches span two of the five deviators, the three shears the other three.
+    deviator = (2 * stretch.mean() + 3 * shear.mean()) / 5
+
+    def excess(nu):
+        of_deviator, of_dilatation = sphere_energies(nu)
+        return of_deviator / of_dilatation - deviator / dilatation
+
+    nu = brentq(excess, -0.99, 0.4999)
+    # Energy goes with (load per volume)^2 R^7/E, and the load here is one per volume.
+    modulus = sphere_energies(nu)[0] * packing.container_radius_m**7 / stretch
+    return NetworkStiffness(modulus, np.full(3, nu))
+
+
+def sphere_energies(nu: float) -> tuple[float, float]:
+    """Strain energy of a homogeneous sphere, E = R = 1, under the body force A.x with A:A = 1: for a deviator A and
+    for the dilatation A = I/sqrt(3).
+
+    With a = A.x and q = x.A.x the displacement is (alpha + beta r^2) a + gamma q x; equilibrium and the free surface
+    give the three constants (for the dilatation gamma = 0 and q x merges with r^2 a).
+    """
+    lam, mu = nu / ((1 + nu) * (1 - 2 * nu)), 1 / (2 * (1 + nu))
+    alpha, beta, gamma = np.linalg.solve(
+        [[0.0, 4 * (lam + mu) + 10 * mu, 10 * (lam + mu) + 4 * mu],  # (lam + mu) grad div u + mu laplace u + a = 0
+         [1.0, 2.0, 1.0],                                            # surface traction along a
+         [0.0, 2 * (lam + mu), 5 * lam + 4 * mu]], [-1, 0, 0])       # surface traction along x
+    deviator = 2 * np.pi * (alpha / 15 + beta / 21 + 2 * gamma / 105)
+    beta = -1 / (10 * (lam + 2 * mu))
+    alpha = -beta * (5 * lam + 6 * mu) / (3 * lam + 2 * mu)
+    dilatation = 2 * np.pi / 3 * (alpha / 5 + beta / 7)
+    return deviator, dilatation
+
+
+def _inertial_energy(packing: Packing, matrix: csr_matrix, load: np.ndarray) -> float:
+    """Strain energy of the network under the body force `load` (3, 3).x, one per volume and length."""
+    share = packing.radius_m**3 / (packing.radius_m**3).sum()
+    x = packing.center_m - share @ packing.center_m
+    pull = x @ load
+    force = np.zeros((len(x), 6))
+    force[:, :3] = share[:, None] * pull
+    # No net moment: take off what turns the body as a rigid one (the net force is zero already).
+    inertia = (share * (x**2).sum(1)).sum() * np.eye(3) - (share[:, None] * x).T @ x
+    moment = np.cross(x, force[:, :3]).sum(0)
+    force[:, :3] -= share[:, None] * np.cross(np.linalg.solve(inertia, moment), x)
+    # The same mean stress as in the homogeneous sphere, whose mass reaches nearer to the surface.
+    virial = (force[:, :3] * pull).sum()
+    force = force.ravel() * (4 * np.pi * packing.container_radius_m**5 / 15 / virial)
+    return 0.5 * float(force @ _solve(matrix, force, _dof_scale(packing)))
+
+
+def _dof_scale(packing: Packing) -> np.ndarray:
+    """(6 n,) factors that bring turns to the size of displacements, for the iterative solver."""
+    scale = np.ones((len(packing.radius_m), 6))
+    scale[:, 3:] = 1 / packing.radius_m[:, None]
+    return scale.ravel()
+
+
+def _solve(matrix: csr_matrix, load: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Conjugate gradients; of a free body the load must be balanced, and the motion found is one of many."""
+    scaled = diags(scale) @ matrix @ diags(scale)
+    solution, failed = cg(scaled, scale * load, rtol=1e-10, maxiter=20000, M=diags(1 / scaled.diagonal()))
+    if failed:
+        raise RuntimeError("the bond network has no equilibrium that conjugate gradients could find")
+    return scale * solution

@@ -1,0 +1,1 @@
+"""Every method on runs that it was not trained on."""

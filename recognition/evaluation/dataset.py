@@ -1,0 +1,120 @@
+"""A data set of many runs, as `python -m dem dataset` leaves it: DIRECTORY/FAMILY/GROUP/ratio_050."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from analysis import RecordError, read_run
+from analysis.readers import read_table
+from analysis.records import sample_rate_Hz
+from analysis.runs import Run
+from recognition.channels import Channels
+from recognition.errors import RecognitionError
+from recognition.models import Window
+from recognition.physics.arrangement_likelihood import LISTENED_S
+
+#: 40 kHz beside the paper's 6667.
+FAST_TIMES = 6
+
+#: Conditions that a record does not tell.
+CONDITIONS = ("speed_m_s", "damping_ratio")
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """runs, their signals cut to one window, and what distinguishes them.
+
+    table: a row a run with family, group ("family/000": one draw of all that varies), gangue_ratio, speed_m_s,
+    damping_ratio. passed_over: directories that hold no finished run, and why.
+    """
+
+    runs: list[Run]
+    table: pd.DataFrame
+    passed_over: list[str]
+
+    @cached_property
+    def window(self) -> Window:
+        return Window.of(self.runs)
+
+    @cached_property
+    def signals(self) -> list[pd.DataFrame]:
+        return [self.window.cut(run.signals, str(run.path)) for run in self.runs]
+
+    @cached_property
+    def fast(self) -> list[pd.DataFrame]:
+        """The same at FAST_TIMES their rate, from the fast streams: what the plate's sensors give. RecordError without."""
+        return [_fast_signals(run, self.window) for run in self.runs]
+
+    @cached_property
+    def lessons(self) -> list:
+        """A `recognition.physics.force_records.Lesson` of each run, None where it teaches nothing of its stones."""
+        from recognition.physics.force_records import (
+            lessons_of,  # late: it needs the simulation's plate model
+        )
+
+        return lessons_of(self.runs, LISTENED_S)
+
+    @property
+    def ratios(self) -> np.ndarray:
+        return self.table["gangue_ratio"].to_numpy()
+
+    def of(self, *families: str) -> np.ndarray:
+        """Numbers of the runs of some families."""
+        return np.flatnonzero(self.table["family"].isin(families))
+
+    def calibration(self) -> DataSet:
+        """The runs of the plate, the materials and the agglomerates that most runs have; the others are passed over."""
+        kinds = pd.Series([_kind(run) for run in self.runs])
+        same = (kinds == kinds.mode()[0]).to_numpy()
+        others = [f"{self.runs[k].path}: another plate, other materials or other agglomerates" for k in np.flatnonzero(~same)]
+        runs = [run for run, one in zip(self.runs, same, strict=True) if one]
+        return DataSet(runs, self.table[same].reset_index(drop=True), self.passed_over + others)
+
+
+def _fast_signals(run: Run, window: Window) -> pd.DataFrame:
+    path = run.path / "fast.parquet"
+    table = read_table(path)
+    names = ["t_s", *Channels("plate").names(table.columns)]
+    fast = Window(FAST_TIMES * window.rate_Hz, FAST_TIMES * (window.n_samples - 1) + 1)
+    steps = max(1, round(sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{path}: t_s") / fast.rate_Hz))
+    return fast.cut(table.loc[::steps, names], str(path))
+
+
+def _kind(run: Run) -> str:
+    scene = run.info["scene"]
+    plate = {key: value for key, value in scene["plate"].items() if key != "damping_ratio"}
+    return json.dumps([plate, scene.get("materials"), scene["stones"].get("agglomerate")], sort_keys=True)
+
+
+def read_dataset(path) -> DataSet:
+    """Every finished run below a directory. RecordError if there is none."""
+    path, runs, rows, passed_over = Path(path), [], [], []
+    for directory in sorted(p for p in path.glob("*/*/ratio_*") if p.is_dir() and p.suffix != ".partial"):
+        try:
+            run = read_run(directory)
+            rows.append(_row(run, directory))
+        except (RecordError, RecognitionError) as error:
+            passed_over.append(str(error))
+            continue
+        runs.append(run)
+    if not runs:
+        raise RecordError(f"{path}: no finished run FAMILY/GROUP/ratio_*; `make dataset` makes them")
+    return DataSet(runs, pd.DataFrame(rows), passed_over)
+
+
+def _row(run: Run, directory: Path) -> dict:
+    try:
+        scene = run.info["scene"]
+        conditions = {"speed_m_s": float(scene["stones"]["speed_m_s"]),
+                      "damping_ratio": float(scene["plate"]["damping_ratio"])}
+    except (KeyError, TypeError) as error:
+        raise RecognitionError(f"{directory}/run.json: scene has no {error}") from None
+    family = directory.parent.parent.name
+    return {"family": family, "group": f"{family}/{directory.parent.name}", "gangue_ratio": run.gangue_ratio,
+            **conditions}

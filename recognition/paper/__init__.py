@@ -1,0 +1,1 @@
+"""The paper's way: Q, Kalman filter, fusion, function space, inverse solution."""

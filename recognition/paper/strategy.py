@@ -1,0 +1,161 @@
+"""The recognition strategy on fusion curves (Section V-B-3, Figures 37 and 38).
+
+A fusion curve QQ has one value at each of K moments (267 in 0.04 s). At every moment a
+function QQ_k(beta) is fitted to the training runs: the function space. A record is
+recognised so: each moment's QQ is solved for beta; each such candidate is put into the
+functions of all other moments; differences above the available coefficient xi are singular
+points and left out; the candidate with the smallest mean difference is the answer.
+
+Where the paper is silent, these rules hold:
+- a moment whose fit stays below the limit of R^2, or at which all training runs agree,
+  has no function and is left out of the space;
+- no real root in [-0.05, 1.05]: the moment gives no candidate;
+- several roots: each is a candidate;
+- a candidate with fewer than `least_share` of usable points is no answer; if none is left,
+  `NotRecognised` is raised and nothing is guessed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from recognition.errors import NotRecognised, RecognitionError
+from recognition.paper.function_space import FORMS, FunctionSpace, Rule
+from recognition.paper.roots import real_roots
+
+#: Judging standards. "mean", as printed, is over the usable points only, so that a wrong
+#: candidate may win by having its worst points deleted; "truncated" is the mean of
+#: min(difference, xi) over all points, in which a singular point costs xi.
+JUDGES = ("mean", "truncated", "median", "rms")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """ratio: the mixing ratio, not clipped to [0, 1]; difference: of QQ, as the judge takes it."""
+
+    ratio: float
+    difference: float
+    usable_share: float
+    moment: int
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Of one curve, shape (c,) each: the ratios, their difference by the judge, their share of
+    usable points, whether that share is enough, and the moment whose root each is."""
+
+    ratio: np.ndarray
+    score: np.ndarray
+    usable_share: np.ndarray
+    allowed: np.ndarray
+    moment: np.ndarray
+
+
+class Strategy:
+    """Function space of K moments and its inverse solution.
+
+    rule: how moments get their functions. xi: available coefficient, on the scale of QQ
+    (0..1); the paper gives no value. least_share: of usable points, 0..1. judge: of JUDGES.
+    """
+
+    def __init__(
+        self, rule: Rule | None = None, xi: float = 0.05, least_share: float = 0.5, judge: str = "mean"
+    ):
+        self.rule = rule or Rule()
+        self.xi = xi
+        self.least_share = least_share
+        self.judge = judge
+
+    def fit(self, curves: np.ndarray, ratios: np.ndarray) -> Strategy:
+        """curves: shape (n, K), QQ of the training runs; ratios: shape (n,), 0..1."""
+        if self.judge not in JUDGES:
+            raise RecognitionError(f"judge = {self.judge!r}; choose one of {', '.join(JUDGES)}")
+        curves = np.asarray(curves, dtype=float)
+        self.space_ = self.rule.fit(curves, np.asarray(ratios, dtype=float))
+        self.n_moments_ = curves.shape[1]
+        return self
+
+    def predict(self, curves: np.ndarray) -> np.ndarray:
+        """Mixing ratio of each curve, shape (n,). Raises NotRecognised."""
+        return np.array([self.recognise(curve).ratio for curve in np.atleast_2d(curves)])
+
+    def recognise(self, curve: np.ndarray) -> Answer:
+        """Mixing ratio of one curve, shape (K,), with how well it is supported. Raises NotRecognised."""
+        found = self.candidates(curve)
+        if found.ratio.size == 0:
+            raise NotRecognised("no moment has a mixing ratio between -0.05 and 1.05 that explains it")
+        if not np.any(found.allowed):
+            raise NotRecognised(
+                f"the best of {found.ratio.size} candidates explains {found.usable_share.max():.0%} of the moments"
+                f" within xi = {self.xi:g}; needs {self.least_share:.0%}"
+            )
+        best = int(np.argmin(np.where(found.allowed, found.score, np.inf)))
+        return Answer(
+            float(found.ratio[best]),
+            float(found.score[best]),
+            float(found.usable_share[best]),
+            int(found.moment[best]),
+        )
+
+    def candidates(self, curve: np.ndarray) -> Candidates:
+        """Every candidate ratio of a curve, shape (K,), held against all other moments."""
+        curve = np.asarray(curve, dtype=float)
+        if curve.shape != (self.n_moments_,):
+            raise RecognitionError(f"the curve has {curve.size} moments; the model has {self.n_moments_}")
+        values = curve[self.space_.moments]
+        source, ratio = real_roots(self.space_, values)
+        difference = np.abs(self.space_(np.arange(values.size)[None, :], ratio[:, None]) - values)
+        usable = difference <= self.xi
+        usable[np.arange(ratio.size), source] = False  # a moment agrees with its own root by construction
+        count, others = usable.sum(axis=1), max(1, values.size - 1)
+        allowed = (count > 0) & (count / others >= self.least_share)
+        score = self._score(difference, usable, others)
+        return Candidates(ratio, score, count / others, allowed, self.space_.moments[source])
+
+    def _score(self, difference: np.ndarray, usable: np.ndarray, others: int) -> np.ndarray:
+        if self.judge == "truncated":
+            return np.minimum(difference, self.xi).sum(axis=1) / others
+        if self.judge == "median":
+            return np.array(
+                [np.median(d[u]) if u.any() else np.inf for d, u in zip(difference, usable, strict=True)]
+            )
+        power = 2 if self.judge == "rms" else 1
+        sums = np.where(usable, difference**power, 0.0).sum(axis=1)
+        return (sums / np.maximum(usable.sum(axis=1), 1)) ** (1 / power)
+
+    def to_dict(self) -> dict:
+        rule, space = self.rule, self.space_
+        return {
+            "rule": {
+                "forms": list(rule.forms),
+                "degree": rule.degree,
+                "min_r2": rule.min_r2,
+                "max_degree": rule.max_degree,
+            },
+            "xi": self.xi,
+            "least_share": self.least_share,
+            "judge": self.judge,
+            "n_moments": self.n_moments_,
+            "moments": space.moments.tolist(),
+            "form": [FORMS[number] for number in space.form],
+            "parameters": space.parameters.tolist(),
+        }
+
+    @classmethod
+    def from_dict(cls, data: dict) -> Strategy:
+        rule = Rule(
+            tuple(data["rule"]["forms"]), *(data["rule"][key] for key in ("degree", "min_r2", "max_degree"))
+        )
+        model = cls(rule, float(data["xi"]), float(data["least_share"]), data["judge"])
+        model.n_moments_ = int(data["n_moments"])
+        form = np.array([FORMS.index(name) for name in data["form"]], dtype=int)
+        moments = np.asarray(data["moments"], dtype=int)
+        parameters = np.asarray(data["parameters"], dtype=float)
+        if not (parameters.ndim == 2 and moments.shape == form.shape == parameters.shape[:1]):
+            raise ValueError("moments, form and parameters are not of one length")
+        if moments.size == 0 or moments.min() < 0 or moments.max() >= model.n_moments_:
+            raise ValueError(f"moments lie outside 0..{model.n_moments_ - 1}")
+        model.space_ = FunctionSpace(moments, form, parameters)
+        return model

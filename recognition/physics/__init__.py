@@ -1,0 +1,1 @@
+"""Recognition by the physics of the plate."""

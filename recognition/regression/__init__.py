@@ -1,0 +1,1 @@
+"""Regressions on features of a record, with intervals."""

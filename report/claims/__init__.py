@@ -1,0 +1,1 @@
+"""The paper's statements, each with our number and a verdict."""
