@@ -1,0 +1,54 @@
+"""Hertz' contact of an elastic sphere with an elastic half-space (K. L. Johnson, Contact Mechanics, 1985, chapters 4, 11.4).
+
+Force F, approach d, sphere of radius R and mass m that arrives with speed v:
+
+    1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2,   K = 4/3 E* sqrt(R),   F = K d^(3/2),   p0 = 2/pi E* sqrt(d/R)
+
+    d_max = (5 m v^2/(4 K))^(2/5),   contact time = 2.9432 d_max/v
+
+All functions take floats or arrays of one shape, in SI units.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+CONTACT_TIME_FACTOR = 2.9432  # (4/5) sqrt(pi) Gamma(2/5)/Gamma(9/10)
+
+
+class Elastic(Protocol):
+    """Anything with the elastic constants of an isotropic body."""
+
+    @property
+    def youngs_modulus_Pa(self) -> float: ...
+
+    @property
+    def poisson_ratio(self) -> float: ...
+
+
+def contact_modulus_Pa(first: Elastic, second: Elastic) -> float:
+    """E* of two bodies."""
+    return 1 / ((1 - first.poisson_ratio**2) / first.youngs_modulus_Pa
+                + (1 - second.poisson_ratio**2) / second.youngs_modulus_Pa)
+
+
+def stiffness_N_m32(contact_modulus_Pa, radius_m):
+    """K, in N/m^(3/2)."""
+    return 4 / 3 * np.sqrt(radius_m) * contact_modulus_Pa
+
+
+def largest_approach_m(stiffness_N_m32, mass_kg, speed_m_s):
+    """d_max on a half-space that does not move."""
+    return (5 * mass_kg * speed_m_s**2 / (4 * stiffness_N_m32)) ** 0.4
+
+
+def contact_time_s(largest_approach_m, speed_m_s):
+    """Duration of the contact with a half-space that does not move."""
+    return CONTACT_TIME_FACTOR * largest_approach_m / speed_m_s
+
+
+def peak_pressure_Pa(contact_modulus_Pa, approach_over_radius):
+    """p0, the pressure in the middle of the contact."""
+    return 2 / np.pi * contact_modulus_Pa * np.sqrt(approach_over_radius)
