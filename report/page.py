@@ -1,4 +1,4 @@
-"""The report of a sweep: report.html with everything inside it, and claims.csv beside it."""
+"""The page of a sweep: report.html with everything inside it, and claims.csv beside it."""
 
 from __future__ import annotations
 
@@ -9,47 +9,63 @@ from pathlib import Path
 import jinja2
 
 from analysis import Sweep, read_sweep
-from report import tables as report_tables
-from report.chapters.mechanics import BREAKAGE, RESPONSE, THEORY
-from report.chapters.picture import Picture, Plan, realise
-from report.chapters.signals import RECOGNITION, SIGNALS, UNSEEN
-from report.claims import mechanics as claims_mechanics
-from report.claims import signals as claims_signals
+from common.files import write_text
+from report import tables
+from report.chapters.breakage import BREAKAGE_FIGURES
+from report.chapters.evaluation import EVALUATION_FIGURES
+from report.chapters.figure_spec import FigureSpec, FinishedFigure, finish_figure
+from report.chapters.recognition import RECOGNITION_FIGURES
+from report.chapters.response import RESPONSE_FIGURES
+from report.chapters.signals import SIGNAL_FIGURES
+from report.chapters.theory import THEORY_FIGURES
+from report.claims.breakage import BREAKAGE_STATEMENTS
+from report.claims.recognition import RECOGNITION_STATEMENTS
+from report.claims.response import RESPONSE_STATEMENTS
+from report.claims.signals import SIGNAL_STATEMENTS
+from report.claims.theory import THEORY_STATEMENTS
 from report.claims.trends import falling_steps, spearman
-from report.claims.verdicts import VERDICTS, Claim, judge, to_csv
-from report.study import Study
-from report.tables import Table
+from report.claims.verdicts import VERDICTS, Claim, check_statements, to_csv
+from report.results.sweep_results import SweepResults
+from report.tables import FinishedTable, TableSpec, finish_table
 
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 
-CHAPTERS: list[tuple[str, list[Plan]]] = [
-    ("Theory", THEORY),
-    ("Breakage", BREAKAGE),
-    ("Response of the plate", RESPONSE),
-    ("Signals", SIGNALS),
-    ("Recognition", RECOGNITION),
-    ("Runs not trained on", UNSEEN),
+#: Title, figures and tables of each chapter, in order.
+CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
+    ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
+    ("Breakage", BREAKAGE_FIGURES, []),
+    ("Response of the plate", RESPONSE_FIGURES, []),
+    ("Signals", SIGNAL_FIGURES, [tables.EMD_RULES, tables.STANDARDISED]),
+    ("Recognition", RECOGNITION_FIGURES, [tables.DEVIATIONS, tables.RECOGNISED, tables.CHOICES]),
+    ("Runs not trained on", EVALUATION_FIGURES, [tables.UNSEEN]),
 ]
 
-
-TABLES = {
-    "Theory": [report_tables.materials],
-    "Signals": [report_tables.emd_rules, report_tables.standardised],
-    "Runs not trained on": [report_tables.unseen],
-    "Recognition": [report_tables.deviations, report_tables.recognised, report_tables.choices],
-}
+#: All statements of the paper, in its order.
+STATEMENTS = [
+    *THEORY_STATEMENTS,
+    *BREAKAGE_STATEMENTS,
+    *RESPONSE_STATEMENTS,
+    *SIGNAL_STATEMENTS,
+    *RECOGNITION_STATEMENTS,
+]
 
 
 @dataclass(frozen=True)
 class Chapter:
+    """A chapter as the page shows it."""
+
     title: str
-    pictures: list[Picture]
-    tables: list[Table]
+    figures: list[FinishedFigure]
+    tables: list[FinishedTable]
 
 
 @dataclass(frozen=True)
 class Rise:
-    """Does a quantity rise with the ratio? falls_at: pairs of neighbouring ratios where it falls."""
+    """Whether a quantity rises with the ratio.
+
+    falls_at: pairs of neighbouring ratios between which it falls. first, last: its values at the lowest and the highest
+    ratio, as text.
+    """
 
     name: str
     spearman: float
@@ -58,34 +74,28 @@ class Rise:
     last: str
 
     @property
-    def verdict(self) -> str:
+    def in_words(self) -> str:
         if self.spearman >= 0.9:
-            return "rises" if not self.falls_at else "rises as a whole"
+            return "rises as a whole" if self.falls_at else "rises"
         return "rises weakly" if self.spearman >= 0.5 else "does not rise"
 
 
-def write_report(directory) -> Path:
+def write_report(directory: str | Path) -> Path:
     """Write report.html and claims.csv into a directory of runs, each whole or not at all.
 
-    Returns the path of the report. Raises RecordError or RecognitionError, one line, where
-    the runs cannot be used.
+    Returns the path of the report. Raises RecordError or RecognitionError, with a message of one line, where the runs
+    cannot be used, and OSError where the files cannot be written.
     """
-    sweep = read_sweep(directory)
-    study = Study(sweep)
-    claims = judge(study, claims_mechanics.STATEMENTS + claims_signals.STATEMENTS)
-    out = Path(directory) / "report.html"
-    _write(out.with_name("claims.csv"), to_csv(claims))
-    _write(out, render(sweep, study, claims))
-    return out
+    results = SweepResults(read_sweep(directory))
+    claims = check_statements(results, STATEMENTS)
+    file = Path(directory) / "report.html"
+    write_text(file.with_name("claims.csv"), to_csv(claims))
+    write_text(file, render(results, claims))
+    return file
 
 
-def _write(path: Path, text: str) -> None:
-    beside = path.with_name(path.name + ".part")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
-
-
-def render(sweep: Sweep, study: Study, claims: list[Claim]) -> str:
+def render(results: SweepResults, claims: list[Claim]) -> str:
+    """Return the page as HTML."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -95,51 +105,44 @@ def render(sweep: Sweep, study: Study, claims: list[Claim]) -> str:
     )
     counts = Counter(claim.verdict for claim in claims)
     return environment.get_template("report.html.j2").render(
-        sweep=sweep,
-        rises=rises(study),
+        sweep=results.sweep,
+        rises=rises(results),
         claims=claims,
         verdicts=[(verdict, counts[verdict]) for verdict in VERDICTS],
-        chapters=chapters(study),
-        errors=report_tables.realise(report_tables.errors, study),
-        runs=report_tables.realise(report_tables.runs, study),
-        assumptions=assumptions(sweep),
+        chapters=[finish_chapter(results, *chapter) for chapter in CHAPTERS],
+        errors=finish_table(tables.ERRORS, results),
+        runs=finish_table(tables.RUNS, results),
+        assumptions=assumptions(results.sweep),
     )
 
 
-def chapters(study: Study) -> list[Chapter]:
-    return [
-        Chapter(
-            title,
-            [realise(plan, study) for plan in plans],
-            [report_tables.realise(build, study) for build in TABLES.get(title, [])],
-        )
-        for title, plans in CHAPTERS
-    ]
+def finish_chapter(
+    results: SweepResults, title: str, figures: list[FigureSpec], chapter_tables: list[TableSpec]
+) -> Chapter:
+    """Draw the figures and build the tables of one chapter."""
+    finished = [finish_figure(spec, results) for spec in figures]
+    return Chapter(title, finished, [finish_table(spec, results) for spec in chapter_tables])
 
 
-def rises(study: Study) -> list[Rise]:
-    """What the reader asks first; nothing of a single run."""
-    if len(study.runs) < 2:
+def rises(results: SweepResults) -> list[Rise]:
+    """Return whether the three main quantities rise with the ratio; nothing for a single run."""
+    if len(results.runs) < 2:
         return []
-    rows = [
-        ("peak total force", 1e-3 * study.peaks["force_N"], "kN"),
-        ("peak kinetic energy of the plate", study.peaks["kinetic_J"], "J"),
-        ("RMS of the plate's acceleration", study.parameters["rms"], "m/s²"),
+    peaks = results.response.peaks
+    quantities = [
+        ("peak total force", 1e-3 * peaks["force_N"], "kN"),
+        ("peak kinetic energy of the plate", peaks["kinetic_J"], "J"),
+        ("RMS of the plate's acceleration", results.signals.parameters["rms"], "m/s²"),
     ]
     return [
-        Rise(
-            name,
-            spearman(study.ratios, values),
-            falling_steps(study.ratios, values),
-            f"{values[0]:.4g}",
-            f"{values[-1]:.4g} {unit}",
-        )
-        for name, values, unit in rows
-    ]
+        Rise(name, spearman(results.ratios, values), falling_steps(results.ratios, values), f"{values[0]:.4g}",
+             f"{values[-1]:.4g} {unit}")
+        for name, values, unit in quantities
+    ]  # fmt: skip
 
 
 def assumptions(sweep: Sweep) -> list[str]:
-    """The scene's assumptions as lines, each once, in order; keys of the scene with their values."""
+    """Return the assumptions of the scenes as lines, each once and in order, with the values of the scene."""
     lines: dict[str, None] = {}
     for run in sweep.runs:
         found = run.info.get("assumptions", [])
@@ -150,7 +153,7 @@ def assumptions(sweep: Sweep) -> list[str]:
 
 
 def _with_value(line: str, scene: dict) -> str:
-    """`plate.length_m` as `plate.length_m = 0.5`; a line that is no single value of the scene as it stands."""
+    """Return `plate.length_m` as `plate.length_m = 0.5`, and any line that is no single value of the scene as it is."""
     value = scene
     for key in line.split("."):
         if not isinstance(value, dict) or key not in value:

@@ -1,4 +1,4 @@
-"""Tables of the report: Tables 1-3 of the paper from our data, recognition, and the runs."""
+"""Tables of the report: Tables 1 to 3 of the paper from our data, the answers of recognition, and the runs."""
 
 from __future__ import annotations
 
@@ -7,18 +7,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import RecordError
 from analysis.features import BASE_PARAMETERS
-from recognition.errors import RecognitionError
-from recognition.methods import EVALUATED_NAMES, METHOD_NAMES
-from recognition.paper.least_squares import fit_polynomial
-from report.open_choices import compare
-from report.study import Study
+from report.results.methods import EVALUATED_METHODS, MODEL_METHODS
+from report.results.missing import MISSING_RESULT
+from report.results.open_choices import compare_open_choices
+from report.results.sweep_results import SweepResults
+
+#: A space at which "3 of 11" does not break into two lines.
+NO_BREAK = "\u00a0"
+
+
+#: The header, and rows of text of which the first column names the row.
+Cells = tuple[list[str], list[list[str]]]
 
 
 @dataclass(frozen=True)
-class Table:
-    """rows hold text, the first column being the name of the row."""
+class TableSpec:
+    """A table to build. key: its id in the page. build: gives its cells from the results of a sweep."""
+
+    key: str
+    title: str
+    note: str
+    build: Callable[[SweepResults], Cells]
+
+
+@dataclass(frozen=True)
+class FinishedTable:
+    """A table as the page shows it; without rows where the runs do not give it, and the note then says why."""
 
     key: str
     title: str
@@ -27,150 +42,157 @@ class Table:
     rows: list[list[str]]
 
 
-def realise(build: Callable[[Study], Table], study: Study) -> Table:
-    """The table, or an empty one that says why the runs do not give it."""
+def finish_table(spec: TableSpec, results: SweepResults) -> FinishedTable:
+    """Build one table, or an empty one that says why the runs do not give it."""
     try:
-        return build(study)
-    except (RecordError, RecognitionError) as reason:
-        name = build.__name__
-        return Table(f"table-{name}", name.capitalize(), f"Not given: {reason}", [], [])
+        header, rows = spec.build(results)
+    except MISSING_RESULT as reason:
+        return FinishedTable(spec.key, spec.title, f"Not given: {reason}", [], [])
+    return FinishedTable(spec.key, spec.title, spec.note, header, rows)
 
 
-def materials(study: Study) -> Table:
-    """Table 1, from the scene."""
-    setup = study.setup
+def materials(results: SweepResults) -> Cells:
+    """Return the elastic parameters of coal, gangue and plate, from the scene."""
+    setup = results.theory.setup
     rows = [
         [name, f"{m.density_kg_m3:g}", f"{1e-9 * m.youngs_modulus_Pa:g}", f"{m.poisson_ratio:g}"]
         for name, m in {**setup.rocks, "plate": setup.plate}.items()
     ]
-    return Table(
-        "table-1", "Elastic parameters (Table 1)", "", ["", "density, kg/m³", "E, GPa", "Poisson"], rows
-    )
+    header = ["", "density, kg/m³", "E, GPa", "Poisson"]
+    return header, rows
 
 
-def _percent(study: Study) -> list[str]:
-    return [f"{100 * r:.0f} %" for r in study.ratios]
-
-
-def standardised(study: Study) -> Table:
-    """Table 2: the eight base parameters by Eq. 39."""
-    scaler = study.model.methods["fusion_q"].scaler_
-    values, falling = scaler.transform(study.base), scaler.direction < 0
-    rows = [
-        [name.replace("_", " ") + (" (falling)" if down else ""), *(f"{v:.4f}" for v in column)]
-        for name, down, column in zip(BASE_PARAMETERS, falling, values.T, strict=True)
-    ]
-    note = "Standardised by Eq. 39; the direction of each parameter is that of these runs, not the paper's."
-    return Table("table-2", "Standardised parameters (Table 2)", note, ["", *_percent(study)], rows)
-
-
-def emd_rules(study: Study) -> Table:
-    """Cost of the EMD stopping rules."""
+def emd_rules(results: SweepResults) -> Cells:
+    """Return time and error of the first IMF by each stopping rule."""
     rows = [
         [cost.rule, str(cost.samples), str(cost.imfs), f"{1e3 * cost.seconds:.1f}", f"{100 * cost.error:.2f}"]
-        for cost in study.rule_costs
+        for cost in results.signals.rule_costs
     ]
-    note = "Time and error of the first IMF, as in the picture; measured when this report was written."
     header = ["rule", "samples", "IMFs", "time, ms", "error, %"]
-    return Table("table-rules", "Cost of the EMD stopping rules", note, header, rows)
+    return header, rows
 
 
-def deviations(study: Study) -> Table:
-    """Table 3: Q of each run against the quadratic."""
-    calculated = fit_polynomial(study.ratios, study.q, 2)(study.ratios)
+def standardised(results: SweepResults) -> Cells:
+    """Return the eight base parameters by Eq. 39, a row a parameter."""
+    values, falling = results.recognition.standardised_base
     rows = [
-        [name, *(f"{v:.5f}" for v in values)]
-        for name, values in (
-            ("measured", study.q),
-            ("calculated", calculated),
-            ("difference", calculated - study.q),
-        )
+        [name.replace("_", " ") + (" (falling)" if falls else ""), *(f"{v:.4f}" for v in column)]
+        for name, falls, column in zip(BASE_PARAMETERS, falling, values.T, strict=True)
     ]
-    note = "The paper's differences reach from 0.006 to 0.046, to both sides."
-    return Table("table-3", "Q and its quadratic (Table 3)", note, ["", *_percent(study)], rows)
+    return ["", *_percent(results.ratios)], rows
 
 
-def recognised(study: Study) -> Table:
-    """Recognised ratio of each run, both trainings."""
-    header = ["true", *(f"{name}, {trained}" for trained in study.answers for name in METHOD_NAMES.values())]
+def deviations(results: SweepResults) -> Cells:
+    """Return Q of each run beside the quadratic through all of them."""
+    measured = results.recognition.q
+    calculated = results.recognition.q_quadratic(results.ratios)
+    named = {"measured": measured, "calculated": calculated, "difference": calculated - measured}
+    rows = [[name, *(f"{v:.5f}" for v in values)] for name, values in named.items()]
+    return ["", *_percent(results.ratios)], rows
+
+
+def recognised(results: SweepResults) -> Cells:
+    """Return the recognised ratio of each run, for both trainings."""
+    answers = results.recognition.answers
+    header = ["true", *(f"{name}, {training}" for training in answers for name in MODEL_METHODS.values())]
     rows = []
-    for i, ratio in enumerate(study.ratios):
-        cells = [answers[i][method] for answers in study.answers.values() for method in METHOD_NAMES]
-        rows.append(
-            [
-                f"{100 * ratio:.0f} %",
-                *(f"{100 * c:.2f}" if isinstance(c, float) else "no answer" for c in cells),
-            ]
-        )
-    note = "In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations."
-    return Table("table-recognised", "Recognised mixing ratio of each run", note, header, rows)
+    for i, true in enumerate(_percent(results.ratios)):
+        cells = [rows_of_training[i][method] for rows_of_training in answers.values() for method in MODEL_METHODS]
+        rows.append([true, *(f"{100 * c:.2f}" if isinstance(c, float) else "no answer" for c in cells)])
+    return header, rows
 
 
-def choices(study: Study) -> Table:
-    """What other choices the paper leaves open would have given."""
-    rows = []
-    for outcome in compare(study):
-        e = np.abs(outcome.errors_points)
-        numbers = [f"{e.mean():.2f}", f"{e.max():.2f}"] if e.size else ["-", "-"]
-        rows.append([outcome.name, f"{e.size}\u00a0of\u00a0{len(study.runs)}", *numbers, outcome.reason])
-    note = (
-        "Errors in points of mixing ratio, that ratio held out. Noise-free runs of one arrangement and speed."
-    )
+def choices(results: SweepResults) -> Cells:
+    """Return the errors of other choices where the paper leaves one open."""
+    rows = [
+        [outcome.name, *_error_cells(outcome.errors_points, len(results.runs)), outcome.reason]
+        for outcome in compare_open_choices(results)
+    ]
     header = ["choice", "answered", "mean", "worst", ""]
-    return Table("table-choices", "Choices that the paper leaves open", note, header, rows)
+    return header, rows
 
 
-def unseen(study: Study) -> Table:
-    """evaluation.csv without noise and at 20 dB."""
+def unseen(results: SweepResults) -> Cells:
+    """Return the rows of evaluation.csv without noise and at 20 dB, but those without an answer."""
     rows = []
-    for r in study.evaluation.to_dict("records"):
+    for r in results.evaluation.to_dict("records"):
         if r["noise_db"] == 40 or not r["answered"]:
             continue
+        noise_db = "-" if np.isnan(r["noise_db"]) else f"{r['noise_db']:.0f}"
+        numbers = [f"{r[name]:.2f}" for name in ("mean_abs_error_points", "p95_points", "worst_points", "bias_points")]
         covered = "-" if np.isnan(r["coverage_90"]) else f"{100 * r['coverage_90']:.0f}"
-        rows.append([
-            r["case"], EVALUATED_NAMES.get(r["method"], r["method"]), "-" if np.isnan(r["noise_db"]) else f"{r['noise_db']:.0f}",
-            f"{r['answered']}\u00a0of\u00a0{r['n']}", *(f"{r[name]:.2f}" for name in ("mean_abs_error_points", "p95_points",
-                                                                                 "worst_points", "bias_points")),
-            covered, f"{100 * r['flagged']:.0f}"])  # fmt: skip
-    note = ("Points of mixing ratio, of the runs answered; covered: share of true ratios in the 90 % interval; flagged: as"
-            " outside the calibration. What each case holds out and more noise: evaluation.csv.")
+        rows.append([r["case"], EVALUATED_METHODS.get(r["method"], r["method"]), noise_db,
+                     _of(r["answered"], r["n"]), *numbers, covered, f"{100 * r['flagged']:.0f}"])  # fmt: skip
     header = ["case", "method", "noise, dB", "answered", "mean", "95 %", "worst", "bias", "covered, %", "flagged, %"]
-    return Table("table-unseen", "Runs that were not trained on", note, header, rows)
+    return header, rows
 
 
-def errors(study: Study) -> Table:
-    """Mean and worst error of each method and training, in points of mixing ratio."""
-    rows = []
-    for trained in study.answers:
-        for method, name in METHOD_NAMES.items():
-            e = np.abs(study.errors_points(trained, method))
-            numbers = [f"{e.mean():.2f}", f"{e.max():.2f}"] if e.size else ["-", "-"]
-            rows.append([name, trained, f"{e.size}\u00a0of\u00a0{len(study.runs)}", *numbers])
-    return Table("table-errors", "Errors", "", ["method", "training", "answered", "mean", "worst"], rows)
+def errors(results: SweepResults) -> Cells:
+    """Return mean and worst error of each method and training, in points of mixing ratio."""
+    rows = [
+        [name, training, *_error_cells(results.recognition.errors_points(training, method), len(results.runs))]
+        for training in results.recognition.answers
+        for method, name in MODEL_METHODS.items()
+    ]
+    return ["method", "training", "answered", "mean", "worst"], rows
 
 
-def runs(study: Study) -> Table:
-    rows = []
-    for i, run in enumerate(study.runs):
+def runs(results: SweepResults) -> Cells:
+    """Return sizes, peaks and wall time of each run."""
+    peaks, rows = results.response.peaks, []
+    for i, run in enumerate(results.runs):
         info = run.info
         rows.append([
             f"{100 * run.gangue_ratio:.0f} %",
             str(info.get("n_particles", "-")),
             str(info.get("n_bonds", "-")),
             str(info.get("n_bonds_broken", "-")),
-            f"{1e-3 * study.peaks['force_N'][i]:.2f}",
-            f"{study.peaks['kinetic_J'][i]:.4g}",
-            f"{study.parameters['rms'][i]:.4g}",
+            f"{1e-3 * peaks['force_N'][i]:.2f}",
+            f"{peaks['kinetic_J'][i]:.4g}",
+            f"{results.signals.parameters['rms'][i]:.4g}",
             f"{sum(info.get('wall_time_s', {}).values()):.1f}",
         ])  # fmt: skip
-    header = [
-        "ratio",
-        "particles",
-        "bonds",
-        "broken",
-        "peak force, kN",
-        "peak kinetic, J",
-        "RMS, m/s²",
-        "wall time, s",
-    ]
-    return Table("table-runs", "Runs", "", header, rows)
+    header = ["ratio", "particles", "bonds", "broken", "peak force, kN", "peak kinetic, J", "RMS, m/s²",
+              "wall time, s"]  # fmt: skip
+    return header, rows
+
+
+def _percent(ratios: np.ndarray) -> list[str]:
+    return [f"{100 * r:.0f} %" for r in ratios]
+
+
+def _of(answered: int, count: int) -> str:
+    return f"{answered}{NO_BREAK}of{NO_BREAK}{count}"
+
+
+def _error_cells(errors_points: np.ndarray, count: int) -> list[str]:
+    """Return how many of `count` runs were answered, and the mean and the worst error."""
+    size = np.abs(errors_points)
+    numbers = [f"{size.mean():.2f}", f"{size.max():.2f}"] if size.size else ["-", "-"]
+    return [_of(size.size, count), *numbers]
+
+
+MATERIALS = TableSpec("table-1", "Elastic parameters (Table 1)", "", materials)
+EMD_RULES = TableSpec(
+    "table-rules", "Cost of the EMD stopping rules",
+    "Time and error of the first IMF, as in the picture; measured when this report was written.", emd_rules)  # fmt: skip
+STANDARDISED = TableSpec(
+    "table-2", "Standardised parameters (Table 2)",
+    "Standardised by Eq. 39; the direction of each parameter is that of these runs, not the paper's.",
+    standardised)  # fmt: skip
+DEVIATIONS = TableSpec(
+    "table-3", "Q and its quadratic (Table 3)",
+    "The paper's differences reach from 0.006 to 0.046, to both sides.", deviations)  # fmt: skip
+RECOGNISED = TableSpec(
+    "table-recognised", "Recognised mixing ratio of each run",
+    "In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations.", recognised)  # fmt: skip
+CHOICES = TableSpec(
+    "table-choices", "Choices that the paper leaves open",
+    "Errors in points of mixing ratio, that ratio held out. Noise-free runs of one arrangement and speed.",
+    choices)  # fmt: skip
+UNSEEN = TableSpec(
+    "table-unseen", "Runs that were not trained on",
+    "Points of mixing ratio, of the runs answered; covered: share of true ratios in the 90 % interval; flagged: as"
+    " outside the calibration. What each case holds out and more noise: evaluation.csv.", unseen)  # fmt: skip
+ERRORS = TableSpec("table-errors", "Errors", "", errors)
+RUNS = TableSpec("table-runs", "Runs", "", runs)

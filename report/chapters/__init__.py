@@ -1,1 +1,1 @@
-"""The figures of a sweep, chapter by chapter."""
+"""The chapters of the report: which figures they hold, and how each is drawn from the results of a sweep."""

@@ -1,1 +1,1 @@
-"""The paper's statements, each with our number and a verdict."""
+"""The paper's statements, each compared with the runs: the scoreboard of the report."""

@@ -1,1 +1,1 @@
-"""Figures drawn from plain data."""
+"""Figures of the report, drawn from plain data. Only this room imports matplotlib."""

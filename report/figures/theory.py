@@ -1,12 +1,13 @@
-"""Pictures of the theory (Figures 7-10) and of the arrangement."""
+"""Figures of the theory (Figures 7 to 10) and of the arrangement."""
 
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from analysis.impact import ForceHistory
-from report.figures.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, canvas, styled
+from report.figures.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, canvas, material_colour, styled
 
 STATE_LABELS = {
     "PH": "Hertz, rigid",
@@ -20,14 +21,20 @@ STATE_COLOURS = {"PH": COAL, "HN": PALE, "PF": ACCENT, "FN": GANGUE}
 
 @styled
 def arrangement(
-    places_m: np.ndarray, radius_m: float, order: list[int], plate_m: tuple[float, float], rods_m
-):
-    """The ring of particles on the plate, with numbers and the order in which gangue replaces coal (Figures 7, 8)."""
+    places_m: np.ndarray,
+    radius_m: float,
+    order: list[int],
+    plate_m: tuple[float, float],
+    rods_m: list[tuple[float, float]],
+) -> Figure:
+    """Draw the ring of stones on the plate, with numbers and the order in which gangue replaces coal (Figures 7, 8).
+
+    places_m: shape (stones, 2). order: numbers of the places, from 1. plate_m: length and width. rods_m: (x, y) each.
+    """
     figure, axes = canvas(1, height_in=4.2)
     axis = axes[0, 0]
-    axis.add_patch(
-        Rectangle((-plate_m[0] / 2, -plate_m[1] / 2), *plate_m, facecolor="#eef1f3", edgecolor=PALE)
-    )
+    corner = (-plate_m[0] / 2, -plate_m[1] / 2)
+    axis.add_patch(Rectangle(corner, *plate_m, facecolor="#eef1f3", edgecolor=PALE))
     for x, y in rods_m:
         axis.add_patch(Circle((x, y), 0.01, facecolor=PALE))
     rank = {place: k for k, place in enumerate(order, 1)}
@@ -44,16 +51,16 @@ def arrangement(
 
 
 @styled
-def mixing_order(materials: list[list[str]], ratios: np.ndarray):
-    """Which place holds gangue at each ratio (Figure 8); materials: one list per ratio."""
+def mixing_order(materials: list[list[str]], ratios: np.ndarray) -> Figure:
+    """Draw which places hold gangue at each ratio (Figure 8). materials: one list a ratio."""
     figure, axes = canvas(1, height_in=2.8)
     axis = axes[0, 0]
     for row, names in enumerate(materials):
         for place, name in enumerate(names, 1):
-            colour = GANGUE if name == "gangue" else COAL
-            axis.plot(place, row, "o", color=colour, markersize=7)
+            axis.plot(place, row, "o", color=material_colour(name), markersize=7)
     axis.set_yticks(range(len(ratios)), [f"{100 * r:.0f} %" for r in ratios])
-    axis.set_xticks(range(1, len(materials[0]) + 1), [f"#{k}" for k in range(1, len(materials[0]) + 1)])
+    places = range(1, len(materials[0]) + 1)
+    axis.set_xticks(places, [f"#{k}" for k in places])
     axis.invert_yaxis()
     axis.set_title("black: coal, brown: gangue")
     axis.grid(False)
@@ -61,55 +68,55 @@ def mixing_order(materials: list[list[str]], ratios: np.ndarray):
 
 
 @styled
-def peak_against_position(x_m: np.ndarray, forces: dict[str, dict[str, np.ndarray]]):
-    """Figure 9: largest force of one particle against where it hits, from the centre along A-B."""
-    figure, axes = canvas(1, len(forces), height_in=2.7, sharey=True)
-    for axis, (rock, states) in zip(axes[0], forces.items(), strict=True):
-        for key, force in states.items():
-            axis.plot(x_m, 1e-3 * force, STATE_LINES[key], color=STATE_COLOURS[key], label=STATE_LABELS[key])
-        axis.set_title(rock)
+def peak_against_position(x_m: np.ndarray, forces_N: dict[str, dict[str, np.ndarray]]) -> Figure:
+    """Draw the largest force of one stone against its place along A-B (Figure 9).
+
+    x_m: from the plate's centre, shape (k,). forces_N: {material: {state: shape (k,)}}.
+    """
+    figure, axes = canvas(1, len(forces_N), height_in=2.7, sharey=True)
+    for axis, (material, states) in zip(axes[0], forces_N.items(), strict=True):
+        _plot_states(axis, x_m, states)
+        axis.set_title(material)
         axis.set_xlabel("x from the centre, m")
     axes[0, 0].set_ylabel("largest force, kN")
     axes[0, 0].legend(loc="upper left")
     return figure
 
 
+def _plot_states(axis: Axes, x: np.ndarray, forces_N: dict[str, np.ndarray]) -> None:
+    for key, force_N in forces_N.items():
+        axis.plot(x, 1e-3 * force_N, STATE_LINES[key], color=STATE_COLOURS[key], label=STATE_LABELS[key])
+
+
 @styled
 def totals(
     ratios: np.ndarray, panels: dict[str, dict[str, np.ndarray]], simulated: tuple[np.ndarray, np.ndarray]
-):
-    """Figure 10: total force of the four states against the ratio, beside the simulation (ratios, force_N)."""
+) -> Figure:
+    """Draw the total force of the four states against the ratio, beside the simulation (Figure 10).
+
+    panels: {title: {state: force in N, shape of ratios}}. simulated: ratios and forces in N, shape (runs,) each.
+    """
     figure, axes = canvas(1, len(panels), height_in=3.0, sharey=True)
     for axis, (title, states) in zip(axes[0], panels.items(), strict=True):
-        for key, force in states.items():
-            axis.plot(
-                100 * ratios,
-                1e-3 * force,
-                STATE_LINES[key],
-                color=STATE_COLOURS[key],
-                label=STATE_LABELS[key],
-            )
-        axis.plot(
-            100 * simulated[0], 1e-3 * simulated[1], "o", color="black", markersize=3, label="simulated"
-        )
+        _plot_states(axis, 100 * ratios, states)
+        axis.plot(100 * simulated[0], 1e-3 * simulated[1], "o", color="black", markersize=3, label="simulated")
         axis.set_title(title)
         axis.set_xlabel(RATIO_LABEL)
     axes[0, 0].set_ylabel("total force, kN")
     axes[0, 0].legend(loc="upper left")
-    axes[0, 0].set_ylim(
-        0, 1.35e-3 * max(force.max() for states in panels.values() for force in states.values())
-    )
+    largest_N = max(force.max() for states in panels.values() for force in states.values())
+    axes[0, 0].set_ylim(0, 1.35e-3 * largest_N)
     return figure
 
 
 @styled
-def force_histories(histories: dict[str, dict[str, ForceHistory]]):
-    """Force of one particle on a rigid plate by each law; histories: {rock: {law: ForceHistory}}."""
+def force_histories(histories: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]) -> Figure:
+    """Draw the force of one stone on a rigid plate by each law. histories: {title: {law: (t_s, force_N)}}."""
     figure, axes = canvas(1, len(histories), height_in=2.6, sharey=True)
-    for axis, (rock, laws) in zip(axes[0], histories.items(), strict=True):
-        for colour, (law, h) in zip((COAL, GANGUE, ACCENT, PALE), laws.items(), strict=False):
-            axis.plot(1e6 * h.t_s, 1e-3 * h.force_N, color=colour, label=law.replace("_", "-"))
-        axis.set_title(rock)
+    for axis, (title, laws) in zip(axes[0], histories.items(), strict=True):
+        for colour, (law, (t_s, force_N)) in zip((COAL, GANGUE, ACCENT, PALE), laws.items(), strict=False):
+            axis.plot(1e6 * t_s, 1e-3 * force_N, color=colour, label=law.replace("_", "-"))
+        axis.set_title(title)
         axis.set_xlabel("time, µs")
     axes[0, 0].set_ylabel("force, kN")
     axes[0, 0].legend()

@@ -1,0 +1,40 @@
+"""The chapter of runs that were not trained on; the paper has none."""
+
+from __future__ import annotations
+
+from report.chapters.figure_spec import Drawn, FigureSpec
+from report.figures.evaluation import PlottedMethod, errors_by_case
+from report.results.methods import BASELINE, EVALUATED_METHODS, METHODS_WITH_INTERVAL, PAPER_METHODS
+from report.results.sweep_results import SweepResults
+
+PAPER_MARKS, INTERVAL_MARKS = "xs+", "DoP^*<>d"
+
+
+def plotted_methods() -> list[PlottedMethod]:
+    """Return all evaluated methods with their marks; the best one alone is filled."""
+    paper_marks = dict(zip(PAPER_METHODS, PAPER_MARKS, strict=True))
+    interval_marks = dict(zip(METHODS_WITH_INTERVAL, INTERVAL_MARKS, strict=False))
+    methods = []
+    for name, label in EVALUATED_METHODS.items():
+        if name in METHODS_WITH_INTERVAL:
+            mark, best = interval_marks.get(name, "."), name == METHODS_WITH_INTERVAL[0]
+            methods.append(PlottedMethod(name, label, "interval", mark, filled=best))
+        elif name in paper_marks:
+            methods.append(PlottedMethod(name, label, "paper", paper_marks[name]))
+        elif name == BASELINE:
+            methods.append(PlottedMethod(name, label, "baseline", "v"))
+        else:
+            methods.append(PlottedMethod(name, label, "other", "."))
+    return methods
+
+
+def errors_by_case_and_noise(results: SweepResults) -> Drawn:
+    noises = {"no noise": None, "noise of 20 dB": 20.0}
+    return errors_by_case(results.evaluation, plotted_methods(), noises)
+
+
+EVALUATION_FIGURES = [
+    FigureSpec("fig-unseen", "Runs that were not trained on", "Not in the paper.", "Mean absolute error of the data set"
+               " beside this sweep; whole arrangements, packings, speeds, dampings held out.",
+               errors_by_case_and_noise),
+]  # fmt: skip

@@ -1,0 +1,52 @@
+"""A figure of the report before and after it is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from report.figures.style import Figure, to_uri
+from report.results.missing import MISSING_RESULT
+from report.results.sweep_results import SweepResults
+
+#: A figure alone, or with a note to add to its caption.
+Drawn = Figure | tuple[Figure, str]
+
+
+@dataclass(frozen=True)
+class FigureSpec:
+    """A figure to draw.
+
+    key: its id in the page. in_paper: what the paper says about its figure. caption: what ours shows. draw: draws it
+    from the results of a sweep. as_pixels: whether it goes into the page as PNG and not as SVG.
+    """
+
+    key: str
+    title: str
+    in_paper: str
+    caption: str
+    draw: Callable[[SweepResults], Drawn]
+    as_pixels: bool = False
+
+
+@dataclass(frozen=True)
+class FinishedFigure:
+    """A figure as the page shows it. uri: data URI, or empty where the runs do not give it; the caption then says why."""
+
+    key: str
+    title: str
+    in_paper: str
+    caption: str
+    uri: str
+
+
+def finish_figure(spec: FigureSpec, results: SweepResults) -> FinishedFigure:
+    """Draw one figure, or say in its caption why the runs do not give it."""
+    try:
+        drawn = spec.draw(results)
+    except MISSING_RESULT as reason:
+        return FinishedFigure(spec.key, spec.title, spec.in_paper, f"Not drawn: {reason}", "")
+    figure, note = drawn if isinstance(drawn, tuple) else (drawn, "")
+    caption = f"{spec.caption} {note}".strip()
+    uri = to_uri(figure, spec.key, as_pixels=spec.as_pixels)
+    return FinishedFigure(spec.key, spec.title, spec.in_paper, caption, uri)

@@ -1,0 +1,128 @@
+"""The chapter of the plate's response: Figures 16 to 21 of the paper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from analysis import RecordError, Run
+from report.chapters.figure_spec import Drawn, FigureSpec
+from report.figures import response as figures
+from report.figures.lines import against_ratio, curves
+from report.figures.style import COAL, GANGUE, ratio_colour
+from report.results.sweep_results import SweepResults
+
+
+def motion_and_energy(results: SweepResults) -> Drawn:
+    stack = results.sweep.stack
+    panels = [
+        ("a: displacement, µm", 1e6 * stack("u_m")),
+        ("b: velocity, m/s", stack("v_m_s")),
+        ("c: acceleration, m/s²", stack("a_m_s2")),
+        ("d: kinetic energy, J", stack("kinetic_J")),
+        ("e: internal energy, J", stack("internal_J")),
+        ("f: total energy, J", stack("total_J")),
+    ]
+    return curves(results.t_s, panels, results.ratios)
+
+
+def _finest_stream(run: Run) -> pd.DataFrame:
+    """Return the fast stream, or the regular one of a run that kept no fast one."""
+    return run.fast if run.fast is not None else run.signals
+
+
+def single_force(results: SweepResults) -> Drawn:
+    lines: list[figures.ForceLine] = []
+    colours = (("coal", COAL), ("gangue", GANGUE))
+    for i, (name, colour) in zip(results.indices_coal_gangue_at_3(), colours, strict=True):
+        table = _finest_stream(results.runs[i])
+        label = f"{name} ({results.ratios[i]:.0%} run)"
+        lines.append((label, colour, table["t_s"].to_numpy(), 1e-3 * table["force_03_N"].to_numpy()))
+    return figures.contact_forces(lines, "force at place 3, kN")
+
+
+def total_force(results: SweepResults) -> Drawn:
+    lines: list[figures.ForceLine] = []
+    for run in results.runs:
+        table = _finest_stream(run)
+        colour = ratio_colour(run.gangue_ratio)
+        lines.append(("", colour, table["t_s"].to_numpy(), 1e-3 * table["force_N"].to_numpy()))
+    return figures.contact_forces(lines, "total force, kN")
+
+
+def maxima(results: SweepResults) -> Drawn:
+    extremes, peaks = results.response.extremes, results.response.peaks
+    motions = (("displacement, µm", "u_m", 1e6), ("velocity, m/s", "v_m_s", 1), ("acceleration, m/s²", "a_m_s2", 1))
+    panels = [
+        (label, {"up": unit * extremes[name][:, 0], "down": -unit * extremes[name][:, 1]})
+        for label, name, unit in motions
+    ]
+    panels += [
+        ("total contact force, kN", {"force": 1e-3 * peaks["force_N"]}),
+        ("energy, J", {name: peaks[f"{name}_J"] for name in ("kinetic", "internal", "total")}),
+    ]
+    return against_ratio(results.ratios, panels)
+
+
+def bending_stress(results: SweepResults) -> Drawn:
+    modes = results.plate.modes[0]
+    x_m, y_m = (np.linspace(lines[0], lines[-1], 101) for lines in (modes.lines_x_m, modes.lines_y_m))
+    points_m = np.stack(np.meshgrid(x_m, y_m, indexing="ij"), axis=-1).reshape(-1, 2)
+    maps_Pa = list(results.plate.bending_stress_at_Pa(points_m).reshape(-1, x_m.size, y_m.size))
+    return figures.stress_maps((x_m, y_m), maps_Pa, results.ratios, results.theory.setup.places_m)
+
+
+def contact_stress(results: SweepResults) -> Drawn:
+    offset_m = np.linspace(-0.006, 0.006, 121)
+    count = len(results.theory.setup.places_m)
+    if count < 3:
+        raise RecordError(f"{count} particles; the paper shows the third")
+    maps_Pa = results.plate.contact_stress_Pa(3, offset_m)
+    pressure_Pa = results.mean_by_material(results.plate.contact_pressure_Pa)
+    means = ", ".join(
+        f"{name} {1e-6 * np.nanmean(p):.0f} MPa" for name, p in pressure_Pa.items() if np.isfinite(p).any()
+    )
+    figure = figures.stress_maps((offset_m, offset_m), maps_Pa, results.ratios, np.zeros((1, 2)))
+    return figure, f"Largest Hertz pressure of one, mean over runs: {means}."
+
+
+def stress_against_ratio(results: SweepResults) -> Drawn:
+    plate, note = results.plate, ""
+    pressure_Pa = plate.contact_pressure_Pa
+    panels = [
+        ("largest Hertz pressure of one, MPa",
+         {name: 1e-6 * p for name, p in results.mean_by_material(pressure_Pa).items()}),
+        ("the same, mean of all, MPa", {"all": 1e-6 * pressure_Pa.mean(axis=1)}),
+    ]  # fmt: skip
+    try:
+        panels += [
+            ("bending below the particles, MPa", {"mean": 1e-6 * plate.mean_stress_below_stones_Pa}),
+            ("area of high bending stress, %", {"share": 100 * plate.high_stress_share}),
+        ]
+    except RecordError as reason:
+        note = f"Bending not drawn: {reason}."
+    return against_ratio(results.ratios, panels), note
+
+
+RESPONSE_FIGURES = [
+    FigureSpec("fig-16", "Response of the plate (Figure 16)", "Amplitudes of displacement, velocity and acceleration and"
+               " all energies rise with the ratio.", "Centre of mass of the plate.", motion_and_energy),
+    FigureSpec("fig-17", "Force of one particle (Figure 17)", "At place 3 gangue pushes harder than coal and hits again"
+               " later.", "Fast stream: first collision, and all after it.", single_force),
+    FigureSpec("fig-18", "Total contact force (Figure 18)", "Rises with the ratio; from the second collision on the"
+               " particles do not hit together.", "Fast stream, each ratio one curve (dark: coal): first collision, and"
+               " all after it.", total_force),
+    FigureSpec("fig-19", "Maxima against the ratio (Figure 19)", "All rise, in both directions.", "Largest values of"
+               " the run, fast stream.", maxima),
+    FigureSpec("fig-21", "Stress of the plate (Figures 20, 21)", "The stress rises above 20 %; a region of high stress"
+               " crosses the contact area above 70 %.", "Von Mises stress of bending at the top surface at the instant"
+               " of the largest total force, without the contacts' own. Crosses: places of the particles.",
+               bending_stress, as_pixels=True),
+    FigureSpec("fig-21-contact", "Stress at a contact (Figures 20, 21)", "The stresses are taken where the particles"
+               " touch.", "The same instant, 12 mm x 12 mm about place 3 (coal until gangue takes it): bending plus the"
+               " Hertz stress of each particle as one sphere of its radius; the sub-spheres of a bonded one press on"
+               " smaller spots.", contact_stress, as_pixels=True),
+    FigureSpec("fig-21-ratio", "Stress against the ratio (Figure 21)", "Rises above 20 %; high stress from 70 %.",
+               "High: above 0.8 of the highest bending stress of any run. Hertz pressure: of each particle as a whole"
+               " sphere, at its own largest force.", stress_against_ratio),
+]  # fmt: skip

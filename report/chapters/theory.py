@@ -1,0 +1,69 @@
+"""The chapter of the theory: Figures 7 to 11 of the paper."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis import RecordError
+from analysis.impact import DAMPING, force_history
+from analysis.theory import contact_stiffness, materials_in_order, sphere_mass_kg
+from report.chapters.figure_spec import Drawn, FigureSpec
+from report.figures import theory as figures
+from report.results.sweep_results import SweepResults
+
+
+def arrangement(results: SweepResults) -> Drawn:
+    s, plate = results.theory.setup, results.runs[0].info["scene"]["plate"]
+    rods_m = [(rod["x_m"], rod["y_m"]) for rod in plate["rods"]]
+    size_m = (plate["length_m"], plate["width_m"])
+    return figures.arrangement(s.places_m, s.radius_m, s.gangue_order, size_m, rods_m)
+
+
+def mixing_order(results: SweepResults) -> Drawn:
+    counts = results.theory.gangue_counts
+    materials = [materials_in_order(count, results.theory.setup.gangue_order) for count in counts]
+    return figures.mixing_order(materials, counts / counts[-1])
+
+
+def peak_against_position(results: SweepResults) -> Drawn:
+    x_m = np.linspace(-0.49, 0.49, 99) * results.theory.setup.support_length_m
+    return figures.peak_against_position(x_m, results.theory.single_peaks_N(x_m))
+
+
+def totals(results: SweepResults) -> Drawn:
+    panels, note = {"plate as the paper's beam": results.theory.beam_totals_N}, ""
+    try:
+        panels["real plate (modes)"] = results.theory.real_plate_totals_N
+    except RecordError as reason:
+        note = f"Real plate not drawn: {reason}."
+    counts = results.theory.gangue_counts
+    simulated = (results.ratios, results.response.peaks["force_N"])
+    return figures.totals(counts / counts[-1], panels, simulated), note
+
+
+def force_histories(results: SweepResults) -> Drawn:
+    s, histories = results.theory.setup, {}
+    for name, rock in s.rocks.items():
+        stiffness, mass_kg = contact_stiffness(rock, s.radius_m, s.plate), sphere_mass_kg(rock, s.radius_m)
+        e = s.restitution[name]
+        by_law = {law: force_history(law, stiffness, mass_kg, s.speed_m_s, e) for law in DAMPING}
+        histories[f"{name}, e = {e:g}"] = {law: (h.t_s, h.force_N) for law, h in by_law.items()}
+    return figures.force_histories(histories)
+
+
+THEORY_FIGURES = [
+    FigureSpec("fig-7", "Arrangement (Figure 7, 11)", "Ten particles at equal angles on a circle; two of them, A and B,"
+               " on the axis along the length L.", "Particles with their number and the turn in which gangue replaces"
+               " coal; grey: rods.", arrangement),
+    FigureSpec("fig-8", "Mixing order (Figure 8)", "Gangue replaces coal in ten steps.", "The order of the scene; the"
+               " paper's own is read back from Table 2.", mixing_order),
+    FigureSpec("fig-9", "Largest force against position (Figure 9)", "Constant without deflection; with it smallest in"
+               " the middle of the length, growing to the ends, and much less. Flores below Hertz, gangue above coal.",
+               "Eqs. 8, 9, 19, 20, 26-30 with the scene's values, restitution included.", peak_against_position),
+    FigureSpec("fig-10", "Total force (Figure 10)", "All four states rise with the ratio; the two without deflection in"
+               " straight lines, the others in uneven steps.", "Left with the paper's beam, right with the static"
+               " compliance of the real plate on its rods; points: largest simulated force.", totals),
+    FigureSpec("fig-laws", "Force histories (Eqs. 5, 14)", "The paper integrates energies only.", "One particle on a"
+               " rigid plate. The damped force peaks before the largest compression and above the force of Eq. 20.",
+               force_histories),
+]  # fmt: skip

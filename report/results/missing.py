@@ -1,0 +1,14 @@
+"""What a part of the report raises when the runs do not give it."""
+
+from __future__ import annotations
+
+from analysis import RecordError
+from recognition.errors import RecognitionError
+
+
+class MissingResult(ValueError):
+    """The runs do not give what a figure, a table or a statement needs; the message is one line that says why."""
+
+
+#: All errors that leave a figure, a table or a verdict out of the report instead of ending it.
+MISSING_RESULT = (MissingResult, RecordError, RecognitionError)

@@ -1,0 +1,163 @@
+"""Recognition of the mixing ratio from the runs: Q, Kalman filter, fusion, answers (Section V, Figures 24 to 38)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from analysis import Sweep
+from analysis.features import BASE_PARAMETERS
+from analysis.runs import RESPONSES
+from recognition.models import Model, Window, leave_one_out
+from recognition.paper.fusion import FUSIONS, Fusion
+from recognition.paper.kalman import kalman_filter
+from recognition.paper.least_squares import PolynomialFit, fit_polynomial
+from recognition.paper.pipeline import FusionPipeline
+from report.results.methods import FUSION_MODIFIED, FUSION_Q, MODEL_METHODS
+from report.results.signals import SignalResults
+
+#: How the model that answers was trained. "Held out": on all other ratios.
+TRAINED_ON_ALL, HELD_OUT = "trained on all", "that ratio held out"
+
+
+def in_paper_window(sweep: Sweep) -> Sweep:
+    """Return the sweep with the regular stream of each run cut to the paper's 0.04 s, or what all runs have of it."""
+    window = Window.of(sweep.runs)
+    return replace(
+        sweep, runs=[replace(run, signals=window.cut(run.signals, str(run.path))) for run in sweep.runs]
+    )
+
+
+@dataclass(frozen=True)
+class MomentFits:
+    """Some moments of the function space (Figure 37, left).
+
+    t_s (k,): the moments. measured (k, runs): QQ of the runs. fitted (k, n): the fitted functions at `fine_ratios` (n,).
+    """
+
+    t_s: np.ndarray
+    measured: np.ndarray
+    fine_ratios: np.ndarray
+    fitted: np.ndarray
+
+
+@dataclass(frozen=True)
+class ScoredCandidates:
+    """Candidate ratios of one record, shape (c,) each: ratio, mean difference, and whether enough points support it."""
+
+    ratio: np.ndarray
+    difference: np.ndarray
+    allowed: np.ndarray
+
+
+class RecognitionResults:
+    """Answers of every method, and the steps of the paper's methods on the way to them.
+
+    Raises RecognitionError for fewer than four different mixing ratios.
+    """
+
+    def __init__(self, sweep: Sweep, signals: SignalResults):
+        self._sweep = sweep
+        self._runs = sweep.runs
+        self._ratios = sweep.ratios
+        self._signals = signals
+
+    @cached_property
+    def _model(self) -> Model:
+        return Model.fit(self._runs)
+
+    @cached_property
+    def answers(self) -> dict[str, list[dict[str, float | str]]]:
+        """Answers of all methods to each run, by the training; a text where a method gives no answer."""
+        return {
+            TRAINED_ON_ALL: [self._model.recognise(run.signals, str(run.path)) for run in self._runs],
+            HELD_OUT: leave_one_out(self._runs),
+        }
+
+    def errors_points(self, training: str, method: str) -> np.ndarray:
+        """Return recognised less true ratio, in points, of the runs that a method answered, shape (answered,)."""
+        rows = zip(self.answers[training], self._ratios, strict=True)
+        return np.array([100 * (row[method] - ratio) for row, ratio in rows if isinstance(row[method], float)])
+
+    # ----------------------------------------------------------- fused parameter Q
+
+    @cached_property
+    def _base(self) -> np.ndarray:
+        """The eight base parameters of Q, shape (runs, 8)."""
+        return np.column_stack([self._signals.parameters[name] for name in BASE_PARAMETERS])
+
+    @cached_property
+    def standardised_base(self) -> tuple[np.ndarray, np.ndarray]:
+        """The base parameters by Eq. 39, shape (runs, 8), and which of them fall with the ratio, shape (8,) of bool."""
+        scaler = self._model.methods[FUSION_Q].scaler_
+        return scaler.transform(self._base), scaler.direction < 0
+
+    @cached_property
+    def q(self) -> np.ndarray:
+        """The fused parameter Q of each run (Eq. 40), shape (runs,)."""
+        return self._model.methods[FUSION_Q].transform(self._base)
+
+    @property
+    def q_fit(self) -> PolynomialFit:
+        """The polynomial of Q that the model inverts."""
+        return self._model.methods[FUSION_Q].fit_
+
+    @property
+    def q_quadratic(self) -> PolynomialFit:
+        """The quadratic through Q of the runs (Table 3)."""
+        return fit_polynomial(self._ratios, self.q, 2)
+
+    # ------------------------------------------------------ Kalman filter, fusion
+
+    @cached_property
+    def filtered(self) -> dict[str, np.ndarray]:
+        """The six responses after the Kalman filter, in SI units, shape (runs, samples) each."""
+        return {name: kalman_filter(self._sweep.stack(name)) for name in RESPONSES}
+
+    @cached_property
+    def _fusions(self) -> dict[str, Fusion]:
+        return {kind: Fusion(kind).fit(self.fusion_inputs(kind)) for kind in FUSIONS}
+
+    def fusion_inputs(self, kind: str) -> np.ndarray:
+        """Return the responses that a fusion takes of each run, shape (runs, m, samples)."""
+        return np.stack([Fusion(kind).prepare(run.signals) for run in self._runs])
+
+    def normalised_inputs(self, kind: str) -> dict[str, np.ndarray]:
+        """Return the same normalised by Eq. 41: {response: shape (runs, samples)}."""
+        fusion = self._fusions[kind]
+        values = fusion.normalised(self.fusion_inputs(kind))
+        return {name: values[:, row] for row, name in enumerate(fusion.ranges)}
+
+    @cached_property
+    def fused(self) -> dict[str, np.ndarray]:
+        """The four fusion parameters QQ, shape (runs, samples) each."""
+        return {kind: fusion.transform(self.fusion_inputs(kind)) for kind, fusion in self._fusions.items()}
+
+    # ------------------------------------------------------- recognition strategy
+
+    def moment_fits(self, count: int) -> MomentFits:
+        """Return `count` moments of the function space of the modified energy fusion, evenly chosen."""
+        method = self._model.methods[FUSION_MODIFIED]
+        curves = method.transform(self.fusion_inputs("energy")[:, :, : self._model.window.n_samples])
+        space, fine = method.strategy.space_, np.linspace(0, 1, 51)
+        chosen = np.linspace(0, space.moments.size - 1, count + 1).astype(int)[1:]
+        moments = space.moments[chosen]
+        fitted = np.stack([space(np.full(fine.size, k), fine) for k in chosen])
+        return MomentFits(self._runs[0].t_s[moments], curves[:, moments].T, fine, fitted)
+
+    def candidates(self, index: int) -> dict[str, ScoredCandidates]:
+        """Return the candidates for run `index` by the paper's strategies, fitted to all other ratios.
+
+        The keys are the methods as a reader sees them.
+        """
+        run = self._runs[index]
+        model = Model.fit([other for other in self._runs if other.gangue_ratio != run.gangue_ratio])
+        table = model.window.cut(run.signals, str(run.path))
+        scored = {}
+        for name, method in model.methods.items():
+            if isinstance(method, FusionPipeline):
+                found = method.strategy.candidates(method.transform(method.prepare(table)))
+                scored[MODEL_METHODS[name]] = ScoredCandidates(found.ratio, found.score, found.allowed)
+        return scored

@@ -1,0 +1,44 @@
+"""Time-frequency analysis of the plate's acceleration (Section IV, Figures 22 and 23)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from analysis import Sweep
+from analysis.emd import Decomposition, decompose
+from analysis.emd_rules import RuleCost, compare_rules
+from analysis.features import TIME_PARAMETERS, time_features
+from analysis.hilbert import marginal_spectrum
+
+
+class SignalResults:
+    """Parameters of each run's acceleration in the paper's window."""
+
+    def __init__(self, sweep: Sweep):
+        self._runs = sweep.runs
+
+    @cached_property
+    def decompositions(self) -> list[Decomposition]:
+        """Intrinsic mode functions (IMFs) of each run."""
+        return [decompose(run.record("a_m_s2")) for run in self._runs]
+
+    @cached_property
+    def parameters(self) -> dict[str, np.ndarray]:
+        """Parameters of Figure 23 but the energies of the IMFs, shape (runs,) each."""
+        rows = [{f.name: f.value for f in time_features(run.record("a_m_s2"))} for run in self._runs]
+        table = {name: np.array([row[name] for row in rows]) for name in TIME_PARAMETERS}
+        energy = [marginal_spectrum(d, kind="energy").total for d in self.decompositions]
+        return table | {"marginal_spectrum_energy": np.array(energy)}
+
+    @cached_property
+    def imf_energies(self) -> np.ndarray:
+        """Energies of the IMFs in (m/s^2)^2 s, shape (runs, most IMFs); 0 where a run has fewer IMFs."""
+        most = max(len(d.imfs) for d in self.decompositions)
+        return np.stack([np.pad(d.energies, (0, most - len(d.imfs))) for d in self.decompositions])
+
+    @cached_property
+    def rule_costs(self) -> list[RuleCost]:
+        """Error and time of the EMD stopping rules, on a signal whose modes are known and not on the runs."""
+        return [cost for samples in (267, 4000, 20000) for cost in compare_rules(samples, repeats=2)]
