@@ -1,7 +1,8 @@
+"""Measures of trends, against values found by hand."""
+
 import numpy as np
 import pytest
 
-from recognition import RecognitionError
 from report.claims.trends import (
     falling_steps,
     fluctuation,
@@ -11,24 +12,8 @@ from report.claims.trends import (
     stratification,
     travel,
 )
-from report.claims.verdicts import (
-    HELD,
-    NOT_HELD,
-    NOT_TESTED,
-    PARTLY,
-    Statement,
-    disorderly,
-    graded,
-    judge,
-    to_csv,
-    trend,
-)
 
 RATIOS = np.arange(11) / 10
-
-
-class Fake:
-    ratios = RATIOS
 
 
 def test_rank_correlation_by_the_sum_of_squared_ranks():
@@ -60,43 +45,3 @@ def test_separation_and_fluctuation():
     assert separation(np.array([[0.0, 0.0], [1.0, 0.5]])) == pytest.approx(0.75)
     t = np.arange(2000)
     assert fluctuation(np.sin(2 * np.pi * t / 40)) == pytest.approx(2 * np.sin(np.pi / 40), rel=0.01)
-
-
-SHUFFLED = RATIOS[[2, 0, 5, 1, 4, 9, 3, 7, 6, 10, 8]]
-
-
-@pytest.mark.parametrize(
-    ("values", "direction", "verdict"),
-    [(RATIOS, 1, HELD), (-RATIOS, 1, NOT_HELD), (-RATIOS, -1, HELD), (SHUFFLED, 1, PARTLY)],
-)
-def test_trend_verdicts(values, direction, verdict):
-    assert trend(lambda study: values, direction)(Fake())[0] == verdict
-
-
-def test_disorder_is_the_other_way_about():
-    assert disorderly(lambda study: RATIOS)(Fake())[0] == NOT_HELD
-    assert disorderly(lambda study: RATIOS[[5, 0, 10, 1, 7, 9, 4, 2, 6, 3, 8]])(Fake())[0] == HELD
-
-
-def test_graded_works_in_both_directions():
-    assert [graded(v, 2.0, 1.0) for v in (3, 1.5, 0.5)] == [HELD, PARTLY, NOT_HELD]
-    assert [graded(v, 0.1, 0.3) for v in (0.05, 0.2, 0.5)] == [HELD, PARTLY, NOT_HELD]
-
-
-def test_what_cannot_be_tested_says_why_and_goes_into_the_table():
-    def fails(study):
-        raise RecognitionError("no such run")
-
-    claims = judge(Fake(), [Statement("A, with comma", "Fig. 1", "fig-1", "x", fails)])
-    assert claims[0].verdict == NOT_TESTED
-    assert to_csv(claims).splitlines() == [
-        "claim,where,verdict,value,expected",
-        '"A, with comma",Fig. 1,not tested,no such run,x',
-    ]
-
-
-def test_a_missing_value_is_not_a_trend():
-    values = RATIOS.copy()
-    values[3] = np.nan
-    with pytest.raises(RecognitionError, match="every run"):
-        trend(lambda study: values)(Fake())
