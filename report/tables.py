@@ -58,7 +58,7 @@ def materials(results: SweepResults) -> Cells:
         [name, f"{m.density_kg_m3:g}", f"{1e-9 * m.youngs_modulus_Pa:g}", f"{m.poisson_ratio:g}"]
         for name, m in {**setup.rocks, "plate": setup.plate}.items()
     ]
-    header = ["", "density, kg/m³", "E, GPa", "Poisson"]
+    header = ["", "density, kg/m³", "E, GPa", "Poisson's ratio"]
     return header, rows
 
 
@@ -172,27 +172,60 @@ def _error_cells(errors_points: np.ndarray, count: int) -> list[str]:
     return [_of(size.size, count), *numbers]
 
 
-MATERIALS = TableSpec("table-1", "Elastic parameters (Table 1)", "", materials)
+MATERIALS = TableSpec(
+    key="table-1",
+    title="Elastic parameters (Table 1)",
+    note="",
+    build=materials,
+)
 EMD_RULES = TableSpec(
-    "table-rules", "Cost of the EMD stopping rules",
-    "Time and error of the first IMF, as in the picture; measured when this report was written.", emd_rules)  # fmt: skip
+    key="table-rules",
+    title="Cost of the EMD stopping rules",
+    note="Time and error of the first IMF, as in the picture; measured when this report was written.",
+    build=emd_rules,
+)
 STANDARDISED = TableSpec(
-    "table-2", "Standardised parameters (Table 2)",
-    "Standardised by Eq. 39; the direction of each parameter is that of these runs, not the paper's.",
-    standardised)  # fmt: skip
+    key="table-2",
+    title="Standardised parameters (Table 2)",
+    note="Standardised by Eq. 39; the direction of each parameter is that of these runs, not the paper's.",
+    build=standardised,
+)
 DEVIATIONS = TableSpec(
-    "table-3", "Q and its quadratic (Table 3)",
-    "The paper's differences reach from 0.006 to 0.046, to both sides.", deviations)  # fmt: skip
+    key="table-3",
+    title="Q and its quadratic (Table 3)",
+    note="The paper's differences reach from 0.006 to 0.046, to both sides.",
+    build=deviations,
+)
 RECOGNISED = TableSpec(
-    "table-recognised", "Recognised mixing ratio of each run",
-    "In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations.", recognised)  # fmt: skip
+    key="table-recognised",
+    title="Recognised mixing ratio of each run",
+    note="In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations.",
+    build=recognised,
+)
 CHOICES = TableSpec(
-    "table-choices", "Choices that the paper leaves open",
-    "Errors in points of mixing ratio, that ratio held out. Noise-free runs of one arrangement and speed.",
-    choices)  # fmt: skip
+    key="table-choices",
+    title="Choices that the paper leaves open",
+    note="Errors in points of mixing ratio, that ratio held out. Noise-free runs of one arrangement and speed.",
+    build=choices,
+)
 UNSEEN = TableSpec(
-    "table-unseen", "Runs that were not trained on",
-    "Points of mixing ratio, of the runs answered; covered: share of true ratios in the 90 % interval; flagged: as"
-    " outside the calibration. What each case holds out and more noise: evaluation.csv.", unseen)  # fmt: skip
-ERRORS = TableSpec("table-errors", "Errors", "", errors)
-RUNS = TableSpec("table-runs", "Runs", "", runs)
+    key="table-unseen",
+    title="Runs that were not trained on",
+    note=(
+        "Points of mixing ratio, of the runs answered; covered: share of true ratios in the 90 % interval;"
+        " flagged: as outside the calibration. What each case holds out and more noise: evaluation.csv."
+    ),
+    build=unseen,
+)
+ERRORS = TableSpec(
+    key="table-errors",
+    title="Errors",
+    note="",
+    build=errors,
+)
+RUNS = TableSpec(
+    key="table-runs",
+    title="Runs",
+    note="",
+    build=runs,
+)

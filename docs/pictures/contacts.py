@@ -1,7 +1,7 @@
-"""Stress of the plate about the contacts of one instant: `python docs/pictures/contacts.py RUN PICTURE` (needs pyvista).
+"""Stress of the plate about the contacts of one instant: `python docs/pictures/contacts.py RUN PICTURE`; needs pyvista.
 
-Left the bending of the whole plate, right the patches of view.pvd about the contacts, at the instant of contacts.parquet
-with the largest force.
+Left the bending of the whole plate, right the patches of view.pvd about the contacts, at the instant of
+contacts.parquet with the largest force.
 """
 
 import sys
@@ -40,7 +40,8 @@ def main(run: Path, picture: Path) -> None:
     plotter.camera.parallel_scale = 0.75 * span
     plotter.set_background("white", all_renderers=True)
     plotter.screenshot(picture)
-    print(f"{len(here)} contacts at {1e3 * t:.2f} ms; plate {plate['MPa'].max():.1f} MPa, patches {patches['MPa'].max():.0f} MPa, "
+    print(f"{len(here)} contacts at {1e3 * t:.2f} ms; plate {plate['MPa'].max():.1f} MPa, "
+          f"patches {patches['MPa'].max():.0f} MPa, "
           f"patches span x {patches.points[:, 0].min():.4f}..{patches.points[:, 0].max():.4f}")
 
 

@@ -6,19 +6,27 @@ from pathlib import Path
 import matplotlib
 
 from analysis import read_sweep
-from report.chapters.mechanics import BREAKAGE, RESPONSE, THEORY
-from report.chapters.signals import RECOGNITION, SIGNALS
 from report.figures.style import STYLE
-from report.study import Study
+from report.page import CHAPTERS
+from report.results.sweep_results import SweepResults
 
-SHOWN = ("fig-7", "fig-10", "fig-laws", "fig-area-time", "fig-18", "fig-19", "fig-hilbert", "fig-23", "fig-33", "fig-38")
+SHOWN = ("fig-7", "fig-10", "fig-laws", "fig-area-time", "fig-18", "fig-19", "fig-hilbert", "fig-23", "fig-33",
+         "fig-38")  # fmt: skip
 HERE = Path(__file__).parent
 
-study = Study(read_sweep(sys.argv[1]))
-for plan in (*THEORY, *BREAKAGE, *RESPONSE, *SIGNALS, *RECOGNITION):
-    if plan.key in SHOWN:
-        drawn = plan.draw(study)
-        figure = drawn[0] if isinstance(drawn, tuple) else drawn
-        with matplotlib.rc_context(STYLE):
-            figure.savefig(HERE / f"{plan.key}.png", dpi=110, metadata={"Software": None})
-        print(f"| ![{plan.title}](pictures/{plan.key}.png) | **{plan.title}.** {plan.caption} |")
+
+def main(runs: str) -> None:
+    """Write the pictures beside this file, and print their rows of the table in docs/gallery.md."""
+    results = SweepResults(read_sweep(runs))
+    for _, figures, _ in CHAPTERS:
+        for spec in figures:
+            if spec.key in SHOWN:
+                drawn = spec.draw(results)
+                figure = drawn[0] if isinstance(drawn, tuple) else drawn
+                with matplotlib.rc_context(STYLE):
+                    figure.savefig(HERE / f"{spec.key}.png", dpi=110, metadata={"Software": None})
+                print(f"| ![{spec.title}](pictures/{spec.key}.png) | **{spec.title}.** {spec.caption} |")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

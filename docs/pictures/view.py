@@ -1,4 +1,4 @@
-"""The picture of the README from a run's view.pvd: `python docs/pictures/view.py RUN PICTURE [TIME_S]` (needs pyvista)."""
+"""The README's picture from a run's view.pvd: `python docs/pictures/view.py RUN PICTURE [TIME_S]`; needs pyvista."""
 
 import sys
 

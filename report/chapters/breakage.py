@@ -39,11 +39,12 @@ def broken_areas(results: SweepResults) -> Drawn:
         for i in range(len(results.runs))
     ])  # fmt: skip
     volume = results.mean_by_material(results.breakage.damaged_volume_share)
+    of_all = {"first collision": 1e4 * first_m2.sum(axis=1), "end": 1e4 * end_m2.sum(axis=1)}
     panels = [
-        ("cracks of one, cm²", {name: 1e4 * area for name, area in results.mean_by_material(first_m2).items()}),
-        ("cracks of all, cm²", {"first collision": 1e4 * first_m2.sum(axis=1), "end": 1e4 * end_m2.sum(axis=1)}),
-        ("broken in sections, cm²", {"first collision": 1e4 * in_sections_m2}),
-        ("damaged volume of one, %", {name: 100 * share for name, share in volume.items()}),
+        ("crack area of one stone, cm²", {k: 1e4 * area for k, area in results.mean_by_material(first_m2).items()}),
+        ("crack area of all stones, cm²", of_all),
+        ("broken area in sections, cm²", {"first collision": 1e4 * in_sections_m2}),
+        ("damaged volume of one stone, %", {name: 100 * share for name, share in volume.items()}),
     ]
     return against_ratio(results.ratios, panels)
 
@@ -78,17 +79,54 @@ def fragments(results: SweepResults) -> Drawn:
 
 
 BREAKAGE_FIGURES = [
-    FigureSpec("fig-13", "Breakage at stages of the impact (Figure 13)", "After the first collision coal is broken much"
-               " more than gangue; gangue does not change after it, coal goes on breaking.", "Vertical sections of the"
-               " ten agglomerates in their undeformed shape.", stages, as_pixels=True),
-    FigureSpec("fig-14", "Sections after the first collision (Figures 14, 15)", "The broken area of single particles"
-               " does not change with the ratio.", "One row per ratio.", sections, as_pixels=True),
-    FigureSpec("fig-15", "Broken area against the ratio (Figure 15)", "Of one coal or gangue: constant. Of all ten:"
-               " rising as the ratio falls.", "Crack area of broken bonds after the first collision; area of the"
-               " sub-spheres in the sections that lost half of their bonds; damaged volume at the end.", broken_areas),
-    FigureSpec("fig-area-time", "Crack area over time", "Coal breaks on in later collisions.", "Each agglomerate of the"
-               " run nearest to 50 %.", area_over_time),
-    FigureSpec("fig-cracks", "Cracks by mode", "Not in the paper.", "Bonds broken in tension and in shear.", cracks),
-    FigureSpec("fig-fragments", "Fragments", "Not in the paper, which shows the pieces only.", "What intact bonds still"
-               " hold together.", fragments),
-]  # fmt: skip
+    FigureSpec(
+        key="fig-13",
+        title="Breakage at stages of the impact (Figure 13)",
+        in_paper=(
+            "After the first collision coal is broken much more than gangue; gangue does not change after it, coal"
+            " goes on breaking."
+        ),
+        caption="Vertical sections of the ten stones in their undeformed shape.",
+        draw=stages,
+        as_pixels=True,
+    ),
+    FigureSpec(
+        key="fig-14",
+        title="Sections after the first collision (Figures 14, 15)",
+        in_paper="The broken area of single particles does not change with the ratio.",
+        caption="One row a ratio; black frames: coal, brown: gangue.",
+        draw=sections,
+        as_pixels=True,
+    ),
+    FigureSpec(
+        key="fig-15",
+        title="Broken area against the ratio (Figure 15)",
+        in_paper="Of one coal or gangue: constant. Of all ten: rising as the ratio falls.",
+        caption=(
+            "Crack area of broken bonds after the first collision; area of the sub-spheres in the sections that lost"
+            " half of their bonds; damaged volume at the end."
+        ),
+        draw=broken_areas,
+    ),
+    FigureSpec(
+        key="fig-area-time",
+        title="Crack area over time",
+        in_paper="Coal breaks on in later collisions.",
+        caption="Each stone of the run nearest to 50 %.",
+        draw=area_over_time,
+    ),
+    FigureSpec(
+        key="fig-cracks",
+        title="Cracks by mode",
+        in_paper="Not in the paper.",
+        caption="Bonds broken in tension and in shear.",
+        draw=cracks,
+    ),
+    FigureSpec(
+        key="fig-fragments",
+        title="Fragments",
+        in_paper="Not in the paper, which shows the pieces only.",
+        caption="A fragment is what intact bonds still hold together.",
+        draw=fragments,
+    ),
+]

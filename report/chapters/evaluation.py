@@ -34,7 +34,14 @@ def errors_by_case_and_noise(results: SweepResults) -> Drawn:
 
 
 EVALUATION_FIGURES = [
-    FigureSpec("fig-unseen", "Runs that were not trained on", "Not in the paper.", "Mean absolute error of the data set"
-               " beside this sweep; whole arrangements, packings, speeds, dampings held out.",
-               errors_by_case_and_noise),
-]  # fmt: skip
+    FigureSpec(
+        key="fig-unseen",
+        title="Runs that were not trained on",
+        in_paper="Not in the paper.",
+        caption=(
+            "Mean absolute error of the data set beside this sweep; whole arrangements, packings, speeds, dampings"
+            " held out."
+        ),
+        draw=errors_by_case_and_noise,
+    ),
+]

@@ -31,7 +31,7 @@ class FigureSpec:
 
 @dataclass(frozen=True)
 class FinishedFigure:
-    """A figure as the page shows it. uri: data URI, or empty where the runs do not give it; the caption then says why."""
+    """A figure as the page shows it. uri: empty where the runs do not give the figure; the caption then says why."""
 
     key: str
     title: str

@@ -82,24 +82,74 @@ def recognised_ratios(results: SweepResults) -> Drawn:
 
 
 RECOGNITION_FIGURES = [
-    FigureSpec("fig-24", "Fused parameter Q (Figure 24)", "Rises gradually; quadratic 0.00614 + 0.79954β + 0.15488β²"
-               " with R² 0.99079 (the adjusted one).", "Eight parameters by Eq. 39, equal weights.", q_against_ratio),
-    FigureSpec("fig-25", "Kalman filter of six responses (Figure 25)", "Fluctuation and amplitude become smaller.",
-               "Random walk, q/r = 0.1.", kalman_filter),
-    FigureSpec("fig-26", "Total energy before and after (Figure 26)", "More clearly stratified after; the peaks of 90"
-               " and 100 % cross in part.", "", total_energy),
-    FigureSpec("fig-27", "The other responses after the filter (Figure 27)", "Energies stratified; amplitudes of"
-               " acceleration, velocity and displacement not monotone.", "", filtered_responses),
-    FigureSpec("fig-28", "Normalised total energy (Figure 28)", "By Eq. 41 over all eleven ratios.", "",
-               normalised_energy),
-    FigureSpec("fig-29", "Fusion of normalised responses (Figures 29-32)", "The fused signal lies among its parts and is"
-               " calmer.", "", fusion_process),
-    FigureSpec("fig-33", "After fusion (Figures 33-36)", "Maxima rise with the ratio; energy fusion has a single peak,"
-               " is calmest and best stratified.", "Energy, other, absolute, composite.", fused_responses),
-    FigureSpec("fig-37", "Function space (Figure 37, left)", "At each moment a polynomial of QQ against the ratio.",
-               "Degree 2 at six of the moments.", function_space),
-    FigureSpec("fig-38", "Worked example (Figures 37, 38)", "Each moment's root is a candidate; the smallest mean"
-               " difference wins.", "", worked_example),
-    FigureSpec("fig-recognised", "Recognised ratio", "The strategy greatly improves on Q; the paper reports no test on"
-               " unseen data.", "Trained on all: the run itself was in the training.", recognised_ratios),
-]  # fmt: skip
+    FigureSpec(
+        key="fig-24",
+        title="Fused parameter Q (Figure 24)",
+        in_paper="Rises gradually; quadratic 0.00614 + 0.79954β + 0.15488β² with R² 0.99079 (the adjusted one).",
+        caption="Eight parameters by Eq. 39, equal weights.",
+        draw=q_against_ratio,
+    ),
+    FigureSpec(
+        key="fig-25",
+        title="Kalman filter of six responses (Figure 25)",
+        in_paper="Fluctuation and amplitude become smaller.",
+        caption="Random walk, q/r = 0.1.",
+        draw=kalman_filter,
+    ),
+    FigureSpec(
+        key="fig-26",
+        title="Total energy before and after (Figure 26)",
+        in_paper="More clearly stratified after; the peaks of 90 and 100 % cross in part.",
+        caption="",
+        draw=total_energy,
+    ),
+    FigureSpec(
+        key="fig-27",
+        title="The other responses after the filter (Figure 27)",
+        in_paper="Energies stratified; amplitudes of acceleration, velocity and displacement not monotone.",
+        caption="",
+        draw=filtered_responses,
+    ),
+    FigureSpec(
+        key="fig-28",
+        title="Normalised total energy (Figure 28)",
+        in_paper="By Eq. 41 over all eleven ratios.",
+        caption="",
+        draw=normalised_energy,
+    ),
+    FigureSpec(
+        key="fig-29",
+        title="Fusion of normalised responses (Figures 29-32)",
+        in_paper="The fused signal lies among its parts and is calmer.",
+        caption="",
+        draw=fusion_process,
+    ),
+    FigureSpec(
+        key="fig-33",
+        title="After fusion (Figures 33-36)",
+        in_paper="Maxima rise with the ratio; energy fusion has a single peak, is calmest and best stratified.",
+        caption="Energy, other, absolute, composite.",
+        draw=fused_responses,
+    ),
+    FigureSpec(
+        key="fig-37",
+        title="Function space (Figure 37, left)",
+        in_paper="At each moment a polynomial of QQ against the ratio.",
+        caption="Degree 2 at six of the moments.",
+        draw=function_space,
+    ),
+    FigureSpec(
+        key="fig-38",
+        title="Worked example (Figures 37, 38)",
+        in_paper="Each moment's root is a candidate; the smallest mean difference wins.",
+        caption="",
+        draw=worked_example,
+    ),
+    FigureSpec(
+        key="fig-recognised",
+        title="Recognised ratio",
+        in_paper="The strategy greatly improves on Q; the paper reports no test on unseen data.",
+        caption="Trained on all: the run itself was in the training.",
+        draw=recognised_ratios,
+    ),
+]

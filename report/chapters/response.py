@@ -76,27 +76,27 @@ def contact_stress(results: SweepResults) -> Drawn:
     offset_m = np.linspace(-0.006, 0.006, 121)
     count = len(results.theory.setup.places_m)
     if count < 3:
-        raise RecordError(f"{count} particles; the paper shows the third")
+        raise RecordError(f"{count} stones; the paper shows the third")
     maps_Pa = results.plate.contact_stress_Pa(3, offset_m)
     pressure_Pa = results.mean_by_material(results.plate.contact_pressure_Pa)
     means = ", ".join(
         f"{name} {1e-6 * np.nanmean(p):.0f} MPa" for name, p in pressure_Pa.items() if np.isfinite(p).any()
     )
     figure = figures.stress_maps((offset_m, offset_m), maps_Pa, results.ratios, np.zeros((1, 2)))
-    return figure, f"Largest Hertz pressure of one, mean over runs: {means}."
+    return figure, f"Largest Hertz pressure of one stone, mean over runs: {means}."
 
 
 def stress_against_ratio(results: SweepResults) -> Drawn:
     plate, note = results.plate, ""
     pressure_Pa = plate.contact_pressure_Pa
     panels = [
-        ("largest Hertz pressure of one, MPa",
+        ("Hertz pressure of one stone, MPa",
          {name: 1e-6 * p for name, p in results.mean_by_material(pressure_Pa).items()}),
-        ("the same, mean of all, MPa", {"all": 1e-6 * pressure_Pa.mean(axis=1)}),
+        ("Hertz pressure, mean of all, MPa", {"all": 1e-6 * pressure_Pa.mean(axis=1)}),
     ]  # fmt: skip
     try:
         panels += [
-            ("bending below the particles, MPa", {"mean": 1e-6 * plate.mean_stress_below_stones_Pa}),
+            ("bending stress below stones, MPa", {"mean": 1e-6 * plate.mean_stress_below_stones_Pa}),
             ("area of high bending stress, %", {"share": 100 * plate.high_stress_share}),
         ]
     except RecordError as reason:
@@ -105,24 +105,65 @@ def stress_against_ratio(results: SweepResults) -> Drawn:
 
 
 RESPONSE_FIGURES = [
-    FigureSpec("fig-16", "Response of the plate (Figure 16)", "Amplitudes of displacement, velocity and acceleration and"
-               " all energies rise with the ratio.", "Centre of mass of the plate.", motion_and_energy),
-    FigureSpec("fig-17", "Force of one particle (Figure 17)", "At place 3 gangue pushes harder than coal and hits again"
-               " later.", "Fast stream: first collision, and all after it.", single_force),
-    FigureSpec("fig-18", "Total contact force (Figure 18)", "Rises with the ratio; from the second collision on the"
-               " particles do not hit together.", "Fast stream, each ratio one curve (dark: coal): first collision, and"
-               " all after it.", total_force),
-    FigureSpec("fig-19", "Maxima against the ratio (Figure 19)", "All rise, in both directions.", "Largest values of"
-               " the run, fast stream.", maxima),
-    FigureSpec("fig-21", "Stress of the plate (Figures 20, 21)", "The stress rises above 20 %; a region of high stress"
-               " crosses the contact area above 70 %.", "Von Mises stress of bending at the top surface at the instant"
-               " of the largest total force, without the contacts' own. Crosses: places of the particles.",
-               bending_stress, as_pixels=True),
-    FigureSpec("fig-21-contact", "Stress at a contact (Figures 20, 21)", "The stresses are taken where the particles"
-               " touch.", "The same instant, 12 mm x 12 mm about place 3 (coal until gangue takes it): bending plus the"
-               " Hertz stress of each particle as one sphere of its radius; the sub-spheres of a bonded one press on"
-               " smaller spots.", contact_stress, as_pixels=True),
-    FigureSpec("fig-21-ratio", "Stress against the ratio (Figure 21)", "Rises above 20 %; high stress from 70 %.",
-               "High: above 0.8 of the highest bending stress of any run. Hertz pressure: of each particle as a whole"
-               " sphere, at its own largest force.", stress_against_ratio),
-]  # fmt: skip
+    FigureSpec(
+        key="fig-16",
+        title="Response of the plate (Figure 16)",
+        in_paper="Amplitudes of displacement, velocity and acceleration and all energies rise with the ratio.",
+        caption="Centre of mass of the plate.",
+        draw=motion_and_energy,
+    ),
+    FigureSpec(
+        key="fig-17",
+        title="Force of one particle (Figure 17)",
+        in_paper="At place 3 gangue pushes harder than coal and hits again later.",
+        caption="Fast stream: first collision, and all after it.",
+        draw=single_force,
+    ),
+    FigureSpec(
+        key="fig-18",
+        title="Total contact force (Figure 18)",
+        in_paper="Rises with the ratio; from the second collision on the particles do not hit together.",
+        caption="Fast stream, each ratio one curve (dark: coal): first collision, and all after it.",
+        draw=total_force,
+    ),
+    FigureSpec(
+        key="fig-19",
+        title="Maxima against the ratio (Figure 19)",
+        in_paper="All rise, in both directions.",
+        caption="Largest values of the run, fast stream.",
+        draw=maxima,
+    ),
+    FigureSpec(
+        key="fig-21",
+        title="Stress of the plate (Figures 20, 21)",
+        in_paper="The stress rises above 20 %; a region of high stress crosses the contact area above 70 %.",
+        caption=(
+            "Von Mises stress of bending at the top surface at the instant of the largest total force, without the"
+            " contacts' own. Crosses: places of the stones."
+        ),
+        draw=bending_stress,
+        as_pixels=True,
+    ),
+    FigureSpec(
+        key="fig-21-contact",
+        title="Stress at a contact (Figures 20, 21)",
+        in_paper="The stresses are taken where the particles touch.",
+        caption=(
+            "The same instant, 12 mm x 12 mm about place 3 (coal until gangue takes it): bending plus the Hertz"
+            " stress of each stone as one sphere of its radius; the sub-spheres of a bonded stone press on smaller"
+            " spots."
+        ),
+        draw=contact_stress,
+        as_pixels=True,
+    ),
+    FigureSpec(
+        key="fig-21-ratio",
+        title="Stress against the ratio (Figure 21)",
+        in_paper="Rises above 20 %; high stress from 70 %.",
+        caption=(
+            "High: above 0.8 of the highest bending stress of any run. Hertz pressure: of each stone as a whole"
+            " sphere, at its own largest force."
+        ),
+        draw=stress_against_ratio,
+    ),
+]

@@ -32,7 +32,10 @@ Values = Callable[[SweepResults], np.ndarray]
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement of the paper. where: its figure, table or section. figure: key of ours. expected: the rule in words."""
+    """A statement of the paper.
+
+    where: its figure, table or section. figure: key of ours. expected: the rule in words. test: gives the finding.
+    """
 
     text: str
     where: str

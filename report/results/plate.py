@@ -81,7 +81,7 @@ class PlateResults:
 
     @cached_property
     def contact_pressure_Pa(self) -> np.ndarray:
-        """Largest Hertz pressure under each stone, taken as one whole sphere, in the whole run: shape (runs, stones)."""
+        """Largest Hertz pressure of the run under each stone, taken as one whole sphere, shape (runs, stones)."""
         rows = [hertz_contacts(run, particle_forces_N(run)[1].max(axis=0)) for run in self._runs]
         return np.array([[contact.peak_pressure_Pa for contact in row] for row in rows])
 

@@ -34,7 +34,7 @@ def in_paper_window(sweep: Sweep) -> Sweep:
 class MomentFits:
     """Some moments of the function space (Figure 37, left).
 
-    t_s (k,): the moments. measured (k, runs): QQ of the runs. fitted (k, n): the fitted functions at `fine_ratios` (n,).
+    t_s (k,): the moments. measured (k, runs): QQ of the runs. fitted (k, n): the fitted functions at fine_ratios (n,).
     """
 
     t_s: np.ndarray

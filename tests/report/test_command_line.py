@@ -20,7 +20,10 @@ def test_unusable_runs(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("error", "code", "line"),
-    [(PermissionError(13, "Permission denied", "report.html"), 1, "Permission denied"), (KeyboardInterrupt(), 130, "interrupted")],
+    [
+        (PermissionError(13, "Permission denied", "report.html"), 1, "Permission denied"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
 )
 def test_ends_without_a_traceback(monkeypatch, capsys, error, code, line):
     def fails(directory):

@@ -8,8 +8,8 @@ import pytest
 from report.page import write_report
 from tests.analysis.synthetic import write_run, write_sweep
 
-EVALUATION = """method,held_out,noise_db,n,mean_abs_error_points,p95_points,worst_points,bias_points,coverage_90,case,answered,\
-flagged,reason
+EVALUATION = """method,held_out,noise_db,n,mean_abs_error_points,p95_points,worst_points,bias_points,coverage_90,case,\
+answered,flagged,reason
 rms_line,packing,,30,4.25,8.5,9.75,-0.5,0.9,many runs,30,0.0,
 rms_line,packing,20.0,30,5.25,9.5,10.75,-0.5,0.8,many runs,30,0.0,
 fusion_q,packing,20.0,30,,,,,,many runs,0,0.0,too few runs
@@ -38,7 +38,8 @@ def test_report_holds_everything_inside(report):
     not_drawn = re.findall(r'<figure id="([^"]+)">(?:(?!</figure>).)*Not drawn:', html, re.DOTALL)
     assert not_drawn == ["fig-21", "fig-21-contact"]
     assert 'id="table-rules"' in html
-    assert re.search(r"many runs</td>\s*<td>RMS and a straight line</td>\s*<td>-</td>\s*<td>30.of.30</td>\s*<td>4.25", html)
+    row = ("many runs", "RMS and a straight line", "-", "30.of.30", "4.25")
+    assert re.search(r"</td>\s*<td>".join(row), html)
 
 
 def test_report_of_an_incomplete_sweep_says_so(report):
@@ -54,6 +55,7 @@ def test_report_of_one_run_says_what_it_cannot_give(tmp_path):
     assert "needs at least 4 different mixing ratios" in html
     assert "evaluation.csv: no such file; `make dataset` writes it" in html
     assert "Not given:" in html and 'src="data:' in html
+    assert set(re.findall(r'href="#([^"]+)"', html)) <= set(re.findall(r'id="([^"]+)"', html))
     assert ",not tested," in report.with_name("claims.csv").read_text()
 
 
