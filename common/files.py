@@ -28,7 +28,7 @@ def written_whole(file: Path) -> Iterator[Path]:
 def write_text(file: Path, text: str) -> None:
     """Write a text file whole or not at all."""
     with written_whole(file) as beside:
-        beside.write_text(text)
+        beside.write_text(text, encoding="utf-8")
 
 
 def write_json(file: Path, content: dict) -> None:

@@ -9,9 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from analysis import RecordError
 from common.tables import InputError
-from recognition.errors import RecognitionError
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -21,18 +19,24 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("directory", help="directory of runs ratio_*")
     directory = parser.parse_args(argv).directory
     try:
-        from report.page import write_report  # late: matplotlib is slow to import and --help does not need it
+        return _report(directory)
+    except KeyboardInterrupt:
+        print("report: interrupted; no file is half written", file=sys.stderr)
+        return 130
 
+
+def _report(directory: str) -> int:
+    from report.page import write_report  # late: it takes seconds to import, and --help does not need it
+    from report.results.missing import MISSING_RESULT
+
+    try:
         print(f"report written to {write_report(directory)}")
-    except (InputError, RecordError, RecognitionError) as error:
+    except (InputError, *MISSING_RESULT) as error:
         print(f"report: {error}", file=sys.stderr)
         return 2
     except OSError as error:
         print(f"report: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        print("report: interrupted; an earlier report stays as it was", file=sys.stderr)
-        return 130
     return 0
 
 

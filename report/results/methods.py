@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from recognition.methods import CALIBRATED, EVALUATED_NAMES, METHOD_NAMES
-from recognition.methods import mended as modified_strategy
-from recognition.methods import printed as strategy_as_published
+from recognition.methods import CALIBRATED, EVALUATED_NAMES, METHOD_NAMES, mended, printed
 
 #: The three methods of the paper.
 FUSION_Q = "fusion_q"
@@ -14,6 +12,10 @@ FUSION_MODIFIED = "energy_fusion_mended"
 #: The paper's energy fusion in a few words, for the statement that compares it with Q.
 FUSION_WORDS = {FUSION_AS_PUBLISHED: "printed", FUSION_MODIFIED: "mended"}
 
+#: Its recognition strategy, unfitted.
+STRATEGY_AS_PUBLISHED = printed
+MODIFIED_STRATEGY = mended
+
 #: Methods of a model, and with further ones of the evaluation: {name: as a reader sees it}, in order.
 MODEL_METHODS = METHOD_NAMES
 EVALUATED_METHODS = EVALUATED_NAMES
@@ -22,17 +24,3 @@ EVALUATED_METHODS = EVALUATED_NAMES
 PAPER_METHODS = (FUSION_Q, FUSION_AS_PUBLISHED, FUSION_MODIFIED)
 BASELINE = "rms_line"
 METHODS_WITH_INTERVAL = (*CALIBRATED, "stones_fast")
-
-__all__ = [
-    "BASELINE",
-    "EVALUATED_METHODS",
-    "FUSION_AS_PUBLISHED",
-    "FUSION_MODIFIED",
-    "FUSION_Q",
-    "FUSION_WORDS",
-    "METHODS_WITH_INTERVAL",
-    "MODEL_METHODS",
-    "PAPER_METHODS",
-    "modified_strategy",
-    "strategy_as_published",
-]

@@ -13,7 +13,7 @@ from recognition.paper.function_space import EXPONENTIAL, FORMS, LOGARITHMIC, PO
 from recognition.paper.fusion import FUSIONS, Fusion
 from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.strategy import Strategy
-from report.results.methods import modified_strategy, strategy_as_published
+from report.results.methods import MODIFIED_STRATEGY, STRATEGY_AS_PUBLISHED
 from report.results.sweep_results import SweepResults
 
 
@@ -23,9 +23,9 @@ def _modified_by(rule: Rule) -> Strategy:
 
 #: {name of the choice: (fusion, unfitted strategy)}.
 OPEN_CHOICES: dict[str, tuple[str, Callable[[], Strategy]]] = {
-    "as published: R² ≥ 0.99, mean": ("energy", strategy_as_published),
+    "as published: R² ≥ 0.99, mean": ("energy", STRATEGY_AS_PUBLISHED),
     "R² ≥ 0.9999": ("energy", lambda: _modified_by(Rule(min_r2=0.9999))),
-    "modified: degree 2, truncated mean": ("energy", modified_strategy),
+    "modified: degree 2, truncated mean": ("energy", MODIFIED_STRATEGY),
     "degree 1": ("energy", lambda: _modified_by(Rule(degree=1))),
     "degree 3": ("energy", lambda: _modified_by(Rule(degree=3))),
     "exponential": ("energy", lambda: _modified_by(Rule((EXPONENTIAL,)))),
@@ -36,7 +36,7 @@ OPEN_CHOICES: dict[str, tuple[str, Callable[[], Strategy]]] = {
     "degree 2, median": ("energy", lambda: Strategy(Rule(degree=2), judge="median")),
     "degree 2, RMS": ("energy", lambda: Strategy(Rule(degree=2), judge="rms")),
     "degree 2, no least share": ("energy", lambda: Strategy(Rule(degree=2), least_share=0.0)),
-    **{f"modified, {kind} fusion": (kind, modified_strategy) for kind in FUSIONS if kind != "energy"},
+    **{f"modified, {kind} fusion": (kind, MODIFIED_STRATEGY) for kind in FUSIONS if kind != "energy"},
 }
 
 
