@@ -181,7 +181,7 @@ MATERIALS = TableSpec(
 EMD_RULES = TableSpec(
     key="table-rules",
     title="Cost of the EMD stopping rules",
-    note="Time and error of the first IMF, as in the picture; measured when this report was written.",
+    note="Time and error of the first IMF, as in the figure; measured when this report was written.",
     build=emd_rules,
 )
 STANDARDISED = TableSpec(
