@@ -114,7 +114,7 @@ RESPONSE_FIGURES = [
     ),
     FigureSpec(
         key="fig-17",
-        title="Force of one particle (Figure 17)",
+        title="Force of one stone (Figure 17)",
         in_paper="At place 3 gangue pushes harder than coal and hits again later.",
         caption="Fast stream: first collision, and all after it.",
         draw=single_force,
