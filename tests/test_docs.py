@@ -12,6 +12,7 @@ from analysis import read_sweep
 from tests.analysis.synthetic import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report")
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 EXTENDING = (ROOT / "docs" / "extending.md").read_text()
 
@@ -93,20 +94,53 @@ def test_links_lead_somewhere(page):
             assert (page.parent / target).exists(), target
 
 
-def notation():
-    """Rows of the table: symbol, code, unit, meaning."""
-    lines = (ROOT / "docs" / "notation.md").read_text().splitlines()
-    return [line.strip("|").split("|") for line in lines if line.startswith("|")][2:]
+def test_the_index_lists_every_page():
+    index = (ROOT / "docs" / "index.md").read_text()
+    for page in (ROOT / "docs").glob("*.md"):
+        assert page.name == "index.md" or f"({page.name})" in index, page.name
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if p.name != "CHANGELOG.md"], ids=lambda p: p.name)
+def test_paths_that_a_page_names_exist(page):
+    """In the text, not in examples; those of tests may leave out `tests/`."""
+    text = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL).replace("SCENE=scenes/x.toml", "")
+    folders = "|".join((*PACKAGES, "benchmarks", "scenes", "templates", "tests", "workflow"))
+    for path in re.findall(rf"(?<![\w/])(?:{folders})/[\w/]+(?:\.\w+)+", text):
+        assert (ROOT / path).exists() or (ROOT / "tests" / path).exists(), path
+
+
+def notation(heading):
+    """Rows of the table under a heading of docs/notation.md, without its head."""
+    section = re.split(r"^## ", (ROOT / "docs" / "notation.md").read_text(), flags=re.MULTILINE)
+    (table,) = [part for part in section if part.startswith(heading)]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines() if line.startswith("|")][2:]
+
+
+def symbols():
+    """Rows: symbol, code, unit, meaning."""
+    return notation("Symbols")
+
+
+def terms():
+    """Rows: term, meaning, code."""
+    return notation("Terms")
 
 
 def test_one_symbol_has_one_meaning():
-    symbols = [symbol.strip() for row in notation() for symbol in row[0].split(",")]
-    assert len(symbols) > 40 and len(symbols) == len(set(symbols)), sorted(s for s in symbols if symbols.count(s) > 1)
+    names = [symbol.strip() for row in symbols() for symbol in row[0].split(",")]
+    assert len(names) > 40 and len(names) == len(set(names)), sorted(s for s in names if names.count(s) > 1)
+
+
+def test_one_term_has_one_meaning_of_one_sentence():
+    names = [name.strip() for term, _, _ in terms() for name in term.split(",")]
+    assert len(names) > 30 and len(names) == len(set(names)), sorted(n for n in names if names.count(n) > 1)
+    for term, meaning, _ in terms():
+        assert re.fullmatch(r"[A-Z](?:[^.]|\.\w)*\.", meaning), term
 
 
 def test_names_of_the_notation_are_those_of_the_code():
-    source = "".join(p.read_text() for folder in ("common", "dem", "plate_fem", "analysis", "recognition", "report")
+    source = "".join(p.read_text() for folder in PACKAGES
                      for p in (ROOT / folder).rglob("*") if p.suffix in (".py", ".cpp", ".h"))
-    for _, code, *_ in notation():
+    for code in [row[1] for row in symbols()] + [row[2] for row in terms()]:
         for name in re.findall(r"`(\w+)`", code):
             assert re.search(rf"\b{name}", source), name
