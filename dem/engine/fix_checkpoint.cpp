@@ -17,8 +17,8 @@
 #include "checkpointed.h"
 #include "comm.h"
 #include "error.h"
+#include "fixes.h"
 #include "force.h"
-#include "modify.h"
 #include "neigh_list.h"
 #include "pair.h"
 #include "update.h"
@@ -66,12 +66,7 @@ std::string FixCheckpoint::file(long long step) const {
   return directory_ + "/engine_" + std::to_string(step) + ".checkpoint";
 }
 
-std::vector<Checkpointed *> FixCheckpoint::others() const {
-  std::vector<Checkpointed *> found;
-  for (int k = 0; k < modify->nfix; k++)
-    if (auto *one = dynamic_cast<Checkpointed *>(modify->fix[k])) found.push_back(one);
-  return found;
-}
+std::vector<Checkpointed *> FixCheckpoint::others() const { return fixes_that_are<Checkpointed>(modify); }
 
 void FixCheckpoint::init() {
   bool last = false;  // of all that must be restored
@@ -205,8 +200,8 @@ void FixCheckpoint::resume(long long step) {
   }
 }
 
-// The order in memory decides in which order forces are summed. What is not in the checkpoint was away (fix idle), which
-// has it.
+// The order in memory decides in which order forces are summed. A sub-sphere that is not among the rows was in free flight,
+// and fix free_flight has it in its own part of the checkpoint.
 void FixCheckpoint::put_in_order(const std::vector<double> &rows) {
   AtomVec *avec = atom->avec;
   const int kept = static_cast<int>(rows.size() / ATOM_COLUMNS);

@@ -1,4 +1,4 @@
-#include "peer.h"
+#include "watchdog.h"
 
 #include <unistd.h>
 
@@ -19,8 +19,8 @@ double now_s() {
 }
 }  // namespace
 
-Peer Peer::plate() {
-  Peer peer;
+PlateWatchdog PlateWatchdog::from_environment() {
+  PlateWatchdog peer;
   char host[256] = "", mine[256] = "";
   const char *text = std::getenv("PLATE_PROCESS");
   gethostname(mine, sizeof mine - 1);
@@ -29,7 +29,7 @@ Peer Peer::plate() {
   return peer;
 }
 
-std::string Peer::trouble() {
+std::string PlateWatchdog::trouble() {
   if (pid_ == 0) return "";
   char state = 0;
   long user = 0, system = 0;

@@ -10,9 +10,10 @@
 
 namespace LAMMPS_NS {
 
-// A body out of the arrays: what its sub-spheres were when it left, in its frame, and its rigid motion since. The
-// deformation, and what the velocities differ from rigid motion, are frozen and turn with it: nothing is discarded.
-class IdleBody : public Outline {
+// A body in free flight, out of the arrays: what its sub-spheres were when it left, in its frame, and its rigid motion
+// since. Its deformation, and what the velocities differ from rigid motion, are frozen and turn with it: nothing is
+// discarded. SI units.
+class FreeBody : public Outline {
  public:
   struct Part {
     int tag;
@@ -36,7 +37,7 @@ class IdleBody : public Outline {
   double bond_elastic = 0, pair_elastic = 0;  // J
   bool is_leaving = true;      // still in the arrays, leaves them in the coming step
   bool is_waking = false;      // comes back in the coming step
-  bigint safe_until = 0;       // touches neither the plate nor another idle body before this step
+  bigint safe_until = 0;       // touches neither the plate nor another body in free flight before this step
 
   void go_to(bigint step) {
     const double t = time(step);
@@ -61,7 +62,7 @@ class IdleBody : public Outline {
     append_bytes(row, parts.data(), parts.size());
     row.insert(row.end(), packed.begin(), packed.end());
   }
-  explicit IdleBody(const double *&row) {
+  explicit FreeBody(const double *&row) {
     start = bigint(row[0]), dt = row[1], agglomerate = int(row[2]), mass = row[3], kinetic_start = row[4];
     bond_elastic = row[5], pair_elastic = row[6], is_leaving = row[7] != 0, is_waking = row[8] != 0;
     safe_until = bigint(row[9]), spin = row[10], radius = row[11];
@@ -72,7 +73,7 @@ class IdleBody : public Outline {
     std::copy_n(row, packed.size(), packed.begin());
     row += packed.size();
   }
-  IdleBody() {}
+  FreeBody() {}
 
   const Rotation &attitude() { return motion.attitude(time(step_)); }
   double kinetic() const {
