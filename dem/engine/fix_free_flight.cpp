@@ -47,7 +47,8 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   }
   if (agglomerates.empty() || speed_ <= 0 || tolerance_ <= 0 || nevery < 1)
     error->fix_error(FLERR, this, "needs agglomerates FILE [gravity G] speed V tolerance TOL every N");
-  if (comm->nprocs > 1) error->fix_error(FLERR, this, "works on one rank only; `time.free_flight_tolerance = 0` leaves it out");
+  if (comm->nprocs > 1)
+    error->fix_error(FLERR, this, "works on one rank only; `time.free_flight_tolerance = 0` leaves it out");
   if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   calm_.assign(agglomerates_->tags() + 1, 0);
@@ -62,7 +63,8 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
 int FixFreeFlight::setmask() { return END_OF_STEP; }
 
 void FixFreeFlight::init() {
-  if (!dynamic_cast<VerletFreeFlight *>(update->integrate)) error->fix_error(FLERR, this, "needs the run style that it sets");
+  if (!dynamic_cast<VerletFreeFlight *>(update->integrate))
+    error->fix_error(FLERR, this, "needs the run style that it sets");
   bonds_ = fix_that_is<BodyMaker>(modify);
   plate_ = fix_that_is<Obstacle>(modify);
   history_ = nullptr;
@@ -190,7 +192,14 @@ void FixFreeFlight::let_calm_bodies_depart(std::vector<ArrayBody> &others) {
     if (!calm)
       for (ArrayBody *p : b.trapped) all.push_back(p), leaves.push_back(false);
   }
-  // Of those left, who meets one that stays, or meets another too soon, stays as well.
+  keep_those_that_meet(all, leaves, rest);
+  for (size_t k = 0; k < all.size(); k++)
+    if (leaves[k]) depart(*all[k]);
+  if (std::count(leaves.begin(), leaves.end(), 1)) note_elastic_energies();
+}
+
+// Of those that could leave, one that meets a body that stays, or another one too soon, stays as well.
+void FixFreeFlight::keep_those_that_meet(const std::vector<ArrayBody *> &all, std::vector<char> &leaves, double rest) {
   for (bool changed = true; changed;) {
     changed = false;
     for (size_t k = 0; k < all.size(); k++)
@@ -198,33 +207,13 @@ void FixFreeFlight::let_calm_bodies_depart(std::vector<ArrayBody> &others) {
         if (l != k && (leaves[l] ? time_to_meet(*all[k], *all[l]) : time_to_meet(*all[k], *all[l], speed_)) <= rest)
           leaves[k] = false, changed = true;
   }
-  for (size_t k = 0; k < all.size(); k++)
-    if (leaves[k]) depart(*all[k]);
-  if (std::count(leaves.begin(), leaves.end(), 1)) note_elastic_energies();
 }
 
 void FixFreeFlight::depart(const ArrayBody &b) {
-  bodies_.push_back(std::make_unique<FreeBody>());
-  FreeBody &free = *bodies_.back();
-  const Vec down(0, 0, -gravity_);
-  free.start = update->ntimestep;
-  free.dt = update->dt;
-  free.agglomerate = agglomerates_->of_tag(b.label);
-  free.mass = b.mass;
-  free.radius = b.radius;
-  free.motion = RigidMotion(b.center, b.velocity, down, b.momentum, b.inertia, b.atoms.size() == 1);
-  free.spin = free.motion.fastest_spin();
-  free.kinetic_start =
-      0.5 * b.mass * dot(b.velocity, b.velocity) + free.motion.rotational_energy() + b.inner_energy;
-  for (int i : b.atoms) {
-    const double m = atom->rmass[i], r = atom->radius[i];
-    const Vec arm = Vec(atom->x[i]) - b.center;
-    free.parts.push_back({atom->tag[i], r, m, arm, Vec(atom->v[i]) - b.velocity - cross(b.omega, arm),
-                          Vec(atom->omega[i]) - b.omega, (1 / m) * Vec(atom->f[i]) - down,
-                          (1 / (0.4 * m * r * r)) * Vec(atom->torque[i]), 0});
-    if (bonds_) bonds_->forget_forces(i);
-  }
-  free.go_to(update->ntimestep);
+  const int agglomerate = agglomerates_->of_tag(b.label);
+  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, gravity_, update->ntimestep, update->dt));
+  if (bonds_)
+    for (int i : b.atoms) bonds_->forget_forces(i);
   calm_[b.label] = 0;
   departures_++;
 }
@@ -383,7 +372,7 @@ void FixFreeFlight::save(CheckpointWriter &out) {
   std::vector<double> row;
   for (const auto &b : bodies_) b->append_to(row);
   out.common("free_flight", {static_cast<double>(bodies_.size()), outline_.reach, static_cast<double>(jumped_),
-                      static_cast<double>(departures_)});
+                             static_cast<double>(departures_)});
   out.common("free_flight_calm", std::vector<double>(calm_.begin(), calm_.end()));
   out.rows("free_flight_bodies", row);
 }

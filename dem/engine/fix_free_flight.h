@@ -64,6 +64,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void watch_bodies_in_flight(std::vector<ArrayBody> &);
   bool is_calm(const ArrayBody &);
   void let_calm_bodies_depart(std::vector<ArrayBody> &);
+  void keep_those_that_meet(const std::vector<ArrayBody *> &, std::vector<char> &leaves, double rest);
   void depart(const ArrayBody &);
   void note_elastic_energies();
   void add_pair_energy_by_body(double *energy) const;

@@ -1,7 +1,4 @@
 #pragma once
-#include <algorithm>
-#include <cstring>
-#include <type_traits>
 #include <vector>
 
 #include "lmptype.h"
@@ -9,6 +6,9 @@
 #include "rigid_motion.h"
 
 namespace LAMMPS_NS {
+
+class ArrayBody;
+class Atom;
 
 // A body in free flight, out of the arrays: what its sub-spheres were when it left, in its frame, and its rigid motion
 // since. Its deformation, and what the velocities differ from rigid motion, are frozen and turn with it: nothing is
@@ -18,7 +18,8 @@ class FreeBody : public Outline {
   struct Part {
     int tag;
     double radius, mass;
-    Vec place, velocity, spin;           // from the centre of mass; over rigid motion; over rigid motion
+    Vec place;                           // from the centre of mass
+    Vec velocity, spin;                  // over rigid motion
     Vec acceleration, spin_acceleration; // by inner forces
     size_t packed;                       // where its record begins in `packed`
   };
@@ -53,27 +54,10 @@ class FreeBody : public Outline {
   }
 
   // Everything, appended to a row of numbers, and back from where it stands there (advanced).
-  void append_to(std::vector<double> &row) const {
-    const double numbers[] = {double(start), dt, double(agglomerate), mass, kinetic_start, bond_elastic, pair_elastic,
-                              double(is_leaving), double(is_waking), double(safe_until), spin, radius,
-                              double(parts.size()), double(packed.size())};
-    row.insert(row.end(), numbers, numbers + NUMBERS);
-    append_bytes(row, &motion, 1);
-    append_bytes(row, parts.data(), parts.size());
-    row.insert(row.end(), packed.begin(), packed.end());
-  }
-  explicit FreeBody(const double *&row) {
-    start = bigint(row[0]), dt = row[1], agglomerate = int(row[2]), mass = row[3], kinetic_start = row[4];
-    bond_elastic = row[5], pair_elastic = row[6], is_leaving = row[7] != 0, is_waking = row[8] != 0;
-    safe_until = bigint(row[9]), spin = row[10], radius = row[11];
-    parts.resize(size_t(row[12])), packed.resize(size_t(row[13]));
-    row += NUMBERS;
-    take_bytes(row, &motion, 1);
-    take_bytes(row, parts.data(), parts.size());
-    std::copy_n(row, packed.size(), packed.begin());
-    row += packed.size();
-  }
-  FreeBody() {}
+  void append_to(std::vector<double> &row) const;
+  explicit FreeBody(const double *&row);
+  // A body that leaves the arrays at this step. gravity in m/s^2, dt in s.
+  FreeBody(const Atom *, const ArrayBody &, int agglomerate, double gravity, bigint step, double dt);
 
   const Rotation &attitude() { return motion.attitude(time(step_)); }
   double kinetic() const {
@@ -88,19 +72,8 @@ class FreeBody : public Outline {
   }
 
  private:
-  static constexpr int NUMBERS = 14;
-  bigint step_ = -1;
+  bigint step_ = -1;  // of go_to
 
-  template <class T> static void append_bytes(std::vector<double> &row, const T *from, size_t count) {
-    static_assert(std::is_trivially_copyable<T>::value && sizeof(T) % sizeof(double) == 0, "kept as it lies in memory");
-    const size_t at = row.size();
-    row.resize(at + count * sizeof(T) / sizeof(double));
-    std::memcpy(static_cast<void *>(row.data() + at), from, count * sizeof(T));
-  }
-  template <class T> static void take_bytes(const double *&row, T *to, size_t count) {
-    std::memcpy(static_cast<void *>(to), row, count * sizeof(T));
-    row += count * sizeof(T) / sizeof(double);
-  }
   double time(bigint step) const { return (step - start) * dt; }
 };
 
