@@ -7,8 +7,8 @@
 namespace LAMMPS_NS {
 
 namespace {
-// A fragment is trapped when it has less than this share of the mass of a body and is nearer to it than this share of its
-// own radius.
+// A fragment is trapped when it has less than this share of the mass of a body and is nearer to it than this share of
+// its own radius.
 const double FRAGMENT_MASS = 0.05, FRAGMENT_GAP = 0.1;
 }  // namespace
 

@@ -14,11 +14,11 @@ class LAMMPS;
 
 // Writes what the stones do to the plate, in two files of 8-byte numbers to which rank 0 appends:
 //
-//   forces:    int64 step, double force_N[agglomerates]. The mean push on the plate over the co-step that ends at this step;
-//              nothing is written for a co-step without contact.
-//   contacts:  int64 step, int64 n, then n rows of doubles: agglomerate (from 1), x, y (m), elastic normal force (N),
-//              radius (m) of the sphere that presses, which is that of the flattened contact where the plate has yielded.
-//              Every contact at this step. Only where a file is named.
+//   forces:    int64 step, double force_N[agglomerates]: the mean push on the plate over the co-step that ends at this
+//              step. Nothing is written for a co-step without contact.
+//   contacts:  int64 step, int64 n, then n rows of doubles, one for each contact at this step: agglomerate (from 1),
+//              x, y (m), elastic normal force (N), and the radius (m) of the sphere that presses, which is that of the
+//              flattened contact where the plate has yielded. There is such a file only where it is named.
 //
 // All ranks call its functions together.
 class ContactRecorder {

@@ -100,8 +100,8 @@ double FixBondParallel::extend_cut_ghost() {
   return 1.5 * longest_;
 }
 
-// Second half of the work of the last forces, with the velocities of the coming step, then the turn of each
-// sub-sphere by its spin over one step: q <- exp(omega dt/2) q, exact for constant omega.
+// Adds the second half of the work of the last forces, with the velocities of the coming step, then turns each
+// sub-sphere by its spin over one step.
 void FixBondParallel::post_integrate() {
   double *const *v = atom->v, *const *omega = atom->omega;
   add_work(0.5 * update->dt, [&](int i) {
@@ -132,7 +132,7 @@ void FixBondParallel::pre_neighbor() {
 
 void FixBondParallel::post_run() { events_.write(); }
 
-// The kernel's list of bonds by local index. Nothing to do while nothing moved in memory.
+// Makes the kernel's list of bonds by local index, unless nothing has moved in memory.
 void FixBondParallel::rebuild() {
   if (comm->nprocs > 1) share_broken();
   const int nlocal = atom->nlocal;
@@ -156,7 +156,7 @@ void FixBondParallel::rebuild() {
   kernel_->build(local_, nlocal + atom->nghost);
 }
 
-// With ranks, each one finds the bonds it computes broken; all must know before bonds change hands.
+// Each rank finds the bonds broken that it computes; all ranks must know them before bonds change hands.
 void FixBondParallel::share_broken() {
   int mine = newly_broken_.size(), total = 0;
   std::vector<int> count(comm->nprocs), offset(comm->nprocs);
@@ -194,7 +194,7 @@ void FixBondParallel::fill_records() {
   std::memset(static_cast<void *>(forces_.data()), 0, forces_.size() * sizeof(ForceRecord));
 }
 
-// At x + tau v and q + tau dq/dt.
+// The sub-spheres at x + tau v and q + tau dq/dt, where the damped bonds are computed.
 void FixBondParallel::fill_delayed_records(int nall) {
   const double tau = damping_time_, half_tau = 0.5 * tau;
   double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;

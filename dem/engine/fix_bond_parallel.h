@@ -17,10 +17,11 @@ namespace LAMMPS_NS {
 // fix ID group bond/parallel bonds FILE agglomerates FILE events FILE damping_time TAU kernel NAME
 //     material E stiffness_ratio tensile_strength shear_strength tan_friction   (once a material)
 //
-// Parallel bonds (Potyondy and Cundall 2004, Int. J. Rock Mech. Min. Sci. 41:1329) in total form (Wang 2009, Acta Geotech.
-// 4:117): the fix turns a quaternion with each sub-sphere, and every force follows from positions and quaternions alone.
-// Damping is viscous and proportional to stiffness: the forces are taken at x + tau v, which is F + tau dF/dt to first
-// order. A bond whose stress passes its strength breaks, which is an event (bond_events.h), and acts no more.
+// Parallel bonds (Potyondy and Cundall 2004, Int. J. Rock Mech. Min. Sci. 41:1329) in total form (Wang 2009, Acta
+// Geotech. 4:117): the fix turns a quaternion with each sub-sphere, and every force follows from positions and
+// quaternions alone. Damping is viscous and proportional to stiffness: the forces are taken at x + tau v, which to
+// first order is F + tau dF/dt. A bond whose stress passes its strength breaks, which is an event (bond_events.h), and
+// acts no more.
 class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, public BodyMaker {
  public:
   FixBondParallel(class LAMMPS *, int, char **);
@@ -79,8 +80,8 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   std::vector<AtomRecord> atoms_;
   std::vector<ForceRecord> forces_;
   std::unique_ptr<BondKernel> kernel_;
-  // By agglomerate, on this rank: work done by bonds on sub-spheres, J; elastic energy of bonds when they broke, J; and how
-  // many broke.
+  // By agglomerate, on this rank: work done by bonds on sub-spheres, J; elastic energy of bonds when they broke, J; and
+  // how many broke.
   std::vector<double> work_, released_, broken_count_;
   double **quaternion_;
   double damping_time_;

@@ -13,11 +13,13 @@
 
 using namespace LAMMPS_NS;
 
-/* --- the quaternion travels with its sub-sphere ------------------------------------------------------------- */
+/* --- the quaternion travels with its sub-sphere -------------------------------------------------------------- */
 
 void FixBondParallel::grow_arrays(int nmax) { memory->grow(quaternion_, nmax, 4, "bond/parallel:quaternion"); }
 
-void FixBondParallel::copy_arrays(int i, int j, int) { std::memcpy(quaternion_[j], quaternion_[i], 4 * sizeof(double)); }
+void FixBondParallel::copy_arrays(int i, int j, int) {
+  std::memcpy(quaternion_[j], quaternion_[i], 4 * sizeof(double));
+}
 
 void FixBondParallel::set_arrays(int i) {
   quaternion_[i][0] = 1;
@@ -94,7 +96,7 @@ void FixBondParallel::restart(char *buf) {
   for (size_t b = 0; b < intact_.size(); b++) intact_[b] = data[b] != 0;
 }
 
-/* --- checkpoint --------------------------------------------------------------------------------------------------- */
+/* --- checkpoint ---------------------------------------------------------------------------------------------- */
 
 void FixBondParallel::save(CheckpointWriter &out) {
   events_.write();

@@ -76,7 +76,7 @@ void FixCheckpoint::init() {
   for (Checkpointed *one : others()) one->resuming = resumed_ != nullptr;
 }
 
-// The last of the set-up: what a resumed run must not compute anew is put back.
+// This comes last in the set-up and puts back what a resumed run must not compute anew.
 void FixCheckpoint::setup(int) {
   next_time_ = MPI_Wtime() + LEAST_INTERVAL_s;
   next_reneighbor = update->ntimestep + 1;
@@ -110,7 +110,7 @@ bool FixCheckpoint::due(bool stop) {
   return due;
 }
 
-/* --- taking one ------------------------------------------------------------------------------------------------- */
+/* --- taking one ---------------------------------------------------------------------------------------------- */
 
 void FixCheckpoint::save() {
   CheckpointWriter out(lmp);
@@ -170,7 +170,7 @@ void FixCheckpoint::save_streams(CheckpointWriter &out) {
   out.common("streams", length);
 }
 
-/* --- taking up a run ------------------------------------------------------------------------------------------------- */
+/* --- resuming a run ----------------------------------------------------------------------------------------- */
 
 void FixCheckpoint::resume(long long step) {
   resumed_ = std::make_unique<CheckpointReader>(lmp, file(step));
@@ -200,8 +200,8 @@ void FixCheckpoint::resume(long long step) {
   }
 }
 
-// The order in memory decides in which order forces are summed. A sub-sphere that is not among the rows was in free flight,
-// and fix free_flight has it in its own part of the checkpoint.
+// The order in memory decides in which order forces are summed. A sub-sphere that is not among the rows was in free
+// flight, and fix free_flight has it in its own part of the checkpoint.
 void FixCheckpoint::put_in_order(const std::vector<double> &rows) {
   AtomVec *avec = atom->avec;
   const int kept = static_cast<int>(rows.size() / ATOM_COLUMNS);

@@ -24,8 +24,8 @@ using namespace FixConst;
 namespace {
 const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants without velocity
 const int LEAST_REST = 4;         // looks: a body that may be touched sooner does not leave
-// A body flies together with the fragments that are trapped in it when all of them have less than this share of the energy
-// of the impact relative to its motion, for so many looks that those on their way out are gone.
+// A body flies together with the fragments that are trapped in it when all of them have less than this share of the
+// energy of the impact relative to its motion, for so many looks that those on their way out are gone.
 const double TRAPPED_ENERGY = 1e-3;
 const int TRAPPED_LOOKS = 50;
 const double REACH_MARGIN = 1.1;  // the reach may grow by this before all times are found anew
@@ -122,7 +122,8 @@ void FixFreeFlight::add_to(LedgerRows &rows) {
 void FixFreeFlight::end_of_step() {
   for (auto &b : bodies_) b->go_to(update->ntimestep);
   check_count();
-  std::vector<ArrayBody> others = bodies_in_arrays(atom, agglomerates_->tags(), [this](int tag) { return body_of(tag); });
+  std::vector<ArrayBody> others =
+      bodies_in_arrays(atom, agglomerates_->tags(), [this](int tag) { return body_of(tag); });
   update_reach();
   watch_bodies_in_flight(others);
   let_calm_bodies_depart(others);
@@ -220,7 +221,8 @@ void FixFreeFlight::depart(const ArrayBody &b) {
 
 // What the bodies that leave hold in their bonds, and in contacts between their own sub-spheres.
 void FixFreeFlight::note_elastic_energies() {
-  if (std::none_of(bodies_.begin(), bodies_.end(), [](auto &b) { return b->is_leaving && b->parts.size() > 1; })) return;
+  auto may_hold = [](auto &b) { return b->is_leaving && b->parts.size() > 1; };
+  if (std::none_of(bodies_.begin(), bodies_.end(), may_hold)) return;
   std::vector<double> bond(calm_.size(), 0.0), pair(calm_.size(), 0.0);
   if (bonds_) bonds_->add_elastic_energy_by_body(bond.data());
   add_pair_energy_by_body(pair.data());
@@ -361,7 +363,7 @@ double FixFreeFlight::compute_scalar() {
 
 double FixFreeFlight::compute_vector(int n) { return n == 0 ? jumped_ : departures_; }
 
-/* --- checkpoint: bodies that are away stay away --------------------------------------------------------------- */
+/* --- checkpoint: bodies that are away stay away -------------------------------------------------------------- */
 
 // The attitude is integrated from one call to the next, so every run must call at the same steps.
 void FixFreeFlight::begin_anew() {

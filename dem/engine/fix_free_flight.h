@@ -16,11 +16,11 @@ namespace LAMMPS_NS {
 
 // fix ID group free_flight agglomerates FILE [gravity G] speed V tolerance TOL every N
 //
-// Bodies (sub-spheres that intact bonds hold together) that touch nothing and do not vibrate leave LIGGGHTS's arrays and
-// fly as rigid bodies on their exact path until they could touch something. When all bodies are in free flight, time jumps
-// (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2, V (m/s) being
-// the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along -z. It works on one rank, and comes
-// after all other fixes.
+// Bodies (sub-spheres that intact bonds hold together) that touch nothing and do not vibrate leave LIGGGHTS's arrays
+// and fly as rigid bodies on their exact path until they could touch something. When all bodies are in free flight,
+// time jumps (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2,
+// V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along -z. It works on one
+// rank, and comes after all other fixes.
 class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl {
  public:
   FixFreeFlight(class LAMMPS *, int, char **);

@@ -89,7 +89,7 @@ void FixLedger::add_damping() {
 }
 
 // The work over a step is force x (v before + v after)/2 dt, which is what the leapfrog integrator adds to the kinetic
-// energy; the first half is counted when the force is known, the second when the next velocity is.
+// energy. The first half is counted when the force is known, the second when the next velocity is.
 void FixLedger::post_force(int) {
   contacts_.clear();
   const double half_dt = 0.5 * update->dt;
@@ -133,7 +133,7 @@ void FixLedger::write() {
   if (!written) error->one(FLERR, "cannot write the ledger");
 }
 
-// Of the sub-spheres in the arrays.
+// Kinetic energy, momentum and height of the sub-spheres in the arrays.
 void FixLedger::add_motion(LedgerRows &rows) const {
   for (int i = 0; i < atom->nlocal; i++) {
     const int a = agglomerates_->of_tag(atom->tag[i]);
@@ -145,7 +145,7 @@ void FixLedger::add_motion(LedgerRows &rows) const {
   }
 }
 
-// Between sub-spheres.
+// Energies of the contacts between sub-spheres.
 void FixLedger::add_contacts(LedgerRows &rows) const {
   rows.add(PAIR_WORK, pair_work_);
   rows.add(PAIR_DAMPED, pair_damped_);
@@ -156,7 +156,7 @@ void FixLedger::add_contacts(LedgerRows &rows) const {
   });
 }
 
-// Sums, except where the largest counts; that column is right on rank 0 alone.
+// The sum over the ranks, or the largest in the column where that counts, which is right on rank 0 alone.
 std::vector<double> FixLedger::over_ranks(const std::vector<double> &mine) const {
   std::vector<double> total(mine.size());
   MPI_Allreduce(mine.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, world);

@@ -15,9 +15,9 @@ namespace LAMMPS_NS {
 
 // fix ID group ledger agglomerates FILE every N file FILE
 //
-// Writes where the energy of each agglomerate is, every N steps. It must come before all other fixes that add forces: what
-// it finds in the force array then comes from the contacts between sub-spheres alone. Other fixes tell what they hold by
-// EnergyHolder.
+// Writes where the energy of each agglomerate is, every N steps. It must come before all other fixes that add forces:
+// what it finds in the force array then comes from the contacts between sub-spheres alone. Other fixes tell what they
+// hold by EnergyHolder.
 //
 // File: for each row int64 step, then double[agglomerates][LEDGER_COLUMNS] (energy_holder.h).
 class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {

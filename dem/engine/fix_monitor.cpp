@@ -90,8 +90,8 @@ void FixMonitor::check_energy() {
     if (part.from_nothing_J <= limit) continue;  // false for an energy that is no number
     char text[256];
     std::snprintf(text, sizeof text,
-                  "at step %lld the %s %.3g J that nothing accounts for; the limit of energy is 1 %% of what impact and "
-                  "fall supply, %.3g J: the time step is too long",
+                  "at step %lld the %s %.3g J that nothing accounts for; the limit of energy is 1 %% of what impact "
+                  "and fall supply, %.3g J: the time step is too long",
                   sum.step, part.of, part.from_nothing_J, limit);
     error->all(FLERR, text);
   }

@@ -35,9 +35,16 @@ std::vector<char *> &base_arguments(int narg, char **arg) {
   return base;
 }
 
+// Of the plate on a sub-sphere that it touches, W.
+double power(const NearSphere &p, const Atom *atom) {
+  double sum = 0;
+  for (int d = 0; d < 3; d++) sum += p.force[d] * atom->v[p.i][d] + p.torque[d] * atom->omega[p.i][d];
+  return sum;
+}
+
 }  // namespace
 
-/* --- the line of the deck ------------------------------------------------------------------------------------------ */
+/* --- the line of the deck ------------------------------------------------------------------------------------ */
 
 struct FixWallPlate::Options {
   std::string agglomerates, forces, contacts, shapes, to_plate, from_plate;
@@ -104,7 +111,7 @@ FixWallPlate::~FixWallPlate() {
   if (contact_->memory()) atom->delete_callback(id, 0);
 }
 
-/* --- the step ------------------------------------------------------------------------------------------------------ */
+/* --- the step ------------------------------------------------------------------------------------------------ */
 
 int FixWallPlate::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
 
@@ -165,10 +172,8 @@ void FixWallPlate::add_work() {
   const double dt = update->dt;
   for (const NearSphere &p : near_) {
     if (!p.touches) continue;
-    double power = 0;
-    for (int d = 0; d < 3; d++) power += p.force[d] * atom->v[p.i][d] + p.torque[d] * atom->omega[p.i][d];
     const int a = agglomerates_->of_tag(atom->tag[p.i]);
-    work_on_stone_[a] += 0.5 * dt * power;
+    work_on_stone_[a] += 0.5 * dt * power(p, atom);
     work_on_plate_[a] -= dt * p.force[2] * p.plate_v;
   }
 }
@@ -176,10 +181,7 @@ void FixWallPlate::add_work() {
 void FixWallPlate::post_integrate() {
   const double half_dt = 0.5 * update->dt;
   for (const NearSphere &p : near_) {
-    if (!p.touches) continue;
-    double power = 0;
-    for (int d = 0; d < 3; d++) power += p.force[d] * atom->v[p.i][d] + p.torque[d] * atom->omega[p.i][d];
-    work_on_stone_[agglomerates_->of_tag(atom->tag[p.i])] += half_dt * power;
+    if (p.touches) work_on_stone_[agglomerates_->of_tag(atom->tag[p.i])] += half_dt * power(p, atom);
   }
   step_in_co_step_++;
 }
@@ -210,7 +212,7 @@ void FixWallPlate::post_run() {
 
 double *FixWallPlate::history(int i) { return fix_history_primitive_->array_atom[i]; }
 
-/* --- for the ledger and for bodies in free flight ------------------------------------------------------------------ */
+/* --- for the ledger and for bodies in free flight ------------------------------------------------------------ */
 
 void FixWallPlate::add_to(LedgerRows &rows) {
   rows.add(WALL_WORK, work_on_stone_);
@@ -226,7 +228,7 @@ void FixWallPlate::ask_reach() {
   if (coupling_) coupling_->ask_reach();
 }
 
-/* --- what the contact law remembers of a sub-sphere travels with it ------------------------------------------------ */
+/* --- what the contact law remembers of a sub-sphere travels with it ------------------------------------------ */
 
 void FixWallPlate::grow_arrays(int nmax) { contact_->memory()->grow_arrays(nmax); }
 
@@ -238,7 +240,7 @@ int FixWallPlate::pack_exchange(int i, double *buf) { return contact_->memory()-
 
 int FixWallPlate::unpack_exchange(int i, double *buf) { return contact_->memory()->unpack_exchange(i, buf); }
 
-/* --- checkpoint ---------------------------------------------------------------------------------------------------- */
+/* --- checkpoint ---------------------------------------------------------------------------------------------- */
 
 void FixWallPlate::save(CheckpointWriter &out) {
   recorder_->save(out);

@@ -20,10 +20,10 @@ namespace LAMMPS_NS {
 //     [shapes FILE to_plate FILE from_plate FILE [weak_contact FORCE SPEED CO_STEPS MOST_CO_STEPS]]
 //     contact (arguments of wall/gran with a zplane at 0)
 //
-// The top face of the plate. At each step the fix asks where the plate is under each sub-sphere near it (PlateCoupling; a
-// plate without mode shapes is rigid and gets no messages), lets the contact law act there (PlateContact), adds up the
-// works, and passes the forces on, their mean over each co-step of N steps counting (PlateCoupling, ContactRecorder).
-// Forces and lengths are in SI units.
+// The top face of the plate. At each step the fix asks where the plate is under each sub-sphere near it (PlateCoupling;
+// a plate without mode shapes is rigid and gets no messages), lets the contact law act there (PlateContact), adds up
+// the works, and passes the forces on, their mean over each co-step of N steps counting (PlateCoupling,
+// ContactRecorder). Forces and lengths are in SI units.
 class FixWallPlate : public FixWallGran,
                      public Checkpointed,
                      public EnergyHolder,

@@ -20,10 +20,10 @@ class StockWall {
 };
 
 // Contact by the stock wall: each sub-sphere alone, with Hertz' law, dashpot, tangential spring and friction. The
-// sub-spheres near the plate are moved into the frame of the plate (z - w, v_z - dw/dt at their place), the stock wall acts
-// on them there, and they are moved back. So there is contact anywhere without seams, and the contact history stays with
-// the stock wall. Where the plate yields, the stock wall meets a sub-sphere at the height at which its Hertz force is the
-// plastic one, so that dashpot and friction act on that force too.
+// sub-spheres near the plate are moved into the frame of the plate (z - w, v_z - dw/dt at their place), the stock wall
+// acts on them there, and they are moved back. So there is contact anywhere without seams, and the contact history
+// stays with the stock wall. Where the plate yields, the stock wall meets a sub-sphere at the height at which its Hertz
+// force is the plastic one, so that dashpot and friction act on that force too.
 class GranularContact : public PlateContact {
  public:
   // A yield pressure of 0 means a plate that stays elastic, Pa.

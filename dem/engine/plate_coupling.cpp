@@ -25,7 +25,7 @@ PlateCoupling::PlateCoupling(LAMMPS *lmp, const std::string &shapes_file, const 
 
 double PlateCoupling::interval_s() const { return extrapolated_co_steps_ * co_step_ * lmp_->update->dt; }
 
-/* --- where the plate is ------------------------------------------------------------------------------------------ */
+/* --- where the plate is -------------------------------------------------------------------------------------- */
 
 void PlateCoupling::list(const std::vector<NearSphere> &near) {
   sites_.assign(near.size(), Site());
@@ -38,7 +38,8 @@ void PlateCoupling::predict(const std::vector<NearSphere> &near) {
   for (size_t k = 0; k < near.size(); k++) predict(near[k], sites_[k], &site_shapes_[k * shapes_.modes()]);
 }
 
-// Takes the mode shapes at the place of a near sub-sphere, and the plate there at both ends of the time between messages.
+// Takes the mode shapes at the place of a near sub-sphere, and the plate there at both ends of the time between
+// messages.
 void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
   const Atom *atom = lmp_->atom;
   const double *x = atom->x[p.i];
@@ -62,7 +63,8 @@ void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
 // a = T w0' - dw, b = dw - T w1', the cubic of Hermite.
 void PlateCoupling::place(std::vector<NearSphere> &near, int step_in_co_step) {
   const double T = interval_s();
-  const double s = static_cast<double>(co_steps_passed_ * co_step_ + step_in_co_step) / (extrapolated_co_steps_ * co_step_);
+  const long long steps_passed = co_steps_passed_ * co_step_ + step_in_co_step;
+  const double s = static_cast<double>(steps_passed) / (extrapolated_co_steps_ * co_step_);
   for (size_t k = 0; k < near.size(); k++) {
     const Site &site = sites_[k];
     if (!site.is_active || !engaged_) {
@@ -84,7 +86,7 @@ void PlateCoupling::add_forces(const std::vector<NearSphere> &near, double share
   }
 }
 
-/* --- messages ------------------------------------------------------------------------------------------------------ */
+/* --- messages ------------------------------------------------------------------------------------------------ */
 
 bool PlateCoupling::end_co_step(const std::vector<NearSphere> &near, bool first) {
   if (!first) co_steps_passed_++;
@@ -106,9 +108,10 @@ bool PlateCoupling::anything_near(const std::vector<NearSphere> &near) const {
   return any;
 }
 
-// One while a stone hits the plate, more in a weak contact: weak_.co_steps at a push of weak_.force_N. At a stronger push
-// the number goes with push^(-1/2), so that the error of the push stays the same; at a weaker one with push^(-1/6), as
-// the limit of stability of a Hertz contact does. Between messages nothing comes further than at weak_.speed_m_s.
+// One while a stone hits the plate, more in a weak contact: weak_.co_steps at a push of weak_.force_N. At a stronger
+// push the number goes with push^(-1/2), so that the error of the push stays the same; at a weaker one with
+// push^(-1/6), as the limit of stability of a Hertz contact does. Between messages nothing comes further than at
+// weak_.speed_m_s.
 int PlateCoupling::co_steps_to_extrapolate(const std::vector<NearSphere> &near) const {
   const Atom *atom = lmp_->atom;
   const Update *update = lmp_->update;
@@ -168,7 +171,7 @@ void PlateCoupling::finish() {
   if (lmp_->comm->me == 0) link_.finish();
 }
 
-/* --- checkpoint ---------------------------------------------------------------------------------------------------- */
+/* --- checkpoint ---------------------------------------------------------------------------------------------- */
 
 void PlateCoupling::save(CheckpointWriter &out) {
   out.sum("coupling_modal_force", modal_force_);

@@ -12,16 +12,16 @@ class CheckpointReader;
 class CheckpointWriter;
 class LAMMPS;
 
-// While the stones push with less than `force_N` and nothing comes near faster than `speed_m_s`, the contact is weak (chips
-// at rest, say) and one message serves `co_steps` co-steps, or with a weaker push up to `most_co_steps`.
+// While the stones push with less than `force_N` and nothing comes near faster than `speed_m_s`, the contact is weak
+// (chips at rest, say) and one message serves `co_steps` co-steps, or with a weaker push up to `most_co_steps`.
 struct WeakContact {
   double force_N = 0, speed_m_s = 0;
   int co_steps = 1, most_co_steps = 1;
 };
 
 // Where the elastic plate is under each sub-sphere. The forces on the plate are projected on its mode shapes, and their
-// mean since the last message goes to the plate, which answers where it is predicted to be at the next one. In between it
-// moves on the cubic that has the places and velocities of both ends. While nothing is near the plate there are no
+// mean since the last message goes to the plate, which answers where it is predicted to be at the next one. In between
+// it moves on the cubic that has the places and velocities of both ends. While nothing is near the plate there are no
 // messages. All ranks call its functions together.
 class PlateCoupling {
  public:

@@ -26,8 +26,8 @@ PlateLink::~PlateLink() {
   if (in_ >= 0) close(in_);
 }
 
-// A pipe opens when the other side opens it too, and both sides open `to_plate` first. The engine opens without blocking, so
-// that it can see a plate that is stuck while it waits.
+// A pipe opens when the other side opens it too, and both sides open `to_plate` first. The engine opens without
+// blocking, so that it can see a plate that is stuck while it waits.
 void PlateLink::open() {
   std::signal(SIGPIPE, SIG_IGN);  // a plate that is gone shows as an error of write
   const useconds_t PAUSE_us = 10000;

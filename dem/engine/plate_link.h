@@ -15,9 +15,10 @@ class LAMMPS;
 //                   double modal force[modes], the mean over the co-steps passed, N kg^-1/2
 //   from the plate: int64 step (the same), double reach, double amplitude[modes], double rate[modes]
 //
-// The answer tells where the plate is predicted to be after the co-steps to extrapolate. `reach` bounds |w| anywhere until
-// the next message if nothing touches the plate. Step -1 of the engine says that it has finished. Step -2 says that it has
-// taken a checkpoint, at the step that stands in the place of the co-steps passed; the plate answers -2 when it has, too.
+// The answer tells where the plate is predicted to be after the co-steps to extrapolate. `reach` bounds |w| anywhere
+// until the next message if nothing touches the plate. Step -1 of the engine says that it has finished. Step -2 says
+// that it has taken a checkpoint, at the step that stands in the place of the co-steps passed; the plate answers -2
+// when it has, too.
 class PlateLink {
  public:
   PlateLink(LAMMPS *lmp, const std::string &to_plate, const std::string &from_plate, int modes);

@@ -6,9 +6,9 @@ namespace LAMMPS_NS {
 // Turns of the quaternions (w, x, y, z) of the sub-spheres, by plain numbers, as they are done of every sub-sphere at
 // every step. omega is in rad/s, times in s.
 
-// q <- exp(omega half_dt) q, exact for constant omega. With a = |omega| half_dt, cos a and sin(a)/a are taken as series in
-// a^2 whose next terms are below 1e-18 for a < 0.05; a sub-sphere that turns faster in a step, which happens in no stable
-// run, takes the functions.
+// q <- exp(omega half_dt) q, exact for constant omega. With a = |omega| half_dt, cos a and sin(a)/a are taken as series
+// in a^2 whose next terms are below 1e-18 for a < 0.05; a sub-sphere that turns faster in a step, which happens in no
+// stable run, takes the functions.
 inline void turn(double *q, const double *omega, double half_dt) {
   const double a2 = half_dt * half_dt * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2]);
   double c = 1 - a2 * (1. / 2) * (1 - a2 * (1. / 12) * (1 - a2 * (1. / 30) * (1 - a2 * (1. / 56))));

@@ -5,10 +5,10 @@
 
 namespace LAMMPS_NS {
 
-// Free flight of a rigid body, SI units. The centre of mass moves on the parabola. The attitude q follows Euler's equations
-// of the free top (the angular momentum is constant in space, the inertia is constant in the body): dq/dt = omega q / 2 is
-// integrated by the classical fourth-order Runge-Kutta method in turns of at most STEP_rad, so that its error is below
-// that of rounding. A single sphere turns about a fixed axis.
+// Free flight of a rigid body, SI units. The centre of mass moves on the parabola. The attitude q follows Euler's
+// equations of the free top (the angular momentum is constant in space, the inertia is constant in the body): dq/dt =
+// omega q / 2 is integrated by the classical fourth-order Runge-Kutta method in turns of at most STEP_rad, so that its
+// error is below that of rounding. A single sphere turns about a fixed axis.
 class RigidMotion {
  public:
   RigidMotion() {}

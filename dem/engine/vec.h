@@ -3,8 +3,8 @@
 
 namespace LAMMPS_NS {
 
-// Vectors, rotations and tensors in space. Results of a run hang on the order of every sum to the last bit, so that order
-// stands here in plain sight, and what is built of these types can be kept in a checkpoint as it lies in memory.
+// Vectors, rotations and tensors in space. Results of a run hang on the order of every sum to the last bit, so that
+// order stands here in plain sight, and what is built of these types can be kept in a checkpoint as it lies in memory.
 struct Vec {
   double x = 0, y = 0, z = 0;
   Vec() {}
