@@ -6,7 +6,7 @@ JOBS ?= 2
 
 PYTHON := .venv/bin/python
 LIGGGHTS_VERSION := 3.8.0+repack1-9+b2
-PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev g++ make python3-venv
+PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev zlib1g-dev g++ make python3-venv
 # Packages are walked; those that name what they export have their modules listed.
 MODULES := $(subst /,.,$(filter-out %__init__ %__main__,$(basename $(wildcard analysis/*.py recognition/*.py recognition/*/*.py))))
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
@@ -71,7 +71,8 @@ build/engine/liggghts-bonded: build/packages $(wildcard dem/engine/*)
 build/packages:
 	mkdir -p build
 	@if [ "$$(dpkg-query -W -f='$${Version}' libliggghts-dev 2>/dev/null)" = "$(LIGGGHTS_VERSION)" ] \
-	  && command -v mpicxx >/dev/null && command -v liggghts >/dev/null; then echo "Debian packages: there"; else \
+	  && command -v mpicxx >/dev/null && command -v liggghts >/dev/null && [ -f /usr/include/zlib.h ]; then \
+	  echo "Debian packages: there"; else \
 	  $(SUDO) apt-get update && $(SUDO) apt-get install -y --no-install-recommends $(PACKAGES); fi
 	touch $@
 

@@ -3,8 +3,9 @@
 #include <fcntl.h>
 #include <mpi.h>
 #include <unistd.h>
+#include <zlib.h>
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
 #include <climits>
 #include <cstdint>
@@ -23,19 +24,8 @@ const char MAGIC[9] = "CGISTATE";
 const int64_t VERSION = 1;
 const size_t NAME = 32;
 
-uint32_t crc32(const char *data, size_t size) {
-  static const std::array<uint32_t, 256> table = [] {
-    std::array<uint32_t, 256> t{};
-    for (uint32_t k = 0; k < 256; k++) {
-      uint32_t c = k;
-      for (int bit = 0; bit < 8; bit++) c = c & 1 ? 0xEDB88320u ^ (c >> 1) : c >> 1;
-      t[k] = c;
-    }
-    return t;
-  }();
-  uint32_t c = 0xFFFFFFFFu;
-  for (size_t k = 0; k < size; k++) c = table[(c ^ static_cast<unsigned char>(data[k])) & 0xFF] ^ (c >> 8);
-  return c ^ 0xFFFFFFFFu;
+int64_t crc_of(const std::string &bytes) {
+  return crc32_z(0, reinterpret_cast<const Bytef *>(bytes.data()), bytes.size());
 }
 
 struct Header {
@@ -86,7 +76,7 @@ void CheckpointWriter::write(const std::string &file) {
   std::memcpy(header.magic, MAGIC, 8);
   header.version = VERSION;
   header.bytes = blocks_.size();
-  header.crc = crc32(blocks_.data(), blocks_.size());
+  header.crc = crc_of(blocks_);
   const std::string beside = file + ".part";
   const int out = open(beside.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
   const bool written = out >= 0 && write_all(out, reinterpret_cast<const char *>(&header), sizeof header) &&
@@ -112,7 +102,7 @@ CheckpointReader::CheckpointReader(LAMMPS *lmp, const std::string &file) : lmp_(
     data.resize(header.bytes);
     const size_t got = std::fread(&data[0], 1, data.size(), in);
     std::fclose(in);
-    if (got != data.size() || crc32(data.data(), data.size()) != header.crc) fail("cut off or damaged");
+    if (got != data.size() || crc_of(data) != header.crc) fail("cut off or damaged");
   }
   MPI_Bcast(&header, sizeof header, MPI_BYTE, 0, lmp->world);
   data.resize(header.bytes);

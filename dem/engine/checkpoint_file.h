@@ -20,7 +20,7 @@ class CheckpointWriter {
   void common(const std::string &name, const std::vector<double> &values);  // the same on all ranks
   void sum(const std::string &name, const std::vector<double> &mine);       // over the ranks
   void rows(const std::string &name, const std::vector<double> &mine);      // of all ranks, one after the other
-  // Beside and then renamed, so that `file` is whole or as it was.
+  // Writes another file first and renames it, so that `file` is whole or as it was before.
   void write(const std::string &file);
 
  private:
@@ -31,7 +31,7 @@ class CheckpointWriter {
 class CheckpointReader {
  public:
   CheckpointReader(LAMMPS *lmp, const std::string &file);
-  // Errors end the run: a block that is missing, or not of `count` numbers, or not of whole rows.
+  // An error ends the run where a block is missing, or has not `count` numbers, or not whole rows of `columns`.
   const std::vector<double> &common(const std::string &name, size_t count) const;
   std::vector<double> sum(const std::string &name, size_t count) const;  // all of it on rank 0, nothing elsewhere
   const std::vector<double> &rows(const std::string &name, size_t columns) const;

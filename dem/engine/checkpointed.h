@@ -9,13 +9,14 @@ class CheckpointWriter;
 class Checkpointed {
  public:
   virtual ~Checkpointed() {}
-  // At the end of each step at which a checkpoint may be taken, taken or not: whatever hangs on the way the run came
-  // here, such as the order of a list, is made anew, so that a resumed run goes on in the same order.
+  // Called at the end of each step at which a checkpoint may be taken, whether one is taken or not. The fix makes
+  // anew what depends on how the run came here, such as the order of a list, so that a resumed run goes on in the
+  // same order.
   virtual void begin_anew() {}
-  virtual void save(CheckpointWriter &) = 0;
-  // After setup() of a resumed run, which must leave alone what is restored here.
+  virtual void save(CheckpointWriter &) = 0;  // must also flush the files that the fix appends to
+  // Called after setup() of a resumed run; setup() must leave alone what is restored here.
   virtual void restore(const CheckpointReader &) = 0;
-  // The engine's half of the checkpoint of this step is on disk.
+  // Called when the engine's half of the checkpoint of this step is on disk.
   virtual void saved(long long) {}
 
   bool resuming = false;  // set before setup() of a resumed run

@@ -1,24 +1,28 @@
 #pragma once
 #include <cstdio>
 #include <memory>
-#include <string>
 #include <vector>
 
 #include "agglomerates.h"
+#include "bond_events.h"
 #include "bond_kernel.h"
 #include "bond_table.h"
 #include "checkpointed.h"
+#include "energy_holder.h"
 #include "fix.h"
+#include "free_flight_partners.h"
 
 namespace LAMMPS_NS {
 
 // fix ID group bond/parallel bonds FILE agglomerates FILE events FILE damping_time TAU kernel NAME
 //     material E stiffness_ratio tensile_strength shear_strength tan_friction   (once a material)
 //
-// Parallel bonds in total form: the fix turns a quaternion with each sub-sphere, and every force follows from
-// positions and quaternions alone. Damping is viscous and proportional to stiffness: the forces are taken at
-// x + tau v, which is F + tau dF/dt. A bond whose stress passes its strength is an event and is gone.
-class FixBondParallel : public Fix, public Checkpointed {
+// Parallel bonds (Potyondy and Cundall 2004, Int. J. Rock Mech. Min. Sci. 41:1329) in total form (Wang 2009, Acta
+// Geotech. 4:117): the fix turns a quaternion with each sub-sphere, and every force follows from positions and
+// quaternions alone. Damping is viscous and proportional to stiffness: the forces are taken at x + tau v, which to
+// first order is F + tau dF/dt. A bond whose stress passes its strength breaks, which is an event (bond_events.h), and
+// acts no more.
+class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, public BodyMaker {
  public:
   FixBondParallel(class LAMMPS *, int, char **);
   ~FixBondParallel() override;
@@ -55,18 +59,13 @@ class FixBondParallel : public Fix, public Checkpointed {
   double memory_usage() override;
   double compute_scalar() override;  // bonds that hold
 
-  // Each indexed by agglomerate, summed over ranks by the caller.
-  void add_elastic_energy(double *energy) const;
-  const std::vector<double> &work() const { return work_; }          // done by bonds on sub-spheres so far, J
-  const std::vector<double> &released() const { return released_; }  // elastic energy of bonds when they broke, J
-  const std::vector<double> &broken_count() const { return broken_count_; }
-  // For bodies that leave the arrays (fix idle).
-  void let_bodies_leave() { bodies_may_leave_ = true; }  // bonds without sub-spheres here are then no error
-  const std::vector<int> &body_of_tag();  // sub-spheres that bonds hold together: the least tag among them, by tag
-  void add_elastic_energy_by_body(double *energy);  // of bonds whose sub-spheres are here, indexed by body, J
-  void forget_forces(int i);                          // no work of the bonds on i in the coming half step
-  void rotate(int i, const struct Rotation &);        // turns the quaternion of sub-sphere i
-  int bond_count() const { return static_cast<int>(bonds_.size()); }
+  void add_to(LedgerRows &) override;
+
+  void let_bodies_leave() override { bodies_may_leave_ = true; }
+  const std::vector<int> &body_of_tag() override;
+  void add_elastic_energy_by_body(double *energy) override;
+  void forget_forces(int i) override;
+  void rotate(int i, const Rotation &) override;
 
  private:
   std::unique_ptr<Agglomerates> agglomerates_;
@@ -81,6 +80,8 @@ class FixBondParallel : public Fix, public Checkpointed {
   std::vector<AtomRecord> atoms_;
   std::vector<ForceRecord> forces_;
   std::unique_ptr<BondKernel> kernel_;
+  // By agglomerate, on this rank: work done by bonds on sub-spheres, J; elastic energy of bonds when they broke, J; and
+  // how many broke.
   std::vector<double> work_, released_, broken_count_;
   double **quaternion_;
   double damping_time_;
@@ -88,10 +89,8 @@ class FixBondParallel : public Fix, public Checkpointed {
   bool bodies_may_leave_ = false;
   std::vector<int> body_of_tag_;
   double broken_at_bodies_ = -1;  // bonds broken when the bodies were found
-  std::string events_;  // text not yet written
-  std::string events_file_;
+  BondEvents events_;
 
-  static void turn(double *q, const double *omega, double half_dt);
   template <class Power> void add_work(double time, Power power);
   void rebuild();
   void share_broken();
@@ -100,7 +99,6 @@ class FixBondParallel : public Fix, public Checkpointed {
   AtomRecord record(int i) const;
   AtomRecord half_a_step_ago(int i) const;
   void note_broken(int n);
-  void write_events();
 };
 
 }  // namespace LAMMPS_NS

@@ -17,8 +17,8 @@
 #include "checkpointed.h"
 #include "comm.h"
 #include "error.h"
+#include "fixes.h"
 #include "force.h"
-#include "modify.h"
 #include "neigh_list.h"
 #include "pair.h"
 #include "update.h"
@@ -66,12 +66,7 @@ std::string FixCheckpoint::file(long long step) const {
   return directory_ + "/engine_" + std::to_string(step) + ".checkpoint";
 }
 
-std::vector<Checkpointed *> FixCheckpoint::others() const {
-  std::vector<Checkpointed *> found;
-  for (int k = 0; k < modify->nfix; k++)
-    if (auto *one = dynamic_cast<Checkpointed *>(modify->fix[k])) found.push_back(one);
-  return found;
-}
+std::vector<Checkpointed *> FixCheckpoint::others() const { return fixes_that_are<Checkpointed>(modify); }
 
 void FixCheckpoint::init() {
   bool last = false;  // of all that must be restored
@@ -81,7 +76,7 @@ void FixCheckpoint::init() {
   for (Checkpointed *one : others()) one->resuming = resumed_ != nullptr;
 }
 
-// The last of the set-up: what a resumed run must not compute anew is put back.
+// This comes last in the set-up and puts back what a resumed run must not compute anew.
 void FixCheckpoint::setup(int) {
   next_time_ = MPI_Wtime() + LEAST_INTERVAL_s;
   next_reneighbor = update->ntimestep + 1;
@@ -115,7 +110,7 @@ bool FixCheckpoint::due(bool stop) {
   return due;
 }
 
-/* --- taking one ------------------------------------------------------------------------------------------------- */
+/* --- taking one ---------------------------------------------------------------------------------------------- */
 
 void FixCheckpoint::save() {
   CheckpointWriter out(lmp);
@@ -175,7 +170,7 @@ void FixCheckpoint::save_streams(CheckpointWriter &out) {
   out.common("streams", length);
 }
 
-/* --- taking up a run ------------------------------------------------------------------------------------------------- */
+/* --- resuming a run ----------------------------------------------------------------------------------------- */
 
 void FixCheckpoint::resume(long long step) {
   resumed_ = std::make_unique<CheckpointReader>(lmp, file(step));
@@ -205,8 +200,8 @@ void FixCheckpoint::resume(long long step) {
   }
 }
 
-// The order in memory decides in which order forces are summed. What is not in the checkpoint was away (fix idle), which
-// has it.
+// The order in memory decides in which order forces are summed. A sub-sphere that is not among the rows was in free
+// flight, and fix free_flight has it in its own part of the checkpoint.
 void FixCheckpoint::put_in_order(const std::vector<double> &rows) {
   AtomVec *avec = atom->avec;
   const int kept = static_cast<int>(rows.size() / ATOM_COLUMNS);

@@ -10,14 +10,15 @@ namespace LAMMPS_NS {
 
 // fix ID group checkpoint every N directory DIR resume STEP streams FILE...
 //
-// The last fix of a deck, after `velocity`. Every N steps (whole co-steps) is a step at which the run can be taken up
-// again; the neighbour lists are built anew after each, whether a checkpoint is taken or not, so that a resumed run goes
-// on as the undisturbed one does, on one rank bit by bit. A checkpoint is taken when the last is so long ago that its
-// cost is below one part in a hundred. SIGUSR1 asks for one at the next such step and for an end.
+// It must be the last fix of a deck, after `velocity`. Every N steps (whole co-steps) there is a step at which the
+// run can be resumed. The neighbour lists are built anew after each such step, whether a checkpoint is taken or not,
+// so that a resumed run goes on as the undisturbed one does, on one rank bit by bit. A checkpoint is taken when the
+// last one is so long ago that its cost is below one part in a hundred. SIGUSR1 asks for one at the next such step,
+// where the run then ends.
 //
-// STEP > 0: takes up the run at DIR/engine_STEP.checkpoint; streams, the files that the run appends to, are cut back to
-// their length at that step. LIGGGHTS's own set-up computes forces from velocities half a step too late and advances
-// contacts again; they are put back as they were when it has finished.
+// STEP > 0 resumes the run at DIR/engine_STEP.checkpoint. The streams, which are the files that the run appends to,
+// are cut back to their length at that step. The set-up of LIGGGHTS computes forces from velocities half a step too
+// late and advances contacts a second time; when it has finished they are put back as they were.
 class FixCheckpoint : public Fix {
  public:
   FixCheckpoint(class LAMMPS *, int, char **);

@@ -8,40 +8,14 @@
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
-#include "fix_bond_parallel.h"
-#include "fix_idle.h"
-#include "fix_wall_plate.h"
+#include "fixes.h"
 #include "force.h"
-#include "modify.h"
 #include "neigh_list.h"
 #include "pair.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
 using namespace FixConst;
-
-namespace {
-// dem/run/energy_balance.py reads these in this order.
-enum Column {
-  KINETIC,         // translation and spin of the sub-spheres, J
-  MOMENTUM_Z,      // kg m/s
-  MASS_HEIGHT,     // sum of m z, kg m, for the potential energy
-  BOND_ELASTIC,    // now in the bonds, J
-  BOND_WORK,       // done by the bonds on the sub-spheres, J
-  RELEASED,        // elastic energy of bonds at the moment they broke, J
-  BROKEN,          // bonds
-  PAIR_WORK,       // done by contacts between sub-spheres, J
-  WALL_WORK,       // done by the plate on the sub-spheres, J
-  PLATE_WORK,      // done by the sub-spheres on the moving plate, J
-  WALL_ELASTIC,    // now in the normal contacts with the plate, J
-  WALL_DAMPED,     // by their normal dashpots so far, J
-  PAIR_ELASTIC,    // now in the normal contacts between sub-spheres, J
-  PAIR_DAMPED,     // by their normal dashpots so far, J
-  WALL_PLASTIC,    // taken by the plate's yielding under the contacts so far, J
-  WALL_DEEPEST,    // largest overlap over radius of a contact with the plate so far
-  COLUMNS
-};
-}  // namespace
 
 FixLedger::FixLedger(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   std::string agglomerates, file;
@@ -69,16 +43,7 @@ FixLedger::~FixLedger() {
 
 int FixLedger::setmask() { return POST_INTEGRATE | POST_FORCE | END_OF_STEP; }
 
-void FixLedger::init() {
-  bonds_ = nullptr;
-  wall_ = nullptr;
-  idle_ = nullptr;
-  for (int k = 0; k < modify->nfix; k++) {
-    if (auto *bonds = dynamic_cast<FixBondParallel *>(modify->fix[k])) bonds_ = bonds;
-    if (auto *wall = dynamic_cast<FixWallPlate *>(modify->fix[k])) wall_ = wall;
-    if (auto *idle = dynamic_cast<FixIdle *>(modify->fix[k])) idle_ = idle;
-  }
-}
+void FixLedger::init() { holders_ = fixes_that_are<EnergyHolder>(modify); }
 
 void FixLedger::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
@@ -124,7 +89,7 @@ void FixLedger::add_damping() {
 }
 
 // The work over a step is force x (v before + v after)/2 dt, which is what the leapfrog integrator adds to the kinetic
-// energy; the first half is counted when the force is known, the second when the next velocity is.
+// energy. The first half is counted when the force is known, the second when the next velocity is.
 void FixLedger::post_force(int) {
   contacts_.clear();
   const double half_dt = 0.5 * update->dt;
@@ -154,58 +119,12 @@ void FixLedger::end_of_step() {
 }
 
 void FixLedger::write() {
-  const int n = agglomerates_->count();
-  std::vector<double> mine(n * COLUMNS, 0.0), total(n * COLUMNS), column(n);
-  for (int i = 0; i < atom->nlocal; i++) {
-    double *row = &mine[agglomerates_->of_tag(atom->tag[i]) * COLUMNS];
-    const double *v = atom->v[i], *w = atom->omega[i], m = atom->rmass[i], r = atom->radius[i];
-    row[KINETIC] += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) +
-                    0.2 * m * r * r * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
-    row[MOMENTUM_Z] += m * v[2];
-    row[MASS_HEIGHT] += m * atom->x[i][2];
-  }
-  if (idle_)
-    for (const IdleBody *b : idle_->bodies()) {
-      double *row = &mine[b->agglomerate * COLUMNS];
-      row[KINETIC] += b->kinetic();
-      row[MOMENTUM_Z] += b->mass * b->velocity.z;
-      row[MASS_HEIGHT] += b->mass * b->center.z;
-      row[BOND_ELASTIC] += b->bond_elastic;
-      row[PAIR_ELASTIC] += b->pair_elastic;
-    }
-  auto put = [&](Column c, const std::vector<double> &values) {
-    for (int a = 0; a < n; a++) mine[a * COLUMNS + c] += values[a];
-  };
-  put(PAIR_WORK, pair_work_);
-  put(PAIR_DAMPED, pair_damped_);
-  each_contact([&](int i, int j, double radius, double overlap, const double *, double share) {
-    const double energy = share * law_->elastic_energy(atom->type[i], atom->type[j], radius, overlap);
-    mine[agglomerates_->of_tag(atom->tag[i]) * COLUMNS + PAIR_ELASTIC] += 0.5 * energy;
-    mine[agglomerates_->of_tag(atom->tag[j]) * COLUMNS + PAIR_ELASTIC] += 0.5 * energy;
-  });
-  if (bonds_) {
-    column.assign(n, 0);
-    bonds_->add_elastic_energy(column.data());
-    put(BOND_ELASTIC, column);
-    put(BOND_WORK, bonds_->work());
-    put(RELEASED, bonds_->released());
-    put(BROKEN, bonds_->broken_count());
-  }
-  if (wall_) {
-    column.assign(n, 0);
-    wall_->add_elastic_energy(column.data());
-    put(WALL_ELASTIC, column);
-    put(WALL_DAMPED, wall_->damped());
-    put(WALL_WORK, wall_->work_on_stone());
-    put(PLATE_WORK, wall_->work_on_plate());
-    put(WALL_PLASTIC, wall_->plastic());
-    put(WALL_DEEPEST, wall_->deepest());
-  }
-  MPI_Allreduce(mine.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, world);
-  if (wall_ && comm->nprocs > 1) {
-    MPI_Reduce(wall_->deepest().data(), column.data(), n, MPI_DOUBLE, MPI_MAX, 0, world);
-    for (int k = 0; k < n; k++) total[k * COLUMNS + WALL_DEEPEST] = column[k];
-  }
+  LedgerRows rows(agglomerates_->count());
+  add_motion(rows);
+  // From the last fix of the deck to the first: the order of a sum decides its last bit.
+  for (auto holder = holders_.rbegin(); holder != holders_.rend(); ++holder) (*holder)->add_to(rows);
+  add_contacts(rows);
+  const std::vector<double> total = over_ranks(rows.values());
   add_up(total);
   if (comm->me != 0) return;
   const long long step = update->ntimestep;
@@ -214,9 +133,45 @@ void FixLedger::write() {
   if (!written) error->one(FLERR, "cannot write the ledger");
 }
 
+// Kinetic energy, momentum and height of the sub-spheres in the arrays.
+void FixLedger::add_motion(LedgerRows &rows) const {
+  for (int i = 0; i < atom->nlocal; i++) {
+    const int a = agglomerates_->of_tag(atom->tag[i]);
+    const double *v = atom->v[i], *w = atom->omega[i], m = atom->rmass[i], r = atom->radius[i];
+    rows.at(a, KINETIC) += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) +
+                           0.2 * m * r * r * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+    rows.at(a, MOMENTUM_Z) += m * v[2];
+    rows.at(a, MASS_HEIGHT) += m * atom->x[i][2];
+  }
+}
+
+// Energies of the contacts between sub-spheres.
+void FixLedger::add_contacts(LedgerRows &rows) const {
+  rows.add(PAIR_WORK, pair_work_);
+  rows.add(PAIR_DAMPED, pair_damped_);
+  each_contact([&](int i, int j, double radius, double overlap, const double *, double share) {
+    const double energy = share * law_->elastic_energy(atom->type[i], atom->type[j], radius, overlap);
+    rows.at(agglomerates_->of_tag(atom->tag[i]), PAIR_ELASTIC) += 0.5 * energy;
+    rows.at(agglomerates_->of_tag(atom->tag[j]), PAIR_ELASTIC) += 0.5 * energy;
+  });
+}
+
+// The sum over the ranks, or the largest in the column where that counts, which is right on rank 0 alone.
+std::vector<double> FixLedger::over_ranks(const std::vector<double> &mine) const {
+  std::vector<double> total(mine.size());
+  MPI_Allreduce(mine.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, world);
+  if (comm->nprocs == 1) return total;
+  const int n = agglomerates_->count();
+  std::vector<double> deepest(n), column(n);
+  for (int a = 0; a < n; a++) deepest[a] = mine[a * LEDGER_COLUMNS + WALL_DEEPEST];
+  MPI_Reduce(deepest.data(), column.data(), n, MPI_DOUBLE, MPI_MAX, 0, world);
+  for (int a = 0; a < n; a++) total[a * LEDGER_COLUMNS + WALL_DEEPEST] = column[a];
+  return total;
+}
+
 void FixLedger::add_up(const std::vector<double> &rows) {
   sum_ = {update->ntimestep, 0, 0, 0, 0, 0};
-  for (const double *row = rows.data(); row < rows.data() + rows.size(); row += COLUMNS) {
+  for (const double *row = rows.data(); row < rows.data() + rows.size(); row += LEDGER_COLUMNS) {
     sum_.kinetic_J += row[KINETIC];
     sum_.mass_height_kg_m += row[MASS_HEIGHT];
     sum_.work_on_stones_J += row[BOND_WORK] + row[PAIR_WORK] + row[WALL_WORK];

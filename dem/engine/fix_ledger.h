@@ -6,18 +6,21 @@
 
 #include "agglomerates.h"
 #include "checkpointed.h"
+#include "energy_holder.h"
 #include "fix.h"
+#include "free_flight_partners.h"
 #include "hertz_law.h"
 
 namespace LAMMPS_NS {
 
 // fix ID group ledger agglomerates FILE every N file FILE
 //
-// Where the energy of each agglomerate is, every N steps. It must come before all other fixes that add forces: what it
-// finds in the force array then comes from the contacts between sub-spheres alone.
+// Writes where the energy of each agglomerate is, every N steps. It must come before all other fixes that add forces:
+// what it finds in the force array then comes from the contacts between sub-spheres alone. Other fixes tell what they
+// hold by EnergyHolder.
 //
-// File: int64 step, then double[agglomerates][columns] with the columns of fix_ledger.cpp.
-class FixLedger : public Fix, public Checkpointed {
+// File: for each row int64 step, then double[agglomerates][LEDGER_COLUMNS] (energy_holder.h).
+class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
  public:
   FixLedger(class LAMMPS *, int, char **);
   ~FixLedger() override;
@@ -30,9 +33,10 @@ class FixLedger : public Fix, public Checkpointed {
   void post_run() override;
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
-  int every() const { return every_; }
+  int acts_every() const override { return every_; }
 
-  // Of all agglomerates at the last row. `took`: from the stones and the plate, and not held as elastic energy.
+  // Of all agglomerates at the last row. What bonds and contacts took from the stones and the plate does not count what
+  // they hold as elastic energy.
   struct Sum {
     long long step;
     double kinetic_J, mass_height_kg_m, work_on_stones_J, bonds_took_J, contacts_took_J;
@@ -48,9 +52,7 @@ class FixLedger : public Fix, public Checkpointed {
   std::vector<double> pair_work_, pair_damped_;
   std::unique_ptr<HertzLaw> law_;
   std::vector<Contact> contacts_;  // sub-spheres that felt another one at the last step
-  class FixBondParallel *bonds_ = nullptr;
-  class FixWallPlate *wall_ = nullptr;
-  class FixIdle *idle_ = nullptr;
+  std::vector<EnergyHolder *> holders_;
   int every_ = 1;
   Sum sum_ = {0, 0, 0, 0, 0, 0};
   FILE *file_ = nullptr;
@@ -58,6 +60,9 @@ class FixLedger : public Fix, public Checkpointed {
   template <class Visit> void each_contact(Visit visit) const;
   void add_damping();
   void write();
+  void add_motion(LedgerRows &) const;
+  void add_contacts(LedgerRows &) const;
+  std::vector<double> over_ranks(const std::vector<double> &mine) const;
   void add_up(const std::vector<double> &rows);
 };
 

@@ -11,8 +11,8 @@
 #include "checkpoint_file.h"
 #include "error.h"
 #include "fix_ledger.h"
+#include "fixes.h"
 #include "force.h"
-#include "modify.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -39,9 +39,7 @@ FixMonitor::FixMonitor(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) 
 int FixMonitor::setmask() { return END_OF_STEP; }
 
 void FixMonitor::init() {
-  ledger_ = nullptr;
-  for (int k = 0; k < modify->nfix; k++)
-    if (auto *ledger = dynamic_cast<FixLedger *>(modify->fix[k])) ledger_ = ledger;
+  ledger_ = fix_that_is<FixLedger>(modify);
   if (!ledger_) error->fix_error(FLERR, this, "needs a fix ledger before it");
   double mine = HUGE_VAL;
   for (int i = 0; i < atom->nlocal; i++) mine = std::min(mine, atom->radius[i]);
@@ -58,7 +56,7 @@ void FixMonitor::check_speed() const {
   int broken = 0;
   for (int i = 0; i < atom->nlocal; i++) {
     const double *v = atom->v[i];
-    broken |= !(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= limit2);  // so written that what is no number breaks it
+    broken |= !(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= limit2);  // true for a velocity that is no number
   }
   if (!broken) return;
   for (int i = 0; i < atom->nlocal; i++) {
@@ -89,11 +87,11 @@ void FixMonitor::check_energy() {
                {"contacts have given", -sum.contacts_took_J},
                {"stones have gained or lost", std::fabs(surplus)}};
   for (const auto &part : parts) {
-    if (part.from_nothing_J <= limit) continue;  // so written that what is no number breaks it
+    if (part.from_nothing_J <= limit) continue;  // false for an energy that is no number
     char text[256];
     std::snprintf(text, sizeof text,
-                  "at step %lld the %s %.3g J that nothing accounts for; the limit of energy is 1 %% of what impact and "
-                  "fall supply, %.3g J: the time step is too long",
+                  "at step %lld the %s %.3g J that nothing accounts for; the limit of energy is 1 %% of what impact "
+                  "and fall supply, %.3g J: the time step is too long",
                   sum.step, part.of, part.from_nothing_J, limit);
     error->all(FLERR, text);
   }

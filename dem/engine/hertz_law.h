@@ -7,7 +7,8 @@
 
 namespace LAMMPS_NS {
 
-// What the stock contact model `hertz` stores and takes in the normal direction of one contact, for the ledger.
+// What the stock contact model `hertz` of LIGGGHTS stores and takes in the normal direction of one contact: the law of
+// Hertz (1882) and the dashpot of its manual, `gran model hertz`. Moduli E* are in Pa, lengths in m, energies in J.
 class HertzLaw {
  public:
   explicit HertzLaw(LAMMPS *lmp) {

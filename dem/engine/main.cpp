@@ -5,7 +5,7 @@
 //   ledger          energies and momenta of each agglomerate          (fix_ledger.h)
 //   monitor         stops a run that is not stable                    (fix_monitor.h)
 //   checkpoint      keeps the state of a run and takes it up again    (fix_checkpoint.h)
-//   idle            bodies in the air leave the force loops           (fix_idle.h)
+//   free_flight     bodies in free flight leave the force loops       (fix_free_flight.h)
 //
 // It runs any LIGGGHTS deck: `liggghts-bonded -in deck`. The styles are added once, so a deck must not use `clear`.
 
@@ -18,7 +18,7 @@
 #include "comm.h"
 #include "fix_bond_parallel.h"
 #include "fix_checkpoint.h"
-#include "fix_idle.h"
+#include "fix_free_flight.h"
 #include "fix_ledger.h"
 #include "fix_monitor.h"
 #include "fix_wall_plate.h"
@@ -50,7 +50,7 @@ void add_styles(LAMMPS *lmp) {
   styles["ledger"] = &create<FixLedger>;
   styles["monitor"] = &create<FixMonitor>;
   styles["checkpoint"] = &create<FixCheckpoint>;
-  styles["idle"] = &create<FixIdle>;
+  styles["free_flight"] = &create<FixFreeFlight>;
 }
 
 }  // namespace

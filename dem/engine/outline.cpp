@@ -9,16 +9,16 @@ namespace LAMMPS_NS {
 namespace {
 
 const double NEVER_s = std::numeric_limits<double>::infinity();
-const double LONG_s = 2e-3;  // a time found with bounding spheres that is as long as this is not looked at more closely
+const double LONG_s = 2e-3;  // a time of the bounding spheres from this on is long enough as it is
 
-// Until a point at height z >= 0 that rises with v under gravity g is at 0.
+// Time until a point at height z >= 0 that rises with v under gravity g is at 0.
 double time_to_fall(double z, double v, double g) {
   if (z <= 0) return 0;
   if (g > 0) return (v + std::sqrt(v * v + 2 * g * z)) / g;
   return v < 0 ? -z / v : NEVER_s;
 }
 
-// Until |d + v t| = distance, for |d| > distance.
+// Time until |d + v t| = distance, for |d| > distance.
 double time_to_approach(const Vec &d, const Vec &v, double distance) {
   const double b = dot(d, v), c = dot(d, d) - distance * distance, a = dot(v, v);
   if (c <= 0) return 0;

@@ -17,7 +17,8 @@ class Outline {
   double spin = 0;       // bound for |omega|, rad/s
   double radius = 0;     // of the sphere about the centre of mass that holds the body
   virtual ~Outline() {}
-  const std::vector<Sphere> &spheres() {  // found only where the sphere that holds the body does not tell
+  // Its sub-spheres. They are placed when first asked for, where the sphere that holds the body is not enough.
+  const std::vector<Sphere> &spheres() {
     if (spheres_.empty()) place(spheres_);
     return spheres_;
   }
@@ -35,8 +36,8 @@ struct PlateOutline {
 
 double gap(Outline &, Outline &);  // between the nearest sub-spheres, never negative
 
-// Time during which nothing can touch, s; a lower bound, never negative. A body is taken to be a sphere as long as that
-// is enough, then each sub-sphere is looked at, which may be anywhere that the spin could bring it.
+// Time during which nothing can touch, s. It is a lower bound and never negative. A body is taken to be a sphere as
+// long as that is enough; then each sub-sphere is looked at, which may be anywhere that the spin could bring it.
 double time_to_plate(Outline &, const PlateOutline &, double gravity_m_s2);
 // Between two bodies that both fly freely, so that their centres approach each other uniformly.
 double time_to_meet(Outline &, Outline &);

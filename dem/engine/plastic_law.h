@@ -5,14 +5,15 @@
 namespace LAMMPS_NS {
 
 // Normal contact of a sphere with an elastic, perfectly plastic plate (Thornton 1997, J. Appl. Mech. 64:383), the twin
-// of plate_fem/plasticity.py: Hertz until the pressure in the middle reaches p_y, then a slope of pi p_y R; back along
-// Hertz with the radius R_p of the flattened contact, and again up the same way to where it turned. The largest overlap
-// so far is all that it remembers.
+// of plate_fem/plasticity.py. The force follows Hertz until the pressure in the middle reaches p_y, and then rises with
+// the slope pi p_y R. It comes back along Hertz' law for the radius R_p of the flattened contact, and rises again the
+// same way to where it turned. The largest overlap so far is all that the contact remembers.
+// Arguments: modulus E*, Pa; radius R of the sphere, m; overlaps, m. Forces are in N.
 class PlasticLaw {
  public:
   explicit PlasticLaw(double yield_pressure) : p_(yield_pressure) {}
 
-  struct Dent {
+  struct Indentation {
     double radius, depth;  // R_p, and the overlap at which the force comes back to zero, m
   };
 
@@ -24,7 +25,7 @@ class PlasticLaw {
     return hertz(modulus, R, at_yield) + M_PI * p_ * R * (overlap - at_yield);
   }
 
-  Dent dent(double modulus, double R, double largest) const {
+  Indentation indentation(double modulus, double R, double largest) const {
     const double at_yield = yield_overlap(modulus, R);
     if (largest <= at_yield) return {R, 0};
     const double F = loading(modulus, R, largest);
@@ -34,7 +35,7 @@ class PlasticLaw {
   }
 
   double force(double modulus, double R, double overlap, double largest) const {
-    const Dent d = dent(modulus, R, largest);
+    const Indentation d = indentation(modulus, R, largest);
     return hertz(modulus, d.radius, overlap - d.depth);
   }
 
@@ -49,7 +50,7 @@ class PlasticLaw {
     if (largest <= at_yield) return 0;
     const double F_y = hertz(modulus, R, at_yield), F = loading(modulus, R, largest);
     return 0.4 * F_y * at_yield + 0.5 * (F_y + F) * (largest - at_yield) -
-           0.4 * F * (largest - dent(modulus, R, largest).depth);
+           0.4 * F * (largest - indentation(modulus, R, largest).depth);
   }
 
  private:

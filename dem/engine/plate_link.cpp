@@ -13,17 +13,21 @@
 
 namespace LAMMPS_NS {
 
+namespace {
+const long long FINISHED = -1, CHECKPOINT = -2;  // in the place of the step
+}
+
 PlateLink::PlateLink(LAMMPS *lmp, const std::string &to_plate, const std::string &from_plate, int modes)
     : amplitude(modes), rate(modes), lmp_(lmp), to_(to_plate), from_(from_plate),
-      plate_(Peer::plate()) {}
+      plate_(PlateWatchdog::from_environment()) {}
 
 PlateLink::~PlateLink() {
   if (out_ >= 0) close(out_);
   if (in_ >= 0) close(in_);
 }
 
-// A pipe opens when the other side opens it too, and both sides open `to_plate` first. Opened without blocking, so that a
-// plate that is stuck can be seen while it is waited for.
+// A pipe opens when the other side opens it too, and both sides open `to_plate` first. The engine opens without
+// blocking, so that it can see a plate that is stuck while it waits.
 void PlateLink::open() {
   std::signal(SIGPIPE, SIG_IGN);  // a plate that is gone shows as an error of write
   const useconds_t PAUSE_us = 10000;
@@ -36,14 +40,14 @@ void PlateLink::open() {
   fcntl(out_, F_SETFL, 0);
 }
 
-void PlateLink::send(long long step, long long co_steps, long long ahead, const double *modal_force) {
-  std::vector<double> message(3);
-  message.insert(message.end(), modal_force, modal_force + amplitude.size());
-  std::memcpy(&message[0], &step, 8);
-  std::memcpy(&message[1], &co_steps, 8);
-  std::memcpy(&message[2], &ahead, 8);
-  const char *bytes_of = reinterpret_cast<const char *>(message.data());
-  for (size_t size = 8 * message.size(), sent = 0; sent < size;) {
+void PlateLink::send(long long step, long long co_steps, long long extrapolated, const double *modal_force) {
+  std::vector<double> words(3);
+  words.insert(words.end(), modal_force, modal_force + amplitude.size());
+  std::memcpy(&words[0], &step, 8);
+  std::memcpy(&words[1], &co_steps, 8);
+  std::memcpy(&words[2], &extrapolated, 8);
+  const char *bytes_of = reinterpret_cast<const char *>(words.data());
+  for (size_t size = 8 * words.size(), sent = 0; sent < size;) {
     const ssize_t bytes = write(out_, bytes_of + sent, size - sent);
     if (bytes <= 0) lmp_->error->one(FLERR, "The plate does not read any more");
     sent += bytes;
@@ -75,9 +79,10 @@ void PlateLink::check_plate() {
   if (!trouble.empty()) lmp_->error->one(FLERR, trouble.c_str());
 }
 
-void PlateLink::exchange(long long step, long long co_steps, long long ahead, const double *modal_force) {
+void PlateLink::message(long long step, long long co_steps_passed, long long extrapolated_co_steps,
+                        const double *modal_force) {
   if (out_ < 0) open();
-  send(step, co_steps, ahead, modal_force);
+  send(step, co_steps_passed, extrapolated_co_steps, modal_force);
   receive_answer(step);
   receive(&reach, 8);
   receive(amplitude.data(), 8 * amplitude.size());
@@ -92,15 +97,15 @@ void PlateLink::receive_answer(long long step) {
 
 void PlateLink::checkpoint(long long step) {
   std::vector<double> nothing(1 + 2 * amplitude.size());
-  send(-2, step, 0, nothing.data());
-  receive_answer(-2);
+  send(CHECKPOINT, step, 0, nothing.data());
+  receive_answer(CHECKPOINT);
   receive(nothing.data(), 8 * nothing.size());
 }
 
 void PlateLink::finish() {
   if (out_ < 0) return;
   const std::vector<double> none(amplitude.size(), 0.0);
-  send(-1, 0, 0, none.data());
+  send(FINISHED, 0, 0, none.data());
 }
 
 }  // namespace LAMMPS_NS

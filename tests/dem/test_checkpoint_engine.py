@@ -14,7 +14,7 @@ from dem.coupling.launch import ENGINE
 
 EVERY, STEPS = 250, 1000
 IDLE = ("fix gravity all gravity 6000 vector 0 0 -1\n"
-        "fix idle all idle agglomerates agglomerates.txt gravity 6000 speed 5 tolerance 1e-3 every 50\n")
+        "fix free_flight all free_flight agglomerates agglomerates.txt gravity 6000 speed 5 tolerance 1e-3 every 50\n")
 STREAMS = ("view.dump", "forces.bin", "ledger.bin", "events.csv")
 
 
@@ -100,9 +100,9 @@ def test_a_split_run_is_the_undisturbed_one(tmp_path, ranks):
 
 
 def bodies_away(checkpoint):
-    """How many bodies fix idle has in a checkpoint of the engine."""
+    """How many bodies fix free_flight has in a checkpoint of the engine."""
     data = checkpoint.read_bytes()
-    at = data.index(b"idle\0".ljust(32, b"\0")) + 32
+    at = data.index(b"free_flight\0".ljust(32, b"\0")) + 32
     return int(np.frombuffer(data, "<f8", 1, at + 8)[0])
 
 

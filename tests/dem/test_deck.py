@@ -24,8 +24,8 @@ PARTS = {
     "plate exchange": r"to_plate|shapes\.bin",
     "pictures": r"^dump ",
     "plasticity": r"yield_pressure",
-    "idle bodies": r"^fix idle ",
-    "light contact": r" light ",
+    "idle bodies": r"^fix free_flight ",
+    "light contact": r" weak_contact ",
 }
 NAMES = sorted(file.stem for file in SCENES.glob("*.toml") if "[stones]" in file.read_text())  # others list runs
 

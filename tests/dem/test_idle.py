@@ -13,7 +13,7 @@ from dem.run.run import run_scene
 
 GRAVITY = 9.8
 DT = 2e-7
-IDLE = f"fix idle all idle agglomerates agglomerates.txt gravity {GRAVITY} speed 3 tolerance {{}} every 50\n"
+IDLE = f"fix free_flight all free_flight agglomerates agglomerates.txt gravity {GRAVITY} speed 3 tolerance {{}} every 50\n"
 WEIGHT = f"fix gravity all gravity {GRAVITY} vector 0 0 -1\n"
 PLATE = ("fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
          "contact model hertz tangential history primitive type 2 zplane 0.0\n")

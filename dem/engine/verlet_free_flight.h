@@ -1,19 +1,20 @@
 #pragma once
+#include "free_flight_partners.h"
 #include "verlet.h"
 
 namespace LAMMPS_NS {
 
 // The stock velocity Verlet loop with two additions: sub-spheres may leave and enter the arrays before neighbour lists
-// are built, and time jumps while none are there. Installed by fix idle.
-class VerletIdle : public Verlet {
+// are built, and time jumps while none are there. Fix free_flight installs it.
+class VerletFreeFlight : public Verlet {
  public:
-  VerletIdle(class LAMMPS *lmp) : Verlet(lmp, 0, nullptr) {}
+  VerletFreeFlight(class LAMMPS *lmp) : Verlet(lmp, 0, nullptr) {}
   void init() override;
   void setup() override;
   void run(int) override;
 
  private:
-  class FixIdle *idle_ = nullptr;
+  FlightControl *flight_ = nullptr;
   void step();
   void rebuild();
 };

@@ -1,11 +1,10 @@
-#include "verlet_idle.h"
+#include "verlet_free_flight.h"
 
 #include "atom.h"
 #include "comm.h"
 #include "domain.h"
-#include "fix_idle.h"
+#include "fixes.h"
 #include "force.h"
-#include "modify.h"
 #include "neighbor.h"
 #include "output.h"
 #include "pair.h"
@@ -15,30 +14,28 @@
 
 using namespace LAMMPS_NS;
 
-void VerletIdle::init() {
+void VerletFreeFlight::init() {
   Verlet::init();
-  idle_ = nullptr;
-  for (int k = 0; k < modify->nfix; k++)
-    if (auto *idle = dynamic_cast<FixIdle *>(modify->fix[k])) idle_ = idle;
+  flight_ = fix_that_is<FlightControl>(modify);
 }
 
-void VerletIdle::setup() {
+void VerletFreeFlight::setup() {
   Verlet::setup();
-  if (idle_) idle_->hide();  // what a resumed run shows to the first dump
+  if (flight_) flight_->hide();  // what a resumed run shows to the first dump
 }
 
-void VerletIdle::run(int steps) {
+void VerletFreeFlight::run(int steps) {
   const bigint last = update->ntimestep + steps;
   while (update->ntimestep < last) {
-    if (idle_) idle_->jump();
+    if (flight_) flight_->jump();
     step();
     if (SignalHandler::request_quit && !SignalHandler::request_write_restart) break;
   }
-  if (idle_) idle_->bring_back();
+  if (flight_) flight_->bring_back();
 }
 
 // One step, in the order of Verlet::run.
-void VerletIdle::step() {
+void VerletFreeFlight::step() {
   const bigint now = ++update->ntimestep;
   ev_set(now);
   if (modify->n_pre_initial_integrate) modify->pre_initial_integrate();
@@ -61,15 +58,15 @@ void VerletIdle::step() {
 
   if (now != output->next) return;
   timer->stamp();
-  if (idle_) idle_->show();
+  if (flight_) flight_->show();
   output->write(now);
-  if (idle_) idle_->hide();
+  if (flight_) flight_->hide();
   timer->stamp(TIME_OUTPUT);
 }
 
-void VerletIdle::rebuild() {
+void VerletFreeFlight::rebuild() {
   if (modify->n_pre_exchange) modify->pre_exchange();
-  if (idle_) idle_->change_arrays();
+  if (flight_) flight_->change_arrays();
   domain->pbc();
   if (domain->box_change) {
     domain->reset_box();

@@ -1,4 +1,4 @@
-#include "peer.h"
+#include "watchdog.h"
 
 #include <unistd.h>
 
@@ -19,17 +19,18 @@ double now_s() {
 }
 }  // namespace
 
-Peer Peer::plate() {
-  Peer peer;
+PlateWatchdog PlateWatchdog::from_environment() {
+  PlateWatchdog watchdog;
   char host[256] = "", mine[256] = "";
   const char *text = std::getenv("PLATE_PROCESS");
   gethostname(mine, sizeof mine - 1);
-  if (text && std::sscanf(text, "%255s %d", host, &peer.pid_) == 2 && std::strcmp(host, mine) != 0) peer.pid_ = 0;
-  peer.last_s_ = now_s();
-  return peer;
+  const bool known = text && std::sscanf(text, "%255s %d", host, &watchdog.pid_) == 2;
+  if (known && std::strcmp(host, mine) != 0) watchdog.pid_ = 0;
+  watchdog.last_s_ = now_s();
+  return watchdog;
 }
 
-std::string Peer::trouble() {
+std::string PlateWatchdog::trouble() {
   if (pid_ == 0) return "";
   char state = 0;
   long user = 0, system = 0;

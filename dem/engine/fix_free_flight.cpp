@@ -1,0 +1,396 @@
+#include "fix_free_flight.h"
+
+#include <algorithm>
+#include <cstring>
+#include <set>
+
+#include "atom.h"
+#include "atom_vec.h"
+#include "checkpoint_file.h"
+#include "comm.h"
+#include "error.h"
+#include "fix_contact_history.h"
+#include "fixes.h"
+#include "force.h"
+#include "neigh_list.h"
+#include "output.h"
+#include "pair.h"
+#include "update.h"
+#include "verlet_free_flight.h"
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+
+namespace {
+const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants without velocity
+const int LEAST_REST = 4;         // looks: a body that may be touched sooner does not leave
+// A body flies together with the fragments that are trapped in it when all of them have less than this share of the
+// energy of the impact relative to its motion, for so many looks that those on their way out are gone.
+const double TRAPPED_ENERGY = 1e-3;
+const int TRAPPED_LOOKS = 50;
+const double REACH_MARGIN = 1.1;  // the reach may grow by this before all times are found anew
+const double CLEARANCE_M = 1e-5;
+const bigint FAR_AHEAD = 1000000000000000;  // steps
+}  // namespace
+
+FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
+  std::string agglomerates;
+  nevery = 0;
+  for (int k = 3; k + 1 < narg; k += 2) {
+    const std::string key = arg[k];
+    if (key == "agglomerates") agglomerates = arg[k + 1];
+    else if (key == "gravity") gravity_ = force->numeric(FLERR, arg[k + 1]);
+    else if (key == "speed") speed_ = force->numeric(FLERR, arg[k + 1]);
+    else if (key == "tolerance") tolerance_ = force->numeric(FLERR, arg[k + 1]);
+    else if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
+    else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
+  }
+  if (agglomerates.empty() || speed_ <= 0 || tolerance_ <= 0 || nevery < 1)
+    error->fix_error(FLERR, this, "needs agglomerates FILE [gravity G] speed V tolerance TOL every N");
+  if (comm->nprocs > 1)
+    error->fix_error(FLERR, this, "works on one rank only; `time.free_flight_tolerance = 0` leaves it out");
+  if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  calm_.assign(agglomerates_->tags() + 1, 0);
+  force_reneighbor = 1;
+  next_reneighbor = -1;
+  scalar_flag = vector_flag = global_freq = 1;
+  size_vector = 2;
+  delete update->integrate;
+  update->integrate = new VerletFreeFlight(lmp);
+}
+
+int FixFreeFlight::setmask() { return END_OF_STEP; }
+
+void FixFreeFlight::init() {
+  if (!dynamic_cast<VerletFreeFlight *>(update->integrate))
+    error->fix_error(FLERR, this, "needs the run style that it sets");
+  bonds_ = fix_that_is<BodyMaker>(modify);
+  plate_ = fix_that_is<Obstacle>(modify);
+  history_ = nullptr;
+  for (FixContactHistory *history : fixes_that_are<FixContactHistory>(modify))
+    if (std::strcmp(history->style, "contacthistory") == 0) history_ = history;
+  if (bonds_) bonds_->let_bodies_leave();
+  if (history_ && history_->get_dnum() != 3)
+    error->fix_error(FLERR, this, "can turn the contact history of `tangential history` only");
+  if (plate_ && nevery % plate_->co_step() != 0) error->fix_error(FLERR, this, "needs `every` in whole co-steps");
+}
+
+void FixFreeFlight::setup(int) {
+  law_ = std::make_unique<HertzLaw>(lmp);
+  std::fill(calm_.begin(), calm_.end(), 0);
+  if (plate_) std::copy(plate_->extent(), plate_->extent() + 4, outline_.extent);
+  outline_.reach = -1;  // none known
+  next_reneighbor = -1;
+}
+
+int FixFreeFlight::body_of(int tag) const { return bonds_ ? bonds_->body_of_tag()[tag] : tag; }
+
+/* --- what there is ------------------------------------------------------------------------------------------- */
+
+std::vector<FreeBody *> FixFreeFlight::bodies_in_flight() {
+  std::vector<FreeBody *> all;
+  for (auto &b : bodies_)
+    if (!b->is_leaving) {
+      b->go_to(update->ntimestep);
+      all.push_back(b.get());
+    }
+  return all;
+}
+
+// `thermo_modify lost error` cannot be asked, as it takes a run without a sub-sphere in the arrays for lost.
+void FixFreeFlight::check_count() const {
+  int count = atom->nlocal;
+  for (const auto &b : bodies_)
+    if (!b->is_leaving) count += b->parts.size();
+  if (count != agglomerates_->tags()) error->one(FLERR, "Sub-spheres were lost");
+}
+
+void FixFreeFlight::add_to(LedgerRows &rows) {
+  for (const FreeBody *b : bodies_in_flight()) {
+    const int a = b->agglomerate;
+    rows.at(a, KINETIC) += b->kinetic();
+    rows.at(a, MOMENTUM_Z) += b->mass * b->velocity.z;
+    rows.at(a, MASS_HEIGHT) += b->mass * b->center.z;
+    rows.at(a, BOND_ELASTIC) += b->bond_elastic;
+    rows.at(a, PAIR_ELASTIC) += b->pair_elastic;
+  }
+}
+
+/* --- who leaves, who comes back ------------------------------------------------------------------------------ */
+
+void FixFreeFlight::end_of_step() {
+  for (auto &b : bodies_) b->go_to(update->ntimestep);
+  check_count();
+  std::vector<ArrayBody> others =
+      bodies_in_arrays(atom, agglomerates_->tags(), [this](int tag) { return body_of(tag); });
+  update_reach();
+  watch_bodies_in_flight(others);
+  let_calm_bodies_depart(others);
+  for (auto &b : bodies_)
+    if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
+}
+
+// The times found so far hold as long as the plate keeps within the reach with which they were found.
+void FixFreeFlight::update_reach() {
+  const double reach = plate_ ? plate_->reach() : 0;
+  if (reach <= outline_.reach && outline_.reach <= 2 * REACH_MARGIN * (reach + CLEARANCE_M)) return;
+  outline_.reach = REACH_MARGIN * (reach + CLEARANCE_M);
+  for (auto &b : bodies_) b->safe_until = 0;
+}
+
+// Time before it could touch the plate or another body in free flight, s.
+double FixFreeFlight::free_time(FreeBody &body) {
+  double time = plate_ ? time_to_plate(body, outline_, gravity_) : FAR_AHEAD;
+  for (auto &other : bodies_)
+    if (other.get() != &body && time > 0) time = std::min(time, time_to_meet(body, *other));
+  return time;
+}
+
+// Finds the bodies in free flight that must come back before the next look.
+void FixFreeFlight::watch_bodies_in_flight(std::vector<ArrayBody> &others) {
+  const double dt = update->dt, horizon = (nevery + 2) * dt;
+  bool asked = false;
+  for (auto &b : bodies_) {
+    if (b->safe_until < update->ntimestep + nevery + 2) {
+      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, gravity_) < horizon) {
+        plate_->ask_reach();
+        update_reach();
+        asked = true;
+      }
+      const double time = free_time(*b);
+      b->is_waking = time < horizon;
+      b->safe_until = update->ntimestep + static_cast<bigint>(std::min(time / dt, double(FAR_AHEAD)));
+    }
+    for (ArrayBody &other : others)
+      if (!b->is_waking) b->is_waking = time_to_meet(*b, other, speed_) < 1.5 * horizon;
+  }
+}
+
+// Is its inner motion, and that of the fragments trapped in it, so small that it may leave?
+bool FixFreeFlight::is_calm(const ArrayBody &b) {
+  const double impact = 0.5 * speed_ * speed_ * b.mass;
+  double fragments = 0;
+  for (const ArrayBody *fragment : b.trapped) fragments += fragment->energy_over(b);
+  int &looks = calm_[b.label];
+  looks = b.inner_energy <= tolerance_ * impact && fragments <= TRAPPED_ENERGY * impact ? looks + 1 : 0;
+  return b.atoms.size() == 1 || looks >= (b.trapped.empty() ? CALM_LOOKS : TRAPPED_LOOKS);
+}
+
+void FixFreeFlight::let_calm_bodies_depart(std::vector<ArrayBody> &others) {
+  const double rest = LEAST_REST * nevery * update->dt;
+  find_trapped(others, *agglomerates_);
+  std::vector<ArrayBody *> all;
+  std::vector<char> leaves;
+  for (ArrayBody &b : others) {
+    if (b.is_trapped) continue;
+    const bool calm = is_calm(b);
+    if (calm && !b.trapped.empty()) b.take_trapped();
+    all.push_back(&b);
+    leaves.push_back(calm && (!plate_ || time_to_plate(b, outline_, gravity_) > rest));
+    for (auto &other : bodies_)
+      leaves.back() = leaves.back() && time_to_meet(b, *other, other->is_waking ? speed_ : 0) > rest;
+    if (!calm)
+      for (ArrayBody *p : b.trapped) all.push_back(p), leaves.push_back(false);
+  }
+  keep_those_that_meet(all, leaves, rest);
+  for (size_t k = 0; k < all.size(); k++)
+    if (leaves[k]) depart(*all[k]);
+  if (std::count(leaves.begin(), leaves.end(), 1)) note_elastic_energies();
+}
+
+// Of those that could leave, one that meets a body that stays, or another one too soon, stays as well.
+void FixFreeFlight::keep_those_that_meet(const std::vector<ArrayBody *> &all, std::vector<char> &leaves, double rest) {
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (size_t k = 0; k < all.size(); k++)
+      for (size_t l = 0; l < all.size() && leaves[k]; l++)
+        if (l != k && (leaves[l] ? time_to_meet(*all[k], *all[l]) : time_to_meet(*all[k], *all[l], speed_)) <= rest)
+          leaves[k] = false, changed = true;
+  }
+}
+
+void FixFreeFlight::depart(const ArrayBody &b) {
+  const int agglomerate = agglomerates_->of_tag(b.label);
+  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, gravity_, update->ntimestep, update->dt));
+  if (bonds_)
+    for (int i : b.atoms) bonds_->forget_forces(i);
+  calm_[b.label] = 0;
+  departures_++;
+}
+
+// What the bodies that leave hold in their bonds, and in contacts between their own sub-spheres.
+void FixFreeFlight::note_elastic_energies() {
+  auto may_hold = [](auto &b) { return b->is_leaving && b->parts.size() > 1; };
+  if (std::none_of(bodies_.begin(), bodies_.end(), may_hold)) return;
+  std::vector<double> bond(calm_.size(), 0.0), pair(calm_.size(), 0.0);
+  if (bonds_) bonds_->add_elastic_energy_by_body(bond.data());
+  add_pair_energy_by_body(pair.data());
+  for (auto &b : bodies_) {
+    if (!b->is_leaving) continue;
+    std::set<int> labels;
+    for (const FreeBody::Part &p : b->parts) labels.insert(body_of(p.tag));
+    for (int label : labels) b->bond_elastic += bond[label], b->pair_elastic += pair[label];
+  }
+}
+
+// Elastic energy in contacts between sub-spheres in the arrays, given to the body of one of the two, J.
+void FixFreeFlight::add_pair_energy_by_body(double *energy) const {
+  const NeighList *list = force->pair->list;
+  for (int k = 0; k < list->inum; k++) {
+    const int i = list->ilist[k];
+    for (int m = 0; m < list->numneigh[i]; m++) {
+      const int j = list->firstneigh[i][m] & NEIGHMASK;
+      const double sum = atom->radius[i] + atom->radius[j], overlap = sum - norm(Vec(atom->x[i]) - Vec(atom->x[j]));
+      if (overlap > 0)
+        energy[body_of(atom->tag[i])] +=
+            law_->elastic_energy(atom->type[i], atom->type[j], atom->radius[i] * atom->radius[j] / sum, overlap);
+    }
+  }
+}
+
+/* --- out of the arrays and back ------------------------------------------------------------------------------ */
+
+void FixFreeFlight::change_arrays() {
+  remove_leaving();
+  auto wakes = [](const std::unique_ptr<FreeBody> &b) { return b->is_waking; };
+  for (auto &b : bodies_)
+    if (b->is_waking) {
+      b->go_to(update->ntimestep);
+      insert(*b, 0.5 * update->dt);
+    }
+  bodies_.erase(std::remove_if(bodies_.begin(), bodies_.end(), wakes), bodies_.end());
+}
+
+void FixFreeFlight::remove_leaving() {
+  std::vector<char> gone(atom->nlocal, 0);
+  std::vector<double> record(4096 + comm->maxexchange_fix);
+  for (auto &b : bodies_) {
+    if (!b->is_leaving) continue;
+    b->is_leaving = false;
+    for (FreeBody::Part &p : b->parts) {
+      const int i = atom->map(p.tag), size = atom->avec->pack_exchange(i, record.data());
+      p.packed = b->packed.size();
+      b->packed.insert(b->packed.end(), record.begin(), record.begin() + size);
+      gone[i] = 1;
+      atom->map_one(p.tag, -1);
+    }
+  }
+  int kept = 0;  // the order in memory stays, in which neighbours in space are neighbours
+  for (size_t i = 0; i < gone.size(); i++) {
+    if (gone[i]) continue;
+    if (kept != static_cast<int>(i)) atom->avec->copy(i, kept, 1);
+    kept++;
+  }
+  atom->nlocal = kept;
+}
+
+// Appends the body as it is at its present step; velocities `half_step` seconds earlier, as they are within a step.
+int FixFreeFlight::insert(FreeBody &b, double half_step) {
+  const Vec down(0, 0, -gravity_);
+  for (const FreeBody::Part &p : b.parts) {
+    atom->avec->unpack_exchange(&b.packed[p.packed]);
+    const int i = atom->nlocal - 1;
+    const FreeBody::State s = b.state(p);
+    s.x.to(atom->x[i]);
+    (s.v - half_step * (s.acceleration + down)).to(atom->v[i]);
+    (s.omega - half_step * s.spin_acceleration).to(atom->omega[i]);
+    if (bonds_) bonds_->rotate(i, b.attitude());
+    for (int k = 0; history_ && k < history_->n_partner(i); k++) {
+      double *shear = history_->contacthistory(i, k);
+      b.attitude()(Vec(shear)).to(shear);
+    }
+  }
+  return b.parts.size();
+}
+
+void FixFreeFlight::show() {
+  const bigint now = update->ntimestep;
+  if (output->next_dump_any != now && !output->restart_requested(now)) return;
+  for (FreeBody *b : bodies_in_flight()) shown_ += insert(*b, 0);
+  atom->natoms += shown_;
+}
+
+void FixFreeFlight::hide() {
+  atom->nlocal -= shown_;
+  atom->natoms -= shown_;
+  shown_ = 0;
+}
+
+void FixFreeFlight::bring_back() {
+  for (FreeBody *b : bodies_in_flight()) atom->natoms += insert(*b, 0);
+  bodies_.clear();
+}
+
+/* --- time jumps ---------------------------------------------------------------------------------------------- */
+
+void FixFreeFlight::jump() {
+  if (atom->nlocal > 0 || bodies_.empty() || (plate_ && !plate_->is_quiet())) return;
+  const bigint now = update->ntimestep;
+  for (auto &b : bodies_)
+    if (b->is_waking) return;
+  const int unit = plate_ ? plate_->co_step() : 1;
+  const bigint co_steps = (next_event() - 1 - now) / unit;
+  if (co_steps < 1) return;
+  update->ntimestep += co_steps * unit;
+  jumped_ += co_steps * unit;
+  if (plate_) plate_->skip(co_steps);
+}
+
+// The next step at which something happens while all bodies are in free flight.
+bigint FixFreeFlight::next_event() const {
+  const bigint now = update->ntimestep;
+  auto next_multiple = [&](int every) { return (now / every + 1) * every; };
+  bigint event = std::min(update->laststep, output->next);
+  bigint safe = FAR_AHEAD;
+  for (auto &b : bodies_) safe = std::min(safe, b->safe_until);
+  event = std::min(event, std::max(next_multiple(nevery), safe / nevery * nevery));
+  for (int k = 0; k < modify->nfix; k++) {
+    Fix *fix = modify->fix[k];
+    if (fix == this) continue;
+    int every = (modify->fmask[k] & END_OF_STEP) && fix->nevery > 1 ? fix->nevery : 0;
+    if (const auto *acts = dynamic_cast<ActsInFreeFlight *>(fix)) every = acts->acts_every();
+    if (every > 0) event = std::min(event, next_multiple(every));
+  }
+  return event;
+}
+
+double FixFreeFlight::compute_scalar() {
+  double count = 0;
+  for (FreeBody *b : bodies_in_flight()) count += b->parts.size();
+  return count;
+}
+
+double FixFreeFlight::compute_vector(int n) { return n == 0 ? jumped_ : departures_; }
+
+/* --- checkpoint: bodies that are away stay away -------------------------------------------------------------- */
+
+// The attitude is integrated from one call to the next, so every run must call at the same steps.
+void FixFreeFlight::begin_anew() {
+  for (FreeBody *b : bodies_in_flight()) b->attitude();
+}
+
+void FixFreeFlight::save(CheckpointWriter &out) {
+  std::vector<double> row;
+  for (const auto &b : bodies_) b->append_to(row);
+  out.common("free_flight", {static_cast<double>(bodies_.size()), outline_.reach, static_cast<double>(jumped_),
+                             static_cast<double>(departures_)});
+  out.common("free_flight_calm", std::vector<double>(calm_.begin(), calm_.end()));
+  out.rows("free_flight_bodies", row);
+}
+
+void FixFreeFlight::restore(const CheckpointReader &in) {
+  const std::vector<double> &numbers = in.common("free_flight", 4), &calm = in.common("free_flight_calm", calm_.size());
+  outline_.reach = numbers[1];
+  jumped_ = static_cast<bigint>(numbers[2]);
+  departures_ = static_cast<bigint>(numbers[3]);
+  std::copy(calm.begin(), calm.end(), calm_.begin());
+  bodies_.clear();
+  const double *row = in.rows("free_flight_bodies", 1).data();
+  for (int k = 0; k < static_cast<int>(numbers[0]); k++) {
+    bodies_.push_back(std::make_unique<FreeBody>(row));
+    bodies_.back()->go_to(update->ntimestep);
+  }
+  for (FreeBody *b : bodies_in_flight()) shown_ += insert(*b, 0);  // until the end of the set-up
+  atom->natoms += shown_;
+}

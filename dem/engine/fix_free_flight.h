@@ -1,0 +1,76 @@
+#pragma once
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "agglomerates.h"
+#include "array_body.h"
+#include "checkpointed.h"
+#include "energy_holder.h"
+#include "fix.h"
+#include "free_body.h"
+#include "free_flight_partners.h"
+#include "hertz_law.h"
+
+namespace LAMMPS_NS {
+
+// fix ID group free_flight agglomerates FILE [gravity G] speed V tolerance TOL every N
+//
+// Bodies (sub-spheres that intact bonds hold together) that touch nothing and do not vibrate leave LIGGGHTS's arrays
+// and fly as rigid bodies on their exact path until they could touch something. When all bodies are in free flight,
+// time jumps (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2,
+// V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along -z. It works on one
+// rank, and comes after all other fixes.
+class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl {
+ public:
+  FixFreeFlight(class LAMMPS *, int, char **);
+  int setmask() override;
+  void init() override;
+  void setup(int) override;
+  void end_of_step() override;
+  double compute_scalar() override;        // sub-spheres in free flight
+  double compute_vector(int) override;     // 1: steps jumped over; 2: departures
+
+  void add_to(LedgerRows &) override;
+
+  void begin_anew() override;
+  void save(CheckpointWriter &) override;
+  void restore(const CheckpointReader &) override;
+
+  void jump() override;
+  void change_arrays() override;
+  void show() override;
+  void hide() override;
+  void bring_back() override;
+
+ private:
+  std::unique_ptr<Agglomerates> agglomerates_;
+  std::unique_ptr<HertzLaw> law_;
+  BodyMaker *bonds_ = nullptr;
+  Obstacle *plate_ = nullptr;
+  class FixContactHistory *history_ = nullptr;
+  double gravity_ = 0, speed_ = 0, tolerance_ = 0;  // m/s^2, m/s, share of the energy of the impact
+  std::vector<std::unique_ptr<FreeBody>> bodies_;
+  std::vector<int> calm_;      // looks in a row at which a body was calm, by its least tag
+  PlateOutline outline_;       // of the plate, with the reach that all safe_until hold for
+  int shown_ = 0;              // sub-spheres appended by show
+  bigint jumped_ = 0, departures_ = 0;
+
+  std::vector<FreeBody *> bodies_in_flight();
+  int body_of(int tag) const;
+  void check_count() const;
+  void update_reach();
+  double free_time(FreeBody &);
+  void watch_bodies_in_flight(std::vector<ArrayBody> &);
+  bool is_calm(const ArrayBody &);
+  void let_calm_bodies_depart(std::vector<ArrayBody> &);
+  void keep_those_that_meet(const std::vector<ArrayBody *> &, std::vector<char> &leaves, double rest);
+  void depart(const ArrayBody &);
+  void note_elastic_energies();
+  void add_pair_energy_by_body(double *energy) const;
+  void remove_leaving();
+  int insert(FreeBody &, double half_step);
+  bigint next_event() const;
+};
+
+}  // namespace LAMMPS_NS

@@ -1,0 +1,69 @@
+#include "free_body.h"
+
+#include <algorithm>
+#include <cstring>
+#include <type_traits>
+
+#include "array_body.h"
+#include "atom.h"
+
+namespace LAMMPS_NS {
+
+namespace {
+
+const int NUMBERS = 14;  // before the arrays in a row
+
+template <class T> void append_bytes(std::vector<double> &row, const T *from, size_t count) {
+  static_assert(std::is_trivially_copyable<T>::value && sizeof(T) % sizeof(double) == 0, "kept as it lies in memory");
+  const size_t at = row.size();
+  row.resize(at + count * sizeof(T) / sizeof(double));
+  std::memcpy(static_cast<void *>(row.data() + at), from, count * sizeof(T));
+}
+
+template <class T> void take_bytes(const double *&row, T *to, size_t count) {
+  std::memcpy(static_cast<void *>(to), row, count * sizeof(T));
+  row += count * sizeof(T) / sizeof(double);
+}
+
+}  // namespace
+
+FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, int agglomerate, double gravity, bigint step, double dt)
+    : start(step), dt(dt), agglomerate(agglomerate), mass(b.mass) {
+  const Vec down(0, 0, -gravity);
+  radius = b.radius;
+  motion = RigidMotion(b.center, b.velocity, down, b.momentum, b.inertia, b.atoms.size() == 1);
+  spin = motion.fastest_spin();
+  kinetic_start = 0.5 * b.mass * dot(b.velocity, b.velocity) + motion.rotational_energy() + b.inner_energy;
+  for (int i : b.atoms) {
+    const double m = atom->rmass[i], r = atom->radius[i];
+    const Vec arm = Vec(atom->x[i]) - b.center;
+    parts.push_back({atom->tag[i], r, m, arm, Vec(atom->v[i]) - b.velocity - cross(b.omega, arm),
+                     Vec(atom->omega[i]) - b.omega, (1 / m) * Vec(atom->f[i]) - down,
+                     (1 / (0.4 * m * r * r)) * Vec(atom->torque[i]), 0});
+  }
+  go_to(step);
+}
+
+void FreeBody::append_to(std::vector<double> &row) const {
+  const double numbers[] = {double(start), dt, double(agglomerate), mass, kinetic_start, bond_elastic, pair_elastic,
+                            double(is_leaving), double(is_waking), double(safe_until), spin, radius,
+                            double(parts.size()), double(packed.size())};
+  row.insert(row.end(), numbers, numbers + NUMBERS);
+  append_bytes(row, &motion, 1);
+  append_bytes(row, parts.data(), parts.size());
+  row.insert(row.end(), packed.begin(), packed.end());
+}
+
+FreeBody::FreeBody(const double *&row) {
+  start = bigint(row[0]), dt = row[1], agglomerate = int(row[2]), mass = row[3], kinetic_start = row[4];
+  bond_elastic = row[5], pair_elastic = row[6], is_leaving = row[7] != 0, is_waking = row[8] != 0;
+  safe_until = bigint(row[9]), spin = row[10], radius = row[11];
+  parts.resize(size_t(row[12])), packed.resize(size_t(row[13]));
+  row += NUMBERS;
+  take_bytes(row, &motion, 1);
+  take_bytes(row, parts.data(), parts.size());
+  std::copy_n(row, packed.size(), packed.begin());
+  row += packed.size();
+}
+
+}  // namespace LAMMPS_NS

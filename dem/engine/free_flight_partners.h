@@ -1,0 +1,51 @@
+#pragma once
+#include <vector>
+
+namespace LAMMPS_NS {
+
+struct Rotation;
+
+// What fix free_flight must know of other fixes, and they need not know of it.
+
+// Holds sub-spheres together in bodies, and keeps numbers of each sub-sphere that turn with it.
+class BodyMaker {
+ public:
+  virtual ~BodyMaker() {}
+  virtual void let_bodies_leave() = 0;                  // from now on a body that is not in the arrays is no error
+  virtual const std::vector<int> &body_of_tag() = 0;    // the least tag of the body of each sub-sphere, by tag
+  virtual void add_elastic_energy_by_body(double *energy) = 0;  // of bodies in the arrays, by least tag, J
+  virtual void forget_forces(int i) = 0;                // does no work on sub-sphere i in the coming half step
+  virtual void rotate(int i, const Rotation &turned) = 0;  // sub-sphere i has turned while it was away
+};
+
+// Something that bodies in free flight can hit: the plate.
+class Obstacle {
+ public:
+  virtual ~Obstacle() {}
+  virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX, m
+  virtual double reach() const = 0;          // bound for its |z| until the next message, m
+  virtual int co_step() const = 0;           // steps; time may be skipped in multiples of this
+  virtual bool is_quiet() const = 0;         // nothing is near it, and no co-step is open
+  virtual void skip(long long co_steps) = 0; // so much time has passed without contact; only while it is quiet
+  virtual void ask_reach() = 0;              // finds the reach anew; only while it is quiet, at the end of a step
+};
+
+// A fix that acts at other steps than those that `nevery` names while all bodies are in free flight.
+class ActsInFreeFlight {
+ public:
+  virtual ~ActsInFreeFlight() {}
+  virtual int acts_every() const = 0;  // steps; 0: never
+};
+
+// What the run loop asks of fix free_flight.
+class FlightControl {
+ public:
+  virtual ~FlightControl() {}
+  virtual void jump() = 0;           // advances time to just before the next step at which something happens
+  virtual void change_arrays() = 0;  // between pre_exchange and the build of neighbour lists
+  virtual void show() = 0;           // appends bodies in free flight to the arrays if a dump or a restart is due
+  virtual void hide() = 0;           // and takes them out again
+  virtual void bring_back() = 0;     // all bodies in free flight, for good, at the end of a run
+};
+
+}  // namespace LAMMPS_NS

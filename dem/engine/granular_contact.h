@@ -1,0 +1,56 @@
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "agglomerates.h"
+#include "hertz_law.h"
+#include "plastic_indentation.h"
+#include "plate_contact.h"
+
+namespace LAMMPS_NS {
+
+// The stock wall of LIGGGHTS at z = 0, as fix wall/plate lends it to a contact law.
+class StockWall {
+ public:
+  virtual ~StockWall() {}
+  virtual int type() const = 0;          // material of the wall
+  virtual void act(int vflag) = 0;       // adds its forces on the sub-spheres near it
+  virtual int history_size() const = 0;  // numbers that it remembers of each sub-sphere
+  virtual double *history(int i) = 0;
+};
+
+// Contact by the stock wall: each sub-sphere alone, with Hertz' law, dashpot, tangential spring and friction. The
+// sub-spheres near the plate are moved into the frame of the plate (z - w, v_z - dw/dt at their place), the stock wall
+// acts on them there, and they are moved back. So there is contact anywhere without seams, and the contact history
+// stays with the stock wall. Where the plate yields, the stock wall meets a sub-sphere at the height at which its Hertz
+// force is the plastic one, so that dashpot and friction act on that force too.
+class GranularContact : public PlateContact {
+ public:
+  // A yield pressure of 0 means a plate that stays elastic, Pa.
+  GranularContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa);
+  void setup() override;
+  void add_forces(std::vector<NearSphere> &, int vflag) override;
+  void end_of_step(const std::vector<NearSphere> &) override;
+  void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;
+  Pressing pressing(const NearSphere &) const override;
+  SphereMemory *memory() override { return indentation_ ? &indentation_->memory() : nullptr; }
+  void save(CheckpointWriter &, const std::vector<NearSphere> &) const override;
+  void restore(const CheckpointReader &) override;
+
+ private:
+  LAMMPS *lmp_;
+  const Agglomerates &agglomerates_;
+  StockWall &wall_;
+  std::unique_ptr<HertzLaw> law_;
+  std::unique_ptr<PlasticIndentation> indentation_;  // only where the plate yields
+  std::vector<double> kept_z_;
+  std::vector<double> damped_;   // by the normal dashpots so far, by agglomerate, J
+  std::vector<double> deepest_;  // largest depth over radius so far, by agglomerate; on this rank
+
+  void move_into_frame_of_plate(std::vector<NearSphere> &);
+  void move_back(std::vector<NearSphere> &);
+  double modulus(int i) const;
+  int agglomerate_of(int i) const;
+};
+
+}  // namespace LAMMPS_NS

@@ -1,0 +1,57 @@
+#pragma once
+#include <vector>
+
+#include "agglomerates.h"
+#include "sphere_memory.h"
+
+namespace LAMMPS_NS {
+
+class CheckpointReader;
+class CheckpointWriter;
+class LedgerRows;
+
+// A sub-sphere near the plate. At each step fix wall/plate fills in where it is and how the plate moves beneath it, and
+// the contact law what the plate does to it.
+struct NearSphere {
+  int i = -1;                         // local index
+  bool is_above = false;              // over the outline of the plate, beside which nothing touches
+  double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it
+  bool touches = false;               // does the plate act on it?
+  double force[3], torque[3];         // of the plate on it, N and N m; only where it touches
+  double depth = 0;                   // how far it reaches below the surface of the plate, m
+  double overlap = 0;                 // of the elastic contact with the same force, m
+};
+
+// The contact law between sub-spheres and the plate. A law sees all sub-spheres of this rank that are near the plate,
+// so it may treat each one alone or those of an agglomerate together, and it keeps what history it needs. The plate is
+// flat and level under each of them.
+//
+// A law of its own derives from this class, is made by fix wall/plate where the deck names it, and gives:
+//   forces      add_forces adds to the forces and torques of LIGGGHTS's arrays and notes them in each NearSphere. The
+//               fix takes works, pushes on the plate and modal forces from there.
+//   energies    add_to adds WALL_ELASTIC, WALL_DAMPED, WALL_PLASTIC and WALL_DEEPEST, so that the ledger closes.
+//   history     memory() is for numbers that travel with a sub-sphere, save and restore are for all that a checkpoint
+//               keeps. A NearSphere is forgotten when the list is made anew, so nothing that must last may stand there.
+// The sub-spheres of a body in free flight are in none of the lists: it left when it touched nothing, and it comes back
+// before it touches anything.
+class PlateContact {
+ public:
+  virtual ~PlateContact() {}
+  virtual void setup() {}  // before the first step of each run
+  // Once a step, when the other forces of the step are known. `vflag` asks LIGGGHTS for the virial.
+  virtual void add_forces(std::vector<NearSphere> &, int vflag) = 0;
+  // When the velocities at the end of the step are known, with which damping does its work.
+  virtual void end_of_step(const std::vector<NearSphere> &) = 0;
+  virtual void add_to(LedgerRows &, const std::vector<NearSphere> &) const = 0;  // see EnergyHolder
+  // Elastic normal force, N, and the radius of the sphere that presses, m: what bending and yielding are judged by.
+  struct Pressing {
+    double force_N, radius_m;
+  };
+  virtual Pressing pressing(const NearSphere &) const = 0;  // of one that touches
+
+  virtual SphereMemory *memory() { return nullptr; }
+  virtual void save(CheckpointWriter &, const std::vector<NearSphere> &) const = 0;
+  virtual void restore(const CheckpointReader &) = 0;
+};
+
+}  // namespace LAMMPS_NS
