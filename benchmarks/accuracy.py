@@ -32,7 +32,9 @@ from benchmarks.stone import SCENES, SEEDS, strike
 from common.scene import Scene, changed_scene
 from common.tables import InputError, read_toml
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
-from dem.run.run import RunError, Stages, prepare, run_model
+from dem.run.errors import RunError
+from dem.run.prepare import prepare
+from dem.run.run import run_prepared
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
 from plate_fem.mesh import default_mesh_size
@@ -176,7 +178,7 @@ def plate_knobs(stone_contact_s: float, cell_m: float) -> list[Knob]:
 
 
 def other_knobs() -> list[Knob]:
-    """Output rate and idle tolerance."""
+    """Output rate and tolerance of free flight."""
     def rows(n: int) -> Setting:
         return Setting(n / SAMPLE_s, {}, {"FAST_PER_SAMPLE": n})
 
@@ -184,14 +186,14 @@ def other_knobs() -> list[Knob]:
     bounce = {"time.duration_s": 0.15, "stones.speed_m_s": 0.5, "stones.count": 1, "stones.gangue_order": [1],
               "stones.positions": [{"x_m": 0.05, "y_m": 0.03}], "stones.gangue_ratio": 0.0}
 
-    def idle(tolerance: float) -> Setting:
-        return Setting(tolerance, {"time.idle_tolerance": tolerance} | bounce)
+    def free_flight(tolerance: float) -> Setting:
+        return Setting(tolerance, {"time.free_flight_tolerance": tolerance} | bounce)
 
     return [
         Knob("output rate", "Hz", dem.deck.time_step.FAST_PER_SAMPLE / SAMPLE_s, [rows(n) for n in (1, 2, 5, 10, 15, 30)],
              rows(60)),
-        Knob("idle tolerance", "of the energy of the impact", 1e-4, [idle(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
-             idle(0.0), recognised=False)]
+        Knob("free-flight tolerance", "of the energy of the impact", 1e-4, [free_flight(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
+             free_flight(0.0), recognised=False)]
 
 
 def run(setting: Setting, out: Path, repeats: int, of_the_plate: bool, ratio: float = TEST_RATIO) -> dict:
@@ -200,10 +202,10 @@ def run(setting: Setting, out: Path, repeats: int, of_the_plate: bool, ratio: fl
         scene = scene_of({"stones.gangue_ratio": ratio} | setting.changes)
         directory, times, models = out / "run", [], []
         cache = None if of_the_plate else out / ".modes"
-        preparation = cpu_s(lambda: models.append(prepare(scene, "accuracy", cache, Stages())))
+        preparation = cpu_s(lambda: models.append(prepare(scene, "accuracy", cache)))
         model = models[0]
         for _ in range(repeats):
-            times.append(cpu_s(lambda: run_model(model, "accuracy", directory, Stages())))
+            times.append(cpu_s(lambda: run_prepared(model, directory)))
     fast, signals = (pd.read_parquet(directory / f"{name}.parquet") for name in ("fast", "signals"))
     summary = json.loads((directory / "run.json").read_text())
     shutil.rmtree(directory)

@@ -21,7 +21,8 @@ from benchmarks.error_laws import ERRORS
 from benchmarks.stone import SCENES
 from common.scene import Scene, changed_scene
 from common.tables import read_toml
-from dem.run.run import Stages, prepare, run_model
+from dem.run.prepare import prepare
+from dem.run.run import run_prepared
 
 TOLERANCES = {"stone": (0.1, 0.03, 0.01, 0.006), "sphere": (0.1, 0.07, 0.04)}
 STONES: dict[str, dict] = {"stone": {"stones.agglomerate.subspheres": 250, "stones.agglomerate.unbreakable": True, "stones.speed_m_s": 2.5},
@@ -41,9 +42,9 @@ def scene_of(stone: str, changes: dict) -> Scene:
 
 def run(scene: Scene, out: Path) -> tuple[pd.DataFrame, dict, float]:
     """(fast stream, run.json, processor time) of a scene."""
-    model = prepare(scene, "tolerance", out / ".modes", Stages())
+    model = prepare(scene, "tolerance", out / ".modes")
     summaries: list[dict] = []
-    cost = cpu_s(lambda: summaries.append(run_model(model, "tolerance", out / "tolerance", Stages())))
+    cost = cpu_s(lambda: summaries.append(run_prepared(model, out / "tolerance")))
     return pd.read_parquet(out / "tolerance" / "fast.parquet"), summaries[0], cost
 
 

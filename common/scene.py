@@ -26,9 +26,9 @@ class TimeTable(Table):
     gravity_m_s2: NotNegative = 0.0
     time_step_s: Positive | None = None  # default: the largest that every limit allows
     co_step: Annotated[int, Field(ge=1)] | None = None  # DEM steps; default from the shortest contact
-    # A body in the air is left out of the force loops when its inner motion has less than this share of the kinetic
-    # energy of the impact; 0: never (docs/idle.md).
-    idle_tolerance: NotNegative = 1e-4
+    # A body in free flight is left out of the force loops when its inner motion has less than this share of the kinetic
+    # energy of the impact; 0: never (docs/free_flight.md).
+    free_flight_tolerance: NotNegative = 1e-4
 
     @model_validator(mode="after")
     def whole_samples(self):
@@ -43,7 +43,9 @@ class AgglomerateTable(Table):
     unbreakable: bool = False
 
 
-class Place(Table):
+class StonePosition(Table):
+    """Centre of a stone in the plane of the plate."""
+
     x_m: float
     y_m: float
 
@@ -52,7 +54,7 @@ class StonesTable(Table):
     count: Annotated[int, Field(ge=1, le=1000)]
     radius_m: Positive
     circle_radius_m: Positive | None = None
-    positions: tuple[Place, ...] | None = None  # instead of the circle
+    positions: tuple[StonePosition, ...] | None = None  # instead of the circle
     speed_m_s: NotNegative
     gap_m: Positive
     coal: str

@@ -83,15 +83,15 @@ class Specimen:
 
 
 @dataclass(frozen=True)
-class Record:
-    """Load history: `strain` (k,) of the platens' approach over the height, `stress_Pa` (k,), pressure positive."""
+class LoadHistory:
+    """`strain` (k,) of the platens' approach over the height, `stress_Pa` (k,), pressure positive."""
 
     strain: np.ndarray
     stress_Pa: np.ndarray
 
     @property
     def strength_Pa(self) -> float:
-        """The peak."""
+        """The largest stress."""
         return float(self.stress_Pa.max())
 
 
@@ -113,7 +113,7 @@ def brazilian_specimen(radius_m: float, count: int, seed: int) -> Specimen:
     return Specimen("Brazilian", packing, bond_network(packing), 0, near & (x < 0), near & (x > 0))
 
 
-def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float) -> Record:
+def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float) -> LoadHistory:
     """Press until the load has fallen to half of its peak.
 
     `failure_strain` is where that is expected; it sets the speed. Raises RuntimeError if the engine fails or the
@@ -141,7 +141,7 @@ def elastic_test(directory: Path, specimen: Specimen, rock: Rock, strain: float 
 
 
 def _run(directory: Path, specimen: Specimen, rock: Rock, strain: float, checks: int, dump: bool,
-         breakable: bool = True) -> Record:
+         breakable: bool = True) -> LoadHistory:
     """Press at the speed that reaches `strain` after TRANSITS transits, for `checks` twentieths of that time."""
     directory.mkdir(parents=True, exist_ok=True)
     mass = _mass_kg(specimen, rock)
@@ -168,7 +168,7 @@ def _run(directory: Path, specimen: Specimen, rock: Rock, strain: float, checks:
     step, load = np.loadtxt(directory / "load.txt", ndmin=2).T
     middle = step - 0.5 * (AVERAGE_STEPS - 1)  # of the steps that were averaged
     _check(bool(np.all(np.isfinite(load))), f"{directory}: a load is no number")
-    return Record(middle * dt * 2 * speed / height, load / specimen.loaded_area_m2)
+    return LoadHistory(middle * dt * 2 * speed / height, load / specimen.loaded_area_m2)
 
 
 def _engine(directory: Path) -> None:

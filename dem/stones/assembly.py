@@ -53,8 +53,14 @@ class Assembly:
 
     @property
     def sizes(self) -> np.ndarray:
-        """Sub-spheres of each agglomerate."""
+        """Number of sub-spheres of each agglomerate."""
         return np.bincount(self.agglomerate)
+
+    @property
+    def stone_materials(self) -> list[str]:
+        """Name of the material of each agglomerate."""
+        first = np.append(0, np.cumsum(self.sizes)[:-1])
+        return [self.materials[m] for m in self.material[first]]
 
 
 def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:

@@ -43,7 +43,7 @@ def settings_of(tolerance):
     scene = changed("single", WITHOUT_MODES | {"tolerance": tolerance})
     assembly = assemble(scene, arrange(scene, "scene"))
     contact = stone_contact_time_s(scene, assembly)
-    step = time_step(scene, assembly, "scene", 0.1)
+    step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     plate = with_tolerance(scene.plate, scene.tolerance, contact, bonded=True)
     return step, plate, expected_error(accuracy_settings(scene.model_copy(update={"plate": plate}), assembly, step))
 
