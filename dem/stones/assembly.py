@@ -104,7 +104,7 @@ def _strength_factor(scene: Scene, index: int, material: str, radius_m: np.ndarr
     return own * float(strength_scale(radius_m.mean(), bond.reference_subsphere_radius_m, SIZE_EXPONENT))
 
 
-def _stone(scene: Scene, index: int):
+def _stone(scene: Scene, index: int) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
     """Centres, contact radii and bonds (first, second, vector, radius) of one stone about its own centre."""
     stones = scene.stones
     if stones.agglomerate is None:
