@@ -160,9 +160,8 @@ class Sweep:
         first = self.runs[0]
         for run in self.runs[1:]:
             if run.t_s.shape != first.t_s.shape or not np.allclose(run.t_s, first.t_s, rtol=0, atol=1e-7):
-                raise RecordError(
-                    f"{run.path}/signals.parquet: t_s differs from {first.path.name}'s; needs the same times in all runs"
-                )
+                raise RecordError(f"{run.path}/signals.parquet: t_s differs from {first.path.name}'s; needs the same "
+                                  "times in all runs")
         return np.stack([run.record(column).values for run in self.runs])
 
     def peaks(self, column: str) -> np.ndarray:

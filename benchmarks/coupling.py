@@ -3,10 +3,10 @@
     python -m benchmarks.coupling [duration_s] [--brute]
 
 Three parts of the time from the arrival of a message until its answer is written, while the engine waits: the messages
-(pipes, copies, waking the other side), the motion of the modes, and recording. Shares of the wall time and of the processor
-time of one run; and what is left of the wall time when neither works: start-up, and the time until a process that slept
-runs. The wall time of the messages includes what the engine, once woken, does on the same processor before the clock is
-stopped. `--brute` keeps bodies in the air in the force loops.
+(pipes, copies, waking the other side), the motion of the modes, and recording. Shares of the wall time and of the
+processor time of one run; and what is left of the wall time when neither works: start-up, and the time until a process
+that slept runs. The wall time of the messages includes what the engine, once woken, does on the same processor before
+the clock is stopped. `--brute` keeps bodies in the air in the force loops.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def main() -> None:
     parser.add_argument("duration_s", type=float, nargs="?", default=0.04)
     parser.add_argument("--brute", action="store_true")
     options = parser.parse_args()
-    changes = {"time.duration_s": options.duration_s, "output": None} | ({"time.free_flight_tolerance": 0.0} if options.brute else {})
+    brute = {"time.free_flight_tolerance": 0.0} if options.brute else {}
+    changes = {"time.duration_s": options.duration_s, "output": None} | brute
     scene = changed_scene(SCENE, changes)
     classes = {"PlatePipes": TimedPipes, "PlateRecorder": timed(PlateRecorder, recording, "__call__"),
                "ModalMotion": timed(ModalMotion, moving, "advance", "predict", "reach_m", "advance_rows")}

@@ -61,7 +61,8 @@ def main() -> None:
     rows = []
     for window_s in options.windows:
         for k in range(options.seeds):
-            rows.append(compare(window_s, scene.stones.seed + 100 * k, scene.time.free_flight_tolerance, options.out / ".modes"))
+            rows.append(compare(window_s, scene.stones.seed + 100 * k, scene.time.free_flight_tolerance,
+                                options.out / ".modes"))
             pd.DataFrame(rows).to_csv(options.out / "free_flight.csv", index=False, float_format="%.4g")
     print(pd.DataFrame(rows).to_string(index=False, float_format=lambda x: f"{x:.3g}"))
 

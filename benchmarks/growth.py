@@ -1,8 +1,8 @@
 """Cost and memory against the number of sub-spheres: `python -m benchmarks.growth`, into runs/bench/growth.csv.
 
-One unbreakable stone in free flight, vibrating after its impact on the rigid plate; LIGGGHTS' own time for the steps, the
-least of the rounds, on a machine that has nothing else to do. Beside it the law a N + b B that fits best, N sub-spheres
-and B bonds: a smaller stone has more surface and fewer bonds a sub-sphere.
+One unbreakable stone in free flight, vibrating after its impact on the rigid plate; LIGGGHTS' own time for the steps,
+the least of the rounds, on a machine that has nothing else to do. Beside it the law a N + b B that fits best, N
+sub-spheres and B bonds: a smaller stone has more surface and fewer bonds a sub-sphere.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
     python -m benchmarks.omissions [--repeats 8] [--out runs/accuracy]
 
-Writes omissions.csv (part, cpu_s, saved, saved_sem): processor time of engine and plate from deck to signals, the least of
-the repeats, which take turns; `saved` is the share of the whole scene's in the same turn, mean and standard error. Packing
-and modes are not in it. Bodies in the air stay in the force loops, so that each part has work for all of the 12 ms.
+Writes omissions.csv (part, cpu_s, saved, saved_sem): processor time of engine and plate from deck to signals, the least
+of the repeats, which take turns; `saved` is the share of the whole scene's in the same turn, mean and standard error.
+Packing and modes are not in it. Bodies in the air stay in the force loops, so that each part has work for all of the 12
+ms.
 """
 
 from __future__ import annotations
@@ -70,7 +71,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/accuracy"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    models = {part: prepare(changed_scene(SCENES / "single.toml", BASE | changes), "single.toml", options.out / ".modes")
+    models = {part: prepare(changed_scene(SCENES / "single.toml", BASE | changes), "single.toml",
+                            options.out / ".modes")
               for part, changes in WITHOUT.items()}
     times: dict[str, list[float]] = {part: [] for part in [*models, MONITOR]}
     for repeat in range(options.repeats + 1):

@@ -1,8 +1,8 @@
 """What whole scenes cost: `python -m benchmarks.scaling`, into runs/bench/scaling.csv; `--ranks` into ranks.csv.
 
 Stones of the paper's coal on a rigid plate, from 20 us before the impact on. Packing and peak memory are those of the
-whole preparation; the time of a step is LIGGGHTS' own loop time, on a machine that has nothing else to do. Stones share one packing, whose time is taken times their number: memory
-and steps do not know.
+whole preparation; the time of a step is LIGGGHTS' own loop time, on a machine that has nothing else to do. Stones share
+one packing, whose time is taken times their number: memory and steps do not know.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
     python -m benchmarks.tolerance [--out runs/accuracy]
 
-One coal stone of 250 sub-spheres at 2.5 m/s on a plate of 0.4 x 0.3 x 0.015 m, and an unbonded sphere at 3 m/s, off every
-axis; the reference has an eighth of the step, at most a quarter of the co-step, and modes to 25 kHz. Writes tolerance.csv: asked,
-expected (run.json) and achieved error, the largest of those of benchmarks/accuracy.py, and processor time.
+One coal stone of 250 sub-spheres at 2.5 m/s on a plate of 0.4 x 0.3 x 0.015 m, and an unbonded sphere at 3 m/s, off
+every axis; the reference has an eighth of the step, at most a quarter of the co-step, and modes to 25 kHz. Writes
+tolerance.csv: asked, expected (run.json) and achieved error, the largest of those of benchmarks/accuracy.py, and
+processor time.
 """
 
 from __future__ import annotations

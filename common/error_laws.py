@@ -1,8 +1,8 @@
 """The measured error of each numerical setting of a simulation by its value (docs/accuracy.md).
 
 A law is an upper bound of the relative errors (largest value, and L2 norm over the run) of the force on the plate, the
-energy of the plate and the acceleration of its centre of mass. A value is free of units, so that the law holds for other
-scenes, and grows with the error:
+energy of the plate and the acceleration of its centre of mass. A value is free of units, so that the law holds for
+other scenes, and grows with the error:
 
     time_step   dt/t0 of bonded stones (dem/deck/time_step.py)
     contact     dt over the contact time of a whole stone, of unbonded spheres

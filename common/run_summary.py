@@ -1,8 +1,8 @@
 """What run.json says of a finished run: written by the simulation, read by everybody else.
 
-A run that this version wrote has every key. Runs of other versions or programs may lack all but `status`, `gangue_ratio`
-and `materials`, and may have more: an absent key reads as None or empty, an unknown one is kept, and a value of the wrong
-type is refused by name.
+A run that this version wrote has every key. Runs of other versions or programs may lack all but `status`,
+`gangue_ratio` and `materials`, and may have more: an absent key reads as None or empty, an unknown one is kept, and a
+value of the wrong type is refused by name.
 """
 
 from __future__ import annotations
@@ -53,10 +53,14 @@ class RecordedMaterial(Recorded):
 
 
 class RecordedContact(Recorded):
+    """The contact of two materials."""
+
     restitution: float | None = None
 
 
 class RecordedRod(Recorded):
+    """A rod under the plate."""
+
     x_m: float
     y_m: float
 

@@ -32,7 +32,8 @@ from dem.run.run import resume, run_scene
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command line; returns the exit code: 2 for bad input, 1 for a run that failed, 75 for one that was stopped."""
+    """Run a command line; returns the exit code: 2 for bad input, 1 for a run that failed, 75 for one that was
+    stopped."""
     options = _parser().parse_args(arguments)
     try:
         return options.command(options)
@@ -168,7 +169,8 @@ def _plate(options: argparse.Namespace) -> int:
     with plate.connected(deck):
         plate.take_part(deck, lambda: True, lambda dem_step: None)
     energy = plate.energy()
-    print(f"plate: kinetic {energy.kinetic_J:.6g} J, internal {energy.internal_J:.6g} J, damped {energy.damped_J:.6g} J")
+    print(f"plate: kinetic {energy.kinetic_J:.6g} J, internal {energy.internal_J:.6g} J, "
+          f"damped {energy.damped_J:.6g} J")
     return 0
 
 

@@ -7,9 +7,9 @@
     "stones.seed" = [20011, 20021]
 
 The plan is a table; `python -m dem campaign` hands it to Snakemake (workflow/Snakefile), which runs on one machine or,
-by a profile, on a cluster. Runs lie in DIR/GROUP/ratio_050, GROUP after what the scene says but for the ratio: a changed
-scene gives new directories, an unchanged one is found finished, and each group is a sweep that analysis and recognition
-read as they read any other.
+by a profile, on a cluster. Runs lie in DIR/GROUP/ratio_050, GROUP after what the scene says but for the ratio: a
+changed scene gives new directories, an unchanged one is found finished, and each group is a sweep that analysis and
+recognition read as they read any other.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def plan_campaign(file: Path) -> tuple[Path, list[CampaignRun]]:
 
 
 def write_campaign_runs(runs: list[CampaignRun], out: Path) -> None:
-    """Write OUT/plan.csv: a row a run with `place`, its directory, `np`, and a column of TOML values for each key varied."""
+    """Write OUT/plan.csv: a row a run with `place`, its directory, `np`, and a column of TOML values for each key
+    varied."""
     out.mkdir(parents=True, exist_ok=True)
     rows = [{"place": run.directory, "np": run.np, **{key: inline_toml(value) for key, value in run.changes.items()}}
             for run in runs]

@@ -37,7 +37,8 @@ class Family(Table):
 
     groups: Annotated[int, Field(ge=1)]
     runs_per_group: Annotated[int, Field(ge=1)]  # ratios of a group, spread over 0..1
-    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # dotted keys of the scene, for all runs of the family
+    # Dotted keys of the scene, for all runs of the family.
+    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)
     arrangement: bool = False  # which stones turn into gangue first
     packing: bool = False  # sub-spheres of every stone
     speed_m_s: tuple[Positive, Positive] | None = None  # evenly between these
@@ -157,7 +158,8 @@ def build(plan_file: Path, out: Path, jobs: int) -> int:
                 text, ok = done.result()
                 failed += not ok
                 left_min = (time.monotonic() - start) / number * (len(missing) - number) / 60
-                print(f"{number} of {len(missing)}, left {left_min:.0f} min: {running[done].directory}: {text}", flush=True)
+                print(f"{number} of {len(missing)}, left {left_min:.0f} min: {running[done].directory}: {text}",
+                      flush=True)
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise

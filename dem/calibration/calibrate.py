@@ -267,7 +267,8 @@ check_seeds = {held_out}
     return head + "".join(_reached(*row) for row in _comparison(found, scene, material, target))
 
 
-def _comparison(found: Calibration, scene: Scene, material: str, target: TargetTable) -> list[tuple[str, float, str, pd.Series]]:
+def _comparison(found: Calibration, scene: Scene, material: str,
+                target: TargetTable) -> list[tuple[str, float, str, pd.Series]]:
     """Name, target, its source, and the values found in the checks."""
     table, checks = scene.materials[material], found.tests[found.tests.stage == "check"]
     scene_source, rock_source = f"scene {scene.name}", target.strength_source

@@ -1,8 +1,8 @@
 """The state of a run on disk, from which it goes on after it was stopped or killed (docs/runs.md).
 
 A checkpoint has two halves, one of each program, in `deck/checkpoint`: `engine_STEP.checkpoint`, written by the engine
-(dem/engine/fix_checkpoint.h), and `plate_STEP.npz`, written here when the engine says that its half is on disk. Each file
-appears whole or not at all. A checkpoint counts when all its halves are there; a rigid plate has none.
+(dem/engine/fix_checkpoint.h), and `plate_STEP.npz`, written here when the engine says that its half is on disk. Each
+file appears whole or not at all. A checkpoint counts when all its halves are there; a rigid plate has none.
 """
 
 from __future__ import annotations

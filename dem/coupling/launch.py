@@ -45,9 +45,11 @@ def _before_engine() -> None:
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
 
 
-def start_engine(directory: Path, np: int = 1, resume_step: int = 0, inherit: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
-    """Start the engine on deck.liggghts in `directory` with `np` MPI ranks, from the checkpoint of `resume_step` if that is
-    not 0. What it prints goes to engine.out there. The file descriptors `inherit` stay open as long as the engine lives."""
+def start_engine(directory: Path, np: int = 1, resume_step: int = 0,
+                 inherit: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
+    """Start the engine on deck.liggghts in `directory` with `np` MPI ranks, from the checkpoint of `resume_step` if
+    that is not 0. What it prints goes to engine.out there. The file descriptors `inherit` stay open as long as the
+    engine lives."""
     command = [*mpirun(np), "-in", "deck.liggghts", "-log", "engine.log"]
     if resume_step:
         command += ["-var", "resume", str(resume_step)]

@@ -15,8 +15,8 @@ class CouplingError(RuntimeError):
 class ForceMessage:
     """The stones pushed the plate until DEM step `step`.
 
-    `modal_force` (modes,) is the mean force over the `co_steps` co-steps that ended there, N kg^-1/2. The engine asks where
-    the plate will be `extrapolated_co_steps` co-steps later, and waits for the answer.
+    `modal_force` (modes,) is the mean force over the `co_steps` co-steps that ended there, N kg^-1/2. The engine asks
+    where the plate will be `extrapolated_co_steps` co-steps later, and waits for the answer.
     """
 
     step: int

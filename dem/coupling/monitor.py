@@ -34,12 +34,12 @@ class PlateMonitor:
         broken = np.flatnonzero(~(total_J <= self._limit_J))  # so written that what is no number is refused
         if len(broken):
             at = broken[0]
-            raise Unstable(f"at {t_s[at]:.4g} s the plate holds {total_J[at]:.3g} J, the limit of energy is what impact and "
-                           f"fall supply, {self._limit_J:.3g} J: plate and contact are not stable with this co-step")
+            raise Unstable(f"at {t_s[at]:.4g} s the plate holds {total_J[at]:.3g} J, the limit of energy is what impact "
+                           f"and fall supply, {self._limit_J:.3g} J: plate and contact are not stable with this co-step")
 
 
 def check_closure(energy: dict[str, Any]) -> None:
     """Raises Unstable if the ledger of a finished run misses more than 1 % of the energy supplied."""
     if not abs(energy["closure"]) <= ENERGY_SHARE:
-        raise Unstable(f"the energy ledger misses {energy['closure']:.2%} of the energy of impact and fall, the limit is "
-                       f"{ENERGY_SHARE:.0%}: the time step or the co-step is too long")
+        raise Unstable(f"the energy ledger misses {energy['closure']:.2%} of the energy of impact and fall, the limit "
+                       f"is {ENERGY_SHARE:.0%}: the time step or the co-step is too long")

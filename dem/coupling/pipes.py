@@ -38,8 +38,8 @@ class PlatePipes:
             os.mkfifo(name)
 
     def open(self, alive: Callable[[], bool]) -> None:
-        """Open both pipes, in the order in which the engine does. `alive` tells, from now on, whether the engine still runs.
-        Raises CouplingError if the engine is gone."""
+        """Open both pipes, in the order in which the engine does. `alive` tells, from now on, whether the engine still
+        runs. Raises CouplingError if the engine is gone."""
         self._alive = alive
         self._in = os.open(self._names[0], os.O_RDONLY | os.O_NONBLOCK)
         # Opening to write waits for a reader; without blocking it fails until there is one, so the engine is watched.
@@ -53,6 +53,7 @@ class PlatePipes:
         os.set_blocking(self._out, True)
 
     def close(self) -> None:
+        """Close and remove both pipes."""
         for descriptor in (self._in, self._out):
             if descriptor != CLOSED:
                 os.close(descriptor)
@@ -71,8 +72,8 @@ class PlatePipes:
         if not math.isfinite(force @ force):
             raise CouplingError(f"the engine sent a force that is no number at step {step}")
         if step < 0 or co_steps < 0 or extrapolated < 1:
-            raise CouplingError(f"the engine sent step {step}, {co_steps} co-steps and {extrapolated} to extrapolate; allowed "
-                                "are numbers from 0, 0 and 1 on")
+            raise CouplingError(f"the engine sent step {step}, {co_steps} co-steps and {extrapolated} to extrapolate; "
+                                "allowed are numbers from 0, 0 and 1 on")
         return ForceMessage(step, co_steps, extrapolated, force)
 
     def confirm_checkpoint(self) -> None:
@@ -81,8 +82,8 @@ class PlatePipes:
         self.answer(CHECKPOINT, 0.0, still, still)
 
     def answer(self, step: int, reach_m: float, amplitude: np.ndarray, rate: np.ndarray) -> None:
-        """Tell the engine where the plate is predicted to be, as far after `step` as it asked: `amplitude` and `rate` (modes,),
-        and the bound `reach_m` of the deflection."""
+        """Tell the engine where the plate is predicted to be, as far after `step` as it asked: `amplitude` and `rate`
+        (modes,), and the bound `reach_m` of the deflection."""
         self._answer_step[0], self._answer[1] = step, reach_m
         self._answer[2:2 + self._modes], self._answer[2 + self._modes:] = amplitude, rate
         data = self._answer.tobytes()

@@ -21,8 +21,8 @@ class EngineWatchdog:
     """Call it often while the engine is waited for: it tells whether the engine is alive. Raises CouplingError if it is
     stuck.
 
-    A process that waits for a disk is not taken for stuck. The engine may be one of several processes below the one that
-    was started (mpirun).
+    A process that waits for a disk is not taken for stuck. The engine may be one of several processes below the one
+    that was started (mpirun).
     """
 
     def __init__(self, engine: subprocess.Popen[bytes]):

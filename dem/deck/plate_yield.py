@@ -49,8 +49,8 @@ def yield_report(scene: Scene, assembly: Assembly, peak_force_N: np.ndarray, dee
                  bending: dict[str, dict[str, float]]) -> dict[str, Any]:
     """What run.json says of yield.
 
-    peak_force_N (stones,): of each alone. deepest (stones,): largest depth of a contact over the radius of its sub-sphere.
-    bending: "bending" and "bending_at_rods" of plate_fem.stress.StressPeak, empty for a rigid plate.
+    peak_force_N (stones,): of each alone. deepest (stones,): largest depth of a contact over the radius of its
+    sub-sphere. bending: "bending" and "bending_at_rods" of plate_fem.stress.StressPeak, empty for a rigid plate.
     """
 
     modulus = np.array([contact_modulus_Pa(scene, name) for name in assembly.stone_materials])
@@ -81,8 +81,8 @@ def _verdict(report: dict[str, Any]) -> str:
 
 
 def read_contacts(file: Path, dt_s: float) -> pd.DataFrame:
-    """Read the contacts with the plate at each sample: t_s, stone (agglomerate, 1-based), place, elastic normal force, radius
-    of the sphere that presses (that of the flattened contact where the plate has yielded)."""
+    """Read the contacts with the plate at each sample: t_s, stone (agglomerate, 1-based), place, elastic normal force,
+    radius of the sphere that presses (that of the flattened contact where the plate has yielded)."""
     data, rows, at = np.fromfile(file, dtype="<f8"), [], 0
     heads = data.view("<i8")
     while at < len(data):

@@ -16,7 +16,8 @@ from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from plate_fem.modes import PlateModes
 
 TEMPLATES = Path(__file__).resolve().parents[2] / "templates"
-SHAPE_GRID = 0.4  # of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/coupling.md)
+# Of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/coupling.md).
+SHAPE_GRID = 0.4
 UNBREAKABLE_Pa = 1e30
 CHECKPOINT_SAMPLES = 5  # between two steps that allow a checkpoint; each costs a build of lists (docs/runs.md)
 BOX_MARGIN_M = 0.005
@@ -103,8 +104,9 @@ def _free_flight(scene: Scene, step: TimeStep) -> dict[str, float] | None:
 
 
 def view_steps(scene: Scene, step: TimeStep) -> int | None:
-    """DEM steps between two pictures, a whole number of samples; None if the scene wants none. An interval longer than the
-    run, which LIGGGHTS might not be able to count, is one sample more than the run: a picture at its start alone."""
+    """DEM steps between two pictures, a whole number of samples; None if the scene wants none. An interval longer than
+    the run, which LIGGGHTS might not be able to count, is one sample more than the run: a picture at its start
+    alone."""
     if scene.output.view_interval_s is None:
         return None
     samples = min(scene.output.view_interval_s / scene.time.sample_interval_s, step.steps // step.sample_steps + 1)

@@ -26,8 +26,9 @@ MESSAGE_COST = 0.15                # of one message and its answer, in DEM steps
 # 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
 STIFFNESS_SHARE = 0.2
 DASHPOT_SHARE = 0.15
-# While chips lie or hop on the plate one message serves several co-steps: as many as the limits above then allow, where the
-# push is this share of a stone's peak force and nothing comes faster than this share of the impact; and never more than.
+# While chips lie or hop on the plate one message serves several co-steps: as many as the limits above then allow, where
+# the push is this share of a stone's peak force and nothing comes faster than this share of the impact; and never more
+# than.
 WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
@@ -59,8 +60,8 @@ class WeakContact:
 
 @dataclass(frozen=True)
 class StepLimits:
-    """The limits of the time step by name, as far as the plate's motion has no part in them, and the times that they come
-    from: t0 of the bonds, and the shortest contact of a sub-sphere and of a whole stone with the plate."""
+    """The limits of the time step by name, as far as the plate's motion has no part in them, and the times that they
+    come from: t0 of the bonds, and the shortest contact of a sub-sphere and of a whole stone with the plate."""
 
     limits_s: dict[str, float]
     bond_time_s: float | None
@@ -94,23 +95,24 @@ def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float 
     mutual = {} if mobility_1_kg is None else coupling_limits_s(scene, mobility_1_kg)
     limits_s = limits.limits_s | mutual
     wanted = _largest_step_s(scene, limits_s, file)
-    resolved = min(limits.stone_contact_time_s / CO_STEPS_IN_CONTACT, limits.contact_time_s / CO_STEPS_IN_FRAGMENT_CONTACT)
+    resolved = min(limits.stone_contact_time_s / CO_STEPS_IN_CONTACT,
+                   limits.contact_time_s / CO_STEPS_IN_FRAGMENT_CONTACT)
     if scene.tolerance is not None:
         setting = setting_for(co_step_setting(limits.bond_time_s is not None), scene.tolerance)
         resolved = min(resolved, setting * limits.stone_contact_time_s)
     co_step = _co_step(scene, wanted, resolved, mutual, file)
     sample_steps, steps = _counted_steps(scene, wanted, co_step, file)
     return TimeStep(
-        dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits_s, bond_time_s=limits.bond_time_s, co_step=co_step,
-        fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=steps)
+        dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits_s, bond_time_s=limits.bond_time_s,
+        co_step=co_step, fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=steps)
 
 
 def _largest_step_s(scene: Scene, limits_s: dict[str, float], file: str) -> float:
     """The scene's own time step, or the largest that the limits allow. Raises InputError."""
     for name, limit in limits_s.items():
         if not 0 < limit < np.inf:
-            raise InputError(f"{file}: the limit {name} of the time step would be {limit:g} s: sizes, densities, moduli and "
-                             "speed must be of magnitudes that double precision can hold")
+            raise InputError(f"{file}: the limit {name} of the time step would be {limit:g} s: sizes, densities, moduli "
+                             "and speed must be of magnitudes that double precision can hold")
     largest = min(limits_s.values())
     wanted = scene.time.time_step_s or largest
     if wanted > largest * (1 + 1e-12):
@@ -147,8 +149,8 @@ def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, flo
         return wanted or 1
     most = max(1, int(min(mutual.values()) / dt_s))
     if wanted is not None and wanted > most:
-        raise InputError(f"{file}: time.co_step = {wanted}: must be at most {most} with a time step of {dt_s:.3g} s, the "
-                         f"limit set by {min(mutual, key=mutual.__getitem__)}")
+        raise InputError(f"{file}: time.co_step = {wanted}: must be at most {most} with a time step of {dt_s:.3g} s, "
+                         f"the limit set by {min(mutual, key=mutual.__getitem__)}")
     longest_s = min(resolved_s, *mutual.values())
 
     def length_s(n: int) -> float:  # with the step that n leads to
@@ -161,11 +163,11 @@ def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, flo
 
 
 def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContact | None:
-    """When a contact is so weak that messages may be rarer. Only chips push so little for long. So a scene without bonds, or
-    one that sets its co-step, has one message every co-step: None.
+    """When a contact is so weak that messages may be rarer. Only chips push so little for long. So a scene without
+    bonds, or one that sets its co-step, has one message every co-step: None.
 
-    The stiffness of a Hertz contact goes with the cube root of the force, and the limits of the co-step (1/sqrt(k), 1/c) with
-    the inverse sixth.
+    The stiffness of a Hertz contact goes with the cube root of the force, and the limits of the co-step (1/sqrt(k),
+    1/c) with the inverse sixth.
     """
     limits = [limit for name, limit in step.limits_s.items() if name.startswith("coupling_")]
     if not limits or not assembly.n_bonds or scene.time.co_step is not None:
@@ -177,7 +179,8 @@ def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContac
 
 
 def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
-    """The numerical settings of a run by their names in common/error_laws.py; `scene` has its plate's frequency filled in."""
+    """The numerical settings of a run by their names in common/error_laws.py; `scene` has its plate's frequency filled
+    in."""
     contact = stone_contact_time_s(scene, assembly)
     settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
                 {"time_step": step.dt_s / step.bond_time_s})
@@ -267,7 +270,8 @@ def _hertz_time_s(scene: Scene, material: str, radius_m: float | np.ndarray, mas
 
 def _stone_peak_force_N(scene: Scene, material: str) -> float:
     """Of a whole stone on the rigid plate."""
-    stiffness, depth = _hertz(scene, material, scene.stones.radius_m, _stone_mass_kg(scene, material), impact_speed_m_s(scene))
+    mass = _stone_mass_kg(scene, material)
+    stiffness, depth = _hertz(scene, material, scene.stones.radius_m, mass, impact_speed_m_s(scene))
     return float(stiffness * depth**1.5)
 
 

@@ -28,10 +28,12 @@ def setting_for(name: str, tolerance: float) -> float:
 
 
 def with_tolerance(plate: FlexiblePlate, tolerance: float | None, contact_time_s: float, bonded: bool) -> FlexiblePlate:
-    """The plate's table with `max_frequency_Hz` from the tolerance; without one, from its own `truncation_tolerance`."""
+    """The plate's table with `max_frequency_Hz` from the tolerance; without one, from its own
+    `truncation_tolerance`."""
     if tolerance is None:
         return with_max_frequency(plate, contact_time_s)
-    return plate.model_copy(update={"max_frequency_Hz": 1 / (setting_for(modes_setting(bonded), tolerance) * contact_time_s)})
+    setting = setting_for(modes_setting(bonded), tolerance)
+    return plate.model_copy(update={"max_frequency_Hz": 1 / (setting * contact_time_s)})
 
 
 def expected_error(settings: dict[str, float]) -> dict[str, float]:

@@ -25,8 +25,8 @@ class Busy(RuntimeError):
 
 
 class RunDirectory:
-    """`path` is OUT.partial. `started.json` in it says which run it is: its `identity` covers everything that the result
-    depends on, so that no other run goes on from its checkpoints."""
+    """`path` is OUT.partial. `started.json` in it says which run it is: its `identity` covers everything that the
+    result depends on, so that no other run goes on from its checkpoints."""
 
     def __init__(self, out: Path):
         self.out = out

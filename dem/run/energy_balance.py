@@ -10,8 +10,8 @@ summed on their own. What has no sum of its own is a work less what it stored:
                    (slip, the tangential dashpot, and what the tangential springs hold while a contact lasts)
 
 Nothing in these refers to the kinetic energies or to the plate's own energy, so the sum of all can miss the energy at
-the start; `closure` says by how much, relative to the energy supplied: the kinetic energy of the impact and what gravity
-did until the stones were lowest.
+the start; `closure` says by how much, relative to the energy supplied: the kinetic energy of the impact and what
+gravity did until the stones were lowest.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ class PlateEnergy:
     work_J: float = 0.0
 
 
-def stone_energies(ledger: StoneLedger, gravity_m_s2: float, mass_height_start_kg_m: np.ndarray) -> dict[str, np.ndarray]:
+def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
+                   mass_height_start_kg_m: np.ndarray) -> dict[str, np.ndarray]:
     """Energy parts by name, each (k, agglomerates) in J. `mass_height_start_kg_m` (agglomerates,) is the sum of m z at
     the start, from where the potential energy counts."""
     c = ledger.column

@@ -30,8 +30,8 @@ def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, con
                meshes_of_plate: Callable[[int, list[HertzContact]], list[PlateMesh]]) -> None:
     """Turn the engine's dump in `directory`/deck into view/*.vtu and view.pvd in `directory`.
 
-    `events` and `contacts` are the tables of breakage.parquet and contacts.parquet. `meshes_of_plate(picture, contacts)`
-    gives what each picture shows of the plate.
+    `events` and `contacts` are the tables of breakage.parquet and contacts.parquet. `meshes_of_plate(picture,
+    contacts)` gives what each picture shows of the plate.
     """
     assembly, dt_s = prepared.assembly, prepared.step.dt_s
     pictures = directory / "view"
@@ -61,8 +61,8 @@ def plate_meshes(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzC
 
 
 def read_dump(file: Path) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield DEM step and array (n, columns), sorted by id, of each frame of `dump custom id x y z ...`. Raises RuntimeError
-    for a file that is cut off, damaged or something else."""
+    """Yield DEM step and array (n, columns), sorted by id, of each frame of `dump custom id x y z ...`. Raises
+    RuntimeError for a file that is cut off, damaged or something else."""
     with open(file) as lines:
         for line in lines:
             if not line.startswith("ITEM: TIMESTEP"):
@@ -117,7 +117,8 @@ def _plate(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact
 
 def _contacts(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact],
               poisson_ratio: float) -> meshio.Mesh:
-    """A patch of the plate's surface about each contact, much finer than the plate's mesh, with bending and contact stress."""
+    """A patch of the plate's surface about each contact, much finer than the plate's mesh, with bending and contact
+    stress."""
     low, high = np.array([[lines[0], lines[-1]] for lines in (modes.lines_x_m, modes.lines_y_m)]).T
     place = np.array([[c.x_m, c.y_m] for c in contacts])
     points, cells, stress, number, count = [], [], [], [], 0
@@ -142,7 +143,8 @@ def _upwards(w: np.ndarray) -> np.ndarray:
 
 
 def _write(file: Path, mesh: meshio.Mesh) -> str:
-    """Write values in single precision, which is what a picture needs: smaller files, and less time to compress them."""
+    """Write values in single precision, which is what a picture needs: smaller files, and less time to compress
+    them."""
     def single(values: np.ndarray) -> np.ndarray:
         return np.asarray(values, dtype=np.int32 if np.asarray(values).dtype.kind in "iu" else np.float32)
 

@@ -5,7 +5,7 @@ Both kinds of plate have the same methods, so that a run need not ask which one 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,13 +14,13 @@ import pandas as pd
 
 from dem.coupling.checkpoint import State, plate_file, read_plate, write_plate
 from dem.coupling.monitor import PlateMonitor
-from dem.coupling.participant import CouplingState, run_participant
+from dem.coupling.participant import CouplingState, PlateParticipant
 from dem.coupling.pipes import PlatePipes
 from dem.deck.render import view_steps
 from dem.run.energy_balance import PlateEnergy
 from dem.run.paraview import PlateMesh, plate_meshes
 from dem.run.prepare import PreparedRun
-from dem.run.recorder import PlateRecorder
+from dem.run.recorder import PlateRecorder, PlateStates
 from plate_fem.contact_stress import HertzContact
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
@@ -104,17 +104,17 @@ class FlexiblePlateParticipant:
             self._pipes.close()
 
     def take_part(self, deck: Path, alive: Callable[[], bool], progress: Callable[[int], None]) -> None:
-        """Answer the engine until it has finished. `alive` tells whether it still runs; `progress` is called with the DEM
-        steps that were recorded. Raises CouplingError, or Unstable if the plate gets too much energy."""
+        """Answer the engine until it has finished. `alive` tells whether it still runs; `progress` is called with the
+        DEM steps that were recorded. Raises CouplingError, or Unstable if the plate gets too much energy."""
         assert self._pipes is not None  # connected
 
-        def record(dem_steps: range, states: Sequence[tuple[np.ndarray, np.ndarray]], modal_forces: list[np.ndarray]) -> None:
+        def record(dem_steps: range, states: PlateStates, modal_forces: list[np.ndarray]) -> None:
             self._recorder(dem_steps, states, modal_forces)
             progress(dem_steps[-1])
 
         self._pipes.open(alive)
-        run_participant(self._motion, self._pipes, self._step, record, self._state,
-                        lambda dem_step: write_plate(deck / "checkpoint", dem_step, self._checkpoint()))
+        participant = PlateParticipant(self._motion, self._step, record, self._state)
+        participant.run(self._pipes, lambda dem_step: write_plate(deck / "checkpoint", dem_step, self._checkpoint()))
 
     def signals(self, dem_steps: range) -> pd.DataFrame:
         """The plate's signals, one row for each of `dem_steps`. Raises RuntimeError if others were recorded."""
@@ -137,10 +137,10 @@ class FlexiblePlateParticipant:
         return plate_meshes(self._modes, self._recorder.view_amplitude[picture], contacts, self._poisson_ratio)
 
 
-PlateParticipant = RigidPlateParticipant | FlexiblePlateParticipant
+PlateOfRun = RigidPlateParticipant | FlexiblePlateParticipant
 
 
-def participant_of(prepared: PreparedRun) -> PlateParticipant:
+def participant_of(prepared: PreparedRun) -> PlateOfRun:
     """The plate of a run, at rest."""
     return RigidPlateParticipant() if prepared.modes is None else FlexiblePlateParticipant(prepared, prepared.modes)
 

@@ -15,6 +15,8 @@ from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
 from plate_fem.stress import StressPeak
 
+PlateStates = Sequence[tuple[np.ndarray, np.ndarray]]  # modal amplitude and rate, each (modes,)
+
 
 class PlateRecorder:
     """Collects the plate's state at each row of the fast stream, and its modal amplitudes at each picture.
@@ -45,9 +47,9 @@ class PlateRecorder:
         self._blocks: list[np.ndarray] = []
         self._waiting: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # amplitude, rate, modal force
 
-    def __call__(self, dem_steps: range, states: Sequence[tuple[np.ndarray, np.ndarray]], modal_forces: list[np.ndarray]) -> None:
-        """Record rows at `dem_steps`: amplitude and rate of each, and the force on it, arrays (modes,) that are not changed
-        later."""
+    def __call__(self, dem_steps: range, states: PlateStates, modal_forces: list[np.ndarray]) -> None:
+        """Record rows at `dem_steps`: amplitude and rate of each, and the force on it, arrays (modes,) that are not
+        changed later."""
         if self._view_steps:
             for dem_step in range(-(-dem_steps[0] // self._view_steps) * self._view_steps, dem_steps[-1] + 1,
                                   self._view_steps):
@@ -75,8 +77,8 @@ class PlateRecorder:
         del self._waiting[:self.BLOCK]
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """All that was recorded, for `set_state`. The rows that wait for their block still wait, so that a run that goes on
-        from here computes the same blocks."""
+        """All that was recorded, for `set_state`. The rows that wait for their block still wait, so that a run that
+        goes on from here computes the same blocks."""
         return {"rows": self._rows(), "steps": np.array(self.steps), "waiting": np.array(self._waiting),
                 "view_amplitude": np.array(self.view_amplitude), **self.bending.get_state()}
 
@@ -97,7 +99,8 @@ class PlateRecorder:
 
 
 def read_forces(file: Path, n_agglomerates: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the DEM step (k,) at the end of each co-step with contact, and the mean push on the plate (k, n) over it in N."""
+    """Return the DEM step (k,) at the end of each co-step with contact, and the mean push on the plate (k, n) over it
+    in N."""
     record = np.dtype([("step", "<i8"), ("force_N", "<f8", (n_agglomerates,))])
     data = np.fromfile(file, dtype=record)
     return data["step"], data["force_N"]
@@ -106,8 +109,8 @@ def read_forces(file: Path, n_agglomerates: int) -> tuple[np.ndarray, np.ndarray
 def fast_stream(step: TimeStep, forces: tuple[np.ndarray, np.ndarray], plate_signals: pd.DataFrame) -> pd.DataFrame:
     """All rows at the fast rate. A force is the mean over the row's interval; the plate's state is at its end.
 
-    `forces` is what `read_forces` gives, `plate_signals` has a row for each of the fast stream. Raises RuntimeError if a
-    signal holds a value that is no number.
+    `forces` is what `read_forces` gives, `plate_signals` has a row for each of the fast stream. Raises RuntimeError if
+    a signal holds a value that is no number.
     """
     n_rows = step.steps // step.fast_steps + 1
     time = np.arange(n_rows) * step.fast_steps * step.dt_s
@@ -133,7 +136,8 @@ def write_streams(directory: Path, fast: pd.DataFrame, step: TimeStep) -> pd.Dat
 
 
 def read_events(file: Path, step: TimeStep) -> pd.DataFrame:
-    """Read the broken bonds, one row each: t_s, bond (1-based), agglomerate (1-based), place, mode, stress, energy, area."""
+    """Read the broken bonds, one row each: t_s, bond (1-based), agglomerate (1-based), place, mode, stress, energy,
+    area."""
     columns = ["t_s", "bond", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2"]
     if not file.exists():
         return pd.DataFrame({c: pd.Series(dtype=str if c == "mode" else int if c in columns[1:3] else float)

@@ -22,7 +22,7 @@ from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
 from dem.run.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
 from dem.run.paraview import write_view
-from dem.run.participants import PlateParticipant
+from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
 from dem.run.recorder import fast_stream, read_events, read_forces, write_streams
 from dem.stones.assembly import Assembly
@@ -31,8 +31,8 @@ from plate_fem.truncation import energy_left_out
 
 @dataclass(frozen=True)
 class Results:
-    """The tables of a run. `force_N` (k, stones) is the mean push on the plate over each co-step with contact; `stone_mass_kg`
-    (stones,); `energy` is that of dem.run.energy_balance.energy_ledger."""
+    """The tables of a run. `force_N` (k, stones) is the mean push on the plate over each co-step with contact;
+    `stone_mass_kg` (stones,); `energy` is that of dem.run.energy_balance.energy_ledger."""
 
     events: pd.DataFrame
     fast: pd.DataFrame
@@ -43,7 +43,7 @@ class Results:
     energy: dict[str, Any]
 
 
-def write_results(directory: Path, prepared: PreparedRun, plate: PlateParticipant) -> Results:
+def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> Results:
     """Write the tables and pictures of a run into `directory`, from what the engine left in `directory`/deck.
     Raises Unstable if the energy does not close."""
     deck, scene, step, assembly = directory / "deck", prepared.scene, prepared.step, prepared.assembly
@@ -67,7 +67,7 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateParticipan
     return Results(events, fast, signals, forces[1], ledger, mass, energy)
 
 
-def summary_of(prepared: PreparedRun, plate: PlateParticipant, results: Results) -> dict[str, Any]:
+def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
     return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results),
             **_outcome(prepared, plate, results)}
@@ -87,7 +87,7 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
     }
 
 
-def _numerics(prepared: PreparedRun, plate: PlateParticipant, results: Results) -> dict[str, Any]:
+def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """Steps, their limits, and how much was computed."""
     scene, step, assembly = prepared.scene, prepared.step, prepared.assembly
     return {
@@ -105,11 +105,12 @@ def _numerics(prepared: PreparedRun, plate: PlateParticipant, results: Results) 
     }
 
 
-def _outcome(prepared: PreparedRun, plate: PlateParticipant, results: Results) -> dict[str, Any]:
+def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """What the stones and the plate did."""
     scene, step, force_N = prepared.scene, prepared.step, results.force_N
     end = {name: values[-1] for name, values in results.ledger.column.items()}
-    broken = results.events.groupby("agglomerate").size().reindex(range(1, len(results.stone_mass_kg) + 1), fill_value=0)
+    stones = range(1, len(results.stone_mass_kg) + 1)
+    broken = results.events.groupby("agglomerate").size().reindex(stones, fill_value=0)
     yielded = yield_report(scene, prepared.assembly, force_N.max(axis=0, initial=0.0), end["wall_deepest"],
                            plate.bending())
     return {

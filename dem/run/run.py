@@ -28,14 +28,15 @@ from dem.run.results import own_version, summary_of, write_results
 from dem.run.simulate import EngineStart, simulate
 
 
-def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None, show_progress: bool = True) -> dict[str, Any]:
+def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None,
+        show_progress: bool = True) -> dict[str, Any]:
     """Run a scene file, see `run_scene`; `gangue_ratio` (0..1) replaces the scene's own."""
     return run_scene(read_scene(scene_file, gangue_ratio), str(scene_file), out, show_progress)
 
 
 def resume(directory: Path, show_progress: bool = True, walltime_s: float | None = None) -> dict[str, Any]:
-    """Go on with the run that was to become `directory` (its name, or that with .partial), see `run_scene`. A run that is
-    finished is left alone. Raises InputError if there is nothing to go on with."""
+    """Go on with the run that was to become `directory` (its name, or that with .partial), see `run_scene`. A run that
+    is finished is left alone. Raises InputError if there is nothing to go on with."""
     out = directory.with_name(directory.name.removesuffix(SUFFIX))
     work = RunDirectory(out)
     started = work.started()
@@ -86,8 +87,8 @@ def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
 
 
 def _take_up(work: RunDirectory, prepared: PreparedRun) -> tuple[Identity, int]:
-    """Put the deck in its place; return what the run is known by, and the step of the checkpoint to go on from, 0 if from
-    the start.
+    """Put the deck in its place; return what the run is known by, and the step of the checkpoint to go on from, 0 if
+    from the start.
 
     Only a run with the same deck, plate, program and engine goes on; any other starts anew in an empty directory.
     """

@@ -20,7 +20,7 @@ from dem.coupling.watchdog import EngineWatchdog
 from dem.run.directory import SUFFIX
 from dem.run.energy_balance import read_ledger
 from dem.run.errors import RunError, Stopped
-from dem.run.participants import PlateParticipant
+from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
 from dem.run.progress import Progress
 
@@ -29,8 +29,9 @@ POLL_s = 0.05
 
 @dataclass(frozen=True)
 class EngineStart:
-    """Where and how the engine starts: in `deck`, from the checkpoint at DEM step `resume_step`, 0 if from the beginning.
-    It inherits the file descriptor `lock`. It is asked to stop at the time `stop_at` of `time.monotonic`, if that is given."""
+    """Where and how the engine starts: in `deck`, from the checkpoint at DEM step `resume_step`, 0 if from the
+    beginning. It inherits the file descriptor `lock`. It is asked to stop at the time `stop_at` of `time.monotonic`, if
+    that is given."""
 
     deck: Path
     resume_step: int
@@ -38,7 +39,7 @@ class EngineStart:
     stop_at: float | None
 
 
-def simulate(prepared: PreparedRun, start: EngineStart, plate: PlateParticipant, progress: Progress) -> None:
+def simulate(prepared: PreparedRun, start: EngineStart, plate: PlateOfRun, progress: Progress) -> None:
     """Run engine and plate until the engine has finished. Raises RunError, CouplingError, Unstable or Stopped."""
     try:
         with plate.connected(start.deck), _running(prepared, start) as engine:

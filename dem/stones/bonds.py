@@ -36,10 +36,12 @@ class Bonds:
 
     @property
     def length_m(self) -> np.ndarray:
+        """(m,) in the undeformed state."""
         return np.linalg.norm(self.vector_m, axis=1)
 
     @property
     def area_m2(self) -> np.ndarray:
+        """(m,) section of the beam."""
         return np.pi * self.radius_m**2
 
     def __len__(self) -> int:

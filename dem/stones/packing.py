@@ -27,7 +27,7 @@ TOUCHING = 5e-3  # gap below which sub-spheres count as touching, relative to th
 FCC_CENTRE = (0.05, 0.10, 0.20)
 
 
-Walls = list[tuple[np.ndarray, np.ndarray]]  # of each wall the distances (n,) of points inside it, its inward normals (n, 3)
+Walls = list[tuple[np.ndarray, np.ndarray]]  # distances (n,) of points inside a wall, and its inward normals (n, 3)
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,12 @@ class SphereContainer:
 
     @property
     def volume_m3(self) -> float:
+        """Volume."""
         return 4 / 3 * np.pi * self.radius_m**3
 
     @property
     def half_size_m(self) -> np.ndarray:
+        """(3,) half of the extent along x, y, z."""
         return np.full(3, self.radius_m)
 
     def walls(self, x: np.ndarray) -> Walls:
@@ -51,6 +53,7 @@ class SphereContainer:
         return [(self.radius_m - r, -x / np.maximum(r, 1e-300)[:, None])]
 
     def in_units(self, length_m: float) -> SphereContainer:
+        """The same in units of `length_m`."""
         return SphereContainer(self.radius_m / length_m)
 
 
@@ -70,19 +73,23 @@ class CylinderContainer:
 
     @property
     def volume_m3(self) -> float:
+        """Volume."""
         return np.pi * self.radius_m**2 * self.length_m
 
     @property
     def half_size_m(self) -> np.ndarray:
+        """(3,) half of the extent along x, y, z."""
         return np.array([self.radius_m, self.radius_m, self.length_m / 2])
 
     def walls(self, x: np.ndarray) -> Walls:
+        """The walls as seen from points x (n, 3)."""
         r = np.sqrt((x[:, :2] ** 2).sum(1))
         side = np.zeros_like(x)
         side[:, :2] = -x[:, :2] / np.maximum(r, 1e-300)[:, None]
         return [(self.radius_m - r, side), *two_faces(x, 2, self.length_m / 2)]
 
     def in_units(self, length_m: float) -> CylinderContainer:
+        """The same in units of `length_m`."""
         return CylinderContainer(self.radius_m / length_m, self.length_m / length_m)
 
 

@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from dem.coupling.launch import ENGINE
 from dem.coupling.messages import CouplingError
-from dem.coupling.participant import run_participant
+from dem.coupling.participant import PlateParticipant
 from dem.coupling.pipes import PlatePipes
 from dem.deck.render import write_deck
 from dem.deck.time_step import TimeStep
@@ -80,7 +80,7 @@ def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
     engine = FakeEngine(tmp_path, mass=0.3, stiffness=1e6, co_steps=count, interval_s=interval)
     engine.start()
     pipes.open(lambda: True)
-    run_participant(motion, pipes, steps(10 * count), lambda *row: None)
+    PlateParticipant(motion, steps(10 * count), lambda *row: None).run(pipes)
     pipes.close()
     engine.join(5)
     omega2 = (2 * np.pi * FREQUENCY_Hz) ** 2
