@@ -16,8 +16,6 @@ from common.files import read_json, write_json
 from common.scene import StonePosition
 from common.tables import check
 
-FILE = "run.json"
-
 
 class Recorded(BaseModel):
     """A table of run.json."""

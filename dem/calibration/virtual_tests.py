@@ -191,8 +191,8 @@ def _engine(directory: Path) -> None:
         engine.kill()
         engine.wait()
         raise
-    said = (directory / "engine.out").read_text(errors="replace")
-    _check(code == 0 and "end of test" in said, f"{directory}: LIGGGHTS stopped: {engine_error(directory)}")
+    printed = (directory / "engine.out").read_text(errors="replace")
+    _check(code == 0 and "end of test" in printed, f"{directory}: LIGGGHTS stopped: {engine_error(directory)}")
 
 
 def _check(holds: bool, message: str) -> None:

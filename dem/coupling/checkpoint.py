@@ -53,7 +53,7 @@ def check_engine_file(file: Path) -> None:
         raise InputError(f"{file}: cut off or damaged; allowed is what the engine wrote")
 
 
-def write_plate(directory: Path, step: int, state: State) -> None:
+def write_plate_state(directory: Path, step: int, state: State) -> None:
     """Write the plate's half of the checkpoint at DEM step `step`, and remove its earlier halves."""
     file = plate_file(directory, step)
     with written_whole(file) as beside, open(beside, "wb") as out:  # savez would add .npz to a name
@@ -63,7 +63,7 @@ def write_plate(directory: Path, step: int, state: State) -> None:
             earlier.unlink()
 
 
-def read_plate(file: Path) -> State:
+def read_plate_state(file: Path) -> State:
     """Return the state of a plate. Raises InputError for a file that is cut off, damaged or something else."""
     try:
         with np.load(file, allow_pickle=False) as stored:

@@ -19,7 +19,7 @@ from dem.stones.assembly import Assembly
 from plate_fem.contact_stress import YIELD_PRESSURE, HertzContact
 
 
-def contact_modulus_Pa(scene: Scene, material: str) -> float:
+def modulus_on_plate_Pa(scene: Scene, material: str) -> float:
     """E* of a material on the plate."""
     return hertz.contact_modulus_Pa(scene.materials[material], scene.plate)
 
@@ -30,7 +30,7 @@ def pressure_bound_Pa(scene: Scene, assembly: Assembly) -> float:
     stones, pressure = scene.stones, 0.0
     speed2 = stones.speed_m_s**2 + 2 * scene.time.gravity_m_s2 * stones.gap_m
     for k, name in enumerate(assembly.materials):
-        modulus, radius = contact_modulus_Pa(scene, name), assembly.radius_m[assembly.material == k].min()
+        modulus, radius = modulus_on_plate_Pa(scene, name), assembly.radius_m[assembly.material == k].min()
         energy = 0.5 * scene.materials[name].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3 * speed2
         depth = (energy / (8 / 15 * modulus * np.sqrt(radius))) ** 0.4
         pressure = max(pressure, float(hertz.peak_pressure_Pa(modulus, depth / radius)))
@@ -53,7 +53,7 @@ def yield_report(scene: Scene, assembly: Assembly, peak_force_N: np.ndarray, dee
     sub-sphere. bending: "bending" and "bending_at_rods" of plate_fem.stress.StressPeak, empty for a rigid plate.
     """
 
-    modulus = np.array([contact_modulus_Pa(scene, name) for name in assembly.stone_materials])
+    modulus = np.array([modulus_on_plate_Pa(scene, name) for name in assembly.stone_materials])
     pressure = hertz.peak_pressure_Pa(modulus, deepest)
     limit = yield_pressure_Pa(scene, assembly)
     if limit is not None:

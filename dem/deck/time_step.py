@@ -65,14 +65,14 @@ class StepLimits:
 
     limits_s: dict[str, float]
     bond_time_s: float | None
-    contact_time_s: float
+    subsphere_contact_time_s: float
     stone_contact_time_s: float
 
 
 def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
     """Find what limits the time step without the plate's motion. Raises InputError for what can be refused by that."""
     bond_time = bond_time_s(scene, assembly)
-    contact = contact_time_s(scene, assembly)
+    contact = subsphere_contact_time_s(scene, assembly)
     stone_contact = stone_contact_time_s(scene, assembly)
     limits = {"rayleigh": RAYLEIGH_FRACTION * rayleigh_time_s(scene, assembly),
               "plate_contact": contact / CONTACT_STEPS}
@@ -96,7 +96,7 @@ def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float 
     limits_s = limits.limits_s | mutual
     wanted = _largest_step_s(scene, limits_s, file)
     resolved = min(limits.stone_contact_time_s / CO_STEPS_IN_CONTACT,
-                   limits.contact_time_s / CO_STEPS_IN_FRAGMENT_CONTACT)
+                   limits.subsphere_contact_time_s / CO_STEPS_IN_FRAGMENT_CONTACT)
     if scene.tolerance is not None:
         setting = setting_for(co_step_setting(limits.bond_time_s is not None), scene.tolerance)
         resolved = min(resolved, setting * limits.stone_contact_time_s)
@@ -231,7 +231,7 @@ def rayleigh_time_s(scene: Scene, assembly: Assembly) -> float:
     return float(min(times))
 
 
-def contact_time_s(scene: Scene, assembly: Assembly) -> float:
+def subsphere_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a sub-sphere with the plate."""
     times = []
     for k, name in enumerate(assembly.materials):

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from common.scene import Scene
-from dem.deck.plate_yield import contact_modulus_Pa
+from dem.deck.plate_yield import modulus_on_plate_Pa
 from dem.run.prepare import PreparedRun
 from dem.stones.assembly import Assembly
 from dem.stones.bonds import fragments
@@ -99,7 +99,7 @@ def _bonds(frame: np.ndarray, assembly: Assembly, intact: np.ndarray) -> meshio.
 
 def hertz_contacts(rows: pd.DataFrame, scene: Scene, assembly: Assembly) -> list[HertzContact]:
     """The contacts of one instant, given as rows of contacts.parquet."""
-    modulus = [contact_modulus_Pa(scene, name) for name in assembly.stone_materials]
+    modulus = [modulus_on_plate_Pa(scene, name) for name in assembly.stone_materials]
     of_stone = rows["agglomerate"].to_numpy(dtype=int) - 1
     values = rows[["x_m", "y_m", "force_N", "radius_m"]].to_numpy(dtype=float)
     return [HertzContact(x, y, force, radius, modulus[stone]) for (x, y, force, radius), stone in zip(values, of_stone)]

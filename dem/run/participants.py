@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from dem.coupling.checkpoint import State, plate_file, read_plate, write_plate
+from dem.coupling.checkpoint import State, plate_file, read_plate_state, write_plate_state
 from dem.coupling.monitor import PlateMonitor
 from dem.coupling.participant import CouplingState, PlateParticipant
 from dem.coupling.pipes import PlatePipes
@@ -79,7 +79,7 @@ class FlexiblePlateParticipant:
 
     def restore(self, deck: Path, dem_step: int) -> None:
         """Go on from the plate's half of the checkpoint at `dem_step`. Raises InputError if it cannot be read."""
-        kept = read_plate(plate_file(deck / "checkpoint", dem_step))
+        kept = read_plate_state(plate_file(deck / "checkpoint", dem_step))
         state = self._state
         state.dem_step, state.co_steps, state.extrapolated_co_steps = (int(number) for number in kept["coupling"])
         state.last_force = kept["last_force"]
@@ -114,7 +114,7 @@ class FlexiblePlateParticipant:
 
         self._pipes.open(alive)
         participant = PlateParticipant(self._motion, self._step, record, self._state)
-        participant.run(self._pipes, lambda dem_step: write_plate(deck / "checkpoint", dem_step, self._checkpoint()))
+        participant.run(self._pipes, lambda dem_step: write_plate_state(deck / "checkpoint", dem_step, self._checkpoint()))
 
     def signals(self, dem_steps: range) -> pd.DataFrame:
         """The plate's signals, one row for each of `dem_steps`. Raises RuntimeError if others were recorded."""
