@@ -49,7 +49,7 @@ accuracy: setup  ## error against run time, and what each part of a scene costs,
 	$(PYTHON) -m benchmarks.accuracy
 	$(PYTHON) -m benchmarks.tolerance
 	$(PYTHON) -m benchmarks.omissions
-	$(PYTHON) -m benchmarks.idle
+	$(PYTHON) -m benchmarks.free_flight
 
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability
 	$(PYTHON) -m benchmarks.stability --jobs $(JOBS)

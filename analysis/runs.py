@@ -7,16 +7,19 @@ bond). A sweep is a directory of them, one per gangue mixing ratio (`ratio_030`)
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from analysis.readers import read_table
 from analysis.records import Record, RecordError, sample_rate_Hz, unit_of
+from common.files import read_json
+from common.run_summary import RecordedScene, RunSummary, summary_from
+from common.tables import InputError
 
 #: The eleven ratios of the paper.
 PAPER_RATIOS = tuple(round(0.1 * step, 1) for step in range(11))
@@ -29,29 +32,42 @@ BREAKAGE_COLUMNS = ("t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_P
 
 @dataclass(frozen=True)
 class Run:
-    """One finished run. `signals` is read at once, the larger tables when asked for."""
+    """One finished run. `info` is its run.json as it stands, `signals` signals.parquet; the larger tables are read when
+    asked for."""
 
     path: Path
-    info: dict
+    info: dict[str, Any]
     signals: pd.DataFrame
+
+    @cached_property
+    def summary(self) -> RunSummary:
+        """The checked run.json. RecordError, naming the key, where it holds a wrong value."""
+        return _summary(self.info, self.path)
+
+    @property
+    def scene(self) -> RecordedScene:
+        """The scene as far as run.json has it; what is absent is None."""
+        return self.summary.scene
 
     @property
     def gangue_ratio(self) -> float:
-        return float(self.info["gangue_ratio"])
+        """Share of the stones that are gangue, 0..1."""
+        return float(self.summary.gangue_ratio)
 
     @property
     def materials(self) -> list[str]:
         """Material of each agglomerate, "coal" or "gangue", in order, whatever the scene names them."""
-        stones = self.info.get("scene", {}).get("stones", {})
-        kind = {stones.get(name, name): name for name in ("coal", "gangue")}
-        return [kind.get(name, name) for name in self.info["materials"]]
+        kind = {self.scene.stones.coal: "coal", self.scene.stones.gangue: "gangue"}
+        return [kind.get(name, name) for name in self.summary.materials]
 
     @property
     def t_s(self) -> np.ndarray:
+        """Times of the samples."""
         return self.signals["t_s"].to_numpy(dtype=float)
 
     @cached_property
     def rate_Hz(self) -> float:
+        """Sample rate."""
         return sample_rate_Hz(self.t_s, f"{self.path}/signals.parquet: t_s")
 
     def record(self, column: str) -> Record:
@@ -94,23 +110,13 @@ class Run:
         return max(abs(value) for value in self.extremes(column))
 
 
-def read_run(path) -> Run:
+def read_run(path: str | Path) -> Run:
     """Read a run directory. RecordError if it is not one, or not of a finished run."""
     path = Path(path)
     info = _read_info(path)
-    status = info.get("status")
-    if status != "finished":
-        raise RecordError(f"{path}/run.json: status = {status!r}; needs 'finished'")
-    ratio = info.get("gangue_ratio")
-    if not isinstance(ratio, (int, float)) or not 0 <= ratio <= 1:
-        raise RecordError(f"{path}/run.json: gangue_ratio = {ratio!r}; needs a number from 0 to 1")
-    materials = info.get("materials")
-    if not isinstance(materials, list) or not all(isinstance(name, str) for name in materials):
-        raise RecordError(f"{path}/run.json: materials = {materials!r}; needs a list of names")
-    scene = info.get("scene", {})
-    stones = scene.get("stones", {}) if isinstance(scene, dict) else None
-    if not isinstance(stones, dict) or not all(isinstance(stones.get(k, k), str) for k in ("coal", "gangue")):
-        raise RecordError(f"{path}/run.json: scene.stones: needs an object in which coal and gangue are names")
+    if info.get("status") != "finished":
+        raise RecordError(f"{path}/run.json: status = {info.get('status')!r}; needs 'finished'")
+    _summary(info, path)
     signals = read_table(path / "signals.parquet")
     missing = [name for name in ("t_s", *RESPONSES, "force_N") if name not in signals.columns]
     if missing:
@@ -118,17 +124,21 @@ def read_run(path) -> Run:
     return Run(path, info, signals)
 
 
-def _read_info(path: Path) -> dict:
-    file = path / "run.json"
-    if not file.is_file():
-        raise RecordError(f"{path}: no run.json; needs a run directory")
+def _read_info(path: Path) -> dict[str, Any]:
     try:
-        info = json.loads(file.read_text())
-    except (OSError, ValueError) as error:
-        raise RecordError(f"{file}: not JSON ({error})") from None
-    if not isinstance(info, dict):
-        raise RecordError(f"{file}: {type(info).__name__}; needs an object")
+        info = read_json(path / "run.json")
+    except (InputError, OSError) as error:
+        raise RecordError(str(error)) from None
+    if info is None:
+        raise RecordError(f"{path}: no run.json; needs a run directory")
     return info
+
+
+def _summary(info: dict[str, Any], path: Path) -> RunSummary:
+    try:
+        return summary_from(info, f"{path}/run.json")
+    except InputError as error:
+        raise RecordError(str(error)) from None
 
 
 @dataclass(frozen=True)
@@ -150,9 +160,8 @@ class Sweep:
         first = self.runs[0]
         for run in self.runs[1:]:
             if run.t_s.shape != first.t_s.shape or not np.allclose(run.t_s, first.t_s, rtol=0, atol=1e-7):
-                raise RecordError(
-                    f"{run.path}/signals.parquet: t_s differs from {first.path.name}'s; needs the same times in all runs"
-                )
+                raise RecordError(f"{run.path}/signals.parquet: t_s differs from {first.path.name}'s; needs the same "
+                                  "times in all runs")
         return np.stack([run.record(column).values for run in self.runs])
 
     def peaks(self, column: str) -> np.ndarray:
@@ -160,7 +169,7 @@ class Sweep:
         return np.array([run.peak(column) for run in self.runs])
 
 
-def read_sweep(path, expected=PAPER_RATIOS) -> Sweep:
+def read_sweep(path: str | Path, expected: tuple[float, ...] = PAPER_RATIOS) -> Sweep:
     """Read every finished run `ratio_*` below a directory.
 
     Ratios of `expected` without a run are listed as missing; directories that are no

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from analysis.records import RecordError
 from analysis.runs import Run
 from analysis.theory import Elastic, ring_positions_m
+from common.run_summary import RecordedMaterial
+
+Given = TypeVar("Given")
 
 
 @dataclass(frozen=True)
@@ -33,46 +37,47 @@ class Setup:
 
 def setup_of(run: Run) -> Setup:
     """The setup of a run. RecordError, naming the key, where the scene does not hold it."""
-    scene = run.info.get("scene", {})
-    try:
-        stones, plate = scene["stones"], scene["plate"]
-        names = {kind: stones.get(kind, kind) for kind in ("coal", "gangue")}
-        rods = plate["rods"]
-        count = int(stones["count"])
-        return Setup(
-            places_m=_places(stones),
-            radius_m=float(stones["radius_m"]),
-            speed_m_s=float(stones["speed_m_s"]),
-            gangue_order=list(stones.get("gangue_order") or range(1, count + 1)),
-            rocks={kind: _elastic(scene["materials"][name]) for kind, name in names.items()},
-            restitution={k: _restitution(scene["contacts"], name) for k, name in names.items()},
-            plate=_elastic(plate),
-            support_length_m=float(np.ptp([rod["x_m"] for rod in rods])),
-            support_width_m=float(np.ptp([rod["y_m"] for rod in rods])),
-            thickness_m=float(plate["thickness_m"]),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise RecordError(f"{run.path}/run.json: scene: no usable {error}; needs it for the theory") from None
+    stones, plate = run.scene.stones, run.scene.plate
+    names = {"coal": stones.coal, "gangue": stones.gangue}
+    rods = _given(run, "plate.rods", plate.rods)
+    count = _given(run, "stones.count", stones.count)
+    return Setup(
+        places_m=places_of(run),
+        radius_m=_given(run, "stones.radius_m", stones.radius_m),
+        speed_m_s=_given(run, "stones.speed_m_s", stones.speed_m_s),
+        gangue_order=stones.gangue_order or list(range(1, count + 1)),
+        rocks={kind: _elastic(run, f"materials.{name}", run.scene.materials.get(name)) for kind, name in names.items()},
+        restitution={kind: _restitution(run, name) for kind, name in names.items()},
+        plate=_elastic(run, "plate", plate),
+        support_length_m=float(np.ptp([rod.x_m for rod in rods])),
+        support_width_m=float(np.ptp([rod.y_m for rod in rods])),
+        thickness_m=_given(run, "plate.thickness_m", plate.thickness_m),
+    )
 
 
 def places_of(run: Run) -> np.ndarray:
     """Where the particles hit, shape (count, 2). RecordError, naming the key, where the scene does not say."""
-    try:
-        return _places(run.info["scene"]["stones"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise RecordError(f"{run.path}/run.json: scene.stones: no usable {error}; needs the places") from None
+    stones = run.scene.stones
+    if stones.positions:
+        return np.array([[place.x_m, place.y_m] for place in stones.positions], dtype=float)
+    return ring_positions_m(_given(run, "stones.count", stones.count),
+                            _given(run, "stones.circle_radius_m", stones.circle_radius_m))
 
 
-def _places(stones: dict) -> np.ndarray:
-    if stones.get("positions"):
-        return np.array([[place["x_m"], place["y_m"]] for place in stones["positions"]], dtype=float)
-    return ring_positions_m(int(stones["count"]), float(stones["circle_radius_m"]))
+def _given(run: Run, key: str, value: Given | None) -> Given:
+    if value is None:
+        raise RecordError(f"{run.path}/run.json: scene.{key} is missing; needs it for the theory")
+    return value
 
 
-def _elastic(table: dict) -> Elastic:
-    return Elastic(*(float(table[key]) for key in ("density_kg_m3", "youngs_modulus_Pa", "poisson_ratio")))
+def _elastic(run: Run, key: str, table: RecordedMaterial | None) -> Elastic:
+    found = _given(run, key, table)
+    return Elastic(_given(run, f"{key}.density_kg_m3", found.density_kg_m3),
+                   _given(run, f"{key}.youngs_modulus_Pa", found.youngs_modulus_Pa),
+                   _given(run, f"{key}.poisson_ratio", found.poisson_ratio))
 
 
-def _restitution(contacts: dict, name: str) -> float:
-    found = contacts.get(f"{name}_plate") or contacts[f"plate_{name}"]
-    return float(found["restitution"])
+def _restitution(run: Run, name: str) -> float:
+    contacts = run.scene.contacts
+    found = contacts.get(f"{name}_plate") or contacts.get(f"plate_{name}")
+    return _given(run, f"contacts.{name}_plate.restitution", found.restitution if found else None)

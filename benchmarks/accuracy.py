@@ -1,14 +1,14 @@
-"""Error against run time: each numerical knob by itself, against a far finer setting of the same knob.
+"""Error against run time: each numerical setting by itself, against a far finer value of it.
 
-    python -m benchmarks.accuracy [--repeats 3] [--knobs dt co_step ...] [--out runs/accuracy]
+    python -m benchmarks.accuracy [--repeats 3] [--settings dt co_step ...] [--out runs/accuracy]
 
 Four stones that do not break, 200 sub-spheres each, fall on a plate of 0.3 x 0.3 x 0.02 m on four rods; 3 ms, which is
-the impact and many periods of the plate. Without breakage nothing is chaotic, and the error of a knob has an order.
+the impact and many periods of the plate. Without breakage nothing is chaotic, and the error of a setting has an order.
 What is chaotic, the broken area of one stone, is an ensemble of five packings with its spread.
 
-Writes work_precision.csv (a row a knob and setting: errors, processor time, outcome), error_laws.toml (what `tolerance`
-in a scene goes by, committed as common/error_laws.toml) and work_precision.png. Processor time is the least of the repeats
-after a warm-up, of engine, plate and output; with knobs of the plate the modes are counted too.
+Writes work_precision.csv (a row a numerical setting and value: errors, processor time, outcome), error_laws.toml (what
+`tolerance` in a scene goes by, committed as common/error_laws.toml) and work_precision.png. Processor time is the least
+of the repeats after a warm-up, of engine, plate and output; with settings of the plate the modes are counted too.
 """
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ from benchmarks.stone import SCENES, SEEDS, strike
 from common.scene import Scene, changed_scene
 from common.tables import InputError, read_toml
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
-from dem.run.run import RunError, Stages, prepare, run_model
+from dem.run.errors import RunError
+from dem.run.prepare import prepare
+from dem.run.run import run_prepared
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
 from plate_fem.mesh import default_mesh_size
@@ -50,7 +52,8 @@ SIGNALS = {"force": "force_N", "energy": "total_J", "acceleration": "a_m_s2", "s
 
 @dataclass
 class Setting:
-    """One value of a knob: the scene's keys that make it, and constants of dem.deck.time_step that stand in the way."""
+    """One value of a numerical setting: the scene's keys that make it, and constants of dem.deck.time_step that stand
+    in the way."""
 
     value: float
     changes: dict = field(default_factory=dict)
@@ -58,9 +61,9 @@ class Setting:
 
 
 @dataclass
-class Knob:
-    """`reference` is far finer than every one of `settings`; `default` is the value that the scenes have or get by themselves,
-    None where none has such a plate."""
+class NumericalSetting:
+    """`reference` is far finer than every one of `settings`; `default` is the value that the scenes have or get by
+    themselves, None where none has such a plate."""
 
     name: str
     unit: str
@@ -109,15 +112,16 @@ FREE = {"CONTACT_STEPS": 1, "BOND_FRACTION": 9.0, "DAMPED_SHARE": 9.0, "RAYLEIGH
 SPHERES: dict = {"stones.agglomerate": None}
 
 
-def knobs() -> list[Knob]:
+def numerical_settings() -> list[NumericalSetting]:
     scene = scene_of({})
     assembly = assemble(scene, arrange(scene, "scene"))
     t0, stone_contact_s = bond_time_s(scene, assembly), stone_contact_time_s(scene, assembly)
     assert t0 is not None
-    return [*step_knobs(t0, stone_contact_s), *plate_knobs(stone_contact_s, default_mesh_size(scene.plate)), *other_knobs()]
+    return [*step_settings(t0, stone_contact_s), *plate_settings(stone_contact_s, default_mesh_size(scene.plate)),
+            *other_settings()]
 
 
-def step_knobs(t0: float, stone_contact_s: float) -> list[Knob]:
+def step_settings(t0: float, stone_contact_s: float) -> list[NumericalSetting]:
     """Time step and co-step, of bonded stones and of unbonded spheres."""
     # A sample holds 30 rows of the fast stream, a row whole co-steps: lengths that divide it are met exactly.
     row = SAMPLE_s / dem.deck.time_step.FAST_PER_SAMPLE
@@ -136,16 +140,18 @@ def step_knobs(t0: float, stone_contact_s: float) -> list[Knob]:
 
     unit, default = "of the contact time", 1 / dem.deck.time_step.CO_STEPS_IN_CONTACT
     return [
-        Knob("time step", "dt/t0", dem.deck.time_step.BOND_FRACTION, [step(k) for k in (1, 2, 3, 4, 6, 8)], step(32)),
-        Knob("time step, spheres", unit, 1 / dem.deck.time_step.CONTACT_STEPS, [sphere(k) for k in (1, 2, 4, 8)], sphere(32),
+        NumericalSetting("time step", "dt/t0", dem.deck.time_step.BOND_FRACTION, [step(k) for k in (1, 2, 3, 4, 6, 8)],
+                         step(32)),
+        NumericalSetting("time step, spheres", unit, 1 / dem.deck.time_step.CONTACT_STEPS,
+                         [sphere(k) for k in (1, 2, 4, 8)], sphere(32),
              recognised=False),
-        Knob("co-step", unit, default, [co_step(n, fine, {}) for n in (1, 2, 3, 4, 6, 12, 24)],
+        NumericalSetting("co-step", unit, default, [co_step(n, fine, {}) for n in (1, 2, 3, 4, 6, 12, 24)],
              Setting(0.0, {"time.time_step_s": fine / 6, "time.co_step": 1}, FREE)),
-        Knob("co-step, spheres", unit, default, [co_step(n, row / 36, SPHERES) for n in (2, 4, 9, 18, 36)],
+        NumericalSetting("co-step, spheres", unit, default, [co_step(n, row / 36, SPHERES) for n in (2, 4, 9, 18, 36)],
              co_step(1, row / 36, SPHERES), recognised=False)]
 
 
-def plate_knobs(stone_contact_s: float, cell_m: float) -> list[Knob]:
+def plate_settings(stone_contact_s: float, cell_m: float) -> list[NumericalSetting]:
     """Modes and mesh; modes also on a thinner plate, which needs more of them."""
     thin = {"plate.length_m": 0.32, "plate.width_m": 0.24, "plate.thickness_m": 0.012, "time.duration_s": 1.8e-3,
             "plate.rods": _rods(0.12, 0.09), "stones.count": 1, "stones.gangue_order": [1],
@@ -166,17 +172,18 @@ def plate_knobs(stone_contact_s: float, cell_m: float) -> list[Knob]:
 
     unit = "cut-off x contact time"
     return [
-        *(Knob(f"modes{name}", unit, 20e3 * stone_contact_s,
+        *(NumericalSetting(f"modes{name}", unit, 20e3 * stone_contact_s,
                [modes(f, changes) for f in (2.5e3, 3.5e3, 5e3, 10e3, 20e3, 28e3)], modes(56e3, changes), of_the_plate=True,
                recognised=not changes) for name, changes in (("", {}), (", spheres", SPHERES))),
-        *(Knob(f"modes, thin plate{name}", unit, None, [thin_modes(n, changes) for n in (1.13, 2.3, 4.5)],
+        *(NumericalSetting(f"modes, thin plate{name}", unit, None, [thin_modes(n, changes) for n in (1.13, 2.3, 4.5)],
                thin_modes(6.4, changes), of_the_plate=True, recognised=False)
           for name, changes in (("", stone), (", spheres", one_sphere))),
-        Knob("mesh", "of the default cell", 1.0, [mesh(f) for f in (2.0, 1.5, 1.0, 0.7)], mesh(0.35), of_the_plate=True)]
+        NumericalSetting("mesh", "of the default cell", 1.0, [mesh(f) for f in (2.0, 1.5, 1.0, 0.7)], mesh(0.35),
+                         of_the_plate=True)]
 
 
-def other_knobs() -> list[Knob]:
-    """Output rate and idle tolerance."""
+def other_settings() -> list[NumericalSetting]:
+    """Output rate and tolerance of free flight."""
     def rows(n: int) -> Setting:
         return Setting(n / SAMPLE_s, {}, {"FAST_PER_SAMPLE": n})
 
@@ -184,14 +191,16 @@ def other_knobs() -> list[Knob]:
     bounce = {"time.duration_s": 0.15, "stones.speed_m_s": 0.5, "stones.count": 1, "stones.gangue_order": [1],
               "stones.positions": [{"x_m": 0.05, "y_m": 0.03}], "stones.gangue_ratio": 0.0}
 
-    def idle(tolerance: float) -> Setting:
-        return Setting(tolerance, {"time.idle_tolerance": tolerance} | bounce)
+    def free_flight(tolerance: float) -> Setting:
+        return Setting(tolerance, {"time.free_flight_tolerance": tolerance} | bounce)
 
     return [
-        Knob("output rate", "Hz", dem.deck.time_step.FAST_PER_SAMPLE / SAMPLE_s, [rows(n) for n in (1, 2, 5, 10, 15, 30)],
+        NumericalSetting("output rate", "Hz", dem.deck.time_step.FAST_PER_SAMPLE / SAMPLE_s,
+                         [rows(n) for n in (1, 2, 5, 10, 15, 30)],
              rows(60)),
-        Knob("idle tolerance", "of the energy of the impact", 1e-4, [idle(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
-             idle(0.0), recognised=False)]
+        NumericalSetting("free-flight tolerance", "of the energy of the impact", 1e-4,
+                         [free_flight(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
+                         free_flight(0.0), recognised=False)]
 
 
 def run(setting: Setting, out: Path, repeats: int, of_the_plate: bool, ratio: float = TEST_RATIO) -> dict:
@@ -200,10 +209,10 @@ def run(setting: Setting, out: Path, repeats: int, of_the_plate: bool, ratio: fl
         scene = scene_of({"stones.gangue_ratio": ratio} | setting.changes)
         directory, times, models = out / "run", [], []
         cache = None if of_the_plate else out / ".modes"
-        preparation = cpu_s(lambda: models.append(prepare(scene, "accuracy", cache, Stages())))
+        preparation = cpu_s(lambda: models.append(prepare(scene, "accuracy", cache)))
         model = models[0]
         for _ in range(repeats):
-            times.append(cpu_s(lambda: run_model(model, "accuracy", directory, Stages())))
+            times.append(cpu_s(lambda: run_prepared(model, directory)))
     fast, signals = (pd.read_parquet(directory / f"{name}.parquet") for name in ("fast", "signals"))
     summary = json.loads((directory / "run.json").read_text())
     shutil.rmtree(directory)
@@ -228,7 +237,7 @@ def errors(fast: pd.DataFrame, reference: pd.DataFrame) -> dict[str, float]:
 
 
 class Recognition:
-    """A model fitted on reference runs of every ratio, to see what a knob does to a recognised ratio."""
+    """A model fitted on reference runs of every ratio, to see what a numerical setting does to a recognised ratio."""
 
     def __init__(self, out: Path):
         ratios = [k / COUNT for k in range(COUNT + 1)]
@@ -241,17 +250,17 @@ class Recognition:
         return 100 * float(self._method.predict(self._method.prepare(signals)[None])[0])
 
 
-def measure(knob: Knob, out: Path, repeats: int, recognition: Recognition) -> Iterator[dict]:
-    exact = run(knob.reference, out, 1, knob.of_the_plate)
-    ratio = recognition.points(exact["signals"]) if knob.recognised else 0.0
-    for setting in knob.settings:
-        row = {"knob": knob.name, "setting": setting.value, "unit": knob.unit, "default": knob.default}
+def measure(varied: NumericalSetting, out: Path, repeats: int, recognition: Recognition) -> Iterator[dict]:
+    exact = run(varied.reference, out, 1, varied.of_the_plate)
+    ratio = recognition.points(exact["signals"]) if varied.recognised else 0.0
+    for setting in varied.settings:
+        row = {"numerical_setting": varied.name, "setting": setting.value, "unit": varied.unit, "default": varied.default}
         try:
-            found = run(setting, out, repeats, knob.of_the_plate)
+            found = run(setting, out, repeats, varied.of_the_plate)
         except (InputError, RunError) as error:
             yield row | {"outcome": str(error)}
             continue
-        if knob.recognised:
+        if varied.recognised:
             row["ratio_points"] = abs(recognition.points(found["signals"]) - ratio)
         yield row | errors(found["fast"], exact["fast"]) | {
             "cpu_s": found["cpu_s"],
@@ -259,7 +268,7 @@ def measure(knob: Knob, out: Path, repeats: int, recognition: Recognition) -> It
             "n_modes": found["summary"]["n_modes"], "outcome": "finished"}
 
 
-# Knob, unit, default, and (value, keys of the scene, constants), the finest first.
+# Numerical setting, unit, default, and (value, keys of the scene, constants), the finest first.
 ENSEMBLES: list[tuple[str, str, float, list[tuple[float, dict, dict]]]] = [
     ("sub-spheres", "a stone", 500.0, [(n, {"stones.agglomerate.subspheres": n}, {}) for n in (1000, 500, 200, 100)]),
     ("time step, breaking", "dt/t0", 0.3, [(f, {"stones.agglomerate.subspheres": 200}, {"BOND_FRACTION": f})
@@ -275,7 +284,7 @@ def breakage() -> Iterator[dict]:
             runs, cost = _ensemble(changes, values)
             area, peak = (np.array([r[key] for r in runs]) for key in ("broken_area_m2", "peak_force_N"))
             finest = finest if k else (area.mean(), peak.mean())
-            yield {"knob": name, "setting": value, "unit": unit, "default": default, "cpu_s": cost / len(SEEDS),
+            yield {"numerical_setting": name, "setting": value, "unit": unit, "default": default, "cpu_s": cost / len(SEEDS),
                    "broken_area_cm2": 1e4 * area.mean(), "broken_area_sem_cm2": 1e4 * area.std(ddof=1) / len(SEEDS)**0.5,
                    "broken_area": abs(area.mean() / finest[0] - 1), "force_peak": abs(peak.mean() / finest[1] - 1),
                    "force_peak_sem": peak.std(ddof=1) / len(SEEDS)**0.5 / finest[1], "outcome": "finished"}
@@ -292,19 +301,19 @@ def _ensemble(changes: dict, values: dict) -> tuple[list[dict], float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=2)
-    parser.add_argument("--knobs", nargs="*", help="of these knobs alone")
+    parser.add_argument("--settings", nargs="*", help="of these numerical settings alone")
     parser.add_argument("--out", type=Path, default=Path("runs/accuracy"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     run(Setting(0.0), options.out, 1, False)  # warm-up
     recognition = Recognition(options.out)
     rows: list[dict] = []
-    for knob in knobs():
-        if not options.knobs or knob.name in options.knobs:
-            for row in measure(knob, options.out, options.repeats, recognition):
+    for varied in numerical_settings():
+        if not options.settings or varied.name in options.settings:
+            for row in measure(varied, options.out, options.repeats, recognition):
                 rows.append(row)
                 print(_line(row), flush=True)
-    if not options.knobs:
+    if not options.settings:
         for row in breakage():
             rows.append(row)
             print(_line(row), flush=True)
@@ -312,13 +321,13 @@ def main() -> None:
     table.to_csv(options.out / "work_precision.csv", index=False, float_format="%.6g")
     (options.out / "machine.json").write_text(json.dumps(machine(), indent=1) + "\n")
     draw(table, options.out / "work_precision.png")
-    if not options.knobs:
+    if not options.settings:
         write_laws(table, options.out / "error_laws.toml")
 
 
 def _line(row: dict) -> str:
     numbers = " ".join(f"{key} {row[key]:.1e}" for key in (*ERRORS, "sensor_l2", "ratio_points", "broken_area", "cpu_s") if key in row)
-    return f"{row['knob']:20s} {row['setting']:10.4g} {numbers} {row['outcome']}"
+    return f"{row['numerical_setting']:20s} {row['setting']:10.4g} {numbers} {row['outcome']}"
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from common.tables import check, read_toml
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
 from dem.run.energy_balance import read_ledger
-from dem.run.run import Stages, prepare
+from dem.run.prepare import prepare
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import bond_network, highest_frequency_rad_s
 from dem.stones.packing import fcc_sphere, pack_sphere
@@ -70,8 +70,8 @@ def engine_limit(damping_ratio: float, seed: int) -> float:
     del data["output"]
     data["stones"] |= {"agglomerate": {"subspheres": COUNT, "unbreakable": True, "damping_ratio": damping_ratio},
                        "gap_m": 0.05, "seed": seed}
-    data["time"] |= {"gravity_m_s2": 0.0, "idle_tolerance": 0.0}
-    model = prepare(check(Scene, data, "single.toml"), "single.toml", None, Stages())
+    data["time"] |= {"gravity_m_s2": 0.0, "free_flight_tolerance": 0.0}
+    model = prepare(check(Scene, data, "single.toml"), "single.toml", None)
     assert model.step.bond_time_s is not None  # the stone is bonded
     with tempfile.TemporaryDirectory() as work:
         directory = Path(work) / "deck"

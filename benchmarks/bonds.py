@@ -166,7 +166,8 @@ class Yade:
 
     @staticmethod
     def parameters(ball: Agglomerate) -> dict:
-        """YADE's k_n is E R and its adhesion C R^2, for two equal spheres of radius R; k_n and strengths as elsewhere."""
+        """YADE's k_n is E R and its adhesion C R^2, for two equal spheres of radius R; k_n and strengths as
+        elsewhere."""
         pi, bonded = np.pi, VALUES["bond_modulus_Pa"] * np.pi / 2
         sphere = (1 - 1 / VALUES["stiffness_ratio"]**2) / bonded
         return {"yade_modulus_Pa": bonded, "yade_plate_modulus_Pa": 1 / (1 / plate_contact_modulus_Pa() - sphere),

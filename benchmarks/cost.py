@@ -7,7 +7,7 @@ import platform
 import resource
 from collections.abc import Callable
 
-from dem.run.run import versions
+from dem.run.results import versions
 
 
 def cpu_s(work: Callable[[], object]) -> float:

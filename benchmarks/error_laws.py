@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-KNOBS = {"time step": "time_step", "time step, spheres": "contact", "co-step": "co_step",
+LAW_OF = {"time step": "time_step", "time step, spheres": "contact", "co-step": "co_step",
          "co-step, spheres": "co_step_spheres",
          "modes, thin plate": "modes", "modes, thin plate, spheres": "modes_spheres"}
 ERRORS = ["force_peak", "force_l2", "energy_peak", "energy_l2", "acceleration_peak", "acceleration_l2"]
@@ -20,12 +20,13 @@ def worst_error(table: pd.DataFrame) -> pd.Series:
 
 
 def write_laws(table: pd.DataFrame, file: Path) -> None:
-    """Write the law of each of KNOBS (of the modes on the thinner plate, which needs more of them): the worst error of each setting, and of all finer ones, which chance may have made
-    larger; a repeated error is raised by a thousandth, so that the law ascends."""
-    lines = ["# Error of each numerical knob by setting; dem/deck/tolerance.py says what the settings are.",
+    """Write the law of each of LAW_OF (of the modes on the thinner plate, which needs more of them): the worst error of
+    each setting, and of all finer ones, which chance may have made larger; a repeated error is raised by a thousandth,
+    so that the law ascends."""
+    lines = ["# Error of each numerical setting by its value; common/error_laws.py says what they are.",
              f"# Written by `python -m benchmarks.accuracy`, {date.today().isoformat()}, from its work_precision.csv.", ""]
-    for knob, name in KNOBS.items():
-        rows = table[(table["knob"] == knob) & (table["outcome"] == "finished")]
+    for varied, name in LAW_OF.items():
+        rows = table[(table["numerical_setting"] == varied) & (table["outcome"] == "finished")]
         settings = rows["setting"].to_numpy()
         settings = 1 / settings if name.startswith("modes") else settings
         order = np.argsort(settings)

@@ -1,8 +1,8 @@
 """Cost and memory against the number of sub-spheres: `python -m benchmarks.growth`, into runs/bench/growth.csv.
 
-One unbreakable stone in free flight, vibrating after its impact on the rigid plate; LIGGGHTS' own time for the steps, the
-least of the rounds, on a machine that has nothing else to do. Beside it the law a N + b B that fits best, N sub-spheres
-and B bonds: a smaller stone has more surface and fewer bonds a sub-sphere.
+One unbreakable stone in free flight, vibrating after its impact on the rigid plate; LIGGGHTS' own time for the steps,
+the least of the rounds, on a machine that has nothing else to do. Beside it the law a N + b B that fits best, N
+sub-spheres and B bonds: a smaller stone has more surface and fewer bonds a sub-sphere.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from common.scene import Scene
 from common.tables import check, read_toml
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
-from dem.run.run import Model, Stages, prepare
+from dem.run.prepare import PreparedRun, prepare
 
 COUNTS = (200, 500, 1000, 2000, 5000, 10000, 20000)
 PARTICLE_STEPS = 2_000_000
@@ -55,10 +55,10 @@ def linear_law_ns(bonds_per_subsphere: pd.Series, cost_ns: pd.Series) -> np.ndar
     return terms @ nnls(terms / cost_ns.to_numpy()[:, None], np.ones(len(cost_ns)))[0]
 
 
-def write_case(directory: Path, data: dict, count: int) -> Model:
+def write_case(directory: Path, data: dict, count: int) -> PreparedRun:
     """The deck of one stone of `count` sub-spheres in `directory`."""
     data["stones"]["agglomerate"] = {"subspheres": count, "unbreakable": True}
-    model = prepare(check(Scene, data, "single.toml"), "single.toml", None, Stages())
+    model = prepare(check(Scene, data, "single.toml"), "single.toml", None)
     write_deck(directory, model.scene, model.assembly, model.step, None)
     return model
 
@@ -74,7 +74,7 @@ def main() -> None:
     data = read_toml(SCENES / "single.toml")
     data["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
     del data["output"]
-    data["time"]["idle_tolerance"] = 0.0  # the stone is to be computed while it flies
+    data["time"]["free_flight_tolerance"] = 0.0  # the stone is to be computed while it flies
     with tempfile.TemporaryDirectory() as scratch:
         models = {count: write_case(Path(scratch) / str(count), data, count) for count in COUNTS}
         # In turn, so that whatever else the machine does in between meets every size.

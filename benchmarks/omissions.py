@@ -2,9 +2,10 @@
 
     python -m benchmarks.omissions [--repeats 8] [--out runs/accuracy]
 
-Writes omissions.csv (part, cpu_s, saved, saved_sem): processor time of engine and plate from deck to signals, the least of
-the repeats, which take turns; `saved` is the share of the whole scene's in the same turn, mean and standard error. Packing
-and modes are not in it. Bodies in the air stay in the force loops, so that each part has work for all of the 12 ms.
+Writes omissions.csv (part, cpu_s, saved, saved_sem): processor time of engine and plate from deck to signals, the least
+of the repeats, which take turns; `saved` is the share of the whole scene's in the same turn, mean and standard error.
+Packing and modes are not in it. Bodies in the air stay in the force loops, so that each part has work for all of the 12
+ms.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ from benchmarks.cost import cpu_s
 from benchmarks.stone import SCENES
 from common.scene import changed_scene
 from common.tables import read_toml
-from dem.run.run import Model, Stages, prepare, run_model
+from dem.run.prepare import PreparedRun, prepare
+from dem.run.run import run_prepared
 
-BASE: dict = {"time.duration_s": 1.2e-2, "time.idle_tolerance": 0.0, "stones.agglomerate.subspheres": 500,
+BASE: dict = {"time.duration_s": 1.2e-2, "time.free_flight_tolerance": 0.0, "stones.agglomerate.subspheres": 500,
               "output.view_interval_s": 1.2e-3}
 SMOOTH = {f"contacts.{pair}.friction": 0.0 for pair in ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue",
                                                         "gangue_gangue")}
@@ -36,19 +38,19 @@ WITHOUT: dict[str, dict] = {
     "breakage": {"stones.agglomerate.unbreakable": True},
     "pictures (VTK)": {"output": None},
     "rods": {"plate.rods": None, "plate.edges": "simply_supported"},
-    "plate exchange (rigid plate)": {"plate": read_toml(SCENES / "hertz_coal.toml")["plate"]},
+    "coupling (rigid plate)": {"plate": read_toml(SCENES / "hertz_coal.toml")["plate"]},
     "bonds (one sphere)": {"stones.agglomerate": None},
 }
 MONITOR = "monitor"
 COPIES = 200
 
 
-def cost_s(model: Model) -> float:
+def cost_s(model: PreparedRun) -> float:
     with tempfile.TemporaryDirectory() as directory:
-        return cpu_s(lambda: run_model(model, "single.toml", Path(directory) / "run", Stages()))
+        return cpu_s(lambda: run_prepared(model, Path(directory) / "run"))
 
 
-def with_monitors(model: Model, count: int) -> float:
+def with_monitors(model: PreparedRun, count: int) -> float:
     """The monitor is in every run and too cheap to be seen; so the deck gets `count` of them."""
     render = dem.deck.render.render
 
@@ -69,8 +71,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/accuracy"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    models = {part: prepare(changed_scene(SCENES / "single.toml", BASE | changes), "single.toml", options.out / ".modes",
-                            Stages()) for part, changes in WITHOUT.items()}
+    models = {part: prepare(changed_scene(SCENES / "single.toml", BASE | changes), "single.toml",
+                            options.out / ".modes")
+              for part, changes in WITHOUT.items()}
     times: dict[str, list[float]] = {part: [] for part in [*models, MONITOR]}
     for repeat in range(options.repeats + 1):
         for part, model in models.items():

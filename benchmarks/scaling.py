@@ -1,8 +1,8 @@
 """What whole scenes cost: `python -m benchmarks.scaling`, into runs/bench/scaling.csv; `--ranks` into ranks.csv.
 
 Stones of the paper's coal on a rigid plate, from 20 us before the impact on. Packing and peak memory are those of the
-whole preparation; the time of a step is LIGGGHTS' own loop time, on a machine that has nothing else to do. Stones share one packing, whose time is taken times their number: memory
-and steps do not know.
+whole preparation; the time of a step is LIGGGHTS' own loop time, on a machine that has nothing else to do. Stones share
+one packing, whose time is taken times their number: memory and steps do not know.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from common.scene import changed_scene
 from common.tables import read_toml
 from dem.coupling.launch import mpirun
 from dem.deck.render import write_deck
-from dem.run.run import Stages, prepare
+from dem.run.prepare import prepare
 from dem.stones.packing import pack_sphere
 
 CASES = [(10, 500), (10, 1000), (10, 2000), (10, 5000), (10, 10_000), (60, 500), (60, 10_000)]
@@ -48,7 +48,7 @@ def scene(stones: int, subspheres: int):
         "plate": read_toml(SCENES / "hertz_coal.toml")["plate"], "output": None, "stones.circle_radius_m": None,
         "stones.positions": places, "stones.count": stones, "stones.gangue_order": list(range(1, stones + 1)),
         "stones.gangue_ratio": 0.0, "stones.agglomerate.subspheres": subspheres,
-        "time.idle_tolerance": 0.0})  # which one rank alone could use
+        "time.free_flight_tolerance": 0.0})  # which one rank alone could use
 
 
 def one_packing() -> list[float]:
@@ -84,7 +84,7 @@ def measure(stones: int, subspheres: int, rank_numbers: tuple[int, ...]) -> dict
     """One row; peak memory of this process needs one that measures nothing else, see `main`."""
     packing_s = one_packing()
     start = time.process_time()
-    model = prepare(scene(stones, subspheres), "paper.toml", None, Stages())
+    model = prepare(scene(stones, subspheres), "paper.toml", None)
     prepared_s = time.process_time() - start + (stones - 1) * sum(packing_s)
     python_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     here = Path(tempfile.mkdtemp())

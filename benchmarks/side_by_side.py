@@ -1,5 +1,5 @@
-"""Serial runs side by side: `python -m benchmarks.side_by_side`. Efficiency is the wall time of one run alone over that of
-as many at once as there are cores; the machine must have nothing else to do."""
+"""Serial runs side by side: `python -m benchmarks.side_by_side`. Efficiency is the wall time of one run alone over that
+of as many at once as there are cores; the machine must have nothing else to do."""
 
 from __future__ import annotations
 

@@ -31,8 +31,9 @@ from benchmarks.stone import SCENES
 from common.scene import Scene, changed_scene
 from common.tables import InputError, read_toml
 from dem.coupling.monitor import ENERGY_SHARE
-from dem.deck.time_step import stone_contact_time_s, time_step
-from dem.run.run import RunError, run_scene
+from dem.deck.time_step import step_limits, stone_contact_time_s, time_step
+from dem.run.errors import RunError
+from dem.run.run import run_scene
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import Assembly, assemble
 
@@ -106,7 +107,7 @@ def build(settings: dict) -> Scene:
     changes |= {"time.duration_s": duration, "time.sample_interval_s": duration / 10}
     if "step_share" in s:
         scene, assembly = _assembled(changed_scene(PAPER, changes))
-        step = time_step(scene, assembly, "scene", 1.0)
+        step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 1.0)
         changes["time.time_step_s"] = s["step_share"] * min(step.limits_s.values())
     if "co_step" in s:
         changes["time.co_step"] = s["co_step"]

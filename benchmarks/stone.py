@@ -17,7 +17,8 @@ SEEDS = (20011, 20021, 20023, 20029, 20047)
 
 
 def strike(material: str, changes: dict, duration_s: float = 2.4e-3) -> dict:
-    """Run scenes/single.toml on a rigid plate with dotted keys changed (None: left out); returns run.json with `broken_area_m2`."""
+    """Run scenes/single.toml on a rigid plate with dotted keys changed (None: left out); returns run.json with
+    `broken_area_m2`."""
     scene = changed_scene(SCENES / "single.toml", {
         "plate": read_toml(SCENES / "hertz_coal.toml")["plate"], "output": None, "time.duration_s": duration_s,
         "stones.gangue_ratio": float(material == "gangue")} | changes)

@@ -2,9 +2,10 @@
 
     python -m benchmarks.tolerance [--out runs/accuracy]
 
-One coal stone of 250 sub-spheres at 2.5 m/s on a plate of 0.4 x 0.3 x 0.015 m, and an unbonded sphere at 3 m/s, off every
-axis; the reference has an eighth of the step, at most a quarter of the co-step, and modes to 25 kHz. Writes tolerance.csv: asked,
-expected (run.json) and achieved error, the largest of those of benchmarks/accuracy.py, and processor time.
+One coal stone of 250 sub-spheres at 2.5 m/s on a plate of 0.4 x 0.3 x 0.015 m, and an unbonded sphere at 3 m/s, off
+every axis; the reference has an eighth of the step, at most a quarter of the co-step, and modes to 25 kHz. Writes
+tolerance.csv: asked, expected (run.json) and achieved error, the largest of those of benchmarks/accuracy.py, and
+processor time.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from benchmarks.error_laws import ERRORS
 from benchmarks.stone import SCENES
 from common.scene import Scene, changed_scene
 from common.tables import read_toml
-from dem.run.run import Stages, prepare, run_model
+from dem.run.prepare import prepare
+from dem.run.run import run_prepared
 
 TOLERANCES = {"stone": (0.1, 0.03, 0.01, 0.006), "sphere": (0.1, 0.07, 0.04)}
 STONES: dict[str, dict] = {"stone": {"stones.agglomerate.subspheres": 250, "stones.agglomerate.unbreakable": True, "stones.speed_m_s": 2.5},
@@ -41,9 +43,9 @@ def scene_of(stone: str, changes: dict) -> Scene:
 
 def run(scene: Scene, out: Path) -> tuple[pd.DataFrame, dict, float]:
     """(fast stream, run.json, processor time) of a scene."""
-    model = prepare(scene, "tolerance", out / ".modes", Stages())
+    model = prepare(scene, "tolerance", out / ".modes")
     summaries: list[dict] = []
-    cost = cpu_s(lambda: summaries.append(run_model(model, "tolerance", out / "tolerance", Stages())))
+    cost = cpu_s(lambda: summaries.append(run_prepared(model, out / "tolerance")))
     return pd.read_parquet(out / "tolerance" / "fast.parquet"), summaries[0], cost
 
 

@@ -1,8 +1,8 @@
-"""The measured error of each numerical knob of a simulation by its setting (docs/accuracy.md).
+"""The measured error of each numerical setting of a simulation by its value (docs/accuracy.md).
 
 A law is an upper bound of the relative errors (largest value, and L2 norm over the run) of the force on the plate, the
-energy of the plate and the acceleration of its centre of mass. A setting is free of units, so that the law holds for other
-scenes, and grows with the error:
+energy of the plate and the acceleration of its centre of mass. A value is free of units, so that the law holds for
+other scenes, and grows with the error:
 
     time_step   dt/t0 of bonded stones (dem/deck/time_step.py)
     contact     dt over the contact time of a whole stone, of unbonded spheres
@@ -23,7 +23,7 @@ import numpy as np
 from common.tables import read_toml
 
 LAWS = Path(__file__).with_name("error_laws.toml")  # written by `make accuracy`
-KNOBS = 3  # time step, co-step, modes: a tolerance is shared out equally among them
+SHARES = 3  # time step, co-step, modes: a tolerance is shared out equally among them
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,13 @@ class Law:
 
 
 @cache
-def law(knob: str) -> Law:
-    table = read_toml(LAWS)[knob]
+def law(name: str) -> Law:
+    """The law of a numerical setting."""
+    table = read_toml(LAWS)[name]
     return Law(np.array(table["settings"]), np.array(table["errors"]))
 
 
 def least_tolerance(bonded: bool) -> float:
     """The smallest tolerance that the settings measured can keep."""
-    knobs = ("time_step", "co_step", "modes") if bonded else ("contact", "co_step_spheres", "modes_spheres")
-    return KNOBS * max(float(law(knob).errors[0]) for knob in knobs)
+    names = ("time_step", "co_step", "modes") if bonded else ("contact", "co_step_spheres", "modes_spheres")
+    return SHARES * max(float(law(name).errors[0]) for name in names)

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -21,38 +21,46 @@ PLATE = "plate"  # the name under which `contacts` speaks of the plate
 
 
 class TimeTable(Table):
+    """How long the run is, and in which steps."""
+
     duration_s: Positive
     sample_interval_s: Positive
     gravity_m_s2: NotNegative = 0.0
     time_step_s: Positive | None = None  # default: the largest that every limit allows
     co_step: Annotated[int, Field(ge=1)] | None = None  # DEM steps; default from the shortest contact
-    # A body in the air is left out of the force loops when its inner motion has less than this share of the kinetic
-    # energy of the impact; 0: never (docs/idle.md).
-    idle_tolerance: NotNegative = 1e-4
+    # A body in free flight is left out of the force loops when its inner motion has less than this share of the kinetic
+    # energy of the impact; 0: never (docs/free_flight.md).
+    free_flight_tolerance: NotNegative = 1e-4
 
     @model_validator(mode="after")
-    def whole_samples(self):
+    def _one_sample_at_least(self) -> Self:
         if self.duration_s < self.sample_interval_s:
             raise Refused("duration_s", self.duration_s, f"must be at least sample_interval_s = {self.sample_interval_s:g}")
         return self
 
 
 class AgglomerateTable(Table):
+    """How a stone is made of bonded sub-spheres."""
+
     subspheres: Annotated[int, Field(ge=2, le=100_000)]
     damping_ratio: NotNegative = 0.05
     unbreakable: bool = False
 
 
-class Place(Table):
+class StonePosition(Table):
+    """Centre of a stone in the plane of the plate."""
+
     x_m: float
     y_m: float
 
 
 class StonesTable(Table):
+    """The stones, where they are, and how they arrive."""
+
     count: Annotated[int, Field(ge=1, le=1000)]
     radius_m: Positive
     circle_radius_m: Positive | None = None
-    positions: tuple[Place, ...] | None = None  # instead of the circle
+    positions: tuple[StonePosition, ...] | None = None  # instead of the circle
     speed_m_s: NotNegative
     gap_m: Positive
     coal: str
@@ -65,7 +73,7 @@ class StonesTable(Table):
     agglomerate: AgglomerateTable | None = None  # absent: each stone is one unbonded sphere
 
     @model_validator(mode="after")
-    def one_place_each(self):
+    def _one_position_each(self) -> Self:
         if (self.circle_radius_m is None) == (self.positions is None):
             raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions must be given")
         if self.positions is not None and len(self.positions) != self.count:
@@ -82,16 +90,21 @@ class StonesTable(Table):
 
 
 class BondTable(Table):
+    """The bonds of a material."""
+
     youngs_modulus_Pa: Positive
     stiffness_ratio: Positive  # k_n / k_s
     tensile_strength_Pa: Positive
     shear_strength_Pa: NotNegative
     friction_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0  # 0: no Mohr-Coulomb
-    # Mean sub-sphere radius that the strengths belong to; other sizes get theirs by dem/stones/strength.py. Absent: as given.
+    # Mean sub-sphere radius that the strengths belong to; other sizes get theirs by dem/stones/strength.py. Absent: as
+    # given.
     reference_subsphere_radius_m: Positive | None = None
 
 
 class MaterialTable(Table):
+    """A material of stones."""
+
     density_kg_m3: Positive
     youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa)]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
@@ -99,19 +112,27 @@ class MaterialTable(Table):
 
 
 class ContactTable(Table):
+    """The contact of two materials."""
+
     restitution: Annotated[float, Field(gt=0.05, le=1)]  # LIGGGHTS refuses 0.05 and less
     friction: NotNegative
 
 
 class OutputTable(Table):
+    """What is written besides the signals."""
+
     view_interval_s: Positive | None = None  # absent: no pictures
 
 
 class EngineTable(Table):
+    """How the engine runs."""
+
     np: Annotated[int, Field(ge=1, le=256)] = 1  # MPI ranks of a run; docs/campaigns.md says where they stop paying
 
 
 class Scene(Table):
+    """A scene file."""
+
     # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64)]
     assumptions: tuple[str, ...] = ()
@@ -126,7 +147,7 @@ class Scene(Table):
     engine: EngineTable = EngineTable()
 
     @model_validator(mode="after")
-    def names_agree(self):
+    def _names_agree(self) -> Self:
         for part in ("coal", "gangue"):
             name = getattr(self.stones, part)
             if name not in self.materials:
@@ -155,7 +176,7 @@ class Scene(Table):
         return self.stones.agglomerate
 
     @model_validator(mode="after")
-    def one_word_on_accuracy(self):
+    def _one_way_to_set_accuracy(self) -> Self:
         keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
         if self.plate.model == "flexible":
             modes = {"plate.max_frequency_Hz": self.plate.max_frequency_Hz,
@@ -174,7 +195,7 @@ class Scene(Table):
                 raise Refused(key, value, "must be left out where tolerance is given")
         return self
 
-    def _check_contacts(self):
+    def _check_contacts(self) -> None:
         names = sorted({self.stones.coal, self.stones.gangue})
         needed = {contact_key(a, b) for a in names for b in [*names, PLATE]}
         known = {contact_key(a, b) for a in self.materials for b in [*self.materials, PLATE]}
@@ -204,7 +225,7 @@ def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
     return check(Scene, data, path)
 
 
-def changed_scene(path: str | Path, changes: dict) -> Scene:
+def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
     """The scene of a file with dotted keys changed ("stones.speed_m_s": 2.0; None leaves the key out), for studies that
     vary one. Raises InputError as `read_scene` does."""
     data = read_toml(path)

@@ -7,7 +7,9 @@ import os
 import shutil
 import sys
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 # The numerics are many small operations: threads would only wait for each other, and take the core of the engine.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -21,14 +23,17 @@ from dem.batch.dataset import build
 from dem.batch.sweep import sweep
 from dem.calibration.calibrate import calibrate
 from dem.coupling.launch import STOPPED
-from dem.coupling.pipes import ExchangeError, PlatePipes
-from dem.coupling.scheme import follow
+from dem.coupling.messages import CouplingError
 from dem.deck.render import write_deck
-from dem.run.run import RunError, Stages, Stopped, prepare, resume, run_scene
-from plate_fem.motion import ModalMotion
+from dem.run.errors import RunError, Stopped
+from dem.run.participants import participant_of
+from dem.run.prepare import prepare
+from dem.run.run import resume, run_scene
 
 
 def main(arguments: list[str] | None = None) -> int:
+    """Run a command line; returns the exit code: 2 for bad input, 1 for a run that failed, 75 for one that was
+    stopped."""
     options = _parser().parse_args(arguments)
     try:
         return options.command(options)
@@ -38,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     except Stopped as stopped:
         print(stopped, file=sys.stderr)
         return STOPPED
-    except (RunError, ExchangeError) as error:
+    except (RunError, CouplingError) as error:
         print(error, file=sys.stderr)
         return 1
     except MemoryError:
@@ -55,49 +60,55 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m dem", description="Stones that fall on a plate, in LIGGGHTS.")
     commands = parser.add_subparsers(required=True, metavar="command")
-    for name, command, text in [("run", _run, "run a scene"), ("deck", _deck, "write the deck and run nothing"),
-                                ("plate", _plate, "be the plate of a deck that is run by hand"),
-                                ("sweep", _sweep, "run every ratio that the stones can give")]:
+
+    def add(name: str, text: str, command: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text, description=text)
-        sub.add_argument("scene", type=Path, help="scene file (TOML)")
-        sub.add_argument("--out", type=Path, required=True, help="directory to write")
         sub.set_defaults(command=command)
-        if name != "sweep":
-            sub.add_argument("--gangue", type=float, help="share of gangue, 0..1, instead of the scene's")
-            sub.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
-                             help="another value of a key of the scene, as TOML, such as stones.speed_m_s=2.0")
-        else:
-            sub.add_argument("--jobs", type=int, default=2, help="runs at a time (default 2)")
-    text = "run what a plan draws, a data set for recognition"
-    sub = commands.add_parser("dataset", help=text, description=text)
+        return sub
+
+    run = _with_scene(add("run", "run a scene", _run))
+    _with_scene(add("deck", "write the deck and run nothing", _deck))
+    _with_scene(add("plate", "be the plate of a deck that is run by hand", _plate))
+    sub = add("sweep", "run every ratio that the stones can give", _sweep)
+    sub.add_argument("scene", type=Path, help="scene file (TOML)")
+    _with_out(sub, jobs="runs at a time (default 2)")
+    sub = add("dataset", "run what a plan draws, a data set for recognition", lambda o: build(o.plan, o.out, o.jobs))
     sub.add_argument("plan", type=Path, help="plan (TOML), scenes/dataset.toml")
-    sub.add_argument("--out", type=Path, required=True, help="directory to write")
-    sub.add_argument("--jobs", type=int, default=2, help="runs at a time (default 2)")
-    sub.set_defaults(command=lambda options: build(options.plan, options.out, options.jobs))
-    text = "run every combination of values that a campaign's file lists, by Snakemake"
-    sub = commands.add_parser("campaign", help=text, description=text)
+    _with_out(sub, jobs="runs at a time (default 2)")
+    sub = add("campaign", "run every combination of values that a campaign's file lists, by Snakemake",
+              lambda o: campaign(o.file, o.out, o.jobs, o.profile))
     sub.add_argument("file", type=Path, help="campaign (TOML), such as scenes/campaign.toml")
-    sub.add_argument("--out", type=Path, required=True, help="directory to write")
-    sub.add_argument("--jobs", type=int, default=2, help="cores, or jobs in the queue at a time (default 2)")
+    _with_out(sub, jobs="cores, or jobs in the queue at a time (default 2)")
     sub.add_argument("--profile", help="slurm, or a directory with a Snakemake profile (default: this machine)")
-    sub.set_defaults(command=lambda o: campaign(o.file, o.out, o.jobs, o.profile))
-    text = "go on with a run that was stopped or killed, from its last checkpoint"
-    sub = commands.add_parser("resume", help=text, description=text)
+    sub = add("resume", "go on with a run that was stopped or killed, from its last checkpoint", _resume)
     sub.add_argument("out", type=Path, metavar="directory", help="the --out of the run, with or without .partial")
-    sub.set_defaults(command=_resume)
-    for long in (commands.choices["run"], sub):
+    for long in (run, sub):
         long.add_argument("--walltime", type=_seconds, metavar="SECONDS",
                           help=f"stop at a checkpoint when this time has passed, with exit code {STOPPED}")
-    text = "fit the bonds of a material in virtual tests"
-    sub = commands.add_parser("calibrate", help=text, description=text)
+    sub = add("calibrate", "fit the bonds of a material in virtual tests", _calibrate)
     sub.add_argument("material", help="name of a material of the scene")
     sub.add_argument("--scene", type=Path, required=True, help="scene file (TOML)")
     sub.add_argument("--out", type=Path, required=True, help="directory for MATERIAL.toml and MATERIAL_tests.csv")
-    sub.set_defaults(command=_calibrate)
     return parser
 
 
-def _scene(options) -> Scene:
+def _with_scene(sub: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """A command that reads one scene, with what may be changed of it."""
+    sub.add_argument("scene", type=Path, help="scene file (TOML)")
+    sub.add_argument("--out", type=Path, required=True, help="directory to write")
+    sub.add_argument("--gangue", type=float, help="share of gangue, 0..1, instead of the scene's")
+    sub.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
+                     help="another value of a key of the scene, as TOML, such as stones.speed_m_s=2.0")
+    return sub
+
+
+def _with_out(sub: argparse.ArgumentParser, jobs: str) -> None:
+    """A command that makes many runs."""
+    sub.add_argument("--out", type=Path, required=True, help="directory to write")
+    sub.add_argument("--jobs", type=int, default=2, help=jobs)
+
+
+def _scene(options: argparse.Namespace) -> Scene:
     """The scene of a command line, with what it changes."""
     changes: dict = {}
     for text in options.changes:
@@ -111,12 +122,12 @@ def _scene(options) -> Scene:
     return changed_scene(options.scene, changes)
 
 
-def _run(options) -> int:
+def _run(options: argparse.Namespace) -> int:
     print(one_line(run_scene(_scene(options), str(options.scene), options.out, True, options.walltime)))
     return 0
 
 
-def _resume(options) -> int:
+def _resume(options: argparse.Namespace) -> int:
     print(one_line(resume(options.out, walltime_s=options.walltime)))
     return 0
 
@@ -128,7 +139,7 @@ def _seconds(text: str) -> float:
     return value
 
 
-def one_line(summary: dict) -> str:
+def one_line(summary: dict[str, Any]) -> str:
     """A finished run in one line."""
     return (f"{summary['scene']['name']} {summary['gangue_ratio']:4.0%}: peak force {summary['peak_force_N']:9.1f} N, "
             f"{summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
@@ -136,12 +147,12 @@ def one_line(summary: dict) -> str:
             f"{sum(summary['wall_time_s'].values()):.0f} s")
 
 
-def _deck(options) -> int:
-    model = prepare(_scene(options), str(options.scene), None, Stages())
+def _deck(options: argparse.Namespace) -> int:
+    prepared = prepare(_scene(options), str(options.scene), None)
     if options.out.exists():
         raise InputError(f"--out = {options.out}: must not exist yet")
     try:
-        write_deck(options.out / "deck", model.scene, model.assembly, model.step, model.modes)
+        write_deck(options.out / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
     except BaseException:
         shutil.rmtree(options.out, ignore_errors=True)
         raise
@@ -149,27 +160,25 @@ def _deck(options) -> int:
     return 0
 
 
-def _plate(options) -> int:
-    """The plate's motion is not recorded; it is there for an engine that somebody starts, stops and debugs."""
-    model = prepare(_scene(options), str(options.scene), None, Stages())
-    if model.modes is None:
+def _plate(options: argparse.Namespace) -> int:
+    """Be the plate of an engine that somebody starts, stops and debugs by hand."""
+    prepared = prepare(_scene(options), str(options.scene), None)
+    if not prepared.flexible:
         raise InputError(f"{options.scene}: plate.model = 'rigid': only a flexible plate takes part in a run")
-    motion = ModalMotion(model.modes, model.step.co_step * model.step.dt_s)
-    pipes = PlatePipes(options.out / "deck", len(motion.amplitude), lambda: True)
-    try:
-        pipes.open()
-        follow(motion, pipes, model.step, lambda *row: None)
-    finally:
-        pipes.close()
-    print(f"plate: kinetic {motion.kinetic_J:.6g} J, internal {motion.internal_J:.6g} J, damped {motion.damped_J:.6g} J")
+    plate, deck = participant_of(prepared), options.out / "deck"
+    with plate.connected(deck):
+        plate.take_part(deck, lambda: True, lambda dem_step: None)
+    energy = plate.energy()
+    print(f"plate: kinetic {energy.kinetic_J:.6g} J, internal {energy.internal_J:.6g} J, "
+          f"damped {energy.damped_J:.6g} J")
     return 0
 
 
-def _sweep(options) -> int:
+def _sweep(options: argparse.Namespace) -> int:
     return sweep(options.scene, options.out, options.jobs)
 
 
-def _calibrate(options) -> int:
+def _calibrate(options: argparse.Namespace) -> int:
     calibrate(options.material, options.scene, options.out)
     print(options.out / f"{options.material}.toml")
     return 0

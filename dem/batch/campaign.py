@@ -7,9 +7,9 @@
     "stones.seed" = [20011, 20021]
 
 The plan is a table; `python -m dem campaign` hands it to Snakemake (workflow/Snakefile), which runs on one machine or,
-by a profile, on a cluster. Runs lie in DIR/GROUP/ratio_050, GROUP after what the scene says but for the ratio: a changed
-scene gives new directories, an unchanged one is found finished, and each group is a sweep that analysis and recognition
-read as they read any other.
+by a profile, on a cluster. Runs lie in DIR/GROUP/ratio_050, GROUP after what the scene says but for the ratio: a
+changed scene gives new directories, an unchanged one is found finished, and each group is a sweep that analysis and
+recognition read as they read any other.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from typing import Any
 import pandas as pd
 from pydantic import Field
 
+from common.files import written_whole
 from common.scene import changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Table, check, read_toml
 from dem.coupling.launch import check_engine
@@ -33,27 +34,28 @@ from dem.stones.arrangement import arrange
 
 WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
 PLAN = "plan.csv"
-RATIO = "stones.gangue_ratio"
 MOST_RUNS = 1_000_000
 
 
-class CampaignTable(Table):
-    scene: str
+class CampaignPlan(Table):
+    """A campaign's file."""
+
+    scene: str  # file, beside the campaign's
     vary: dict[str, list[Any]] = Field(min_length=1)
 
 
 @dataclass(frozen=True)
-class PlannedRun:
-    """`place` below the campaign's directory, `changes` to the scene by dotted key, `np` MPI ranks."""
+class CampaignRun:
+    """`directory` below the campaign's directory, `changes` to the scene by dotted key, `np` MPI ranks."""
 
-    place: str
+    directory: str
     changes: dict[str, Any]
     np: int
 
 
-def plan(file: Path) -> tuple[Path, list[PlannedRun]]:
-    """The scene's file and every run of a campaign, all checked. Raises InputError."""
-    table = check(CampaignTable, read_toml(file), file)
+def plan_campaign(file: Path) -> tuple[Path, list[CampaignRun]]:
+    """Return the scene's file and every run of a campaign, all checked. Raises InputError."""
+    table = check(CampaignPlan, read_toml(file), file)
     scene_file = file.parent / table.scene
     for key, values in table.vary.items():
         if not values:
@@ -69,37 +71,37 @@ def plan(file: Path) -> tuple[Path, list[PlannedRun]]:
         scene = changed_scene(scene_file, changes)
         arrange(scene, str(scene_file))
         group = scene_hash(scene.model_copy(update={"stones": scene.stones.model_copy(update={"gangue_ratio": 0.0})}))
-        place = f"{group}/{ratio_name(scene.stones.gangue_ratio)}"
-        if place not in seen:  # a value given twice
-            runs.append(PlannedRun(place, changes, scene.engine.np))
-        seen.add(place)
+        directory = f"{group}/{ratio_name(scene.stones.gangue_ratio)}"
+        if directory not in seen:  # a value given twice
+            runs.append(CampaignRun(directory, changes, scene.engine.np))
+        seen.add(directory)
     return scene_file, runs
 
 
-def write_plan(runs: list[PlannedRun], out: Path) -> Path:
-    """OUT/plan.csv: a row a run, `place`, `np`, and a column of TOML values for each key varied."""
+def write_campaign_runs(runs: list[CampaignRun], out: Path) -> None:
+    """Write OUT/plan.csv: a row a run with `place`, its directory, `np`, and a column of TOML values for each key
+    varied."""
     out.mkdir(parents=True, exist_ok=True)
-    rows = [{"place": run.place, "np": run.np, **{key: as_toml(value) for key, value in run.changes.items()}}
+    rows = [{"place": run.directory, "np": run.np, **{key: inline_toml(value) for key, value in run.changes.items()}}
             for run in runs]
-    beside = out / (PLAN + ".part")
-    pd.DataFrame(rows).to_csv(beside, index=False)
-    return beside.replace(out / PLAN)
+    with written_whole(out / PLAN) as beside:
+        pd.DataFrame(rows).to_csv(beside, index=False)
 
 
-def read_plan(out: Path) -> dict[str, tuple[int, list[str]]]:
-    """By place: ranks, and the `--set` arguments of `python -m dem run`."""
+def read_campaign_runs(out: Path) -> dict[str, tuple[int, list[str]]]:
+    """Read OUT/plan.csv: by directory of a run its ranks, and its `--set` arguments of `python -m dem run`."""
     table = pd.read_csv(out / PLAN, dtype=str, keep_default_na=False)
     keys = [name for name in table.columns if name not in ("place", "np")]
     return {row["place"]: (int(row["np"]), [word for key in keys for word in ("--set", f"{key}={row[key]}")])
             for row in table.to_dict("records")}
 
 
-def as_toml(value: Any) -> str:
-    """A value of a scene in TOML: what `--set` reads."""
+def inline_toml(value: Any) -> str:
+    """A value of a scene in TOML on one line, as `--set` reads it."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {as_toml(v)}" for key, v in value.items()) + "}"
+        return "{" + ", ".join(f"{key} = {inline_toml(v)}" for key, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(as_toml, value)) + "]"
+        return "[" + ", ".join(map(inline_toml, value)) + "]"
     return json.dumps(value) if isinstance(value, (str, bool)) else repr(value)
 
 
@@ -108,9 +110,9 @@ def campaign(file: Path, out: Path, jobs: int, profile: str | None) -> int:
     if find_spec("snakemake") is None:
         raise InputError("snakemake is not installed; `make campaign` or pip install '.[campaign]' does it")
     check_engine()
-    scene_file, runs = plan(file)
-    write_plan(runs, out)
-    done = sum((out / run.place / "run.json").exists() for run in runs)
+    scene_file, runs = plan_campaign(file)
+    write_campaign_runs(runs, out)
+    done = sum((out / run.directory / "run.json").exists() for run in runs)
     print(f"{file}: {len(runs)} runs, {len(runs) - done} to run", flush=True)
     chosen = WORKFLOW / "profiles" / profile if profile and (WORKFLOW / "profiles" / profile).is_dir() else profile
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(WORKFLOW / "Snakefile"), "--directory", str(out),

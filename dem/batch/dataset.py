@@ -13,7 +13,7 @@ import zlib
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -22,12 +22,14 @@ from common.scene import NotNegative, Positive, Scene, changed_scene, ratio_name
 from common.tables import InputError, Refused, Table, check, read_toml
 from dem.batch.sweep import is_finished
 from dem.coupling.launch import check_engine
-from dem.run.run import RunError, Stages, prepare, run_model
+from dem.run.errors import RunError
+from dem.run.prepare import prepare
+from dem.run.run import run_prepared
 from dem.stones.arrangement import arrange
 from plate_fem.modes import modes_file
 
 NOT_KEPT = ("deck", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
-PLACE_TRIES = 10_000
+POSITION_TRIES = 10_000
 
 
 class Family(Table):
@@ -35,7 +37,8 @@ class Family(Table):
 
     groups: Annotated[int, Field(ge=1)]
     runs_per_group: Annotated[int, Field(ge=1)]  # ratios of a group, spread over 0..1
-    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # dotted keys of the scene, for all runs of the family
+    # Dotted keys of the scene, for all runs of the family.
+    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)
     arrangement: bool = False  # which stones turn into gangue first
     packing: bool = False  # sub-spheres of every stone
     speed_m_s: tuple[Positive, Positive] | None = None  # evenly between these
@@ -46,13 +49,15 @@ class Family(Table):
     free_positions: bool = False  # anywhere on the plate, without overlap
 
     @model_validator(mode="after")
-    def one_kind_of_place(self):
+    def _one_kind_of_position(self) -> Self:
         if self.free_positions and self.position_scatter_m is not None:
             raise Refused("position_scatter_m", self.position_scatter_m, "must be absent with free_positions")
         return self
 
 
-class Plan(Table):
+class DatasetPlan(Table):
+    """The plan of a data set."""
+
     scene: str  # file, beside the plan
     seed: Annotated[int, Field(ge=0)]
     changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # for all runs
@@ -60,15 +65,17 @@ class Plan(Table):
 
 
 @dataclass(frozen=True)
-class PlannedRun:
-    place: Path  # FAMILY/GROUP/ratio_050
+class DatasetRun:
+    """One run of a data set."""
+
+    directory: Path  # FAMILY/GROUP/ratio_050
     scene: Scene
     source: str
 
 
-def read_plan(path: Path) -> list[PlannedRun]:
-    """Every run of a plan, all families progressing alike. Raises InputError."""
-    plan = check(Plan, read_toml(path), path)
+def plan_dataset(path: Path) -> list[DatasetRun]:
+    """Return every run of a plan, in an order in which all families progress alike. Raises InputError."""
+    plan = check(DatasetPlan, read_toml(path), path)
     scene_file = Path(path).parent / plan.scene
     base = changed_scene(scene_file, plan.changes)
     planned = []
@@ -78,16 +85,17 @@ def read_plan(path: Path) -> list[PlannedRun]:
         rng = np.random.default_rng([plan.seed, zlib.crc32(name.encode()), group])
         drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
         for ratio in _ratios(name, family, base.stones.count, group, plan.seed):
-            place = Path(name) / f"{group:03d}" / ratio_name(ratio)
+            directory = Path(name) / f"{group:03d}" / ratio_name(ratio)
             scene = changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
-            arrange(scene, f"{path}: {place}")
-            planned.append(PlannedRun(place, scene, f"{path}: {place}"))
+            arrange(scene, f"{path}: {directory}")
+            planned.append(DatasetRun(directory, scene, f"{path}: {directory}"))
     return planned
 
 
-def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict:
-    """The changes of one group, by dotted key of the scene. Raises InputError where free stones find no place."""
-    stones, changes = scene.stones, {}
+def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw the changes of one group, by dotted key of the scene. Raises InputError where free stones find no place."""
+    stones = scene.stones
+    changes: dict[str, Any] = {}
     if family.arrangement:
         changes["stones.gangue_order"] = (rng.permutation(stones.count) + 1).tolist()
     if family.packing:
@@ -101,30 +109,31 @@ def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict:
     if family.strength_scatter:
         changes["stones.strength_factor"] = rng.lognormal(0, family.strength_scatter, stones.count).tolist()
     if family.free_positions or family.position_scatter_m:
-        place = _free_places(scene, rng) if family.free_positions else _moved_places(scene, family, rng)
-        changes["stones.positions"] = [{"x_m": float(x), "y_m": float(y)} for x, y in place]
+        position = _free_positions(scene, rng) if family.free_positions else _moved_positions(scene, family, rng)
+        changes["stones.positions"] = [{"x_m": float(x), "y_m": float(y)} for x, y in position]
         changes["stones.circle_radius_m"] = None
     return changes
 
 
-def _moved_places(scene: Scene, family: Family, rng: np.random.Generator) -> np.ndarray:
-    place = arrange(scene, "").position_m
-    angle = rng.uniform(0, 2 * np.pi, len(place))
-    distance = family.position_scatter_m * np.sqrt(rng.uniform(size=len(place)))
-    return place + distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+def _moved_positions(scene: Scene, family: Family, rng: np.random.Generator) -> np.ndarray:
+    """Each stone somewhere in a disc about its own position."""
+    position = arrange(scene, "").position_m
+    angle = rng.uniform(0, 2 * np.pi, len(position))
+    distance = family.position_scatter_m * np.sqrt(rng.uniform(size=len(position)))
+    return position + distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def _free_places(scene: Scene, rng: np.random.Generator) -> np.ndarray:
+def _free_positions(scene: Scene, rng: np.random.Generator) -> np.ndarray:
     """Stones wholly above the plate, one after the other where no stone is yet."""
     stones, plate = scene.stones, scene.plate
     half = np.array([plate.length_m, plate.width_m]) / 2 - stones.radius_m
-    place = np.empty((0, 2))
-    for _ in range(PLACE_TRIES):
-        if len(place) == stones.count:
-            return place
+    position = np.empty((0, 2))
+    for _ in range(POSITION_TRIES):
+        if len(position) == stones.count:
+            return position
         one = rng.uniform(-half, half)
-        if np.all(np.linalg.norm(place - one, axis=1) > 2 * stones.radius_m):
-            place = np.vstack([place, one])
+        if np.all(np.linalg.norm(position - one, axis=1) > 2 * stones.radius_m):
+            position = np.vstack([position, one])
     raise InputError(f"free_positions: {stones.count} stones of {stones.radius_m:g} m find no place on the plate")
 
 
@@ -138,8 +147,8 @@ def _ratios(name: str, family: Family, count: int, group: int, seed: int) -> lis
 def build(plan_file: Path, out: Path, jobs: int) -> int:
     """Run what is missing, `jobs` at a time; returns an exit code. Raises InputError for bad input."""
     check_engine()
-    planned = read_plan(plan_file)
-    missing = [run for run in planned if not is_finished(out / run.place, run.scene)]
+    planned = plan_dataset(plan_file)
+    missing = [run for run in planned if not is_finished(out / run.directory, run.scene)]
     print(f"{plan_file}: {len(planned)} runs, {len(missing)} to run", flush=True)
     start, failed = time.monotonic(), 0
     with ProcessPoolExecutor(jobs) as pool:
@@ -149,25 +158,25 @@ def build(plan_file: Path, out: Path, jobs: int) -> int:
                 text, ok = done.result()
                 failed += not ok
                 left_min = (time.monotonic() - start) / number * (len(missing) - number) / 60
-                print(f"{number} of {len(missing)}, left {left_min:.0f} min: {running[done].place}: {text}", flush=True)
+                print(f"{number} of {len(missing)}, left {left_min:.0f} min: {running[done].directory}: {text}",
+                      flush=True)
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
     return 1 if failed else 0
 
 
-def run_one(planned: PlannedRun, out: Path) -> tuple[str, bool]:
-    """One run, in a process of its own; what it says in a line, and whether it finished."""
-    directory, cache, stages = out / planned.place, out / ".modes", Stages()
+def run_one(planned: DatasetRun, out: Path) -> tuple[str, bool]:
+    """Make one run. Returns a line about it, and whether it finished."""
+    directory, cache = out / planned.directory, out / ".modes"
     try:
-        model = prepare(planned.scene, planned.source, cache, stages)
-        summary = run_model(model, planned.source, directory, stages)
+        prepared = prepare(planned.scene, planned.source, cache)
+        summary = run_prepared(prepared, directory)
     except (InputError, RunError) as error:
         return str(error), False
     for name in NOT_KEPT:
         shutil.rmtree(directory / name) if (directory / name).is_dir() else (directory / name).unlink(missing_ok=True)
-    if planned.scene.stones.positions is not None and model.modes is not None:  # nobody else has these places
-        modes_file(model.scene.plate, cache, model.arrangement.position_m).unlink(missing_ok=True)
+    if planned.scene.stones.positions is not None and prepared.flexible:  # nobody else has these positions
+        modes_file(prepared.scene.plate, cache, prepared.arrangement.position_m).unlink(missing_ok=True)
     return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
             f"{sum(summary['wall_time_s'].values()):.0f} s"), True
-

@@ -7,9 +7,9 @@ import sys
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
+from common.run_summary import read_summary
 from common.scene import Scene, ratio_name, read_scene, scene_hash
 from dem.coupling.launch import check_engine, die_with_parent
-from dem.run.directory import read_json
 from dem.stones.arrangement import arrange
 
 
@@ -33,18 +33,18 @@ def sweep(scene_file: Path, out: Path, jobs: int) -> int:
 
 
 def is_done(scene_file: Path, directory: Path, ratio: float) -> bool:
-    """Is there a finished run of this very scene at this ratio?"""
+    """Does a directory hold a finished run of this very scene at this ratio?"""
     return is_finished(directory, read_scene(scene_file, ratio))
 
 
 def is_finished(directory: Path, scene: Scene) -> bool:
     """Does a directory hold a finished run of this very scene? Raises InputError for a run.json that cannot be read."""
-    summary = read_json(directory / "run.json")
-    return summary is not None and summary.get("status") == "finished" and summary.get("scene_hash") == scene_hash(scene)
+    summary = read_summary(directory / "run.json")
+    return summary is not None and summary.status == "finished" and summary.scene_hash == scene_hash(scene)
 
 
-def _run_ratio(scene_file: Path, directory: Path, ratio: float) -> subprocess.CompletedProcess:
-    """One ratio in a process of its own, which goes on from a checkpoint if there is one; progress passed through."""
+def _run_ratio(scene_file: Path, directory: Path, ratio: float) -> subprocess.CompletedProcess[str]:
+    """Run one ratio in a process of its own, which goes on from a checkpoint if there is one and shows its progress."""
     command = [sys.executable, "-m", "dem", "run", str(scene_file), "--gangue", repr(ratio), "--out", str(directory)]
     return subprocess.run(command, stdout=subprocess.PIPE, stderr=None, text=True, check=False,
                           preexec_fn=die_with_parent)

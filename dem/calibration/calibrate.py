@@ -24,6 +24,7 @@ import pandas as pd
 from pydantic import Field
 from scipy.optimize import brentq
 
+from common.files import write_text, written_whole
 from common.scene import Positive, Scene, contact_key, read_scene, scene_hash
 from common.tables import InputError, Table, check, read_toml
 from dem.calibration.virtual_tests import (
@@ -35,7 +36,7 @@ from dem.calibration.virtual_tests import (
     strength_test,
 )
 from dem.coupling.launch import LIGGGHTS_VERSION, check_engine
-from dem.run.run import RunError
+from dem.run.errors import RunError
 from dem.stones.bonds import bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
 
@@ -55,6 +56,8 @@ Source = Annotated[str, Field(pattern=r'^[^"\\\x00-\x1f\x7f]*$', max_length=200)
 
 
 class TargetTable(Table):
+    """The strengths of a rock, with their sources."""
+
     tensile_strength_Pa: Positive
     compressive_strength_Pa: Positive
     strength_source: Source
@@ -74,7 +77,7 @@ class Calibration:
 
 
 class _Laboratory:
-    """Specimens by seed, and a row for each test made with them."""
+    """Makes specimens by seed, and keeps a row for each test made with them."""
 
     def __init__(self, scene: Scene, work: Path, report: Callable[[str], None]):
         stones = scene.stones
@@ -146,10 +149,9 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
         found = _fit(scene, material, target, laboratory)
     except RuntimeError as error:
         raise RunError(str(error)) from error
-    found.tests.to_csv(work / f"{material}_tests.csv", index=False, float_format="%.9g")
-    (work / f"{material}.toml").write_text(as_toml(found, scene, material, target))
-    for name in (f"{material}_tests.csv", f"{material}.toml"):
-        (work / name).replace(out / name)
+    with written_whole(out / f"{material}_tests.csv") as beside:
+        found.tests.to_csv(beside, index=False, float_format="%.9g")
+    write_text(out / f"{material}.toml", calibration_toml(found, scene, material, target))
     shutil.rmtree(work)
     return found
 
@@ -189,7 +191,7 @@ def fit_stiffness(scene: Scene, material: str, target: TargetTable, laboratory: 
                 scene.agglomerate.damping_ratio)
     specimen = laboratory.specimen("compression", seeds[0])
 
-    def network(ratio):
+    def network(ratio: float) -> tuple[float, float]:
         found = network_stiffness(specimen.packing, specimen.bonds, rock.bond_modulus_Pa, ratio)
         return found.youngs_modulus_Pa[0], found.poisson_ratio[0]
 
@@ -235,7 +237,7 @@ def _rounded(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-def as_toml(found: Calibration, scene: Scene, material: str, target: TargetTable) -> str:
+def calibration_toml(found: Calibration, scene: Scene, material: str, target: TargetTable) -> str:
     """The file of a calibrated material; `[bond]` is what a scene's materials.MATERIAL.bond takes."""
     rock, tests = found.rock, found.tests
     fit, held_out = (sorted(set(tests.seed[tests.stage == stage])) for stage in ("modulus", "check"))
@@ -265,7 +267,8 @@ check_seeds = {held_out}
     return head + "".join(_reached(*row) for row in _comparison(found, scene, material, target))
 
 
-def _comparison(found: Calibration, scene: Scene, material: str, target: TargetTable) -> list[tuple]:
+def _comparison(found: Calibration, scene: Scene, material: str,
+                target: TargetTable) -> list[tuple[str, float, str, pd.Series]]:
     """Name, target, its source, and the values found in the checks."""
     table, checks = scene.materials[material], found.tests[found.tests.stage == "check"]
     scene_source, rock_source = f"scene {scene.name}", target.strength_source

@@ -2,16 +2,16 @@
 pressed across its diameter until it splits.
 
 Specimens are random dense packings with bonds as in a stone. The platens are frictionless: the sub-spheres at each
-one keep a constant speed along the axis and are free across it (fix setforce), as in `dem.stones.bonds.network_stiffness`.
-Stress follows the laboratory's formulas:
+one keep a constant speed along the axis and are free across it (fix setforce), as in
+`dem.stones.bonds.network_stiffness`. Stress follows the laboratory's formulas:
 
     compression  sigma = P/(pi R^2)
     Brazilian    sigma_t = (sin(2 alpha)/alpha - 1) 2 P/(pi D L)
 
 The second is the tension at the centre of a disc loaded over arcs of 2 alpha (G. Hondros, Aust. J. Appl. Sci. 10 (1959)
 243); the 2 P/(pi D L) of the ISRM's suggested method is its limit for alpha -> 0. Narrow arcs crush: with 2 alpha = 20
-degrees only 13 sub-spheres of a disc of 1266 are held, these break off first, and strengths scatter by 15 % from seed to
-seed; with 30 degrees the disc splits from its middle (5 %).
+degrees only 13 sub-spheres of a disc of 1266 are held, these break off first, and strengths scatter by 15 % from seed
+to seed; with 30 degrees the disc splits from its middle (5 %).
 
 The specimen starts in the motion of homogeneous strain, so that no wave starts at the platens.
 """
@@ -79,19 +79,20 @@ class Specimen:
 
     @property
     def half_size_m(self) -> float:
+        """Half of the height along the axis."""
         return float(self.packing.container.half_size_m[self.axis])
 
 
 @dataclass(frozen=True)
-class Record:
-    """Load history: `strain` (k,) of the platens' approach over the height, `stress_Pa` (k,), pressure positive."""
+class LoadHistory:
+    """`strain` (k,) of the platens' approach over the height, `stress_Pa` (k,), pressure positive."""
 
     strain: np.ndarray
     stress_Pa: np.ndarray
 
     @property
     def strength_Pa(self) -> float:
-        """The peak."""
+        """The largest stress."""
         return float(self.stress_Pa.max())
 
 
@@ -113,13 +114,13 @@ def brazilian_specimen(radius_m: float, count: int, seed: int) -> Specimen:
     return Specimen("Brazilian", packing, bond_network(packing), 0, near & (x < 0), near & (x > 0))
 
 
-def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float) -> Record:
+def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float) -> LoadHistory:
     """Press until the load has fallen to half of its peak.
 
     `failure_strain` is where that is expected; it sets the speed. Raises RuntimeError if the engine fails or the
     specimen still holds at ten times that strain.
     """
-    record = _run(directory, specimen, rock, failure_strain, checks=CHECKS, dump=False)
+    record = _run(directory, specimen, rock, Procedure(failure_strain, CHECKS))
     if not record.stress_Pa[-1] < 0.9 * record.strength_Pa:
         raise RuntimeError(f"{directory}: the specimen did not fail within 10 times the strain {failure_strain:g}")
     return record
@@ -131,7 +132,7 @@ def elastic_test(directory: Path, specimen: Specimen, rock: Rock, strain: float 
     Slopes of stress and of lateral strain against axial strain; lateral strain is fitted to all sub-spheres.
     """
     _check(specimen.kind == "compression", "an elastic test needs a specimen for compression")
-    record = _run(directory, specimen, rock, strain, checks=20, dump=True, breakable=False)
+    record = _run(directory, specimen, rock, Procedure(strain, checks=20, breakable=False, dumped=True))
     frames = np.array([frame[:, 1:] for _, frame in read_dump(directory / "view.dump")])
     moved = frames - frames[0]
     slopes = np.array([[np.polyfit(specimen.packing.center_m[:, k], u[:, k], 1)[0] for k in range(3)] for u in moved])
@@ -140,9 +141,18 @@ def elastic_test(directory: Path, specimen: Specimen, rock: Rock, strain: float 
     return float(np.polyfit(record.strain, record.stress_Pa, 1)[0]), float(np.polyfit(axial, lateral, 1)[0])
 
 
-def _run(directory: Path, specimen: Specimen, rock: Rock, strain: float, checks: int, dump: bool,
-         breakable: bool = True) -> Record:
-    """Press at the speed that reaches `strain` after TRANSITS transits, for `checks` twentieths of that time."""
+@dataclass(frozen=True)
+class Procedure:
+    """How a specimen is pressed: at the speed that reaches `strain` after TRANSITS transits of a sound wave, for
+    `checks` twentieths of that time. `dumped`: the positions of its sub-spheres are written."""
+
+    strain: float
+    checks: int
+    breakable: bool = True
+    dumped: bool = False
+
+
+def _run(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) -> LoadHistory:
     directory.mkdir(parents=True, exist_ok=True)
     mass = _mass_kg(specimen, rock)
     bond_time = _bond_time_s(specimen, rock, mass)
@@ -150,10 +160,10 @@ def _run(directory: Path, specimen: Specimen, rock: Rock, strain: float, checks:
     time = TRANSITS * height * np.sqrt(rock.density_kg_m3 / rock.bond_modulus_Pa)
     check_steps = AVERAGE_STEPS * int(np.ceil(time / (20 * AVERAGE_STEPS * BOND_FRACTION * bond_time)))
     dt = time / (20 * check_steps)
-    speed = 0.5 * strain * height / time  # of each platen
+    speed = 0.5 * procedure.strain * height / time  # of each platen
     _write(directory, specimen, mass)
     values = dict(vars(rock))
-    if not breakable:
+    if not procedure.breakable:
         values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa, "tan_friction": 0.0}
     axis = specimen.axis
     (directory / "deck.liggghts").write_text(_template().render(
@@ -163,12 +173,12 @@ def _run(directory: Path, specimen: Specimen, rock: Rock, strain: float, checks:
         damping_time_s=2 * rock.damping_ratio * bond_time,
         axis="xyz"[axis], column=axis + 1, held=" ".join("0.0" if k == axis else "NULL" for k in range(3)),
         speed_m_s=speed, half_size_m=specimen.half_size_m, average_steps=AVERAGE_STEPS, check_steps=check_steps,
-        checks=checks, dump_steps=check_steps if dump else None))
+        checks=procedure.checks, dump_steps=check_steps if procedure.dumped else None))
     _engine(directory)
     step, load = np.loadtxt(directory / "load.txt", ndmin=2).T
     middle = step - 0.5 * (AVERAGE_STEPS - 1)  # of the steps that were averaged
     _check(bool(np.all(np.isfinite(load))), f"{directory}: a load is no number")
-    return Record(middle * dt * 2 * speed / height, load / specimen.loaded_area_m2)
+    return LoadHistory(middle * dt * 2 * speed / height, load / specimen.loaded_area_m2)
 
 
 def _engine(directory: Path) -> None:
@@ -181,8 +191,8 @@ def _engine(directory: Path) -> None:
         engine.kill()
         engine.wait()
         raise
-    said = (directory / "engine.out").read_text(errors="replace")
-    _check(code == 0 and "end of test" in said, f"{directory}: LIGGGHTS stopped: {engine_error(directory)}")
+    printed = (directory / "engine.out").read_text(errors="replace")
+    _check(code == 0 and "end of test" in printed, f"{directory}: LIGGGHTS stopped: {engine_error(directory)}")
 
 
 def _check(holds: bool, message: str) -> None:

@@ -35,31 +35,33 @@ PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
 
 
 def die_with_parent(by: int = signal.SIGKILL) -> None:
-    """For `preexec_fn`: the kernel sends this process a signal when the one that started it is gone."""
+    """Meant for `preexec_fn`: the kernel sends this process a signal when the one that started it is gone."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, by)
 
 
-def _begin() -> None:
-    """A signal to stop that comes before the engine listens waits until it does."""
+def _before_engine() -> None:
+    """The engine dies with this process, and a signal to stop that comes before it listens waits until it does."""
     die_with_parent()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
 
 
-def start_engine(directory: Path, np: int = 1, resume_step: int = 0, inherit: tuple[int, ...] = ()) -> subprocess.Popen:
-    """Run deck.liggghts in `directory` on `np` MPI ranks, from the checkpoint of `resume_step` if that is not 0; what it
-    prints goes to engine.out there. `inherit`: file descriptors that stay open as long as the engine lives."""
+def start_engine(directory: Path, np: int = 1, resume_step: int = 0,
+                 inherit: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
+    """Start the engine on deck.liggghts in `directory` with `np` MPI ranks, from the checkpoint of `resume_step` if
+    that is not 0. What it prints goes to engine.out there. The file descriptors `inherit` stay open as long as the
+    engine lives."""
     command = [*mpirun(np), "-in", "deck.liggghts", "-log", "engine.log"]
     if resume_step:
         command += ["-var", "resume", str(resume_step)]
-    prepare = _begin if np == 1 else partial(die_with_parent, signal.SIGTERM)  # which mpirun passes on
+    before = _before_engine if np == 1 else partial(die_with_parent, signal.SIGTERM)  # which mpirun passes on
     with open(directory / "engine.out", "wb") as out:
         return subprocess.Popen(command, cwd=directory, env=_environment(), stdin=subprocess.DEVNULL, stdout=out,
                                 stderr=subprocess.STDOUT, pass_fds=inherit,
-                                preexec_fn=prepare)  # noqa: PLW1509 - takes no lock
+                                preexec_fn=before)  # noqa: PLW1509 - takes no lock
 
 
 def mpirun(np: int) -> list[str]:
-    """The engine on `np` ranks of this machine, to which its arguments are added."""
+    """The command that starts the engine on `np` ranks of this machine; its arguments are to be added."""
     ranks = [] if np == 1 else ["mpirun", "-np", str(np), "--oversubscribe", "--bind-to", "none"]
     return [*ranks, str(ENGINE)]
 
@@ -72,7 +74,7 @@ def _environment() -> dict[str, str]:
 
 
 def engine_error(directory: Path) -> str:
-    """What the engine said last: its ERROR line, or its last line."""
+    """The ERROR line of what the engine printed, or its last line."""
     lines = [line for line in (directory / "engine.out").read_text(errors="replace").splitlines() if line.strip()]
     errors = [line for line in lines if line.startswith("ERROR")]  # MPI writes of its own errors when it is ended
     return (errors or lines or ["no output"])[-1]

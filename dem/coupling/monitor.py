@@ -7,6 +7,8 @@ engine does not know, and the ledger of the whole run.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from common.scene import Scene
@@ -20,7 +22,7 @@ class Unstable(RuntimeError):
 
 
 class PlateMonitor:
-    """Sees the rows of the fast stream: the plate never holds more than the stones could bring."""
+    """Refuses a plate that holds more energy than the stones could bring, at any row of the fast stream."""
 
     def __init__(self, scene: Scene, assembly: Assembly):
         stones, mass = scene.stones, float(assembly.mass_kg.sum())
@@ -28,16 +30,16 @@ class PlateMonitor:
         self._limit_J = (1 + ENERGY_SHARE) * mass * (0.5 * stones.speed_m_s**2 + fall)
 
     def __call__(self, t_s: np.ndarray, total_J: np.ndarray) -> None:
-        """Raises Unstable. Times and the plate's energies, (k,)."""
+        """Check the plate's energies `total_J` (k,) at the times `t_s` (k,). Raises Unstable."""
         broken = np.flatnonzero(~(total_J <= self._limit_J))  # so written that what is no number is refused
         if len(broken):
             at = broken[0]
-            raise Unstable(f"at {t_s[at]:.4g} s the plate holds {total_J[at]:.3g} J, the limit of energy is what impact and "
-                           f"fall supply, {self._limit_J:.3g} J: plate and contact are not stable with this co-step")
+            raise Unstable(f"at {t_s[at]:.4g} s the plate holds {total_J[at]:.3g} J, the limit of energy is what impact "
+                           f"and fall supply, {self._limit_J:.3g} J: plate and contact are not stable with this co-step")
 
 
-def check_closure(energy: dict) -> None:
+def check_closure(energy: dict[str, Any]) -> None:
     """Raises Unstable if the ledger of a finished run misses more than 1 % of the energy supplied."""
     if not abs(energy["closure"]) <= ENERGY_SHARE:
-        raise Unstable(f"the energy ledger misses {energy['closure']:.2%} of the energy of impact and fall, the limit is "
-                       f"{ENERGY_SHARE:.0%}: the time step or the co-step is too long")
+        raise Unstable(f"the energy ledger misses {energy['closure']:.2%} of the energy of impact and fall, the limit "
+                       f"is {ENERGY_SHARE:.0%}: the time step or the co-step is too long")

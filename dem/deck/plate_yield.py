@@ -1,30 +1,27 @@
 """Does the plate yield? Asked before the run, to choose the contact law, and after it, to report.
 
 A contact yields below the surface when its peak pressure passes 1.6 yield stresses (Johnson 1985, 6.1), a plate in
-bending when the von Mises stress at its surface passes one. The pressure under a sub-sphere says how the plate fares
-under a stone as rough as its packing; finer sub-spheres press harder. That of the smooth stone is reported beside it.
+bending when the von Mises stress at its surface passes one. The pressure under a sub-sphere is that of a stone as rough
+as its packing; finer sub-spheres press harder. The pressure under a smooth stone is reported beside it.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
+from common import hertz
 from common.scene import Scene
 from dem.stones.assembly import Assembly
 from plate_fem.contact_stress import YIELD_PRESSURE, HertzContact
-from plate_fem.stress import StressPeak
 
 
-def contact_modulus_Pa(scene: Scene, material: str) -> float:
-    """E* of a material on the plate: 1/E* = sum of (1 - nu^2)/E (paper, Eq. 3 as mended)."""
-    bodies = (scene.materials[material], scene.plate)
-    return 1 / sum((1 - b.poisson_ratio**2) / b.youngs_modulus_Pa for b in bodies)
-
-
-def hertz_pressure_Pa(modulus_Pa, depth_over_radius):
-    """Peak pressure p0 = 2 E*/pi sqrt(d/R)."""
-    return 2 / np.pi * modulus_Pa * np.sqrt(depth_over_radius)
+def modulus_on_plate_Pa(scene: Scene, material: str) -> float:
+    """E* of a material on the plate."""
+    return hertz.contact_modulus_Pa(scene.materials[material], scene.plate)
 
 
 def pressure_bound_Pa(scene: Scene, assembly: Assembly) -> float:
@@ -33,10 +30,10 @@ def pressure_bound_Pa(scene: Scene, assembly: Assembly) -> float:
     stones, pressure = scene.stones, 0.0
     speed2 = stones.speed_m_s**2 + 2 * scene.time.gravity_m_s2 * stones.gap_m
     for k, name in enumerate(assembly.materials):
-        modulus, radius = contact_modulus_Pa(scene, name), assembly.radius_m[assembly.material == k].min()
+        modulus, radius = modulus_on_plate_Pa(scene, name), assembly.radius_m[assembly.material == k].min()
         energy = 0.5 * scene.materials[name].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3 * speed2
         depth = (energy / (8 / 15 * modulus * np.sqrt(radius))) ** 0.4
-        pressure = max(pressure, float(hertz_pressure_Pa(modulus, depth / radius)))
+        pressure = max(pressure, float(hertz.peak_pressure_Pa(modulus, depth / radius)))
     return pressure
 
 
@@ -48,29 +45,29 @@ def yield_pressure_Pa(scene: Scene, assembly: Assembly) -> float | None:
     return pressure if pressure_bound_Pa(scene, assembly) > pressure else None
 
 
-def yield_report(scene: Scene, assembly: Assembly, materials: list[str], peak_force_N: np.ndarray,
-                 deepest: np.ndarray, bending: StressPeak | None) -> dict:
+def yield_report(scene: Scene, assembly: Assembly, peak_force_N: np.ndarray, deepest: np.ndarray,
+                 bending: dict[str, dict[str, float]]) -> dict[str, Any]:
     """What run.json says of yield.
 
-    materials: of each stone. peak_force_N (stones,): of each alone. deepest (stones,): largest depth of a contact over
-    the radius of its sub-sphere.
+    peak_force_N (stones,): of each alone. deepest (stones,): largest depth of a contact over the radius of its
+    sub-sphere. bending: "bending" and "bending_at_rods" of plate_fem.stress.StressPeak, empty for a rigid plate.
     """
-    modulus = np.array([contact_modulus_Pa(scene, name) for name in materials])
-    pressure = hertz_pressure_Pa(modulus, deepest)
+
+    modulus = np.array([modulus_on_plate_Pa(scene, name) for name in assembly.stone_materials])
+    pressure = hertz.peak_pressure_Pa(modulus, deepest)
     limit = yield_pressure_Pa(scene, assembly)
     if limit is not None:
         pressure = np.minimum(pressure, limit)
     smooth = [HertzContact(0.0, 0.0, float(force), scene.stones.radius_m, float(e)).peak_pressure_Pa
               for force, e in zip(peak_force_N, modulus)]
-    report = {"yield_stress_Pa": scene.plate.yield_stress_Pa,
+    report: dict[str, Any] = {"yield_stress_Pa": scene.plate.yield_stress_Pa,
               "contact_law": "Hertz" if limit is None else "elastic, perfectly plastic (Thornton 1997)",
               "contact_pressure_Pa": pressure.tolist(), "smooth_stone_pressure_Pa": smooth}
-    if bending is not None:
-        report |= {"bending": bending.result(), "bending_at_rods": bending.result(at_rods=True)}
+    report |= bending
     return report | {"verdict": _verdict(report)}
 
 
-def _verdict(report: dict) -> str:
+def _verdict(report: dict[str, Any]) -> str:
     contact = max(report["contact_pressure_Pa"]) / YIELD_PRESSURE
     bending = report["bending"]["von_mises_Pa"] if "bending" in report else 0.0
     limit = report["yield_stress_Pa"]
@@ -83,9 +80,9 @@ def _verdict(report: dict) -> str:
     return f"{contacts}; bending {'yields' if bending >= limit else 'stays elastic'}"
 
 
-def read_contacts(file, dt_s: float) -> pd.DataFrame:
-    """Contacts with the plate at each sample: t_s, stone (agglomerate, 1-based), place, elastic normal force, radius of
-    the sphere that presses (that of the flattened contact where the plate has yielded)."""
+def read_contacts(file: Path, dt_s: float) -> pd.DataFrame:
+    """Read the contacts with the plate at each sample: t_s, stone (agglomerate, 1-based), place, elastic normal force,
+    radius of the sphere that presses (that of the flattened contact where the plate has yielded)."""
     data, rows, at = np.fromfile(file, dtype="<f8"), [], 0
     heads = data.view("<i8")
     while at < len(data):

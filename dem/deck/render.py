@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import numpy as np
 
 from common.scene import PLATE, Scene, contact_key
 from dem.deck.plate_yield import yield_pressure_Pa
-from dem.deck.time_step import TimeStep, impact_speed_m_s, light_contact
+from dem.deck.time_step import TimeStep, impact_speed_m_s, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from plate_fem.modes import PlateModes
 
 TEMPLATES = Path(__file__).resolve().parents[2] / "templates"
-SHAPE_GRID = 0.4  # of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/exchange.md)
+# Of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/coupling.md).
+SHAPE_GRID = 0.4
 UNBREAKABLE_Pa = 1e30
 CHECKPOINT_SAMPLES = 5  # between two steps that allow a checkpoint; each costs a build of lists (docs/runs.md)
 BOX_MARGIN_M = 0.005
-IDLE_EVERY = 64  # DEM steps between two looks at what is idle: one costs as much as a tenth of a step
+FREE_FLIGHT_EVERY = 64  # DEM steps between two looks at what flies freely: one costs as much as a tenth of a step
 
 
 def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep, modes: PlateModes | None) -> str:
@@ -53,7 +55,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         stones=_describe(scene, assembly),
         plate=scene.plate.model,
         yield_pressure_Pa=yield_pressure_Pa(scene, assembly),
-        exchange=scene.plate.model == "flexible",
+        coupling=scene.plate.model == "flexible",
         materials=[{"name": name, **scene.materials[name].model_dump()} for name in assembly.materials],
         plate_material=scene.plate.model_dump(),
         # A pair that cannot meet in this scene still needs a number; elastic is what does least.
@@ -68,14 +70,14 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         dt_s=repr(step.dt_s),
         sample_steps=step.sample_steps,
         co_step=step.co_step,
-        light=light_contact(scene, assembly, step),
+        weak_contact=weak_contact(scene, assembly, step),
         steps=step.steps,
         extent_m=[-half[0], half[0], -half[1], half[1]],
         speed_m_s=scene.stones.speed_m_s,
         impact_J=float(0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2),
         mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
         view_steps=view_steps(scene, step),
-        idle=_idle(scene, step),
+        free_flight=_free_flight(scene, step),
         checkpoint_steps=CHECKPOINT_SAMPLES * step.sample_steps,
         streams=streams(scene, assembly),
     )
@@ -93,17 +95,18 @@ def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
     return len(assembly.sizes) > 1 or (table is not None and not table.unbreakable)
 
 
-def _idle(scene: Scene, step: TimeStep) -> dict | None:
-    """Arguments of fix idle (docs/idle.md); None where the scene wants brute force or several ranks."""
-    if scene.time.idle_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
+def _free_flight(scene: Scene, step: TimeStep) -> dict[str, float] | None:
+    """Arguments of fix free_flight (docs/free_flight.md); None where the scene wants brute force or several ranks."""
+    if scene.time.free_flight_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
         return None
-    every = step.co_step * max(1, round(IDLE_EVERY / step.co_step))
-    return {"speed_m_s": impact_speed_m_s(scene), "tolerance": scene.time.idle_tolerance, "every": every}
+    every = step.co_step * max(1, round(FREE_FLIGHT_EVERY / step.co_step))
+    return {"speed_m_s": impact_speed_m_s(scene), "tolerance": scene.time.free_flight_tolerance, "every": every}
 
 
 def view_steps(scene: Scene, step: TimeStep) -> int | None:
-    """DEM steps between two pictures, a whole number of samples; None if the scene wants none. An interval longer than the
-    run, which LIGGGHTS might not be able to count, is one sample more than the run: a picture at its start alone."""
+    """DEM steps between two pictures, a whole number of samples; None if the scene wants none. An interval longer than
+    the run, which LIGGGHTS might not be able to count, is one sample more than the run: a picture at its start
+    alone."""
     if scene.output.view_interval_s is None:
         return None
     samples = min(scene.output.view_interval_s / scene.time.sample_interval_s, step.steps // step.sample_steps + 1)
@@ -123,7 +126,7 @@ def _describe(scene: Scene, assembly: Assembly) -> str:
     return f"{len(assembly.sizes)} {kind}"
 
 
-def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict:
+def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, Any]:
     table = scene.agglomerate
     materials = []
     for name in assembly.materials:

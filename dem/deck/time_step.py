@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from common import hertz
 from common.scene import PLATE, Scene, contact_key
 from common.tables import InputError
-from dem.deck.tolerance import co_step_knob, modes_knob, setting_for
+from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
 from plate_fem.modes import PlateModes
 
@@ -17,16 +19,17 @@ DAMPED_SHARE = 0.8       # of the limit of damped bonds, see `bond_fraction`
 RAYLEIGH_FRACTION = 0.2  # of the Rayleigh time of the smallest sub-sphere, the usual share in DEM
 CONTACT_STEPS = 400      # steps in the shortest contact with the plate: peak force and contact time to 1e-4
 CO_STEPS_IN_CONTACT = 45           # of a whole stone with the plate
-CO_STEPS_IN_FRAGMENT_CONTACT = 4   # of the smallest sub-sphere alone, docs/exchange.md
-EXCHANGE_COST = 0.15               # of one exchange, in DEM steps of the default scene
+CO_STEPS_IN_FRAGMENT_CONTACT = 4   # of the smallest sub-sphere alone, docs/coupling.md
+MESSAGE_COST = 0.15                # of one message and its answer, in DEM steps of the default scene
 # The wall moves by prediction, so plate and contact must not react on each other within a co-step. With the mobility
 # Phi of the plate at the stones (kg^-1) and the stiffness k and dashpot c of a contact: shares of 1/sqrt(k Phi) and
 # 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
 STIFFNESS_SHARE = 0.2
 DASHPOT_SHARE = 0.15
-# While chips lie or hop on the plate one exchange serves several co-steps: where the push is this share of a stone's peak
-# force and nothing comes faster than this share of the impact so many as the limits above then allow; and never more than.
-LIGHT_FORCE_SHARE, LIGHT_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
+# While chips lie or hop on the plate one message serves several co-steps: as many as the limits above then allow, where
+# the push is this share of a stone's peak force and nothing comes faster than this share of the impact; and never more
+# than.
+WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
 
@@ -46,8 +49,8 @@ class TimeStep:
 
 
 @dataclass(frozen=True)
-class LightContact:
-    """At this push and speed one exchange serves `co_steps`; fewer above, more below, up to `most_co_steps`."""
+class WeakContact:
+    """At this push and speed one message serves `co_steps` co-steps; fewer above, more below, up to `most_co_steps`."""
 
     force_N: float
     speed_m_s: float
@@ -55,13 +58,21 @@ class LightContact:
     most_co_steps: int
 
 
-def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float | None = None) -> TimeStep:
-    """Choose the step and the co-step; `mobility_1_kg` is that of a flexible plate (`plate_mobility_1_kg`).
+@dataclass(frozen=True)
+class StepLimits:
+    """The limits of the time step by name, as far as the plate's motion has no part in them, and the times that they
+    come from: t0 of the bonds, and the shortest contact of a sub-sphere and of a whole stone with the plate."""
 
-    Raises InputError if the scene's own `time.time_step_s` or `time.co_step` is above a limit.
-    """
+    limits_s: dict[str, float]
+    bond_time_s: float | None
+    subsphere_contact_time_s: float
+    stone_contact_time_s: float
+
+
+def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
+    """Find what limits the time step without the plate's motion. Raises InputError for what can be refused by that."""
     bond_time = bond_time_s(scene, assembly)
-    contact = contact_time_s(scene, assembly)
+    contact = subsphere_contact_time_s(scene, assembly)
     stone_contact = stone_contact_time_s(scene, assembly)
     limits = {"rayleigh": RAYLEIGH_FRACTION * rayleigh_time_s(scene, assembly),
               "plate_contact": contact / CONTACT_STEPS}
@@ -70,35 +81,58 @@ def time_step(scene: Scene, assembly: Assembly, file: str, mobility_1_kg: float 
         limits["bond"] = bond_fraction(scene.agglomerate.damping_ratio, least) * bond_time
         del limits["plate_contact"]  # the bonds carry the contact of an agglomerate
     if scene.tolerance is not None:
-        knob, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
-        limits["tolerance"] = setting_for(knob, scene.tolerance) * unit
-    mutual = {} if mobility_1_kg is None else exchange_limits_s(scene, mobility_1_kg)
-    limits |= mutual
-    for name, limit in limits.items():
+        setting, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
+        limits["tolerance"] = setting_for(setting, scene.tolerance) * unit
+    _counted_steps(scene, _largest_step_s(scene, limits, file), scene.time.co_step or 1, file)
+    return StepLimits(limits, bond_time, contact, stone_contact)
+
+
+def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float | None = None) -> TimeStep:
+    """Choose the step and the co-step; `mobility_1_kg` is that of a flexible plate (`plate_mobility_1_kg`).
+
+    Raises InputError if the scene's own `time.time_step_s` or `time.co_step` is above a limit.
+    """
+    mutual = {} if mobility_1_kg is None else coupling_limits_s(scene, mobility_1_kg)
+    limits_s = limits.limits_s | mutual
+    wanted = _largest_step_s(scene, limits_s, file)
+    resolved = min(limits.stone_contact_time_s / CO_STEPS_IN_CONTACT,
+                   limits.subsphere_contact_time_s / CO_STEPS_IN_FRAGMENT_CONTACT)
+    if scene.tolerance is not None:
+        setting = setting_for(co_step_setting(limits.bond_time_s is not None), scene.tolerance)
+        resolved = min(resolved, setting * limits.stone_contact_time_s)
+    co_step = _co_step(scene, wanted, resolved, mutual, file)
+    sample_steps, steps = _counted_steps(scene, wanted, co_step, file)
+    return TimeStep(
+        dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits_s, bond_time_s=limits.bond_time_s,
+        co_step=co_step, fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=steps)
+
+
+def _largest_step_s(scene: Scene, limits_s: dict[str, float], file: str) -> float:
+    """The scene's own time step, or the largest that the limits allow. Raises InputError."""
+    for name, limit in limits_s.items():
         if not 0 < limit < np.inf:
-            raise InputError(f"{file}: the limit {name} of the time step would be {limit:g} s: sizes, densities, moduli and "
-                             "speed must be of magnitudes that double precision can hold")
-    largest = min(limits.values())
+            raise InputError(f"{file}: the limit {name} of the time step would be {limit:g} s: sizes, densities, moduli "
+                             "and speed must be of magnitudes that double precision can hold")
+    largest = min(limits_s.values())
     wanted = scene.time.time_step_s or largest
     if wanted > largest * (1 + 1e-12):
-        name = min(limits, key=limits.__getitem__)
+        name = min(limits_s, key=limits_s.__getitem__)
         raise InputError(f"{file}: time.time_step_s = {wanted:g}: must not be above {largest:.4g} s, the limit set by "
                          f"{name}")
     if not scene.time.duration_s / min(wanted, scene.time.sample_interval_s) <= MOST_STEPS:
         raise InputError(f"{file}: time.duration_s = {scene.time.duration_s:g}: must be at most {MOST_STEPS} steps of "
                          f"{min(wanted, scene.time.sample_interval_s):.3g} s")
-    resolved = min(stone_contact / CO_STEPS_IN_CONTACT, contact / CO_STEPS_IN_FRAGMENT_CONTACT)
-    if scene.tolerance is not None:
-        resolved = min(resolved, setting_for(co_step_knob(bond_time is not None), scene.tolerance) * stone_contact)
-    co_step = _co_step(scene, wanted, resolved, mutual, file)
-    sample_steps = _sample_steps(scene, wanted, co_step)
+    return wanted
+
+
+def _counted_steps(scene: Scene, dt_s: float, co_step: int, file: str) -> tuple[int, int]:
+    """DEM steps in a sample and in the run. Raises InputError."""
+    sample_steps = _sample_steps(scene, dt_s, co_step)
     intervals = int(scene.time.duration_s / scene.time.sample_interval_s + 1e-9)  # 0.04 s: 266, thus 267 samples
     if intervals * sample_steps > MOST_STEPS:
         raise InputError(f"{file}: time.sample_interval_s = {scene.time.sample_interval_s:g}: leaves "
                          f"{intervals * sample_steps:.3g} steps; must leave at most {MOST_STEPS}")
-    return TimeStep(
-        dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits, bond_time_s=bond_time, co_step=co_step,
-        fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=intervals * sample_steps)
+    return sample_steps, intervals * sample_steps
 
 
 def _sample_steps(scene: Scene, dt_s: float, co_step: int) -> int:
@@ -109,14 +143,14 @@ def _sample_steps(scene: Scene, dt_s: float, co_step: int) -> int:
 
 def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, float], file: str) -> int:
     """DEM steps a co-step: what costs least among those no longer than `resolved_s`, which resolves the contacts, and
-    the limits in `mutual`. A rigid plate has nothing to exchange, and its forces are recorded every step."""
+    the limits in `mutual`. A rigid plate gets no messages, and the forces on it are recorded every step."""
     wanted = scene.time.co_step
     if not mutual:
         return wanted or 1
     most = max(1, int(min(mutual.values()) / dt_s))
     if wanted is not None and wanted > most:
-        raise InputError(f"{file}: time.co_step = {wanted}: must be at most {most} with a time step of {dt_s:.3g} s, the "
-                         f"limit set by {min(mutual, key=mutual.__getitem__)}")
+        raise InputError(f"{file}: time.co_step = {wanted}: must be at most {most} with a time step of {dt_s:.3g} s, "
+                         f"the limit set by {min(mutual, key=mutual.__getitem__)}")
     longest_s = min(resolved_s, *mutual.values())
 
     def length_s(n: int) -> float:  # with the step that n leads to
@@ -125,33 +159,34 @@ def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, flo
     at_most = max(1, int(2 * longest_s / dt_s))
     candidates = [n for n in range(max(1, at_most - 199), at_most + 1)  # of many the longest are as good as any
                   if length_s(n) <= longest_s] or [1]
-    return wanted or min(candidates, key=lambda n: _sample_steps(scene, dt_s, n) * (1 + EXCHANGE_COST / n))
+    return wanted or min(candidates, key=lambda n: _sample_steps(scene, dt_s, n) * (1 + MESSAGE_COST / n))
 
 
-def light_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> LightContact | None:
-    """When the exchange may be seldomer. Only chips push so little for long, so a scene without bonds, or one that sets its
-    co-step, has one exchange every co-step: None.
+def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContact | None:
+    """When a contact is so weak that messages may be rarer. Only chips push so little for long. So a scene without
+    bonds, or one that sets its co-step, has one message every co-step: None.
 
-    The stiffness of a Hertz contact goes with the cube root of the force, and the limits of the co-step (1/sqrt(k), 1/c) with
-    the inverse sixth.
+    The stiffness of a Hertz contact goes with the cube root of the force, and the limits of the co-step (1/sqrt(k),
+    1/c) with the inverse sixth.
     """
-    limits = [limit for name, limit in step.limits_s.items() if name.startswith("exchange_")]
+    limits = [limit for name, limit in step.limits_s.items() if name.startswith("coupling_")]
     if not limits or not assembly.n_bonds or scene.time.co_step is not None:
         return None
-    co_steps = int(min(limits) * LIGHT_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
+    co_steps = int(min(limits) * WEAK_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
     peak_N = min(_stone_peak_force_N(scene, name) for name in assembly.materials)
-    return LightContact(LIGHT_FORCE_SHARE * peak_N, LIGHT_SPEED_SHARE * impact_speed_m_s(scene),
+    return WeakContact(WEAK_FORCE_SHARE * peak_N, WEAK_SPEED_SHARE * impact_speed_m_s(scene),
                         min(max(1, co_steps), MOST_CO_STEPS), MOST_CO_STEPS)
 
 
 def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
-    """The settings of a run by the knobs of dem/deck/tolerance.py; `scene` with its plate's frequency filled in."""
+    """The numerical settings of a run by their names in common/error_laws.py; `scene` has its plate's frequency filled
+    in."""
     contact = stone_contact_time_s(scene, assembly)
     settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
                 {"time_step": step.dt_s / step.bond_time_s})
     if scene.plate.model == "flexible" and scene.plate.max_frequency_Hz is not None:
-        settings |= {co_step_knob(assembly.n_bonds > 0): step.co_step * step.dt_s / contact,
-                     modes_knob(assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
+        settings |= {co_step_setting(assembly.n_bonds > 0): step.co_step * step.dt_s / contact,
+                     modes_setting(assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
     return settings
 
 
@@ -196,7 +231,7 @@ def rayleigh_time_s(scene: Scene, assembly: Assembly) -> float:
     return float(min(times))
 
 
-def contact_time_s(scene: Scene, assembly: Assembly) -> float:
+def subsphere_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a sub-sphere with the plate."""
     times = []
     for k, name in enumerate(assembly.materials):
@@ -216,47 +251,45 @@ def impact_speed_m_s(scene: Scene) -> float:
     return float(max(scene.stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * scene.stones.gap_m), 1e-3))
 
 
-def _hertz(scene: Scene, material: str, radius_m, mass_kg, speed_m_s: float):
-    """K in N/m^(3/2) and the greatest depth in m of a sphere that hits the rigid plate: F = K d^(3/2), d = (5 m v^2/(4 K))^(2/5)
-    (paper, Eqs. 2, 3)."""
-    m, plate = scene.materials[material], scene.plate
-    modulus = 1 / ((1 - m.poisson_ratio**2) / m.youngs_modulus_Pa
-                   + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
-    stiffness = 4 / 3 * np.sqrt(radius_m) * modulus
-    return stiffness, (5 * mass_kg * speed_m_s**2 / (4 * stiffness)) ** 0.4
+def _hertz(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
+           speed_m_s: float) -> tuple[Any, Any]:
+    """Stiffness in N/m^(3/2) and largest approach in m of a sphere that hits the rigid plate."""
+    modulus = hertz.contact_modulus_Pa(scene.materials[material], scene.plate)
+    stiffness = hertz.stiffness_N_m32(modulus, radius_m)
+    return stiffness, hertz.largest_approach_m(stiffness, mass_kg, speed_m_s)
 
 
 def _stone_mass_kg(scene: Scene, material: str) -> float:
     return scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * scene.stones.radius_m**3
 
 
-def _hertz_time_s(scene: Scene, material: str, radius_m, mass_kg):
-    """2.9432 delta/v (paper, Eq. 8)."""
+def _hertz_time_s(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray) -> Any:
     speed = impact_speed_m_s(scene)
-    return 2.9432 * _hertz(scene, material, radius_m, mass_kg, speed)[1] / speed
+    return hertz.contact_time_s(_hertz(scene, material, radius_m, mass_kg, speed)[1], speed)
 
 
 def _stone_peak_force_N(scene: Scene, material: str) -> float:
     """Of a whole stone on the rigid plate."""
-    stiffness, depth = _hertz(scene, material, scene.stones.radius_m, _stone_mass_kg(scene, material), impact_speed_m_s(scene))
+    mass = _stone_mass_kg(scene, material)
+    stiffness, depth = _hertz(scene, material, scene.stones.radius_m, mass, impact_speed_m_s(scene))
     return float(stiffness * depth**1.5)
 
 
-def exchange_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:
+def coupling_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:
     """Limits of the co-step from the mutual reaction of plate and contact, each stone taken as one Hertz sphere at its
-    greatest depth, which is stiffer than the agglomerate."""
+    largest approach, which is stiffer than the agglomerate."""
     stones = scene.stones
-    limits = {"exchange_stiffness": np.inf, "exchange_dashpot": np.inf}
+    limits = {"coupling_stiffness": np.inf, "coupling_dashpot": np.inf}
     for name in {stones.coal, stones.gangue}:
         mass = _stone_mass_kg(scene, name)
-        hertz, depth = _hertz(scene, name, stones.radius_m, mass, max(stones.speed_m_s, 1e-3))
-        stiffness = 1.5 * hertz * np.sqrt(depth)
+        contact, depth = _hertz(scene, name, stones.radius_m, mass, max(stones.speed_m_s, 1e-3))
+        stiffness = 1.5 * contact * np.sqrt(depth)
         log_e = np.log(scene.contacts[contact_key(name, PLATE)].restitution)
         dashpot = 2 * np.sqrt(5 / 6) * -log_e / np.hypot(log_e, np.pi) * np.sqrt(4 / 3 * stiffness * mass)
-        limits["exchange_stiffness"] = min(limits["exchange_stiffness"],
+        limits["coupling_stiffness"] = min(limits["coupling_stiffness"],
                                            STIFFNESS_SHARE / np.sqrt(stiffness * mobility_1_kg))
         if dashpot > 0:
-            limits["exchange_dashpot"] = min(limits["exchange_dashpot"], DASHPOT_SHARE / (dashpot * mobility_1_kg))
+            limits["coupling_dashpot"] = min(limits["coupling_dashpot"], DASHPOT_SHARE / (dashpot * mobility_1_kg))
     return {name: limit for name, limit in limits.items() if np.isfinite(limit)}
 
 

@@ -10,14 +10,15 @@ summed on their own. What has no sum of its own is a work less what it stored:
                    (slip, the tangential dashpot, and what the tangential springs hold while a contact lasts)
 
 Nothing in these refers to the kinetic energies or to the plate's own energy, so the sum of all can miss the energy at
-the start; `closure` says by how much, relative to the energy supplied: the kinetic energy of the impact and what gravity
-did until the stones were lowest.
+the start; `closure` says by how much, relative to the energy supplied: the kinetic energy of the impact and what
+gravity did until the stones were lowest.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -37,7 +38,7 @@ class StoneLedger:
 
 
 def read_ledger(file: Path, n_agglomerates: int) -> StoneLedger:
-    """Read the engine's ledger."""
+    """Read the ledger that the engine wrote."""
     record = np.dtype([("step", "<i8"), ("row", "<f8", (n_agglomerates, len(COLUMNS)))])
     data = np.fromfile(file, dtype=record)
     return StoneLedger(data["step"], {name: data["row"][:, :, k] for k, name in enumerate(COLUMNS)})
@@ -53,7 +54,8 @@ class PlateEnergy:
     work_J: float = 0.0
 
 
-def stone_energies(ledger: StoneLedger, gravity_m_s2: float, mass_height_start_kg_m: np.ndarray) -> dict:
+def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
+                   mass_height_start_kg_m: np.ndarray) -> dict[str, np.ndarray]:
     """Energy parts by name, each (k, agglomerates) in J. `mass_height_start_kg_m` (agglomerates,) is the sum of m z at
     the start, from where the potential energy counts."""
     c = ledger.column
@@ -74,14 +76,14 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float, mass_height_start_k
     }
 
 
-def energy_table(parts: dict, t_s: np.ndarray) -> pd.DataFrame:
-    """One row a time and agglomerate (1-based) of what `stone_energies` gave."""
+def energy_table(parts: dict[str, np.ndarray], t_s: np.ndarray) -> pd.DataFrame:
+    """What `stone_energies` gave as a table, one row a time and agglomerate (1-based)."""
     k, n = parts["kinetic_J"].shape
     index = {"t_s": np.repeat(t_s, n), "agglomerate": np.tile(np.arange(1, n + 1), k)}
     return pd.DataFrame(index | {name: values.ravel() for name, values in parts.items()})
 
 
-def energy_ledger(parts: dict, plate: PlateEnergy, kinetic_start_J: np.ndarray) -> dict:
+def energy_ledger(parts: dict[str, np.ndarray], plate: PlateEnergy, kinetic_start_J: np.ndarray) -> dict[str, Any]:
     """The ledger at the end of the run, J, with its closures: of all with the plate's own energies, and of each
     agglomerate with what it gave to the plate. `kinetic_start_J` (agglomerates,)."""
     end = {name: values[-1] for name, values in parts.items()}

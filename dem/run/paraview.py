@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import meshio
@@ -11,43 +12,57 @@ import numpy as np
 import pandas as pd
 
 from common.scene import Scene
-from dem.deck.plate_yield import contact_modulus_Pa
-from dem.deck.time_step import TimeStep
+from dem.deck.plate_yield import modulus_on_plate_Pa
+from dem.run.prepare import PreparedRun
 from dem.stones.assembly import Assembly
 from dem.stones.bonds import fragments
 from plate_fem.contact_stress import HertzContact, contact_patch, total_stress, von_mises_3d
 from plate_fem.modes import PlateModes
 from plate_fem.stress import surface_stress, von_mises
 
-FELT_WITHIN = 20  # contact radii: beyond, a contact adds less than 4e-4 of its pressure
+RANGE_OF_CONTACT = 20  # contact radii: beyond, a contact adds less than 4e-4 of its pressure
 
 
-def write_view(directory: Path, dump: Path, scene: Scene, assembly: Assembly, step: TimeStep, events: pd.DataFrame,
-               contacts: pd.DataFrame, modes: PlateModes | None, amplitudes: list[np.ndarray]) -> None:
-    """Turn the engine's dump into view/*.vtu and view.pvd in `directory`."""
+PlateMesh = tuple[int, str, meshio.Mesh]  # number of the part in view.pvd, name of its files, what it shows
+
+
+def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, contacts: pd.DataFrame,
+               meshes_of_plate: Callable[[int, list[HertzContact]], list[PlateMesh]]) -> None:
+    """Turn the engine's dump in `directory`/deck into view/*.vtu and view.pvd in `directory`.
+
+    `events` and `contacts` are the tables of breakage.parquet and contacts.parquet. `meshes_of_plate(picture,
+    contacts)` gives what each picture shows of the plate.
+    """
+    assembly, dt_s = prepared.assembly, prepared.step.dt_s
     pictures = directory / "view"
     pictures.mkdir()
     broken_at = np.full(assembly.n_bonds, np.inf)
     broken_at[events["bond"].to_numpy(dtype=int) - 1] = events["t_s"]
     entries = []
-    for k, (dem_step, particles) in enumerate(read_dump(dump)):
-        t = dem_step * step.dt_s
-        intact = broken_at > t + 0.5 * step.dt_s
-        entries.append((t, 0, _write(pictures / f"particles_{k:04d}.vtu", _particles(particles, assembly, intact))))
+    for k, (dem_step, particles) in enumerate(read_dump(directory / "deck" / "view.dump")):
+        t = dem_step * dt_s
+        intact = broken_at > t + 0.5 * dt_s
+        meshes = [(0, "particles", _particles(particles, assembly, intact))]
         if assembly.n_bonds:
-            entries.append((t, 1, _write(pictures / f"bonds_{k:04d}.vtu", _bonds(particles, assembly, intact))))
-        if modes is not None:
-            touching = hertz_contacts(contacts[np.abs(contacts["t_s"] - t) < 0.5 * step.dt_s], scene, assembly)
-            plate = _plate(modes, amplitudes[k], touching, scene.plate.poisson_ratio)
-            entries.append((t, 2, _write(pictures / f"plate_{k:04d}.vtu", plate)))
-            if touching:
-                patches = _contacts(modes, amplitudes[k], touching, scene.plate.poisson_ratio)
-                entries.append((t, 3, _write(pictures / f"contacts_{k:04d}.vtu", patches)))
+            meshes.append((1, "bonds", _bonds(particles, assembly, intact)))
+        touching = hertz_contacts(contacts[np.abs(contacts["t_s"] - t) < 0.5 * dt_s], prepared.scene, assembly)
+        meshes += meshes_of_plate(k, touching)
+        entries += [(t, part, _write(pictures / f"{name}_{k:04d}.vtu", mesh)) for part, name, mesh in meshes]
     _write_pvd(directory / "view.pvd", entries)
 
 
-def read_dump(file: Path):
-    """Yield (DEM step, array (n, columns) sorted by id) of each frame of `dump custom id x y z ...`."""
+def plate_meshes(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact],
+                 poisson_ratio: float) -> list[PlateMesh]:
+    """The plate at the modal amplitudes (modes,), and a fine patch about each contact if there are any."""
+    meshes = [(2, "plate", _plate(modes, amplitude, contacts, poisson_ratio))]
+    if contacts:
+        meshes.append((3, "contacts", _contacts(modes, amplitude, contacts, poisson_ratio)))
+    return meshes
+
+
+def read_dump(file: Path) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield DEM step and array (n, columns), sorted by id, of each frame of `dump custom id x y z ...`. Raises
+    RuntimeError for a file that is cut off, damaged or something else."""
     with open(file) as lines:
         for line in lines:
             if not line.startswith("ITEM: TIMESTEP"):
@@ -83,9 +98,8 @@ def _bonds(frame: np.ndarray, assembly: Assembly, intact: np.ndarray) -> meshio.
 
 
 def hertz_contacts(rows: pd.DataFrame, scene: Scene, assembly: Assembly) -> list[HertzContact]:
-    """The contacts of one instant (rows of contacts.parquet)."""
-    first = np.append(0, np.cumsum(assembly.sizes)[:-1])
-    modulus = [contact_modulus_Pa(scene, assembly.materials[m]) for m in assembly.material[first]]
+    """The contacts of one instant, given as rows of contacts.parquet."""
+    modulus = [modulus_on_plate_Pa(scene, name) for name in assembly.stone_materials]
     of_stone = rows["agglomerate"].to_numpy(dtype=int) - 1
     values = rows[["x_m", "y_m", "force_N", "radius_m"]].to_numpy(dtype=float)
     return [HertzContact(x, y, force, radius, modulus[stone]) for (x, y, force, radius), stone in zip(values, of_stone)]
@@ -103,12 +117,13 @@ def _plate(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact
 
 def _contacts(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact],
               poisson_ratio: float) -> meshio.Mesh:
-    """A patch of the plate's surface about each contact, much finer than the plate's mesh, with the whole stress."""
+    """A patch of the plate's surface about each contact, much finer than the plate's mesh, with bending and contact
+    stress."""
     low, high = np.array([[lines[0], lines[-1]] for lines in (modes.lines_x_m, modes.lines_y_m)]).T
     place = np.array([[c.x_m, c.y_m] for c in contacts])
     points, cells, stress, number, count = [], [], [], [], 0
     for k, contact in enumerate(contacts):
-        near = np.hypot(*(place - place[k]).T) < FELT_WITHIN * np.array([c.contact_radius_m for c in contacts])
+        near = np.hypot(*(place - place[k]).T) < RANGE_OF_CONTACT * np.array([c.contact_radius_m for c in contacts])
         here, quads = contact_patch(contact)
         here = np.clip(here, low, high)
         points.append(here)
@@ -128,8 +143,9 @@ def _upwards(w: np.ndarray) -> np.ndarray:
 
 
 def _write(file: Path, mesh: meshio.Mesh) -> str:
-    """Values in single precision, which is what a picture needs: smaller files, and less time to compress them."""
-    def single(values):
+    """Write values in single precision, which is what a picture needs: smaller files, and less time to compress
+    them."""
+    def single(values: np.ndarray) -> np.ndarray:
         return np.asarray(values, dtype=np.int32 if np.asarray(values).dtype.kind in "iu" else np.float32)
 
     meshio.Mesh(mesh.points, [(block.type, single(block.data)) for block in mesh.cells],

@@ -9,6 +9,8 @@ INTERVAL_s = 0.5  # between two lines on a terminal; a log gets one a tenth
 
 
 class Progress:
+    """Says how far the run `name` of `duration_s` simulated seconds is, if `shown`."""
+
     def __init__(self, name: str, duration_s: float, shown: bool):
         self._name, self._duration_s, self._shown = name, duration_s, shown
         self._start = self._last = time.monotonic()
@@ -16,7 +18,7 @@ class Progress:
         self._first_share: float | None = None  # above zero for a run that was taken up again
 
     def __call__(self, t_s: float) -> None:
-        """Called often with the simulated time; writes seldom."""
+        """Take note of the simulated time; called often, it writes seldom."""
         if not self._shown:
             return
         now = time.monotonic()
@@ -37,5 +39,6 @@ class Progress:
               file=sys.stderr, flush=True)
 
     def end(self) -> None:
+        """Clear the line on a terminal."""
         if self._shown and sys.stderr.isatty():
             print("\r\033[K", end="", file=sys.stderr, flush=True)

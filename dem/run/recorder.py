@@ -15,12 +15,14 @@ from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
 from plate_fem.stress import StressPeak
 
+PlateStates = Sequence[tuple[np.ndarray, np.ndarray]]  # modal amplitude and rate, each (modes,)
+
 
 class PlateRecorder:
     """Collects the plate's state at each row of the fast stream, and its modal amplitudes at each picture.
 
-    What a row says is worked out in blocks, since a product of matrices costs little more than one of vectors.
-    `check(t_s, total_J)` sees the energy of each block, arrays (k,).
+    The signals of the rows are computed in blocks, since a product of matrices costs little more than one of vectors.
+    `check(t_s, total_J)` is called with the energy of each block, arrays (k,).
     """
 
     BLOCK = 128  # rows
@@ -45,8 +47,9 @@ class PlateRecorder:
         self._blocks: list[np.ndarray] = []
         self._waiting: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # amplitude, rate, modal force
 
-    def __call__(self, dem_steps: range, states: Sequence, modal_forces: list[np.ndarray]) -> None:
-        """Rows at `dem_steps`: amplitude and rate of each, and the force on it, arrays (modes,) that stay as they are."""
+    def __call__(self, dem_steps: range, states: PlateStates, modal_forces: list[np.ndarray]) -> None:
+        """Record rows at `dem_steps`: amplitude and rate of each, and the force on it, arrays (modes,) that are not
+        changed later."""
         if self._view_steps:
             for dem_step in range(-(-dem_steps[0] // self._view_steps) * self._view_steps, dem_steps[-1] + 1,
                                   self._view_steps):
@@ -58,7 +61,7 @@ class PlateRecorder:
             self._evaluate()
 
     def _evaluate(self) -> None:
-        """The rows that wait, a block at most."""
+        """Compute the signals of the rows that wait, of one block at most."""
         if not self._waiting:
             return
         first = len(self.steps) - len(self._waiting)
@@ -74,12 +77,13 @@ class PlateRecorder:
         del self._waiting[:self.BLOCK]
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """All that was recorded, for `set_state`. The rows of a block begun stay as they are, so that a run that goes on
-        from here works out the same blocks."""
+        """All that was recorded, for `set_state`. The rows that wait for their block still wait, so that a run that
+        goes on from here computes the same blocks."""
         return {"rows": self._rows(), "steps": np.array(self.steps), "waiting": np.array(self._waiting),
                 "view_amplitude": np.array(self.view_amplitude), **self.bending.get_state()}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from what `get_state` gave."""
         self._blocks, self.steps = [state["rows"]], state["steps"].tolist()
         self._waiting = [(amplitude, rate, force) for amplitude, rate, force in state["waiting"]]
         self.view_amplitude = list(state["view_amplitude"])
@@ -89,27 +93,28 @@ class PlateRecorder:
         return np.concatenate([np.empty((0, len(self.columns))), *self._blocks])
 
     def frame(self) -> pd.DataFrame:
+        """The signals of all rows."""
         self._evaluate()
         return pd.DataFrame(self._rows(), columns=self.columns)
 
 
 def read_forces(file: Path, n_agglomerates: int) -> tuple[np.ndarray, np.ndarray]:
-    """DEM step (k,) at the end of each co-step with contact, and the mean push on the plate (k, n) over it in N."""
+    """Return the DEM step (k,) at the end of each co-step with contact, and the mean push on the plate (k, n) over it
+    in N."""
     record = np.dtype([("step", "<i8"), ("force_N", "<f8", (n_agglomerates,))])
     data = np.fromfile(file, dtype=record)
     return data["step"], data["force_N"]
 
 
-def fast_stream(scene: Scene, step: TimeStep, forces: tuple[np.ndarray, np.ndarray],
-                plate: PlateRecorder | None) -> pd.DataFrame:
-    """All rows at the fast rate. A force is the mean over the row's interval; the plate's state is at its end."""
+def fast_stream(step: TimeStep, forces: tuple[np.ndarray, np.ndarray], plate_signals: pd.DataFrame) -> pd.DataFrame:
+    """All rows at the fast rate. A force is the mean over the row's interval; the plate's state is at its end.
+
+    `forces` is what `read_forces` gives, `plate_signals` has a row for each of the fast stream. Raises RuntimeError if
+    a signal holds a value that is no number.
+    """
     n_rows = step.steps // step.fast_steps + 1
     time = np.arange(n_rows) * step.fast_steps * step.dt_s
-    table = pd.DataFrame({"t_s": time})
-    if plate is not None:
-        if plate.steps != list(range(0, step.steps + 1, step.fast_steps)):
-            raise RuntimeError("the plate was not recorded at every row of the fast stream")
-        table = pd.concat([table, plate.frame()], axis=1)
+    table = pd.concat([pd.DataFrame({"t_s": time}), plate_signals], axis=1)
     steps, force = forces
     row = -(-steps // step.fast_steps)
     mean = np.zeros((n_rows, force.shape[1]))
@@ -123,7 +128,7 @@ def fast_stream(scene: Scene, step: TimeStep, forces: tuple[np.ndarray, np.ndarr
 
 
 def write_streams(directory: Path, fast: pd.DataFrame, step: TimeStep) -> pd.DataFrame:
-    """Write fast.parquet and, every sample of it, signals.parquet; returns the second."""
+    """Write fast.parquet and its rows at the samples, signals.parquet. Returns the latter."""
     fast.to_parquet(directory / "fast.parquet", index=False)
     signals = fast.iloc[:: step.sample_steps // step.fast_steps].reset_index(drop=True)
     signals.to_parquet(directory / "signals.parquet", index=False)
@@ -131,7 +136,8 @@ def write_streams(directory: Path, fast: pd.DataFrame, step: TimeStep) -> pd.Dat
 
 
 def read_events(file: Path, step: TimeStep) -> pd.DataFrame:
-    """One row a broken bond: t_s, bond (1-based), agglomerate (1-based), place, mode, stress, energy, area."""
+    """Read the broken bonds, one row each: t_s, bond (1-based), agglomerate (1-based), place, mode, stress, energy,
+    area."""
     columns = ["t_s", "bond", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2"]
     if not file.exists():
         return pd.DataFrame({c: pd.Series(dtype=str if c == "mode" else int if c in columns[1:3] else float)

@@ -41,20 +41,29 @@ class Assembly:
 
     @property
     def n_particles(self) -> int:
+        """Number of sub-spheres."""
         return len(self.radius_m)
 
     @property
     def n_bonds(self) -> int:
+        """Number of bonds, 0 for unbonded spheres."""
         return len(self.bond_first)
 
     @property
     def bond_material(self) -> np.ndarray:
+        """(m,) index into `materials` of each bond."""
         return self.material[self.bond_first]
 
     @property
     def sizes(self) -> np.ndarray:
-        """Sub-spheres of each agglomerate."""
+        """Number of sub-spheres of each agglomerate."""
         return np.bincount(self.agglomerate)
+
+    @property
+    def stone_materials(self) -> list[str]:
+        """Name of the material of each agglomerate."""
+        first = np.append(0, np.cumsum(self.sizes)[:-1])
+        return [self.materials[m] for m in self.material[first]]
 
 
 def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
@@ -98,7 +107,7 @@ def _strength_factor(scene: Scene, index: int, material: str, radius_m: np.ndarr
     return own * float(strength_scale(radius_m.mean(), bond.reference_subsphere_radius_m, SIZE_EXPONENT))
 
 
-def _stone(scene: Scene, index: int):
+def _stone(scene: Scene, index: int) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
     """Centres, contact radii and bonds (first, second, vector, radius) of one stone about its own centre."""
     stones = scene.stones
     if stones.agglomerate is None:
@@ -114,8 +123,8 @@ def _stone(scene: Scene, index: int):
 
 
 def _along_z_curve(points: np.ndarray, cell: float) -> np.ndarray:
-    """Order of points (n, 3) along Morton's curve through cells of size `cell`: neighbours in space become neighbours in
-    memory, where the engine's bonds look for them."""
+    """Order of points (n, 3) along Morton's curve through cells of size `cell`: neighbours in space become neighbours
+    in memory, where the engine's bonds look for them."""
     cells = ((points - points.min(axis=0)) / cell).astype(np.int64)
     key = np.zeros(len(points), dtype=np.int64)
     for bit in range(20):

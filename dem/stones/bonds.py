@@ -17,7 +17,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import cg, eigsh
 
-from dem.stones.packing import CylinderContainer, Packing, SphereContainer, near_pairs
+from dem.stones.packing import Packing, SphereContainer, near_pairs
 
 GAP_TOLERANCE = 0.2  # of the sum of the two radii; see docs/packing.md for what other values do
 LEAST_BONDS = 3      # that hold a sub-sphere against any force
@@ -36,21 +36,13 @@ class Bonds:
 
     @property
     def length_m(self) -> np.ndarray:
+        """(m,) in the undeformed state."""
         return np.linalg.norm(self.vector_m, axis=1)
 
     @property
     def area_m2(self) -> np.ndarray:
+        """(m,) section of the beam."""
         return np.pi * self.radius_m**2
-
-    @property
-    def inertia_m4(self) -> np.ndarray:
-        """Second moment of area for bending."""
-        return np.pi * self.radius_m**4 / 4
-
-    @property
-    def polar_m4(self) -> np.ndarray:
-        """Second moment of area for twist."""
-        return np.pi * self.radius_m**4 / 2
 
     def __len__(self) -> int:
         return len(self.first)
@@ -96,26 +88,6 @@ def fragments(count: int, first: np.ndarray, second: np.ndarray, intact: np.ndar
     """Label (count,), from 0, of the piece that each sub-sphere belongs to by its `intact` (m,) bonds."""
     links = coo_matrix((np.ones(int(np.sum(intact))), (first[intact], second[intact])), shape=(count, count))
     return connected_components(links, directed=False)[1]
-
-
-def affine_modulus(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> tuple[float, float]:
-    """Young's modulus (Pa) and Poisson ratio if every sub-sphere moved with the mean strain (Voigt).
-
-    Without turning, a strain e stretches a bond by L n.e.n and shears it by L |e.n - n (n.e.n)|. The stiffness is
-    averaged over all orientations, as for an isotropic body:
-
-        9 K = sum L^2 k_n/V,    15 G = sum L^2 (k_n + 3/2 k_s)/V
-
-    which for equal touching sub-spheres is E = phi z k_n (2 + 3a)/(2 pi R (4 + a)), nu = (1 - a)/(4 + a), a = k_s/k_n.
-    V is the container's volume. Its rim outside the centres carries no load, so in a small sample the modulus by
-    force and section (network_stiffness) can lie above this one.
-    """
-    k_normal = modulus_Pa * bonds.area_m2 / bonds.length_m
-    normal = (k_normal * bonds.length_m**2).sum() / packing.container.volume_m3
-    shear = normal / stiffness_ratio
-    bulk_Pa, shear_Pa = normal / 9, (normal + 1.5 * shear) / 15
-    return (9 * bulk_Pa * shear_Pa / (3 * bulk_Pa + shear_Pa),
-            (3 * bulk_Pa - 2 * shear_Pa) / (2 * (3 * bulk_Pa + shear_Pa)))
 
 
 def bond_matrices(bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> np.ndarray:
@@ -176,7 +148,7 @@ class NetworkStiffness:
 def network_stiffness(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> NetworkStiffness:
     """Elastic constants of the network at rest (small strain, every sub-sphere in equilibrium).
 
-    A box or cylinder is pressed between two rigid frictionless platens, which hold the sub-spheres that touch them:
+    A cylinder is pressed between two rigid frictionless platens, which hold the sub-spheres that touch them:
     force over the container's section against the strain imposed on their centres; the lateral strain is fitted to
     all sub-spheres. A sphere carries the body force rho A.x for three stretches A along the axes, three shears, and
     the dilatation, and its strain energy is compared with the closed solution of a homogeneous isotropic sphere.
@@ -184,8 +156,7 @@ def network_stiffness(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffne
     matrix = stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio)
     if isinstance(packing.container, SphereContainer):
         return _sphere_stiffness(packing, matrix)
-    axes = [2] if isinstance(packing.container, CylinderContainer) else [0, 1, 2]
-    results = [_uniaxial_test(packing, matrix, axis) for axis in axes]
+    results = [_uniaxial_test(packing, matrix, axis) for axis in packing.container.pressed_axes]
     return NetworkStiffness(*np.array(results).T)
 
 
@@ -221,13 +192,13 @@ def _sphere_stiffness(packing: Packing, matrix: csr_matrix) -> NetworkStiffness:
     # The three stretches span two of the five deviators, the three shears the other three.
     deviator = (2 * stretch.mean() + 3 * shear.mean()) / 5
 
-    def excess(nu):
+    def excess(nu: float) -> float:
         of_deviator, of_dilatation = sphere_energies(nu)
         return of_deviator / of_dilatation - deviator / dilatation
 
     nu = brentq(excess, -0.99, 0.4999)
     # Energy goes with (load per volume)^2 R^7/E, and the load here is one per volume.
-    modulus = sphere_energies(nu)[0] * packing.container_radius_m**7 / stretch
+    modulus = sphere_energies(nu)[0] * packing.container.radius_m**7 / stretch
     return NetworkStiffness(modulus, np.full(3, nu))
 
 
@@ -263,7 +234,7 @@ def _inertial_energy(packing: Packing, matrix: csr_matrix, load: np.ndarray) -> 
     force[:, :3] -= share[:, None] * np.cross(np.linalg.solve(inertia, moment), x)
     # The same mean stress as in the homogeneous sphere, whose mass reaches nearer to the surface.
     virial = (force[:, :3] * pull).sum()
-    force = force.ravel() * (4 * np.pi * packing.container_radius_m**5 / 15 / virial)
+    force = force.ravel() * (4 * np.pi * packing.container.radius_m**5 / 15 / virial)
     return 0.5 * float(force @ _solve(matrix, force, _dof_scale(packing)))
 
 

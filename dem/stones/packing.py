@@ -1,4 +1,4 @@
-"""Random dense packings of sub-spheres inside a sphere, a cylinder or a box, and the touching fcc sphere.
+"""Random dense packings of sub-spheres inside a sphere or a cylinder, and the touching fcc sphere.
 
 The packing is a jammed state found by energy minimisation. Sub-spheres of fixed proportions repel each other and the
 wall like soft springs, and all of them swell together by one scale s under a constant pressure p:
@@ -27,29 +27,38 @@ TOUCHING = 5e-3  # gap below which sub-spheres count as touching, relative to th
 FCC_CENTRE = (0.05, 0.10, 0.20)
 
 
+Walls = list[tuple[np.ndarray, np.ndarray]]  # distances (n,) of points inside a wall, and its inward normals (n, 3)
+
+
 @dataclass(frozen=True)
 class SphereContainer:
+    """A sphere about the origin."""
+
     radius_m: float
+    pressed_axes = (0, 1, 2)  # along which platens can press it
 
     @property
     def volume_m3(self) -> float:
+        """Volume."""
         return 4 / 3 * np.pi * self.radius_m**3
 
     @property
     def half_size_m(self) -> np.ndarray:
+        """(3,) half of the extent along x, y, z."""
         return np.full(3, self.radius_m)
 
-    def walls(self, x):
-        """Each wall as distances (n,) of points x (n, 3) inside it and the inward normals (n, 3)."""
+    def walls(self, x: np.ndarray) -> Walls:
+        """The walls as seen from points x (n, 3)."""
         r = np.sqrt((x**2).sum(1))
         return [(self.radius_m - r, -x / np.maximum(r, 1e-300)[:, None])]
 
     def in_units(self, length_m: float) -> SphereContainer:
+        """The same in units of `length_m`."""
         return SphereContainer(self.radius_m / length_m)
 
 
-def _two_faces(x, axis, half):
-    """The walls at -half and +half of an axis."""
+def two_faces(x: np.ndarray, axis: int, half: float) -> Walls:
+    """The walls at -half and +half of an axis, for points x (n, 3)."""
     inward = np.eye(3)[axis]
     return [(half + x[:, axis], np.tile(inward, (len(x), 1))), (half - x[:, axis], np.tile(-inward, (len(x), 1)))]
 
@@ -60,47 +69,31 @@ class CylinderContainer:
 
     radius_m: float
     length_m: float
+    pressed_axes = (2,)
 
     @property
     def volume_m3(self) -> float:
+        """Volume."""
         return np.pi * self.radius_m**2 * self.length_m
 
     @property
     def half_size_m(self) -> np.ndarray:
+        """(3,) half of the extent along x, y, z."""
         return np.array([self.radius_m, self.radius_m, self.length_m / 2])
 
-    def walls(self, x):
+    def walls(self, x: np.ndarray) -> Walls:
+        """The walls as seen from points x (n, 3)."""
         r = np.sqrt((x[:, :2] ** 2).sum(1))
         side = np.zeros_like(x)
         side[:, :2] = -x[:, :2] / np.maximum(r, 1e-300)[:, None]
-        return [(self.radius_m - r, side), *_two_faces(x, 2, self.length_m / 2)]
+        return [(self.radius_m - r, side), *two_faces(x, 2, self.length_m / 2)]
 
     def in_units(self, length_m: float) -> CylinderContainer:
+        """The same in units of `length_m`."""
         return CylinderContainer(self.radius_m / length_m, self.length_m / length_m)
 
 
-@dataclass(frozen=True)
-class BoxContainer:
-    """Edges `length_m` (3,) along x, y, z, about the origin."""
-
-    length_m: tuple[float, float, float]
-
-    @property
-    def volume_m3(self) -> float:
-        return float(np.prod(self.length_m))
-
-    @property
-    def half_size_m(self) -> np.ndarray:
-        return np.array(self.length_m) / 2
-
-    def walls(self, x):
-        return [wall for k in range(3) for wall in _two_faces(x, k, self.length_m[k] / 2)]
-
-    def in_units(self, length_m: float) -> BoxContainer:
-        return BoxContainer((self.length_m[0] / length_m, self.length_m[1] / length_m, self.length_m[2] / length_m))
-
-
-Container = SphereContainer | CylinderContainer | BoxContainer
+Container = SphereContainer | CylinderContainer
 
 
 @dataclass(frozen=True)
@@ -110,28 +103,6 @@ class Packing:
     center_m: np.ndarray
     radius_m: np.ndarray
     container: Container
-
-    @property
-    def container_radius_m(self) -> float:
-        assert not isinstance(self.container, BoxContainer)
-        return self.container.radius_m
-
-    @property
-    def solid_fraction(self) -> float:
-        """Volume of the sub-spheres against the container's, its loose boundary layer included."""
-        return float(4 / 3 * np.pi * (self.radius_m**3).sum() / self.container.volume_m3)
-
-    @property
-    def coordination(self) -> float:
-        """Touching neighbours of a sub-sphere, on average."""
-        return 2 * len(near_pairs(self.center_m, self.radius_m, TOUCHING)) / len(self.radius_m)
-
-    @property
-    def max_overlap(self) -> float:
-        """Largest overlap of two sub-spheres, relative to the sum of their radii; 0 if none."""
-        i, j = near_pairs(self.center_m, self.radius_m, 0.0).T
-        distance = np.linalg.norm(self.center_m[j] - self.center_m[i], axis=1)
-        return float((1 - distance / (self.radius_m[i] + self.radius_m[j])).max(initial=0.0))
 
     @property
     def wall_gap_m(self) -> np.ndarray:
@@ -149,7 +120,7 @@ def pack_sphere(radius_m: float, count: int, seed: int, size_ratio: float = 1.5)
 
     Raises ValueError for a radius that is not positive, a count below 1, or a size_ratio outside 1..3.
     """
-    packing = _pack(SphereContainer(radius_m), count, seed, size_ratio)
+    packing = pack(SphereContainer(radius_m), count, seed, size_ratio)
     if count == 1:
         return packing
     return replace(packing, center_m=_touch_the_poles(packing))
@@ -157,12 +128,7 @@ def pack_sphere(radius_m: float, count: int, seed: int, size_ratio: float = 1.5)
 
 def pack_cylinder(radius_m: float, length_m: float, count: int, seed: int, size_ratio: float = 1.5) -> Packing:
     """As `pack_sphere`, in a cylinder along z about the origin."""
-    return _pack(CylinderContainer(radius_m, length_m), count, seed, size_ratio)
-
-
-def pack_box(length_m: tuple[float, float, float], count: int, seed: int, size_ratio: float = 1.5) -> Packing:
-    """As `pack_sphere`, in a box with edges along x, y, z about the origin."""
-    return _pack(BoxContainer((float(length_m[0]), float(length_m[1]), float(length_m[2]))), count, seed, size_ratio)
+    return pack(CylinderContainer(radius_m, length_m), count, seed, size_ratio)
 
 
 def fcc_sphere(radius_m: float, subsphere_radius_m: float | None = None) -> Packing:
@@ -184,23 +150,6 @@ def fcc_sphere(radius_m: float, subsphere_radius_m: float | None = None) -> Pack
     return Packing(center, np.full(len(center), r), SphereContainer(radius_m))
 
 
-def hull_depth_m(packing: Packing, direction: np.ndarray) -> np.ndarray:
-    """How far below the container's sphere the outermost sub-sphere is met by a ray from the centre.
-
-    `direction` (k, 3) unit vectors; returns (k,), inf where the ray meets none.
-    """
-    along = direction @ packing.center_m.T
-    miss2 = (packing.center_m**2).sum(1) - along**2
-    chord2 = packing.radius_m**2 - miss2
-    reach = np.where(chord2 >= 0, along + np.sqrt(np.maximum(chord2, 0.0)), -np.inf).max(axis=1)
-    return np.where(reach > 0, packing.container_radius_m - reach, np.inf)
-
-
-def plate_depth_m(packing: Packing, direction: np.ndarray) -> np.ndarray:
-    """How far below the container's sphere a flat plate facing `direction` (k, 3) first touches: (k,)."""
-    return packing.container_radius_m - (direction @ packing.center_m.T + packing.radius_m).max(axis=1)
-
-
 def near_pairs(center_m: np.ndarray, radius_m: np.ndarray, gap_tolerance: float) -> np.ndarray:
     """(m, 2) pairs i < j, sorted, with a gap of at most `gap_tolerance` times the sum of the two radii."""
     reach = 2 * radius_m.max() * (1 + gap_tolerance)
@@ -211,7 +160,8 @@ def near_pairs(center_m: np.ndarray, radius_m: np.ndarray, gap_tolerance: float)
     return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
-def _pack(container: Container, count: int, seed: int, size_ratio: float) -> Packing:
+def pack(container: Container, count: int, seed: int, size_ratio: float) -> Packing:
+    """A random dense packing in a container, see `pack_sphere`."""
     if not np.all(np.isfinite(container.half_size_m) & (container.half_size_m > 0)):
         raise ValueError(f"the size of {container} must be positive")
     if count < 1:
@@ -243,7 +193,7 @@ class _Swelling:
         self.x = _random_points(container, self.n, rng)
         self._list_neighbours()
 
-    def _list_neighbours(self):
+    def _list_neighbours(self) -> None:
         radius = self.scale * self.size
         i, j = cKDTree(self.x).query_pairs(2 * radius.max() + SKIN, output_type="ndarray").T
         near = np.sqrt(((self.x[j] - self.x[i]) ** 2).sum(1)) < radius[i] + radius[j] + SKIN
@@ -251,13 +201,13 @@ class _Swelling:
         self.sigma = self.size[self.i] + self.size[self.j]
         self.listed_x, self.listed_scale = self.x.copy(), self.scale
 
-    def _refresh_neighbours(self):
+    def _refresh_neighbours(self) -> None:
         moved = np.sqrt(((self.x - self.listed_x) ** 2).sum(1).max())
         swollen = (self.scale - self.listed_scale) * self.size.max()
         if 2 * (moved + swollen) > SKIN:
             self._list_neighbours()
 
-    def forces(self, pressure: float):
+    def forces(self, pressure: float) -> tuple[np.ndarray, float]:
         """-dH/dx (n, 3) and -dH/d(ln s)."""
         self._refresh_neighbours()
         branch = self.x[self.j] - self.x[self.i]
@@ -278,7 +228,7 @@ class _Swelling:
             squeeze += (overlap * (1 - overlap)).sum()
         return force, pressure * self.n - squeeze
 
-    def minimise(self, pressure: float, tolerance: float = 0.02, max_steps: int = 20000):
+    def minimise(self, pressure: float, tolerance: float = 0.02, max_steps: int = 20000) -> None:
         """FIRE until the rms force on a sub-sphere is below `tolerance` times the pressure."""
         dt, dt_max, mixing, uphill_free = 0.1, 1.0, 0.1, 0
         v, v_scale = np.zeros_like(self.x), 0.0
@@ -304,7 +254,7 @@ class _Swelling:
             self.scale *= np.exp(dt * v_scale)
         raise RuntimeError("the packing did not come to rest")
 
-    def result(self):
+    def result(self) -> tuple[np.ndarray, np.ndarray]:
         """Centres and radii, shrunk a last time where an overlap is above the tolerance."""
         radius = self.scale * self.size
         i, j = near_pairs(self.x, radius, 0.0).T

@@ -7,7 +7,7 @@ import numpy as np
 SIZE_EXPONENT = 0.4  # measured: keeps the broken area of coal at 3 m/s, whatever the number of sub-spheres
 
 
-def strength_scale(subsphere_radius_m, reference_radius_m: float, exponent: float) -> np.ndarray:
+def strength_scale(subsphere_radius_m: float | np.ndarray, reference_radius_m: float, exponent: float) -> np.ndarray:
     """Factor on both strengths of a bond: (R/R_ref)^-exponent, in the shape of `subsphere_radius_m`.
 
     A crack in a bonded packing is as blunt as one sub-sphere, so the packing's toughness follows from the strength

@@ -16,11 +16,17 @@ from analysis.real_plate import (
 )
 from analysis.theory import PLATE, ROCKS, contact_stiffness
 from common.plate import FlexiblePlate
+from common.run_summary import RecordedScene
 from plate_fem.modes import plate_modes
 from tests.analysis.synthetic import SCENE
 
 PLACES_M = np.array([[0.03, 0.02], [-0.1, 0.05]])
 SIDE_M, THICKNESS_M, E_PA, NU = 0.4, 0.004, 2.07e11, 0.3
+
+
+def run_of(path, info, **more):
+    """As much of a run as the plate needs."""
+    return SimpleNamespace(path=path, info=info, scene=RecordedScene.model_validate(info["scene"]), **more)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +41,7 @@ def run(tmp_path_factory):
     stones = {"positions": [{"x_m": x, "y_m": y} for x, y in PLACES_M]}
     scene = {"plate": table, "stones": stones}
     n_modes = plate_modes(FlexiblePlate.model_validate(table)).frequency_Hz.size
-    return SimpleNamespace(path=path, info={"scene": scene, "n_modes": n_modes})
+    return run_of(path, {"scene": scene, "n_modes": n_modes})
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +73,7 @@ def test_replayed_plate_equals_an_ordinary_integration(modes, run):
     kept = force.any(axis=1)
     kept[[0, 9, 30, 69, 95, n - 1]] = True
     fast = pd.DataFrame({"t_s": t, "force_01_N": force[:, 0], "force_02_N": force[:, 1]})[kept]
-    found = amplitude_at_peak(modes, SimpleNamespace(path=run.path, fast=fast, info=run.info))
+    found = amplitude_at_peak(modes, run_of(run.path, run.info, fast=fast))
     peak = int(np.argmax(force.sum(axis=1)))
     shapes = modes.shape_at(PLACES_M)
     for k in range(0, modes.frequency_Hz.size, 5):
@@ -88,22 +94,22 @@ def test_modes_are_those_the_run_counts(run, modes):
     table = FlexiblePlate.model_validate(run.info["scene"]["plate"])
     residual = plate_modes(table, None, PLACES_M)
     more = run.info | {"n_modes": residual.frequency_Hz.size}
-    found = modes_of(SimpleNamespace(path=run.path, info=more))
+    found = modes_of(run_of(run.path, more))
     assert found.n_residual == residual.n_residual > 0
     np.testing.assert_allclose(found.frequency_Hz, residual.frequency_Hz)
     with pytest.raises(RecordError, match="n_modes = 3;"):
-        modes_of(SimpleNamespace(path=run.path, info=run.info | {"n_modes": 3}))
+        modes_of(run_of(run.path, run.info | {"n_modes": 3}))
 
 
 def test_cached_modes_are_taken_only_if_identical(run, modes, tmp_path):
     (tmp_path / ".modes").mkdir()
-    beside = SimpleNamespace(path=tmp_path / "ratio_000", info=run.info)
+    beside = run_of(tmp_path / "ratio_000", run.info)
     modes_of(beside)
     (stored,) = (tmp_path / ".modes").glob("modes-*.npz")
     plate = run.info["scene"]["plate"] | {"thickness_m": 0.005}
     n_modes = plate_modes(FlexiblePlate.model_validate(plate)).frequency_Hz.size
     other = {"scene": run.info["scene"] | {"plate": plate}, "n_modes": n_modes}
-    found = modes_of(SimpleNamespace(path=beside.path, info=other))
+    found = modes_of(run_of(beside.path, other))
     assert stored.exists() and found.frequency_Hz[0] > 1.2 * modes.frequency_Hz[0]
     np.testing.assert_array_equal(modes_of(beside).frequency_Hz, modes.frequency_Hz)
 
@@ -111,7 +117,7 @@ def test_cached_modes_are_taken_only_if_identical(run, modes, tmp_path):
 def test_stress_under_a_contact_is_hertz_and_bending(modes):
     """At the centre of a contact: sx = sy = -(1 + 2 nu) p0 / 2, sz = -p0 (Johnson 1985), so 0.2 p0 at nu 0.3."""
     forces = np.linspace(100.0, 1000.0, 10)
-    run = SimpleNamespace(path="run", info={"scene": SCENE}, materials=["coal"] * 5 + ["gangue"] * 5)
+    run = run_of("run", {"scene": SCENE}, materials=["coal"] * 5 + ["gangue"] * 5)
     contacts = hertz_contacts(run, forces)
     for contact, force, name in zip(contacts, forces, run.materials, strict=True):
         stiffness = contact_stiffness(ROCKS[name], 0.025, PLATE)
@@ -135,4 +141,4 @@ def test_values_between_nodes_are_those_of_a_smooth_field(modes):
 
 def test_rigid_plate_has_no_modes(run):
     with pytest.raises(RecordError, match="flexible"):
-        modes_of(SimpleNamespace(path=run.path, info={"scene": SCENE}))
+        modes_of(run_of(run.path, {"scene": SCENE}))

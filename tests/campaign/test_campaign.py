@@ -13,7 +13,7 @@ import pytest
 from common.scene import read_scene, scene_hash
 from common.tables import InputError
 from dem.__main__ import main
-from dem.batch.campaign import as_toml, plan, read_plan, write_plan
+from dem.batch.campaign import inline_toml, plan_campaign, read_campaign_runs, write_campaign_runs
 from tests.campaign.private_slurm import missing, private_slurm
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,7 +22,7 @@ COAL_N, GANGUE_N = 4261.6, 7646.3  # at 3 m/s
 
 
 def campaign_file(directory, **vary):
-    lines = "".join(f'"{key}" = {as_toml(value)}\n' for key, value in vary.items())
+    lines = "".join(f'"{key}" = {inline_toml(value)}\n' for key, value in vary.items())
     file = directory / "campaign.toml"
     file.write_text(f'scene = "{STONE}"\n[vary]\n{lines}')
     return file
@@ -37,8 +37,8 @@ def run_campaign(file, out, *arguments, environment=None):
 
 def assert_hertz(out):
     """Every run of the plan is there, and its peak force goes with the 6/5th power of the speed."""
-    for place in read_plan(out):
-        info = json.loads((out / place / "run.json").read_text())
+    for directory in read_campaign_runs(out):
+        info = json.loads((out / directory / "run.json").read_text())
         peak = GANGUE_N if info["gangue_ratio"] else COAL_N
         speed = info["scene"]["stones"]["speed_m_s"]
         assert info["status"] == "finished"
@@ -50,25 +50,25 @@ def test_a_campaign_runs_what_is_missing_and_each_group_is_laid_out_as_a_sweep(t
     out = tmp_path / "out"
     first = run_campaign(campaign_file(tmp_path, **{"stones.gangue_ratio": [0.0]}), out)
     assert first.returncode == 0 and "1 runs, 1 to run" in first.stdout, first.stderr
-    (begun,) = out.glob("*/*/run.json")
-    before = begun.stat().st_mtime_ns
+    (first_run,) = out.glob("*/*/run.json")
+    before = first_run.stat().st_mtime_ns
     again = run_campaign(campaign_file(tmp_path, **{"stones.gangue_ratio": [1.0, 0.0]}), out)
     assert again.returncode == 0 and "2 runs, 1 to run" in again.stdout, again.stderr
     assert_hertz(out)
-    assert sorted(p.name for p in begun.parents[1].glob("ratio_*")) == ["ratio_000", "ratio_100"]
-    assert begun.stat().st_mtime_ns == before
+    assert sorted(p.name for p in first_run.parents[1].glob("ratio_*")) == ["ratio_000", "ratio_100"]
+    assert first_run.stat().st_mtime_ns == before
 
 
 def test_a_plan_holds_every_combination_once_and_repeats(tmp_path):
     file = campaign_file(tmp_path, **{"stones.speed_m_s": [1.0, 2.0, 2.0], "stones.gangue_ratio": [0.0, 1.0],
                                       "stones.positions": [[{"x_m": 0.0, "y_m": 0.0}], [{"x_m": 0.1, "y_m": 0.0}]]})
-    scene_file, runs = plan(file)
-    assert scene_file == STONE and len(runs) == len({run.place for run in runs}) == 2 * 2 * 2
-    assert plan(file)[1] == runs
-    write_plan(runs, tmp_path)
+    scene_file, runs = plan_campaign(file)
+    assert scene_file == STONE and len(runs) == len({run.directory for run in runs}) == 2 * 2 * 2
+    assert plan_campaign(file)[1] == runs
+    write_campaign_runs(runs, tmp_path)
     assert list(pd.read_csv(tmp_path / "plan.csv")["stones.speed_m_s"].unique()) == [1.0, 2.0]
     # What `--set` reads is what was planned.
-    np_ranks, arguments = read_plan(tmp_path)[runs[5].place]
+    np_ranks, arguments = read_campaign_runs(tmp_path)[runs[5].directory]
     assert np_ranks == 1
     assert main(["deck", str(STONE), *arguments, "--out", str(tmp_path / "deck")]) == 0
     assert f"velocity        all set 0 0 {-runs[5].changes['stones.speed_m_s']}" in (
@@ -77,12 +77,12 @@ def test_a_plan_holds_every_combination_once_and_repeats(tmp_path):
 
 def test_a_changed_scene_gets_other_directories(tmp_path):
     vary = {"stones.gangue_ratio": [0.0]}
-    before = {run.place for run in plan(campaign_file(tmp_path, **vary))[1]}
+    before = {run.directory for run in plan_campaign(campaign_file(tmp_path, **vary))[1]}
     changed = tmp_path / "changed.toml"
     changed.write_text(STONE.read_text().replace("duration_s = 3e-4", "duration_s = 4.5e-4"))
     file = campaign_file(tmp_path, **vary)
     file.write_text(file.read_text().replace(str(STONE), str(changed)))
-    after = {run.place for run in plan(file)[1]}
+    after = {run.directory for run in plan_campaign(file)[1]}
     assert before.isdisjoint(after)
     assert scene_hash(read_scene(changed)) != scene_hash(read_scene(STONE))
 
@@ -97,7 +97,7 @@ def test_a_changed_scene_gets_other_directories(tmp_path):
 ])  # fmt: skip
 def test_a_wrong_campaign_is_refused_before_anything_is_written(tmp_path, vary, words):
     with pytest.raises(InputError) as error:
-        plan(campaign_file(tmp_path, **vary))
+        plan_campaign(campaign_file(tmp_path, **vary))
     assert all(word in str(error.value) for word in words) and "\n" not in str(error.value)
 
 
@@ -117,5 +117,5 @@ def test_two_hundred_runs_through_slurm(tmp_path):
     with private_slurm(tmp_path / "slurm", cpus=2) as environment:
         done = run_campaign(file, tmp_path / "out", "--profile", "slurm", "--jobs", "50", environment=environment)
     assert done.returncode == 0, done.stderr[-3000:]
-    assert len(read_plan(tmp_path / "out")) == 200
+    assert len(read_campaign_runs(tmp_path / "out")) == 200
     assert_hertz(tmp_path / "out")

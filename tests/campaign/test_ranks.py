@@ -16,7 +16,7 @@ def test_two_ranks_give_the_signals_of_one(tmp_path):
     signals, info = {}, {}
     for ranks in (1, 2):
         scene = changed_scene(SMALL, {
-            "engine.np": ranks, "time.idle_tolerance": 0.0, "time.duration_s": 9e-4, "output": None,
+            "engine.np": ranks, "time.free_flight_tolerance": 0.0, "time.duration_s": 9e-4, "output": None,
             "stones.agglomerate.unbreakable": True, "plate.max_frequency_Hz": 2000.0})
         info[ranks] = run_scene(scene, "small.toml", tmp_path / f"{ranks}")
         signals[ranks] = pd.read_parquet(tmp_path / f"{ranks}" / "fast.parquet")

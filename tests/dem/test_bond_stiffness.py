@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from packings import BoxContainer, pack_box
 from scipy.linalg import eigh
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh, spsolve
@@ -12,7 +13,6 @@ from dem.deck.time_step import bond_fraction, undamped_limit
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import (
     Bonds,
-    affine_modulus,
     bond_matrices,
     bond_network,
     highest_frequency_rad_s,
@@ -20,7 +20,7 @@ from dem.stones.bonds import (
     sphere_energies,
     stiffness_matrix,
 )
-from dem.stones.packing import BoxContainer, Packing, fcc_sphere, pack_box, pack_cylinder, pack_sphere
+from dem.stones.packing import Packing, pack_cylinder, pack_sphere
 
 E = 5e9
 
@@ -101,42 +101,6 @@ def test_simple_cubic_box_has_the_modulus_of_its_columns():
     result = network_stiffness(packing, bonds, E, 3.0)
     assert result.youngs_modulus_Pa == pytest.approx(np.full(3, E * np.pi * (0.35 * d) ** 2 / d**2), rel=1e-8)
     assert result.poisson_ratio == pytest.approx(np.zeros(3), abs=1e-8)
-
-
-def test_affine_modulus_is_the_orientation_average_of_the_energy():
-    """E from the strain energy of random uniaxial and isotropic strains, bond by bond, without turning."""
-    packing, ratio = pack_box((1.0, 1.0, 1.0), 400, seed=2), 2.5
-    bonds = bond_network(packing)
-    k_n = E * bonds.area_m2 / bonds.length_m
-    rng = np.random.default_rng(3)
-
-    def energy(strain):
-        motion = bonds.vector_m @ strain
-        n = bonds.vector_m / bonds.length_m[:, None]
-        along = (motion * n).sum(1)
-        return (k_n * (along**2 + ((motion**2).sum(1) - along**2) / ratio)).sum() / 2
-
-    axis = rng.normal(size=(4000, 3))
-    axis /= np.linalg.norm(axis, axis=1)[:, None]
-    uniaxial = np.mean([energy(np.outer(a, a)) for a in axis])
-    bulk = energy(np.eye(3)) * 2 / 9          # U = 9 K/2
-    p_wave = 2 * uniaxial                     # U = (K + 4 G/3)/2
-    shear = 0.75 * (p_wave - bulk)
-    modulus, nu = affine_modulus(packing, bonds, E, ratio)
-    assert modulus == pytest.approx(9 * bulk * shear / (3 * bulk + shear), rel=2e-3)
-    assert nu == pytest.approx((3 * bulk - 2 * shear) / (6 * bulk + 2 * shear), abs=2e-3)
-
-
-def test_affine_modulus_of_equal_touching_subspheres():
-    """The closed form E = phi z k_n (2 + 3a)/(2 pi R (4 + a)), nu = (1 - a)/(4 + a) with a = k_s/k_n."""
-    packing, ratio = fcc_sphere(0.025), 2.17
-    bonds = bond_network(packing)
-    r, a = packing.radius_m[0], 1 / ratio
-    k_n = E * np.pi * r**2 / (2 * r)
-    z = 2 * len(bonds) / len(packing.radius_m)
-    modulus, nu = affine_modulus(packing, bonds, E, ratio)
-    assert modulus == pytest.approx(packing.solid_fraction * z * k_n * (2 + 3 * a) / (2 * np.pi * r * (4 + a)))
-    assert nu == pytest.approx((1 - a) / (4 + a))
 
 
 def ball(nu, degree):

@@ -8,17 +8,17 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from decks import HEAD, MATERIAL, bond_line, fcc_ball, frames, ledger, write_files
+from decks import FREE_FLIGHT, HEAD, MATERIAL, bond_line, fcc_ball, frames, ledger, write_files
 
 from dem.coupling.launch import ENGINE
 
 EVERY, STEPS = 250, 1000
-IDLE = ("fix gravity all gravity 6000 vector 0 0 -1\n"
-        "fix free_flight all free_flight agglomerates agglomerates.txt gravity 6000 speed 5 tolerance 1e-3 every 50\n")
+AWAY = ("fix gravity all gravity 6000 vector 0 0 -1\n"
+        f"fix free_flight all {FREE_FLIGHT} agglomerates agglomerates.txt gravity 6000 speed 5 tolerance 1e-3 every 50\n")
 STREAMS = ("view.dump", "forces.bin", "ledger.bin", "events.csv")
 
 
-def write_strike(directory, steps=STEPS, idle=""):
+def write_strike(directory, steps=STEPS, extra=""):
     """A ball hits the rigid plate aslant, breaks, and its sub-spheres rub on each other and on the plate."""
     body = fcc_ball(5)
     body.center_m[:, 2] += 1e-5 - (body.center_m[:, 2] - body.radius_m).min()
@@ -29,7 +29,7 @@ def write_strike(directory, steps=STEPS, idle=""):
         "fix ledger all ledger agglomerates agglomerates.txt every 50 file ledger.bin\n"
         "fix motion all nve/sphere\n" + bond_line(tension=1e6, shear=1e6, damping_time=0.1 * t0) +
         "fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
-        "contact model hertz tangential history primitive type 2 zplane 0.0\n" + idle +
+        "contact model hertz tangential history primitive type 2 zplane 0.0\n" + extra +
         "velocity all set 2 1 -5 units box\n"
         f"dump view all custom {EVERY} view.dump id x y z vx vy vz omegax omegay omegaz fx fy fz tqx tqy tqz mass radius\n"
         f'dump_modify view format "%d{17 * " %.17g"}" append yes\n'
@@ -100,9 +100,9 @@ def test_a_split_run_is_the_undisturbed_one(tmp_path, ranks):
 
 
 def bodies_away(checkpoint):
-    """How many bodies fix free_flight has in a checkpoint of the engine."""
+    """How many bodies the fix for free flight has in a checkpoint of the engine."""
     data = checkpoint.read_bytes()
-    at = data.index(b"free_flight\0".ljust(32, b"\0")) + 32
+    at = data.index(f"{FREE_FLIGHT}\0".encode().ljust(32, b"\0")) + 32
     return int(np.frombuffer(data, "<f8", 1, at + 8)[0])
 
 
@@ -112,7 +112,7 @@ def test_a_run_with_bodies_in_the_air_is_split(tmp_path):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     for directory in (whole, parts):
         directory.mkdir()
-        write_strike(directory, steps, IDLE)
+        write_strike(directory, steps, AWAY)
     output, _ = engine(whole, 1).communicate(timeout=60)
     assert len(ledger(whole).step) == steps // 50, output[-1500:]
     away = split(parts, 1, lambda: bodies_away(next((parts / "checkpoint").iterdir())))

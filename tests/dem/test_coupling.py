@@ -6,9 +6,10 @@ import pytest
 from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
-import dem.run.run
+import dem.run.participants
 from dem.coupling.pipes import PlatePipes
-from dem.run.run import Stages, prepare, run_model, run_scene
+from dem.run.prepare import prepare
+from dem.run.run import run_prepared, run_scene
 from plate_fem.modes import PlateModes, plate_modes
 
 STEEL = {"density_kg_m3": 7833.0, "youngs_modulus_Pa": 206.8e9, "poisson_ratio": 0.28}
@@ -59,9 +60,9 @@ def ball_on_plate(tmp_path, radius, thickness, length, speed, duration, max_freq
         **{f"plate.{key}": value for key, value in STEEL.items()}, "plate.damping_ratio": 0.0,
         "plate.edges": "simply_supported", "plate.length_m": length, "plate.width_m": length,
         "plate.thickness_m": thickness, "plate.max_frequency_Hz": 2000.0})
-    model = prepare(scene, "ball", tmp_path / ".modes", Stages())
+    model = prepare(scene, "ball", tmp_path / ".modes")
     model.modes = navier_modes(length, thickness, STEEL, max_frequency_Hz)
-    summary = run_model(model, "ball", tmp_path / "run", Stages())
+    summary = run_prepared(model, tmp_path / "run")
     return summary, pd.read_parquet(tmp_path / "run" / "fast.parquet")
 
 
@@ -211,7 +212,7 @@ def test_lasting_contact_stays_stable(runs, case, changes):
 
 
 def test_chips_need_the_plate_seldom(runs, monkeypatch):
-    """While chips hop one exchange serves several co-steps: fewer exchanges, and the same motion, as with one a co-step."""
+    """While chips hop one message serves several co-steps: fewer messages, and the same motion, as with one a co-step."""
     received = []
 
     class CountedPipes(PlatePipes):
@@ -219,7 +220,7 @@ def test_chips_need_the_plate_seldom(runs, monkeypatch):
             received[-1] += 1
             return super().receive()
 
-    monkeypatch.setattr(dem.run.run, "PlatePipes", CountedPipes)
+    monkeypatch.setattr(dem.run.participants, "PlatePipes", CountedPipes)
     scene = {"stones.agglomerate.subspheres": 200, "output": None, "time.duration_s": 0.02}
     found = []
     for co_step in (None, 6):

@@ -8,7 +8,7 @@ from scenes_of_tests import SCENES, changed
 
 from common.scene import read_scene
 from common.tables import InputError
-from dem.batch.dataset import build, read_plan
+from dem.batch.dataset import build, plan_dataset
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
 
@@ -39,19 +39,19 @@ def plan(tmp_path, text=PLAN, name="plan.toml"):
 
 
 def test_a_group_is_one_draw_and_a_seed_gives_the_same_again(tmp_path):
-    runs = {str(run.place): run.scene for run in read_plan(plan(tmp_path))}
+    runs = {str(run.directory): run.scene for run in plan_dataset(plan(tmp_path))}
     assert len(runs) == 33 + 22
     ring = [runs[f"ring/001/ratio_{10 * k:03d}"] for k in range(11)]
     assert len({scene.stones.seed for scene in ring}) == len({scene.stones.gangue_order for scene in ring}) == 1
     assert [scene.stones.gangue_ratio for scene in ring] == [k / 10 for k in range(11)]
     assert runs["ring/002/ratio_050"].stones.gangue_order != ring[0].stones.gangue_order
     fewer = PLAN[:PLAN.index("[families.ring]")] + PLAN[PLAN.index("[families.free]"):].replace("groups = 22", "groups = 11")
-    for run in read_plan(plan(tmp_path, fewer, "fewer.toml")):
-        assert runs[str(run.place)] == run.scene
+    for run in plan_dataset(plan(tmp_path, fewer, "fewer.toml")):
+        assert runs[str(run.directory)] == run.scene
 
 
 def test_ranges_are_kept_and_ratios_come_equally_often(tmp_path):
-    free = [run.scene for run in read_plan(plan(tmp_path)) if run.place.parts[0] == "free"]
+    free = [run.scene for run in plan_dataset(plan(tmp_path)) if run.directory.parts[0] == "free"]
     ratios = [scene.stones.gangue_ratio for scene in free]
     assert all(ratios.count(k / 10) == 2 for k in range(11))
     for value, low, high in [([s.stones.speed_m_s for s in free], 2, 4), ([s.plate.damping_ratio for s in free], 0.005, 0.02),
@@ -90,7 +90,7 @@ def test_a_stone_that_arrives_later_lies_higher():
 def test_a_wrong_plan_is_refused_in_one_line(tmp_path, old, new, words):
     assert old in PLAN
     with pytest.raises(InputError) as refused:
-        read_plan(plan(tmp_path, PLAN.replace(old, new, 1)))
+        plan_dataset(plan(tmp_path, PLAN.replace(old, new, 1)))
     assert "\n" not in str(refused.value) and all(word in str(refused.value) for word in words)
 
 

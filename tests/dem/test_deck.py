@@ -6,7 +6,7 @@ import pytest
 from scenes_of_tests import SCENES, changed
 
 from dem.deck.render import render
-from dem.deck.time_step import time_step
+from dem.deck.time_step import step_limits, time_step
 from dem.run.recorder import PlateRecorder
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
@@ -21,18 +21,19 @@ PARTS = {
     "friction history": r"tangential history",
     "rolling": r"rolling",
     "gravity": r"^fix gravity ",
-    "plate exchange": r"to_plate|shapes\.bin",
+    "coupling": r"to_plate|shapes\.bin",
     "pictures": r"^dump ",
     "plasticity": r"yield_pressure",
-    "idle bodies": r"^fix free_flight ",
-    "light contact": r" weak_contact ",
+    "free flight": r"^fix free_flight ",
+    "weak contact": r" weak_contact ",
 }
 NAMES = sorted(file.stem for file in SCENES.glob("*.toml") if "[stones]" in file.read_text())  # others list runs
 
 
 def deck_of(scene):
     assembly = assemble(scene, arrange(scene, "scene"))
-    text = render(scene, assembly, time_step(scene, assembly, "scene", 0.1 if scene.plate.model == "flexible" else None))
+    step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1 if scene.plate.model == "flexible" else None)
+    text = render(scene, assembly, step)
     return {part for part, pattern in PARTS.items() if re.search(pattern, text, re.MULTILINE)}, text
 
 
@@ -47,11 +48,11 @@ def needed(scene):
         "friction": rubs,
         "friction history": rubs,
         "gravity": scene.time.gravity_m_s2 > 0,
-        "plate exchange": scene.plate.model == "flexible",
+        "coupling": scene.plate.model == "flexible",
         "pictures": scene.output.view_interval_s is not None,
         "plasticity": scene.plate.yield_stress_Pa is not None,
-        "idle bodies": scene.time.idle_tolerance > 0,
-        "light contact": scene.plate.model == "flexible" and table is not None and scene.time.co_step is None,
+        "free flight": scene.time.free_flight_tolerance > 0,
+        "weak contact": scene.plate.model == "flexible" and table is not None and scene.time.co_step is None,
     }.items() if wanted}
 
 
@@ -73,14 +74,14 @@ RIGID = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_k
                    "poisson_ratio": 0.3}}
 OMISSIONS = {
     # whole spheres press too little to yield, and a rigid plate does not yield at all
-    "bonds": ({"stones.agglomerate": None}, {"bonds", "bond damping", "light contact", "plasticity"}),
+    "bonds": ({"stones.agglomerate": None}, {"bonds", "bond damping", "weak contact", "plasticity"}),
     "damping": ({"stones.agglomerate.damping_ratio": 0.0}, {"bond damping"}),
     "friction": (SMOOTH, {"friction", "friction history"}),
     "gravity": ({"time.gravity_m_s2": None}, {"gravity"}),
-    "plate": (RIGID, {"plate exchange", "light contact", "plasticity"}),
+    "plate": (RIGID, {"coupling", "weak contact", "plasticity"}),
     "plasticity": ({"plate.yield_stress_Pa": None}, {"plasticity"}),
-    "idle bodies": ({"time.idle_tolerance": 0.0}, {"idle bodies"}),
-    "co-step of its own": ({"time.co_step": 1}, {"light contact"}),
+    "free flight": ({"time.free_flight_tolerance": 0.0}, {"free flight"}),
+    "co-step of its own": ({"time.co_step": 1}, {"weak contact"}),
     "pictures": ({"output": None}, {"pictures"}),
 }
 

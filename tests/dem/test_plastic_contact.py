@@ -8,8 +8,9 @@ from decks import run_engine
 from scenes_of_tests import changed, hertz
 
 from dem.deck.render import write_deck
+from dem.run.prepare import prepare
 from dem.run.recorder import read_forces
-from dem.run.run import Stages, prepare, run_scene
+from dem.run.run import run_scene
 from plate_fem.plasticity import PlasticContact
 
 YIELD_STRESS_Pa = 345e6
@@ -45,7 +46,7 @@ def test_a_plate_that_stays_elastic_is_told_so_and_pays_nothing(tmp_path):
               for stress in (YIELD_STRESS_Pa, 1e12)]
     texts = []
     for k, scene in enumerate(scenes):
-        model = prepare(scene, "elastic", None, Stages())
+        model = prepare(scene, "elastic", None)
         write_deck(tmp_path / str(k), scene, model.assembly, model.step, None)
         texts.append((tmp_path / str(k) / "deck.liggghts").read_text())
     assert texts[0] == texts[1] and "yield_pressure" not in texts[0]
@@ -60,7 +61,7 @@ def bounces(directory, gravity, sideways, duration, edit=lambda text: text):
     """The engine with a sphere that falls again and again: step and push of each recorded co-step, and dt."""
     scene = changed("hertz_gangue", {"plate.yield_stress_Pa": YIELD_STRESS_Pa, "stones.speed_m_s": 6.0,
                                      "time.gravity_m_s2": gravity, "time.duration_s": duration})
-    model = prepare(scene, "bounces", None, Stages())
+    model = prepare(scene, "bounces", None)
     write_deck(directory, scene, model.assembly, model.step, None)
     text = (directory / "deck.liggghts").read_text()
     assert text.count("set 0 0 -6.0") == 1

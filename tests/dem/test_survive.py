@@ -17,7 +17,7 @@ from scenes_of_tests import SCENES
 
 from common.tables import InputError
 from dem.coupling.checkpoint import latest
-from dem.run.directory import Unfinished
+from dem.run.directory import RunDirectory
 from dem.run.run import resume
 
 DEM = [sys.executable, "-m", "dem"]
@@ -100,7 +100,7 @@ def kill_and_go_on(scene, undisturbed, kills, rng, not_before_checkpoint):
             engine = engine_of(process)
             moment = rng.uniform(0, length_s)
             while not_before_checkpoint and process.poll() is None and not latest(
-                    Unfinished(out).path / "deck" / "checkpoint", flexible=True):
+                    RunDirectory(out).path / "deck" / "checkpoint", flexible=True):
                 time.sleep(0.01)
             if engine and done < kills:
                 try:
@@ -143,12 +143,12 @@ def test_walltime_stops_at_a_checkpoint_and_resume_goes_on(scene, undisturbed):
     assert "stopped at the checkpoint" in error and "dem resume" in error and not out.exists()
     assert start("resume", out.with_name("stopped.partial")).wait(timeout=60) == 0
     check_same(out, undisturbed)
-    assert not list(out.glob("deck/checkpoint*")) and not (out / "begun.json").exists()
+    assert not list(out.glob("deck/checkpoint*")) and not (out / "started.json").exists()
     assert start("resume", out).wait(timeout=60) == 0  # nothing left to do
 
 
 def test_there_must_be_something_to_resume(tmp_path):
-    with pytest.raises(InputError, match="no run was begun here"):
+    with pytest.raises(InputError, match="no run was started here"):
         resume(tmp_path / "nothing")
     assert not list(tmp_path.iterdir())
 
@@ -157,6 +157,6 @@ def test_two_processes_do_not_work_on_one_run(scene, undisturbed, monkeypatch):
     import dem.run.directory
 
     monkeypatch.setattr(dem.run.directory, "LOCK_WAIT_s", 0.2)
-    first, second = (Unfinished(scene.parent / "both").claimed() for _ in range(2))
+    first, second = (RunDirectory(scene.parent / "both").claimed() for _ in range(2))
     with first, pytest.raises(dem.run.directory.Busy, match="another process"), second:
         pass

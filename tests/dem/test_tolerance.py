@@ -8,7 +8,7 @@ from scenes_of_tests import changed
 
 from common.error_laws import Law, law, least_tolerance
 from common.tables import InputError
-from dem.deck.time_step import accuracy_settings, stone_contact_time_s, time_step
+from dem.deck.time_step import accuracy_settings, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import expected_error, with_tolerance
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
@@ -43,7 +43,7 @@ def settings_of(tolerance):
     scene = changed("single", WITHOUT_MODES | {"tolerance": tolerance})
     assembly = assemble(scene, arrange(scene, "scene"))
     contact = stone_contact_time_s(scene, assembly)
-    step = time_step(scene, assembly, "scene", 0.1)
+    step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     plate = with_tolerance(scene.plate, scene.tolerance, contact, bonded=True)
     return step, plate, expected_error(accuracy_settings(scene.model_copy(update={"plate": plate}), assembly, step))
 

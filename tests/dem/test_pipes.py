@@ -1,4 +1,4 @@
-"""The contract of docs/exchange.md, each side alone against a stand-in for the other, and what happens when one fails."""
+"""The contract of docs/coupling.md, each side alone against a stand-in for the other, and what happens when one fails."""
 
 import os
 import signal
@@ -15,11 +15,12 @@ from scenes_of_tests import SCENES, changed
 from scipy.linalg import expm
 
 from dem.coupling.launch import ENGINE
-from dem.coupling.pipes import ExchangeError, PlatePipes
-from dem.coupling.scheme import follow
+from dem.coupling.messages import CouplingError
+from dem.coupling.participant import PlateParticipant
+from dem.coupling.pipes import PlatePipes
 from dem.deck.render import write_deck
 from dem.deck.time_step import TimeStep
-from dem.run.run import Stages, prepare
+from dem.run.prepare import prepare
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
 
@@ -75,11 +76,11 @@ def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
     """Lasting contact: mass and plate on springs, against the matrix exponential, to 1e-4 over several periods."""
     count, interval = 2000, 1e-5
     motion = ModalMotion(one_mode(), interval)
-    pipes = PlatePipes(tmp_path, 1, lambda: True, timeout_s=20)
+    pipes = PlatePipes(tmp_path, 1, timeout_s=20)
     engine = FakeEngine(tmp_path, mass=0.3, stiffness=1e6, co_steps=count, interval_s=interval)
     engine.start()
-    pipes.open()
-    follow(motion, pipes, steps(10 * count), lambda *row: None)
+    pipes.open(lambda: True)
+    PlateParticipant(motion, steps(10 * count), lambda *row: None).run(pipes)
     pipes.close()
     engine.join(5)
     omega2 = (2 * np.pi * FREQUENCY_Hz) ** 2
@@ -95,7 +96,7 @@ def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
 
 def opened(directory, alive=lambda: True, timeout_s=1.0):
     """The plate's end open, and the engine's end in the hand of the test."""
-    pipes = PlatePipes(directory, 1, alive, timeout_s=timeout_s)
+    pipes = PlatePipes(directory, 1, timeout_s=timeout_s)
     ends = []
 
     def other_side():
@@ -104,7 +105,7 @@ def opened(directory, alive=lambda: True, timeout_s=1.0):
 
     thread = threading.Thread(target=other_side, daemon=True)
     thread.start()
-    pipes.open()
+    pipes.open(alive)
     thread.join(5)
     return pipes, ends
 
@@ -115,7 +116,7 @@ def test_an_engine_that_died_is_seen_at_once(tmp_path):
     living[0] = False
     os.close(ends[0])
     start = time.monotonic()
-    with pytest.raises(ExchangeError, match="the engine ended before the plate did"):
+    with pytest.raises(CouplingError, match="the engine ended before the plate did"):
         pipes.receive()
     assert time.monotonic() - start < 5
     pipes.close()
@@ -123,7 +124,7 @@ def test_an_engine_that_died_is_seen_at_once(tmp_path):
 
 def test_a_stuck_engine_is_given_up(tmp_path):
     pipes, _ = opened(tmp_path, timeout_s=0.5)
-    with pytest.raises(ExchangeError, match="said nothing for 0.5 s"):
+    with pytest.raises(CouplingError, match="said nothing for 0.5 s"):
         pipes.receive()
     pipes.close()
 
@@ -131,7 +132,7 @@ def test_a_stuck_engine_is_given_up(tmp_path):
 def test_a_force_that_is_no_number_is_refused(tmp_path):
     pipes, ends = opened(tmp_path)
     os.write(ends[0], struct.pack("<qqqd", 7, 1, 1, float("nan")))
-    with pytest.raises(ExchangeError, match="no number at step 7"):
+    with pytest.raises(CouplingError, match="no number at step 7"):
         pipes.receive()
     pipes.close()
 
@@ -139,7 +140,7 @@ def test_a_force_that_is_no_number_is_refused(tmp_path):
 def test_an_engine_that_reads_no_more_is_seen(tmp_path):
     pipes, ends = opened(tmp_path)
     os.close(ends[1])
-    with pytest.raises(ExchangeError, match="does not read any more"):
+    with pytest.raises(CouplingError, match="does not read any more"):
         pipes.answer(0, 0.0, np.zeros(1), np.zeros(1))
     pipes.close()
 
@@ -149,7 +150,7 @@ def test_an_engine_that_reads_no_more_is_seen(tmp_path):
 def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate, words):
     """The real engine against a fake plate that fails at the first record."""
     scene = changed("elastic_plate", {"plate.max_frequency_Hz": 500.0})
-    model = prepare(scene, "scene", tmp_path / ".modes", Stages())
+    model = prepare(scene, "scene", tmp_path / ".modes")
     write_deck(tmp_path / "deck", scene, model.assembly, model.step, model.modes)
     n = len(model.modes.frequency_Hz)
     for name in ("to_plate", "from_plate"):

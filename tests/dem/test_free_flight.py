@@ -1,11 +1,11 @@
-"""Bodies out of the force loops: what a jump keeps, and brute force beside it. docs/idle.md."""
+"""Bodies out of the force loops: what a jump keeps, and brute force beside it. docs/free_flight.md."""
 
 import re
 
 import numpy as np
 import pandas as pd
 import pytest
-from decks import Body, bond_line, deck, fcc_ball, frames, ledger, run_engine, write_files
+from decks import FREE_FLIGHT, Body, bond_line, deck, fcc_ball, frames, ledger, run_engine, write_files
 from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
@@ -13,7 +13,7 @@ from dem.run.run import run_scene
 
 GRAVITY = 9.8
 DT = 2e-7
-IDLE = f"fix free_flight all free_flight agglomerates agglomerates.txt gravity {GRAVITY} speed 3 tolerance {{}} every 50\n"
+FREE = f"fix free_flight all {FREE_FLIGHT} agglomerates agglomerates.txt gravity {GRAVITY} speed 3 tolerance {{}} every 50\n"
 WEIGHT = f"fix gravity all gravity {GRAVITY} vector 0 0 -1\n"
 PLATE = ("fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
          "contact model hertz tangential history primitive type 2 zplane 0.0\n")
@@ -48,7 +48,7 @@ def test_all_bodies_may_leave_where_a_checkpoint_begins_anew(tmp_path):
     body = bracket()
     write_files(tmp_path, body)
     output = run_engine(tmp_path, deck(
-        DT, 20_000, 10_000, bonds=bond_line(tension=1e6, shear=1e6, damping_time=1e-7), lines=WEIGHT + IDLE.format(1)
+        DT, 20_000, 10_000, bonds=bond_line(tension=1e6, shear=1e6, damping_time=1e-7), lines=WEIGHT + FREE.format(1)
         + "fix checkpoint all checkpoint every 50 directory checkpoint resume 0\n",
         velocity=throw(body, np.array([40.0, -250.0, 90.0]), np.array([0.5, 0.2, 2.0]))
         + "thermo 5000\nthermo_style custom step atoms\nthermo_modify lost ignore\n"))
@@ -58,12 +58,12 @@ def test_all_bodies_may_leave_where_a_checkpoint_begins_anew(tmp_path):
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    """A bracket thrown with a spin about none of its axes, 0.1 s of flight, idle nearly from the start."""
+    """A bracket thrown with a spin about none of its axes, 0.1 s of flight, out of the force loops nearly from the start."""
     directory = tmp_path_factory.mktemp("flight")
     body = bracket()
     write_files(directory, body)
     output = run_engine(directory, deck(
-        DT, 500_000, 10_000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + IDLE.format(1),
+        DT, 500_000, 10_000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + FREE.format(1),
         velocity=throw(body, np.array([40.0, -250.0, 90.0]), np.array([0.5, 0.2, 2.0]))
         + "thermo 5000\nthermo_style custom step atoms\nthermo_modify lost ignore\n"))
     return directory, output
@@ -80,13 +80,13 @@ def test_momentum_and_energy_are_kept_over_the_flight(flight):
     """To 1e-9 from the first frame in the air to the last: closed form of momentum, energy with its potential."""
     directory, _ = flight
     f = frames(directory)
-    idle = slice(1, None)
-    t = f.step[idle] * DT
-    momentum, angular, kinetic = (q[idle] for q in moments(f.x, f.v, f.omega, f.mass, f.radius))
+    free = slice(1, None)
+    t = f.step[free] * DT
+    momentum, angular, kinetic = (q[free] for q in moments(f.x, f.v, f.omega, f.mass, f.radius))
     total = f.mass[0].sum()
     expected = momentum[0] + np.outer(t - t[0], [0, 0, -total * GRAVITY])
     assert np.abs(momentum - expected).max() < 1e-9 * np.abs(momentum).max()
-    center = (f.mass[idle, :, None] * f.x[idle]).sum(axis=1) / total
+    center = (f.mass[free, :, None] * f.x[free]).sum(axis=1) / total
     path = center[0] + np.outer(t - t[0], momentum[0] / total) - 0.5 * GRAVITY * np.outer((t - t[0]) ** 2, [0, 0, 1])
     assert np.abs(center - path).max() < 1e-9 * np.abs(path).max()
     own = angular - np.cross(center, momentum)
@@ -131,12 +131,12 @@ def test_attitude_follows_the_free_top(flight):
     assert np.abs(arms(last) - expected).max() < 1e-8 * np.abs(arm).max()
 
 
-def drop(directory, idle):
+def drop(directory, fix):
     """An unbreakable ball falls 20 mm before it hits the rigid plate."""
     body = fcc_ball(4)
     body.center_m[:, 2] += 0.02 - (body.center_m[:, 2] - body.radius_m).min()
     write_files(directory, body)
-    run_engine(directory, deck(DT, 100_000, 10_000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + PLATE + idle,
+    run_engine(directory, deck(DT, 100_000, 10_000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + PLATE + fix,
                                velocity="velocity all set 0.3 0 -1.5 units box\nthermo_modify lost ignore\n"))
     force = np.fromfile(directory / "forces.bin", dtype=[("step", "<i8"), ("force_N", "<f8")])
     return force, frames(directory)
@@ -144,21 +144,21 @@ def drop(directory, idle):
 
 def test_a_ball_that_falls_hits_as_by_brute_force(tmp_path):
     (tmp_path / "brute").mkdir()
-    (tmp_path / "idle").mkdir()
+    (tmp_path / "free").mkdir()
     brute, end_brute = drop(tmp_path / "brute", "")
-    idle, end_idle = drop(tmp_path / "idle", IDLE.format(1e-6))
+    free, end_free = drop(tmp_path / "free", FREE.format(1e-6))
     assert brute["force_N"].max() > 1
-    assert np.array_equal(brute["step"], idle["step"])
-    assert idle["force_N"] == pytest.approx(brute["force_N"], abs=1e-6 * brute["force_N"].max())
+    assert np.array_equal(brute["step"], free["step"])
+    assert free["force_N"] == pytest.approx(brute["force_N"], abs=1e-6 * brute["force_N"].max())
     # after the rebound they fly as rigid bodies, where brute force lets what vibration is left die
-    assert end_idle.x[-1] == pytest.approx(end_brute.x[-1], abs=1e-6)
+    assert end_free.x[-1] == pytest.approx(end_brute.x[-1], abs=1e-6)
 
 
 def test_two_balls_that_meet_in_the_air(tmp_path):
     """They are in the arrays in time: the encounter is that of brute force."""
     one = fcc_ball(3)
     ends = {}
-    for name, idle in (("brute", ""), ("idle", IDLE.format(1e-4))):
+    for name, fix in (("brute", ""), ("free", FREE.format(1e-4))):
         directory = tmp_path / name
         directory.mkdir()
         n = len(one.radius_m)
@@ -167,13 +167,13 @@ def test_two_balls_that_meet_in_the_air(tmp_path):
         write_files(directory, two)
         velocity = (f"group left id <= {n}\nvelocity all set 0 0 1 units box\nvelocity left set 2 0 1 units box\n"
                     "thermo_modify lost ignore\n")
-        run_engine(directory, deck(DT, 50_000, 5000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + idle,
+        run_engine(directory, deck(DT, 50_000, 5000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + fix,
                                    velocity=velocity))
         ends[name] = frames(directory)
-    brute, idle = ends["brute"], ends["idle"]
+    brute, free = ends["brute"], ends["free"]
     assert np.abs(brute.v[-1] - brute.v[0])[:, 0].min() > 0.5  # both felt it
-    assert idle.v[-1].mean(axis=0) == pytest.approx(brute.v[-1].mean(axis=0), abs=1e-9)
-    assert idle.x[-1] == pytest.approx(brute.x[-1], abs=1e-6)
+    assert free.v[-1].mean(axis=0) == pytest.approx(brute.v[-1].mean(axis=0), abs=1e-9)
+    assert free.x[-1] == pytest.approx(brute.x[-1], abs=1e-6)
 
 
 def test_an_unknown_count_of_sub_spheres_is_an_error(tmp_path):
@@ -181,21 +181,21 @@ def test_an_unknown_count_of_sub_spheres_is_an_error(tmp_path):
     write_files(tmp_path, bracket())
     (tmp_path / "agglomerates.txt").write_text("6\n")
     with pytest.raises(AssertionError, match="Sub-spheres were lost"):
-        run_engine(tmp_path, deck(DT, 200, 100, bonds=bond_line(), lines=IDLE.format(1)))
+        run_engine(tmp_path, deck(DT, 200, 100, bonds=bond_line(), lines=FREE.format(1)))
 
 
 def test_plate_signals_are_those_of_brute_force(runs):
     """An elastic sphere leaves the plate and comes back while the plate is not asked: the same record."""
     tables = []
-    for name, tolerance in (("brute", 0.0), ("idle", 1e-6)):
-        scene = changed("elastic_plate", {"time.idle_tolerance": tolerance, "time.duration_s": 0.012,
+    for name, tolerance in (("brute", 0.0), ("free", 1e-6)):
+        scene = changed("elastic_plate", {"time.free_flight_tolerance": tolerance, "time.duration_s": 0.012,
                                           "time.gravity_m_s2": 980.0, "stones.speed_m_s": 3.0})
         run_scene(scene, "test", runs / f"jump_{name}")
         tables.append(pd.read_parquet(runs / f"jump_{name}" / "fast.parquet"))
-    brute, idle = tables
+    brute, free = tables
     hits = np.flatnonzero(np.diff((brute["force_N"] > 0).astype(int)) == 1)
     assert len(hits) >= 2
     for name in ("force_N", "u_m", "a_m_s2", "total_J", "rod_1_N"):
-        assert np.abs(idle[name] - brute[name]).max() < 1e-5 * np.abs(brute[name]).max(), name
+        assert np.abs(free[name] - brute[name]).max() < 1e-5 * np.abs(brute[name]).max(), name
 
 

@@ -1,0 +1,80 @@
+"""From a scene to everything that a run needs: packings, time step and the plate's modes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from common.scene import Scene, scene_hash
+from common.tables import refused_in
+from dem.deck.time_step import TimeStep, plate_mobility_1_kg, step_limits, stone_contact_time_s, time_step
+from dem.deck.tolerance import with_tolerance
+from dem.stones.arrangement import Arrangement, arrange
+from dem.stones.assembly import Assembly, assemble
+from plate_fem.modes import PlateModes, plate_modes
+
+
+@dataclass
+class Stages:
+    """Wall time by stage, s."""
+
+    wall_time_s: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        """Add the time spent within to the stage `name`."""
+        start = time.perf_counter()
+        yield
+        self.wall_time_s[name] = self.wall_time_s.get(name, 0.0) + time.perf_counter() - start
+
+    def copy(self) -> Stages:
+        """The times so far, to which each of several runs adds its own."""
+        return Stages(dict(self.wall_time_s))
+
+
+@dataclass
+class PreparedRun:
+    """A scene made ready to run. `modes` is None for a rigid plate; another plate's modes may take their place."""
+
+    source: str  # the scene's file, for messages
+    given: Scene  # as the file gives it
+    scene: Scene  # with what the file left to be found filled in
+    scene_hash: str  # of the scene as the file gives it
+    arrangement: Arrangement
+    assembly: Assembly
+    step: TimeStep
+    modes: PlateModes | None
+    stages: Stages
+
+    @property
+    def flexible(self) -> bool:
+        """Does the plate move?"""
+        return self.modes is not None
+
+
+def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
+    """Check, pack, find the modes and choose the time step.
+
+    `source` is the scene's file, for messages; `cache` a directory that keeps the plate's modes. What can be refused
+    without the plate is refused before its modes are sought. Raises InputError before anything is written.
+    """
+    stages = Stages()
+    arrangement = arrange(scene, source)
+    with stages("packing"):
+        assembly = assemble(scene, arrangement)
+    limits = step_limits(scene, assembly, source)
+    modes, mobility, resolved = None, None, scene
+    if scene.plate.model == "flexible":
+        with stages("modes"):
+            plate = with_tolerance(scene.plate, scene.tolerance, stone_contact_time_s(scene, assembly),
+                                   assembly.n_bonds > 0)
+            resolved = scene.model_copy(update={"plate": plate})
+            # The stones' places get the static compliance of the modes left out.
+            with refused_in(source, "plate"):
+                modes = plate_modes(plate, cache, arrangement.position_m)
+        mobility = plate_mobility_1_kg(modes, arrangement.position_m)
+    step = time_step(scene, limits, source, mobility)
+    return PreparedRun(source, scene, resolved, scene_hash(scene), arrangement, assembly, step, modes, stages)

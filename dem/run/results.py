@@ -1,0 +1,157 @@
+"""The results of a finished simulation: the tables of the run directory, and what run.json says."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from common.plate import FlexiblePlate
+from common.run_summary import RecordedScene, YieldReport
+from common.scene import Scene
+from dem.coupling.launch import LIGGGHTS_VERSION
+from dem.coupling.monitor import check_closure
+from dem.deck.plate_yield import read_contacts, yield_report
+from dem.deck.time_step import accuracy_settings, stone_contact_time_s
+from dem.deck.tolerance import expected_error
+from dem.run.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
+from dem.run.paraview import write_view
+from dem.run.participants import PlateOfRun
+from dem.run.prepare import PreparedRun
+from dem.run.recorder import fast_stream, read_events, read_forces, write_streams
+from dem.stones.assembly import Assembly
+from plate_fem.truncation import energy_left_out
+
+
+@dataclass(frozen=True)
+class Results:
+    """The tables of a run. `force_N` (k, stones) is the mean push on the plate over each co-step with contact;
+    `stone_mass_kg` (stones,); `energy` is that of dem.run.energy_balance.energy_ledger."""
+
+    events: pd.DataFrame
+    fast: pd.DataFrame
+    signals: pd.DataFrame
+    force_N: np.ndarray
+    ledger: StoneLedger
+    stone_mass_kg: np.ndarray
+    energy: dict[str, Any]
+
+
+def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> Results:
+    """Write the tables and pictures of a run into `directory`, from what the engine left in `directory`/deck.
+    Raises Unstable if the energy does not close."""
+    deck, scene, step, assembly = directory / "deck", prepared.scene, prepared.step, prepared.assembly
+    n = len(assembly.sizes)
+    events = read_events(deck / "events.csv", step)
+    forces = read_forces(deck / "forces.bin", n)
+    fast = fast_stream(step, forces, plate.signals(range(0, step.steps + 1, step.fast_steps)))
+    signals = write_streams(directory, fast, step)
+    events.to_parquet(directory / "breakage.parquet", index=False)
+    contacts = read_contacts(deck / "contacts.bin", step.dt_s)
+    contacts.to_parquet(directory / "contacts.parquet", index=False)
+    if scene.output.view_interval_s is not None:
+        write_view(directory, prepared, events, contacts, plate.meshes)
+    ledger = read_ledger(deck / "ledger.bin", n)
+    mass = np.bincount(assembly.agglomerate, assembly.mass_kg)
+    height = np.bincount(assembly.agglomerate, assembly.mass_kg * assembly.center_m[:, 2])
+    parts = stone_energies(ledger, scene.time.gravity_m_s2, height)
+    energy_table(parts, ledger.step * step.dt_s).to_parquet(directory / "energy.parquet", index=False)
+    energy = energy_ledger(parts, plate.energy(), 0.5 * mass * scene.stones.speed_m_s**2)
+    check_closure(energy)
+    return Results(events, fast, signals, forces[1], ledger, mass, energy)
+
+
+def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
+    """The fields of common.run_summary.RunSummary that follow from a run and its results."""
+    return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results),
+            **_outcome(prepared, plate, results)}
+
+
+def _origin(prepared: PreparedRun) -> dict[str, Any]:
+    """What was run, and by what."""
+    scene = prepared.scene
+    return {
+        "scene": RecordedScene.model_validate(scene.model_dump(mode="json")),
+        "scene_hash": prepared.scene_hash,
+        "assumptions": list(scene.assumptions),
+        "gangue_ratio": scene.stones.gangue_ratio,
+        "materials": prepared.arrangement.material,
+        "versions": versions(),
+        "seeds": [scene.stones.seed + k for k in range(scene.stones.count)] if prepared.assembly.n_bonds else [],
+    }
+
+
+def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
+    """Steps, their limits, and how much was computed."""
+    scene, step, assembly = prepared.scene, prepared.step, prepared.assembly
+    return {
+        "dt_s": step.dt_s,
+        "dt_limits_s": {name: float(limit) for name, limit in step.limits_s.items()},
+        "bond_time_s": step.bond_time_s,
+        "expected_error": expected_error(accuracy_settings(scene, assembly, step)),
+        "co_step": step.co_step,
+        "steps": step.steps,
+        "n_particles": assembly.n_particles,
+        "n_bonds": assembly.n_bonds,
+        "n_modes": plate.n_modes,
+        "plate_energy_left_out": plate_energy_left_out(scene, assembly),
+        "n_samples": len(results.signals),
+    }
+
+
+def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
+    """What the stones and the plate did."""
+    scene, step, force_N = prepared.scene, prepared.step, results.force_N
+    end = {name: values[-1] for name, values in results.ledger.column.items()}
+    stones = range(1, len(results.stone_mass_kg) + 1)
+    broken = results.events.groupby("agglomerate").size().reindex(stones, fill_value=0)
+    yielded = yield_report(scene, prepared.assembly, force_N.max(axis=0, initial=0.0), end["wall_deepest"],
+                           plate.bending())
+    return {
+        "n_bonds_broken": len(results.events),
+        "n_bonds_broken_by_agglomerate": broken.tolist(),
+        "peak_force_N": float(force_N.sum(axis=1).max(initial=0.0)),
+        "impulse_N_s": float(force_N.sum() * step.co_step * step.dt_s),
+        "momentum_change_kg_m_s": float(end["momentum_z_kg_m_s"].sum()
+                                        + results.stone_mass_kg.sum() * scene.stones.speed_m_s),
+        "plate": plate_maxima(results.fast),
+        "yield_": YieldReport.model_validate(yielded),
+        "energy": results.energy,
+        "rebound_speed_m_s": (end["momentum_z_kg_m_s"] / results.stone_mass_kg).tolist(),
+    }
+
+
+def plate_energy_left_out(scene: Scene, assembly: Assembly) -> float | None:
+    """Share of the plate's energy that would belong to modes above those kept, for the shortest contact of a stone."""
+    if not isinstance(scene.plate, FlexiblePlate) or scene.plate.max_frequency_Hz is None:
+        return None
+    return energy_left_out(scene.plate.max_frequency_Hz, stone_contact_time_s(scene, assembly))
+
+
+def plate_maxima(fast: pd.DataFrame) -> dict[str, float]:
+    """Largest absolute value of each signal of the plate, in its unit."""
+    names = [c for c in fast.columns if c != "t_s" and not c.startswith("force_")]
+    return {f"max_{name}": float(fast[name].abs().max()) for name in names}
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the numbers depend on."""
+    packages = ["numpy", "scipy", "scikit-fem", "pandas", "meshio"]
+    return {"liggghts": LIGGGHTS_VERSION, "python": platform.python_version(), "machine": platform.machine(),
+            **{name: importlib.metadata.version(name) for name in packages},
+            "coal-gangue-impact": own_version()}
+
+
+def own_version() -> str:
+    """Version of this package."""
+    try:
+        return importlib.metadata.version("coal-gangue-impact")
+    except importlib.metadata.PackageNotFoundError:
+        print("note: the package is not installed, its version is not in run.json", file=sys.stderr)
+        return "not installed"

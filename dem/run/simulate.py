@@ -1,0 +1,105 @@
+"""Engine and plate side by side, from the start of the engine to its last step."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dem.coupling.checkpoint import latest
+from dem.coupling.launch import STOPPED, engine_error, start_engine
+from dem.coupling.messages import CouplingError
+from dem.coupling.watchdog import EngineWatchdog
+from dem.run.directory import SUFFIX
+from dem.run.energy_balance import read_ledger
+from dem.run.errors import RunError, Stopped
+from dem.run.participants import PlateOfRun
+from dem.run.prepare import PreparedRun
+from dem.run.progress import Progress
+
+POLL_s = 0.05
+
+
+@dataclass(frozen=True)
+class EngineStart:
+    """Where and how the engine starts: in `deck`, from the checkpoint at DEM step `resume_step`, 0 if from the
+    beginning. It inherits the file descriptor `lock`. It is asked to stop at the time `stop_at` of `time.monotonic`, if
+    that is given."""
+
+    deck: Path
+    resume_step: int
+    lock: int
+    stop_at: float | None
+
+
+def simulate(prepared: PreparedRun, start: EngineStart, plate: PlateOfRun, progress: Progress) -> None:
+    """Run engine and plate until the engine has finished. Raises RunError, CouplingError, Unstable or Stopped."""
+    try:
+        with plate.connected(start.deck), _running(prepared, start) as engine:
+            watchdog = EngineWatchdog(engine)
+            try:
+                plate.take_part(start.deck, watchdog, lambda dem_step: progress(dem_step * prepared.step.dt_s))
+            except CouplingError as error:
+                if _exit_code(engine) not in (None, 0):
+                    _check_not_stopped(prepared, start.deck, engine.returncode)
+                    raise RunError(f"LIGGGHTS stopped: {engine_error(start.deck)}") from error
+                raise
+            while watchdog():
+                time.sleep(POLL_s)
+    finally:
+        progress.end()
+    _check_not_stopped(prepared, start.deck, engine.returncode)
+    _check_finished(prepared, start.deck, engine.returncode)
+
+
+@contextmanager
+def _running(prepared: PreparedRun, start: EngineStart) -> Iterator[subprocess.Popen[bytes]]:
+    """The engine, which is killed at the end if it still runs."""
+    engine = start_engine(start.deck, prepared.scene.engine.np, start.resume_step, (start.lock,))
+    timer = threading.Timer(0.0 if start.stop_at is None else max(0.0, start.stop_at - time.monotonic()),
+                            engine.send_signal, [signal.SIGUSR1])
+    timer.daemon = True
+    try:
+        if start.stop_at is not None:
+            timer.start()
+        yield engine
+    finally:
+        timer.cancel()
+        if engine.poll() is None:
+            engine.kill()
+            engine.wait()
+
+
+def _exit_code(engine: subprocess.Popen[bytes]) -> int | None:
+    """The exit code of an engine that has fallen silent: its pipes close a moment before it is gone."""
+    try:
+        return engine.wait(timeout=5)
+    except subprocess.TimeoutExpired:
+        return None
+
+
+def _check_not_stopped(prepared: PreparedRun, deck: Path, code: int) -> None:
+    if code not in (STOPPED, -signal.SIGUSR1):  # the second before it listened
+        return
+    step = latest(deck / "checkpoint", prepared.flexible)
+    where = f"at the checkpoint at t = {step * prepared.step.dt_s:.6g} s" if step else "before the first checkpoint"
+    raise Stopped(f"{prepared.scene.name}: stopped {where} of {prepared.scene.time.duration_s:g} s; "
+                  f"`python -m dem resume {deck.parent.with_name(deck.parent.name.removesuffix(SUFFIX))}` goes on")
+
+
+def _check_finished(prepared: PreparedRun, deck: Path, code: int) -> None:
+    """LIGGGHTS ends with 0 also when particles were lost or the energy blew up, so the ledger is asked."""
+    if code != 0:
+        raise RunError(f"LIGGGHTS stopped: {engine_error(deck)}")
+    ledger = read_ledger(deck / "ledger.bin", len(prepared.assembly.sizes))
+    if len(ledger.step) == 0 or ledger.step[-1] != prepared.step.steps:
+        raise RunError(f"LIGGGHTS ended before the last step: {engine_error(deck)}")
+    if not all(np.all(np.isfinite(values)) for values in ledger.column.values()):
+        raise RunError("the energies of LIGGGHTS hold a value that is no number: the run is not stable")
