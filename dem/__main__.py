@@ -1,4 +1,4 @@
-"""Command line: python -m dem run|resume|deck|plate|sweep|campaign|dataset|calibrate."""
+"""Command line: python -m dem run|resume|deck|plate|sweep|campaign|dataset|calibrate|build-engine."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from dem.batch.campaign import campaign
 from dem.batch.dataset import build
 from dem.batch.sweep import sweep
 from dem.calibration.calibrate import calibrate
+from dem.coupling.build_engine import build_engine
 from dem.coupling.launch import STOPPED
 from dem.coupling.pipes import ExchangeError, PlatePipes
 from dem.coupling.scheme import follow
@@ -94,6 +95,9 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--scene", type=Path, required=True, help="scene file (TOML)")
     sub.add_argument("--out", type=Path, required=True, help="directory for MATERIAL.toml and MATERIAL_tests.csv")
     sub.set_defaults(command=_calibrate)
+    text = "build the engine, where Debian's libliggghts-dev is installed"
+    sub = commands.add_parser("build-engine", help=text, description=text)
+    sub.set_defaults(command=lambda _: build_engine(), out="the engine")
     return parser
 
 

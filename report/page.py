@@ -9,6 +9,7 @@ from pathlib import Path
 import jinja2
 
 from analysis import Sweep, read_sweep
+from common.resources import resource
 from report import tables as report_tables
 from report.chapters.mechanics import BREAKAGE, RESPONSE, THEORY
 from report.chapters.picture import Picture, Plan, realise
@@ -20,7 +21,7 @@ from report.claims.verdicts import VERDICTS, Claim, judge, to_csv
 from report.study import Study
 from report.tables import Table
 
-TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
+TEMPLATES = resource("templates")
 
 CHAPTERS: list[tuple[str, list[Plan]]] = [
     ("Theory", THEORY),

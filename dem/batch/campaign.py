@@ -26,12 +26,13 @@ from typing import Any
 import pandas as pd
 from pydantic import Field
 
+from common.resources import resource
 from common.scene import changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Table, check, read_toml
 from dem.coupling.launch import check_engine
 from dem.stones.arrangement import arrange
 
-WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
+WORKFLOW = resource("workflow")
 PLAN = "plan.csv"
 RATIO = "stones.gangue_ratio"
 MOST_RUNS = 1_000_000
