@@ -1,6 +1,7 @@
 """The wheel works outside the checkout, with nothing but itself and the libraries that it asks for."""
 
 import json
+import math
 import os
 import shutil
 import site
@@ -13,7 +14,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report")
-RECORD = ROOT / "tests" / "recognition" / "data" / "impacts.parquet"
 
 
 class Installed:
@@ -46,9 +46,22 @@ class Installed:
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    def value(self, code):
-        """What an expression prints, in Python with common.resources.resource."""
-        return self.run("-c", f"from common.resources import resource; print({code})").strip()
+
+INSPECT = """
+import importlib, json
+from common.resources import resource
+from common.tables import InputError
+from dem.coupling.launch import ENGINE, check_engine
+
+modules = [importlib.import_module(f"{package}.__main__") for package in PACKAGES if package != "common"]
+try:
+    check_engine()
+    refusal = None
+except InputError as error:
+    refusal = str(error)
+print(json.dumps({"packages": {package: importlib.import_module(package).__file__ for package in PACKAGES},
+                  "data": str(resource("")), "engine": str(ENGINE), "refusal": refusal}))
+"""
 
 
 @pytest.fixture(scope="module")
@@ -56,24 +69,28 @@ def installed(tmp_path_factory):
     return Installed(tmp_path_factory.mktemp("wheel"))
 
 
-def test_every_package_comes_from_the_wheel_and_is_typed(installed):
-    for package in PACKAGES:
-        file = Path(installed.run("-c", f"import {package}; print({package}.__file__)").strip())
+@pytest.fixture(scope="module")
+def found(installed):
+    """Where the wheel's packages, data and engine are; every command line of it has been imported."""
+    return json.loads(installed.run("-c", f"PACKAGES = {PACKAGES}\n{INSPECT}"))
+
+
+def test_every_package_comes_from_the_wheel_and_is_typed(installed, found):
+    for file in map(Path, found["packages"].values()):
         assert installed.environment in file.parents
         assert file.with_name("py.typed").is_file()
 
 
-def test_the_files_beside_the_code_are_there(installed):
-    for name in ("templates", "scenes", "workflow"):
-        inside = Path(installed.value(f"resource({name!r})"))
-        assert installed.environment in inside.parents
-        files = {str(file.relative_to(ROOT / name)) for file in (ROOT / name).rglob("*") if file.is_file()}
-        assert {str(file.relative_to(inside)) for file in inside.rglob("*") if file.is_file()} == files
+@pytest.mark.parametrize("name", ["templates", "scenes", "workflow"])
+def test_the_files_beside_the_code_are_there(installed, found, name):
+    inside = Path(found["data"]) / name
+    assert installed.environment in inside.parents
+    files = {str(file.relative_to(ROOT / name)) for file in (ROOT / name).rglob("*") if file.is_file()}
+    assert {str(file.relative_to(inside)) for file in inside.rglob("*") if file.is_file()} == files
 
 
-@pytest.mark.parametrize("package", ["plate_fem", "analysis", "recognition", "report", "dem"])
-def test_every_command_answers(installed, package):
-    assert f"python -m {package}" in installed.run("-m", package, "--help")
+def test_a_missing_engine_is_refused_with_the_command_that_builds_it(found):
+    assert "python -m dem build-engine" in found["refusal"]
 
 
 def test_features_of_a_record_are_those_of_the_checkout(installed, tmp_path):
@@ -84,45 +101,36 @@ def test_features_of_a_record_are_those_of_the_checkout(installed, tmp_path):
     assert installed.run("-m", "analysis", "features", record) == here.stdout
 
 
-def test_a_run_without_the_engine_says_how_to_get_it(installed):
-    done = subprocess.run([installed.python, "-m", "dem", "run", installed.value("resource('scenes/hertz_coal.toml')"),
-                           "--out", "none"], cwd=installed.work, env=installed.variables, capture_output=True, text=True,
-                          check=False)
-    assert done.returncode == 2
-    assert "python -m dem build-engine" in done.stderr
-
-
-def run_hertz_coal(installed):
-    """Build the engine and run the scene of the wheel; the force is Hertz' for a sphere on a rigid plate."""
-    engine = Path(installed.run("-m", "dem", "build-engine").split()[-1])
-    assert engine.parent.parent == Path(installed.variables["XDG_CACHE_HOME"]) / "coal-gangue-impact"
-    shutil.rmtree(installed.work / "run", ignore_errors=True)
-    installed.run("-m", "dem", "run", installed.value("resource('scenes/hertz_coal.toml')"), "--out", "run")
-    return json.loads((installed.work / "run" / "run.json").read_text())
-
-
 def hertz_peak_force_N(scene):
     """(K^2 (5 m v^2 / 4)^3)^(1/5), K = 4/3 E* sqrt(R)."""
-    stones, plate, coal = scene["stones"], scene["plate"], scene["materials"]["coal"]
-    softness = sum((1 - body["poisson_ratio"] ** 2) / body["youngs_modulus_Pa"] for body in (coal, plate))
-    mass = 4 / 3 * 3.141592653589793 * stones["radius_m"] ** 3 * coal["density_kg_m3"]
+    stones, coal = scene["stones"], scene["materials"]["coal"]
+    softness = sum((1 - body["poisson_ratio"] ** 2) / body["youngs_modulus_Pa"] for body in (coal, scene["plate"]))
     stiffness = 4 / 3 * stones["radius_m"] ** 0.5 / softness
-    return (stiffness**2 * (1.25 * mass * stones["speed_m_s"] ** 2) ** 3) ** 0.2
+    mass_kg = 4 / 3 * math.pi * stones["radius_m"] ** 3 * coal["density_kg_m3"]
+    return (stiffness**2 * (1.25 * mass_kg * stones["speed_m_s"] ** 2) ** 3) ** 0.2
 
 
-def test_a_scene_of_the_wheel_runs_on_the_engine_it_builds(installed):
-    """With the object files of the checkout's engine, newer than the sources of the wheel, so that make only links."""
-    directory = Path(installed.run("-c", "from dem.coupling.launch import ENGINE; print(ENGINE.parent)").strip())
+def check_build_and_run(installed, found):
+    """Build the engine and run a scene of the wheel, a sphere on a rigid plate, whose largest force is Hertz'."""
+    assert Path(installed.variables["XDG_CACHE_HOME"]) in Path(found["engine"]).parents
+    assert installed.run("-m", "dem", "build-engine").split()[-1] == found["engine"]
+    shutil.rmtree(installed.work / "run", ignore_errors=True)
+    installed.run("-m", "dem", "run", Path(found["data"]) / "scenes" / "hertz_coal.toml", "--out", "run")
+    run = json.loads((installed.work / "run" / "run.json").read_text())
+    assert run["peak_force_N"] == pytest.approx(hertz_peak_force_N(run["scene"]), rel=1e-3)
+
+
+def test_a_scene_of_the_wheel_runs_on_the_engine_it_builds(installed, found):
+    """With the object files of the checkout's engine, copied to be newer than the wheel's sources: make only links."""
+    directory = Path(found["engine"]).parent
     directory.mkdir(parents=True)
-    for file in (ROOT / "build" / "engine").iterdir():
-        if file.suffix in (".h", ".o"):
+    for kind in ("*.h", "*.o"):  # objects come last, as they depend on the headers
+        for file in (ROOT / "build" / "engine").glob(kind):
             shutil.copy(file, directory)
-    run = run_hertz_coal(installed)
-    assert run["peak_force_N"] == pytest.approx(hertz_peak_force_N(run["scene"]), rel=2e-3)
+    check_build_and_run(installed, found)
 
 
 @pytest.mark.validate
-def test_the_wheel_builds_the_engine_from_nothing(installed):
-    shutil.rmtree(Path(installed.variables["XDG_CACHE_HOME"]) / "coal-gangue-impact", ignore_errors=True)
-    run = run_hertz_coal(installed)
-    assert run["peak_force_N"] == pytest.approx(hertz_peak_force_N(run["scene"]), rel=2e-3)
+def test_the_wheel_builds_the_engine_from_nothing(installed, found):
+    shutil.rmtree(Path(found["engine"]).parent, ignore_errors=True)
+    check_build_and_run(installed, found)
