@@ -7,14 +7,15 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from common.tables import InputError
 
 
 @contextmanager
 def written_whole(file: Path) -> Iterator[Path]:
-    """Yields a path beside `file` to write to. What is written there takes the name `file` at the end, on disk before it
-    does; if the block raises, `file` stays as it was and nothing is left beside it."""
+    """Yields a path beside `file` to write to. At the end what is written there is put on disk and takes the name `file`.
+    If the block raises, `file` stays as it was and nothing is left beside it."""
     beside = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
         yield beside
@@ -31,12 +32,12 @@ def write_text(file: Path, text: str) -> None:
         beside.write_text(text)
 
 
-def write_json(file: Path, content: dict) -> None:
+def write_json(file: Path, content: dict[str, Any]) -> None:
     """Write a JSON file whole or not at all."""
     write_text(file, json.dumps(content, indent=1) + "\n")
 
 
-def read_json(file: Path) -> dict | None:
+def read_json(file: Path) -> dict[str, Any] | None:
     """Return the object in a JSON file, or None if there is no such file. Raises InputError if it holds anything else."""
     try:
         content = json.loads(file.read_text())

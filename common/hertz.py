@@ -6,15 +6,16 @@ Force F, approach d, sphere of radius R and mass m that arrives with speed v:
 
     d_max = (5 m v^2/(4 K))^(2/5),   contact time = 2.9432 d_max/v
 
-All functions take floats or arrays of one shape, in SI units.
+Arguments are floats, or arrays that numpy can broadcast, in SI units; the result is a float or an array like them.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+Values = float | np.ndarray
 CONTACT_TIME_FACTOR = 2.9432  # (4/5) sqrt(pi) Gamma(2/5)/Gamma(9/10)
 
 
@@ -34,21 +35,21 @@ def contact_modulus_Pa(first: Elastic, second: Elastic) -> float:
                 + (1 - second.poisson_ratio**2) / second.youngs_modulus_Pa)
 
 
-def stiffness_N_m32(contact_modulus_Pa, radius_m):
+def stiffness_N_m32(contact_modulus_Pa: Values, radius_m: Values) -> Any:
     """K, in N/m^(3/2)."""
     return 4 / 3 * np.sqrt(radius_m) * contact_modulus_Pa
 
 
-def largest_approach_m(stiffness_N_m32, mass_kg, speed_m_s):
+def largest_approach_m(stiffness_N_m32: Values, mass_kg: Values, speed_m_s: Values) -> Any:
     """d_max on a half-space that does not move."""
     return (5 * mass_kg * speed_m_s**2 / (4 * stiffness_N_m32)) ** 0.4
 
 
-def contact_time_s(largest_approach_m, speed_m_s):
+def contact_time_s(largest_approach_m: Values, speed_m_s: Values) -> Any:
     """Duration of the contact with a half-space that does not move."""
     return CONTACT_TIME_FACTOR * largest_approach_m / speed_m_s
 
 
-def peak_pressure_Pa(contact_modulus_Pa, approach_over_radius):
+def peak_pressure_Pa(contact_modulus_Pa: Values, approach_over_radius: Values) -> Any:
     """p0, the pressure in the middle of the contact."""
     return 2 / np.pi * contact_modulus_Pa * np.sqrt(approach_over_radius)

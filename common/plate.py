@@ -3,7 +3,8 @@
 The plate lies horizontally; the origin is its centre, z points up, and z = 0 is its undeformed top surface.
 """
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -41,7 +42,7 @@ class Sensor(Table):
 
 
 class Plate(Table):
-    """What the contact needs of any plate: its outline and its material."""
+    """What every plate has: its outline and its material."""
 
     length_m: Positive  # along x
     width_m: Positive  # along y
@@ -60,9 +61,8 @@ class RigidPlate(Plate):
 class FlexiblePlate(Plate):
     """A plate that bends, described by its modes up to `max_frequency_Hz`.
 
-    That frequency is given, or follows from `truncation_tolerance`: the share of the impact energy that
-    may belong to modes left out (plate_fem/truncation.py; it needs the contact time). It may be left to a
-    scene that has a tolerance for everything.
+    The frequency may be given. Otherwise it follows from `truncation_tolerance`, the share of the impact energy that the
+    modes left out may have (plate_fem/truncation.py, which needs the contact time), or from the tolerance of the scene.
     """
 
     model: Literal["flexible"]
@@ -78,14 +78,14 @@ class FlexiblePlate(Plate):
     sensors: tuple[Sensor, ...] = ()
 
     @model_validator(mode="after")
-    def _one_limit(self):
+    def _one_limit(self) -> Self:
         if self.max_frequency_Hz is not None and self.truncation_tolerance is not None:
             allowed = "must be left out where max_frequency_Hz is given"
             raise Refused("truncation_tolerance", self.truncation_tolerance, allowed)
         return self
 
     @model_validator(mode="after")
-    def _inside(self):
+    def _inside(self) -> Self:
         shortest = min(self.length_m, self.width_m)
         if self.thickness_m > 0.2 * shortest:
             raise Refused("thickness_m", self.thickness_m, f"must be at most a fifth of the side, {0.2 * shortest:g}")
@@ -101,12 +101,12 @@ class FlexiblePlate(Plate):
         return self
 
     @staticmethod
-    def _check_inside(key, value, limit):
+    def _check_inside(key: str, value: float, limit: float) -> None:
         if abs(value) > limit * (1 + 1e-12):
             raise Refused(key, value, f"must lie on the plate, between {-limit:g} and {limit:g}")
 
     @model_validator(mode="after")
-    def _distinct(self):
+    def _distinct(self) -> Self:
         for i, rod in enumerate(self.rods):
             for other in self.rods[:i]:
                 gap = ((rod.x_m - other.x_m) ** 2 + (rod.y_m - other.y_m) ** 2) ** 0.5
@@ -125,9 +125,10 @@ class FlexiblePlate(Plate):
 PlateTable = Annotated[FlexiblePlate | RigidPlate, Field(discriminator="model")]
 
 
-def read_plate(path):
-    """Return the checked `[plate]` table of a scene file; InputError on any mistake in it."""
+def read_plate(path: str | Path) -> FlexiblePlate | RigidPlate:
+    """Return the checked `[plate]` table of a scene file. Raises InputError on any mistake in it."""
     data = read_toml(path)
     if not isinstance(data.get("plate"), dict):
         raise InputError(f"{path}: plate is missing: a table [plate] must be given")
-    return check(PlateTable, data["plate"], path, "plate")
+    plate: FlexiblePlate | RigidPlate = check(PlateTable, data["plate"], path, "plate")
+    return plate

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -31,7 +31,7 @@ class TimeTable(Table):
     idle_tolerance: NotNegative = 1e-4
 
     @model_validator(mode="after")
-    def whole_samples(self):
+    def whole_samples(self) -> Self:
         if self.duration_s < self.sample_interval_s:
             raise Refused("duration_s", self.duration_s, f"must be at least sample_interval_s = {self.sample_interval_s:g}")
         return self
@@ -65,7 +65,7 @@ class StonesTable(Table):
     agglomerate: AgglomerateTable | None = None  # absent: each stone is one unbonded sphere
 
     @model_validator(mode="after")
-    def one_place_each(self):
+    def one_place_each(self) -> Self:
         if (self.circle_radius_m is None) == (self.positions is None):
             raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions must be given")
         if self.positions is not None and len(self.positions) != self.count:
@@ -126,7 +126,7 @@ class Scene(Table):
     engine: EngineTable = EngineTable()
 
     @model_validator(mode="after")
-    def names_agree(self):
+    def names_agree(self) -> Self:
         for part in ("coal", "gangue"):
             name = getattr(self.stones, part)
             if name not in self.materials:
@@ -155,7 +155,7 @@ class Scene(Table):
         return self.stones.agglomerate
 
     @model_validator(mode="after")
-    def one_word_on_accuracy(self):
+    def one_word_on_accuracy(self) -> Self:
         keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
         if self.plate.model == "flexible":
             modes = {"plate.max_frequency_Hz": self.plate.max_frequency_Hz,
@@ -174,7 +174,7 @@ class Scene(Table):
                 raise Refused(key, value, "must be left out where tolerance is given")
         return self
 
-    def _check_contacts(self):
+    def _check_contacts(self) -> None:
         names = sorted({self.stones.coal, self.stones.gangue})
         needed = {contact_key(a, b) for a in names for b in [*names, PLATE]}
         known = {contact_key(a, b) for a in self.materials for b in [*self.materials, PLATE]}
@@ -204,7 +204,7 @@ def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
     return check(Scene, data, path)
 
 
-def changed_scene(path: str | Path, changes: dict) -> Scene:
+def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
     """The scene of a file with dotted keys changed ("stones.speed_m_s": 2.0; None leaves the key out), for studies that
     vary one. Raises InputError as `read_scene` does."""
     data = read_toml(path)

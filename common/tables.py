@@ -1,8 +1,12 @@
 """Scene tables: read a TOML file and check its values, with one line per mistake."""
 
+from __future__ import annotations
+
 import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
 
@@ -10,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_
 class InputError(ValueError):
     """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
 
-    def __init__(self, message):
+    def __init__(self, message: str) -> None:
         # Keys and names come from the file and may hold anything.
         super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
 
@@ -21,7 +25,7 @@ class Refused(ValueError):
     key is a path inside the table ("rods.0.x_m"), value what was given, allowed what would be accepted.
     """
 
-    def __init__(self, key, value, allowed):
+    def __init__(self, key: str, value: object, allowed: str) -> None:
         super().__init__(allowed)
         self.key, self.value, self.allowed = key, value, allowed
 
@@ -33,23 +37,23 @@ class Table(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _lists_as_tuples(cls, data):
+    def _lists_as_tuples(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
         return {key: tuple(v) if isinstance(v, list) else v for key, v in data.items()}
 
 
 @contextmanager
-def refused_in(file, where):
-    """Within it a `Refused` becomes an InputError that names the file and the table `where`."""
+def refused_in(file: str | Path, where: str) -> Iterator[None]:
+    """Turn a `Refused` raised inside the block into an InputError that names the file and the table `where`."""
     try:
         yield
     except Refused as error:
         raise InputError(f"{file}: {where}.{error.key} = {_short(error.value)}: {error.allowed}") from None
 
 
-def read_toml(path):
-    """Return the content of a TOML file as a dict; InputError if it cannot be read."""
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Return the content of a TOML file. Raises InputError if it cannot be read or is not TOML."""
     path = Path(path)
     try:
         with path.open("rb") as file:
@@ -60,12 +64,12 @@ def read_toml(path):
         raise InputError(f"{path}: not a TOML file: {error}") from None
 
 
-def check(model_class, data, file, where=""):
+def check(model_class: Any, data: Mapping[str, Any], file: str | Path, where: str = "") -> Any:
     """Return `data` as an instance of `model_class`.
 
-    model_class: a `Table`, or a (discriminated) union of them. data: the dict read from the file.
-    file, where: name of the file and key path of the table, for the message.
-    Raises InputError for the first mistake; an unknown key comes first, since it explains a missing one.
+    model_class is a `Table`, or a (discriminated) union of tables; data is what was read from the file. The name `file`
+    and the key path `where` of the table go into the message.
+    Raises InputError for the first mistake. An unknown key comes first, since it often explains a missing one.
     """
     try:
         return TypeAdapter(model_class).validate_python(data)
@@ -76,7 +80,7 @@ def check(model_class, data, file, where=""):
         raise InputError(f"{file}: {message}") from None
 
 
-def _describe(mistake, model_class, data, where):
+def _describe(mistake: Mapping[str, Any], model_class: Any, data: Any, where: str) -> str:
     kind, context = mistake["type"], mistake.get("ctx", {})
     keys, value = _key_path(mistake["loc"], data, keep_last=kind == "missing")
     if kind == "union_tag_not_found":
@@ -98,14 +102,14 @@ def _describe(mistake, model_class, data, where):
     return f"{path} = {_short(value)}: {allowed}"
 
 
-def _allowed(mistake):
+def _allowed(mistake: Mapping[str, Any]) -> str:
     text = mistake["msg"].removeprefix("Value error, ").removeprefix("Input ")
     text = text.replace("should", "must").replace("tuple", "list")
     return text[0].lower() + text[1:]
 
 
-def _key_path(location, data, keep_last):
-    """Keys as written in the file and the value there; union tags, which are not in the data, are left out."""
+def _key_path(location: Sequence[str | int], data: Any, keep_last: bool) -> tuple[list[str], Any]:
+    """Return the keys as written in the file and the value there; union tags, which are not in the data, are left out."""
     keys = []
     for depth, part in enumerate(location):
         missing = keep_last and depth == len(location) - 1
@@ -120,14 +124,12 @@ def _key_path(location, data, keep_last):
     return keys, data
 
 
-def _allowed_keys(model_class, data, keys):
-    """Field names of the table at `keys`, found by asking for a key that cannot exist."""
+def _allowed_keys(model_class: Any, data: Any, keys: Sequence[str]) -> list[str]:
+    """Return the field names of the table at `keys`, found by asking for a key that cannot exist."""
     schema = TypeAdapter(model_class).json_schema()
-    node = schema
-    for key in [*keys, None]:
+    node: Mapping[str, Any] = schema
+    for key in keys:
         node = _resolve(schema, node, data)
-        if key is None:
-            return sorted(node.get("properties", {}))
         if key.isdigit() and isinstance(data, (list, tuple)):
             data = data[int(key)]
             node = node["items"]
@@ -135,9 +137,10 @@ def _allowed_keys(model_class, data, keys):
             data = data[key]
             free = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
             node = node.get("properties", {}).get(key) or next(table for table in free if table)
+    return sorted(_resolve(schema, node, data).get("properties", {}))
 
 
-def _resolve(schema, node, data):
+def _resolve(schema: Mapping[str, Any], node: Mapping[str, Any], data: Any) -> Mapping[str, Any]:
     """Follow references and unions of a JSON schema to the table that `data` was checked against."""
     while True:
         if "$ref" in node:
@@ -151,9 +154,9 @@ def _resolve(schema, node, data):
             return node
 
 
-def _short(value):
+def _short(value: object) -> str:
     return _clip(repr(value).replace("\n", " "))
 
 
-def _clip(text):
+def _clip(text: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
