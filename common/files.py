@@ -14,8 +14,10 @@ from common.tables import InputError
 
 @contextmanager
 def written_whole(file: Path) -> Iterator[Path]:
-    """Yields a path beside `file` to write to. At the end what is written there is put on disk and takes the name `file`.
-    If the block raises, `file` stays as it was and nothing is left beside it."""
+    """Yield a path beside `file` to write to; at the end what is written there is on disk and takes the name `file`.
+
+    If the block raises, `file` stays as it was and nothing is left beside it.
+    """
     beside = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
         yield beside
@@ -38,7 +40,7 @@ def write_json(file: Path, content: dict[str, Any]) -> None:
 
 
 def read_json(file: Path) -> dict[str, Any] | None:
-    """Return the object in a JSON file, or None if there is no such file. Raises InputError if it holds anything else."""
+    """Return the object in a JSON file, or None without such a file. Raises InputError if it holds anything else."""
     try:
         content = json.loads(file.read_text())
     except FileNotFoundError:

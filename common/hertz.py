@@ -1,4 +1,4 @@
-"""Hertz' contact of an elastic sphere with an elastic half-space (K. L. Johnson, Contact Mechanics, 1985, chapters 4, 11.4).
+"""Hertz' contact of an elastic sphere with an elastic half-space (Johnson 1985, Contact Mechanics, chapters 4, 11.4).
 
 Force F, approach d, sphere of radius R and mass m that arrives with speed v:
 
@@ -19,7 +19,7 @@ Values = float | np.ndarray
 CONTACT_TIME_FACTOR = 2.9432  # (4/5) sqrt(pi) Gamma(2/5)/Gamma(9/10)
 
 
-class Elastic(Protocol):
+class ElasticBody(Protocol):
     """Anything with the elastic constants of an isotropic body."""
 
     @property
@@ -29,7 +29,7 @@ class Elastic(Protocol):
     def poisson_ratio(self) -> float: ...
 
 
-def contact_modulus_Pa(first: Elastic, second: Elastic) -> float:
+def contact_modulus_Pa(first: ElasticBody, second: ElasticBody) -> float:
     """E* of two bodies."""
     return 1 / ((1 - first.poisson_ratio**2) / first.youngs_modulus_Pa
                 + (1 - second.poisson_ratio**2) / second.youngs_modulus_Pa)

@@ -61,8 +61,9 @@ class RigidPlate(Plate):
 class FlexiblePlate(Plate):
     """A plate that bends, described by its modes up to `max_frequency_Hz`.
 
-    The frequency may be given. Otherwise it follows from `truncation_tolerance`, the share of the impact energy that the
-    modes left out may have (plate_fem/truncation.py, which needs the contact time), or from the tolerance of the scene.
+    The frequency may be given. Otherwise it follows from `truncation_tolerance`, the share of the impact energy that
+    the modes left out may have (plate_fem/truncation.py, which needs the contact time), or from the tolerance of the
+    scene.
     """
 
     model: Literal["flexible"]

@@ -109,7 +109,7 @@ def _allowed(mistake: Mapping[str, Any]) -> str:
 
 
 def _key_path(location: Sequence[str | int], data: Any, keep_last: bool) -> tuple[list[str], Any]:
-    """Return the keys as written in the file and the value there; union tags, which are not in the data, are left out."""
+    """Return the keys as written in the file, and the value there. Tags of unions are left out: the file has none."""
     keys = []
     for depth, part in enumerate(location):
         missing = keep_last and depth == len(location) - 1

@@ -19,8 +19,8 @@ PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report")
 class Installed:
     """The wheel in a virtual environment of its own, where programs run in another directory than the checkout.
 
-    The libraries are those of the environment that runs the tests, whose own link to the checkout is left behind: a path
-    in a .pth file brings in packages, but not the .pth files beside them.
+    Its libraries are those of the environment that runs the tests, whose link to the checkout stays behind: a path in a
+    .pth file brings in packages, but not the .pth files beside them.
     """
 
     def __init__(self, directory):

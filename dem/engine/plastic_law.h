@@ -5,7 +5,7 @@
 namespace LAMMPS_NS {
 
 // Normal contact of a sphere with an elastic, perfectly plastic plate (Thornton 1997, J. Appl. Mech. 64:383), the twin
-// of plate_fem/plasticity.py: Hertz until the pressure in the middle reaches p_y, then a slope of pi p_y R; back along
+// of tests/plate_fem/plasticity.py: Hertz until the pressure in the middle reaches p_y, then a slope of pi p_y R; back along
 // Hertz with the radius R_p of the flattened contact, and again up the same way to where it turned. The largest overlap
 // so far is all that it remembers.
 class PlasticLaw {
