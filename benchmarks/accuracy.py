@@ -113,7 +113,7 @@ def knobs() -> list[Knob]:
     scene = scene_of({})
     assembly = assemble(scene, arrange(scene, "scene"))
     t0, stone_contact_s = bond_time_s(scene, assembly), stone_contact_time_s(scene, assembly)
-    assert t0 is not None
+    assert t0 is not None and scene.plate.model == "flexible"
     return [*step_knobs(t0, stone_contact_s), *plate_knobs(stone_contact_s, default_mesh_size(scene.plate)), *other_knobs()]
 
 

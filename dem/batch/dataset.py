@@ -166,7 +166,7 @@ def run_one(planned: PlannedRun, out: Path) -> tuple[str, bool]:
         return str(error), False
     for name in NOT_KEPT:
         shutil.rmtree(directory / name) if (directory / name).is_dir() else (directory / name).unlink(missing_ok=True)
-    if planned.scene.stones.positions is not None and model.modes is not None:  # nobody else has these places
+    if planned.scene.stones.positions is not None and model.scene.plate.model == "flexible":  # nobody else has these
         modes_file(model.scene.plate, cache, model.arrangement.position_m).unlink(missing_ok=True)
     return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
             f"{sum(summary['wall_time_s'].values()):.0f} s"), True
