@@ -154,8 +154,8 @@ def crack_counts(run: Run) -> dict[str, dict[str, int]]:
 def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
     """Return begin and end (s) of each collision of an agglomerate with the plate, from its contact force.
 
-    Contacts less than COLLISION_GAP_S apart are one collision. Those below LEAST_FORCE_SHARE of the agglomerate's largest
-    force are none. Raises RecordError if the run has no force of that agglomerate.
+    Contacts less than COLLISION_GAP_S apart are one collision. Those below LEAST_FORCE_SHARE of the agglomerate's
+    largest force are none. Raises RecordError if the run has no force of that agglomerate.
     """
     table = run.fast if run.fast is not None else run.signals
     column = f"force_{agglomerate:02d}_N"
