@@ -12,6 +12,7 @@ from analysis.resample import resample
 
 
 def main(argv: list[str] | None = None) -> int:
+    """Run a command line and return its exit code: 2, with one line on standard error, for bad input."""
     arguments = _parser().parse_args(argv)
     try:
         record = read_record(

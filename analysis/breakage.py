@@ -1,14 +1,14 @@
 """What broke: cracks, damage and fragments of the agglomerates (Figures 13-15).
 
-A bond between two sub-spheres stands for a piece of section of its area; when it breaks
-that area is crack. Sub-sphere i, with b_i bonds at the start, has the damage
-D_i = (its broken bonds) / b_i, and the damaged volume of an agglomerate is the sum of
-V_i D_i. Fragments are what intact bonds still hold together.
+A bond between two sub-spheres stands for a piece of section of its area; when it breaks, that area is crack.
+Sub-sphere i, with b_i bonds at the start, has the damage D_i = (its broken bonds) / b_i, and the damaged volume of an
+agglomerate is the sum of V_i D_i. Fragments are what intact bonds still hold together.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -17,11 +17,11 @@ from scipy.sparse.csgraph import connected_components
 from analysis.records import RecordError
 from analysis.runs import Run
 
-#: Two contacts of one agglomerate closer in time than this are one collision: fragments of
-#: one impact touch and leave within it. A first impact lasts about 0.25 ms.
+#: Two contacts of one agglomerate closer in time than this are one collision: within it the fragments of one impact
+#: touch and leave. A first impact lasts about 0.25 ms.
 COLLISION_GAP_S = 2e-4
 
-#: Later contacts below this share of an agglomerate's largest force are splinters, no collision.
+#: Contacts below this share of an agglomerate's largest force are those of splinters and no collision.
 LEAST_FORCE_SHARE = 0.01
 
 #: Sub-spheres that lost at least this share of their bonds count as broken in a section.
@@ -30,10 +30,10 @@ BROKEN_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Network:
-    """Sub-spheres (n) and bonds (m) of a run before the impact.
+    """The n sub-spheres and m bonds of a run before the impact.
 
-    centre_m (n, 3), radius_m (n,), agglomerate (n,) 1-based; first, second (m,): 0-based
-    sub-spheres of each bond.
+    centre_m (n, 3), radius_m (n,), agglomerate (n,): of each sub-sphere; agglomerates are numbered from 1.
+    first, second (m,): the two sub-spheres of each bond, numbered from 0.
     """
 
     centre_m: np.ndarray
@@ -48,12 +48,12 @@ class Network:
 
     @property
     def bonds_of_each(self) -> np.ndarray:
-        """Number of bonds of each sub-sphere at the start, shape (n,)."""
+        """Number of bonds of each sub-sphere at the start (n,)."""
         return _ends(self, np.ones(self.first.size, dtype=bool))
 
 
 def read_network(run: Run) -> Network:
-    """Sub-spheres and bonds from a run's deck. RecordError if the run has none."""
+    """Read sub-spheres and bonds from a run's deck. Raises RecordError if the run has none."""
     deck = run.path / "deck"
     try:
         atoms = _read_atoms(deck / "atoms.data")
@@ -67,7 +67,7 @@ def read_network(run: Run) -> Network:
     return Network(atoms[:, 4:7], 0.5 * atoms[:, 2], agglomerate, bonds[:, 0] - 1, bonds[:, 1] - 1)
 
 
-def _read_atoms(path) -> np.ndarray:
+def _read_atoms(path: Path) -> np.ndarray:
     """Rows id, type, diameter, density, x, y, z below "Atoms", by id."""
     lines = path.read_text().splitlines()
     atoms = np.loadtxt(lines[lines.index("Atoms") + 2 :], ndmin=2)
@@ -75,7 +75,11 @@ def _read_atoms(path) -> np.ndarray:
 
 
 def broken_bonds(run: Run, network: Network, until_s: float | np.ndarray = np.inf) -> np.ndarray:
-    """Which bonds have broken by a time, shape (m,) of bool; until_s: one, or one per agglomerate."""
+    """Return for each bond whether it has broken by a time, shape (m,).
+
+    The time is one for all, or one for each agglomerate. Raises RecordError for a table without the numbers of the
+    bonds.
+    """
     table = run.breakage
     until_s = np.broadcast_to(until_s, network.agglomerate.max())
     early = table["t_s"].to_numpy() <= until_s[table["agglomerate"].to_numpy(dtype=int) - 1]
@@ -87,25 +91,25 @@ def broken_bonds(run: Run, network: Network, until_s: float | np.ndarray = np.in
 
 
 def _ends(network: Network, chosen: np.ndarray) -> np.ndarray:
-    """Number of chosen bonds at each sub-sphere, shape (n,)."""
+    """Return the number of chosen bonds at each sub-sphere (n,)."""
     ends = np.concatenate([network.first[chosen], network.second[chosen]])
     return np.bincount(ends, minlength=network.radius_m.size)
 
 
 def damage(network: Network, broken: np.ndarray) -> np.ndarray:
-    """Broken share of the bonds of each sub-sphere, shape (n,), 0..1; 0 for one without bonds."""
+    """Return the broken share of the bonds of each sub-sphere (n,), 0..1; it is 0 for one without bonds."""
     return _ends(network, broken) / np.maximum(network.bonds_of_each, 1)
 
 
 def damaged_volume_share(network: Network, broken: np.ndarray) -> np.ndarray:
-    """Damaged share of the volume of each agglomerate, shape (count,), 0..1."""
+    """Return the damaged share of the volume of each agglomerate (count,), 0..1."""
     volume = network.volume_m3
     lost = np.bincount(network.agglomerate, volume * damage(network, broken))
     return lost[1:] / np.bincount(network.agglomerate, volume)[1:]
 
 
 def fragments(network: Network, broken: np.ndarray) -> np.ndarray:
-    """Label of the fragment of each sub-sphere, shape (n,), 0-based."""
+    """Return the number of the fragment that each sub-sphere (n,) belongs to, from 0."""
     intact = ~broken
     ends = (network.first[intact], network.second[intact])
     graph = coo_array((np.ones(ends[0].size), ends), shape=(network.radius_m.size,) * 2)
@@ -113,7 +117,7 @@ def fragments(network: Network, broken: np.ndarray) -> np.ndarray:
 
 
 def fragment_shares(network: Network, broken: np.ndarray) -> list[np.ndarray]:
-    """Volume of each fragment as a share of its agglomerate, largest first; one array per agglomerate."""
+    """Return the volumes of the fragments of each agglomerate as shares of its own, largest first."""
     label, volume = fragments(network, broken), network.volume_m3
     shares = []
     for number in range(1, network.agglomerate.max() + 1):
@@ -124,7 +128,7 @@ def fragment_shares(network: Network, broken: np.ndarray) -> list[np.ndarray]:
 
 
 def broken_area_m2(run: Run, until_s: float | np.ndarray = np.inf) -> np.ndarray:
-    """Crack area of each agglomerate by a time, m^2, shape (count,); until_s as for `broken_bonds`."""
+    """Return the crack area of each agglomerate (count,) by a time, m^2; the time is given as for `broken_bonds`."""
     table = run.breakage
     count = len(run.materials)
     number = table["agglomerate"].to_numpy(dtype=int)
@@ -133,12 +137,12 @@ def broken_area_m2(run: Run, until_s: float | np.ndarray = np.inf) -> np.ndarray
 
 
 def broken_area_over_time(run: Run, t_s: np.ndarray) -> np.ndarray:
-    """Crack area of each agglomerate at each time, m^2, shape (count, times)."""
+    """Return the crack area of each agglomerate at each time (count, times), m^2."""
     return np.stack([broken_area_m2(run, t) for t in t_s], axis=1)
 
 
 def crack_counts(run: Run) -> dict[str, dict[str, int]]:
-    """Broken bonds by material and mode: {"coal": {"tension": n, "shear": n}, "gangue": ...}."""
+    """Return the number of broken bonds by material, coal or gangue, and by mode, tension or shear."""
     material = np.array(run.materials)[run.breakage["agglomerate"].to_numpy(dtype=int) - 1]
     mode = run.breakage["mode"].to_numpy()
     return {
@@ -148,10 +152,10 @@ def crack_counts(run: Run) -> dict[str, dict[str, int]]:
 
 
 def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
-    """Begin and end of each collision of an agglomerate with the plate, s, from its contact force.
+    """Return begin and end (s) of each collision of an agglomerate with the plate, from its contact force.
 
-    Contacts less than COLLISION_GAP_S apart are one collision; those below LEAST_FORCE_SHARE
-    of the agglomerate's largest force are none.
+    Contacts less than COLLISION_GAP_S apart are one collision. Those below LEAST_FORCE_SHARE of the agglomerate's
+    largest force are none. Raises RecordError if the run has no force of that agglomerate.
     """
     table = run.fast if run.fast is not None else run.signals
     column = f"force_{agglomerate:02d}_N"
@@ -171,7 +175,7 @@ def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
 
 
 def first_collision_end_s(run: Run) -> np.ndarray:
-    """Time at which each agglomerate's first collision ends, shape (count,); the record's end if it has none."""
+    """Return the time (count,) at which the first collision of each agglomerate ends; without one, the record's end."""
     ends = []
     for number in range(1, len(run.materials) + 1):
         found = collisions(run, number)
@@ -181,10 +185,9 @@ def first_collision_end_s(run: Run) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Section:
-    """Discs in which a plane cuts the sub-spheres of one agglomerate, in its undeformed state.
+    """Discs in which a plane cuts the k sub-spheres of one agglomerate, in its undeformed state.
 
-    centre_m (k, 2): along the section and upward, from the agglomerate's centre; radius_m (k,);
-    damage (k,). broken_area_m2: of discs with damage >= BROKEN_SHARE; area_m2: of all discs.
+    centre_m (k, 2): along the section and upward, from the agglomerate's centre; radius_m and damage have shape (k,).
     """
 
     centre_m: np.ndarray
@@ -193,17 +196,19 @@ class Section:
 
     @property
     def area_m2(self) -> float:
+        """Area of all discs."""
         return float(np.pi * np.sum(self.radius_m**2))
 
     @property
     def broken_area_m2(self) -> float:
+        """Area of the discs whose damage is at least BROKEN_SHARE."""
         return float(np.pi * np.sum(self.radius_m[self.damage >= BROKEN_SHARE] ** 2))
 
 
 def section(network: Network, damaged: np.ndarray, agglomerate: int) -> Section:
-    """Vertical section y = const through the middle of an agglomerate, as in Figures 14 and 15.
+    """Return the vertical section y = const through the middle of an agglomerate, as in Figures 14 and 15.
 
-    damaged: shape (n,), from `damage`.
+    `damaged` (n,) comes from `damage`.
     """
     own = network.agglomerate == agglomerate
     place, radius = network.centre_m[own], network.radius_m[own]

@@ -1,8 +1,8 @@
 """Empirical mode decomposition (Huang et al. 1998) by PyEMD, with a named stopping rule.
 
-The sifting of PyEMD compares sums with absolute thresholds, so the number of IMFs
-would depend on the unit. Here a signal is scaled to unit standard deviation first
-and scaled back after: the same result in any unit.
+The sifting of PyEMD compares sums with absolute thresholds, so that the number of intrinsic mode functions (IMFs) would
+depend on the unit. Here a signal is scaled to unit standard deviation first and scaled back afterwards, which gives the
+same result in any unit.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ import numpy as np
 
 from analysis.records import Record, RecordError
 
-#: Stopping rules of the sifting, by name: what PyEMD is told.
-#: fixed_10: ten siftings for every IMF (Wu and Huang 2009): the fastest, and linear in cost.
-#: s_number_5: until extrema and zero crossings differ by at most one in five siftings
-#:   in a row (Huang et al. 2003).
+#: Stopping rules of the sifting, by name, with PyEMD's arguments for each.
+#: fixed_10: ten siftings for every IMF (Wu and Huang 2009), the fastest, whose cost is linear in the length.
+#: s_number_5: until extrema and zero crossings differ by at most one in five siftings in a row (Huang et al. 2003).
 #: energy_change: PyEMD's own default, a Cauchy-like test on the change of one sifting.
-STOPPING_RULES = {
+STOPPING_RULES: dict[str, dict[str, int]] = {
     "fixed_10": {"FIXE": 10},
     "s_number_5": {"FIXE_H": 5},
     "energy_change": {},
@@ -26,21 +25,21 @@ STOPPING_RULES = {
 
 DEFAULT_RULE = "fixed_10"
 
-#: Up to this length extrema are taken at the vertex of a parabola through three samples,
-#: which is seven times as exact at seven samples a period; beyond it at the samples
-#: themselves, because PyEMD's parabolas lose digits with the cube of the length.
+#: Up to this length extrema are taken at the vertex of a parabola through three samples, which is seven times as exact
+#: at seven samples a period. Beyond it they are taken at the samples themselves, because PyEMD's parabolas lose digits
+#: with the cube of the length.
 PARABOLIC_UP_TO = 10_000
 
-#: Each IMF is about half as fast as the one before; what is slower than rate / 2^12 or so
-#: (24 Hz at 100 kHz) stays in the residue. Records of up to 4000 samples have no more.
+#: Each IMF is about half as fast as the one before. What is slower than about rate / 2^12 (24 Hz at 100 kHz) stays in
+#: the residue. Records of up to 4000 samples have no more IMFs than this.
 MOST_IMFS = 12
 
 
 @dataclass(frozen=True)
 class Decomposition:
-    """imfs: shape (m, n), finest first; residue: shape (n,); in the unit of `record`.
+    """The m IMFs (m, n) of a record, finest first, and the residue (n,), in the unit of the record.
 
-    imfs.sum(axis=0) + residue is the record.
+    Their sum is the record. `extrema` names how PyEMD took the extrema, "parabol" or "simple".
     """
 
     imfs: np.ndarray
@@ -51,7 +50,7 @@ class Decomposition:
 
     @property
     def energies(self) -> np.ndarray:
-        """Integral of each IMF squared over time, shape (m,), unit^2 s."""
+        """Integral of each IMF squared over time (m,), unit^2 s."""
         return np.sum(self.imfs**2, axis=1) / self.record.rate_Hz
 
 

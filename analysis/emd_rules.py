@@ -13,7 +13,10 @@ from analysis.records import Record
 
 @dataclass(frozen=True)
 class RuleCost:
-    """error: RMS of (first IMF - first mode) over the RMS of that mode, away from the ends."""
+    """What a rule takes and how well it finds the modes.
+
+    The error is the RMS of (first IMF - first mode) over the RMS of that mode, away from the ends.
+    """
 
     rule: str
     samples: int
@@ -23,16 +26,14 @@ class RuleCost:
 
 
 def known_modes(samples: int, rate_Hz: float = 6667.0) -> tuple[np.ndarray, np.ndarray]:
-    """An AM-FM mode about 900 Hz and a tone of 110 Hz, each of shape (samples,)."""
+    """Return a mode about 900 Hz, modulated in amplitude and frequency, and a tone of 110 Hz, each (samples,)."""
     t = np.arange(samples) / rate_Hz
-    fast = (1 + 0.4 * np.cos(2 * np.pi * 15 * t)) * np.cos(
-        2 * np.pi * 900 * t + 3 * np.sin(2 * np.pi * 10 * t)
-    )
+    fast = (1 + 0.4 * np.cos(2 * np.pi * 15 * t)) * np.cos(2 * np.pi * 900 * t + 3 * np.sin(2 * np.pi * 10 * t))
     return fast, 0.7 * np.sin(2 * np.pi * 110 * t)
 
 
 def compare_rules(samples: int, repeats: int = 3) -> list[RuleCost]:
-    """Each rule on the known signal: least wall time of some repeats, and the error."""
+    """Return for each rule on the known signal the least wall time of some repeats, and the error."""
     fast, slow = known_modes(samples)
     record = Record(fast + slow, 6667.0)
     inner = slice(samples // 10, -(samples // 10))

@@ -1,8 +1,7 @@
 """The time-frequency parameters of Figure 23, from any record.
 
-Each takes the samples x_1 ... x_N of one record; mean() is over the samples.
-The IMF energies and the energy of the marginal spectrum come from `analysis.emd`
-and `analysis.hilbert`.
+Each takes the samples x_1 ... x_N of one record; mean() is over the samples. The energies of the IMFs and of the
+marginal spectrum come from `analysis.emd` and `analysis.hilbert`.
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ def kurtosis_central(x: np.ndarray) -> float:
 
 
 def skewness_raw(x: np.ndarray) -> float:
-    """mean x^3, in the unit cubed (the paper does not say which skewness it takes)."""
+    """mean x^3, in the unit cubed. The paper does not say which skewness it takes."""
     return float(np.mean(np.asarray(x) ** 3))
 
 
@@ -110,20 +109,22 @@ BASE_PARAMETERS = {
 
 @dataclass(frozen=True)
 class Feature:
+    """One parameter of a record."""
+
     name: str
     value: float
     unit: str
 
 
 def power_of_unit(unit: str, power: int) -> str:
-    """The unit of x^power: "(m/s^2)^3", "1" for power 0."""
+    """Return the unit of x^power, such as "(m/s^2)^3", and "1" for power 0."""
     if power == 0 or unit == "1":
         return "1"
     return unit if power == 1 else f"({unit})^{power}"
 
 
 def time_features(record: Record) -> list[Feature]:
-    """The twelve parameters in the time domain. RecordError for a record of constant value."""
+    """Return the twelve parameters in the time domain. Raises RecordError for a record of constant value."""
     _refuse_constant(record)
     return [
         Feature(name, function(record.values), power_of_unit(record.unit, power))
@@ -132,10 +133,10 @@ def time_features(record: Record) -> list[Feature]:
 
 
 def time_frequency_features(record: Record) -> list[Feature]:
-    """IMF energies, their shares, and the energy of the Hilbert marginal spectrum.
+    """Return the energies of the IMFs, their shares, and the energy of the Hilbert marginal spectrum.
 
-    Energies are integrals of x^2 over time, in unit^2 s. The decomposition is that of
-    `analysis.emd.decompose` with its default stopping rule.
+    Energies are integrals of x^2 over time, in unit^2 s. The decomposition is that of `analysis.emd.decompose` with its
+    default stopping rule.
     """
     from analysis.emd import decompose
     from analysis.hilbert import marginal_spectrum
@@ -152,7 +153,10 @@ def time_frequency_features(record: Record) -> list[Feature]:
 
 
 def signal_features(record: Record) -> dict[str, Feature]:
-    """All parameters of Figure 23 by name, in a fixed order."""
+    """Return all parameters of Figure 23 by name, in a fixed order.
+
+    Raises RecordError for a record of constant value, or samples too large or too small for a parameter.
+    """
     found = {f.name: f for f in [*time_features(record), *time_frequency_features(record)]}
     for f in found.values():
         if not np.isfinite(f.value):
@@ -163,7 +167,7 @@ def signal_features(record: Record) -> dict[str, Feature]:
 
 
 def base_parameters(record: Record) -> np.ndarray:
-    """The eight parameters of Q (Eq. 40) in the order of BASE_PARAMETERS, shape (8,)."""
+    """Return the eight parameters of Q (Eq. 40) in the order of BASE_PARAMETERS. Raises as `signal_features`."""
     found = signal_features(record)
     return np.array([found[name].value for name in BASE_PARAMETERS])
 

@@ -1,8 +1,7 @@
 """Hilbert spectrum and marginal spectrum of the IMFs (Huang et al. 1998).
 
-Each IMF c(t) has the analytic signal c + i H[c] = a(t) exp(i phi(t)), with
-instantaneous amplitude a and frequency f = (d phi / d t) / (2 pi). The marginal
-spectrum of a frequency bin b of width df is
+Each IMF c(t) has the analytic signal c + i H[c] = a(t) exp(i phi(t)), with the instantaneous amplitude a and the
+frequency f = (d phi / d t) / (2 pi). The marginal spectrum of a frequency bin b of width df is
 
     h(b) = 1/df * sum over IMFs of the integral of a (or a^2) over the time f is in b.
 """
@@ -23,9 +22,9 @@ BIN_WIDTH_HZ = 25.0
 
 @dataclass(frozen=True)
 class HilbertSpectrum:
-    """edges_s: shape (times + 1,); edges_Hz: shape (bins + 1,); amplitude: shape (bins, times).
+    """Amplitude (bins, times) on cells between edges_Hz (bins + 1,) and edges_s (times + 1,), in the record's unit.
 
-    amplitude: mean over a cell of the sum over IMFs of a, in the record's unit.
+    It is the mean over a cell of the sum over the IMFs of a.
     """
 
     edges_s: np.ndarray
@@ -35,10 +34,10 @@ class HilbertSpectrum:
 
 @dataclass(frozen=True)
 class MarginalSpectrum:
-    """edges_Hz: shape (bins + 1,); density: shape (bins,), in unit s/Hz (amplitude) or unit^2 s/Hz (energy).
+    """Density (bins,) between edges_Hz (bins + 1,), in unit s/Hz (kind "amplitude") or unit^2 s/Hz (kind "energy").
 
-    left_out: share of the integral at frequencies outside the bins (an instantaneous
-    frequency may be negative where an IMF is not symmetric).
+    `left_out` is the share of the integral at frequencies outside the bins: an instantaneous frequency may be negative
+    where an IMF is not symmetric.
     """
 
     edges_Hz: np.ndarray
@@ -48,16 +47,17 @@ class MarginalSpectrum:
 
     @property
     def centres_Hz(self) -> np.ndarray:
+        """Middle of each bin (bins,)."""
         return 0.5 * (self.edges_Hz[:-1] + self.edges_Hz[1:])
 
     @property
     def total(self) -> float:
-        """Integral of the density over frequency: independent of the bin width."""
+        """Integral of the density over frequency, which does not depend on the width of the bins."""
         return float(np.sum(self.density * np.diff(self.edges_Hz)))
 
 
 def instantaneous(imf: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitude and frequency (Hz) of one IMF at each sample, both of shape (n,).
+    """Return amplitude (n,) and frequency (n,) in Hz of one IMF at each sample.
 
     The frequency is the central difference of the unwrapped phase, one-sided at the ends.
     """
@@ -69,7 +69,7 @@ def instantaneous(imf: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarr
 
 
 def frequency_edges_Hz(rate_Hz: float, bin_width_Hz: float) -> np.ndarray:
-    """Edges of equal bins from 0 to at least half the sample rate."""
+    """Return the edges of equal bins from 0 to at least half the sample rate. Raises RecordError for a width <= 0."""
     if not bin_width_Hz > 0:
         raise RecordError(f"bin_width_Hz = {bin_width_Hz}; must be > 0")
     return np.arange(max(1, int(np.ceil(0.5 * rate_Hz / bin_width_Hz))) + 1) * bin_width_Hz
@@ -78,10 +78,10 @@ def frequency_edges_Hz(rate_Hz: float, bin_width_Hz: float) -> np.ndarray:
 def marginal_spectrum(
     decomposition: Decomposition, *, kind: str = "amplitude", bin_width_Hz: float = BIN_WIDTH_HZ
 ) -> MarginalSpectrum:
-    """Marginal spectrum of all IMFs, from 0 to half the sample rate in equal bins.
+    """Return the marginal spectrum of all IMFs, from 0 to half the sample rate in equal bins.
 
-    kind: "amplitude" (integral of a) or "energy" (integral of a^2). The last bin reaches
-    past half the sample rate if the width does not divide it.
+    The kind is "amplitude" (integral of a) or "energy" (integral of a^2). The last bin reaches past half the sample
+    rate if the width does not divide it. Raises RecordError for another kind, or a width not > 0.
     """
     if kind not in ("amplitude", "energy"):
         raise RecordError(f"kind = {kind!r}; choose amplitude or energy")
@@ -102,7 +102,7 @@ def marginal_spectrum(
 def hilbert_spectrum(
     decomposition: Decomposition, *, bin_width_Hz: float = BIN_WIDTH_HZ, times: int = 100
 ) -> HilbertSpectrum:
-    """Hilbert spectrum on equal cells of frequency and time."""
+    """Return the Hilbert spectrum on equal cells of frequency and time. Raises RecordError for a width <= 0."""
     record = decomposition.record
     edges_Hz = frequency_edges_Hz(record.rate_Hz, bin_width_Hz)
     edges_s = record.t0_s + np.linspace(0, record.values.size / record.rate_Hz, times + 1)

@@ -2,27 +2,28 @@
 
     m z'' = -P,   M w'' = P - w / C,   d = z - w,   P = K d^(3/2) (1 + c d' / v)
 
-with approach z of the sphere, compression d, impact speed v; the plate is rigid or one
-mass M on its static compliance C, the plainest body that deflects (the real plate has
-many modes: see `plate_fem`). The laws differ in c(e), all for the exponent 3/2:
+with approach z of the sphere, compression d and impact speed v. The plate is rigid, or one mass M on its static
+compliance C, the simplest body that deflects (the real plate has many modes: see `plate_fem`). The laws differ in c(e),
+all for the exponent 3/2:
 
     hertz                  c = 0
     flores                 c = 8 (1 - e) / (5 e)     Flores et al. 2011; Eq. 5 of the paper
     hunt_crossley          c = 3 (1 - e) / 2         Hunt and Crossley 1975
     lankarani_nikravesh    c = 3 (1 - e^2) / 4       Lankarani and Nikravesh 1990
 
-Only Flores' law gives nearly the restitution asked for at every e; the other two were
-made for e near 1.
+Only Flores' law gives nearly the wanted restitution at every e. The other two were made for e near 1.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-DAMPING = {
+DAMPING: dict[str, Callable[[float], float]] = {
     "hertz": lambda e: 0.0,
     "flores": lambda e: 8.0 * (1 - e) / (5.0 * e),
     "hunt_crossley": lambda e: 1.5 * (1 - e),
@@ -32,11 +33,10 @@ DAMPING = {
 
 @dataclass(frozen=True)
 class ForceHistory:
-    """From first touch to zero force: compression, its rate and force, shape (n,); speed of the sphere after."""
+    """Compression and force (n,) from the first touch until the force is zero, and the rebound speed of the sphere."""
 
     t_s: np.ndarray
     deformation_m: np.ndarray
-    rate_m_s: np.ndarray
     force_N: np.ndarray
     rebound_m_s: float
 
@@ -51,7 +51,7 @@ class ForceHistory:
 
 @dataclass(frozen=True)
 class Spring:
-    """A plate as one mass on a spring: compliance_m_N > 0, mass_kg > 0."""
+    """A plate as one mass (> 0) on a spring of given compliance (> 0)."""
 
     compliance_m_N: float
     mass_kg: float
@@ -67,10 +67,10 @@ def force_history(
     plate: Spring | None = None,
     samples: int = 2001,
 ) -> ForceHistory:
-    """Integrate an impact until the first loss of contact (relative tolerance 1e-10).
+    """Integrate an impact until the first loss of contact, to a relative tolerance of 1e-10.
 
-    stiffness: Hertz K, N/m^1.5; restitution: 0 < e <= 1; plate: None for a rigid one.
-    Raises ValueError for an unknown law.
+    The Hertz stiffness K is in N/m^1.5, the restitution 0 < e <= 1; without a plate it is rigid.
+    Raises ValueError for an unknown law, and ArithmeticError if the contact does not end.
     """
     if law not in DAMPING:
         raise ValueError(f"law = {law!r}; choose one of {', '.join(DAMPING)}")
@@ -82,16 +82,16 @@ def force_history(
     lightness = mass_kg / plate.mass_kg if plate else 0.0
     spring = unit_m / (plate.compliance_m_N * to_newton) if plate else 0.0
 
-    def force(state):
+    def force(state: np.ndarray) -> np.ndarray:
         z, z_rate, w, w_rate = state
         return 1.25 * np.maximum(z - w, 0.0) ** 1.5 * (1 + c * (z_rate - w_rate))
 
-    def motion(t, state):
+    def motion(t: float, state: np.ndarray) -> tuple[Any, ...]:
         _, z_rate, w, w_rate = state
         push = force(state)
         return z_rate, -push, w_rate, lightness * (push - spring * w)
 
-    def gone(t, state):
+    def gone(t: float, state: np.ndarray) -> float:
         # With damping the force may vanish before the compression does: no pull is allowed.
         z, z_rate, w, w_rate = state
         return min(z - w, 1 + c * (z_rate - w_rate)) if t > 0 else 1.0
@@ -99,19 +99,11 @@ def force_history(
     # solve_ivp reads these two attributes of a function
     gone.terminal, gone.direction = True, -1  # type: ignore[attr-defined]
     found = solve_ivp(
-        motion,
-        (0, 100),
-        (0.0, 1.0, 0.0, 0.0),
-        "DOP853",
-        events=gone,
-        rtol=1e-10,
-        atol=1e-13,
-        dense_output=True,
+        motion, (0, 100), (0.0, 1.0, 0.0, 0.0), "DOP853", events=gone, rtol=1e-10, atol=1e-13, dense_output=True
     )
     if found.status != 1 or found.sol is None:
         raise ArithmeticError(f"{law}: no end of contact within 100 units of time at e = {restitution:g}")
     t = np.linspace(0, found.t[-1], samples)
     state = found.sol(t)
-    d, rate = np.maximum(state[0] - state[2], 0.0), state[1] - state[3]
-    rebound_m_s = float(-state[1, -1] * speed_m_s)
-    return ForceHistory(t * unit_s, d * unit_m, rate * speed_m_s, force(state) * to_newton, rebound_m_s)
+    compression_m = np.maximum(state[0] - state[2], 0.0) * unit_m
+    return ForceHistory(t * unit_s, compression_m, force(state) * to_newton, float(-state[1, -1] * speed_m_s))

@@ -22,20 +22,20 @@ TIME_DOMAIN = 1  # func_type of a time response in UFF dataset 58
 
 
 def read_record(
-    path,
+    path: str | Path,
     *,
     column: str | None = None,
     rate_Hz: float | None = None,
     scale: float = 1.0,
     unit: str | None = None,
 ) -> Record:
-    """Read one signal from a run directory, a Parquet, CSV, WAV or UFF-58 file.
+    """Read one signal from a run directory, or from a Parquet, CSV, WAV or UFF-58 file.
 
-    column: name of the signal (a number from 0 where it has none: CSV without names, channel
-    of a WAV, dataset of a UFF). Without it: `a_m_s2` where there is one, else the only signal.
-    rate_Hz: needed where the file has neither a rate nor a time column (`t_s`, `time_s`,
-    `time`, `t`). scale: samples are multiplied by it (a sensor's calibration). unit: of the
-    scaled samples. Raises RecordError, one line, for everything that keeps it from being read.
+    column: name of the signal, or its number from 0 where it has none (in a CSV file without names, a WAV or UFF file).
+    Without it the signal is `a_m_s2` where there is one, else the only one.
+    rate_Hz: needed where the file has neither a rate nor a time column (`t_s`, `time_s`, `time`, `t`).
+    scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples.
+    Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
     """
     path = Path(path)
     if path.is_dir():
@@ -54,8 +54,11 @@ def read_record(
     return replace(record, values=scale * record.values, unit=unit or record.unit)
 
 
-def read_table(path) -> pd.DataFrame:
-    """A Parquet or CSV file as a table; a CSV without names gets columns "0", "1", ..."""
+def read_table(path: str | Path) -> pd.DataFrame:
+    """Return a Parquet or CSV file as a table; the columns of a CSV file without names are "0", "1", ...
+
+    Raises RecordError if it cannot be read, or if a column appears twice.
+    """
     from pyarrow import ArrowException
 
     path = Path(path)
@@ -115,15 +118,15 @@ def _pick(table: pd.DataFrame, source: str, column: str | None, rate_Hz: float |
 
 
 def _numbers(column: pd.Series) -> np.ndarray:
-    """The column as floats, NaN where it holds no number, which a Record then refuses by its place."""
+    """Return the column as floats, NaN where it holds no number: a Record then refuses that sample by its number."""
     return pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
 
 
-def read_wav(path, channel: str | None = None) -> Record:
-    """One channel of a WAV file; whole numbers become shares of full scale, -1..1.
+def read_wav(path: str | Path, channel: str | None = None) -> Record:
+    """Return one channel of a WAV file; whole numbers become shares of full scale, -1..1.
 
-    channel: number from 0; needed where there are several. Calibrate with `scale` of
-    `read_record`. Raises RecordError.
+    The channel is a number from 0, needed where there are several. `scale` of `read_record` calibrates the samples.
+    Raises RecordError if the file cannot be read or the channel is left open.
     """
     from scipy.io import wavfile
 
@@ -146,11 +149,12 @@ def read_wav(path, channel: str | None = None) -> Record:
     return Record(samples[:, number], float(rate_Hz), "1", f"{path}: {number}")
 
 
-def read_uff(path, dataset: str | None = None) -> Record:
-    """One time response (dataset 58) of a UFF file, ASCII or binary.
+def read_uff(path: str | Path, dataset: str | None = None) -> Record:
+    """Return one time response (dataset 58) of a UFF file, ASCII or binary.
 
-    dataset: number from 0 among the time responses, or its first identification line;
-    needed where there are several. Needs the package pyuff. Raises RecordError.
+    The dataset is its number from 0 among the time responses, or its first identification line; it is needed where
+    there are several. Raises RecordError if the file cannot be read, the dataset is left open or the package pyuff is
+    missing.
     """
     try:
         import pyuff
@@ -180,7 +184,7 @@ def read_uff(path, dataset: str | None = None) -> Record:
                   float(chosen.get("abscissa_min", 0.0)))  # fmt: skip
 
 
-def _choose(path, asked: str | None, names: list[str]) -> int:
+def _choose(path: Path, asked: str | None, names: list[str]) -> int:
     if asked is None and len(names) == 1:
         return 0
     if asked not in names:

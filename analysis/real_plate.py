@@ -1,11 +1,12 @@
-"""The real plate, from its modes: its static compliance, and its stress under recorded forces.
+"""The plate of a run, from its modes: its static compliance, and its stress under the recorded forces.
 
-With `recognition.physics.force_records` the only module that needs `plate_fem`, and only where the deflection of the
-actual plate on its rods is wanted instead of the paper's beam formula.
+This is the only module of the package that needs `plate_fem`. It serves where the deflection of the actual plate on its
+rods is wanted instead of the paper's beam formula.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,18 +15,22 @@ from scipy.interpolate import RegularGridInterpolator
 from analysis.records import RecordError
 from analysis.runs import Run
 from analysis.setup import places_of, setup_of
+from common import hertz
+from common.plate import FlexiblePlate
+from plate_fem.contact_stress import HertzContact, total_stress, von_mises_3d
+from plate_fem.modes import PlateModes, plate_modes
+from plate_fem.motion import ModalMotion
+from plate_fem.stress import surface_stress, von_mises
 
 
-def modes_of(run: Run):
-    """Modes (`plate_fem.modes.PlateModes`) that the run's plate moved in.
+def modes_of(run: Run) -> PlateModes:
+    """Return the modes that the run's plate moved in.
 
-    Found as the simulation finds them: up to the scene's frequency, alone or with residual modes for the
-    places of the particles, whichever has the number of modes that run.json states. Taken from the cache
-    beside the runs where it holds exactly these (same table, same places), else computed.
-    RecordError if the scene has no flexible plate, or if neither has that number.
+    They are found as the simulation finds them: up to the scene's frequency, alone or with residual modes for the
+    positions of the particles, whichever has the number of modes that run.json states. They are taken from the cache
+    beside the runs where it holds exactly these, and computed otherwise.
+    Raises RecordError if the scene has no flexible plate, or if neither has that number.
     """
-    from plate_fem.modes import plate_modes
-
     cache = Path(run.path).parent / ".modes"
     plate, counts = flexible_plate(run), []
     for points_m in (None, places_of(run)):
@@ -39,10 +44,8 @@ def modes_of(run: Run):
     )
 
 
-def flexible_plate(run: Run):
-    """The plate's table (`common.plate.FlexiblePlate`). RecordError if the scene has no flexible one."""
-    from common.plate import FlexiblePlate
-
+def flexible_plate(run: Run) -> FlexiblePlate:
+    """Return the table of the run's plate. Raises RecordError if the scene has no flexible one."""
     table = run.info.get("scene", {}).get("plate", {})
     if table.get("model") != "flexible":
         raise RecordError(
@@ -56,11 +59,11 @@ def flexible_plate(run: Run):
         raise RecordError(f"{run.path}/run.json: scene.plate: {' '.join(str(error).split())}") from None
 
 
-def static_compliance_m_N(modes, points_m: np.ndarray) -> np.ndarray:
-    """Deflection per force at points (k, 2), m/N, shape (k,): sum of shape^2 / omega^2 over the modes.
+def static_compliance_m_N(modes: PlateModes, points_m: np.ndarray) -> np.ndarray:
+    """Return the deflection per force (k,), m/N, at points (k, 2): the sum of shape^2 / omega^2 over the modes.
 
-    Low by what the modes left out would add (a few per cent for modes up to 20 kHz of a
-    20 mm plate). RecordError for a plate that can move away freely.
+    It is too low by what the modes left out would add: a few per cent for the modes of a 20 mm plate up to 20 kHz.
+    Raises RecordError for a plate that can move away freely.
     """
     if np.any(modes.frequency_Hz == 0):
         raise RecordError("the plate has a rigid-body mode: it has no static compliance")
@@ -68,9 +71,9 @@ def static_compliance_m_N(modes, points_m: np.ndarray) -> np.ndarray:
 
 
 def particle_forces_N(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Times (n,) of the fast stream and force of each particle on the plate, (n, count), N.
+    """Return the times (n,) of the fast stream, s, and the force of each particle on the plate (n, count), N.
 
-    RecordError if the run kept no fast stream, or not of every particle.
+    Raises RecordError if the run kept no fast stream, or not of every particle.
     """
     if run.fast is None:
         raise RecordError(f"{run.path}: no fast.parquet; needs it to drive the plate")
@@ -81,14 +84,12 @@ def particle_forces_N(run: Run) -> tuple[np.ndarray, np.ndarray]:
     return run.fast["t_s"].to_numpy(dtype=float), run.fast[columns].to_numpy(dtype=float)
 
 
-def amplitude_at_peak(modes, run: Run) -> np.ndarray:
-    """Modal amplitudes (n,) at the instant of the largest total force.
+def amplitude_at_peak(modes: PlateModes, run: Run) -> np.ndarray:
+    """Return the modal amplitudes (n,) at the instant of the largest total force.
 
-    The modes are driven again by the recorded force of each particle (fast stream: the mean
-    over each of its intervals), taken to act at its place.
+    The modes are driven again by the recorded force of each particle, taken to act at its position. The fast stream
+    holds the mean force over each of its intervals.
     """
-    from plate_fem.motion import ModalMotion
-
     t_s, force_N = particle_forces_N(run)
     peak = int(np.argmax(force_N.sum(axis=1)))
     dt_s = float(np.diff(t_s).min())
@@ -103,47 +104,38 @@ def amplitude_at_peak(modes, run: Run) -> np.ndarray:
     return motion.amplitude
 
 
-def hertz_contacts(run: Run, force_N: np.ndarray) -> list:
-    """A `plate_fem.contact_stress.HertzContact` at each particle's place, for a force (count,) on each.
+def hertz_contacts(run: Run, force_N: np.ndarray) -> list[HertzContact]:
+    """Return the contact at each particle's position, for the force (count,) on each.
 
-    Each particle counts as one whole sphere of its radius. A bonded one touches the plate with a few
-    small sub-spheres, whose pressures would be higher and say more of the packing than of the stone.
+    Each particle counts as one whole sphere of its radius. A bonded one touches the plate with a few small sub-spheres,
+    whose pressures would be higher and depend more on the packing than on the stone.
     """
-    from plate_fem.contact_stress import HertzContact
-
     s = setup_of(run)
-    modulus_Pa = {name: 1 / (_soft(rock) + _soft(s.plate)) for name, rock in s.rocks.items()}
+    modulus_Pa = {name: hertz.contact_modulus_Pa(rock, s.plate) for name, rock in s.rocks.items()}
     rows = zip(s.places_m, force_N, run.materials, strict=True)
     return [HertzContact(x, y, max(float(f), 0.0), s.radius_m, modulus_Pa[name]) for (x, y), f, name in rows]
 
 
-def _soft(body) -> float:
-    return (1 - body.poisson_ratio**2) / body.youngs_modulus_Pa
-
-
 def contact_stress_map_Pa(
-    modes, amplitude, contacts, number: int, poisson_ratio: float, offset_m: np.ndarray
-):
-    """Von Mises stress (k, k) at the top surface about contact `number` (1-based), at its place + offset_m (k,).
+    modes: PlateModes, amplitude: np.ndarray, contacts: Sequence[HertzContact], number: int, poisson_ratio: float,
+    offset_m: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Return the von Mises stress (k, k) on a square grid at the top surface, from bending and every contact.
 
-    Bending of the plate plus the Hertz field of every contact.
+    The grid stands about contact `number` (1-based), at the offsets (k,) from it along x and along y.
     """
-    from plate_fem.contact_stress import total_stress, von_mises_3d
-
     centre = contacts[number - 1]
     x, y = np.meshgrid(centre.x_m + offset_m, centre.y_m + offset_m, indexing="ij")
     points_m = np.column_stack([x.ravel(), y.ravel()])
     return von_mises_3d(total_stress(modes, amplitude, contacts, points_m, poisson_ratio)).reshape(x.shape)
 
 
-def surface_von_mises_Pa(modes, amplitude: np.ndarray) -> np.ndarray:
-    """Von Mises stress of bending at the plate's surface at the nodes of the modes, shape (n_nodes,)."""
-    from plate_fem.stress import surface_stress, von_mises
-
+def surface_von_mises_Pa(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
+    """Return the von Mises stress of bending at the plate's surface, at the nodes (n_nodes,)."""
     return von_mises(surface_stress(modes, amplitude))
 
 
-def nodal_at(modes, values: np.ndarray, points_m: np.ndarray) -> np.ndarray:
-    """Values given at the nodes (n_nodes,), at points (k, 2) of the plate by cubic splines, shape (k,)."""
+def nodal_at(modes: PlateModes, values: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+    """Return values (k,) at points (k, 2) of the plate, by cubic splines through those at the nodes (n_nodes,)."""
     lines = (modes.lines_x_m, modes.lines_y_m)
     return RegularGridInterpolator(lines, values.reshape(len(lines[0]), -1), method="cubic")(points_m)

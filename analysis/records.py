@@ -1,8 +1,7 @@
 """Records: any uniformly sampled signal, from memory or from a file.
 
-A `Record` is an array of samples, a sample rate and a unit. It is what every
-other module of this package works on, so that features, EMD and spectra can be
-taken from a measurement as well as from a simulation.
+A `Record` is an array of samples with a sample rate and a unit. Every other module of this package works on records, so
+that features, EMD and spectra can be taken from a measurement as well as from a simulation.
 """
 
 from __future__ import annotations
@@ -11,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
-# Times written with few digits jitter by the last digit; more than this share
-# of the interval is another matter: gaps, or a changing rate.
+# Times written with few digits jitter by the last digit. More than this share of the interval means gaps, or a rate
+# that changes.
 MAX_TIME_JITTER = 0.01
 
 #: Units of the columns of a run directory, by the ending of their name.
@@ -32,21 +32,20 @@ UNIT_BY_SUFFIX = {
 class RecordError(ValueError):
     """A record cannot be used. The message is one line: file, key, value, what is allowed."""
 
-    def __init__(self, message: str):
+    def __init__(self, message: str) -> None:
         super().__init__(one_line(message))
 
 
 def one_line(message: str) -> str:
-    """The message with what is not printable escaped: names come from files and may hold anything."""
+    """Return the message with unprintable characters escaped: names come from files and may hold anything."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message)
 
 
 @dataclass(frozen=True)
 class Record:
-    """A uniformly sampled signal.
+    """A uniformly sampled signal: finite values (n,) in `unit`, from the time `t0_s` on.
 
-    values: shape (n,), finite floats, in `unit`; rate_Hz: samples per second;
-    t0_s: time of the first sample.
+    Raises RecordError for values of another shape or not finite, and for a sample rate that is not positive.
     """
 
     values: np.ndarray
@@ -55,7 +54,7 @@ class Record:
     name: str = "signal"
     t0_s: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         values = np.asarray(self.values, dtype=float)
         if values.ndim != 1 or values.size < 2:
             raise RecordError(
@@ -71,6 +70,7 @@ class Record:
 
     @property
     def dt_s(self) -> float:
+        """Time between two samples."""
         return 1.0 / self.rate_Hz
 
     @property
@@ -80,7 +80,7 @@ class Record:
 
 
 def unit_of(column: str) -> str:
-    """Unit of a column by its name's ending, "1" where the name tells none."""
+    """Return the unit of a column by the ending of its name, "1" where it has none."""
     for suffix, unit in UNIT_BY_SUFFIX.items():
         if column.endswith(suffix):
             return unit
@@ -88,7 +88,7 @@ def unit_of(column: str) -> str:
 
 
 def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
-    """Sample rate of uniformly spaced times; RecordError where they are not."""
+    """Return the sample rate of times (n,). Raises RecordError where they are not uniformly spaced."""
     t_s = np.asarray(t_s, dtype=float)
     steps = np.diff(t_s)
     if steps.size == 0 or not np.all(np.isfinite(t_s)) or np.any(steps <= 0):
@@ -104,12 +104,13 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
 
 
 def as_record(
-    signal, rate_Hz: float | None = None, *, unit: str | None = None, name: str | None = None
-) -> Record:
-    """A Record from an array with its rate, from a pandas Series, or from a Record.
+    signal: ArrayLike | pd.Series | Record, rate_Hz: float | None = None, *, unit: str | None = None,
+    name: str | None = None,
+) -> Record:  # fmt: skip
+    """Return a Record from an array with its rate, from a pandas Series, or from a Record.
 
-    A Series needs no rate if its index is the time in seconds (or a DatetimeIndex
-    or TimedeltaIndex). Raises RecordError for a missing or a second, different rate.
+    A Series needs no rate if its index is the time in seconds, a DatetimeIndex or a TimedeltaIndex.
+    Raises RecordError for a missing rate, or one that differs from that of the record.
     """
     if isinstance(signal, Record):
         if rate_Hz is not None and not np.isclose(rate_Hz, signal.rate_Hz, rtol=1e-6):
@@ -122,7 +123,7 @@ def as_record(
     return Record(np.asarray(signal, dtype=float), rate_Hz, unit or "1", name or "signal")
 
 
-def _from_series(series: pd.Series, rate_Hz, unit, name) -> Record:
+def _from_series(series: pd.Series, rate_Hz: float | None, unit: str | None, name: str | None) -> Record:
     name = name or (str(series.name) if series.name is not None else "signal")
     unit = unit or unit_of(name)
     index = series.index

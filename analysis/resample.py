@@ -1,8 +1,7 @@
 """Another sample rate, with the anti-alias filter or without.
 
-The paper's signals are at 6667 Hz without any filter: vibration above 3333 Hz folds
-back below it. With the filter such vibration is taken away instead, and peaks of a
-contact (about 0.2 ms) become lower.
+The paper's signals are at 6667 Hz without any filter, so that vibration above 3333 Hz folds back below it. The filter
+takes such vibration away instead, and the peaks of a contact (about 0.2 ms) become lower.
 """
 
 from __future__ import annotations
@@ -20,17 +19,16 @@ MAX_FACTOR = 1000
 
 
 def resample(record: Record, rate_Hz: float, *, anti_alias: bool = True) -> Record:
-    """The record at another rate, its first sample at the same time.
+    """Return the record at another rate, its first sample at the same time.
 
-    anti_alias: a linear-phase low pass (scipy's polyphase, zero delay) before the samples
-    are taken; without it every k-th sample is kept, which needs a whole ratio of rates.
-    Raises RecordError where the rates have no such ratio.
+    With `anti_alias` a low pass of linear phase and no delay (scipy's polyphase filter) comes before the samples are
+    taken. Without it every k-th sample is kept, which needs a whole ratio of rates. Raises RecordError where the
+    rates have no such ratio.
     """
     ratio = Fraction(rate_Hz / record.rate_Hz).limit_denominator(MAX_FACTOR)
     if ratio == 0 or abs(float(ratio) * record.rate_Hz / rate_Hz - 1) > 1e-6:
-        raise RecordError(
-            f"{record.name}: {record.rate_Hz:.6g} Hz to {rate_Hz:.6g} Hz is no ratio of whole numbers up to {MAX_FACTOR}"
-        )
+        rates = f"{record.rate_Hz:.6g} Hz to {rate_Hz:.6g} Hz"
+        raise RecordError(f"{record.name}: {rates} is no ratio of whole numbers up to {MAX_FACTOR}")
     if anti_alias:
         # The ends are continued by their own values: a record need not begin or end at zero.
         values = resample_poly(record.values, ratio.numerator, ratio.denominator, padtype="edge")

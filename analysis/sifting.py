@@ -1,7 +1,7 @@
-"""PyEMD's sifting with a lean spline: imported late, as PyEMD is slow to import.
+"""PyEMD's sifting with a faster spline. The module is imported late, as PyEMD is slow to import.
 
-The same curve as scipy's CubicSpline, whose set-up takes five times as long as the sum: a decomposition makes a hundred
-splines through some tens of points, which was most of its time.
+The spline is the same curve as scipy's CubicSpline. A decomposition makes a hundred splines through some tens of
+points, and scipy's preparation of each takes several times as long as its evaluation.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from scipy.linalg.lapack import dgtsv
 class LeanEMD(EMD):
     """PyEMD with `not_a_knot` for its cubic splines of four points and more."""
 
-    def spline_points(self, T, extrema):
+    def spline_points(self, T: np.ndarray, extrema: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the times of T between the extrema (2, n), times and values, and the spline through these there."""
         if self.spline_kind != "cubic" or extrema.shape[1] < 4:
             return super().spline_points(T, extrema)
         t = T[(T >= extrema[0, 0]) & (T <= extrema[0, -1])]
@@ -22,10 +23,11 @@ class LeanEMD(EMD):
 
 
 def not_a_knot(x: np.ndarray, y: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values at the rising `at` of the spline through (x, y), at least four points with rising x.
+    """Return the values, at the ascending abscissae `at`, of the not-a-knot spline through at least four points (x, y).
 
-    The slopes s obey h1 s0 + 2 (h0 + h1) s1 + h0 s2 = 3 (h1 d0 + h0 d1), h being the steps and d the slopes of the chords;
-    the first and last row say that the third derivative is the same on both sides of the last knot but one.
+    The slopes s obey h1 s0 + 2 (h0 + h1) s1 + h0 s2 = 3 (h1 d0 + h0 d1), h being the steps of the ascending x and d the
+    slopes of the chords. The first and the last row demand that the third derivative is the same on both sides of the
+    second and of the last but one knot.
     """
     h = np.diff(x)
     d = np.diff(y) / h

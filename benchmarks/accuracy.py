@@ -116,7 +116,7 @@ def numerical_settings() -> list[NumericalSetting]:
     scene = scene_of({})
     assembly = assemble(scene, arrange(scene, "scene"))
     t0, stone_contact_s = bond_time_s(scene, assembly), stone_contact_time_s(scene, assembly)
-    assert t0 is not None
+    assert t0 is not None and scene.plate.model == "flexible"
     return [*step_settings(t0, stone_contact_s), *plate_settings(stone_contact_s, default_mesh_size(scene.plate)),
             *other_settings()]
 

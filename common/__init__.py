@@ -1,1 +1,4 @@
-"""What everybody stands on: scene files, their tables and errors, the run directory's contents, files written whole."""
+"""What every other package uses: scene files and their tables, Hertz' contact, error laws, files and resources.
+
+This package imports none of the others.
+"""

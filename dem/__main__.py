@@ -1,4 +1,4 @@
-"""Command line: python -m dem run|resume|deck|plate|sweep|campaign|dataset|calibrate."""
+"""Command line: python -m dem run|resume|deck|plate|sweep|campaign|dataset|calibrate|build-engine."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from dem.batch.campaign import campaign
 from dem.batch.dataset import build
 from dem.batch.sweep import sweep
 from dem.calibration.calibrate import calibrate
+from dem.coupling.build_engine import build_engine
 from dem.coupling.launch import STOPPED
 from dem.coupling.messages import CouplingError
 from dem.deck.render import write_deck
@@ -89,6 +90,8 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("material", help="name of a material of the scene")
     sub.add_argument("--scene", type=Path, required=True, help="scene file (TOML)")
     sub.add_argument("--out", type=Path, required=True, help="directory for MATERIAL.toml and MATERIAL_tests.csv")
+    sub = add("build-engine", "build the engine, where Debian's libliggghts-dev is installed", lambda _: build_engine())
+    sub.set_defaults(out="the engine")
     return parser
 
 

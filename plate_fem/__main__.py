@@ -1,5 +1,7 @@
 """Command line: python -m plate_fem modes SCENE."""
 
+from __future__ import annotations
+
 import argparse
 import sys
 from pathlib import Path
@@ -8,10 +10,11 @@ import numpy as np
 
 from common.plate import read_plate
 from common.tables import InputError, refused_in
-from plate_fem.modes import plate_modes
+from plate_fem.modes import PlateModes, plate_modes
 
 
-def main(arguments=None):
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command line and return its exit code: 2, with one line on standard error, for bad input."""
     parser = argparse.ArgumentParser(prog="python -m plate_fem", description="The plate of a scene.")
     commands = parser.add_subparsers(dest="command", required=True)
     modes = commands.add_parser("modes", help="print the natural frequencies of the scene's plate")
@@ -26,8 +29,11 @@ def main(arguments=None):
     return 0
 
 
-def show_modes(scene, out=None):
-    """Print mode number, frequency and damping of a scene's plate; write the shapes to `out` if given."""
+def show_modes(scene: Path, out: Path | None) -> None:
+    """Print number, frequency (Hz) and damping ratio of each mode of a scene's plate; write the shapes to `out`.
+
+    Raises InputError for a scene that cannot be read, or whose plate is rigid or has no `max_frequency_Hz`.
+    """
     plate = read_plate(scene)
     if plate.model == "rigid":
         raise InputError(f"{scene}: plate.model = 'rigid': must be 'flexible' to have modes")
@@ -39,19 +45,20 @@ def show_modes(scene, out=None):
         modes = plate_modes(plate)
     print(f"# {modes.theory} plate, {len(modes.quad)} cells, mass {modes.mass_kg:.6g} kg")
     print(f"{'mode':>5} {'Hz':>12} {'damping':>9}")
-    for number, (frequency, damping) in enumerate(zip(modes.frequency_Hz, modes.damping_ratio), 1):
+    for number, (frequency, damping) in enumerate(zip(modes.frequency_Hz, modes.damping_ratio, strict=True), 1):
         print(f"{number:5d} {frequency:12.4f} {damping:9.5f}")
     if out is not None:
         write_shapes(modes, out)
 
 
-def write_shapes(modes, out):
-    """Write the mesh with one vertical displacement field per mode, scaled to a largest value of one."""
+def write_shapes(modes: PlateModes, out: Path) -> None:
+    """Write the mesh (.vtu) with one field of vertical displacement per mode, scaled to a largest value of one."""
     import meshio
 
     points = np.column_stack([modes.node_m, np.zeros(len(modes.node_m))])
     shape = modes.shape / abs(modes.shape).max(axis=0)
-    fields = {f"mode_{j:03d}_{f:.1f}_Hz": s for j, (f, s) in enumerate(zip(modes.frequency_Hz, shape.T), 1)}
+    columns = zip(modes.frequency_Hz, shape.T, strict=True)
+    fields = {f"mode_{j:03d}_{frequency:.1f}_Hz": column for j, (frequency, column) in enumerate(columns, 1)}
     meshio.Mesh(points, [("quad", modes.quad)], point_data=fields).write(out, file_format="vtu")
 
 

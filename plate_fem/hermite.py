@@ -1,5 +1,9 @@
 """The bicubic Hermite (Bogner-Fox-Schmit) deflection on a rectangular grid: element, evaluation, integral."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sp
 import skfem
@@ -8,8 +12,8 @@ import skfem
 CUBICS = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float)
 
 
-def cubic(number, s, h, order=0):
-    """Hermite cubic `number` (0..3) of a cell of side h at s in [0, 1], differentiated `order` times in x."""
+def cubic(number: int, s: np.ndarray, h: np.ndarray, order: int) -> np.ndarray:
+    """Return Hermite cubic `number` (0..3) of a cell of side h (m) at s in [0, 1], derived `order` times by x."""
     coefficients = np.polynomial.polynomial.polyder(CUBICS[number], order)
     return np.polynomial.polynomial.polyval(s, coefficients) * h ** (number % 2 - order)
 
@@ -20,7 +24,8 @@ class RectangleBFS(skfem.ElementQuadBFS):
     scikit-fem's own uses powers of the global coordinates, whose round-off grows like (side / cell)^6.
     """
 
-    def gbasis(self, mapping, X, i, tind=None):
+    def gbasis(self, mapping: Any, X: np.ndarray, i: int, tind: np.ndarray | None = None) -> tuple[Any]:
+        """Return basis function i of each cell with its first two derivatives; scikit-fem calls this."""
         p, t = mapping.mesh.p, mapping.mesh.t if tind is None else mapping.mesh.t[:, tind]
         corner, kind = divmod(i, 4)  # corners counter-clockwise from lower left; kinds u, u_x, u_y, u_xy
         number = (2 * (corner in (1, 2)) + kind % 2, 2 * (corner in (2, 3)) + kind // 2)
@@ -35,12 +40,13 @@ class RectangleBFS(skfem.ElementQuadBFS):
         return (field,)
 
 
-def interpolation(lines_x_m, lines_y_m, points_m, derivative=(0, 0)):
-    """Matrix that evaluates the deflection, or a derivative of it, at points.
+def interpolation(
+    lines_x_m: np.ndarray, lines_y_m: np.ndarray, points_m: np.ndarray, derivative: tuple[int, int] = (0, 0)
+) -> sp.csr_array:
+    """Return the sparse matrix (k, 4 * n_nodes) that evaluates the deflection, or a derivative of it, at points (k, 2).
 
-    points_m: (k, 2). derivative: orders in x and y. Returns a sparse (k, 4 * n_nodes) matrix acting on
-    nodal values ordered [w, w_x, w_y, w_xy] blockwise (each block in node order). Points beyond the
-    edge are extrapolated by the cubic of the cell at the edge.
+    `derivative` holds the orders in x and y. The matrix acts on nodal values in the blocks w, w_x, w_y, w_xy, each in
+    the order of the nodes. Beyond the edge the cubic of the outermost cell goes on.
     """
     points = np.atleast_2d(np.asarray(points_m, float))
     k, n_y = len(points), len(lines_y_m)
@@ -62,8 +68,8 @@ def interpolation(lines_x_m, lines_y_m, points_m, derivative=(0, 0)):
     return sp.csr_array((np.concatenate(values), (rows, np.concatenate(columns))), shape=(k, 4 * n_nodes))
 
 
-def integration(lines_x_m, lines_y_m):
-    """Weights (4, n_nodes) whose sum with the nodal values [w, w_x, w_y, w_xy] is the integral of w."""
+def integration(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> np.ndarray:
+    """Return weights (4, n_nodes) whose sum with the nodal values w, w_x, w_y, w_xy is the integral of w."""
     weights = []
     for lines in (lines_x_m, lines_y_m):
         h = np.diff(lines)

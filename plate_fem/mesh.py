@@ -1,39 +1,42 @@
 """Mesh lines of the rectangular plate, and the criteria that choose theory and mesh size."""
 
+from __future__ import annotations
+
 import itertools
 import math
 
 import numpy as np
 import skfem
 
+from common.plate import FlexiblePlate
 from common.tables import Refused
 
-SHEAR_ERROR_ALLOWED = 0.005  # Kirchhoff is used while its highest frequency is at most this much too high
-MOST_CELLS, MOST_LINES = 20_000, 500  # some GB of memory
+SHEAR_ERROR_ALLOWED = 0.005  # Kirchhoff's theory is used while its highest frequency is at most this much too high
+MOST_CELLS, MOST_LINES = 20_000, 500  # these need some GB of memory
 CELLS_PER_WAVELENGTH = {"kirchhoff": 5.6, "mindlin": 4.5}  # highest mode kept within 1e-3
 
 
-def shear_factor(poisson_ratio):
-    """Shear correction factor 5 / (6 - nu) of a plate (Stephen 1997, J. Sound Vib. 202:539)."""
+def shear_factor(poisson_ratio: float) -> float:
+    """Return the shear correction factor 5 / (6 - nu) of a plate (Stephen 1997, J. Sound Vib. 202:539)."""
     return 5.0 / (6.0 - poisson_ratio)
 
 
-def bending_stiffness(plate):
-    """D = E t^3 / (12 (1 - nu^2)), in N m."""
+def bending_stiffness(plate: FlexiblePlate) -> float:
+    """Return the bending stiffness D = E t^3 / (12 (1 - nu^2)), in N m."""
     return plate.youngs_modulus_Pa * plate.thickness_m**3 / (12 * (1 - plate.poisson_ratio**2))
 
 
-def shear_stiffness(plate):
-    """kappa G t, in N/m."""
+def shear_stiffness(plate: FlexiblePlate) -> float:
+    """Return the shear stiffness kappa G t, in N/m."""
     nu = plate.poisson_ratio
     return shear_factor(nu) * plate.youngs_modulus_Pa / (2 * (1 + nu)) * plate.thickness_m
 
 
-def bending_wavenumber(plate, frequency_Hz, theory):
-    """Wavenumber (1/m) of plane bending waves at `frequency_Hz`.
+def bending_wavenumber(plate: FlexiblePlate, frequency_Hz: float, theory: str) -> float:
+    """Return the wavenumber k (1/m) of plane bending waves at `frequency_Hz`.
 
-    Kirchhoff: D k^4 = m W. Mindlin: (D k^2 + S - J W) (S k^2 - m W) = S^2 k^2, with W = omega^2, m and
-    J = m t^2 / 12 the mass and rotary inertia per area, D and S the stiffnesses in bending and shear.
+    Kirchhoff: D k^4 = m W. Mindlin: (D k^2 + S - J W) (S k^2 - m W) = S^2 k^2. Here W is omega^2, m the mass and
+    J = m t^2 / 12 the rotary inertia per area, D the stiffness in bending and S that in shear.
     """
     m, d, w = plate.density_kg_m3 * plate.thickness_m, bending_stiffness(plate), (2 * math.pi * frequency_Hz) ** 2
     if theory == "kirchhoff":
@@ -43,47 +46,55 @@ def bending_wavenumber(plate, frequency_Hz, theory):
     return math.sqrt((b + math.sqrt(b * b + 4 * d * s * m * w * (s - j * w))) / (2 * d * s))
 
 
-def kirchhoff_error(plate):
-    """Relative excess of Kirchhoff's frequency over Mindlin's at the highest mode kept.
+def highest_frequency_Hz(plate: FlexiblePlate) -> float:
+    """Return `max_frequency_Hz` of a plate. Raises ValueError if its table leaves it to a tolerance."""
+    if plate.max_frequency_Hz is None:
+        raise ValueError("max_frequency_Hz is not known yet: see plate_fem.truncation.with_max_frequency")
+    return plate.max_frequency_Hz
 
-    First term of the expansion in k t of the two dispersion relations (k Kirchhoff's wavenumber):
-    (k t)^2 / 24 * (1 + 2 / (kappa (1 - nu))); the first part is rotary inertia, the second shear.
+
+def kirchhoff_error(plate: FlexiblePlate) -> float:
+    """Return by how much, relatively, Kirchhoff's frequency of the highest mode kept is above Mindlin's.
+
+    It is the first term of the expansion of the two dispersion relations in k t, k being Kirchhoff's wavenumber:
+    (k t)^2 / 24 * (1 + 2 / (kappa (1 - nu))). The first part is rotary inertia, the second shear.
     """
-    kt = bending_wavenumber(plate, plate.max_frequency_Hz, "kirchhoff") * plate.thickness_m
+    kt = bending_wavenumber(plate, highest_frequency_Hz(plate), "kirchhoff") * plate.thickness_m
     nu = plate.poisson_ratio
     return kt**2 / 24 * (1 + 2 / (shear_factor(nu) * (1 - nu)))
 
 
-def choose_theory(plate):
-    """"kirchhoff" or "mindlin": the scene's word, or the criterion `kirchhoff_error` if it says "auto"."""
+def choose_theory(plate: FlexiblePlate) -> str:
+    """Return "kirchhoff" or "mindlin": what the table says, or what `kirchhoff_error` decides where it says "auto"."""
     if plate.theory != "auto":
         return plate.theory
     return "kirchhoff" if kirchhoff_error(plate) <= SHEAR_ERROR_ALLOWED else "mindlin"
 
 
-def mesh_size(plate):
-    """Largest cell side (m): the scene's `mesh_size_m`, or the default."""
+def mesh_size(plate: FlexiblePlate) -> float:
+    """Return the largest side of a cell (m): the table's `mesh_size_m`, or the default."""
     return default_mesh_size(plate) if plate.mesh_size_m is None else plate.mesh_size_m
 
 
-def default_mesh_size(plate):
-    """A fixed fraction of the bending wavelength at `max_frequency_Hz`, at most a quarter of a side."""
+def default_mesh_size(plate: FlexiblePlate) -> float:
+    """Return a fixed fraction of the bending wavelength at `max_frequency_Hz`, at most a quarter of a side (m)."""
     theory = choose_theory(plate)
-    wavelength = 2 * math.pi / bending_wavenumber(plate, plate.max_frequency_Hz, theory)
+    wavelength = 2 * math.pi / bending_wavenumber(plate, highest_frequency_Hz(plate), theory)
     return min(wavelength / CELLS_PER_WAVELENGTH[theory], plate.length_m / 4, plate.width_m / 4)
 
 
-def mesh_lines(plate):
-    """Grid lines (lines_x_m, lines_y_m), ascending, from edge to edge.
+def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
+    """Return the grid lines along x and along y (m), ascending, from edge to edge.
 
-    Point supports lie on grid lines. By default a cell at a rod is as wide as the rod's radius and cells grow
-    slowly away from it; a scene's `mesh_size_m` refines these in the same proportion.
-    Raises Refused for more than MOST_CELLS cells.
+    Point supports lie on grid lines. By default a cell at a rod is as wide as the rod's radius, and cells grow slowly
+    away from it. A table's `mesh_size_m` refines these cells in the same proportion.
+    Raises Refused for more than MOST_CELLS cells or MOST_LINES lines.
     """
     key = "max_frequency_Hz" if plate.mesh_size_m is None else "mesh_size_m"
     largest = mesh_size(plate)
     if not plate.length_m * plate.width_m / largest**2 <= MOST_CELLS:
-        raise Refused(key, getattr(plate, key), f"must leave a mesh of at most {MOST_CELLS} cells; here a cell is {largest:.3g} m wide")
+        allowed = f"must leave a mesh of at most {MOST_CELLS} cells; here a cell is {largest:.3g} m wide"
+        raise Refused(key, getattr(plate, key), allowed)
     scale = largest / default_mesh_size(plate)
     lines = []
     for axis, side in (("x_m", plate.length_m), ("y_m", plate.width_m)):
@@ -100,15 +111,15 @@ def mesh_lines(plate):
     return lines
 
 
-def _distinct(values, tolerance):
-    values = np.unique(values)
-    return values[np.append(True, np.diff(values) > tolerance)]
+def _distinct(values: list[float], tolerance: float) -> np.ndarray:
+    ascending = np.unique(values)
+    return ascending[np.append(True, np.diff(ascending) > tolerance)]
 
 
-def _graded(fixed, largest, fine):
+def _graded(fixed: np.ndarray, largest: float, fine: list[tuple[float, float, float]]) -> np.ndarray:
     """Fill the gaps between fixed lines with cells no larger than `largest`, finer near rods."""
 
-    def size(x):  # wanted cell size at x
+    def size(x: float) -> float:  # wanted cell size at x
         return min([largest] + [scale * max(r, 0.2 * (abs(x - c) - r)) for c, r, scale in fine])
 
     lines = [fixed[0]]
@@ -121,8 +132,8 @@ def _graded(fixed, largest, fine):
     return np.array(lines)
 
 
-def quad_mesh(lines_x_m, lines_y_m):
-    """scikit-fem mesh of the grid; node (i, j) has number i * len(lines_y_m) + j."""
+def quad_mesh(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> skfem.MeshQuad:
+    """Return the scikit-fem mesh of the grid; node (i, j) has number i * len(lines_y_m) + j."""
     x, y = np.meshgrid(lines_x_m, lines_y_m, indexing="ij")
     number = np.arange(x.size).reshape(x.shape)
     corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]

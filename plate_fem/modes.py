@@ -1,34 +1,43 @@
 """Natural modes of the plate: frequencies, shapes and what else is needed of them."""
 
+from __future__ import annotations
+
 import hashlib
-import os
 import zipfile
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from common.files import written_whole
+from common.plate import FlexiblePlate
 from plate_fem import hermite
 from plate_fem.eigen import eigenmodes
-from plate_fem.model import build_model
+from plate_fem.mesh import highest_frequency_Hz
+from plate_fem.model import PlateModel, build_model
 from plate_fem.residual import residual_modes
-from plate_fem.stress import modal_surface_stress
+from plate_fem.stress_recovery import modal_surface_stress
 
 
 @dataclass(frozen=True)
 class PlateModes:
-    """Modes of a flexible plate, mass-normalised: w(x, y, t) = sum_j shape_j(x, y) amplitude_j(t).
+    """The n modes of a flexible plate, in ascending frequency: w(x, y, t) = sum_j shape_j(x, y) amplitude_j(t).
 
-    amplitude has unit kg^1/2 m, shapes kg^-1/2. n modes in ascending frequency.
-    frequency_Hz, damping_ratio: (n,); rigid-body modes have frequency zero exactly.
-    nodal: (4, n_nodes, n), w, w_x, w_y, w_xy at the nodes; the deflection is bicubic between them.
-    mean_shape: (n,), mean of w over the plate: displacement of its centre of mass.
-    rod_force: (n_rods, n), axial force (N, tension positive) at the base of each rod.
-    surface_stress: (n_nodes, 3, n), sx, sy, txy (Pa) at the top surface per amplitude.
-    mass_kg: mass of the plate without rods. theory: "kirchhoff" or "mindlin".
-    n_residual: how many modes, the last ones, stand for the compliance of those left out.
+    Shapes are mass-normalised and have unit kg^-1/2, amplitudes kg^1/2 m.
+
+    frequency_Hz, damping_ratio (n,): rigid-body modes have frequency zero exactly.
+    lines_x_m, lines_y_m: grid lines of the mesh; node (i, j) has number i * len(lines_y_m) + j.
+    nodal (4, n_nodes, n): w, w_x, w_y, w_xy at the nodes; the deflection is bicubic between them.
+    mean_shape (n,): mean of w over the plate, which is the displacement of its centre of mass.
+    rod_force (n_rods, n): axial force (N, tension positive) at the base of each rod, per amplitude.
+    surface_stress (n_nodes, 3, n): sx, sy, txy (Pa) at the top surface, per amplitude.
+    mass_kg: mass of the plate without rods.
+    theory: "kirchhoff" or "mindlin".
+    n_residual: how many modes, the last ones, stand for the compliance of those left out (plate_fem/residual.py).
     """
 
     frequency_Hz: np.ndarray
@@ -44,28 +53,28 @@ class PlateModes:
     n_residual: int
 
     @property
-    def shape(self):
+    def shape(self) -> np.ndarray:
         """(n_nodes, n): deflection at the nodes."""
         return self.nodal[0]
 
     @cached_property
-    def node_m(self):
+    def node_m(self) -> np.ndarray:
         """(n_nodes, 2): positions of the nodes."""
         x, y = np.meshgrid(self.lines_x_m, self.lines_y_m, indexing="ij")
         return np.column_stack([x.ravel(), y.ravel()])
 
     @cached_property
-    def quad(self):
+    def quad(self) -> np.ndarray:
         """(n_cells, 4): nodes of each cell, counter-clockwise seen from above."""
         number = np.arange(len(self.node_m)).reshape(len(self.lines_x_m), len(self.lines_y_m))
         corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
         return np.column_stack([c.ravel() for c in corners])
 
     @cached_property
-    def largest_shape(self):
+    def largest_shape(self) -> np.ndarray:
         """(n,): an upper bound for |shape| of each mode anywhere on the plate.
 
-        From values on a grid four times as fine as the mesh and a bound for what lies between.
+        It is the largest value on a grid four times as fine as the mesh, plus what that exceeds those of the nodes by.
         """
         x, y = (_refined(lines, 4) for lines in (self.lines_x_m, self.lines_y_m))
         points = np.column_stack([v.ravel() for v in np.meshgrid(x, y, indexing="ij")])
@@ -73,16 +82,16 @@ class PlateModes:
         coarse = abs(self.shape).max(axis=0)
         return fine + (fine - coarse)
 
-    def shape_at(self, points_m):
-        """(k, n): deflection of the modes at points (k, 2)."""
+    def shape_at(self, points_m: np.ndarray) -> np.ndarray:
+        """Return the deflection (k, n) of the modes at points (k, 2)."""
         rows = hermite.interpolation(self.lines_x_m, self.lines_y_m, points_m)
         return rows @ self.nodal.reshape(-1, self.nodal.shape[2])
 
-    def grid(self, spacing_m):
-        """Modes on a regular grid: (x_m (nx,), y_m (ny,), shape (nx, ny, n)).
+    def grid(self, spacing_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the modes on a regular grid: x_m (nx,), y_m (ny,) and shape (nx, ny, n).
 
-        The sides are divided into cells no larger than spacing_m; two more cells beyond each edge continue
-        the cubic of the outermost mesh cell smoothly.
+        The sides are divided into cells no larger than spacing_m. Two more cells beyond each edge continue the cubic of
+        the outermost mesh cell smoothly.
         """
         axes = []
         for lines in (self.lines_x_m, self.lines_y_m):
@@ -94,21 +103,24 @@ class PlateModes:
         return axes[0], axes[1], shape.reshape(*x.shape, -1)
 
 
-def _refined(lines, times):
+def _refined(lines: np.ndarray, times: int) -> np.ndarray:
     return np.interp(np.arange(times * (len(lines) - 1) + 1) / times, np.arange(len(lines)), lines)
 
 
-def plate_modes(plate, cache_dir=None, residual_points_m=None):
-    """Return the `PlateModes` of a FlexiblePlate up to its `max_frequency_Hz`.
+def plate_modes(
+    plate: FlexiblePlate, cache_dir: str | Path | None = None, residual_points_m: np.ndarray | None = None
+) -> PlateModes:
+    """Return the modes of a plate up to its `max_frequency_Hz`.
 
-    cache_dir: folder for results, one .npz per table and set of points (optional). The modes below
-    `max_frequency_Hz`, which take longest, have a file of their own that other points and dampings share.
-    residual_points_m: (k, 2), where loads act (optional). Up to k modes above `max_frequency_Hz` are added
-    that give these points the static compliance of all the modes left out (plate_fem/residual.py).
-    Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency.
+    cache_dir: directory for results, one .npz for each table and set of points. The modes below `max_frequency_Hz`,
+    which take longest, have a file of their own that other points and damping ratios share. Without it nothing is
+    kept.
+    residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
+    points the static compliance of all the modes left out (plate_fem/residual.py). Without it there are none.
+    Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
+    table with too many cells or modes.
     """
-    if plate.max_frequency_Hz is None:
-        raise ValueError("max_frequency_Hz is not known yet: see plate_fem.truncation.with_max_frequency")
+    highest_frequency_Hz(plate)
     points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
     if cache_dir is None:
         return _compute(plate, points, None)
@@ -121,27 +133,23 @@ def plate_modes(plate, cache_dir=None, residual_points_m=None):
     return modes
 
 
-def modes_file(plate, cache_dir, residual_points_m):
-    """Where `plate_modes` keeps its result."""
+def modes_file(plate: FlexiblePlate, cache_dir: str | Path, residual_points_m: np.ndarray) -> Path:
+    """Return the file in which `plate_modes` keeps its result."""
     return Path(cache_dir) / f"modes-{table_hash(plate, residual_points_m)}.npz"
 
 
-def _damped(modes, plate):
+def _damped(modes: PlateModes, plate: FlexiblePlate) -> PlateModes:
     return replace(modes, damping_ratio=np.full(len(modes.frequency_Hz), plate.damping_ratio))
 
 
-def _save(path, arrays):
+def _save(path: Path, arrays: dict[str, Any]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(f".{os.getpid()}.npz")
-    try:
-        np.savez(beside, **arrays)
-        beside.replace(path)  # at once, since another run may want the same file
-    finally:
-        beside.unlink(missing_ok=True)
+    with written_whole(path) as beside, beside.open("wb") as file:  # whole, since another run may want the same file
+        np.savez(file, **arrays)
 
 
-def _load(path, names):
-    """What is kept there; None if there is nothing, or a file that is cut off or foreign: it is made anew."""
+def _load(path: Path, names: Sequence[str]) -> dict[str, Any] | None:
+    """Return what is kept there, or None if there is no file or one that is cut off or foreign, which is made anew."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             if set(stored.files) != set(names):
@@ -152,32 +160,34 @@ def _load(path, names):
 
 
 @cache
-def _code():
-    """Hash of this package, so that modes which another version of it found are not taken for those of this one."""
+def _code() -> str:
+    """Return a hash of this package, so that modes found by another version of it are not taken from the cache."""
     files = sorted(Path(__file__).parent.glob("*.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
-def table_hash(plate, residual_points_m=()):
-    """Hash of everything that frequencies and shapes depend on, the code included; the damping ratio is a
-    number beside them."""
+def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | Sequence[Sequence[float]] = ()) -> str:
+    """Return a hash of everything that frequencies and shapes depend on, the code included.
+
+    The damping ratio does not belong to it: frequencies and shapes are those without damping.
+    """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio"})
     text = f"{_code()} {table} {np.asarray(residual_points_m, float).tolist()}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _kept_modes(plate, model, cache_dir):
-    """omega^2 (n,) and vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there."""
+def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return omega^2 (n,) and vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there."""
     path = None if cache_dir is None else cache_dir / f"eigen-{table_hash(plate)}.npz"
     if path is not None and (stored := _load(path, ["omega_squared", "vectors"])) is not None:
         return stored["omega_squared"], stored["vectors"]
-    omega_squared, vectors = eigenmodes(model.stiffness, model.mass, plate.max_frequency_Hz)
+    omega_squared, vectors = eigenmodes(model.stiffness, model.mass, highest_frequency_Hz(plate))
     if path is not None:
         _save(path, {"omega_squared": omega_squared, "vectors": vectors})
     return omega_squared, vectors
 
 
-def _compute(plate, residual_points_m, cache_dir):
+def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray, cache_dir: Path | None) -> PlateModes:
     model = build_model(plate)
     omega_squared, vectors = _kept_modes(plate, model, cache_dir)
     n_residual = 0
@@ -205,8 +215,8 @@ def _compute(plate, residual_points_m, cache_dir):
     )
 
 
-def _sign(shape):
-    """+-1 per mode, so that the first node near the largest deflection moves up."""
+def _sign(shape: np.ndarray) -> np.ndarray:
+    """Return +1 or -1 for each mode, so that the first node near the largest deflection moves up."""
     size = abs(shape).max(axis=0)
     first = (abs(shape) > 0.9 * size).argmax(axis=0)
     return np.where(shape[first, np.arange(shape.shape[1])] < 0, -1.0, 1.0)

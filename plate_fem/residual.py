@@ -1,31 +1,35 @@
 """Static compliance of the modes left out, as a few more modes (residual vectors).
 
-The response of a truncated mode far below its frequency is static: shape^2 / omega^2 times the force. The
-static response to a unit load at each given point, less what the kept modes give, carries exactly that;
-made orthogonal (Ritz), these responses are further modes that move like the others (Dickens, Nakagawa and
-Wittbrodt 1997, Comput. Struct. 62:985).
+Far below its frequency a mode answers statically: shape^2 / omega^2 times the force. The static deflection under a
+unit load at each given point, less what the kept modes give, holds exactly what the modes left out would add. Made
+orthogonal (Ritz), these deflections are further modes that move like the others (Dickens, Nakagawa and Wittbrodt
+1997, Comput. Struct. 62:985).
 
-In Kirchhoff's theory the load is a point force. In Mindlin's the deflection under a point force is infinite,
-and the load acts on a disc. A plate under a point force at its top moves there by the half-space's indentation,
-which contact laws count, and by the rest. For an infinite elastic layer, loaded with wavenumber k, the rest is
-U(k) = 2 (1 - nu^2) / (E k) * [(sinh x cosh x + x) / (sinh^2 x - x^2) - 1], x = k t. Beyond a cut-off k t of
-0.4 to 1.6 a disc of radius 1.4 t gives a Mindlin plate the compliance of this integral within 16 % (nu 0.3).
+In Kirchhoff's theory the load is a point force. In Mindlin's the deflection under a point force is infinite, and the
+load acts on a disc. A plate under a point force at its top moves there by the indentation of a half-space, which
+contact laws count, and by a remainder. For an infinite elastic layer, loaded with wavenumber k, the remainder is
+U(k) = 2 (1 - nu^2) / (E k) * [(sinh x cosh x + x) / (sinh^2 x - x^2) - 1], x = k t. Beyond a cut-off k t of 0.4 to 1.6
+a disc of radius 1.4 t gives a Mindlin plate the compliance of this integral within 16 % (nu = 0.3).
 """
+
+from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
 from plate_fem.eigen import factor
+from plate_fem.model import PlateModel
 from plate_fem.rods import disc_quadrature
+from plate_fem.system import PlateSystem
 
 LOAD_RADIUS = 1.4  # times the thickness
 
 
-def residual_modes(model, kept, points_m):
-    """Ritz modes (omega^2 (m,), vectors (n, m)) for loads at points (k, 2); m <= k.
+def residual_modes(model: PlateModel, kept: np.ndarray, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return omega^2 (m,) in 1/s^2 and vectors (n, m) of the residual modes for loads at points (k, 2), with m <= k.
 
-    model: PlateModel. kept: (n, p), its mass-normalised modes that are kept.
+    `kept` (n, p) holds the mass-normalised modes of the model that are kept.
     """
     loads = load_rows(model.system, points_m) @ model.expansion
     projected = loads.T.toarray() - model.mass @ (kept @ (loads @ kept).T)
@@ -40,8 +44,12 @@ def residual_modes(model, kept, points_m):
     return omega_squared, basis @ combination
 
 
-def load_rows(system, points_m):
-    """Sparse (k, n): w at each point (Kirchhoff), or its mean over a disc, as far as that is plate (Mindlin)."""
+def load_rows(system: PlateSystem, points_m: np.ndarray) -> sp.csr_array:
+    """Return the sparse matrix (k, n) that gives the deflection under each load.
+
+    In Kirchhoff's theory that is w at the point, in Mindlin's the mean of w over the part of a disc that lies on the
+    plate.
+    """
     if system.theory == "kirchhoff":
         return system.deflection(points_m)
     rows = []

@@ -1,15 +1,18 @@
-"""What the plate's modes answer to a push that lasts one step; any other push is a sum of such."""
+"""Motion of the modes under a force that lasts one step; the motion under any other force is a sum of such."""
+
+from __future__ import annotations
 
 import numpy as np
 
+from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
 
 
-def pulse_response(modes, step_s, count):
-    """Amplitude, rate and acceleration of every mode under a unit modal force from 0 to step_s, exact.
+def pulse_response(modes: PlateModes, step_s: float, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return amplitude, rate and acceleration (count, n) of every mode under a unit modal force from 0 to step_s.
 
-    Three arrays (count, n), at the times 0, step_s, 2 step_s ..., in units of `ModalMotion` per N kg^-1/2. At 0 and
-    step_s, where the force jumps, the acceleration is the mean of both sides.
+    They are exact. Rows belong to the times 0, step_s, 2 step_s ...; units are those of `ModalMotion` per N kg^-1/2. At
+    0 and at step_s, where the force jumps, the acceleration is the mean of both sides.
     """
     motion = ModalMotion(modes, step_s)
     n = len(modes.frequency_Hz)

@@ -1,32 +1,36 @@
-"""Bending stress at the top surface of the plate, recovered mode by mode."""
+"""Bending stress at the top surface of the plate in a state of its modes, and the largest one of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy.sparse as sp
-import skfem
-from skfem.helpers import dd, grad
+
+from common.plate import Rod
+from plate_fem.modes import PlateModes
 
 
-def surface_stress(modes, amplitude):
-    """Stress (n_nodes, 3) in Pa at the top surface, columns sx, sy, txy; the bottom has the opposite sign.
+def surface_stress(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
+    """Return the stress (n_nodes, 3) in Pa at the top surface, columns sx, sy, txy, for modal amplitudes (n,).
 
-    modes: PlateModes; amplitude (n,). The local stress under a contact is not in it.
+    The bottom has the opposite sign. The local stress under a contact is not included.
     """
     return modes.surface_stress @ amplitude
 
 
-def von_mises(stress):
-    """Von Mises stress (...,) of plane stress (..., 3) with columns sx, sy, txy."""
+def von_mises(stress: np.ndarray) -> np.ndarray:
+    """Return the von Mises stress (...,) of plane stress (..., 3) with columns sx, sy, txy."""
     sx, sy, txy = np.moveaxis(np.asarray(stress), -1, 0)
     return np.sqrt(sx**2 - sx * sy + sy**2 + 3 * txy**2)
 
 
 class StressPeak:
-    """Largest von Mises stress of bending over a motion, away from rods and within a diameter of one.
+    """Largest von Mises stress of bending over a motion, at the nodes away from the rods and at those near a rod.
 
-    modes: PlateModes. rods: those of the plate's table; near them the stress is only indicative.
+    A node is near a rod when it lies within a diameter of its axis. There the stress is only indicative.
     """
 
-    def __init__(self, modes, rods=()):
+    def __init__(self, modes: PlateModes, rods: Sequence[Rod]) -> None:
         self._node_m = modes.node_m
         n_modes = modes.surface_stress.shape[2]
         self._columns = np.moveaxis(modes.surface_stress, 1, 0).reshape(-1, n_modes)  # all sx, all sy, all txy
@@ -38,7 +42,7 @@ class StressPeak:
         unit = von_mises(np.moveaxis(modes.surface_stress, 1, 2))  # (n_nodes, n_modes)
         self._largest = {kind: unit[nodes].max(axis=0, initial=0.0) for kind, nodes in self._kind.items()}
 
-    def add(self, t_s, amplitude):
+    def add(self, t_s: np.ndarray, amplitude: np.ndarray) -> None:
         """Note the modal amplitudes (k, n) at the times t_s (k,)."""
         t_s, amplitude = np.asarray(t_s), np.asarray(amplitude)
         bound = {kind: np.abs(amplitude) @ self._largest[kind] for kind in self._kind}
@@ -55,60 +59,17 @@ class StressPeak:
             if found > self._best[kind][0]:
                 self._best[kind] = (float(found), int(nodes[node]), float(t_s[above][k]))
 
-    def get_state(self):
-        """Copy of the state, a dict of arrays, for `set_state`."""
+    def get_state(self) -> dict[str, np.ndarray]:
+        """Return a copy of the state, for `set_state`."""
         return {"peak": np.array([self._best[False], self._best[True]])}
 
-    def set_state(self, state):
+    def set_state(self, state: Mapping[str, np.ndarray]) -> None:
         """Take a state from `get_state`."""
         self._best = {at_rods: (float(squared), int(node), float(t_s))
-                      for at_rods, (squared, node, t_s) in zip((False, True), state["peak"])}
+                      for at_rods, (squared, node, t_s) in zip((False, True), state["peak"], strict=True)}
 
-    def result(self, at_rods=False):
-        """The peak: {"von_mises_Pa", "x_m", "y_m", "t_s"}."""
+    def result(self, at_rods: bool = False) -> dict[str, float]:
+        """Return the peak: "von_mises_Pa", where it is ("x_m", "y_m") and when ("t_s")."""
         squared, node, t_s = self._best[at_rods]
         x, y = self._node_m[node]
         return {"von_mises_Pa": float(np.sqrt(squared)), "x_m": float(x), "y_m": float(y), "t_s": float(t_s)}
-
-
-def curvature_operator(system):
-    """Function from unknowns u (system.size, n) to curvatures (3, n_nodes, n) at the nodes, in 1/m.
-
-    Curvatures theta_x,x, theta_y,y and theta_x,y + theta_y,x (with theta = grad w in Kirchhoff's theory)
-    are least-squares projections of the discontinuous derivatives on continuous biquadratics.
-    """
-    target = system.basis_w.with_element(skfem.ElementQuad2())
-    mass = skfem.BilinearForm(lambda u, v, _: u * v).assemble(target)
-    solve = sp.linalg.splu(mass.tocsc()).solve
-    rows = _kirchhoff_rows(system, target) if system.theory == "kirchhoff" else _mindlin_rows(system, target)
-
-    def curvature(u):
-        return np.array([solve(row @ u)[target.nodal_dofs[0]] for row in rows])
-
-    return curvature
-
-
-def _kirchhoff_rows(system, target):
-    def moments(i, j, factor):
-        matrix = skfem.BilinearForm(lambda u, v, _: factor * dd(u)[i, j] * v).assemble(system.basis_w, target)
-        return sp.csr_array(matrix)[:, system.order_w]
-
-    return [moments(0, 0, 1.0), moments(1, 1, 1.0), moments(0, 1, 2.0)]
-
-
-def _mindlin_rows(system, target):
-    derivative = [
-        skfem.BilinearForm(lambda u, v, _, i=i: grad(u)[i] * v).assemble(system.rotation_basis, target) for i in (0, 1)
-    ]
-    zero_w, zero_t = (sp.csr_array((target.N, b.N)) for b in (system.basis_w, system.rotation_basis))
-    blocks = [(derivative[0], zero_t), (zero_t, derivative[1]), (derivative[1], derivative[0])]
-    return [sp.csr_array(sp.hstack([zero_w, *block])) for block in blocks]
-
-
-def modal_surface_stress(system, u):
-    """Stress (n_nodes, 3, n) at the top surface for each column of unknowns u (system.size, n)."""
-    plate = system.plate
-    nu = plate.poisson_ratio
-    kx, ky, kxy = curvature_operator(system)(u)
-    scale = -plate.youngs_modulus_Pa * plate.thickness_m / 2 / (1 - nu**2)  # in-plane displacement is -z theta
-    return scale * np.stack([kx + nu * ky, ky + nu * kx, (1 - nu) / 2 * kxy], axis=1)

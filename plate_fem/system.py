@@ -1,28 +1,41 @@
 """Stiffness and mass matrices of the plate, for thin (Kirchhoff) and shear-flexible (Mindlin) theory.
 
-Deflection w is bicubic and C1 (Bogner-Fox-Schmit) in both. Mindlin's rotations are continuous bicubics,
-a space that contains the gradient of every such w: the thin limit theta = grad w is reached without any
-loss of freedom, so the element cannot lock, with full integration and no tricks.
+In both the deflection w is bicubic and has continuous slopes (Bogner-Fox-Schmit). Mindlin's rotations are continuous
+bicubics, a space that contains the gradient of every such w. The thin limit theta = grad w is therefore reached
+without any loss of freedom, and the element cannot lock, although every integral is exact.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 import skfem
 from skfem.helpers import dd, ddot, dot, grad
 
+from common.plate import FlexiblePlate
 from plate_fem import hermite, mesh
+
+Form = Callable[[Any, Any], Any]  # of two fields of scikit-fem
+_ALL = ["u", "u_x", "u_y", "u_xy"]
+# Unknowns of Kirchhoff's deflection that the edges x = const and y = const hold at zero.
+HELD_BY_EDGES: dict[str, tuple[list[str], list[str]]] = {
+    "free": ([], []), "simply_supported": (["u", "u_y"], ["u", "u_x"]), "clamped": (_ALL, _ALL),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class PlateSystem:
-    """Matrices over all unknowns u: [w, w_x, w_y, w_xy] at nodes, then theta_x, theta_y (Mindlin).
+    """Matrices over all unknowns: w, w_x, w_y, w_xy at the nodes, block by block, then Mindlin's theta_x and theta_y.
 
-    stiffness, mass: sparse (n, n). fixed: unknowns held by the edges.
+    `stiffness` and `mass` are sparse (size, size); `fixed` holds the numbers of the unknowns that the edges hold at
+    zero.
     """
 
-    plate: object
+    plate: FlexiblePlate
     theory: str
     lines_x_m: np.ndarray
     lines_y_m: np.ndarray
@@ -34,20 +47,20 @@ class PlateSystem:
     rotation_basis: skfem.Basis | None = None  # of one rotation (Mindlin)
 
     @property
-    def n_nodes(self):
+    def n_nodes(self) -> int:
         return len(self.lines_x_m) * len(self.lines_y_m)
 
     @property
-    def size(self):
+    def size(self) -> int:
         return self.stiffness.shape[0]
 
-    def deflection(self, points_m, derivative=(0, 0)):
-        """Sparse (k, n) matrix that evaluates w, or a derivative of it, at points (k, 2)."""
+    def deflection(self, points_m: np.ndarray, derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
+        """Return the sparse matrix (k, size) that evaluates w, or a derivative of it, at points (k, 2)."""
         rows = hermite.interpolation(self.lines_x_m, self.lines_y_m, points_m, derivative)
         return sp.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], self.size))
 
-    def rotation(self, points_m, axis):
-        """Sparse (k, n) matrix that evaluates theta_x (axis 0) or theta_y (axis 1) at points (k, 2)."""
+    def rotation(self, points_m: np.ndarray, axis: int) -> sp.csr_array:
+        """Return the sparse matrix (k, size) that evaluates theta_x (axis 0) or theta_y (axis 1) at points (k, 2)."""
         if self.theory == "kirchhoff":
             return self.deflection(points_m, (1, 0) if axis == 0 else (0, 1))
         assert self.rotation_basis is not None  # a Mindlin plate has one
@@ -56,8 +69,8 @@ class PlateSystem:
         return sp.csr_array((rows.data, (rows.row, rows.col + start)), shape=(rows.shape[0], self.size))
 
 
-def assemble(plate):
-    """Return the `PlateSystem` of a flexible plate, without rods and supports."""
+def assemble(plate: FlexiblePlate) -> PlateSystem:
+    """Assemble the matrices of a plate without rods and supports. Raises Refused for a mesh that is too large."""
     theory = mesh.choose_theory(plate)
     lines_x, lines_y = mesh.mesh_lines(plate)
     quads = mesh.quad_mesh(lines_x, lines_y)
@@ -73,16 +86,16 @@ def assemble(plate):
     )  # fmt: skip
 
 
-def _blockwise(basis_w, size):
-    """Old numbers of the unknowns in their new order: w of all nodes first, then w_x, w_y, w_xy."""
+def _blockwise(basis_w: skfem.Basis, size: int) -> np.ndarray:
+    """Return the old numbers of the unknowns in their new order: w of all nodes first, then w_x, w_y, w_xy."""
     return np.concatenate([basis_w.nodal_dofs.ravel(), np.arange(basis_w.N, size)])
 
 
-def _bending(plate):
-    """Bending energy of the rotation gradient g (2 x 2): D [(1 - nu) sym g : sym g + nu (tr g)^2]."""
+def _bending(plate: FlexiblePlate) -> Form:
+    """Return the bending energy's form D [(1 - nu) sym g : sym g + nu (tr g)^2] of the rotation gradient g (2 x 2)."""
     stiffness, nu = mesh.bending_stiffness(plate), plate.poisson_ratio
 
-    def form(g, h):
+    def form(g: Any, h: Any) -> Any:
         trace_g, trace_h = g[0, 0] + g[1, 1], h[0, 0] + h[1, 1]
         symmetric = (g + np.swapaxes(g, 0, 1)) / 2
         return stiffness * ((1 - nu) * ddot(symmetric, h) + nu * trace_g * trace_h)
@@ -90,31 +103,31 @@ def _bending(plate):
     return form
 
 
-def _kirchhoff(plate, quads, basis_w):
+def _kirchhoff(plate: FlexiblePlate, quads: skfem.MeshQuad, basis_w: skfem.Basis) -> tuple[Any, Any, np.ndarray, None]:
+    """Return stiffness, mass, held unknowns and no basis of rotations."""
     bending = _bending(plate)
     mass_per_area = plate.density_kg_m3 * plate.thickness_m
     stiffness = skfem.BilinearForm(lambda u, v, _: bending(dd(u), dd(v))).assemble(basis_w)
     mass = skfem.BilinearForm(lambda u, v, _: mass_per_area * u * v).assemble(basis_w)
-    names = {"free": ([], []), "simply_supported": (["u", "u_y"], ["u", "u_x"]), "clamped": (_ALL, _ALL)}
-    return stiffness, mass, _edge_unknowns(plate, quads, basis_w, *names[plate.edges]), None
+    return stiffness, mass, _edge_unknowns(plate, quads, basis_w, *HELD_BY_EDGES[plate.edges]), None
 
 
-_ALL = ["u", "u_x", "u_y", "u_xy"]
-
-
-def _mindlin(plate, quads, basis_w):
+def _mindlin(
+    plate: FlexiblePlate, quads: skfem.MeshQuad, basis_w: skfem.Basis
+) -> tuple[Any, Any, np.ndarray, skfem.Basis]:
+    """Return stiffness, mass, held unknowns and the basis of one rotation."""
     basis_t = skfem.Basis(quads, skfem.ElementQuadP(3), intorder=6)
     t, shear = plate.thickness_m, mesh.shear_stiffness(plate)
     mass_per_area = plate.density_kg_m3 * t
     bending = _bending(plate)
 
-    def rotation_gradient(u, axis):
+    def rotation_gradient(u: Any, axis: int) -> np.ndarray:
         g = np.zeros((2, *grad(u).shape))
         g[axis] = grad(u)
         return g
 
-    def rotations(i, j):
-        def form(u, v, _):
+    def rotations(i: int, j: int) -> Any:
+        def form(u: Any, v: Any, _: Any) -> Any:
             value = bending(rotation_gradient(u, i), rotation_gradient(v, j))
             return value + shear * u * v if i == j else value
 
@@ -131,8 +144,10 @@ def _mindlin(plate, quads, basis_w):
     return stiffness, sp.block_diag([m_w, m_t, m_t]), _mindlin_edges(plate, quads, basis_w, basis_t), basis_t
 
 
-def _mindlin_edges(plate, quads, basis_w, basis_t):
-    """Simply supported edges are hard: w and the rotation along the edge are zero."""
+def _mindlin_edges(
+    plate: FlexiblePlate, quads: skfem.MeshQuad, basis_w: skfem.Basis, basis_t: skfem.Basis
+) -> np.ndarray:
+    """Return the unknowns held by the edges. A simply supported edge holds w and the rotation along the edge (hard)."""
     if plate.edges == "free":
         return np.array([], int)
     on_x, on_y = _edge_facets(plate, quads)
@@ -144,16 +159,19 @@ def _mindlin_edges(plate, quads, basis_w, basis_t):
     return np.concatenate([held_w, basis_w.N + dofs_y, basis_w.N + basis_t.N + dofs_x])
 
 
-def _edge_facets(plate, quads):
+def _edge_facets(plate: FlexiblePlate, quads: skfem.MeshQuad) -> tuple[np.ndarray, np.ndarray]:
+    """Return the facets on the edges x = const and on the edges y = const."""
     on_x = quads.facets_satisfying(lambda x: np.isclose(abs(x[0]), plate.length_m / 2), boundaries_only=True)
     on_y = quads.facets_satisfying(lambda x: np.isclose(abs(x[1]), plate.width_m / 2), boundaries_only=True)
     return on_x, on_y
 
 
-def _edge_unknowns(plate, quads, basis_w, names_x, names_y):
-    """Deflection unknowns to hold on the edges x = const and y = const, by name."""
+def _edge_unknowns(
+    plate: FlexiblePlate, quads: skfem.MeshQuad, basis_w: skfem.Basis, names_x: list[str], names_y: list[str]
+) -> np.ndarray:
+    """Return the unknowns of the deflection to hold on the edges x = const and y = const, given by name."""
     held = [np.array([], int)]
-    for facets, names in zip(_edge_facets(plate, quads), (names_x, names_y)):
+    for facets, names in zip(_edge_facets(plate, quads), (names_x, names_y), strict=True):
         if names:
             held.append(basis_w.get_dofs(facets).all(names))
     return np.unique(np.concatenate(held))

@@ -1,46 +1,37 @@
-"""How many modes a scene needs, and the error that leaving out the others makes.
+"""How many modes a scene needs, and the share of the impact energy that belongs to the modes left out.
 
-A short impact puts energy |F(omega)|^2 / 2 into each mode (of unit mass at the point), F the spectrum of its
-force, and a plate has as many modes in every band of equal width. The share of the energy that belongs to
-modes above a frequency is therefore the share of the pulse's spectrum above it, whatever the plate.
+A short impact puts the energy |F(omega)|^2 / 2 into each mode of unit mass at the point of impact, F being the
+spectrum of the force. A plate has equally many modes in all bands of equal width. The share of the energy that
+belongs to modes above a frequency is therefore the share of the spectrum |F|^2 above it, whatever the plate.
 """
 
-import math
+from __future__ import annotations
+
 from functools import cache
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from plate_fem.mesh import bending_stiffness, bending_wavenumber, choose_theory
+from common.plate import FlexiblePlate
 
 
-def energy_left_out(max_frequency_Hz, contact_time_s):
-    """Share of a plate's impact energy that would go into modes above max_frequency_Hz.
+def energy_left_out(max_frequency_Hz: float, contact_time_s: float) -> float:
+    """Return the share of a plate's impact energy that would go into modes above max_frequency_Hz.
 
-    For an undamped Hertz contact lasting contact_time_s; exact to first order in the plate's motion.
+    It holds for an undamped Hertz contact that lasts contact_time_s, to first order in the plate's motion.
     """
     cut_off, share = _pulse_share()
     return float(np.interp(max_frequency_Hz * contact_time_s, cut_off, share))
 
 
-def frequency_for(tolerance, contact_time_s):
-    """Lowest max_frequency_Hz at which `energy_left_out` is at most `tolerance` (1e-6 to 0.5)."""
+def frequency_for(tolerance: float, contact_time_s: float) -> float:
+    """Return the lowest max_frequency_Hz at which `energy_left_out` is at most `tolerance` (1e-6 to 0.5)."""
     cut_off, share = _pulse_share()
     return float(np.interp(-tolerance, -share, cut_off)) / contact_time_s
 
 
-def compliance_left_out(plate, max_frequency_Hz):
-    """Static compliance (m/N) at a point of the modes above max_frequency_Hz, far from edges.
-
-    1 / (4 pi D k^2), k the wavenumber there. Residual modes give it back; without them the peak force of a
-    contact of tangent stiffness s (N/m, at the peak) is too high by about s / 2 times this, relatively.
-    """
-    k = bending_wavenumber(plate, max_frequency_Hz, choose_theory(plate))
-    return 1 / (4 * math.pi * bending_stiffness(plate) * k**2)
-
-
-def with_max_frequency(plate, contact_time_s):
-    """The plate's table with `max_frequency_Hz` filled in from its `truncation_tolerance`, if it has one."""
+def with_max_frequency(plate: FlexiblePlate, contact_time_s: float) -> FlexiblePlate:
+    """Return the plate's table with `max_frequency_Hz` filled in from its `truncation_tolerance`, if it has one."""
     if plate.truncation_tolerance is None:
         return plate
     frequency = frequency_for(plate.truncation_tolerance, contact_time_s)
@@ -48,8 +39,8 @@ def with_max_frequency(plate, contact_time_s):
 
 
 @cache
-def _pulse_share():
-    """Cut-off frequency times contact time, ascending, and the share of a Hertz pulse's energy above it."""
+def _pulse_share() -> tuple[np.ndarray, np.ndarray]:
+    """Return cut-off frequencies times contact time, ascending, and the share of a Hertz pulse's energy above each."""
     duration = 2.943275 * 1.25**0.4  # of d'' = -d^(3/2) from d' = 1: 2.94 times the largest deformation
     n, padding = 4096, 64
     motion = solve_ivp(

@@ -10,6 +10,7 @@ import jinja2
 
 from analysis import Sweep, read_sweep
 from common.files import write_text
+from common.resources import resource
 from report import tables
 from report.chapters.breakage import BREAKAGE_FIGURES
 from report.chapters.evaluation import EVALUATION_FIGURES
@@ -28,7 +29,7 @@ from report.claims.verdicts import VERDICTS, Claim, check_statements, to_csv
 from report.results.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
 
-TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
+TEMPLATES = resource("templates")
 
 #: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [

@@ -27,12 +27,13 @@ import pandas as pd
 from pydantic import Field
 
 from common.files import written_whole
+from common.resources import resource
 from common.scene import changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Table, check, read_toml
 from dem.coupling.launch import check_engine
 from dem.stones.arrangement import arrange
 
-WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
+WORKFLOW = resource("workflow")
 PLAN = "plan.csv"
 MOST_RUNS = 1_000_000
 

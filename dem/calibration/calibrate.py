@@ -25,6 +25,7 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from common.files import write_text, written_whole
+from common.resources import resource
 from common.scene import Positive, Scene, contact_key, read_scene, scene_hash
 from common.tables import InputError, Table, check, read_toml
 from dem.calibration.virtual_tests import (
@@ -40,7 +41,7 @@ from dem.run.errors import RunError
 from dem.stones.bonds import bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
 
-TARGETS = Path(__file__).resolve().parents[2] / "scenes" / "materials" / "targets.toml"
+TARGETS = resource("scenes/materials/targets.toml")
 MAX_STIFFNESS_RATIO = 4.0  # beyond, nu rises little, and time step and isotropy are lost (docs/packing.md)
 SHEAR_RATIOS = (0.5, 1.0, 2.0, 4.0)
 FIT_SEEDS = 5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import os
 import signal
 import socket
@@ -10,24 +11,44 @@ import subprocess
 from functools import partial
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
+from common.resources import checkout
 from common.tables import InputError
 
 LIGGGHTS_VERSION = "3.8.0+repack1-9+b2"  # Debian package; the engine is built against its headers
-ENGINE = Path(os.environ.get("LIGGGHTS_BONDED",
-                             Path(__file__).resolve().parents[2] / "build" / "engine" / "liggghts-bonded"))
+SOURCES = Path(__file__).resolve().parent.parent / "engine"
 
 
-def check_engine() -> None:
-    """Raises InputError, one line, if LIGGGHTS or the engine is missing or LIGGGHTS is of another version."""
+def build_directory() -> Path:
+    """Return where the engine is built: `build/engine` in a checkout; else a directory of the user's cache that is named
+    after the sources, so that a program built from other ones is never taken for this one."""
+    top = checkout()
+    if top is not None:
+        return top / "build" / "engine"
+    sources = b"".join(file.read_bytes() for file in sorted(SOURCES.iterdir()) if file.is_file())
+    return user_cache_path("coal-gangue-impact") / f"engine-{hashlib.sha256(sources).hexdigest()[:12]}"
+
+
+ENGINE = Path(os.environ.get("LIGGGHTS_BONDED", build_directory() / "liggghts-bonded"))
+
+
+def check_library() -> None:
+    """Raises InputError, one line, if LIGGGHTS is missing or of another version."""
     query = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "libliggghts-dev"], capture_output=True, text=True,
                            check=False)
     if query.returncode != 0:
         raise InputError(f"LIGGGHTS: libliggghts-dev is not installed; version {LIGGGHTS_VERSION} is needed "
-                         "(`make engine` installs it)")
+                         f"(apt-get install libliggghts-dev={LIGGGHTS_VERSION})")
     if query.stdout != LIGGGHTS_VERSION:
         raise InputError(f"LIGGGHTS: libliggghts-dev is of version {query.stdout}; allowed is {LIGGGHTS_VERSION}")
+
+
+def check_engine() -> None:
+    """Raises InputError, one line, if LIGGGHTS or the engine is missing or LIGGGHTS is of another version."""
+    check_library()
     if not os.access(ENGINE, os.X_OK):
-        raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `make engine` builds it")
+        raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `python -m dem build-engine` builds it")
 
 
 STOPPED = 75  # exit code of an engine that was asked to stop at a checkpoint and did

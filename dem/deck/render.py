@@ -9,13 +9,14 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from common.resources import resource
 from common.scene import PLATE, Scene, contact_key
 from dem.deck.plate_yield import yield_pressure_Pa
 from dem.deck.time_step import TimeStep, impact_speed_m_s, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from plate_fem.modes import PlateModes
 
-TEMPLATES = Path(__file__).resolve().parents[2] / "templates"
+TEMPLATES = resource("templates")
 # Of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/coupling.md).
 SHAPE_GRID = 0.4
 UNBREAKABLE_Pa = 1e30

@@ -14,7 +14,7 @@ from analysis.real_plate import (
     nodal_at,
     static_compliance_m_N,
 )
-from analysis.theory import PLATE, ROCKS, contact_stiffness
+from analysis.theory import COAL, GANGUE, PLATE, contact_stiffness
 from common.plate import FlexiblePlate
 from common.run_summary import RecordedScene
 from plate_fem.modes import plate_modes
@@ -120,7 +120,7 @@ def test_stress_under_a_contact_is_hertz_and_bending(modes):
     run = run_of("run", {"scene": SCENE}, materials=["coal"] * 5 + ["gangue"] * 5)
     contacts = hertz_contacts(run, forces)
     for contact, force, name in zip(contacts, forces, run.materials, strict=True):
-        stiffness = contact_stiffness(ROCKS[name], 0.025, PLATE)
+        stiffness = contact_stiffness({"coal": COAL, "gangue": GANGUE}[name], 0.025, PLATE)
         area_m2 = np.pi * 0.025 * (force / stiffness) ** (2 / 3)  # a^2 = R d
         assert contact.peak_pressure_Pa == pytest.approx(1.5 * force / area_m2, rel=1e-9)
     at_rest = np.zeros(modes.frequency_Hz.size)

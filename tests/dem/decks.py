@@ -12,7 +12,7 @@ from dem.run.energy_balance import read_ledger
 from dem.run.paraview import read_dump
 
 DENSITY = 2000.0
-FREE_FLIGHT = "idle"  # style of the fix for bodies in free flight
+FREE_FLIGHT = "free_flight"  # style of the fix for bodies in free flight
 
 
 @dataclass

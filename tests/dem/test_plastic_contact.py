@@ -11,7 +11,7 @@ from dem.deck.render import write_deck
 from dem.run.prepare import prepare
 from dem.run.recorder import read_forces
 from dem.run.run import run_scene
-from plate_fem.plasticity import PlasticContact
+from tests.plate_fem.plasticity import PlasticContact
 
 YIELD_STRESS_Pa = 345e6
 RADIUS_m = 0.025

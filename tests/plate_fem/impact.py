@@ -12,7 +12,9 @@ def impact(modes, places_m, mass_kg, stiffness, speed_m_s, duration_s):
     shape = modes.shape_at(places_m)
     omega_squared = (2 * np.pi * modes.frequency_Hz) ** 2
     n, k = len(omega_squared), len(shape)
-    force = lambda y: stiffness * np.clip(shape @ y[:n] - y[2 * n : 2 * n + k], 0, None) ** 1.5
+
+    def force(y):
+        return stiffness * np.clip(shape @ y[:n] - y[2 * n : 2 * n + k], 0, None) ** 1.5
 
     def slope(t, y):
         f = force(y)

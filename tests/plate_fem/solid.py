@@ -48,7 +48,10 @@ def _faces(half, place, radius, fine):
             circle = radius * np.array([np.cos(angle), np.sin(angle)])
             turn = np.array([[0, -1], [1, 0]])
             rotation = np.linalg.matrix_power(turn, q)
-            square = lambda h: np.tensordot(rotation, np.array([np.full_like(a, h), h * (2 * a - 1)]), 1)
+
+            def square(h):
+                return np.tensordot(rotation, np.array([np.full_like(a, h), h * (2 * a - 1)]), 1)
+
             start, end = (square(s), circle) if outer else (circle, square(0.5 * radius))
             return place + start + b * (end - start)
 

@@ -85,7 +85,7 @@ def test_rod_force_follows_the_deflection():
     """In a mode, E A k / sin(k l) times the mean deflection over the disc; k the wavenumber of the bar."""
     modes = plate_modes(plate(rods=four_rods(), max_frequency_Hz=600.0, theory="kirchhoff"))
     k = 2 * np.pi * modes.frequency_Hz * np.sqrt(7830 / 207e9)
-    for force, (x, y) in zip(modes.rod_force, [(-0.2, -0.2), (-0.2, 0.2), (0.2, -0.2), (0.2, 0.2)]):
+    for force, (x, y) in zip(modes.rod_force, [(-0.2, -0.2), (-0.2, 0.2), (0.2, -0.2), (0.2, 0.2)], strict=True):
         points, weights = disc_quadrature(x, y, 0.01)
         expected = 207e9 * np.pi * 0.01**2 * k / np.sin(k * 0.1) * (weights @ modes.shape_at(points))
         assert force == pytest.approx(expected, rel=1e-5, abs=1e-8 * abs(expected).max())
@@ -95,7 +95,8 @@ def test_cache(tmp_path, modes, monkeypatch):
     first = plate_modes(TABLE, tmp_path)
     monkeypatch.setattr(modes_module, "_compute", lambda *_: pytest.fail("computed again"))
     second = plate_modes(TABLE, tmp_path)
-    for name in ("frequency_Hz", "nodal", "rod_force", "surface_stress", "lines_x_m", "mass_kg", "theory", "n_residual"):
+    for name in ("frequency_Hz", "nodal", "rod_force", "surface_stress", "lines_x_m", "mass_kg", "theory",
+                 "n_residual"):
         assert np.array_equal(getattr(first, name), getattr(second, name))
         assert np.array_equal(getattr(first, name), getattr(modes, name))
     assert type(second.mass_kg) is float

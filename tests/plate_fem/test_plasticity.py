@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from plasticity import PlasticContact
 from scipy.integrate import quad
 
 from plate_fem.contact_stress import HertzContact
-from plate_fem.plasticity import PlasticContact
 
 R, MASS = 0.025, 0.15708  # gangue of the paper's Table 1
 MODULUS = 0.75 * 2.1763e9 / math.sqrt(R)

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from plates import SUPPORTS_AT_CORNERS, four_rods, plate
+from statics import pressure_load, static_response
 
 from plate_fem.mesh import bending_stiffness, shear_stiffness
 from plate_fem.model import build_model
-from plate_fem.statics import pressure_load, static_response
 
 THIN = {"thickness_m": 5e-4, "max_frequency_Hz": 150.0}
 
@@ -35,7 +35,8 @@ def navier_centre(table, theory, terms=201):
 @pytest.mark.parametrize("thickness_m", [5e-4, 0.02])
 @pytest.mark.parametrize("width_m", [0.5, 0.3])
 def test_simply_supported_centre(theory, thickness_m, width_m):
-    table = plate(edges="simply_supported", theory=theory, thickness_m=thickness_m, width_m=width_m, max_frequency_Hz=2e5 * thickness_m)
+    table = plate(edges="simply_supported", theory=theory, thickness_m=thickness_m, width_m=width_m,
+                  max_frequency_Hz=2e5 * thickness_m)
     assert deflection(table, [0, 0]) == pytest.approx(navier_centre(table, theory), rel=1e-4)
 
 

@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 from plates import four_rods, plate
+from statics import pressure_load, static_response
 
 from plate_fem.mesh import bending_stiffness
 from plate_fem.model import build_model
 from plate_fem.modes import plate_modes
-from plate_fem.statics import pressure_load, static_response
-from plate_fem.stress import modal_surface_stress, surface_stress, von_mises
+from plate_fem.stress import surface_stress, von_mises
+from plate_fem.stress_recovery import modal_surface_stress
 
 
 def navier_stress(table, points_m, terms=301):
@@ -44,7 +45,8 @@ def static_stress(table, points_m):
 
 @pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
 def test_uniform_load_on_a_simply_supported_plate(theory):
-    table = plate(edges="simply_supported", theory=theory, thickness_m=0.01, width_m=0.4, mesh_size_m=0.02, max_frequency_Hz=5e3)
+    table = plate(edges="simply_supported", theory=theory, thickness_m=0.01, width_m=0.4, mesh_size_m=0.02,
+                  max_frequency_Hz=5e3)
     points, found = static_stress(table, [[0, 0], [0.1, 0.06], [-0.15, 0.1], [0.2, -0.16]])
     expected = navier_stress(table, points)
     assert np.sign(expected[0, 0]) == -1
@@ -55,7 +57,8 @@ def test_uniform_load_on_a_simply_supported_plate(theory):
 def test_stress_converges(theory, lowest):
     errors, sizes = [], np.array([1 / 6, 1 / 8, 1 / 12])
     for size in sizes:
-        table = plate(edges="simply_supported", theory=theory, thickness_m=0.01, mesh_size_m=0.5 * size, max_frequency_Hz=1e3)
+        table = plate(edges="simply_supported", theory=theory, thickness_m=0.01, mesh_size_m=0.5 * size,
+                      max_frequency_Hz=1e3)
         points, found = static_stress(table, [[0, 0]])
         expected = navier_stress(table, points)
         errors.append(abs(found - expected).max() / abs(expected).max())
