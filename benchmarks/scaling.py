@@ -65,7 +65,7 @@ def one_packing() -> list[float]:
     def shared(radius_m: float, count: int, seed: int, size_ratio: float = 1.5):
         return packed(radius_m, count)
 
-    dem.stones.assembly.pack_sphere = shared
+    dem.stones.assembly.pack_sphere = shared  # type: ignore[attr-defined]
     return times
 
 

@@ -36,6 +36,7 @@ from dem.run.errors import RunError
 from dem.run.run import run_scene
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import Assembly, assemble
+from dem.stones.packing import pack_sphere
 
 PAPER = SCENES / "paper.toml"
 HANG_s = 300.0      # of wall time; the longest case takes a twentieth of it on an idle machine
@@ -190,7 +191,7 @@ class Hang(Exception):
 
 
 # A stone's packing is sought once, not for every case and again to find its time step.
-dem.stones.assembly.pack_sphere = cache(dem.stones.assembly.pack_sphere)
+dem.stones.assembly.pack_sphere = cache(pack_sphere)  # type: ignore[attr-defined]
 
 
 def _on_alarm(*_):

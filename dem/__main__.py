@@ -113,7 +113,7 @@ def _with_out(sub: argparse.ArgumentParser, jobs: str) -> None:
 
 def _scene(options: argparse.Namespace) -> Scene:
     """The scene of a command line, with what it changes."""
-    changes: dict = {}
+    changes: dict[str, Any] = {}
     for text in options.changes:
         key, _, value = text.partition("=")
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
@@ -153,7 +154,7 @@ def assumptions(sweep: Sweep) -> list[str]:
     return list(lines)
 
 
-def _with_value(line: str, scene: dict) -> str:
+def _with_value(line: str, scene: dict[str, Any]) -> str:
     """Return `plate.length_m` as `plate.length_m = 0.5`, and any line that is no single value of the scene as it is."""
     value = scene
     for key in line.split("."):

@@ -176,7 +176,8 @@ def run_one(planned: DatasetRun, out: Path) -> tuple[str, bool]:
         return str(error), False
     for name in NOT_KEPT:
         shutil.rmtree(directory / name) if (directory / name).is_dir() else (directory / name).unlink(missing_ok=True)
-    if planned.scene.stones.positions is not None and prepared.flexible:  # nobody else has these positions
-        modes_file(prepared.scene.plate, cache, prepared.arrangement.position_m).unlink(missing_ok=True)
+    plate = prepared.scene.plate
+    if planned.scene.stones.positions is not None and plate.model == "flexible":  # nobody else has these positions
+        modes_file(plate, cache, prepared.arrangement.position_m).unlink(missing_ok=True)
     return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
             f"{sum(summary['wall_time_s'].values()):.0f} s"), True

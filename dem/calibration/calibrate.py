@@ -17,7 +17,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
@@ -85,7 +85,7 @@ class _Laboratory:
         self.radius_m, self.count = stones.radius_m, scene.agglomerate.subspheres
         self._work, self._report = work, report
         self._specimens: dict[tuple[str, int], Specimen] = {}
-        self.rows: list[dict] = []
+        self.rows: list[dict[str, Any]] = []
 
     def specimen(self, kind: str, seed: int) -> Specimen:
         """Sub-spheres as large as in a stone: their number goes with the volume."""

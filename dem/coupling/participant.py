@@ -30,7 +30,8 @@ class CouplingState:
     extrapolated_co_steps: int = 0
 
 
-Recorder = Callable[[range, Sequence[tuple[np.ndarray, np.ndarray]], list[np.ndarray]], None]
+PlateStates = np.ndarray | Sequence[tuple[np.ndarray, np.ndarray]]
+Recorder = Callable[[range, PlateStates, list[np.ndarray]], None]
 
 
 @dataclass
@@ -71,7 +72,8 @@ class PlateParticipant:
         state.last_force, state.co_steps = force, message.co_steps
         state.extrapolated_co_steps = message.extrapolated_co_steps
         extrapolated = force + slope * ((message.co_steps + message.extrapolated_co_steps) / 2)
-        return self.motion.predict(extrapolated, message.extrapolated_co_steps)
+        amplitude, rate = self.motion.predict(extrapolated, message.extrapolated_co_steps)
+        return amplitude, rate
 
     def _trend(self, message: ForceMessage) -> float:
         """One over the co-steps between the middles of the last two forces, which are means. It is 0 after free flight,
@@ -85,6 +87,7 @@ class PlateParticipant:
         end = now + co_steps * step.co_step
         while now < end:
             rows = min((end - now) // step.fast_steps, motion.ROWS)
+            states: PlateStates
             if rows > 1 and now % step.fast_steps == 0:
                 states = motion.advance_rows(force, step.fast_steps // step.co_step, rows)
                 steps = range(now + step.fast_steps, now + rows * step.fast_steps + 1, step.fast_steps)

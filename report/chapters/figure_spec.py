@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from report.figures.style import Figure, to_uri
+from matplotlib.figure import Figure
+
+from report.figures.style import to_uri
 from report.results.missing import MISSING_RESULT
 from report.results.sweep_results import SweepResults
 
