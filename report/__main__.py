@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from analysis import RecordError
-from recognition.errors import RecognitionError
+from recognition.estimation.errors import RecognitionError
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -6,35 +6,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recognition.errors import NotRecognised, RecognitionError
-from recognition.methods import mended, printed
-from recognition.models import LEAST_RATIOS
+from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.estimation.window import LEAST_RATIOS
 from recognition.paper.function_space import EXPONENTIAL, FORMS, LOGARITHMIC, POWER, Rule
 from recognition.paper.fusion import FUSIONS, Fusion
-from recognition.paper.pipeline import FusionPipeline
+from recognition.paper.pipeline import FusionPipeline, as_published, modified
 from recognition.paper.strategy import Strategy
 
 
-def _mended_by(rule: Rule) -> Strategy:
+def _modified_by(rule: Rule) -> Strategy:
     return Strategy(rule, least_share=0.5, judge="truncated")
 
 
 #: name -> (fusion, unfitted strategy).
 CHOICES = {
-    "as printed: R² ≥ 0.99, mean": ("energy", printed),
-    "R² ≥ 0.9999": ("energy", lambda: _mended_by(Rule(min_r2=0.9999))),
-    "mended: degree 2, truncated mean": ("energy", mended),
-    "degree 1": ("energy", lambda: _mended_by(Rule(degree=1))),
-    "degree 3": ("energy", lambda: _mended_by(Rule(degree=3))),
-    "exponential": ("energy", lambda: _mended_by(Rule((EXPONENTIAL,)))),
-    "logarithmic": ("energy", lambda: _mended_by(Rule((LOGARITHMIC,)))),
-    "power": ("energy", lambda: _mended_by(Rule((POWER,)))),
-    "best form at each moment": ("energy", lambda: _mended_by(Rule(FORMS))),
+    "as published: R² ≥ 0.99, mean": ("energy", as_published),
+    "R² ≥ 0.9999": ("energy", lambda: _modified_by(Rule(min_r2=0.9999))),
+    "modified: degree 2, truncated mean": ("energy", modified),
+    "degree 1": ("energy", lambda: _modified_by(Rule(degree=1))),
+    "degree 3": ("energy", lambda: _modified_by(Rule(degree=3))),
+    "exponential": ("energy", lambda: _modified_by(Rule((EXPONENTIAL,)))),
+    "logarithmic": ("energy", lambda: _modified_by(Rule((LOGARITHMIC,)))),
+    "power": ("energy", lambda: _modified_by(Rule((POWER,)))),
+    "best form at each moment": ("energy", lambda: _modified_by(Rule(FORMS))),
     "degree 2, mean of usable points": ("energy", lambda: Strategy(Rule(degree=2), judge="mean")),
     "degree 2, median": ("energy", lambda: Strategy(Rule(degree=2), judge="median")),
     "degree 2, RMS": ("energy", lambda: Strategy(Rule(degree=2), judge="rms")),
     "degree 2, no least share": ("energy", lambda: Strategy(Rule(degree=2), least_share=0.0)),
-    **{f"mended, {kind} fusion": (kind, mended) for kind in FUSIONS if kind != "energy"},
+    **{f"modified, {kind} fusion": (kind, modified) for kind in FUSIONS if kind != "energy"},
 }
 
 

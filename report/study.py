@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -27,9 +28,12 @@ from analysis.real_plate import (
 from analysis.runs import RESPONSES
 from analysis.setup import Setup, setup_of
 from analysis.theory import STATES, beam_compliance, materials_in_order, peak, total_force_N
-from recognition.models import Model, Window, leave_one_out
+from recognition.estimation.answer import Answer
+from recognition.estimation.window import Window
+from recognition.models import Model, leave_one_out
 from recognition.paper.fusion import FUSIONS, Fusion
 from recognition.paper.kalman import kalman_filter
+from recognition.paper.q_parameter import FusionQ
 
 #: Of evaluation.csv, what the report shows.
 EVALUATION_COLUMNS = ("method", "held_out", "noise_db", "n", "mean_abs_error_points", "p95_points", "worst_points",
@@ -283,11 +287,15 @@ class Study:
         return np.column_stack([self.parameters[name] for name in BASE_PARAMETERS])
 
     @cached_property
-    def q(self) -> np.ndarray:
-        return self.model.methods["fusion_q"].transform(self.base)
+    def fusion_q(self) -> FusionQ:
+        return cast(FusionQ, self.model.methods["fusion_q"])
 
     @cached_property
-    def answers(self) -> dict[str, list[dict[str, float | str]]]:
+    def q(self) -> np.ndarray:
+        return self.fusion_q.transform(self.base)
+
+    @cached_property
+    def answers(self) -> dict[str, list[dict[str, Answer]]]:
         return {
             "trained on all": [self.model.recognise(run.signals, str(run.path)) for run in self.runs],
             "that ratio held out": leave_one_out(self.runs),
@@ -297,7 +305,7 @@ class Study:
         """Recognised less true ratio in points of the runs that were answered."""
         rows = zip(self.answers[trained], self.ratios, strict=True)
         return np.array(
-            [100 * (row[method] - ratio) for row, ratio in rows if isinstance(row[method], float)]
+            [100 * (row[method].ratio - ratio) for row, ratio in rows if not row[method].reason]
         )
 
     @cached_property

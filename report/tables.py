@@ -9,8 +9,8 @@ import numpy as np
 
 from analysis import RecordError
 from analysis.features import BASE_PARAMETERS
-from recognition.errors import RecognitionError
-from recognition.methods import EVALUATED_NAMES, METHOD_NAMES
+from recognition.estimation.errors import RecognitionError
+from recognition.methods import EVALUATED, METHODS
 from recognition.paper.least_squares import fit_polynomial
 from report.open_choices import compare
 from report.study import Study
@@ -54,7 +54,7 @@ def _percent(study: Study) -> list[str]:
 
 def standardised(study: Study) -> Table:
     """Table 2: the eight base parameters by Eq. 39."""
-    scaler = study.model.methods["fusion_q"].scaler_
+    scaler = study.fusion_q.scaler_
     values, falling = scaler.transform(study.base), scaler.direction < 0
     rows = [
         [name.replace("_", " ") + (" (falling)" if down else ""), *(f"{v:.4f}" for v in column)]
@@ -92,14 +92,14 @@ def deviations(study: Study) -> Table:
 
 def recognised(study: Study) -> Table:
     """Recognised ratio of each run, both trainings."""
-    header = ["true", *(f"{name}, {trained}" for trained in study.answers for name in METHOD_NAMES.values())]
+    header = ["true", *(f"{entry.title}, {trained}" for trained in study.answers for entry in METHODS.values())]
     rows = []
     for i, ratio in enumerate(study.ratios):
-        cells = [answers[i][method] for answers in study.answers.values() for method in METHOD_NAMES]
+        cells = [answers[i][method] for answers in study.answers.values() for method in METHODS]
         rows.append(
             [
                 f"{100 * ratio:.0f} %",
-                *(f"{100 * c:.2f}" if isinstance(c, float) else "no answer" for c in cells),
+                *("no answer" if c.reason else f"{100 * c.ratio:.2f}" for c in cells),
             ]
         )
     note = "In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations."
@@ -128,7 +128,7 @@ def unseen(study: Study) -> Table:
             continue
         covered = "-" if np.isnan(r["coverage_90"]) else f"{100 * r['coverage_90']:.0f}"
         rows.append([
-            r["case"], EVALUATED_NAMES.get(r["method"], r["method"]), "-" if np.isnan(r["noise_db"]) else f"{r['noise_db']:.0f}",
+            r["case"], EVALUATED[r["method"]].title if r["method"] in EVALUATED else r["method"], "-" if np.isnan(r["noise_db"]) else f"{r['noise_db']:.0f}",
             f"{r['answered']}\u00a0of\u00a0{r['n']}", *(f"{r[name]:.2f}" for name in ("mean_abs_error_points", "p95_points",
                                                                                  "worst_points", "bias_points")),
             covered, f"{100 * r['flagged']:.0f}"])  # fmt: skip
@@ -142,10 +142,10 @@ def errors(study: Study) -> Table:
     """Mean and worst error of each method and training, in points of mixing ratio."""
     rows = []
     for trained in study.answers:
-        for method, name in METHOD_NAMES.items():
+        for method, entry in METHODS.items():
             e = np.abs(study.errors_points(trained, method))
             numbers = [f"{e.mean():.2f}", f"{e.max():.2f}"] if e.size else ["-", "-"]
-            rows.append([name, trained, f"{e.size}\u00a0of\u00a0{len(study.runs)}", *numbers])
+            rows.append([entry.title, trained, f"{e.size}\u00a0of\u00a0{len(study.runs)}", *numbers])
     return Table("table-errors", "Errors", "", ["method", "training", "answered", "mean", "worst"], rows)
 
 

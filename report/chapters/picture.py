@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from analysis import RecordError
-from recognition.errors import RecognitionError
+from recognition.estimation.errors import RecognitionError
 from report.figures import style as figures
 from report.study import Study
 

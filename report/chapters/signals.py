@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from analysis.hilbert import hilbert_spectrum, marginal_spectrum
-from recognition.methods import CALIBRATED, EVALUATED_NAMES, METHOD_NAMES
+from recognition.methods import EVALUATED, METHODS
 from recognition.models import Model
 from recognition.paper.pipeline import FusionPipeline
 from report.chapters.picture import Plan
@@ -59,7 +59,7 @@ def rules(study):
 
 
 def q(study):
-    fit = study.model.methods["fusion_q"].fit_
+    fit = study.fusion_q.fit_
     c = fit.coefficients
     note = f"{c[0]:.4f} {c[1]:+.4f}β {c[2]:+.4f}β², R² {fit.r2:.4f}, adjusted {fit.r2_adjusted:.4f}"
     return figures_signals.q_against_ratio(study.ratios, study.q, c, note)
@@ -87,7 +87,7 @@ def filtered(study):
 
 def normalised(study):
     fusion = study.fusions["energy"]
-    row = list(fusion.ranges).index("total_J")
+    row = list(fusion.names).index("total_J")
     values = fusion.normalised(study.responses("energy"))[:, row]
     return figures.curves(study.t_s, [("normalised total energy", values)], study.ratios)
 
@@ -95,7 +95,7 @@ def normalised(study):
 def process(study):
     i, panels = _coal_run(study), []
     for kind, fusion in study.fusions.items():
-        parts = dict(zip(fusion.ranges, fusion.normalised(study.responses(kind)[i]), strict=True))
+        parts = dict(zip(fusion.names, fusion.normalised(study.responses(kind)[i]), strict=True))
         panels.append((kind, parts, study.fused[kind][i]))
     return figures_signals.fusion_process(study.t_s, panels), f"Run of {study.ratios[i]:.0%}."
 
@@ -105,7 +105,7 @@ def fused(study):
 
 
 def function_space(study):
-    method = study.model.methods["energy_fusion_mended"]
+    method = study.model.methods["energy_fusion_modified"]
     n = study.model.window.n_samples
     curves = method.transform(study.responses("energy")[:, :, :n])
     return figures_signals.function_space(study.ratios, curves, method.strategy.space_, study.t_s)
@@ -118,7 +118,7 @@ def worked_example(study):
     model = Model.fit(rest)
     table = model.window.cut(run.signals, str(run.path))
     tables = {
-        METHOD_NAMES[name]: method.strategy.candidates(method.transform(method.prepare(table)))
+        METHODS[name].title: method.strategy.candidates(method.transform(method.prepare(table)))
         for name, method in model.methods.items()
         if isinstance(method, FusionPipeline)
     }
@@ -130,8 +130,8 @@ def worked_example(study):
 def recognised(study):
     answers = {
         trained: {
-            label: [row[method] if isinstance(row[method], float) else None for row in rows]
-            for method, label in METHOD_NAMES.items()
+            entry.title: [None if row[method].reason else row[method].ratio for row in rows]
+            for method, entry in METHODS.items()
         }
         for trained, rows in study.answers.items()
     }
@@ -140,7 +140,9 @@ def recognised(study):
 
 def unseen(study):
     noises = {"no noise": None, "noise of 20 dB": 20.0}
-    return figures_evaluation.evaluation(study.evaluation, EVALUATED_NAMES, (*CALIBRATED, "stones_fast"), noises)
+    best = tuple(name for name, entry in EVALUATED.items() if entry.gives_interval and name not in figures_evaluation.MARKS)
+    return figures_evaluation.evaluation(
+        study.evaluation, {name: entry.title for name, entry in EVALUATED.items()}, best, noises)
 
 
 SIGNALS = [

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis import breakage
 from analysis.theory import STATES
-from recognition.errors import RecognitionError
+from recognition.estimation.errors import RecognitionError
 from report.claims.trends import falling_steps, spearman
 from report.claims.verdicts import HELD, NOT_HELD, PARTLY, Statement, all_trends, graded, needs_ratios, trend
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis import RecordError
-from recognition.errors import RecognitionError
+from recognition.estimation.errors import RecognitionError
 from report.claims.trends import falling_steps, spearman
 from report.study import Study
 

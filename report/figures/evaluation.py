@@ -6,7 +6,7 @@ import pandas as pd
 
 from report.figures.style import ACCENT, COAL, GANGUE, PALE, canvas, styled
 
-MARKS = {"fusion_q": "x", "energy_fusion_printed": "s", "energy_fusion_mended": "+", "rms_line": "v"}  # what others are held against
+MARKS = {"fusion_q": "x", "energy_fusion_as_published": "s", "energy_fusion_modified": "+", "rms_line": "v"}  # what others are held against
 BEST_MARKS = "DoP^*<>d"
 TICKS = (0.2, 0.5, 1, 2, 5, 10, 20, 50)
 
