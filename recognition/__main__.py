@@ -95,7 +95,8 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("record", help="run directory, .parquet or .csv with t_s and the plate's responses")
     command.add_argument("--model", required=True, help="model file")
     command = commands.add_parser("evaluate", help="what each method makes of runs it was not trained on")
-    command.add_argument("directory", help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")
+    command.add_argument("directory",
+                         help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")
     command.add_argument("--method", action="append", help="one method only; may be given several times")
     return parser
 

@@ -1,7 +1,7 @@
 """Fitted methods as JSON and back: dataclasses of numbers, texts and arrays, by cattrs.
 
-A table of the file has exactly the fields of its dataclass. Numbers must be finite and of their type; nothing is converted or
-filled in.
+A table of the file has exactly the fields of its dataclass. Numbers must be finite and of their type; nothing is
+converted or filled in.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ def _float(data: Any, _: type) -> float:
 
 def _structure(of: type) -> Callable[[Any, Any], Any]:
     names = {field.name for field in fields(of)}
-    inner: Any = make_dict_structure_fn(of, _converter, _cattrs_include_init_false=True, _cattrs_detailed_validation=False)
+    inner: Any = make_dict_structure_fn(of, _converter, _cattrs_include_init_false=True,
+                                        _cattrs_detailed_validation=False)
 
     def structure(data: Any, _: Any) -> Any:
         if not isinstance(data, dict) or set(data) != names:
@@ -77,6 +78,6 @@ _converter.register_structure_hook(float, _float)
 for _kind in (int, str, bool):
     _converter.register_structure_hook(_kind, _exactly)
 _converter.register_structure_hook_func(lambda of: get_origin(of) is np.ndarray, _array)
-_converter.register_unstructure_hook_func(lambda of: get_origin(of) is np.ndarray or of is np.ndarray, lambda array: array.tolist())
+_converter.register_unstructure_hook_func(lambda of: np.ndarray in (of, get_origin(of)), lambda array: array.tolist())
 _converter.register_structure_hook_factory(is_dataclass, _structure)
 _converter.register_unstructure_hook_factory(is_dataclass, _unstructure)

@@ -36,8 +36,8 @@ LEAST_DRAWS = 3  # that show what other arrangements and packings do to a record
 class Model:
     """Methods fitted to the same runs at the same sample times.
 
-    provenance: origin of the runs, conditions that varied, and the number of draws in `groups`; left_out: methods that the runs
-    do not allow, and why.
+    provenance: origin of the runs, conditions that varied, and the number of draws in `groups`; left_out: methods that
+    the runs do not allow, and why.
     """
 
     window: Window
@@ -49,8 +49,8 @@ class Model:
     def fit(cls, runs: list[Run], groups: Groups | None = None, conditions: pd.DataFrame | None = None) -> Model:
         """Fit every method to runs of known ratio.
 
-        groups (runs,): runs of one draw of arrangement, packing ... share a value, for the intervals; conditions: a row for each
-        run of what a record will not tell, such as its impact speed; those that do not vary are left out.
+        groups (runs,): runs of one draw of arrangement, packing ... share a value, for the intervals; conditions: a row
+        for each run of what a record will not tell, such as its impact speed; those that do not vary are left out.
         """
         return _Prepared.of(runs).fit(np.arange(len(runs)), groups, conditions)
 
@@ -67,8 +67,9 @@ class Model:
         return answers
 
     def best(self, answers: dict[str, Answer]) -> tuple[str, Answer] | None:
-        """The first method, in the order of the registry, whose answer has an interval and whose model fits the record; else the
-        first with an interval; None if there is none. Some methods are only asked where the model knows several draws."""
+        """The first method, in the order of the registry, whose answer has an interval and whose model fits the record;
+        else the first with an interval; None if there is none. Some methods are only asked where the model knows
+        several draws."""
         few = self.provenance["groups"] < LEAST_DRAWS
         found = [(name, answers[name]) for name, entry in METHODS.items()
                  if name in answers and answers[name].has_interval and not (few and entry.needs_draws)]
@@ -125,8 +126,8 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, Answer]]:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """What each method takes of each run, which does not depend on the training; left_out: methods that lack a column of the
-    runs, and which."""
+    """What each method takes of each run, which does not depend on the training; left_out: methods that lack a column
+    of the runs, and which."""
 
     runs: list[Run]
     window: Window
@@ -160,7 +161,8 @@ class _Prepared:
         methods, left_out = {}, dict(self.left_out)
         for name, features in self.features.items():
             try:
-                methods[name] = METHODS[name].make().fit([features[k] for k in chosen], ratios, groups=groups, nuisance=nuisance)
+                X = [features[k] for k in chosen]
+                methods[name] = METHODS[name].make().fit(X, ratios, groups=groups, nuisance=nuisance)
             except RecognitionError as reason:
                 left_out[name] = str(reason)
         if not methods:
@@ -180,7 +182,8 @@ def _answer(name: str, method: Method, features: Any) -> Answer:
     """Raises RecognitionError where the method does not apply to these features."""
     with _fitting_numbers():
         (answer,) = method.answer([features])
-        if not answer.reason and not (np.isfinite(answer.ratio) and answer.has_interval >= METHODS[name].gives_interval):
+        complete = np.isfinite(answer.ratio) and (answer.has_interval or not METHODS[name].gives_interval)
+        if not answer.reason and not complete:
             raise ValueError(f"ratio {answer.ratio}, interval {answer.low} to {answer.high}")
     return answer
 

@@ -8,16 +8,16 @@ import numpy as np
 
 from recognition.estimation.arrays import Floats
 
-#: A record is out of distribution where one of its distances exceeds this factor times the value that this share of the held-out
-#: training records keep, or times 1, whichever is greater. The share is not 1, since a record from the end of a range that was
-#: held out is itself far from the training.
+#: A record is out of distribution where one of its distances exceeds this factor times the value that this share of the
+#: held-out training records keep, or times 1, whichever is greater. The share is not 1, since a record from the end of
+#: a range that was held out is itself far from the training.
 LIMIT_FACTOR, REFERENCE_SHARE = 1.5, 0.95
 LEAST_GROUPS = 3
 
 
 def held_out_quantile(values: Floats, share: float) -> Floats:
-    """The least of `values` (n, ...) that a further one does not pass with probability `share` (conformal prediction); the
-    largest if n is too small for that."""
+    """The least of `values` (n, ...) that a further one does not pass with probability `share` (conformal prediction);
+    the largest if n is too small for that."""
     rank = int(np.ceil(share * (len(values) + 1)))
     return np.sort(values, axis=0)[min(rank, len(values)) - 1]
 

@@ -20,24 +20,23 @@ Groups = Sequence[Any] | NDArray[Any]
 class Method(Protocol):
     """A record becomes features, features train the method, and the trained method answers.
 
-    A method is a dataclass. Its fields ending in an underscore are set by `fit`; with the others they are what the model
-    file holds.
+    A method is a dataclass. Its fields ending in an underscore are set by `fit`; with the others they are what the
+    model file holds.
     """
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Any:
         """Features of one record: a table with t_s and the plate's responses in SI units, cut to the window.
 
-        run: the simulated run that the signals are from, where the method may be trained on it; its files may say more than
-        the record does. RecognitionError names a column that is missing.
+        run: the simulated run that the signals are from, where the method may be trained on it; its files may say more
+        than the record does. RecognitionError names a column that is missing.
         """
 
     def fit(self, X: Sequence[Any], y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> Method:
         """Train on the features X of n runs of ratio y (n,), 0..1, and return the method itself.
 
-        groups (n,): runs that share a value are held out together. nuisance: a row for
-        each run, a column for each condition that varied and that a record does not tell. RecognitionError where the runs do
-        not allow it.
+        groups (n,): runs that share a value are held out together. nuisance: a row for each run, a column for each
+        condition that varied and that a record does not tell. RecognitionError where the runs do not allow it.
         """
 
     def answer(self, X: Sequence[Any], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
@@ -51,9 +50,9 @@ class Method(Protocol):
 class MethodEntry:
     """A method in a registry.
 
-    title: as a reader sees it. make: gives an unfitted one. gives_interval: its answers have one. needs_draws: trained on one
-    draw of arrangement and packing it does not learn what others do, and is not the best to ask. rate_factor: sample rate of
-    its records, in multiples of that of `signals.parquet`.
+    title: as a reader sees it. make: gives an unfitted one. gives_interval: its answers have one. needs_draws: trained
+    on one draw of arrangement and packing it does not learn what others do, and is not the best to ask. rate_factor:
+    sample rate of its records, in multiples of that of `signals.parquet`.
     """
 
     title: str

@@ -24,5 +24,6 @@ def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
 BASELINES: Registry = {
     "arrangement_likelihood_fast": MethodEntry("likelihood of arrangements, at 40 kHz", ArrangementLikelihood,
                                                rate_factor=FAST_FACTOR),
-    "rms_line": MethodEntry("RMS and a straight line", lambda: EstimatorMethod(rms_of_acceleration, LinearRegression())),
+    "rms_line": MethodEntry(
+        "RMS and a straight line", lambda: EstimatorMethod(rms_of_acceleration, LinearRegression())),
 }

@@ -34,10 +34,10 @@ BANDS = 5  # of speed or damping, whole ones held out
 
 @dataclass(frozen=True)
 class Case:
-    """families: runs to test on (and to train on, what is held out apart). eleven: trained on the eleven runs of one group
-    of the family `ring` at a time instead. key: column of the table that is held out in whole, "group" or a
-    condition; of a condition that is no ratio, whole bands. nuisance: conditions that vary; known: they are known with the
-    record."""
+    """families: runs to test on (and to train on, what is held out apart). eleven: trained on the eleven runs of one
+    group of the family `ring` at a time instead. key: column of the table that is held out in whole, "group" or a
+    condition; of a condition that is no ratio, whole bands. nuisance: conditions that vary; known: they are known with
+    the record."""
 
     name: str
     held_out: str
@@ -74,8 +74,8 @@ CASES = (
 
 @dataclass(frozen=True)
 class Result:
-    """Answers of one method in a case at one noise: a row for each run tested and training, with the number of the run, its
-    true ratio and the fields of `Answer`; or the reason why there are none."""
+    """Answers of one method in a case at one noise: a row for each run tested and training, with the number of the run,
+    its true ratio and the fields of `Answer`; or the reason why there are none."""
 
     case: Case
     method: str
@@ -96,7 +96,8 @@ class Evaluation:
         key = (name, noise_db)
         if key not in self._features:
             method, features = entry.make(), []
-            for number, (signals, run) in enumerate(zip(self.data.signals(entry.rate_factor), self.data.runs, strict=True)):
+            records = zip(self.data.signals(entry.rate_factor), self.data.runs, strict=True)
+            for number, (signals, run) in enumerate(records):
                 noisy = with_noise(signals, noise_db, np.random.default_rng([number, int(noise_db or 0)]))
                 features.append(method.prepare(noisy, run if noise_db is None else None))
             self._features[key] = features
@@ -141,13 +142,13 @@ class Evaluation:
         groups = table["group"].to_numpy()
         for train, test in GroupKFold(min(FOLDS, count) if case.key == "group" else count).split(tested, groups=keys):
             for part in self._without_shared_groups(tested[train], tested[test], groups):
-                yield np.concatenate([always, np.setdiff1d(tested[train], np.flatnonzero(np.isin(groups, groups[part])))]
-                                     ), part
+                shared = np.flatnonzero(np.isin(groups, groups[part]))
+                yield np.concatenate([always, np.setdiff1d(tested[train], shared)]), part
 
     @staticmethod
     def _without_shared_groups(train: Integers, test: Integers, groups: NDArray[Any]) -> list[Integers]:
-        """The runs to test, in parts where some of their groups are also in the training, so that a part's groups can be
-        left out of it."""
+        """The runs to test, in parts where some of their groups are also in the training, so that a part's groups can
+        be left out of it."""
         if not set(groups[train]) & set(groups[test]):
             return [test]
         parts = min(FOLDS, np.unique(groups[test]).size)

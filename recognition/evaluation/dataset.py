@@ -41,12 +41,12 @@ class DataSet:
         return Window.of(self.runs)
 
     def signals(self, rate_factor: int = 1) -> list[pd.DataFrame]:
-        """Records of all runs in the window. With a rate_factor above 1, at so many times their sample rate: what the plate's
-        sensors give in the fast streams; RecordError without these."""
+        """Records of all runs in the window. With a rate_factor above 1, at so many times their sample rate: what the
+        plate's sensors give in the fast streams; RecordError without these."""
         if rate_factor not in self._signals:
             self._signals[rate_factor] = [
-                self.window.cut(run.signals, str(run.path)) if rate_factor == 1 else _fast_signals(run, self.window, rate_factor)
-                for run in self.runs]
+                self.window.cut(run.signals, str(run.path)) if rate_factor == 1
+                else _fast_signals(run, self.window, rate_factor) for run in self.runs]
         return self._signals[rate_factor]
 
     @cached_property
@@ -65,7 +65,8 @@ class DataSet:
         """The runs of the plate, the materials and the agglomerates that most runs have; the others are passed over."""
         kinds = pd.Series([_kind(run) for run in self.runs])
         same = (kinds == kinds.mode()[0]).to_numpy()
-        others = [f"{self.runs[k].path}: another plate, other materials or other agglomerates" for k in np.flatnonzero(~same)]
+        others = [f"{self.runs[k].path}: another plate, other materials or other agglomerates"
+                  for k in np.flatnonzero(~same)]
         runs = [run for run, one in zip(self.runs, same, strict=True) if one]
         return DataSet(runs, self.table[same].reset_index(drop=True), self.passed_over + others)
 

@@ -1,14 +1,15 @@
 """The least error that noise and the scatter between runs leave to any method.
 
-By the law of a record x = m(theta) + e + n (recognition/regression/ratio_law.py) the information on theta is
-I = J (S + s^2)^-1 J^T, J the slopes of m (Cramer and Rao); the inverse of all of I counts the conditions that are unknown too.
-The mean absolute error of a normally distributed estimate is sqrt(2/pi) times its standard error.
+By the law of a record x = m(theta) + e + n (recognition/regression/ratio_law.py) the information on theta is I = J (S +
+s^2)^-1 J^T, J the slopes of m (Cramer and Rao); the inverse of all of I counts the conditions that are unknown too. The
+mean absolute error of a normally distributed estimate is sqrt(2/pi) times its standard error.
 
-For stones that fall on known places the probability of each ratio is known (recognition/physics/arrangement_likelihood.py), and
-so is the least error: that of the mean of this probability, over records drawn from the model itself.
+For stones that fall on known places the probability of each ratio is known
+(recognition/physics/arrangement_likelihood.py), and so is the least error: that of the mean of this probability, over
+records drawn from the model itself.
 
-Beside these stands the error of a regression on the true impulse of the stones, which only the simulation knows, on runs that
-were held out. The impulse has no noise and depends neither on the places nor on the plate.
+Beside these stands the error of a regression on the true impulse of the stones, which only the simulation knows, on
+runs that were held out. The impulse has no noise and depends neither on the places nor on the plate.
 """
 
 from __future__ import annotations
@@ -65,10 +66,11 @@ Rows = list[dict[str, Any]]
 
 
 def least_error_points(law: RatioLaw, noise_db: float | None, scatter: bool) -> float:
-    """Mean absolute error in points of ratio, averaged over the ratios, conditions unknown and in the middle of their ranges.
+    """Mean absolute error in points of ratio, averaged over the ratios, conditions unknown and in the middle of their
+    ranges.
 
-    scatter: of other arrangements, packings; noise_db: below each channel's rms in training, None for none. The least error is
-    0 without either.
+    scatter: of other arrangements, packings; noise_db: below each channel's rms in training, None for none. The least
+    error is 0 without either.
     """
     noise2 = 0.0 if noise_db is None else 10 ** (-noise_db / 10)
     variance = noise2 + (law.variance if scatter else 0.0 * law.variance)
@@ -83,8 +85,8 @@ def least_error_points(law: RatioLaw, noise_db: float | None, scatter: bool) -> 
 
 
 def arrangement_error_points(model: ArrangementModel, noise: Floats, seed: int = 0) -> float:
-    """Mean absolute error over DRAWS records of the model itself, all ratios and speeds equally likely; noise (channels,):
-    standard deviation of the sensors' noise."""
+    """Mean absolute error over DRAWS records of the model itself, all ratios and speeds equally likely; noise
+    (channels,): standard deviation of the sensors' noise."""
     rng, n = np.random.default_rng(seed), model.stones
     variance = np.repeat(model.residual**2 + (noise / model.scale) ** 2, model.samples)
     root = np.linalg.cholesky(model.covariance + np.diag(variance))
@@ -108,9 +110,9 @@ def true_impulse_errors_points(impulse_N_s: Floats, ratios: Floats, groups: NDAr
 
 
 def bounds(data: DataSet, noises_db: Noises = NOISES_DB) -> pd.DataFrame:
-    """A row a setting, set of channels and noise: noise_points (of noise alone), least_points (with the scatter), or the
-    reason why they cannot be had; and a row of TRUE_IMPULSE, without noise: mean and worst error. Settings of which the data
-    set has no run are left out."""
+    """A row a setting, set of channels and noise: noise_points (of noise alone), least_points (with the scatter), or
+    the reason why they cannot be had; and a row of TRUE_IMPULSE, without noise: mean and worst error. Settings of which
+    the data set has no run are left out."""
     rows: Rows = []
     for name, (families, conditions) in SETTINGS.items():
         chosen = data.of(*families)
@@ -132,7 +134,8 @@ def _or_reason(row: dict[str, Any], rows: Callable[[], Rows]) -> Rows:
         return [row | {"reason": str(reason)}]
 
 
-def _by_law(data: DataSet, chosen: Integers, conditions: tuple[str, ...], noises_db: Noises) -> Iterator[dict[str, Any]]:
+def _by_law(data: DataSet, chosen: Integers, conditions: tuple[str, ...],
+            noises_db: Noises) -> Iterator[dict[str, Any]]:
     nuisance = data.table[list(conditions)].to_numpy()[chosen] if conditions else None
 
     def rows(kind: str) -> Rows:
@@ -160,8 +163,8 @@ def _by_arrangements(data: DataSet, chosen: Integers, noises_db: Noises) -> Iter
 
 
 def _by_known_places(data: DataSet, noises_db: Noises) -> Rows:
-    """Stones anywhere on the plate, if every place were known to within each of PLACE_DEVIATIONS_M: the forces are those of
-    stones on the circle, the mean is over PLACED_RUNS runs."""
+    """Stones anywhere on the plate, if every place were known to within each of PLACE_DEVIATIONS_M: the forces are
+    those of stones on the circle, the mean is over PLACED_RUNS runs."""
     circle, free = data.of(*SETTINGS["arrangement, packing"][0]), data.of("free")[:PLACED_RUNS]
     if not (circle.size and free.size):
         return []
@@ -175,8 +178,9 @@ def _by_known_places(data: DataSet, noises_db: Noises) -> Rows:
         for deviation_m in PLACE_DEVIATIONS_M:
             channels = {"channels": f"{ARRANGEMENTS}, places known to {1000 * deviation_m:g} mm"}
             models = [model_on(statistics, one, deviation_m) for one in forces]
-            found += [channels | {"noise_db": db, "least_points": np.mean([arrangement_error_points(m, noise) for m in models])}
-                      for db, noise in noises.items() if models]
+            for db, noise in noises.items() if models else ():
+                errors = [arrangement_error_points(model, noise) for model in models]
+                found.append(channels | {"noise_db": db, "least_points": np.mean(errors)})
         return found
 
     return _or_reason(row | {"channels": f"{ARRANGEMENTS}, places known"}, rows)

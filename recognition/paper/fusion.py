@@ -37,7 +37,7 @@ def plate_response(signals: pd.DataFrame, name: str) -> Floats:
 
 @dataclass
 class Fusion:
-    """One of the four fusions: normalisation (41) learnt from training runs, then the Kalman filter."""
+    """One of the four fusions: normalisation (41) fitted to training runs, then the Kalman filter."""
 
     kind: str = "energy"
     process_to_measurement: float = PROCESS_TO_MEASUREMENT

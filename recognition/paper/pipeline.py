@@ -30,7 +30,8 @@ def modified() -> Strategy:
 
 @dataclass
 class FusionPipeline:
-    """A fusion of plate responses and the strategy on its curve; a method of recognition (`recognition.estimation.method`).
+    """A fusion of plate responses and the strategy on its curve; a method of recognition
+    (`recognition.estimation.method`).
 
     fusion: which responses, and the filter (not fitted yet); strategy: function space and
     judge (not fitted yet). X has the shape (runs, m, n): `prepare` of each run's signals.

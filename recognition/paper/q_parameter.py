@@ -28,7 +28,8 @@ DEGREE = 2  # of Q(beta)
 
 @dataclass
 class FusionQ:
-    """Q-polynomial recognition with equal weights, as in the paper; a method of recognition (`recognition.estimation.method`).
+    """Q-polynomial recognition with equal weights, as in the paper; a method of recognition
+    (`recognition.estimation.method`).
 
     X has the shape (runs, p): `prepare` of each run's signals.
     """
@@ -46,7 +47,8 @@ class FusionQ:
 
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> FusionQ:
-        """X: parameters (n, p), y: ratios (n,), 0..1. Directions (Eq. 39) from the data; groups and conditions play no part."""
+        """X: parameters (n, p), y: ratios (n,), 0..1. Directions (Eq. 39) from the data; groups and conditions play no
+        part."""
         parameters, ratios = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         self.scaler_ = MinMaxByTrend().fit(parameters, trend(parameters, ratios))
         self.fit_ = fit_polynomial(ratios, self.transform(parameters), DEGREE)

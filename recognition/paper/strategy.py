@@ -26,7 +26,7 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.paper.function_space import FunctionSpace, Rule
 from recognition.paper.roots import real_roots
 
-#: Judging standards. "mean", as printed, is over the usable points only, so that a wrong
+#: Judging standards. "mean", as published, is over the usable points only, so that a wrong
 #: candidate may win by having its worst points deleted; "truncated" is the mean of
 #: min(difference, xi) over all points, in which a singular point costs xi.
 JUDGES = ("mean", "truncated", "median", "rms")

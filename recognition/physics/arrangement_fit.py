@@ -16,7 +16,8 @@ from recognition.physics.force_records import ForceRecord, response_to, unit_for
 
 BIN_S = 25e-6  # about the width of the bins of a force, which is linear between them
 DEGREE = 2  # of the force in the speed
-#: A covariance from few stones is shrunk towards forces that are independent from bin to bin, with the weight of so many stones.
+#: A covariance from few stones is shrunk towards forces that are independent from bin to bin, with the weight of so
+#: many stones.
 SHRINKAGE_STONES = 20
 LEAST_DEVIATION = 0.02  # of a force at any time, in shares of its largest
 LEAST_RESIDUAL = 0.005  # of the plate's model, in shares of the signal
@@ -29,9 +30,9 @@ SMALL_M = 1e-3  # step of the finite difference by the place
 class PlateRecord:
     """One record as the arrangement likelihood takes it.
 
-    signals (channels, samples): velocity of the centre of mass, accelerometers and rods, each by name; noise (channels,):
-    standard deviation of the sensors' noise; force_record: of the simulated run that the record is from, None where there is
-    none to be had.
+    signals (channels, samples): velocity of the centre of mass, accelerometers and rods, each by name; noise
+    (channels,): standard deviation of the sensors' noise; force_record: of the simulated run that the record is from,
+    None where there is none to be had.
     """
 
     signals: Floats
@@ -43,9 +44,10 @@ class PlateRecord:
 class ForceStatistics:
     """What simulated stones show of their forces.
 
-    laws: coefficients (p, bins) of the mean force of coal and of gangue (`force_law`); covariance (bins, bins): of a force;
-    stones: number of different stones; bins (steps, bins): of the force; at (samples,): steps at which records have samples;
-    scale, residual: as in `ArrangementModel`; damping_ratio: mean and standard deviation; speed_m_s: mean, least, greatest.
+    laws: coefficients (p, bins) of the mean force of coal and of gangue (`force_law`); covariance (bins, bins): of a
+    force; stones: number of different stones; bins (steps, bins): of the force; at (samples,): steps at which records
+    have samples; scale, residual: as in `ArrangementModel`; damping_ratio: mean and standard deviation; speed_m_s:
+    mean, least, greatest.
     """
 
     laws: list[Floats]
@@ -60,14 +62,16 @@ class ForceStatistics:
 
 
 def same_places(X: Sequence[PlateRecord]) -> Integers:
-    """Numbers of the records whose stones fall at once and on the places that most have. RecognitionError if they are few."""
+    """Numbers of the records whose stones fall at once and on the places that most have. RecognitionError if they are
+    few."""
     places = {k: x.force_record.place_m.round(6).tobytes() for k, x in enumerate(X)
               if x.force_record is not None and x.force_record.at_once}
     keys = list(places.values())
     most = max(keys, key=keys.count, default=b"")
     chosen = np.array([k for k, place in places.items() if place == most], dtype=int)
     if len(chosen) < LEAST_GROUPS:
-        raise RecognitionError(f"{len(chosen)} runs whose stones fall at once and on the same places; needs {LEAST_GROUPS}")
+        raise RecognitionError(f"{len(chosen)} runs whose stones fall at once and on the same places; needs"
+                               f" {LEAST_GROUPS}")
     stones = len(most) // (2 * np.dtype(float).itemsize)
     if stones > MOST_STONES:
         raise RecognitionError(f"{stones} stones; at most {MOST_STONES}")
@@ -98,7 +102,8 @@ def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
 
 
 def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m: float = 0.0) -> ArrangementModel:
-    """On the plate and places of a force record; place_deviation_m: standard deviation of each stone's place along x and y."""
+    """On the plate and places of a force record; place_deviation_m: standard deviation of each stone's place along x
+    and y."""
     unit = _bin_responses(statistics, record)
     covariance = _covariance_by_forces(unit, statistics.covariance, statistics.stones)
     if statistics.damping_ratio[1] > 0:
@@ -112,14 +117,16 @@ def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m
                             *statistics.speed_m_s)
 
 
-def force_laws(forces: list[ForceRecord], bins: Floats, groups: Floats, middle_m_s: float) -> tuple[list[Floats], Floats, int]:
-    """`force_law` of coal and of gangue, the mean of their covariances, since a place has one or the other, and the fewest
-    different stones of either. RecognitionError for too few."""
+def force_laws(forces: list[ForceRecord], bins: Floats, groups: Floats,
+               middle_m_s: float) -> tuple[list[Floats], Floats, int]:
+    """`force_law` of coal and of gangue, the mean of their covariances, since a place has one or the other, and the
+    fewest different stones of either. RecognitionError for too few."""
     laws, covariances, counts = [], [], []
     for gangue in (False, True):
         force, speed_m_s, stones = _forces_of(forces, bins, groups, gangue, middle_m_s)
         if stones < LEAST_STONES:
-            raise RecognitionError(f"{stones} different stones of {'gangue' if gangue else 'coal'}; needs {LEAST_STONES}")
+            name = "gangue" if gangue else "coal"
+            raise RecognitionError(f"{stones} different stones of {name}; needs {LEAST_STONES}")
         law, covariance = force_law(force, speed_m_s - middle_m_s, stones)
         laws.append(law)
         covariances.append(covariance)
@@ -128,8 +135,8 @@ def force_laws(forces: list[ForceRecord], bins: Floats, groups: Floats, middle_m
 
 
 def _covariance_by_forces(unit: Floats, covariance: Floats, stones: int) -> Floats:
-    """Covariance of x by the scatter of the forces: that of each place by itself; and that of the mean forces, which are known
-    from so many stones only and err alike at all places."""
+    """Covariance of x by the scatter of the forces: that of each place by itself; and that of the mean forces, which
+    are known from so many stones only and err alike at all places."""
     alone = np.zeros((len(unit), len(unit)))
     for i in range(unit.shape[1]):
         alone = alone + unit[:, i] @ covariance @ unit[:, i].T
@@ -138,8 +145,8 @@ def _covariance_by_forces(unit: Floats, covariance: Floats, stones: int) -> Floa
 
 
 def _covariance_by_damping(change: Floats) -> Floats:
-    """Covariance of x by the scatter of the damping: change (d, 1 + stones) of the mean by one standard deviation, each place
-    being coal or gangue with the same probability."""
+    """Covariance of x by the scatter of the damping: change (d, 1 + stones) of the mean by one standard deviation, each
+    place being coal or gangue with the same probability."""
     middle = change[:, 0] + change[:, 1:].sum(axis=1) / 2
     return np.outer(middle, middle) + change[:, 1:] @ change[:, 1:].T / 4
 
@@ -157,8 +164,8 @@ def _steps_per_bin(record: ForceRecord) -> int:
 
 def _forces_of(forces: list[ForceRecord], bins: Floats, groups: Floats, gangue: bool,
                middle_m_s: float) -> tuple[Floats, Floats, int]:
-    """Of all stones of a material: forces (m, bins) scaled to the speed middle_m_s, speeds (m,), and the number of different
-    packings of stones: a group's stones are the same in all its runs."""
+    """Of all stones of a material: forces (m, bins) scaled to the speed middle_m_s, speeds (m,), and the number of
+    different packings of stones: a group's stones are the same in all its runs."""
     to_bins = np.linalg.pinv(bins)
     force = np.vstack([record.force_N[record.gangue == gangue, :len(bins)] @ to_bins.T * (middle_m_s / record.speed_m_s)
                        for record in forces])
@@ -169,8 +176,8 @@ def _forces_of(forces: list[ForceRecord], bins: Floats, groups: Floats, gangue: 
 
 
 def force_law(force: Floats, speed: Floats, stones: int) -> tuple[Floats, Floats]:
-    """Coefficients (p, bins) of the mean force by powers of the speed, and the covariance (bins, bins) about it, of forces
-    (m, bins) of `stones` different stones."""
+    """Coefficients (p, bins) of the mean force by powers of the speed, and the covariance (bins, bins) about it, of
+    forces (m, bins) of `stones` different stones."""
     powers = speed[:, None] ** np.arange(DEGREE + 1 if np.ptp(speed) > 0 else 1)
     law = np.asarray(np.linalg.lstsq(powers, force, rcond=None)[0], dtype=float)
     off = force - powers @ law
@@ -204,8 +211,8 @@ def _means(unit: Floats, laws: list[Floats]) -> Floats:
 
 
 def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> tuple[Floats, Floats]:
-    """The reference of `distances` (3,) and their limits (3,), from records whose group was held out of the training, or, with
-    fewer than three groups, whose ratio was."""
+    """The reference of `distances` (3,) and their limits (3,), from records whose group was held out of the training,
+    or, with fewer than three groups, whose ratio was."""
     chosen = same_places(X)
     keys = (groups if np.unique(groups[chosen]).size >= LEAST_GROUPS else y)[chosen]
     found = []

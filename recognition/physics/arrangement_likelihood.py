@@ -4,17 +4,17 @@ The plate is linear, so a record x is the sum of the plate's responses to the fo
 
     x = sum over stones of G_i F_i + e.
 
-G_i is the response to a unit force on place i (plate_fem/response.py). F_i(t), the force of stone i, is normally distributed:
-its mean depends on the material, its covariance does not; both come from simulated stones and are proportional to the impact
-speed. e is the residual of the plate's model on simulated records, and the noise of the sensors. Ten stones have 1024
-arrangements. Each has a likelihood; the sum over all arrangements of one ratio gives the probability of that ratio, all ratios
-being equally likely beforehand. An impact speed that varied in training is averaged over; a damping that varied adds to the
-covariance of x.
+G_i is the response to a unit force on place i (plate_fem/response.py). F_i(t), the force of stone i, is normally
+distributed: its mean depends on the material, its covariance does not; both come from simulated stones and are
+proportional to the impact speed. e is the residual of the plate's model on simulated records, and the noise of the
+sensors. Ten stones have 1024 arrangements. Each has a likelihood; the sum over all arrangements of one ratio gives the
+probability of that ratio, all ratios being equally likely beforehand. An impact speed that varied in training is
+averaged over; a damping that varied adds to the covariance of x.
 
-Two neighbours that swap their materials give nearly the same record: the bending wave with a hill on one place and a valley on
-the next has over 10 kHz, and the spectrum of a stone's force ends at about 4 kHz. Arrangements with nearly the same record
-mostly have the same ratio, though. To seek all ten forces instead is an ill-posed problem (Hansen, Discrete Inverse Problems,
-2010).
+Two neighbours that swap their materials give nearly the same record: the bending wave with a hill on one place and a
+valley on the next has over 10 kHz, and the spectrum of a stone's force ends at about 4 kHz. Arrangements with nearly
+the same record mostly have the same ratio, though. To seek all ten forces instead is an ill-posed problem (Hansen,
+Discrete Inverse Problems, 2010).
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from scipy.linalg import cho_factor, cho_solve
 from recognition.estimation.arrays import Floats, Integers
 
 MOST_STONES = 12  # 4096 arrangements
-#: Number of speeds examined, and how far beyond those of training, in shares of them, to see whether a record belongs there.
+#: Number of speeds examined, and how far beyond those of training, in shares of them, to see whether a record belongs
+#: there.
 SPEEDS, BEYOND = 31, 0.5
 #: Share of the probability left out of the interval on either side.
 TAIL = 0.05
@@ -45,8 +46,8 @@ SHORT = {"digits": 7}
 
 @dataclass(frozen=True)
 class ArrangementEstimate:
-    """Of one record. probability (stones + 1,): of 0, 1, 2 ... stones of gangue; misfit: least chi-square over the number of
-    samples; log_likelihood_ratio: of the best speed anywhere against the best within the training."""
+    """Of one record. probability (stones + 1,): of 0, 1, 2 ... stones of gangue; misfit: least chi-square over the
+    number of samples; log_likelihood_ratio: of the best speed anywhere against the best within the training."""
 
     probability: Floats
     misfit: float
@@ -67,8 +68,8 @@ class ArrangementEstimate:
 
 @lru_cache(maxsize=4)
 def arrangements(stones: int) -> tuple[Floats, Integers, Floats]:
-    """Every arrangement: a 1 and which stones are gangue (2^stones, 1 + stones), how many are (2^stones,), and the prior
-    probability (2^stones,), which is even over the ratios."""
+    """Every arrangement: a 1 and which stones are gangue (2^stones, 1 + stones), how many are (2^stones,), and the
+    prior probability (2^stones,), which is even over the ratios."""
     which = np.array(list(product((0.0, 1.0), repeat=stones)))
     count = which.sum(axis=1).astype(int)
     prior = 1 / np.array([comb(stones, k) for k in count])
@@ -79,10 +80,10 @@ def arrangements(stones: int) -> tuple[Floats, Integers, Floats]:
 class ArrangementModel:
     """Mean and covariance of records by arrangement; d = channels x samples, p powers of the speed.
 
-    scale (channels,): rms of the signals, in shares of which x is; residual (channels,): rms of what the plate's model leaves
-    of x; covariance (d, d): of x, from stone to stone, at the speed middle_m_s; mean (p, d, 1 + stones): record of coal alone,
-    and what each stone of gangue adds to it, as coefficients of (v - middle)^k v / middle; low_m_s, high_m_s: speeds of
-    training. ValueError for arrays that do not fit together.
+    scale (channels,): rms of the signals, in shares of which x is; residual (channels,): rms of what the plate's model
+    leaves of x; covariance (d, d): of x, from stone to stone, at the speed middle_m_s; mean (p, d, 1 + stones): record
+    of coal alone, and what each stone of gangue adds to it, as coefficients of (v - middle)^k v / middle; low_m_s,
+    high_m_s: speeds of training. ValueError for arrays that do not fit together.
     """
 
     scale: Floats = field(metadata=SHORT)
@@ -117,16 +118,21 @@ class ArrangementModel:
 
     def _powers(self, speeds_m_s: Floats) -> Floats:
         """Factor of each coefficient of the mean, shape (speeds, p)."""
-        return speeds_m_s[:, None] / self.middle_m_s * (speeds_m_s[:, None] - self.middle_m_s) ** np.arange(len(self.mean))
+        v = speeds_m_s[:, None]
+        return v / self.middle_m_s * (v - self.middle_m_s) ** np.arange(len(self.mean))
 
     def estimate(self, signals: Floats, noise: Floats, speed_m_s: float | None = None) -> ArrangementEstimate:
-        """Of one record: signals (channels, samples), standard deviation of each sensor's noise (channels,), and the impact
-        speed where it is known."""
-        speeds = self._speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
-        inside = (speeds >= self.low_m_s - 1e-9) & (speeds <= self.high_m_s + 1e-9) if speed_m_s is None else np.array([True])
+        """Of one record: signals (channels, samples), standard deviation of each sensor's noise (channels,), and the
+        impact speed where it is known."""
+        if speed_m_s is None:
+            speeds = self._speeds_m_s()
+            inside = (speeds >= self.low_m_s - 1e-9) & (speeds <= self.high_m_s + 1e-9)
+        else:
+            speeds, inside = np.array([speed_m_s]), np.array([True])
         chi_square = self._chi_square(signals, noise, speeds)
         best = chi_square[inside].min()
-        # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less certain.
+        # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
+        # certain.
         temperature = max(1.0, float(best) / len(self.covariance))
         _, count, prior = arrangements(self.stones)
         weight = np.exp((best - chi_square[inside]) / (2 * temperature)) * prior
@@ -155,7 +161,8 @@ class ArrangementModel:
 def distances(found: ArrangementEstimate, reference: Floats) -> Floats:
     """Distances of a record from the training, shape (3,) as in DISTANCES, 1 being as expected.
 
-    reference (3,): quadratic in the ratio of the logarithm of the misfit of held-out records; coal scatters more than gangue.
+    reference (3,): quadratic in the ratio of the logarithm of the misfit of held-out records; coal scatters more than
+    gangue.
     """
     return np.array([found.misfit, found.log_likelihood_ratio / REFERENCE_LOG_RATIO,
                      np.exp(np.polyval(reference, found.ratio)) / found.misfit])

@@ -21,15 +21,16 @@ from recognition.physics.arrangement_fit import PlateRecord, distance_reference,
 from recognition.physics.arrangement_likelihood import DISTANCES, MISFIT, ArrangementModel, distances
 from recognition.physics.force_records import ForceRecord, force_record_of
 
-#: Time from the first contact on that is used, and the most samples of it. A stone's force lasts 0.45 ms; the plate still rings
-#: with it afterwards.
+#: Time from the first contact on that is used, and the most samples of it. A stone's force lasts 0.45 ms; the plate
+#: still rings with it afterwards.
 DURATION_S, MOST_SAMPLES = 3.75e-3, 60
 SPEED = "speed_m_s"  # the condition that may be known of a record
 
 
 @dataclass
 class ArrangementLikelihood:
-    """Recognition by the likelihood of every arrangement of stones on known places (`recognition.estimation.method`)."""
+    """Recognition by the likelihood of every arrangement of stones on known places
+    (`recognition.estimation.method`)."""
 
     model_: ArrangementModel = field(init=False)
     reference_: Floats = field(init=False)
@@ -46,8 +47,9 @@ class ArrangementLikelihood:
 
     def fit(self, X: Sequence[PlateRecord], y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> ArrangementLikelihood:
-        """Train on the runs that have force records, stones that fall at once, and the places that most have. The conditions
-        are those of the force records. RecognitionError where these runs, or the different stones in them, are too few."""
+        """Train on the runs that have force records, stones that fall at once, and the places that most have. The
+        conditions are those of the force records. RecognitionError where these runs, or the different stones in them,
+        are too few."""
         keys = np.asarray(y if groups is None else groups)
         self.model_ = fit_model(X, keys)
         self.reference_, self.limits_ = distance_reference(X, np.asarray(y), keys)
@@ -59,10 +61,10 @@ class ArrangementLikelihood:
         return [self._answer(x, speed) for x, speed in zip(X, speeds, strict=True)]
 
     def _answer(self, x: PlateRecord, speed_m_s: float | None) -> Answer:
-        shape = (self.model_.scale.size, self.model_.samples)
-        if x.signals.shape != shape:
-            raise RecognitionError(f"{x.signals.shape[0]} channels of {x.signals.shape[1]} samples; the model has {shape[0]} of"
-                                   f" {shape[1]}")
+        (channels, samples), needed = x.signals.shape, (self.model_.scale.size, self.model_.samples)
+        if (channels, samples) != needed:
+            raise RecognitionError(f"{channels} channels of {samples} samples; the model has {needed[0]}"
+                                   f" of {needed[1]}")
         found = self.model_.estimate(x.signals, x.noise, speed_m_s)
         far = distances(found, self.reference_)
         fits = not far[DISTANCES.index(MISFIT)] > self.limits_[DISTANCES.index(MISFIT)]
@@ -70,12 +72,13 @@ class ArrangementLikelihood:
 
     def summary(self) -> str:
         m = self.model_
-        return f"{m.stones} stones, {m.low_m_s:.3g} to {m.high_m_s:.3g} m/s, {m.samples} samples of {m.scale.size} signals"
+        return (f"{m.stones} stones, {m.low_m_s:.3g} to {m.high_m_s:.3g} m/s,"
+                f" {m.samples} samples of {m.scale.size} signals")
 
 
 def noise_of(signals: Floats) -> Floats:
-    """Standard deviation (m,) of white noise on smooth signals (m, n): of their third differences, over the last quarter,
-    where the plate's high modes have died away. At 6667 Hz what is left of them counts as noise of 1 %."""
+    """Standard deviation (m,) of white noise on smooth signals (m, n): of their third differences, over the last
+    quarter, where the plate's high modes have died away. At 6667 Hz what is left of them counts as noise of 1 %."""
     late = signals[:, -(signals.shape[1] // 4):]
     return np.asarray(np.sqrt(np.mean(np.diff(late, 3, axis=1) ** 2, axis=1) / 20))
 

@@ -1,4 +1,5 @@
-"""What a simulated run shows besides its record: the force of each stone on the plate, and what the plate's model makes of it."""
+"""What a simulated run shows besides its record: the force of each stone on the plate, and what the plate's model makes
+of it."""
 
 from __future__ import annotations
 
@@ -24,9 +25,9 @@ from recognition.estimation.arrays import Booleans, Floats
 class ForceRecord:
     """Forces of the stones of one simulated run.
 
-    place_m (stones, 2): where the stones fall; at_once: all of them touch the plate together; sample_s: interval between
-    samples of the run's record; force_N (stones, steps): means over steps of step_s from t = 0 on; gangue (stones,): which
-    stones are gangue; modes_dir: where the plate's modes may have been kept.
+    place_m (stones, 2): where the stones fall; at_once: all of them touch the plate together; sample_s: interval
+    between samples of the run's record; force_N (stones, steps): means over steps of step_s from t = 0 on; gangue
+    (stones,): which stones are gangue; modes_dir: where the plate's modes may have been kept.
     """
 
     plate: FlexiblePlate
@@ -49,8 +50,8 @@ class ForceRecord:
 def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) -> ForceRecord:
     """Force record of a finished run over its first duration_s.
 
-    sample_s: interval between samples of the record, that of `signals.parquet` if None. RecordError without a fast stream of
-    that length, a flexible plate or places of the stones.
+    sample_s: interval between samples of the record, that of `signals.parquet` if None. RecordError without a fast
+    stream of that length, a flexible plate or places of the stones.
     """
     path = run.path / "fast.parquet"
     table = read_table(path)
@@ -70,8 +71,8 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
 
 
 def unit_force_response(record: ForceRecord, damping_ratio: float, moved_m: tuple[float, float] = (0.0, 0.0)) -> Floats:
-    """Response of each channel to a force of 1 N during the first step on each stone's place, displaced by moved_m along x and
-    y, shape (channels, steps, stones)."""
+    """Response of each channel to a force of 1 N during the first step on each stone's place, displaced by moved_m
+    along x and y, shape (channels, steps, stones)."""
     plate = record.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
     return _unit_force_response(plate.model_dump_json(), tuple(map(tuple, record.place_m)), moved_m, record.step_s,
                                 record.force_N.shape[1], record.modes_dir)
@@ -83,8 +84,8 @@ def response_to(unit_response: Floats, force_N: Floats) -> Floats:
 
 
 @lru_cache(maxsize=64)
-def _unit_force_response(plate_json: str, places: tuple[tuple[float, float], ...], moved_m: tuple[float, float], step_s: float,
-                         steps: int, modes_dir: Path | None) -> Floats:
+def _unit_force_response(plate_json: str, places: tuple[tuple[float, float], ...], moved_m: tuple[float, float],
+                         step_s: float, steps: int, modes_dir: Path | None) -> Floats:
     plate = FlexiblePlate.model_validate_json(plate_json)
     modes = plate_modes(plate, modes_dir, np.array(places))
     amplitude, rate, acceleration = pulse_response(modes, step_s, steps)

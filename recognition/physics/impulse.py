@@ -1,7 +1,7 @@
 """The stones' impulse from the momentum of the plate and the forces of its rods.
 
-After the impact the plate's momentum M v and the momentum that its rods have carried away add up to the impulse J_s of the
-stones, and stay so:
+After the impact the plate's momentum M v and the momentum that its rods have carried away add up to the impulse J_s of
+the stones, and stay so:
 
     integral of the rods' forces + M v = -J_s
 
@@ -22,7 +22,8 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
 
-#: J_s is the mean over this time. Before it, stones still touch the plate; after it, the integral has gathered more noise.
+#: J_s is the mean over this time. Before it, stones still touch the plate; after it, the integral has gathered more
+#: noise.
 AVERAGED_S = (0.75e-3, 3e-3)
 
 #: Samples between two values of the balance, to tell noise of the velocity from noise of the rods.
@@ -38,8 +39,8 @@ class Impulse:
 
 
 def impulse(signals: pd.DataFrame) -> Impulse:
-    """Of a record with columns t_s, v_m_s and rod_*. RecognitionError for missing ones, or a record that is too short or at
-    rest."""
+    """Of a record with columns t_s, v_m_s and rod_*. RecognitionError for missing ones, or a record that is too short
+    or at rest."""
     rods_N, (v_m_s,) = channels_of(signals, "rods"), channels_of(signals, "centre")[:1]
     t_s = signals["t_s"].to_numpy(dtype=float) - float(signals["t_s"].iloc[0])
     start, end = np.searchsorted(t_s, AVERAGED_S)
@@ -55,8 +56,8 @@ def impulse(signals: pd.DataFrame) -> Impulse:
 
 
 def _standard_error(balance: Floats, before: int, count: int) -> float:
-    """Of the mean of the first `count` values, `before` samples after the record's start. Noise of the rods' forces, summed
-    up, is a random walk, that of the velocity is white: (y_(k+m) - y_k)^2 is m walk + 2 white on average."""
+    """Of the mean of the first `count` values, `before` samples after the record's start. Noise of the rods' forces,
+    summed up, is a random walk, that of the velocity is white: (y_(k+m) - y_k)^2 is m walk + 2 white on average."""
     near, far = (np.mean((balance[lag:] - balance[:-lag]) ** 2) for lag in (1, LAG))
     walk = max(0.0, float(far - near) / (LAG - 1))
     white = max(0.0, float(near - walk) / 2)

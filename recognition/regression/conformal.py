@@ -24,17 +24,16 @@ class GroupConformal:
 
     Split conformal prediction by cross-validation (Vovk 2015, Ann. Math. Artif. Intell. 74:9), whole groups held out:
     the half width is the (1 + 1/n) COVERAGE quantile of |error| / s, times s, the standard error that the estimator
-    gives with `return_std` (1 where it gives none). An estimator with `distances(X)`, shape (runs, k),
-    gets a limit for each of the k from the same held-out records. An estimator whose `fit` takes `groups` or `nuisance` is
-    given them.
+    gives with `return_std` (1 where it gives none). An estimator with `distances(X)`, shape (runs, k), gets a limit for
+    each of the k from the same held-out records. An estimator whose `fit` takes `groups` or `nuisance` is given them.
     """
 
     def __init__(self, estimator: Any):
         self.estimator = estimator
 
     def fit(self, X: Floats, y: Floats, groups: Any = None, nuisance: Floats | None = None) -> GroupConformal:
-        """groups (runs,): runs of one group are held out together; each ratio by itself where there are fewer than three
-        groups, as in the paper's eleven runs. The intervals then know nothing of other arrangements."""
+        """groups (runs,): runs of one group are held out together; each ratio by itself where there are fewer than
+        three groups, as in the paper's eleven runs. The intervals then know nothing of other arrangements."""
         X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         groups = y if groups is None or np.unique(groups).size < LEAST_GROUPS else np.asarray(groups)
         if np.unique(groups).size < LEAST_GROUPS:
@@ -42,7 +41,8 @@ class GroupConformal:
         scores, distances = [], []
         folds = GroupKFold(min(FOLDS, np.unique(groups).size))
         for train, test in folds.split(X, y, groups):
-            model = _fitted(self.estimator, X[train], y[train], groups[train], None if nuisance is None else nuisance[train])
+            known = None if nuisance is None else nuisance[train]
+            model = _fitted(self.estimator, X[train], y[train], groups[train], known)
             ratio, error = _with_error(model, X[test])
             scores.append(np.abs(ratio - y[test]) / error)
             if hasattr(model, "distances"):

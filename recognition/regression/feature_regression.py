@@ -42,13 +42,15 @@ class FeatureRegression:
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> FeatureRegression:
         """nuisance: of the law of the features (`ProcessRegressor.fit`). Raises RecognitionError."""
-        conformal = GroupConformal(ProcessRegressor(PREDICTORS.get(self.features))).fit(np.asarray(X), y, groups, _numbers(nuisance))
+        conformal = GroupConformal(ProcessRegressor(PREDICTORS.get(self.features)))
+        conformal.fit(np.asarray(X), y, groups, _numbers(nuisance))
         self._estimator = conformal.estimator_
         self.model_, self.width_, self.limits_ = conformal.estimator_.model_, conformal.width_, conformal.limits_
         return self
 
     def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
-        """RecognitionError for known conditions with a model from a file, which holds the process of unknown ones only."""
+        """RecognitionError for known conditions with a model from a file, which holds the process of unknown ones
+        only."""
         for x in X:
             if x[0].shape != self.model_.mean.shape:
                 raise RecognitionError(f"{x[0].size} features; the model has {self.model_.mean.size}")
@@ -71,8 +73,8 @@ class FeatureRegression:
 
 @dataclass
 class EstimatorMethod:
-    """Any regressor of scikit-learn on what `features` makes of a record, an array of the same shape for each, with intervals
-    by `GroupConformal`. It is not saved in model files."""
+    """Any regressor of scikit-learn on what `features` makes of a record, an array of the same shape for each, with
+    intervals by `GroupConformal`. It is not saved in model files."""
 
     features: Callable[[pd.DataFrame], Floats]
     estimator: Any

@@ -1,7 +1,7 @@
 """Features of a record for regressions: energies in windows of time and bands of frequency, and the stones' impulse.
 
-All accelerometers are taken together, so that the features hardly depend on the arrangement of the stones. A greater energy of
-the impact raises all of them, damping changes the later windows, a higher impact speed the upper bands.
+All accelerometers are taken together, so that the features hardly depend on the arrangement of the stones. A greater
+energy of the impact raises all of them, damping changes the later windows, a higher impact speed the upper bands.
 """
 
 from __future__ import annotations
@@ -62,6 +62,6 @@ def _impulse(signals: pd.DataFrame) -> Floats:
 #: name -> features of a record and their standard errors by the noise of the sensors, shape (2, p).
 FEATURES: dict[str, Callable[[pd.DataFrame], Floats]] = {
     "impulse": _impulse, "energies_all": _energies_all, "energies_sensors": _energies_sensors}
-#: Number of features, from the first on, from which the ratio is found, where that is not all; the others serve to recognise
-#: records out of distribution.
+#: Number of features, from the first on, from which the ratio is found, where that is not all; the others serve to
+#: recognise records out of distribution.
 PREDICTORS = {"impulse": 1}

@@ -22,9 +22,10 @@ from recognition.regression.ratio_law import RatioLaw, fit_law
 class ProcessModel:
     """A fitted Gaussian process with Matern's kernel (nu 5/2), and the law of its features.
 
-    mean, scale (p,): of the features; points (n, m), weights (n,): of the process, in the first m standardised features;
-    constant, length: of its kernel; scatter: mean square error of a training record left out, in units of size; offset, size:
-    mean and standard deviation of the ratio in training; law: of the standardised features, taken as one channel.
+    mean, scale (p,): of the features; points (n, m), weights (n,): of the process, in the first m standardised
+    features; constant, length: of its kernel; scatter: mean square error of a training record left out, in units of
+    size; offset, size: mean and standard deviation of the ratio in training; law: of the standardised features, taken
+    as one channel.
     """
 
     mean: Floats
@@ -44,8 +45,8 @@ class ProcessModel:
         return float(self.size * np.sqrt(self.scatter))
 
     def ratio(self, record: Floats) -> tuple[float, float]:
-        """Of one record, features and their errors (2, p): ratio, and its standard error from the scatter of the training and,
-        through the slope of the process, the errors of the features."""
+        """Of one record, features and their errors (2, p): ratio, and its standard error from the scatter of the
+        training and, through the slope of the process, the errors of the features."""
         m = self.points.shape[1]
         away = self.points - ((record[0] - self.mean) / self.scale)[:m]
         r = np.sqrt(5) * np.linalg.norm(away, axis=1) / self.length
@@ -61,8 +62,8 @@ class ProcessModel:
 
 
 def _scatter(process: GaussianProcessRegressor) -> float:
-    """Mean square error at each training record when it is left out: alpha_i/(K^-1)_ii (Rasmussen and Williams 2006, 5.12).
-    The noise of the kernel may be none where few records happen to lie on a smooth curve."""
+    """Mean square error at each training record when it is left out: alpha_i/(K^-1)_ii (Rasmussen and Williams 2006,
+    5.12). The noise of the kernel may be none where few records happen to lie on a smooth curve."""
     inverse = cho_solve((process.L_, True), np.eye(len(process.L_)))
     return float(np.mean((process.alpha_ / np.diag(inverse)) ** 2))
 
@@ -94,8 +95,8 @@ class _ConditionalProcess:
 
 
 class ProcessRegressor(RegressorMixin, BaseEstimator):
-    """scikit-learn estimator: Gaussian process on the first `predictors` standardised features (None: on all), and a law of all
-    features with their scatter, which tells records out of distribution.
+    """scikit-learn estimator: Gaussian process on the first `predictors` standardised features (None: on all), and a
+    law of all features with their scatter, which tells records out of distribution.
 
     X has the shape (runs, 2, p): features, and their standard errors by the noise of the sensors.
     """
@@ -103,7 +104,8 @@ class ProcessRegressor(RegressorMixin, BaseEstimator):
     def __init__(self, predictors: int | None = None):
         self.predictors = predictors
 
-    def fit(self, X: Floats, y: Floats, nuisance: Floats | None = None, groups: Floats | None = None) -> ProcessRegressor:
+    def fit(self, X: Floats, y: Floats, nuisance: Floats | None = None,
+            groups: Floats | None = None) -> ProcessRegressor:
         """y (runs,): ratios; nuisance, groups: of the law, as in `fit_law`, which raises RecognitionError."""
         X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         mean, scale = X[:, 0].mean(axis=0), X[:, 0].std(axis=0)
@@ -115,13 +117,14 @@ class ProcessRegressor(RegressorMixin, BaseEstimator):
         self.training_ = points, None if nuisance is None else np.asarray(nuisance, dtype=float), y
         smooth = process.kernel_.k1
         law = fit_law(z[:, None, :], y, nuisance, groups, components=z.shape[1])
-        self.model_ = ProcessModel(mean, scale, points, process.alpha_, float(smooth.k1.constant_value),
-                                   float(smooth.k2.length_scale), _scatter(process), float(y.mean()), float(y.std()), law)
+        self.model_ = ProcessModel(
+            mean, scale, points, process.alpha_, float(smooth.k1.constant_value), float(smooth.k2.length_scale),
+            _scatter(process), float(y.mean()), float(y.std()), law)
         return self
 
     def predict(self, X: Floats, return_std: bool = False, nuisance: Floats | None = None) -> Any:
-        """Ratios (runs,), not clipped, and their standard errors where asked for; nuisance (runs, q): conditions known with the
-        records."""
+        """Ratios (runs,), not clipped, and their standard errors where asked for; nuisance (runs, q): conditions known
+        with the records."""
         X = np.asarray(X, dtype=float)
         if nuisance is None:
             ratio, error = np.array([self.model_.ratio(x) for x in X]).T

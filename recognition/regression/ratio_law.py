@@ -5,9 +5,9 @@
     e ~ N(0, S)    what theta does not say: arrangement, packing, breakage; from residuals of held-out training runs
     n ~ N(0, s^2)  white noise of the sensors; s^2 from the part of the record that no training run has
 
-The law holds for the k leading principal components of the training records, turned so that S is diagonal; what lies outside
-them is an estimate of s^2. S is shrunk (OAS, Chen et al. 2010, IEEE Trans. Signal Process. 58:5016). theta is found by
-Gauss-Newton from the best point of a grid.
+The law holds for the k leading principal components of the training records, turned so that S is diagonal; what lies
+outside them is an estimate of s^2. S is shrunk (OAS, Chen et al. 2010, IEEE Trans. Signal Process. 58:5016). theta is
+found by Gauss-Newton from the best point of a grid.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ MARGIN = 0.15  # of each range, how far outside of the training theta is looked 
 GRID = {1: (131,), 2: (53, 25), 3: (53, 13, 9)}  # points along each axis of theta
 STEPS = 12
 WORST_NOISE_DB = 20.0  # below the signal; louder noise is not that of a sensor in use
-EXTRAPOLATION = 0.1  # how far outside its range in training, in shares of it, a ratio or condition is expected to come out
+#: How far outside its range in training, in shares of it, a ratio or condition is expected to come out.
+EXTRAPOLATION = 0.1
 #: Names of the distances of a record from the training, in the order of `LawEstimate.distances`.
 DISTANCES = ("misfit", "part unknown to the training", "ratio or condition outside the training")
 
@@ -58,9 +59,9 @@ def basis_slopes(theta: Floats, powers: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LawEstimate:
-    """Of one record. theta (q,): ratio, not clipped, and conditions; misfit: chi-square over its degrees of freedom; noise:
-    what no training record has, as a share of the record's own rms; outside: how far theta lies outside the training, in
-    shares of the range of each variable, at most."""
+    """Of one record. theta (q,): ratio, not clipped, and conditions; misfit: chi-square over its degrees of freedom;
+    noise: what no training record has, as a share of the record's own rms; outside: how far theta lies outside the
+    training, in shares of the range of each variable, at most."""
 
     theta: Floats
     misfit: float
@@ -69,8 +70,8 @@ class LawEstimate:
 
     @property
     def distances(self) -> Floats:
-        """Distances from the training, shape (3,) as in DISTANCES, 1 being as expected: the misfit, the part that no training
-        record has against noise of WORST_NOISE_DB, and how far outside theta is against EXTRAPOLATION."""
+        """Distances from the training, shape (3,) as in DISTANCES, 1 being as expected: the misfit, the part that no
+        training record has against noise of WORST_NOISE_DB, and how far outside theta is against EXTRAPOLATION."""
         return np.array([self.misfit, self.noise / 10 ** (-WORST_NOISE_DB / 20), self.outside / EXTRAPOLATION])
 
 
@@ -78,8 +79,9 @@ class LawEstimate:
 class RatioLaw:
     """A fitted law; d = channels x samples, k components, q variables of theta, p monomials.
 
-    scale (channels,): rms of each channel in training; mean (d,), components (k, d): of records in shares of scale; powers
-    (p, q), coefficients (p, k): of m; variance (k,): of e; low, high (q,): range of theta in training, the ratio first.
+    scale (channels,): rms of each channel in training; mean (d,), components (k, d): of records in shares of scale;
+    powers (p, q), coefficients (p, k): of m; variance (k,): of e; low, high (q,): range of theta in training, the ratio
+    first.
     """
 
     scale: Floats
@@ -141,12 +143,13 @@ class RatioLaw:
         return theta
 
 
-def fit_law(X: Floats, y: Floats, nuisance: Floats | None = None, groups: Floats | None = None, components: int = COMPONENTS,
-            degree: int = DEGREE) -> RatioLaw:
+def fit_law(X: Floats, y: Floats, nuisance: Floats | None = None, groups: Floats | None = None,
+            components: int = COMPONENTS, degree: int = DEGREE) -> RatioLaw:
     """Law of records X (runs, channels, samples) of ratio y (runs,).
 
     nuisance (runs, q - 1): conditions; groups (runs,): runs that are held out together, each ratio by itself if None;
-    components: most that are kept; degree: of the polynomials. RecognitionError for fewer runs than these have coefficients.
+    components: most that are kept; degree: of the polynomials. RecognitionError for fewer runs than these have
+    coefficients.
     """
     theta = y[:, None] if nuisance is None else np.column_stack([y, nuisance])
     low, high = theta.min(axis=0), theta.max(axis=0)
@@ -162,7 +165,8 @@ def fit_law(X: Floats, y: Floats, nuisance: Floats | None = None, groups: Floats
     coefficients = np.linalg.lstsq(phi, pca.transform(rows), rcond=None)[0]
     residual = held_out_residual(rows, phi, y if groups is None else np.asarray(groups))
     variance, turn = np.linalg.eigh(oas(residual @ pca.components_.T, assume_centered=True)[0])
-    return RatioLaw(scale, pca.mean_, turn.T @ pca.components_, powers, coefficients @ turn, np.maximum(variance, 1e-12), low, high)
+    return RatioLaw(scale, pca.mean_, turn.T @ pca.components_, powers, coefficients @ turn,
+                    np.maximum(variance, 1e-12), low, high)
 
 
 def held_out_residual(rows: Floats, phi: Floats, groups: Floats) -> Floats:
