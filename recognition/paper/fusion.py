@@ -41,7 +41,7 @@ class Fusion:
 
     kind: str = "energy"
     process_to_measurement: float = PROCESS_TO_MEASUREMENT
-    ranges_: dict[str, ResponseRange] = field(init=False)
+    ranges_: dict[str, ResponseRange] = field(init=False, repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -34,8 +34,8 @@ class FusionQ:
     X has the shape (runs, p): `prepare` of each run's signals.
     """
 
-    scaler_: MinMaxByTrend = field(init=False)
-    fit_: PolynomialFit = field(init=False)
+    scaler_: MinMaxByTrend = field(init=False, repr=False)
+    fit_: PolynomialFit = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """The eight base parameters of a record with `t_s` and `a_m_s2`, shape (8,)."""

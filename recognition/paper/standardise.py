@@ -19,9 +19,9 @@ class MinMaxByTrend:
     alone; a later sample outside them goes outside [0, 1] and is not clipped.
     """
 
-    minimum: Floats = field(init=False)
-    maximum: Floats = field(init=False)
-    direction: Integers = field(init=False)
+    minimum: Floats = field(init=False, repr=False)
+    maximum: Floats = field(init=False, repr=False)
+    direction: Integers = field(init=False, repr=False)
 
     def fit(self, x: Floats, directions: Integers) -> MinMaxByTrend:
         """x: shape (n, p); directions: shape (p,), +1 or -1."""

@@ -66,7 +66,7 @@ class Strategy:
     xi: float = 0.05
     least_share: float = 0.5
     judge: str = "mean"
-    space_: FunctionSpace = field(init=False)
+    space_: FunctionSpace = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.judge not in JUDGES:

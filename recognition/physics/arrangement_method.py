@@ -32,9 +32,9 @@ class ArrangementLikelihood:
     """Recognition by the likelihood of every arrangement of stones on known places
     (`recognition.estimation.method`)."""
 
-    model_: ArrangementModel = field(init=False)
-    reference_: Floats = field(init=False)
-    limits_: Floats = field(init=False)
+    model_: ArrangementModel = field(init=False, repr=False)
+    reference_: Floats = field(init=False, repr=False)
+    limits_: Floats = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> PlateRecord:
         """The beginning of one record, and the forces of the stones where the run has them."""

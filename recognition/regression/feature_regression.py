@@ -26,9 +26,9 @@ class FeatureRegression:
     """A Gaussian process on a set of FEATURES, with intervals by `GroupConformal`; X has the shape (runs, 2, p)."""
 
     features: str
-    model_: ProcessModel = field(init=False)
-    width_: float = field(init=False)
-    limits_: Floats = field(init=False)
+    model_: ProcessModel = field(init=False, repr=False)
+    width_: float = field(init=False, repr=False)
+    limits_: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.features not in FEATURES:
@@ -78,7 +78,7 @@ class EstimatorMethod:
 
     features: Callable[[pd.DataFrame], Floats]
     estimator: Any
-    conformal_: GroupConformal = field(init=False)
+    conformal_: GroupConformal = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """Features of one record."""

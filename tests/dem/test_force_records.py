@@ -3,6 +3,7 @@
 import shutil
 
 import numpy as np
+import pandas as pd
 import pytest
 from scenes_of_tests import changed
 
@@ -36,7 +37,9 @@ def test_runs_without_a_force_record(directory, tmp_path):
     for name in ("run.json", "signals.parquet"):
         shutil.copy(directory / name, tmp_path / name)
     run = read_run(tmp_path)
-    assert ArrangementLikelihood().prepare(run.signals.iloc[:200], run).force_record is None
+    longer = pd.DataFrame({name: np.resize(values, 100) for name, values in run.signals.items()})
+    longer["t_s"] = np.arange(100) / run.rate_Hz
+    assert ArrangementLikelihood().prepare(longer, run).force_record is None
     with pytest.raises(RecordError, match="fast.parquet"):
         force_record_of(run, DURATION_S)
     shutil.copy(directory / "fast.parquet", tmp_path)
