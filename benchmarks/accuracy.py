@@ -38,13 +38,14 @@ from dem.run.run import run_prepared
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
 from plate_fem.mesh import default_mesh_size
+from recognition.estimation.errors import RecognitionError
 from recognition.methods import METHODS
 
 PAPER = SCENES / "paper.toml"
 SAMPLE_s = 1.5e-4
 COUNT = 4
 TEST_RATIO = 0.5
-METHOD = "energy_fusion_mended"
+METHOD = "energy_fusion_modified"
 # Relative: of the largest value, and of the L2 norm over the run. An accelerometer also hears the highest modes, the
 # centre of mass does not; it is listed beside them.
 SIGNALS = {"force": "force_N", "energy": "total_J", "acceleration": "a_m_s2", "sensor": "acc_one_m_s2"}
@@ -241,13 +242,16 @@ class Recognition:
 
     def __init__(self, out: Path):
         ratios = [k / COUNT for k in range(COUNT + 1)]
-        self._method = METHODS[METHOD]()
+        self._method = METHODS[METHOD].make()
         signals = [run(Setting(0.0), out, 1, False, ratio)["signals"] for ratio in ratios]
-        self._method.fit(np.stack([self._method.prepare(s) for s in signals]), np.array(ratios))
+        self._method.fit([self._method.prepare(s) for s in signals], np.array(ratios))
 
     def points(self, signals: pd.DataFrame) -> float:
-        """Recognised ratio, points of mixing ratio. Raises NotRecognised."""
-        return 100 * float(self._method.predict(self._method.prepare(signals)[None])[0])
+        """Recognised ratio, points of mixing ratio. Raises RecognitionError where there is none."""
+        (answer,) = self._method.answer([self._method.prepare(signals)])
+        if answer.reason:
+            raise RecognitionError(answer.reason)
+        return 100 * answer.ratio
 
 
 def measure(varied: NumericalSetting, out: Path, repeats: int, recognition: Recognition) -> Iterator[dict]:

@@ -1,13 +1,14 @@
 """Recognition of the gangue mixing ratio from the response of the plate (Section V)."""
 
-from recognition.errors import NotRecognised, RecognitionError
+from recognition.estimation.answer import Answer
+from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.models import Model, leave_one_out
 from recognition.paper.function_space import FORMS, Rule
 from recognition.paper.fusion import FUSIONS, Fusion
 from recognition.paper.kalman import fuse, kalman_filter
 from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.q_parameter import FusionQ
-from recognition.paper.strategy import JUDGES, Answer, Strategy
+from recognition.paper.strategy import JUDGES, Strategy
 
 __all__ = [
     "FORMS",

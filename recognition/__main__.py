@@ -8,14 +8,13 @@ from pathlib import Path
 
 from analysis import RecordError, read_sweep
 from analysis.readers import read_table
-from recognition.errors import RecognitionError
+from recognition.estimation.answer import Answer
+from recognition.estimation.errors import RecognitionError
+from recognition.evaluation.cross_validation import write_evaluation
 from recognition.evaluation.dataset import CONDITIONS, read_dataset
-from recognition.methods import CALIBRATED
+from recognition.evaluation.error_bounds import write_bounds
+from recognition.methods import EVALUATED
 from recognition.models import Model
-from recognition.paper.pipeline import FusionPipeline
-from recognition.paper.q_parameter import FusionQ
-from recognition.physics.arrangement_likelihood import Stones
-from recognition.regression.band_energies import CalibratedEnergies
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -28,7 +27,7 @@ def main(argv: list[str] | None = None) -> int:
         return 2
 
 
-def fit(arguments) -> None:
+def fit(arguments: argparse.Namespace) -> None:
     directory, out = Path(arguments.directory), Path(arguments.out)
     if not out.parent.is_dir():
         raise RecognitionError(f"--out {out}: no directory {out.parent}")
@@ -45,52 +44,42 @@ def fit(arguments) -> None:
     model.save(out)
     print(f"{len(runs)} runs, ratios {', '.join(f'{r:.0%}' for r in sorted({run.gangue_ratio for run in runs}))}")
     for name, method in model.methods.items():
-        print(f"{name}: {_fitted(method)}")
+        print(f"{name}: {method.summary()}")
     for name, reason in model.left_out.items():
         print(f"{name}: not fitted: {reason}")
     print(f"model written to {out}, {out.stat().st_size / 1e3:.0f} kB")
 
 
-def _fitted(method) -> str:
-    if isinstance(method, FusionPipeline):
-        return f"functions at {method.strategy.space_.moments.size} of {method.strategy.n_moments_} moments"
-    if isinstance(method, FusionQ):
-        return f"R^2 {method.fit_.r2:.5f}, adjusted {method.fit_.r2_adjusted:.5f}"
-    if isinstance(method, Stones):
-        n = method.numbers_
-        return f"{n.stones} stones, {n.low_m_s:.3g} to {n.high_m_s:.3g} m/s, {n.samples} samples of {n.scale.size} signals"
-    if isinstance(method, CalibratedEnergies):
-        return f"{method.numbers_.mean.size} features, interval of {100 * method.width_ * method.numbers_.usual_error:.1f} points"
-    return f"{method.posterior_.variance.size} components, interval of {method.width_:.2f} standard errors"
-
-
-def recognise(arguments) -> int:
-    """0, or 3 for a record outside the calibration."""
+def recognise(arguments: argparse.Namespace) -> int:
+    """0, or 3 for a record out of distribution."""
     model = Model.load(arguments.model)
     path = Path(arguments.record)
     path = path / "signals.parquet" if path.is_dir() else path
-    signals, strange = read_table(path), ""
-    answers = model.recognise(signals, str(path))
-    if any(name in model.methods and not isinstance(answers[name], str) for name in CALIBRATED):
-        name, best = model.best(signals, str(path))
-        strange = best.strange
-        if strange:
-            print(f"OUTSIDE THE CALIBRATION, do not trust: {strange}")
-        print(f"mixing ratio {100 * best.ratio:.1f} %, 90 % interval {100 * best.low:.1f} to {100 * best.high:.1f}, "
-              f"by {name}")
-    why = model.strange(signals, str(path))
+    answers = model.recognise(read_table(path), str(path))
+    best = model.best(answers)
+    if best is not None:
+        _print_best(*best)
     for name, answer in answers.items():
-        said = answer if isinstance(answer, str) else f"{100 * answer:.2f} %"
-        print(f"{name:<26} {said}" + (f", not to be trusted: {why[name]}" if name in why else ""))
-    return 3 if strange else 0
+        text = answer.reason or f"{100 * answer.ratio:.2f} %"
+        warning = f", not to be trusted: {answer.out_of_distribution}" if answer.out_of_distribution else ""
+        print(f"{name:<26} {text}{warning}")
+    return 3 if best is not None and best[1].out_of_distribution else 0
 
 
-def evaluate(arguments) -> None:
-    from recognition.evaluation.cross_validation import write_evaluation
-    from recognition.evaluation.error_bounds import write_bounds  # late: they need scikit-learn
+def _print_best(name: str, answer: Answer) -> None:
+    if answer.out_of_distribution:
+        print(f"OUT OF DISTRIBUTION, do not trust: {answer.out_of_distribution}")
+    print(f"mixing ratio {100 * answer.ratio:.1f} %, 90 % interval {100 * answer.low:.1f} to {100 * answer.high:.1f}, "
+          f"by {name}")
 
+
+def evaluate(arguments: argparse.Namespace) -> None:
+    names = arguments.method or list(EVALUATED)
+    unknown = [name for name in names if name not in EVALUATED]
+    if unknown:
+        raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(EVALUATED)}")
     data = read_dataset(arguments.directory)
-    print(f"written to {write_evaluation(data, arguments.directory, arguments.method)}")
+    print(f"written to {write_evaluation(data, arguments.directory, {name: EVALUATED[name] for name in names})}")
     print(f"what no method can pass: {write_bounds(data, arguments.directory)}")
 
 
@@ -106,7 +95,8 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("record", help="run directory, .parquet or .csv with t_s and the plate's responses")
     command.add_argument("--model", required=True, help="model file")
     command = commands.add_parser("evaluate", help="what each method makes of runs it was not trained on")
-    command.add_argument("directory", help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")
+    command.add_argument("directory",
+                         help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")
     command.add_argument("--method", action="append", help="one method only; may be given several times")
     return parser
 

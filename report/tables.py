@@ -98,7 +98,7 @@ def recognised(results: SweepResults) -> Cells:
     rows = []
     for i, true in enumerate(_percent(results.ratios)):
         cells = [rows_of_training[i][method] for rows_of_training in answers.values() for method in MODEL_METHODS]
-        rows.append([true, *(f"{100 * c:.2f}" if isinstance(c, float) else "no answer" for c in cells)])
+        rows.append([true, *("no answer" if c.reason else f"{100 * c.ratio:.2f}" for c in cells)])
     return header, rows
 
 

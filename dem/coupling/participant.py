@@ -30,6 +30,7 @@ class CouplingState:
     extrapolated_co_steps: int = 0
 
 
+# Modal amplitude and rate, each (modes,), of one or more rows
 PlateStates = np.ndarray | Sequence[tuple[np.ndarray, np.ndarray]]
 Recorder = Callable[[range, PlateStates, list[np.ndarray]], None]
 

@@ -14,13 +14,13 @@ import pandas as pd
 
 from dem.coupling.checkpoint import State, plate_file, read_plate_state, write_plate_state
 from dem.coupling.monitor import PlateMonitor
-from dem.coupling.participant import CouplingState, PlateParticipant
+from dem.coupling.participant import CouplingState, PlateParticipant, PlateStates
 from dem.coupling.pipes import PlatePipes
 from dem.deck.render import view_steps
 from dem.run.energy_balance import PlateEnergy
 from dem.run.paraview import PlateMesh, plate_meshes
 from dem.run.prepare import PreparedRun
-from dem.run.recorder import PlateRecorder, PlateStates
+from dem.run.recorder import PlateRecorder
 from plate_fem.contact_stress import HertzContact
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion

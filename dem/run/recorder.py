@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +10,11 @@ import pandas as pd
 
 from common.plate import FlexiblePlate
 from common.scene import Scene
+from dem.coupling.participant import PlateStates
 from dem.deck.time_step import TimeStep
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
 from plate_fem.stress import StressPeak
-
-PlateStates = Sequence[tuple[np.ndarray, np.ndarray]]  # modal amplitude and rate, each (modes,)
 
 
 class PlateRecorder:

@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,13 +15,10 @@ from analysis import RecordError, read_run
 from analysis.readers import read_table
 from analysis.records import sample_rate_Hz
 from analysis.runs import Run
-from recognition.channels import Channels
-from recognition.errors import RecognitionError
-from recognition.models import Window
-from recognition.physics.arrangement_likelihood import LISTENED_S
-
-#: 40 kHz beside the paper's 6667.
-FAST_TIMES = 6
+from recognition.estimation.arrays import Floats, Integers
+from recognition.estimation.channels import channel_names
+from recognition.estimation.errors import RecognitionError
+from recognition.estimation.window import Window
 
 #: Conditions that a record does not tell.
 CONDITIONS = ("speed_m_s", "damping_ratio")
@@ -42,29 +40,24 @@ class DataSet:
     def window(self) -> Window:
         return Window.of(self.runs)
 
-    @cached_property
-    def signals(self) -> list[pd.DataFrame]:
-        return [self.window.cut(run.signals, str(run.path)) for run in self.runs]
+    def signals(self, rate_factor: int = 1) -> list[pd.DataFrame]:
+        """Records of all runs in the window. With a rate_factor above 1, at so many times their sample rate: what the
+        plate's sensors give in the fast streams; RecordError without these."""
+        if rate_factor not in self._signals:
+            self._signals[rate_factor] = [
+                self.window.cut(run.signals, str(run.path)) if rate_factor == 1
+                else _fast_signals(run, self.window, rate_factor) for run in self.runs]
+        return self._signals[rate_factor]
 
     @cached_property
-    def fast(self) -> list[pd.DataFrame]:
-        """The same at FAST_TIMES their rate, from the fast streams: what the plate's sensors give. RecordError without."""
-        return [_fast_signals(run, self.window) for run in self.runs]
-
-    @cached_property
-    def lessons(self) -> list:
-        """A `recognition.physics.force_records.Lesson` of each run, None where it teaches nothing of its stones."""
-        from recognition.physics.force_records import (
-            lessons_of,  # late: it needs the simulation's plate model
-        )
-
-        return lessons_of(self.runs, LISTENED_S)
+    def _signals(self) -> dict[int, list[pd.DataFrame]]:
+        return {}
 
     @property
-    def ratios(self) -> np.ndarray:
+    def ratios(self) -> Floats:
         return self.table["gangue_ratio"].to_numpy()
 
-    def of(self, *families: str) -> np.ndarray:
+    def of(self, *families: str) -> Integers:
         """Numbers of the runs of some families."""
         return np.flatnonzero(self.table["family"].isin(families))
 
@@ -72,16 +65,17 @@ class DataSet:
         """The runs of the plate, the materials and the agglomerates that most runs have; the others are passed over."""
         kinds = pd.Series([_kind(run) for run in self.runs])
         same = (kinds == kinds.mode()[0]).to_numpy()
-        others = [f"{self.runs[k].path}: another plate, other materials or other agglomerates" for k in np.flatnonzero(~same)]
+        others = [f"{self.runs[k].path}: another plate, other materials or other agglomerates"
+                  for k in np.flatnonzero(~same)]
         runs = [run for run, one in zip(self.runs, same, strict=True) if one]
         return DataSet(runs, self.table[same].reset_index(drop=True), self.passed_over + others)
 
 
-def _fast_signals(run: Run, window: Window) -> pd.DataFrame:
+def _fast_signals(run: Run, window: Window, rate_factor: int) -> pd.DataFrame:
     path = run.path / "fast.parquet"
     table = read_table(path)
-    names = ["t_s", *Channels("plate").names(table.columns)]
-    fast = Window(FAST_TIMES * window.rate_Hz, FAST_TIMES * (window.n_samples - 1) + 1)
+    names = ["t_s", *channel_names(table.columns, "plate")]
+    fast = Window(rate_factor * window.rate_Hz, rate_factor * (window.n_samples - 1) + 1)
     steps = max(1, round(sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{path}: t_s") / fast.rate_Hz))
     return fast.cut(table.loc[::steps, names], str(path))
 
@@ -92,9 +86,10 @@ def _kind(run: Run) -> str:
     return json.dumps([plate, scene.get("materials"), scene["stones"].get("agglomerate")], sort_keys=True)
 
 
-def read_dataset(path) -> DataSet:
+def read_dataset(path: str | Path) -> DataSet:
     """Every finished run below a directory. RecordError if there is none."""
-    path, runs, rows, passed_over = Path(path), [], [], []
+    path = Path(path)
+    runs, rows, passed_over = [], [], []
     for directory in sorted(p for p in path.glob("*/*/ratio_*") if p.is_dir() and p.suffix != ".partial"):
         try:
             run = read_run(directory)
@@ -108,7 +103,7 @@ def read_dataset(path) -> DataSet:
     return DataSet(runs, pd.DataFrame(rows), passed_over)
 
 
-def _row(run: Run, directory: Path) -> dict:
+def _row(run: Run, directory: Path) -> dict[str, Any]:
     try:
         scene = run.info["scene"]
         conditions = {"speed_m_s": float(scene["stones"]["speed_m_s"]),

@@ -1,93 +1,105 @@
-"""What no recogniser can know: the least error that noise and the scatter between runs leave.
+"""The least error that noise and the scatter between runs leave to any method.
 
-With x = m(theta) + e + n as in recognition/regression/ratio_posterior.py the information on theta is I = J (S + s^2)^-1 J^T, J the slopes
-of m (Cramer and Rao); a nuisance that is not told is in the inverse of all of I. The mean absolute error of a normally
-distributed estimate is sqrt(2/pi) of its standard error.
+By the law of a record x = m(theta) + e + n (recognition/regression/ratio_law.py) the information on theta is I = J (S +
+s^2)^-1 J^T, J the slopes of m (Cramer and Rao); the inverse of all of I counts the conditions that are unknown too. The
+mean absolute error of a normally distributed estimate is sqrt(2/pi) times its standard error.
 
-For stones that fall on known places the probability of each ratio is known (recognition/physics/arrangement_likelihood.py), and so is the least
-error: that of its mean, over records drawn from the model itself.
+For stones that fall on known places the probability of each ratio is known
+(recognition/physics/arrangement_likelihood.py), and so is the least error: that of the mean of this probability, over
+records drawn from the model itself.
 
-Beside it what the simulation alone knows, the stones' impulse itself, says of runs that were held out: it has no noise, and
-neither places nor the plate are in it.
+Beside these stands the error of a regression on the true impulse of the stones, which only the simulation knows, on
+runs that were held out. The impulse has no noise and depends neither on the places nor on the plate.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GroupKFold, cross_val_predict
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from analysis import RecordError
-from recognition.channels import LIKELIHOOD_CHANNELS, Channels
-from recognition.errors import RecognitionError
-from recognition.evaluation.cross_validation import FOLDS, LEAST_FOLDS, write_whole
-from recognition.evaluation.dataset import FAST_TIMES, DataSet
-from recognition.physics.arrangement_likelihood import StoneNumbers, Stones
-from recognition.regression.ratio_likelihood import RatioLikelihood
-from recognition.regression.ratio_posterior import RatioPosterior, basis_slopes
+from recognition.estimation.arrays import Floats, Integers
+from recognition.estimation.channels import channels_of
+from recognition.estimation.errors import RecognitionError
+from recognition.evaluation.baselines import FAST_FACTOR
+from recognition.evaluation.cross_validation import FOLDS, LEAST_FOLDS, Noises, write_csv
+from recognition.evaluation.dataset import DataSet
+from recognition.physics.arrangement_fit import PlateRecord, fit_model, force_statistics, model_on
+from recognition.physics.arrangement_likelihood import ArrangementModel
+from recognition.physics.arrangement_method import ArrangementLikelihood
+from recognition.regression.ratio_law import RatioLaw, basis_slopes, fit_law
 
-#: name -> families that show the scatter, and conditions that are not told.
-SETTINGS = {
+#: name -> families that show the scatter, and conditions that are unknown.
+SETTINGS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "packing": (("paper", "packing"), ()),
     "arrangement, packing": (("paper", "packing", "ring"), ()),
-    "damping untold": (("damping",), ("damping_ratio",)),
-    "speed untold": (("speed",), ("speed_m_s",)),
+    "damping unknown": (("damping",), ("damping_ratio",)),
+    "speed unknown": (("speed",), ("speed_m_s",)),
     "free positions": (("free",), ()),
     "arrival, strengths, places scatter": (("scatter",), ()),
     "everything varies": (("all",), ("speed_m_s", "damping_ratio")),
 }
+NOISES_DB = (None, 40.0, 20.0)
+
+#: Channels of the bounds by the ratio alone.
+LAW_CHANNELS = ("centre", "accelerometers", "rods", "all")
+
+ARRANGEMENTS = "arrangement likelihood"
+DRAWS = 400
+PLACE_DEVIATIONS_M = (0.0, 0.01, 0.025)  # the last is a stone's radius
+PLACED_RUNS = 10
+
+TRUE_IMPULSE = "true impulse"
+
+COLUMNS = ["setting", "channels", "runs", "noise_db", "noise_points", "least_points", "worst_points", "reason"]
+Rows = list[dict[str, Any]]
 
 
-def least_error_points(model: RatioPosterior, noise_db: float | None, scatter: bool) -> float:
-    """Mean over the ratios, the nuisances in the middle of their ranges, in points of mixing ratio.
+def least_error_points(law: RatioLaw, noise_db: float | None, scatter: bool) -> float:
+    """Mean absolute error in points of ratio, averaged over the ratios, conditions unknown and in the middle of their
+    ranges.
 
-    scatter: with e, else noise alone; noise_db: below each channel's rms in training, None for none. The least error is
-    0 without either.
+    scatter: of other arrangements, packings; noise_db: below each channel's rms in training, None for none. The least
+    error is 0 without either.
     """
     noise2 = 0.0 if noise_db is None else 10 ** (-noise_db / 10)
-    variance = noise2 + (model.variance if scatter else 0.0 * model.variance)
+    variance = noise2 + (law.variance if scatter else 0.0 * law.variance)
     if not np.all(variance > 0):
         return 0.0
-    half = 50 * (model.high - model.low)[0]
+    half = 50 * (law.high - law.low)[0]
     errors = []
     for ratio in np.linspace(-1, 1, 11):
-        slope = basis_slopes(np.concatenate([[ratio], np.zeros(len(model.low) - 1)]), model.powers) @ model.coefficients
+        slope = basis_slopes(np.concatenate([[ratio], np.zeros(len(law.low) - 1)]), law.powers) @ law.coefficients
         errors.append(half * np.sqrt(np.linalg.inv((slope / variance) @ slope.T)[0, 0]))
     return float(np.sqrt(2 / np.pi) * np.mean(errors))
 
 
-STONES = "stones"
-DRAWS = 400
-UNKNOWN_M = (0.0, 0.01, 0.025)  # the last is a stone's radius
-PLACED = 10
-
-
-def stones_error_points(numbers: StoneNumbers, noise: np.ndarray, seed: int = 0) -> float:
-    """Mean absolute error over DRAWS records of the model itself, all ratios and speeds equally likely; noise (channels,):
-    standard deviation of the sensors' noise."""
-    rng, n = np.random.default_rng(seed), numbers.stones
-    variance = np.repeat(numbers.rest**2 + (noise / numbers.scale) ** 2, numbers.samples)
-    root = np.linalg.cholesky(numbers.scatter + np.diag(variance))
+def arrangement_error_points(model: ArrangementModel, noise: Floats, seed: int = 0) -> float:
+    """Mean absolute error over DRAWS records of the model itself, all ratios and speeds equally likely; noise
+    (channels,): standard deviation of the sensors' noise."""
+    rng, n = np.random.default_rng(seed), model.stones
+    variance = np.repeat(model.residual**2 + (noise / model.scale) ** 2, model.samples)
+    root = np.linalg.cholesky(model.covariance + np.diag(variance))
     errors = []
     for _ in range(DRAWS):
-        count, speed_m_s = rng.integers(n + 1), rng.uniform(numbers.low_m_s, numbers.high_m_s)
+        count, speed_m_s = rng.integers(n + 1), rng.uniform(model.low_m_s, model.high_m_s)
         which = np.append(1.0, rng.permutation(n) < count)
-        x = (numbers.mean_at(speed_m_s) @ which + root @ rng.standard_normal(len(root))).reshape(len(noise), -1)
-        record = np.column_stack([x * numbers.scale[:, None], noise])
-        errors.append(numbers.estimate(record).ratio - count / n)
+        x = (model.mean_at(speed_m_s) @ which + root @ rng.standard_normal(len(root))).reshape(len(noise), -1)
+        errors.append(model.estimate(x * model.scale[:, None], noise).ratio - count / n)
     return float(100 * np.abs(errors).mean())
 
 
-TRUE_IMPULSE = "true impulse"
-
-
-def true_impulse_errors_points(impulse_N_s: np.ndarray, ratios: np.ndarray, groups: np.ndarray) -> np.ndarray:
+def true_impulse_errors_points(impulse_N_s: Floats, ratios: Floats, groups: NDArray[Any]) -> Floats:
     """Errors (runs,) of a quadratic in the impulse, groups held out. RecognitionError for fewer than three groups."""
     count = np.unique(groups).size
     if count < LEAST_FOLDS:
@@ -97,85 +109,95 @@ def true_impulse_errors_points(impulse_N_s: np.ndarray, ratios: np.ndarray, grou
     return 100 * (found - ratios)
 
 
-def bounds(data: DataSet, noises_db=(None, 40.0, 20.0)) -> pd.DataFrame:
-    """A row a setting, set of channels and noise: noise_points (of noise alone), least_points (with the scatter), or the
-    reason why they cannot be had; and a row of TRUE_IMPULSE, without noise: mean and worst error. Settings of which the data
-    set has no run are left out."""
-    rows = []
+def bounds(data: DataSet, noises_db: Noises = NOISES_DB) -> pd.DataFrame:
+    """A row a setting, set of channels and noise: noise_points (of noise alone), least_points (with the scatter), or
+    the reason why they cannot be had; and a row of TRUE_IMPULSE, without noise: mean and worst error. Settings of which
+    the data set has no run are left out."""
+    rows: Rows = []
     for name, (families, conditions) in SETTINGS.items():
         chosen = data.of(*families)
         if not chosen.size:
             continue
-        nuisance = data.table[list(conditions)].to_numpy()[chosen] if conditions else None
-        rows.append({"setting": name, "channels": TRUE_IMPULSE, "runs": len(chosen), **_by_true_impulse(data, chosen)})
-        for kind in LIKELIHOOD_CHANNELS:
-            try:
-                X = np.stack([Channels(kind).prepare(data.signals[k]) for k in chosen])
-                model = RatioLikelihood().fit(X, data.ratios[chosen], nuisance=nuisance).posterior_
-            except RecognitionError as reason:
-                rows.append({"setting": name, "channels": kind, "runs": len(chosen), "reason": str(reason)})
-                continue
-            rows += [{"setting": name, "channels": kind, "noise_db": noise_db, "runs": len(chosen),
-                      "noise_points": least_error_points(model, noise_db, False),
-                      "least_points": least_error_points(model, noise_db, True)} for noise_db in noises_db]
-        rows += _by_stones(data, name, chosen, noises_db)
-    rows += _by_told_places(data, noises_db)
-    return pd.DataFrame(rows)
+        row = {"setting": name, "runs": len(chosen)}
+        rows.append(row | {"channels": TRUE_IMPULSE} | _by_true_impulse(data, chosen))
+        rows += [row | more for more in _by_law(data, chosen, conditions, noises_db)]
+        rows += [row | more for more in _by_arrangements(data, chosen, noises_db)]
+    rows += _by_known_places(data, noises_db)
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _by_stones(data: DataSet, name: str, chosen: np.ndarray, noises_db) -> list[dict]:
-    """At the records' own rate, and at six times that."""
-    from recognition.physics.arrangement_fit import fit_numbers  # late: it needs the simulation's plate model
-
-    rows: list[dict] = []
-    groups, lessons = data.table["group"].to_numpy()[chosen], [data.lessons[k] for k in chosen]
-    for channels, times in ((STONES, 1), (f"{STONES}, {FAST_TIMES} times the rate", FAST_TIMES)):
-        row = {"setting": name, "channels": channels, "runs": len(chosen)}
-        try:
-            records = [(data.signals if times == 1 else data.fast)[k] for k in chosen]
-            X = np.stack([Stones().prepare(signals) for signals in records])
-            numbers = fit_numbers(X, [one and replace(one, sample_s=one.sample_s / times) for one in lessons], groups)
-        except (RecordError, RecognitionError) as reason:
-            rows.append(row | {"reason": str(reason)})
-            continue
-        rows += [row | {"noise_db": db, "least_points": stones_error_points(numbers, noise)}
-                 for db, noise in _noises(records, noises_db).items()]
-    return rows
+def _or_reason(row: dict[str, Any], rows: Callable[[], Rows]) -> Rows:
+    """Rows that complete `row`, or the row with the reason why there are none."""
+    try:
+        return [row | one for one in rows()]
+    except (RecordError, RecognitionError) as reason:
+        return [row | {"reason": str(reason)}]
 
 
-def _by_told_places(data: DataSet, noises_db) -> list[dict]:
-    """Stones anywhere on the plate, if every place were told to within UNKNOWN_M: the forces are those of stones on the
-    circle, the mean is over PLACED runs."""
-    from recognition.physics.arrangement_fit import (  # late: it needs the simulation's plate model
-        learn,
-        numbers_on,
-    )
+def _by_law(data: DataSet, chosen: Integers, conditions: tuple[str, ...],
+            noises_db: Noises) -> Iterator[dict[str, Any]]:
+    nuisance = data.table[list(conditions)].to_numpy()[chosen] if conditions else None
 
-    circle, free = data.of(*SETTINGS["arrangement, packing"][0]), data.of("free")[:PLACED]
+    def rows(kind: str) -> Rows:
+        X = np.stack([channels_of(data.signals()[k], kind) for k in chosen])
+        law = fit_law(X, data.ratios[chosen], nuisance)
+        return [{"noise_db": noise_db, "noise_points": least_error_points(law, noise_db, False),
+                 "least_points": least_error_points(law, noise_db, True)} for noise_db in noises_db]
+
+    for kind in LAW_CHANNELS:
+        yield from _or_reason({"channels": kind}, partial(rows, kind))
+
+
+def _by_arrangements(data: DataSet, chosen: Integers, noises_db: Noises) -> Iterator[dict[str, Any]]:
+    """At the records' own rate, and at FAST_FACTOR times that."""
+    groups = data.table["group"].to_numpy()[chosen]
+
+    def rows(rate_factor: int) -> Rows:
+        signals = [data.signals(rate_factor)[k] for k in chosen]
+        model = fit_model(_plate_records(data, chosen, rate_factor), groups)
+        return [{"noise_db": db, "least_points": arrangement_error_points(model, noise)}
+                for db, noise in _noises(signals, noises_db).items()]
+
+    yield from _or_reason({"channels": ARRANGEMENTS}, partial(rows, 1))
+    yield from _or_reason({"channels": f"{ARRANGEMENTS}, {FAST_FACTOR} times the rate"}, partial(rows, FAST_FACTOR))
+
+
+def _by_known_places(data: DataSet, noises_db: Noises) -> Rows:
+    """Stones anywhere on the plate, if every place were known to within each of PLACE_DEVIATIONS_M: the forces are
+    those of stones on the circle, the mean is over PLACED_RUNS runs."""
+    circle, free = data.of(*SETTINGS["arrangement, packing"][0]), data.of("free")[:PLACED_RUNS]
     if not (circle.size and free.size):
         return []
-    try:
-        records = [data.signals[k] for k in circle]
-        X, groups = np.stack([Stones().prepare(one) for one in records]), data.table["group"].to_numpy()[circle]
-        learnt, _ = learn(X, [data.lessons[k] for k in circle], groups)
-    except (RecordError, RecognitionError) as reason:
-        return [{"setting": "free positions", "channels": f"{STONES}, places told", "runs": len(free), "reason": str(reason)}]
-    rows, noises = [], _noises(records, noises_db)
-    for unknown_m in UNKNOWN_M:
-        row = {"setting": "free positions", "channels": f"{STONES}, places told to {1000 * unknown_m:g} mm", "runs": len(free)}
-        numbers = [numbers_on(learnt, data.lessons[k], unknown_m) for k in free if data.lessons[k] is not None]
-        rows += [row | {"noise_db": db, "least_points": np.mean([stones_error_points(one, noise) for one in numbers])}
-                 for db, noise in noises.items() if numbers]
-    return rows
+    row = {"setting": "free positions", "runs": len(free)}
+
+    def rows() -> Rows:
+        statistics, _ = force_statistics(_plate_records(data, circle), data.table["group"].to_numpy()[circle])
+        noises = _noises([data.signals()[k] for k in circle], noises_db)
+        forces = [one.force_record for one in _plate_records(data, free) if one.force_record is not None]
+        found = []
+        for deviation_m in PLACE_DEVIATIONS_M:
+            channels = {"channels": f"{ARRANGEMENTS}, places known to {1000 * deviation_m:g} mm"}
+            models = [model_on(statistics, one, deviation_m) for one in forces]
+            for db, noise in noises.items() if models else ():
+                errors = [arrangement_error_points(model, noise) for model in models]
+                found.append(channels | {"noise_db": db, "least_points": np.mean(errors)})
+        return found
+
+    return _or_reason(row | {"channels": f"{ARRANGEMENTS}, places known"}, rows)
 
 
-def _noises(records: list[pd.DataFrame], noises_db) -> dict[float | None, np.ndarray]:
+def _plate_records(data: DataSet, chosen: Integers, rate_factor: int = 1) -> list[PlateRecord]:
+    """Raises RecordError, RecognitionError."""
+    return [ArrangementLikelihood().prepare(data.signals(rate_factor)[k], data.runs[k]) for k in chosen]
+
+
+def _noises(records: list[pd.DataFrame], noises_db: Noises) -> dict[float | None, Floats]:
     """Standard deviations (channels,), each so far below the records' mean rms."""
-    rms = np.sqrt(np.mean([np.mean(Channels("plate").prepare(one) ** 2, axis=1) for one in records], axis=0))
+    rms = np.sqrt(np.mean([np.mean(channels_of(one, "plate") ** 2, axis=1) for one in records], axis=0))
     return {db: rms * (0.0 if db is None else 10 ** (-db / 20)) for db in noises_db}
 
 
-def _by_true_impulse(data: DataSet, chosen: np.ndarray) -> dict:
+def _by_true_impulse(data: DataSet, chosen: Integers) -> dict[str, Any]:
     try:
         impulse = np.array([float(data.runs[k].info["impulse_N_s"]) for k in chosen])
         error = true_impulse_errors_points(impulse, data.ratios[chosen], data.table["group"].to_numpy()[chosen])
@@ -186,6 +208,6 @@ def _by_true_impulse(data: DataSet, chosen: np.ndarray) -> dict:
     return {"least_points": np.abs(error).mean(), "worst_points": np.abs(error).max()}
 
 
-def write_bounds(data: DataSet, directory) -> Path:
-    """Bounds of a data set; writes bounds.csv and returns its path."""
-    return write_whole(bounds(data), Path(directory) / "bounds.csv")
+def write_bounds(data: DataSet, directory: str | Path) -> Path:
+    """Bounds of a data set; writes bounds.csv into a directory and returns its path."""
+    return write_csv(bounds(data), Path(directory) / "bounds.csv")

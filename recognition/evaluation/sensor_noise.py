@@ -7,7 +7,7 @@ import pandas as pd
 
 
 def with_noise(signals: pd.DataFrame, noise_db: float | None, rng: np.random.Generator) -> pd.DataFrame:
-    """The record with white Gaussian noise on every signal but the time, `noise_db` below each signal's rms.
+    """The record with white Gaussian noise on every signal but the time, noise_db below each signal's rms.
 
     None: as it is.
     """

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recognition.errors import RecognitionError
+from recognition.estimation.arrays import Booleans, Floats, Integers
+from recognition.estimation.errors import RecognitionError
 
 POLYNOMIAL, EXPONENTIAL, LOGARITHMIC, POWER = FORMS = ("polynomial", "exponential", "logarithmic", "power")
 
@@ -25,7 +26,7 @@ SHIFT = 0.1
 FLAT = 1e-9
 
 
-def _shape(form: str, beta, c):
+def _shape(form: str, beta: Floats, c: Floats) -> Floats:
     """g(beta; c) of the three forms that are not polynomials."""
     if form == EXPONENTIAL:
         return np.exp(c * beta)
@@ -46,20 +47,20 @@ class Fits:
     """One form fitted to k moments. parameters (k, p): lowest power first, or a, b, c; r2, r2_adjusted (k,)."""
 
     form: str
-    parameters: np.ndarray
-    r2: np.ndarray
-    r2_adjusted: np.ndarray
+    parameters: Floats
+    r2: Floats
+    r2_adjusted: Floats
 
 
-def fit_form(form: str, ratios: np.ndarray, values: np.ndarray) -> Fits:
+def fit_form(form: str, ratios: Floats, values: Floats) -> Fits:
     """Fit a + b g(beta; c) to every column of values, shape (n, k).
 
     a and b by linear least squares for each c; c by a scan and golden section about its best.
     """
     scan = np.linspace(*BRACKETS[form], SCAN)
     scan = scan[np.abs(scan) > 1e-9]  # exp(0 beta) is no function of beta
-    rest = np.stack([_regress(form, ratios, values, np.full(values.shape[1], c))[2] for c in scan])
-    best = np.argmin(rest, axis=0)
+    squares = np.stack([_regress(form, ratios, values, np.full(values.shape[1], c))[2] for c in scan])
+    best = np.argmin(squares, axis=0)
     low, high = scan[np.maximum(best - 1, 0)], scan[np.minimum(best + 1, scan.size - 1)]
     for _ in range(GOLDEN_STEPS):
         width = GOLDEN * (high - low)
@@ -68,11 +69,11 @@ def fit_form(form: str, ratios: np.ndarray, values: np.ndarray) -> Fits:
         )
         low, high = np.where(left_better, low, high - width), np.where(left_better, low + width, high)
     c = 0.5 * (low + high)
-    a, b, rest = _regress(form, ratios, values, c)
-    return _fits(form, np.column_stack([a, b, c]), rest, values, 3)
+    a, b, squares = _regress(form, ratios, values, c)
+    return _fits(form, np.column_stack([a, b, c]), squares, values, 3)
 
 
-def _regress(form: str, ratios: np.ndarray, values: np.ndarray, c: np.ndarray):
+def _regress(form: str, ratios: Floats, values: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
     """a, b and the sum of squared residuals of each column for given c, shape (k,) each."""
     g = _shape(form, ratios[:, None], c[None, :])
     g_off, y_off = g - g.mean(axis=0), values - values.mean(axis=0)
@@ -80,29 +81,38 @@ def _regress(form: str, ratios: np.ndarray, values: np.ndarray, c: np.ndarray):
     return values.mean(axis=0) - b * g.mean(axis=0), b, np.sum((y_off - b * g_off) ** 2, axis=0)
 
 
-def fit_polynomials(degree: int, ratios: np.ndarray, values: np.ndarray) -> Fits:
+def fit_polynomials(degree: int, ratios: Floats, values: Floats) -> Fits:
     """A polynomial of one degree for every column of values, shape (n, k), by least squares."""
-    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree)
+    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree).astype(float)
     fitted = np.polynomial.polynomial.polyval(ratios, coefficients).T
     return _fits(POLYNOMIAL, coefficients.T, np.sum((values - fitted) ** 2, axis=0), values, degree + 1)
 
 
-def _fits(form, parameters, rest, values, count) -> Fits:
-    r2 = 1.0 - rest / np.sum((values - values.mean(axis=0)) ** 2, axis=0)
+def _fits(form: str, parameters: Floats, squares: Floats, values: Floats, count: int) -> Fits:
+    r2 = 1.0 - squares / np.sum((values - values.mean(axis=0)) ** 2, axis=0)
     spare = values.shape[0] - count
     return Fits(form, parameters, r2, 1.0 - (1.0 - r2) * (values.shape[0] - 1) / spare)
 
 
 @dataclass(frozen=True)
 class FunctionSpace:
-    """Functions of k moments. moments (k,): index of each in a curve; form (k,): index in FORMS;
-    parameters (k, p), padded with 0."""
+    """Functions of k moments of curves that have n_moments. moments (k,): index of each in a curve; form (k,): index in
+    FORMS; parameters (k, p), padded with 0. ValueError for arrays that do not fit together."""
 
-    moments: np.ndarray
-    form: np.ndarray
-    parameters: np.ndarray
+    n_moments: int
+    moments: Integers
+    form: Integers
+    parameters: Floats
 
-    def __call__(self, k: np.ndarray, beta: np.ndarray) -> np.ndarray:
+    def __post_init__(self) -> None:
+        if not (self.parameters.ndim == 2 and self.moments.shape == self.form.shape == self.parameters.shape[:1]):
+            raise ValueError("moments, form and parameters are not of one length")
+        if self.moments.size == 0 or self.moments.min() < 0 or self.moments.max() >= self.n_moments:
+            raise ValueError(f"moments lie outside 0..{self.n_moments - 1}")
+        if self.form.min() < 0 or self.form.max() >= len(FORMS):
+            raise ValueError(f"forms lie outside 0..{len(FORMS) - 1}")
+
+    def __call__(self, k: Integers, beta: Floats) -> Floats:
         """Value of function number k at beta, elementwise after broadcasting."""
         k, beta = np.broadcast_arrays(k, beta)
         kinds = np.unique(self.form)
@@ -114,7 +124,7 @@ class FunctionSpace:
             out[chosen] = self._of(int(kind), k[chosen], beta[chosen])
         return out
 
-    def _of(self, kind: int, k: np.ndarray, beta: np.ndarray) -> np.ndarray:
+    def _of(self, kind: int, k: Integers, beta: Floats) -> Floats:
         p = self.parameters
         if FORMS[kind] != POLYNOMIAL:
             return p[k, 0] + p[k, 1] * _shape(FORMS[kind], beta, p[k, 2])
@@ -138,11 +148,12 @@ class Rule:
     min_r2: float = 0.99
     max_degree: int = 4
 
-    def fit(self, curves: np.ndarray, ratios: np.ndarray) -> FunctionSpace:
-        """curves: shape (n, K); ratios: shape (n,). RecognitionError if no moment has a function."""
-        unknown = [form for form in self.forms if form not in FORMS]
-        if unknown or not self.forms:
+    def __post_init__(self) -> None:
+        if not self.forms or not set(self.forms) <= set(FORMS):
             raise RecognitionError(f"forms = {list(self.forms)}; choose among {', '.join(FORMS)}")
+
+    def fit(self, curves: Floats, ratios: Floats) -> FunctionSpace:
+        """curves: shape (n, K); ratios: shape (n,). RecognitionError if no moment has a function."""
         top = self._top_degree(np.unique(ratios).size)
         moments = np.flatnonzero(np.ptp(curves, axis=0) >= FLAT)
         chosen = Chosen(moments.size)
@@ -154,7 +165,7 @@ class Rule:
             )
         found = chosen.found
         used = np.flatnonzero(chosen.parameters[found].any(axis=0)).max() + 1
-        return FunctionSpace(moments[found], chosen.form[found], chosen.parameters[found, :used])
+        return FunctionSpace(curves.shape[1], moments[found], chosen.form[found], chosen.parameters[found, :used])
 
     def _top_degree(self, ratios: int) -> int:
         # One ratio more than coefficients, else R^2 = 1 says nothing.
@@ -167,7 +178,7 @@ class Rule:
             raise RecognitionError(f"{ratios} mixing ratios; this rule needs at least {needed + 2}")
         return top
 
-    def _fit_one(self, form: str, ratios, values, top: int) -> Chosen:
+    def _fit_one(self, form: str, ratios: Floats, values: Floats, top: int) -> Chosen:
         """The fits of one form that count, each moment's."""
         own = Chosen(values.shape[1])
         if form != POLYNOMIAL:
@@ -185,16 +196,16 @@ class Rule:
 class Chosen:
     """The fit chosen so far for each of k moments; NaN adjusted R^2 where there is none."""
 
-    def __init__(self, count: int):
+    def __init__(self, count: int) -> None:
         self.form = np.zeros(count, dtype=int)
         self.parameters = np.zeros((count, 1))
         self.r2_adjusted = np.full(count, np.nan)
 
     @property
-    def found(self) -> np.ndarray:
+    def found(self) -> Booleans:
         return np.isfinite(self.r2_adjusted)
 
-    def fill(self, fits: Fits, where: np.ndarray) -> None:
+    def fill(self, fits: Fits, where: Booleans) -> None:
         """Take these fits at some moments."""
         self._widen(fits.parameters.shape[1])
         self.form[where] = FORMS.index(fits.form)

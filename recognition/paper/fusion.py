@@ -7,23 +7,24 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from recognition.errors import RecognitionError
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import RecognitionError
 from recognition.paper.kalman import PROCESS_TO_MEASUREMENT, fuse
 from recognition.paper.standardise import ResponseRange
 
-ENERGIES = ("internal_J", "kinetic_J", "total_J")
+ENERGY_RESPONSES = ("internal_J", "kinetic_J", "total_J")
 MOTIONS = ("a_m_s2", "v_m_s", "u_m")
 
 #: What each fusion takes; |...| is the absolute value of a response.
 FUSIONS = {
-    "energy": ENERGIES,
+    "energy": ENERGY_RESPONSES,
     "other": MOTIONS,
     "absolute": tuple(f"|{name}|" for name in MOTIONS),
-    "composite": ENERGIES + MOTIONS,
+    "composite": ENERGY_RESPONSES + MOTIONS,
 }
 
 
-def response(signals: pd.DataFrame, name: str) -> np.ndarray:
+def plate_response(signals: pd.DataFrame, name: str) -> Floats:
     """A response by name, `|a_m_s2|` being the absolute value of `a_m_s2`; shape (n,)."""
     column = name.strip("|")
     if column not in signals.columns:
@@ -36,11 +37,11 @@ def response(signals: pd.DataFrame, name: str) -> np.ndarray:
 
 @dataclass
 class Fusion:
-    """One of the four fusions: normalisation (41) learnt from training runs, then the Kalman filter."""
+    """One of the four fusions: normalisation (41) fitted to training runs, then the Kalman filter."""
 
     kind: str = "energy"
     process_to_measurement: float = PROCESS_TO_MEASUREMENT
-    ranges: dict[str, ResponseRange] = field(default_factory=dict)  # learnt by `fit`
+    ranges_: dict[str, ResponseRange] = field(init=False, repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -49,38 +50,22 @@ class Fusion:
             raise RecognitionError(f"fusion {self.kind!r}; choose one of {', '.join(FUSIONS)}")
         return FUSIONS[self.kind]
 
-    def prepare(self, signals: pd.DataFrame) -> np.ndarray:
+    def prepare(self, signals: pd.DataFrame) -> Floats:
         """The responses of one run, shape (m, n)."""
-        return np.stack([response(signals, name) for name in self.names])
+        return np.stack([plate_response(signals, name) for name in self.names])
 
-    def fit(self, responses: np.ndarray) -> Fusion:
+    def fit(self, responses: Floats) -> Fusion:
         """responses: shape (runs, m, n), of the training runs."""
         columns = np.moveaxis(np.asarray(responses), 1, 0)
-        self.ranges = {n: ResponseRange.of(values, n) for n, values in zip(self.names, columns, strict=True)}
+        self.ranges_ = {n: ResponseRange.of(values, n) for n, values in zip(self.names, columns, strict=True)}
         return self
 
-    def normalised(self, responses: np.ndarray) -> np.ndarray:
+    def normalised(self, responses: Floats) -> Floats:
         """The normalised responses before fusion, shape (..., m, n) as given."""
-        low = np.array([[scale.minimum] for scale in self.ranges.values()])
-        high = np.array([[scale.maximum] for scale in self.ranges.values()])
+        low = np.array([[self.ranges_[name].minimum] for name in self.names])
+        high = np.array([[self.ranges_[name].maximum] for name in self.names])
         return (responses - low) / (high - low)
 
-    def transform(self, responses: np.ndarray) -> np.ndarray:
+    def transform(self, responses: Floats) -> Floats:
         """The fusion parameter QQ at each sample: shape (..., m, n) to (..., n)."""
         return fuse(self.normalised(responses), self.process_to_measurement)
-
-    def to_dict(self) -> dict:
-        ranges = {name: [scale.minimum, scale.maximum] for name, scale in self.ranges.items()}
-        return {"kind": self.kind, "process_to_measurement": self.process_to_measurement, "ranges": ranges}
-
-    @classmethod
-    def from_dict(cls, data: dict) -> Fusion:
-        ranges = {
-            name: ResponseRange(float(low), float(high)) for name, (low, high) in data["ranges"].items()
-        }
-        fusion = cls(data["kind"], float(data["process_to_measurement"]), ranges)
-        if tuple(ranges) != fusion.names:
-            raise RecognitionError(
-                f"ranges of {', '.join(ranges)}; the fusion takes {', '.join(fusion.names)}"
-            )
-        return fusion

@@ -17,13 +17,15 @@ from functools import lru_cache
 
 import numpy as np
 
+from recognition.estimation.arrays import Floats
+
 #: q / r. The steady gain is then 0.27 for one signal (a time constant of about three
 #: samples, 0.5 ms at 6667 Hz) and 0.42 in total for three. An assumption: the paper gives none.
 PROCESS_TO_MEASUREMENT = 0.1
 
 
 @lru_cache(maxsize=32)
-def gains(count: int, samples: int, process_to_measurement: float) -> np.ndarray:
+def gains(count: int, samples: int, process_to_measurement: float) -> Floats:
     """Gain of each sample on each of `count` signals, shape (samples, count), by filterpy.
 
     Gains of a linear filter do not depend on the data: they are found once for all records.
@@ -46,7 +48,7 @@ def gains(count: int, samples: int, process_to_measurement: float) -> np.ndarray
     return found
 
 
-def fuse(signals: np.ndarray, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> np.ndarray:
+def fuse(signals: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
     """Fuse m normalised responses into one estimate: shape (..., m, n) to (..., n)."""
     signals = np.asarray(signals, dtype=float)
     count, samples = signals.shape[-2:]
@@ -59,6 +61,6 @@ def fuse(signals: np.ndarray, process_to_measurement: float = PROCESS_TO_MEASURE
     return fused
 
 
-def kalman_filter(signal: np.ndarray, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> np.ndarray:
+def kalman_filter(signal: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
     """Filter one response, shape (..., n); same unit and shape."""
     return fuse(np.asarray(signal, dtype=float)[..., None, :], process_to_measurement)

@@ -2,47 +2,78 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
 import numpy as np
 import pandas as pd
 
+from analysis.runs import Run
+from recognition.estimation.answer import Answer
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import NotRecognised
+from recognition.estimation.method import Groups
+from recognition.paper.function_space import Rule
 from recognition.paper.fusion import Fusion
-from recognition.paper.strategy import Answer, Strategy
+from recognition.paper.strategy import Candidate, Strategy
 
 
+def as_published() -> Strategy:
+    """The strategy as the paper gives it: degree by R^2 >= 0.99, a mean over whatever points are usable."""
+    return Strategy(Rule(min_r2=0.99), least_share=0.0, judge="mean")
+
+
+def modified() -> Strategy:
+    """Every degree 2, since R^2 > 0.99 lets straight lines through a bent law; every moment counts."""
+    return Strategy(Rule(degree=2), least_share=0.5, judge="truncated")
+
+
+@dataclass
 class FusionPipeline:
-    """A fusion of plate responses and the strategy on its curve.
+    """A fusion of plate responses and the strategy on its curve; a method of recognition
+    (`recognition.estimation.method`).
 
     fusion: which responses, and the filter (not fitted yet); strategy: function space and
     judge (not fitted yet). X has the shape (runs, m, n): `prepare` of each run's signals.
     """
 
-    def __init__(self, fusion: Fusion | None = None, strategy: Strategy | None = None):
-        self.fusion = fusion or Fusion()
-        self.strategy = strategy or Strategy()
+    fusion: Fusion = field(default_factory=Fusion)
+    strategy: Strategy = field(default_factory=Strategy)
 
-    def prepare(self, signals: pd.DataFrame) -> np.ndarray:
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
+        """Responses of one record, shape (m, n)."""
         return self.fusion.prepare(signals)
 
-    def fit(self, responses: np.ndarray, ratios: np.ndarray) -> FusionPipeline:
+    def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
+            nuisance: pd.DataFrame | None = None) -> FusionPipeline:
+        """X: responses (runs, m, n), y: ratios (runs,). Groups and conditions play no part."""
+        responses = np.asarray(X)
         self.fusion.fit(responses)
-        self.strategy.fit(self.fusion.transform(responses), ratios)
+        self.strategy.fit(self.fusion.transform(responses), y)
         return self
 
-    def transform(self, responses: np.ndarray) -> np.ndarray:
+    def transform(self, responses: Floats) -> Floats:
         """Fusion curves QQ, shape (runs, n)."""
         return self.fusion.transform(responses)
 
-    def predict(self, responses: np.ndarray) -> np.ndarray:
+    def predict(self, responses: Floats) -> Floats:
         """Mixing ratio of each run, shape (runs,). Raises NotRecognised."""
         return self.strategy.predict(self.transform(responses))
 
-    def recognise(self, responses: np.ndarray) -> Answer:
-        """Of one run, shape (m, n), with how well it is supported."""
+    def recognise(self, responses: Floats) -> Candidate:
+        """Of one run, shape (m, n), with how well it is supported. Raises NotRecognised."""
         return self.strategy.recognise(self.transform(responses))
 
-    def to_dict(self) -> dict:
-        return {"fusion": self.fusion.to_dict(), "strategy": self.strategy.to_dict()}
+    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+        """Ratios without intervals."""
+        return [self._answer(responses) for responses in X]
 
-    @classmethod
-    def from_dict(cls, data: dict) -> FusionPipeline:
-        return cls(Fusion.from_dict(data["fusion"]), Strategy.from_dict(data["strategy"]))
+    def _answer(self, responses: Floats) -> Answer:
+        try:
+            return Answer(self.recognise(responses).ratio)
+        except NotRecognised as reason:
+            return Answer.none(f"no answer: {reason}")
+
+    def summary(self) -> str:
+        space = self.strategy.space_
+        return f"functions at {space.moments.size} of {space.n_moments} moments"

@@ -6,29 +6,38 @@ the training runs and inverted for a new record.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
 import numpy as np
 import pandas as pd
 
 from analysis import as_record, base_parameters
 from analysis.records import sample_rate_Hz
-from recognition.errors import NotRecognised, RecognitionError
+from analysis.runs import Run
+from recognition.estimation.answer import Answer
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.estimation.method import Groups
 from recognition.paper.least_squares import PolynomialFit, fit_polynomial
 from recognition.paper.roots import ROOT_MARGIN, real_roots
 from recognition.paper.standardise import MinMaxByTrend, trend
 
+DEGREE = 2  # of Q(beta)
 
+
+@dataclass
 class FusionQ:
-    """Q-polynomial recognition.
+    """Q-polynomial recognition with equal weights, as in the paper; a method of recognition
+    (`recognition.estimation.method`).
 
-    weights: shape (p,), sum 1 (the paper: equal). degree: of Q(beta) (the paper: 2).
+    X has the shape (runs, p): `prepare` of each run's signals.
     """
 
-    def __init__(self, weights=None, degree: int = 2):
-        self.weights = weights
-        self.degree = degree
+    scaler_: MinMaxByTrend = field(init=False, repr=False)
+    fit_: PolynomialFit = field(init=False, repr=False)
 
-    @staticmethod
-    def prepare(signals: pd.DataFrame) -> np.ndarray:
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """The eight base parameters of a record with `t_s` and `a_m_s2`, shape (8,)."""
         if "a_m_s2" not in signals.columns:
             raise RecognitionError("no column 'a_m_s2' in the record; needs it for Q")
@@ -36,33 +45,36 @@ class FusionQ:
         acceleration = signals["a_m_s2"].to_numpy(dtype=float)
         return base_parameters(as_record(acceleration, rate_Hz, unit="m/s^2", name="a_m_s2"))
 
-    def fit(self, parameters: np.ndarray, ratios: np.ndarray) -> FusionQ:
-        """parameters: shape (n, p), ratios: shape (n,), 0..1. Directions (Eq. 39) from the data."""
-        parameters, ratios = np.asarray(parameters, dtype=float), np.asarray(ratios, dtype=float)
-        count = parameters.shape[1]
-        weights = (
-            np.full(count, 1.0 / count) if self.weights is None else np.asarray(self.weights, dtype=float)
-        )
-        if weights.shape != (count,) or not np.isclose(weights.sum(), 1.0):
-            raise RecognitionError(f"weights = {weights.tolist()}; needs {count} numbers with sum 1")
-        self.weights_ = weights
+    def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
+            nuisance: pd.DataFrame | None = None) -> FusionQ:
+        """X: parameters (n, p), y: ratios (n,), 0..1. Directions (Eq. 39) from the data; groups and conditions play no
+        part."""
+        parameters, ratios = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         self.scaler_ = MinMaxByTrend().fit(parameters, trend(parameters, ratios))
-        self.fit_ = fit_polynomial(ratios, self.transform(parameters), self.degree)
+        self.fit_ = fit_polynomial(ratios, self.transform(parameters), DEGREE)
         return self
 
-    def transform(self, parameters: np.ndarray) -> np.ndarray:
+    def transform(self, parameters: Floats) -> Floats:
         """Q of each record, shape (n,)."""
-        return self.scaler_.transform(parameters) @ self.weights_
+        standardised = self.scaler_.transform(parameters)
+        count = standardised.shape[-1]
+        return standardised @ np.full(count, 1.0 / count)
 
-    def predict(self, parameters: np.ndarray) -> np.ndarray:
-        """Mixing ratio of each record, shape (n,). Raises NotRecognised where Q has no root."""
-        return np.array([self.invert(q) for q in self.transform(np.atleast_2d(parameters))])
+    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+        """Ratios without intervals."""
+        return [self._answer(parameters) for parameters in X]
+
+    def _answer(self, parameters: Floats) -> Answer:
+        try:
+            return Answer(self.invert(self.transform(parameters[None])[0]))
+        except NotRecognised as reason:
+            return Answer.none(f"no answer: {reason}")
 
     def invert(self, q: float) -> float:
         """The ratio beta with Q(beta) = q.
 
         The real root in [-margin, 1 + margin]; of two such roots the one where Q rises with
-        beta, as it was built to do (Eq. 39). It is not clipped to [0, 1].
+        beta, as it was built to do (Eq. 39). It is not clipped to [0, 1]. Raises NotRecognised where there is none.
         """
         _, roots = real_roots(lambda k, beta: self.fit_(beta) + 0.0 * k, np.array([q]))
         if roots.size > 1:
@@ -75,26 +87,5 @@ class FusionQ:
             )
         return float(roots[0])
 
-    def to_dict(self) -> dict:
-        return {
-            "weights": self.weights_.tolist(),
-            "minimum": self.scaler_.minimum.tolist(),
-            "maximum": self.scaler_.maximum.tolist(),
-            "direction": self.scaler_.direction.tolist(),
-            "coefficients": self.fit_.coefficients.tolist(),
-            "r2": self.fit_.r2,
-            "r2_adjusted": self.fit_.r2_adjusted,
-        }
-
-    @classmethod
-    def from_dict(cls, data: dict) -> FusionQ:
-        coefficients = np.asarray(data["coefficients"], dtype=float)
-        model = cls(weights=data["weights"], degree=coefficients.size - 1)
-        model.weights_ = np.asarray(data["weights"], dtype=float)
-        model.scaler_ = MinMaxByTrend(
-            np.asarray(data["minimum"], dtype=float),
-            np.asarray(data["maximum"], dtype=float),
-            np.asarray(data["direction"], dtype=int),
-        )
-        model.fit_ = PolynomialFit(coefficients, float(data["r2"]), float(data["r2_adjusted"]))
-        return model
+    def summary(self) -> str:
+        return f"R^2 {self.fit_.r2:.5f}, adjusted {self.fit_.r2_adjusted:.5f}"

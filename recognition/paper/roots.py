@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from recognition.estimation.arrays import Floats, Integers
+
 #: A root counts from -margin to 1 + margin: noise puts a record of pure coal a little
 #: below 0 as often as above, and cutting there would bias the ends. Nothing is clipped.
 ROOT_MARGIN = 0.05
@@ -15,8 +17,8 @@ _BISECTIONS = 40  # 0.01 of ratio halved 40 times: 1e-14
 
 
 def real_roots(
-    function: Callable[[np.ndarray, np.ndarray], np.ndarray], values: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    function: Callable[[Integers, Floats], Floats], values: Floats
+) -> tuple[Integers, Floats]:
     """All real roots of f_k(beta) = values[k] in [-margin, 1 + margin], for every k at once.
 
     function(k, beta): elementwise value of function number k at beta. Returns (k, beta) of

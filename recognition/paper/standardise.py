@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import spearmanr
 
-from recognition.errors import RecognitionError
+from recognition.estimation.arrays import Floats, Integers
+from recognition.estimation.errors import RecognitionError
 
 
 @dataclass
@@ -17,11 +19,11 @@ class MinMaxByTrend:
     alone; a later sample outside them goes outside [0, 1] and is not clipped.
     """
 
-    minimum: np.ndarray = field(default_factory=lambda: np.empty(0))
-    maximum: np.ndarray = field(default_factory=lambda: np.empty(0))
-    direction: np.ndarray = field(default_factory=lambda: np.empty(0))
+    minimum: Floats = field(init=False, repr=False)
+    maximum: Floats = field(init=False, repr=False)
+    direction: Integers = field(init=False, repr=False)
 
-    def fit(self, x: np.ndarray, directions: np.ndarray) -> MinMaxByTrend:
+    def fit(self, x: Floats, directions: Integers) -> MinMaxByTrend:
         """x: shape (n, p); directions: shape (p,), +1 or -1."""
         x = np.asarray(x, dtype=float)
         self.minimum, self.maximum = x.min(axis=0), x.max(axis=0)
@@ -31,36 +33,32 @@ class MinMaxByTrend:
             raise RecognitionError(f"parameter {flat[0]} has the same value in all {len(x)} training records")
         return self
 
-    def transform(self, x: np.ndarray) -> np.ndarray:
+    def transform(self, x: Floats) -> Floats:
+        """Standardised parameters, shape (n, p) as given."""
         rising = (np.asarray(x, dtype=float) - self.minimum) / (self.maximum - self.minimum)
         return np.where(self.direction > 0, rising, 1.0 - rising)
 
 
-def trend(x: np.ndarray, ratios: np.ndarray) -> np.ndarray:
+def trend(x: Floats, ratios: Floats) -> Integers:
     """Direction of each parameter with the ratio: the sign of Spearman's rank correlation.
 
     x: shape (n, p); returns shape (p,), +1 or -1 (+1 where there is no trend at all).
     """
-    from scipy.stats import spearmanr
-
     rho = np.array([spearmanr(ratios, column).statistic for column in np.asarray(x).T])
     return np.where(rho < 0, -1, 1)
 
 
-@dataclass
+@dataclass(frozen=True)
 class ResponseRange:
     """Eq. 41: each response scaled by its minimum and maximum over all training runs together."""
 
-    minimum: float = 0.0
-    maximum: float = 1.0
+    minimum: float
+    maximum: float
 
     @classmethod
-    def of(cls, signals: np.ndarray, name: str = "response") -> ResponseRange:
+    def of(cls, signals: Floats, name: str = "response") -> ResponseRange:
         """signals: shape (n_runs, n_samples)."""
         low, high = float(np.min(signals)), float(np.max(signals))
         if not low < high:
             raise RecognitionError(f"{name}: the same value {low:g} in all training runs")
         return cls(low, high)
-
-    def normalise(self, signals: np.ndarray) -> np.ndarray:
-        return (np.asarray(signals, dtype=float) - self.minimum) / (self.maximum - self.minimum)

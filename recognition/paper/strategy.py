@@ -17,23 +17,24 @@ Where the paper is silent, these rules hold:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from recognition.errors import NotRecognised, RecognitionError
-from recognition.paper.function_space import FORMS, FunctionSpace, Rule
+from recognition.estimation.arrays import Booleans, Floats, Integers
+from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.paper.function_space import FunctionSpace, Rule
 from recognition.paper.roots import real_roots
 
-#: Judging standards. "mean", as printed, is over the usable points only, so that a wrong
+#: Judging standards. "mean", as published, is over the usable points only, so that a wrong
 #: candidate may win by having its worst points deleted; "truncated" is the mean of
 #: min(difference, xi) over all points, in which a singular point costs xi.
 JUDGES = ("mean", "truncated", "median", "rms")
 
 
 @dataclass(frozen=True)
-class Answer:
-    """ratio: the mixing ratio, not clipped to [0, 1]; difference: of QQ, as the judge takes it."""
+class Candidate:
+    """A ratio, not clipped to [0, 1], and how well it is supported; difference: of QQ, as the judge takes it."""
 
     ratio: float
     difference: float
@@ -46,13 +47,14 @@ class Candidates:
     """Of one curve, shape (c,) each: the ratios, their difference by the judge, their share of
     usable points, whether that share is enough, and the moment whose root each is."""
 
-    ratio: np.ndarray
-    score: np.ndarray
-    usable_share: np.ndarray
-    allowed: np.ndarray
-    moment: np.ndarray
+    ratio: Floats
+    score: Floats
+    usable_share: Floats
+    allowed: Booleans
+    moment: Integers
 
 
+@dataclass
 class Strategy:
     """Function space of K moments and its inverse solution.
 
@@ -60,28 +62,26 @@ class Strategy:
     (0..1); the paper gives no value. least_share: of usable points, 0..1. judge: of JUDGES.
     """
 
-    def __init__(
-        self, rule: Rule | None = None, xi: float = 0.05, least_share: float = 0.5, judge: str = "mean"
-    ):
-        self.rule = rule or Rule()
-        self.xi = xi
-        self.least_share = least_share
-        self.judge = judge
+    rule: Rule = field(default_factory=Rule)
+    xi: float = 0.05
+    least_share: float = 0.5
+    judge: str = "mean"
+    space_: FunctionSpace = field(init=False, repr=False)
 
-    def fit(self, curves: np.ndarray, ratios: np.ndarray) -> Strategy:
-        """curves: shape (n, K), QQ of the training runs; ratios: shape (n,), 0..1."""
+    def __post_init__(self) -> None:
         if self.judge not in JUDGES:
             raise RecognitionError(f"judge = {self.judge!r}; choose one of {', '.join(JUDGES)}")
-        curves = np.asarray(curves, dtype=float)
-        self.space_ = self.rule.fit(curves, np.asarray(ratios, dtype=float))
-        self.n_moments_ = curves.shape[1]
+
+    def fit(self, curves: Floats, ratios: Floats) -> Strategy:
+        """curves: shape (n, K), QQ of the training runs; ratios: shape (n,), 0..1."""
+        self.space_ = self.rule.fit(np.asarray(curves, dtype=float), np.asarray(ratios, dtype=float))
         return self
 
-    def predict(self, curves: np.ndarray) -> np.ndarray:
+    def predict(self, curves: Floats) -> Floats:
         """Mixing ratio of each curve, shape (n,). Raises NotRecognised."""
         return np.array([self.recognise(curve).ratio for curve in np.atleast_2d(curves)])
 
-    def recognise(self, curve: np.ndarray) -> Answer:
+    def recognise(self, curve: Floats) -> Candidate:
         """Mixing ratio of one curve, shape (K,), with how well it is supported. Raises NotRecognised."""
         found = self.candidates(curve)
         if found.ratio.size == 0:
@@ -92,18 +92,18 @@ class Strategy:
                 f" within xi = {self.xi:g}; needs {self.least_share:.0%}"
             )
         best = int(np.argmin(np.where(found.allowed, found.score, np.inf)))
-        return Answer(
+        return Candidate(
             float(found.ratio[best]),
             float(found.score[best]),
             float(found.usable_share[best]),
             int(found.moment[best]),
         )
 
-    def candidates(self, curve: np.ndarray) -> Candidates:
+    def candidates(self, curve: Floats) -> Candidates:
         """Every candidate ratio of a curve, shape (K,), held against all other moments."""
         curve = np.asarray(curve, dtype=float)
-        if curve.shape != (self.n_moments_,):
-            raise RecognitionError(f"the curve has {curve.size} moments; the model has {self.n_moments_}")
+        if curve.shape != (self.space_.n_moments,):
+            raise RecognitionError(f"the curve has {curve.size} moments; the model has {self.space_.n_moments}")
         values = curve[self.space_.moments]
         source, ratio = real_roots(self.space_, values)
         difference = np.abs(self.space_(np.arange(values.size)[None, :], ratio[:, None]) - values)
@@ -114,7 +114,7 @@ class Strategy:
         score = self._score(difference, usable, others)
         return Candidates(ratio, score, count / others, allowed, self.space_.moments[source])
 
-    def _score(self, difference: np.ndarray, usable: np.ndarray, others: int) -> np.ndarray:
+    def _score(self, difference: Floats, usable: Booleans, others: int) -> Floats:
         if self.judge == "truncated":
             return np.minimum(difference, self.xi).sum(axis=1) / others
         if self.judge == "median":
@@ -124,38 +124,3 @@ class Strategy:
         power = 2 if self.judge == "rms" else 1
         sums = np.where(usable, difference**power, 0.0).sum(axis=1)
         return (sums / np.maximum(usable.sum(axis=1), 1)) ** (1 / power)
-
-    def to_dict(self) -> dict:
-        rule, space = self.rule, self.space_
-        return {
-            "rule": {
-                "forms": list(rule.forms),
-                "degree": rule.degree,
-                "min_r2": rule.min_r2,
-                "max_degree": rule.max_degree,
-            },
-            "xi": self.xi,
-            "least_share": self.least_share,
-            "judge": self.judge,
-            "n_moments": self.n_moments_,
-            "moments": space.moments.tolist(),
-            "form": [FORMS[number] for number in space.form],
-            "parameters": space.parameters.tolist(),
-        }
-
-    @classmethod
-    def from_dict(cls, data: dict) -> Strategy:
-        rule = Rule(
-            tuple(data["rule"]["forms"]), *(data["rule"][key] for key in ("degree", "min_r2", "max_degree"))
-        )
-        model = cls(rule, float(data["xi"]), float(data["least_share"]), data["judge"])
-        model.n_moments_ = int(data["n_moments"])
-        form = np.array([FORMS.index(name) for name in data["form"]], dtype=int)
-        moments = np.asarray(data["moments"], dtype=int)
-        parameters = np.asarray(data["parameters"], dtype=float)
-        if not (parameters.ndim == 2 and moments.shape == form.shape == parameters.shape[:1]):
-            raise ValueError("moments, form and parameters are not of one length")
-        if moments.size == 0 or moments.min() < 0 or moments.max() >= model.n_moments_:
-            raise ValueError(f"moments lie outside 0..{model.n_moments_ - 1}")
-        model.space_ = FunctionSpace(moments, form, parameters)
-        return model

@@ -1,4 +1,4 @@
-"""Fit of `recognition.physics.arrangement_likelihood` from simulated runs; needs the simulation's plate model."""
+"""Fit of `recognition.physics.arrangement_likelihood` to simulated runs."""
 
 from __future__ import annotations
 
@@ -8,182 +8,216 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.model_selection import GroupKFold
 
-from recognition.errors import RecognitionError
-from recognition.physics.arrangement_likelihood import MOST_STONES, StoneNumbers, strangeness
-from recognition.physics.force_records import Lesson, pushed, response
-from recognition.regression.conformal import LEAST_GROUPS, STRANGE_FACTOR, USUAL_SHARE, conformal_quantile
+from recognition.estimation.arrays import Floats, Integers
+from recognition.estimation.calibration import LEAST_GROUPS, distance_limits
+from recognition.estimation.errors import RecognitionError
+from recognition.physics.arrangement_likelihood import MOST_STONES, ArrangementModel, distances
+from recognition.physics.force_records import ForceRecord, response_to, unit_force_response
 
-BIN_S = 25e-6  # of forces, linear between bins, about
+BIN_S = 25e-6  # about the width of the bins of a force, which is linear between them
 DEGREE = 2  # of the force in the speed
-#: A covariance of few stones is drawn to one of forces independent from bin to bin, as if so many stones more had shown it.
-MORE_STONES = 20
+#: A covariance from few stones is shrunk towards forces that are independent from bin to bin, with the weight of so
+#: many stones.
+SHRINKAGE_STONES = 20
 LEAST_DEVIATION = 0.02  # of a force at any time, in shares of its largest
-LEAST_REST = 0.005  # of the plate's model, in shares of the signal
+LEAST_RESIDUAL = 0.005  # of the plate's model, in shares of the signal
 LEAST_STONES = 5  # different ones, of either material
 FOLDS = 5
-SMALL_M = 1e-3  # to find how an answer changes with the place
+SMALL_M = 1e-3  # step of the finite difference by the place
 
 
-def same_places(lessons: Sequence[Lesson | None]) -> np.ndarray:
-    """Numbers of the runs whose stones fall at once and on the places that most have. RecognitionError if they are few."""
-    places = {k: lesson.place_m.round(6).tobytes() for k, lesson in enumerate(lessons) if lesson is not None and lesson.at_once}
+@dataclass(frozen=True)
+class PlateRecord:
+    """One record as the arrangement likelihood takes it.
+
+    signals (channels, samples): velocity of the centre of mass, accelerometers and rods, each by name; noise
+    (channels,): standard deviation of the sensors' noise; force_record: of the simulated run that the record is from,
+    None where there is none to be had.
+    """
+
+    signals: Floats
+    noise: Floats
+    force_record: ForceRecord | None = None
+
+
+@dataclass(frozen=True)
+class ForceStatistics:
+    """What simulated stones show of their forces.
+
+    laws: coefficients (p, bins) of the mean force of coal and of gangue (`force_law`); covariance (bins, bins): of a
+    force; stones: number of different stones; bins (steps, bins): of the force; at (samples,): steps at which records
+    have samples; scale, residual: as in `ArrangementModel`; damping_ratio: mean and standard deviation; speed_m_s:
+    mean, least, greatest.
+    """
+
+    laws: list[Floats]
+    covariance: Floats
+    stones: int
+    bins: Floats
+    at: Integers
+    scale: Floats
+    residual: Floats
+    damping_ratio: tuple[float, float]
+    speed_m_s: tuple[float, float, float]
+
+
+def same_places(X: Sequence[PlateRecord]) -> Integers:
+    """Numbers of the records whose stones fall at once and on the places that most have. RecognitionError if they are
+    few."""
+    places = {k: x.force_record.place_m.round(6).tobytes() for k, x in enumerate(X)
+              if x.force_record is not None and x.force_record.at_once}
     keys = list(places.values())
     most = max(keys, key=keys.count, default=b"")
     chosen = np.array([k for k, place in places.items() if place == most], dtype=int)
     if len(chosen) < LEAST_GROUPS:
-        raise RecognitionError(f"{len(chosen)} runs whose stones fall at once and on the same places; needs {LEAST_GROUPS}")
+        raise RecognitionError(f"{len(chosen)} runs whose stones fall at once and on the same places; needs"
+                               f" {LEAST_GROUPS}")
     stones = len(most) // (2 * np.dtype(float).itemsize)
     if stones > MOST_STONES:
         raise RecognitionError(f"{stones} stones; at most {MOST_STONES}")
     return chosen
 
 
-@dataclass(frozen=True)
-class Learnt:
-    """Of simulated stones: laws of the force of coal and of gangue and their covariance (`force_law`), from so many different
-    stones, in bins (rows, bins); at (samples,): steps at which records have samples; scale, rest: as `StoneNumbers`;
-    damping_ratio: mean and standard deviation; speed_m_s: mean, least, greatest."""
-
-    laws: list[np.ndarray]
-    covariance: np.ndarray
-    stones: int
-    bins: np.ndarray
-    at: np.ndarray
-    scale: np.ndarray
-    rest: np.ndarray
-    damping_ratio: tuple[float, float]
-    speed_m_s: tuple[float, float, float]
-
-
-def learn(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray) -> tuple[Learnt, Lesson]:
-    """X (runs, channels, samples + 1), lessons and groups of the same runs; and one of the lessons taken."""
-    chosen = same_places(lessons)
-    taught = [lessons[k] for k in chosen]
-    speed = np.array([lesson.speed_m_s for lesson in taught])
-    damping = np.array([lesson.plate.damping_ratio for lesson in taught])
-    scale = np.sqrt(np.mean(X[chosen, :, :-1] ** 2, axis=(0, 2)))
-    at = np.arange(X.shape[2] - 1) * round(taught[0].sample_s / taught[0].step_s)
-    bins = force_bins(taught[0], at[-1] + 1)
-    laws, covariance, stones = learnt_forces(taught, bins, groups[chosen], float(speed.mean()))
-    left = [X[k, :, :-1] - lesson.told[:, at] for k, lesson in zip(chosen, taught, strict=True)]
-    rest = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
-    return Learnt(laws, covariance, stones, bins, at, scale, np.hypot(rest, LEAST_REST), (damping.mean(), damping.std()),
-                  (float(speed.mean()), float(speed.min()), float(speed.max()))), taught[0]
+def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceStatistics, ForceRecord]:
+    """From records and their groups, of those that `same_places` chooses; and the force record of one of them."""
+    chosen = same_places(X)
+    forces = [record for k in chosen if (record := X[k].force_record) is not None]
+    signals = np.stack([X[k].signals for k in chosen])
+    speed = np.array([force.speed_m_s for force in forces])
+    damping = np.array([force.plate.damping_ratio for force in forces])
+    scale = np.sqrt(np.mean(signals**2, axis=(0, 2)))
+    at = np.arange(signals.shape[2]) * round(forces[0].sample_s / forces[0].step_s)
+    bins = force_bins(forces[0], at[-1] + 1)
+    laws, covariance, stones = force_laws(forces, bins, groups[chosen], float(speed.mean()))
+    left = [one - force.modelled[:, at] for one, force in zip(signals, forces, strict=True)]
+    residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
+    return ForceStatistics(laws, covariance, stones, bins, at, scale, np.hypot(residual, LEAST_RESIDUAL),
+                           (damping.mean(), damping.std()),
+                           (float(speed.mean()), float(speed.min()), float(speed.max()))), forces[0]
 
 
-def fit_numbers(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray) -> StoneNumbers:
-    """X (runs, channels, samples + 1), lessons and groups of the same runs."""
-    return numbers_on(*learn(X, lessons, groups))
+def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
+    """From records and their groups. Raises RecognitionError."""
+    return model_on(*force_statistics(X, groups))
 
 
-def numbers_on(learnt: Learnt, lesson: Lesson, unknown_m: float = 0.0) -> StoneNumbers:
-    """On the plate and places of a lesson; unknown_m: standard deviation of each stone's place along x and along y."""
-    one = _bin_responses(learnt, lesson)
-    scatter = _scatter_of_forces(one, learnt.covariance, learnt.stones)
-    if learnt.damping_ratio[1] > 0:
-        more = _bin_responses(learnt, lesson, damped=sum(learnt.damping_ratio))
-        scatter = scatter + _scatter_of_damping(_means(more - one, [law[:1] for law in learnt.laws])[0])
-    for moved_m in ((SMALL_M, 0.0), (0.0, SMALL_M)) if unknown_m else ():
-        slope = (_bin_responses(learnt, lesson, moved_m) - one) / SMALL_M @ (learnt.laws[0][0] + learnt.laws[1][0]) / 2
-        scatter = scatter + unknown_m**2 * slope @ slope.T
-    return StoneNumbers(learnt.scale, learnt.rest, scatter, _means(one, learnt.laws), *learnt.speed_m_s)
+def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m: float = 0.0) -> ArrangementModel:
+    """On the plate and places of a force record; place_deviation_m: standard deviation of each stone's place along x
+    and y."""
+    unit = _bin_responses(statistics, record)
+    covariance = _covariance_by_forces(unit, statistics.covariance, statistics.stones)
+    if statistics.damping_ratio[1] > 0:
+        more = _bin_responses(statistics, record, damping_ratio=sum(statistics.damping_ratio))
+        covariance = covariance + _covariance_by_damping(_means(more - unit, [law[:1] for law in statistics.laws])[0])
+    for moved_m in ((SMALL_M, 0.0), (0.0, SMALL_M)) if place_deviation_m else ():
+        mean_law = (statistics.laws[0][0] + statistics.laws[1][0]) / 2
+        slope = (_bin_responses(statistics, record, moved_m) - unit) / SMALL_M @ mean_law
+        covariance = covariance + place_deviation_m**2 * slope @ slope.T
+    return ArrangementModel(statistics.scale, statistics.residual, covariance, _means(unit, statistics.laws),
+                            *statistics.speed_m_s)
 
 
-def learnt_forces(taught: list[Lesson], bins: np.ndarray, groups: np.ndarray,
-                  middle_m_s: float) -> tuple[list[np.ndarray], np.ndarray, int]:
-    """`force_law` of coal and of gangue, the mean of their covariances, since a place has one or the other, and the fewest
-    different stones of either. RecognitionError for too few."""
-    laws, covariances, stones = [], [], []
+def force_laws(forces: list[ForceRecord], bins: Floats, groups: Floats,
+               middle_m_s: float) -> tuple[list[Floats], Floats, int]:
+    """`force_law` of coal and of gangue, the mean of their covariances, since a place has one or the other, and the
+    fewest different stones of either. RecognitionError for too few."""
+    laws, covariances, counts = [], [], []
     for gangue in (False, True):
-        force, speed_m_s, seen = _forces(taught, bins, groups, gangue, middle_m_s)
-        if seen < LEAST_STONES:
-            raise RecognitionError(f"{seen} different stones of {'gangue' if gangue else 'coal'}; needs {LEAST_STONES}")
-        law, covariance = force_law(force, speed_m_s - middle_m_s, seen)
+        force, speed_m_s, stones = _forces_of(forces, bins, groups, gangue, middle_m_s)
+        if stones < LEAST_STONES:
+            name = "gangue" if gangue else "coal"
+            raise RecognitionError(f"{stones} different stones of {name}; needs {LEAST_STONES}")
+        law, covariance = force_law(force, speed_m_s - middle_m_s, stones)
         laws.append(law)
         covariances.append(covariance)
-        stones.append(seen)
-    return laws, (covariances[0] + covariances[1]) / 2, min(stones)
+        counts.append(stones)
+    return laws, (covariances[0] + covariances[1]) / 2, min(counts)
 
 
-def _scatter_of_forces(one: np.ndarray, covariance: np.ndarray, stones: int) -> np.ndarray:
-    """Of x: each place by itself; and the means, known from so many stones only, which err alike at all places."""
-    alone = sum(one[:, i] @ covariance @ one[:, i].T for i in range(one.shape[1]))
-    together = one.sum(axis=1)
+def _covariance_by_forces(unit: Floats, covariance: Floats, stones: int) -> Floats:
+    """Covariance of x by the scatter of the forces: that of each place by itself; and that of the mean forces, which
+    are known from so many stones only and err alike at all places."""
+    alone = np.zeros((len(unit), len(unit)))
+    for i in range(unit.shape[1]):
+        alone = alone + unit[:, i] @ covariance @ unit[:, i].T
+    together = unit.sum(axis=1)
     return alone + together @ covariance @ together.T / (2 * stones)
 
 
-def _scatter_of_damping(change: np.ndarray) -> np.ndarray:
-    """Of x, by a standard deviation of the damping: change (d, 1 + stones) of the mean, each place coal or gangue alike."""
-    middling = change[:, 0] + change[:, 1:].sum(axis=1) / 2
-    return np.outer(middling, middling) + change[:, 1:] @ change[:, 1:].T / 4
+def _covariance_by_damping(change: Floats) -> Floats:
+    """Covariance of x by the scatter of the damping: change (d, 1 + stones) of the mean by one standard deviation, each
+    place being coal or gangue with the same probability."""
+    middle = change[:, 0] + change[:, 1:].sum(axis=1) / 2
+    return np.outer(middle, middle) + change[:, 1:] @ change[:, 1:].T / 4
 
 
-def force_bins(lesson: Lesson, rows: int) -> np.ndarray:
-    """Hat functions (rows, bins) over the first steps of a lesson, `_steps_apart`."""
-    apart = _steps_apart(lesson)
-    middle = (np.arange(-(-rows // apart)) + 0.5) * apart
-    return np.maximum(0.0, 1 - np.abs(np.arange(rows)[:, None] + 0.5 - middle) / apart)
+def force_bins(record: ForceRecord, steps: int) -> Floats:
+    """Hat functions (steps, bins) over the first steps of a force record."""
+    width = _steps_per_bin(record)
+    middle = (np.arange(-(-steps // width)) + 0.5) * width
+    return np.maximum(0.0, 1 - np.abs(np.arange(steps)[:, None] + 0.5 - middle) / width)
 
 
-def _steps_apart(lesson: Lesson) -> int:
-    return max(1, round(BIN_S / lesson.step_s))
+def _steps_per_bin(record: ForceRecord) -> int:
+    return max(1, round(BIN_S / record.step_s))
 
 
-def _forces(taught: list[Lesson], bins: np.ndarray, groups: np.ndarray, gangue: bool, middle: float):
-    """Of all stones of a material: forces (m, bins) in shares of v / middle, speeds (m,), and how many different packings
-    of stones there are: a group's stones are the same in all its runs."""
+def _forces_of(forces: list[ForceRecord], bins: Floats, groups: Floats, gangue: bool,
+               middle_m_s: float) -> tuple[Floats, Floats, int]:
+    """Of all stones of a material: forces (m, bins) scaled to the speed middle_m_s, speeds (m,), and the number of
+    different packings of stones: a group's stones are the same in all its runs."""
     to_bins = np.linalg.pinv(bins)
-    force = np.vstack([lesson.force_N[lesson.gangue == gangue, :len(bins)] @ to_bins.T * (middle / lesson.speed_m_s)
-                       for lesson in taught])
-    speed = np.concatenate([np.full(np.sum(lesson.gangue == gangue), lesson.speed_m_s) for lesson in taught])
-    different = {(group, stone) for lesson, group in zip(taught, groups, strict=True)
-                 for stone in np.flatnonzero(lesson.gangue == gangue)}
+    force = np.vstack([record.force_N[record.gangue == gangue, :len(bins)] @ to_bins.T * (middle_m_s / record.speed_m_s)
+                       for record in forces])
+    speed = np.concatenate([np.full(np.sum(record.gangue == gangue), record.speed_m_s) for record in forces])
+    different = {(group, stone) for record, group in zip(forces, groups, strict=True)
+                 for stone in np.flatnonzero(record.gangue == gangue)}
     return force, speed, len(different)
 
 
-def force_law(force: np.ndarray, speed: np.ndarray, stones: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (p, bins) of the mean force by powers of the speed, and the covariance (bins, bins) about it, of forces
-    (m, bins) of `stones` different stones."""
+def force_law(force: Floats, speed: Floats, stones: int) -> tuple[Floats, Floats]:
+    """Coefficients (p, bins) of the mean force by powers of the speed, and the covariance (bins, bins) about it, of
+    forces (m, bins) of `stones` different stones."""
     powers = speed[:, None] ** np.arange(DEGREE + 1 if np.ptp(speed) > 0 else 1)
-    law = np.linalg.lstsq(powers, force, rcond=None)[0]
+    law = np.asarray(np.linalg.lstsq(powers, force, rcond=None)[0], dtype=float)
     off = force - powers @ law
-    seen = off.T @ off / len(off)
-    variance = np.diag(seen)
+    observed = off.T @ off / len(off)
+    variance = np.diag(observed)
     variance = np.maximum(variance, LEAST_DEVIATION**2 * variance.max())
-    return law, (stones * seen + MORE_STONES * np.diag(variance)) / (stones + MORE_STONES)
+    return law, (stones * observed + SHRINKAGE_STONES * np.diag(variance)) / (stones + SHRINKAGE_STONES)
 
 
-def _bin_responses(learnt: Learnt, lesson: Lesson, moved_m: tuple[float, float] = (0.0, 0.0),
-                   damped: float | None = None) -> np.ndarray:
+def _bin_responses(statistics: ForceStatistics, record: ForceRecord, moved_m: tuple[float, float] = (0.0, 0.0),
+                   damping_ratio: float | None = None) -> Floats:
     """Records (d, stones, bins) by a unit force in each bin on each place, each channel in shares of its scale."""
-    one = response(lesson, learnt.damping_ratio[0] if damped is None else damped, moved_m)[:, :len(learnt.bins)]
+    bins, at = statistics.bins, statistics.at
+    unit = unit_force_response(record, statistics.damping_ratio[0] if damping_ratio is None else damping_ratio, moved_m)
+    unit = unit[:, :len(bins)]
     # The plate does not change with time: all bins but the first, which is cut at 0, are the second one, later.
-    first, second = (pushed(one, learnt.bins[:, k, None]) for k in (0, 1))
-    later = _steps_apart(lesson)
-    answers = np.zeros((one.shape[0], len(learnt.at), one.shape[2], learnt.bins.shape[1]))
-    answers[..., 0] = first[:, learnt.at]
-    for k in range(1, learnt.bins.shape[1]):
-        rows = learnt.at - (k - 1) * later
+    first, second = (response_to(unit, bins[:, k, None]) for k in (0, 1))
+    width = _steps_per_bin(record)
+    answers = np.zeros((unit.shape[0], len(at), unit.shape[2], bins.shape[1]))
+    answers[..., 0] = first[:, at]
+    for k in range(1, bins.shape[1]):
+        rows = at - (k - 1) * width
         answers[..., k][:, rows >= 0] = second[:, rows[rows >= 0]]
-    return (answers / learnt.scale[:, None, None, None]).reshape(-1, *answers.shape[2:])
+    return (answers / statistics.scale[:, None, None, None]).reshape(-1, *answers.shape[2:])
 
 
-def _means(one: np.ndarray, laws: list[np.ndarray]) -> np.ndarray:
-    """(p, d, 1 + stones): a record of coal alone, and what each stone of gangue adds."""
-    coal, gangue = (np.einsum("dib,pb->pdi", one, law) for law in laws)
+def _means(unit: Floats, laws: list[Floats]) -> Floats:
+    """Record of coal alone, and what each stone of gangue adds, shape (p, d, 1 + stones)."""
+    coal, gangue = (np.einsum("dib,pb->pdi", unit, law) for law in laws)
     return np.concatenate([coal.sum(axis=2, keepdims=True), gangue - coal], axis=2)
 
 
-def usual_limits(X: np.ndarray, lessons: Sequence[Lesson | None], groups: np.ndarray,
-                 y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of records whose group, or where there are fewer than three groups, whose ratio, was held out: the law of their misfit
-    (`strangeness`), and the limits: what 95 % of them keep, times 1.5."""
-    chosen = same_places(lessons)
+def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> tuple[Floats, Floats]:
+    """The reference of `distances` (3,) and their limits (3,), from records whose group was held out of the training,
+    or, with fewer than three groups, whose ratio was."""
+    chosen = same_places(X)
     keys = (groups if np.unique(groups[chosen]).size >= LEAST_GROUPS else y)[chosen]
     found = []
     for train, test in GroupKFold(min(FOLDS, np.unique(keys).size)).split(chosen, groups=keys):
-        numbers = fit_numbers(X[chosen[train]], [lessons[k] for k in chosen[train]], groups[chosen[train]])
-        found += [numbers.estimate(X[k]) for k in chosen[test]]
-    usual = np.polyfit([one.ratio for one in found], np.log([one.misfit for one in found]), 2)
-    strange = np.array([strangeness(one, usual) for one in found])
-    return usual, STRANGE_FACTOR * np.maximum(1.0, conformal_quantile(strange, USUAL_SHARE))
+        model = fit_model([X[k] for k in chosen[train]], groups[chosen[train]])
+        found += [model.estimate(X[k].signals, X[k].noise) for k in chosen[test]]
+    reference = np.polyfit([one.ratio for one in found], np.log([one.misfit for one in found]), 2)
+    return reference, distance_limits(np.array([distances(one, reference) for one in found]))

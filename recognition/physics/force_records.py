@@ -1,7 +1,5 @@
-"""What simulated runs teach besides their records: how each stone pushed, and what the plate makes of a push.
-
-Needs the simulation's plate model (plate_fem): import it late.
-"""
+"""What a simulated run shows besides its record: the force of each stone on the plate, and what the plate's model makes
+of it."""
 
 from __future__ import annotations
 
@@ -20,79 +18,77 @@ from analysis.setup import places_of
 from common.plate import FlexiblePlate
 from plate_fem.modes import plate_modes
 from plate_fem.response import pulse_response
+from recognition.estimation.arrays import Booleans, Floats
 
 
 @dataclass(frozen=True)
-class Lesson:
-    """One run. force_N (stones, rows): means over steps of step_s from t = 0 on; sample_s: of its record; gangue (stones,);
-    at_once: all stones touch the plate together; modes_dir: where the plate's modes may be found ready."""
+class ForceRecord:
+    """Forces of the stones of one simulated run.
+
+    place_m (stones, 2): where the stones fall; at_once: all of them touch the plate together; sample_s: interval
+    between samples of the run's record; force_N (stones, steps): means over steps of step_s from t = 0 on; gangue
+    (stones,): which stones are gangue; modes_dir: where the plate's modes may have been kept.
+    """
 
     plate: FlexiblePlate
     modes_dir: Path | None
-    place_m: np.ndarray
+    place_m: Floats
     at_once: bool
     speed_m_s: float
     sample_s: float
     step_s: float
-    force_N: np.ndarray
-    gangue: np.ndarray
+    force_N: Floats
+    gangue: Booleans
 
     @cached_property
-    def told(self) -> np.ndarray:
-        """What the plate's model makes of these forces, (channels, rows): velocity of the centre of mass, accelerometers and
-        rods, each by name."""
-        return pushed(response(self, self.plate.damping_ratio), self.force_N.T).sum(axis=2)
+    def modelled(self) -> Floats:
+        """What the plate's model makes of these forces, shape (channels, steps): velocity of the centre of mass,
+        accelerometers, then rods, each by name."""
+        return response_to(unit_force_response(self, self.plate.damping_ratio), self.force_N.T).sum(axis=2)
 
 
-def lesson_of(run: Run, listened_s: float) -> Lesson:
-    """Of a finished run, its first listened_s. RecordError without a fast stream so long, a flexible plate or places of stones."""
+def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) -> ForceRecord:
+    """Force record of a finished run over its first duration_s.
+
+    sample_s: interval between samples of the record, that of `signals.parquet` if None. RecordError without a fast
+    stream of that length, a flexible plate or places of the stones.
+    """
     path = run.path / "fast.parquet"
     table = read_table(path)
     t_s = table["t_s"].to_numpy(dtype=float)
-    step_s = float(t_s[1] - t_s[0]) if len(t_s) > 1 else listened_s
-    rows = round(listened_s / step_s)
-    if len(t_s) <= rows or not np.allclose(np.diff(t_s[:rows + 1]), step_s):
-        raise RecordError(f"{path}: needs {listened_s:g} s without gaps")
+    step_s = float(t_s[1] - t_s[0]) if len(t_s) > 1 else duration_s
+    steps = round(duration_s / step_s)
+    if len(t_s) <= steps or not np.allclose(np.diff(t_s[:steps + 1]), step_s):
+        raise RecordError(f"{path}: needs {duration_s:g} s without gaps")
     stones = run.info.get("scene", {}).get("stones", {})
     speed_m_s = stones.get("speed_m_s")
     if not isinstance(speed_m_s, (int, float)):
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = {speed_m_s!r}; needs a number")
     forces = [name for name in table.columns.astype(str) if name.startswith("force_") and name != "force_N"]
-    return Lesson(flexible_plate(run), _modes_dir(run.path), places_of(run), stones.get("arrival_s") is None, float(speed_m_s),
-                  1 / run.rate_Hz, step_s, table[forces].to_numpy(dtype=float)[1:rows + 1].T,
-                  np.array(run.materials) == "gangue")
+    return ForceRecord(flexible_plate(run), _modes_dir(run.path), places_of(run), stones.get("arrival_s") is None,
+                       float(speed_m_s), sample_s or 1 / run.rate_Hz, step_s,
+                       table[forces].to_numpy(dtype=float)[1:steps + 1].T, np.array(run.materials) == "gangue")
 
 
-def lessons_of(runs: list[Run], listened_s: float) -> list[Lesson | None]:
-    """What each run teaches; None where that is nothing: no fast stream, a rigid plate, no places."""
-    lessons: list[Lesson | None] = []
-    for run in runs:
-        try:
-            lessons.append(lesson_of(run, listened_s))
-        except RecordError:
-            lessons.append(None)
-    return lessons
+def unit_force_response(record: ForceRecord, damping_ratio: float, moved_m: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """Response of each channel to a force of 1 N during the first step on each stone's place, displaced by moved_m
+    along x and y, shape (channels, steps, stones)."""
+    plate = record.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
+    return _unit_force_response(plate.model_dump_json(), tuple(map(tuple, record.place_m)), moved_m, record.step_s,
+                                record.force_N.shape[1], record.modes_dir)
 
 
-def response(lesson: Lesson, damping_ratio: float, moved_m: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """Of each channel to a force of 1 N on each stone's place, moved_m from it, during the first step, shape (channels, rows,
-    stones)."""
-    plate = lesson.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
-    return _response(plate.model_dump_json(), tuple(map(tuple, lesson.place_m)), moved_m, lesson.step_s,
-                     lesson.force_N.shape[1], lesson.modes_dir)
-
-
-def pushed(one: np.ndarray, force_N: np.ndarray) -> np.ndarray:
-    """Responses (channels, rows, stones) to forces (rows, stones) or, the same at every place, (rows, 1)."""
-    return fftconvolve(one, force_N[None], axes=1)[:, :one.shape[1]]
+def response_to(unit_response: Floats, force_N: Floats) -> Floats:
+    """Responses (channels, steps, stones) to forces (steps, stones) or, the same on every place, (steps, 1)."""
+    return fftconvolve(unit_response, force_N[None], axes=1)[:, :unit_response.shape[1]]
 
 
 @lru_cache(maxsize=64)
-def _response(plate_json: str, places: tuple, moved_m: tuple[float, float], step_s: float, rows: int,
-              modes_dir: Path | None) -> np.ndarray:
+def _unit_force_response(plate_json: str, places: tuple[tuple[float, float], ...], moved_m: tuple[float, float],
+                         step_s: float, steps: int, modes_dir: Path | None) -> Floats:
     plate = FlexiblePlate.model_validate_json(plate_json)
     modes = plate_modes(plate, modes_dir, np.array(places))
-    amplitude, rate, acceleration = pulse_response(modes, step_s, rows)
+    amplitude, rate, acceleration = pulse_response(modes, step_s, steps)
     down = -modes.shape_at(np.array(places) + moved_m)
     sensors = sorted(plate.sensors, key=lambda sensor: f"acc_{sensor.name}_m_s2")  # as sorted columns are
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
@@ -101,9 +97,9 @@ def _response(plate_json: str, places: tuple, moved_m: tuple[float, float], step
                            _channels(amplitude, rods, down)])
 
 
-def _channels(motion: np.ndarray, seen: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """Modal motion (rows, n) under a unit modal force, seen by (channels, n), pushed at (stones, n)."""
-    return np.einsum("tn,cn,in->cti", motion, seen, down, optimize=True)
+def _channels(motion: Floats, observed: Floats, down: Floats) -> Floats:
+    """Modal motion (steps, n) under a unit modal force, observed by (channels, n), excited at (stones, n)."""
+    return np.asarray(np.einsum("tn,cn,in->cti", motion, observed, down, optimize=True))
 
 
 def _modes_dir(path: Path) -> Path | None:

@@ -1,12 +1,13 @@
-"""The stones' impulse from what the plate and its rods take up.
+"""The stones' impulse from the momentum of the plate and the forces of its rods.
 
-After the impact the plate's momentum M v and what its rods have carried away together stay what the stones gave:
+After the impact the plate's momentum M v and the momentum that its rods have carried away add up to the impulse J_s of
+the stones, and stay so:
 
     integral of the rods' forces + M v = -J_s
 
-v is that of the centre of mass, upwards; the rods' forces pull the plate down where they are positive (tension); J_s is the
-push downwards. M, the mass that moves with v, is minus the slope of the integral against v in the record itself, so that no
-number of the plate is needed. J_s knows nothing of where the stones fell, of the plate's modes or of their damping.
+v is the velocity of the centre of mass, upwards; positive forces of the rods (tension) pull the plate down; J_s points
+downwards. M, the mass that moves with v, is minus the slope of the integral against v in the record itself, so that no
+property of the plate is needed. J_s does not depend on where the stones fall, on the plate's modes or on their damping.
 """
 
 from __future__ import annotations
@@ -17,14 +18,15 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
-from recognition.channels import Channels
-from recognition.errors import RecognitionError
+from recognition.estimation.arrays import Floats
+from recognition.estimation.channels import channels_of
+from recognition.estimation.errors import RecognitionError
 
-#: J_s is the mean over this time. Before, stones still push; the longer it lasts, the more noise the integral has gathered.
-WINDOW_S = (0.75e-3, 3e-3)
+#: J_s is the mean over this time. Before it, stones still touch the plate; after it, the integral has gathered more
+#: noise.
+AVERAGED_S = (0.75e-3, 3e-3)
 
-
-#: Samples apart over which the balance is watched to tell noise of the velocity from that of the rods.
+#: Samples between two values of the balance, to tell noise of the velocity from noise of the rods.
 LAG = 10
 
 
@@ -37,25 +39,25 @@ class Impulse:
 
 
 def impulse(signals: pd.DataFrame) -> Impulse:
-    """Of a record with columns t_s, v_m_s and rod_*. RecognitionError for missing ones, or a record that is too short or at
-    rest."""
-    rods_N, (v_m_s,) = Channels("rods").prepare(signals), Channels("centre").prepare(signals)[:1]
+    """Of a record with columns t_s, v_m_s and rod_*. RecognitionError for missing ones, or a record that is too short
+    or at rest."""
+    rods_N, (v_m_s,) = channels_of(signals, "rods"), channels_of(signals, "centre")[:1]
     t_s = signals["t_s"].to_numpy(dtype=float) - float(signals["t_s"].iloc[0])
-    start, end = np.searchsorted(t_s, WINDOW_S)
+    start, end = np.searchsorted(t_s, AVERAGED_S)
     if len(t_s) < max(end, start + LAG + 2):
-        raise RecognitionError(f"the record is shorter than {WINDOW_S[1]:g} s")
-    taken_N_s, v = np.asarray(cumulative_trapezoid(rods_N.sum(axis=0), t_s, initial=0))[start:], v_m_s[start:]
+        raise RecognitionError(f"the record is shorter than {AVERAGED_S[1]:g} s")
+    carried_N_s, v = np.asarray(cumulative_trapezoid(rods_N.sum(axis=0), t_s, initial=0))[start:], v_m_s[start:]
     swing = v - v.mean()
     if swing @ swing <= 0:
         raise RecognitionError("the record is at rest")
-    mass_kg = -(swing @ taken_N_s) / (swing @ swing)
-    balance = -(taken_N_s + mass_kg * v)
+    mass_kg = -(swing @ carried_N_s) / (swing @ swing)
+    balance = -(carried_N_s + mass_kg * v)
     return Impulse(float(balance[:end - start].mean()), _standard_error(balance, start, end - start))
 
 
-def _standard_error(balance: np.ndarray, before: int, count: int) -> float:
-    """Of the mean of the first `count` values, `before` samples after the record's start. Noise of the rods' forces, summed
-    up, is a random walk, that of the velocity is white: (y_(k+m) - y_k)^2 is m walk + 2 white on average."""
+def _standard_error(balance: Floats, before: int, count: int) -> float:
+    """Of the mean of the first `count` values, `before` samples after the record's start. Noise of the rods' forces,
+    summed up, is a random walk, that of the velocity is white: (y_(k+m) - y_k)^2 is m walk + 2 white on average."""
     near, far = (np.mean((balance[lag:] - balance[:-lag]) ** 2) for lag in (1, LAG))
     walk = max(0.0, float(far - near) / (LAG - 1))
     white = max(0.0, float(near - walk) / 2)

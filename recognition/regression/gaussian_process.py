@@ -1,9 +1,10 @@
-"""scikit-learn estimator of `recognition.regression.band_energies`."""
+"""A Gaussian process from features of a record to the ratio, with the law of these features (`ratio_law`)."""
 
 from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_solve
@@ -12,19 +13,62 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
-from recognition.errors import RecognitionError
-from recognition.regression.band_energies import ProcessNumbers
-from recognition.regression.ratio_likelihood import RatioLikelihood
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import RecognitionError
+from recognition.regression.ratio_law import RatioLaw, fit_law
+
+
+@dataclass(frozen=True)
+class ProcessModel:
+    """A fitted Gaussian process with Matern's kernel (nu 5/2), and the law of its features.
+
+    mean, scale (p,): of the features; points (n, m), weights (n,): of the process, in the first m standardised
+    features; constant, length: of its kernel; scatter: mean square error of a training record left out, in units of
+    size; offset, size: mean and standard deviation of the ratio in training; law: of the standardised features, taken
+    as one channel.
+    """
+
+    mean: Floats
+    scale: Floats
+    points: Floats
+    weights: Floats
+    constant: float
+    length: float
+    scatter: float
+    offset: float
+    size: float
+    law: RatioLaw
+
+    @property
+    def standard_error(self) -> float:
+        """Of the ratio of a record without noise."""
+        return float(self.size * np.sqrt(self.scatter))
+
+    def ratio(self, record: Floats) -> tuple[float, float]:
+        """Of one record, features and their errors (2, p): ratio, and its standard error from the scatter of the
+        training and, through the slope of the process, the errors of the features."""
+        m = self.points.shape[1]
+        away = self.points - ((record[0] - self.mean) / self.scale)[:m]
+        r = np.sqrt(5) * np.linalg.norm(away, axis=1) / self.length
+        smooth = self.constant * np.exp(-r) * self.weights
+        slope = 5 / (3 * self.length**2) * (smooth * (1 + r)) @ away
+        error = slope * (record[1] / self.scale)[:m]
+        return (float(self.offset + self.size * (smooth @ (1 + r + r**2 / 3))),
+                float(np.hypot(self.standard_error, self.size * np.linalg.norm(error))))
+
+    def distances(self, record: Floats) -> Floats:
+        """Distances of features and errors (2, p) from the training, shape (3,), see `LawEstimate.distances`."""
+        return self.law.estimate(((record[0] - self.mean) / self.scale)[None]).distances
 
 
 def _scatter(process: GaussianProcessRegressor) -> float:
-    """Mean square error at each training record when it is left out: alpha_i/(K^-1)_ii (Rasmussen and Williams 2006, 5.12).
-    The noise of the kernel may be none where few records happen to lie on a smooth curve."""
+    """Mean square error at each training record when it is left out: alpha_i/(K^-1)_ii (Rasmussen and Williams 2006,
+    5.12). The noise of the kernel may be none where few records happen to lie on a smooth curve."""
     inverse = cho_solve((process.L_, True), np.eye(len(process.L_)))
     return float(np.mean((process.alpha_ / np.diag(inverse)) ** 2))
 
 
-def _fitted(z: np.ndarray, y: np.ndarray) -> GaussianProcessRegressor:
+def _fitted(z: Floats, y: Floats) -> GaussianProcessRegressor:
     # The bounds keep the search from the answer that all is noise, which is always there.
     kernel = ConstantKernel(1.0, (1e-2, 1e3)) * Matern(10.0, (0.3, 1e3), nu=2.5) + WhiteKernel(0.1, (1e-6, 1.0))
     with warnings.catch_warnings():
@@ -34,58 +78,69 @@ def _fitted(z: np.ndarray, y: np.ndarray) -> GaussianProcessRegressor:
 
 
 @dataclass(frozen=True)
-class _Told:
-    """A process on features and conditions that are told with a record, such as the impact speed."""
+class _ConditionalProcess:
+    """A process on features and on conditions that are known with a record, such as the impact speed."""
 
     process: GaussianProcessRegressor
-    mean: np.ndarray
-    scale: np.ndarray
+    mean: Floats
+    scale: Floats
 
     @classmethod
-    def fit(cls, z: np.ndarray, conditions: np.ndarray, y: np.ndarray) -> _Told:
+    def fit(cls, z: Floats, conditions: Floats, y: Floats) -> _ConditionalProcess:
         mean, scale = conditions.mean(axis=0), conditions.std(axis=0)
         return cls(_fitted(np.hstack([z, (conditions - mean) / scale]), y), mean, scale)
 
-    def predict(self, z: np.ndarray, conditions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def predict(self, z: Floats, conditions: Floats) -> tuple[Floats, Floats]:
         return self.process.predict(np.hstack([z, (conditions - self.mean) / self.scale]), return_std=True)
 
 
-class EnergyProcess(RegressorMixin, BaseEstimator):
-    """Gaussian process on the first `answering` standardised features (None: on all); a law of all features with their
-    scatter says which records are strange. X has the shape (runs, 2, p): features, and their errors by the noise of sensors."""
+class ProcessRegressor(RegressorMixin, BaseEstimator):
+    """scikit-learn estimator: Gaussian process on the first `predictors` standardised features (None: on all), and a
+    law of all features with their scatter, which tells records out of distribution.
 
-    def __init__(self, answering: int | None = None):
-        self.answering = answering
+    X has the shape (runs, 2, p): features, and their standard errors by the noise of the sensors.
+    """
 
-    def fit(self, X, y, nuisance=None, groups=None) -> EnergyProcess:
-        """y (runs,): ratios; nuisance, groups: of the law, as in `RatioLikelihood.fit`, which raises RecognitionError."""
+    def __init__(self, predictors: int | None = None):
+        self.predictors = predictors
+
+    def fit(self, X: Floats, y: Floats, nuisance: Floats | None = None,
+            groups: Floats | None = None) -> ProcessRegressor:
+        """y (runs,): ratios; nuisance, groups: of the law, as in `fit_law`, which raises RecognitionError."""
         X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         mean, scale = X[:, 0].mean(axis=0), X[:, 0].std(axis=0)
         z = (X[:, 0] - mean) / scale
-        process = _fitted(z[:, :self.answering], y)
+        points = z[:, :self.predictors]
+        process = _fitted(points, y)
         self.process_ = process
-        self.told_: _Told | None = None  # fitted when first asked for
-        self.training_ = z[:, :self.answering], None if nuisance is None else np.asarray(nuisance, dtype=float), y
+        self.conditional_: _ConditionalProcess | None = None  # fitted when first asked for
+        self.training_ = points, None if nuisance is None else np.asarray(nuisance, dtype=float), y
         smooth = process.kernel_.k1
-        law = RatioLikelihood(components=z.shape[1]).fit(z[:, None, :], y, nuisance, groups).posterior_
-        self.numbers_ = ProcessNumbers(mean, scale, z[:, :self.answering], process.alpha_, float(smooth.k1.constant_value),
-                                       float(smooth.k2.length_scale), _scatter(process), float(y.mean()), float(y.std()), law)
+        law = fit_law(z[:, None, :], y, nuisance, groups, components=z.shape[1])
+        self.model_ = ProcessModel(
+            mean, scale, points, process.alpha_, float(smooth.k1.constant_value), float(smooth.k2.length_scale),
+            _scatter(process), float(y.mean()), float(y.std()), law)
         return self
 
-    def predict(self, X, return_std: bool = False, nuisance=None):
-        """Ratios (runs,), not clipped, and their standard errors where asked for; nuisance (runs, q): told with the records."""
-        if nuisance is not None:
-            z = (np.asarray(X, dtype=float)[:, 0] - self.numbers_.mean) / self.numbers_.scale
-            if self.told_ is None:
-                points, conditions, y = self.training_
-                if conditions is None:
-                    raise RecognitionError("conditions are told with a record; the training was told none")
-                self.told_ = _Told.fit(points, conditions, y)
-            ratio, error = self.told_.predict(z[:, :self.answering], np.asarray(nuisance, dtype=float))
-            return (ratio, error) if return_std else ratio
-        ratio, error = np.array([self.numbers_.ratio(x) for x in np.asarray(X, dtype=float)]).T
+    def predict(self, X: Floats, return_std: bool = False, nuisance: Floats | None = None) -> Any:
+        """Ratios (runs,), not clipped, and their standard errors where asked for; nuisance (runs, q): conditions known
+        with the records."""
+        X = np.asarray(X, dtype=float)
+        if nuisance is None:
+            ratio, error = np.array([self.model_.ratio(x) for x in X]).T
+        else:
+            z = (X[:, 0] - self.model_.mean) / self.model_.scale
+            ratio, error = self._conditional().predict(z[:, :self.predictors], np.asarray(nuisance, dtype=float))
         return (ratio, error) if return_std else ratio
 
-    def strangeness(self, X) -> np.ndarray:
-        """`ProcessNumbers.strangeness` of each record, shape (runs, 3)."""
-        return np.array([self.numbers_.strangeness(x) for x in np.asarray(X, dtype=float)])
+    def _conditional(self) -> _ConditionalProcess:
+        if self.conditional_ is None:
+            points, conditions, y = self.training_
+            if conditions is None:
+                raise RecognitionError("conditions are known with a record; those of the training runs were not")
+            self.conditional_ = _ConditionalProcess.fit(points, conditions, y)
+        return self.conditional_
+
+    def distances(self, X: Floats) -> Floats:
+        """`ProcessModel.distances` of each record, shape (runs, 3)."""
+        return np.array([self.model_.distances(x) for x in np.asarray(X, dtype=float)])

@@ -75,7 +75,7 @@ def recognised_ratios(results: SweepResults) -> Drawn:
     answers: dict[str, dict[str, list[float | None]]] = {}
     for training, rows in results.recognition.answers.items():
         answers[training] = {
-            label: [answer if isinstance(answer := row[method], float) else None for row in rows]
+            label: [None if row[method].reason else row[method].ratio for row in rows]
             for method, label in MODEL_METHODS.items()
         }
     return figures.recognition_errors(results.ratios, answers)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from analysis import RecordError
-from recognition.errors import RecognitionError
+from recognition.estimation.errors import RecognitionError
 
 
 class MissingResult(ValueError):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recognition.errors import NotRecognised, RecognitionError
-from recognition.models import LEAST_RATIOS
+from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.estimation.window import LEAST_RATIOS
 from recognition.paper.function_space import EXPONENTIAL, FORMS, LOGARITHMIC, POWER, Rule
 from recognition.paper.fusion import FUSIONS, Fusion
 from recognition.paper.pipeline import FusionPipeline

@@ -10,11 +10,14 @@ import numpy as np
 from analysis import Sweep
 from analysis.features import BASE_PARAMETERS
 from analysis.runs import RESPONSES
-from recognition.models import Model, Window, leave_one_out
+from recognition.estimation.answer import Answer
+from recognition.estimation.window import Window
+from recognition.models import Model, leave_one_out
 from recognition.paper.fusion import FUSIONS, Fusion
 from recognition.paper.kalman import kalman_filter
 from recognition.paper.least_squares import PolynomialFit, fit_polynomial
 from recognition.paper.pipeline import FusionPipeline
+from recognition.paper.q_parameter import FusionQ
 from report.results.methods import FUSION_MODIFIED, FUSION_Q, MODEL_METHODS
 from report.results.signals import SignalResults
 
@@ -69,8 +72,14 @@ class RecognitionResults:
         return Model.fit(self._runs)
 
     @cached_property
-    def answers(self) -> dict[str, list[dict[str, float | str]]]:
-        """Answers of all methods to each run, by the training; a text where a method gives no answer."""
+    def _fusion_q(self) -> FusionQ:
+        method = self._model.methods[FUSION_Q]
+        assert isinstance(method, FusionQ)
+        return method
+
+    @cached_property
+    def answers(self) -> dict[str, list[dict[str, Answer]]]:
+        """Answers of all methods to each run, by the training."""
         return {
             TRAINED_ON_ALL: [self._model.recognise(run.signals, str(run.path)) for run in self._runs],
             HELD_OUT: leave_one_out(self._runs),
@@ -79,7 +88,7 @@ class RecognitionResults:
     def errors_points(self, training: str, method: str) -> np.ndarray:
         """Return recognised less true ratio, in points, of the runs that a method answered, shape (answered,)."""
         rows = zip(self.answers[training], self._ratios, strict=True)
-        return np.array([100 * (row[method] - ratio) for row, ratio in rows if isinstance(row[method], float)])
+        return np.array([100 * (row[method].ratio - ratio) for row, ratio in rows if not row[method].reason])
 
     # ----------------------------------------------------------- fused parameter Q
 
@@ -91,18 +100,18 @@ class RecognitionResults:
     @cached_property
     def standardised_base(self) -> tuple[np.ndarray, np.ndarray]:
         """The base parameters by Eq. 39, shape (runs, 8), and which of them fall with the ratio, shape (8,) of bool."""
-        scaler = self._model.methods[FUSION_Q].scaler_
+        scaler = self._fusion_q.scaler_
         return scaler.transform(self._base), scaler.direction < 0
 
     @cached_property
     def q(self) -> np.ndarray:
         """The fused parameter Q of each run (Eq. 40), shape (runs,)."""
-        return self._model.methods[FUSION_Q].transform(self._base)
+        return self._fusion_q.transform(self._base)
 
     @property
     def q_fit(self) -> PolynomialFit:
         """The polynomial of Q that the model inverts."""
-        return self._model.methods[FUSION_Q].fit_
+        return self._fusion_q.fit_
 
     @property
     def q_quadratic(self) -> PolynomialFit:
@@ -128,7 +137,7 @@ class RecognitionResults:
         """Return the same normalised by Eq. 41: {response: shape (runs, samples)}."""
         fusion = self._fusions[kind]
         values = fusion.normalised(self.fusion_inputs(kind))
-        return {name: values[:, row] for row, name in enumerate(fusion.ranges)}
+        return {name: values[:, row] for row, name in enumerate(fusion.names)}
 
     @cached_property
     def fused(self) -> dict[str, np.ndarray]:
@@ -140,6 +149,7 @@ class RecognitionResults:
     def moment_fits(self, count: int) -> MomentFits:
         """Return `count` moments of the function space of the modified energy fusion, evenly chosen."""
         method = self._model.methods[FUSION_MODIFIED]
+        assert isinstance(method, FusionPipeline)
         curves = method.transform(self.fusion_inputs("energy")[:, :, : self._model.window.n_samples])
         space, fine = method.strategy.space_, np.linspace(0, 1, 51)
         chosen = np.linspace(0, space.moments.size - 1, count + 1).astype(int)[1:]

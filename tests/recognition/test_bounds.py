@@ -12,16 +12,15 @@ from recognition.evaluation.error_bounds import (
     least_error_points,
     true_impulse_errors_points,
 )
-from recognition.regression.ratio_likelihood import RatioLikelihood
-from recognition.regression.ratio_posterior import RatioPosterior
+from recognition.regression.ratio_law import RatioLaw, fit_law
 from tests.analysis import synthetic
 from tests.recognition.draws import draws, noisy
 
 
 def straight(slope, variance):
     """One component that goes linearly with the ratio, 0..1."""
-    return RatioPosterior(np.ones(1), np.zeros(1), np.ones((1, 1)), np.array([[0], [1]]), np.array([[0.0], [slope]]),
-                          np.array([variance]), np.zeros(1), np.ones(1))
+    return RatioLaw(np.ones(1), np.zeros(1), np.ones((1, 1)), np.array([[0.0], [1.0]]), np.array([[0.0], [slope]]),
+                    np.array([variance]), np.zeros(1), np.ones(1))
 
 
 def test_least_error_of_a_straight_law_in_closed_form():
@@ -35,12 +34,13 @@ def test_least_error_of_a_straight_law_in_closed_form():
 
 
 @pytest.mark.parametrize("db", [None, 20.0])
-def test_no_recogniser_passes_it_and_the_likelihood_comes_near(db):
+def test_the_estimate_by_the_law_comes_near_and_does_not_pass_it(db):
     X, y, _ = draws(300, 21)
     Xt, yt, _ = draws(400, 22)
-    model = RatioLikelihood().fit(X, y)
-    error = 100 * np.abs(model.predict(Xt if db is None else noisy(Xt, db)) - yt).mean()
-    least = least_error_points(model.posterior_, db, True)
+    law = fit_law(X, y)
+    found = np.array([law.estimate(x).theta[0] for x in (Xt if db is None else noisy(Xt, db))])
+    error = 100 * np.abs(found - yt).mean()
+    least = least_error_points(law, db, True)
     assert 0.85 * least < error < 1.3 * least
 
 
@@ -62,7 +62,7 @@ def test_a_table_of_bounds_says_what_cannot_be_had(tmp_path):
             synthetic.write_run(tmp_path / "free" / f"{group:03d}" / f"ratio_{10 * k:03d}", k / 10, 100 * group + k, 0.02)
     found = bounds(read_dataset(tmp_path))
     assert set(found["setting"]) == {"free positions"}
-    told = found[found["channels"] == TRUE_IMPULSE].iloc[0]
-    assert told["least_points"] < 10 or "impulse" in told["reason"]
+    by_impulse = found[found["channels"] == TRUE_IMPULSE].iloc[0]
+    assert by_impulse["least_points"] < 10 or "impulse" in by_impulse["reason"]
     centre = found[(found["channels"] == "centre") & found["noise_db"].isna()].iloc[0]
     assert 0 < centre["least_points"] < 10 and pd.isna(centre["reason"])

@@ -6,8 +6,10 @@ import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
 
 from recognition import RecognitionError
-from recognition.regression.band_energies import CalibratedEnergies, log_rms
-from recognition.regression.gaussian_process import EnergyProcess
+from recognition.model_file import decode, encode
+from recognition.regression.feature_regression import FeatureRegression
+from recognition.regression.features import log_rms
+from recognition.regression.gaussian_process import ProcessRegressor
 
 T = np.arange(267) / 6667
 
@@ -34,20 +36,20 @@ def test_rms_of_a_sine_by_window_and_band():
         log_rms(np.zeros((1, 400)))
 
 
-def test_the_numbers_answer_as_scikit_learn_does():
+def test_the_model_answer_as_scikit_learn_does():
     signals, y = records(40, 1)
-    X = np.stack([CalibratedEnergies("energies_sensors").prepare(s) for s in signals])
-    model = EnergyProcess().fit(X, y)
-    n = model.numbers_
+    X = np.stack([FeatureRegression("energies_sensors").prepare(s) for s in signals])
+    model = ProcessRegressor().fit(X, y)
+    n = model.model_
     whole = GaussianProcessRegressor(model.process_.kernel_, optimizer=None, normalize_y=True).fit((X[:, 0] - n.mean) / n.scale, y)
-    new = np.stack([CalibratedEnergies("energies_sensors").prepare(s) for s in records(10, 2)[0]])
+    new = np.stack([FeatureRegression("energies_sensors").prepare(s) for s in records(10, 2)[0]])
     assert model.predict(new) == pytest.approx(whole.predict((new[:, 0] - n.mean) / n.scale), abs=1e-9)
 
 
 def test_the_scatter_is_that_of_records_left_out():
     signals, y = records(25, 6)
-    X = np.stack([CalibratedEnergies("energies_sensors").prepare(s) for s in signals])
-    process, numbers = (model := EnergyProcess().fit(X, y)).process_, model.numbers_
+    X = np.stack([FeatureRegression("energies_sensors").prepare(s) for s in signals])
+    process, numbers = (model := ProcessRegressor().fit(X, y)).process_, model.model_
     z, unit = (X[:, 0] - numbers.mean) / numbers.scale, (y - y.mean()) / y.std()
     errors = []
     for k in range(len(y)):
@@ -59,8 +61,8 @@ def test_the_scatter_is_that_of_records_left_out():
 
 def test_the_standard_error_follows_the_slope():
     signals, y = records(40, 7)
-    X = np.stack([CalibratedEnergies("energies_sensors").prepare(s) for s in signals])
-    numbers, record, step = EnergyProcess().fit(X, y).numbers_, X[5].copy(), 1e-6
+    X = np.stack([FeatureRegression("energies_sensors").prepare(s) for s in signals])
+    numbers, record, step = ProcessRegressor().fit(X, y).model_, X[5].copy(), 1e-6
     record[1, 2] = 0.01
     further = record.copy()
     further[0, 2] += step
@@ -69,16 +71,16 @@ def test_the_standard_error_follows_the_slope():
     assert numbers.ratio(record)[1] == pytest.approx(np.hypot(without, 0.01 * slope), rel=1e-4)
 
 
-def test_a_condition_that_is_told_is_used():
+def test_a_condition_that_is_known_is_used():
     """One feature, the product of (1 + ratio) and a speed: worth nothing much without the speed."""
     rng = np.random.default_rng(8)
     y, speed = rng.uniform(0, 1, 200), rng.uniform(2, 4, 200)
     X = np.stack([(1 + y) * speed, np.zeros(200)], axis=1)[:, :, None]
-    model = EnergyProcess().fit(X[:120], y[:120], nuisance=speed[:120, None])
-    untold, told = (np.abs(model.predict(X[120:], nuisance=n) - y[120:]).mean() for n in (None, speed[120:, None]))
-    assert told < 0.01 and untold > 0.1
-    with pytest.raises(RecognitionError, match="the training was told none"):
-        EnergyProcess().fit(X[:120], y[:120]).predict(X[120:], nuisance=speed[120:, None])
+    model = ProcessRegressor().fit(X[:120], y[:120], nuisance=speed[:120, None])
+    unknown, known = (np.abs(model.predict(X[120:], nuisance=n) - y[120:]).mean() for n in (None, speed[120:, None]))
+    assert known < 0.01 and unknown > 0.1
+    with pytest.raises(RecognitionError, match="those of the training runs were not"):
+        ProcessRegressor().fit(X[:120], y[:120]).predict(X[120:], nuisance=speed[120:, None])
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -89,21 +91,21 @@ def test_the_process_does_not_take_all_for_noise(seed):
     X[:, 1:] = 0.7 * X[:, :1] + 0.5 * X[:, 1:]
     y = X[:, 0] + 0.6 * X[:, 3] - 0.8 * X[:, 5]
     X = np.stack([X, 0 * X], axis=1)
-    model = EnergyProcess().fit(X[:110], y[:110] + 0.4 * rng.standard_normal(110))
+    model = ProcessRegressor().fit(X[:110], y[:110] + 0.4 * rng.standard_normal(110))
     assert np.std(model.predict(X[110:]) - y[110:]) < 0.25 < 0.3 * np.std(y)
 
 
-@pytest.mark.parametrize("kind", ["energies_rms", "energies_sensors"])
-def test_ratio_interval_and_warning(kind):
+def test_ratio_interval_and_warning():
     signals, y = records(80, 3)
-    method = CalibratedEnergies(kind)
+    method = FeatureRegression("energies_sensors")
     method.fit(np.stack([method.prepare(s) for s in signals]), y)
-    method = CalibratedEnergies.from_dict(method.to_dict())
-    like = [method.recognise(method.prepare(s)) for s in records(200, 4)[0]]
+    method = decode(encode(method), FeatureRegression)
+    like = method.answer([method.prepare(s) for s in records(200, 4)[0]])
     true = records(200, 4)[1]
     assert np.abs([r.ratio - b for r, b in zip(like, true, strict=True)]).mean() < 0.02
     assert 0.83 < np.mean([r.low <= b <= r.high for r, b in zip(like, true, strict=True)]) < 0.97
-    assert np.mean([r.strange != "" for r in like]) < 0.02
-    if kind == "energies_sensors":
-        other = [method.recognise(method.prepare(s)) for s in records(20, 5, frequency_Hz=400.0)[0]]
-        assert all(r.strange for r in other)
+    assert np.mean([r.out_of_distribution != "" for r in like]) < 0.02
+    other = method.answer([method.prepare(s) for s in records(20, 5, frequency_Hz=400.0)[0]])
+    assert all(r.out_of_distribution for r in other)
+    with pytest.raises(RecognitionError, match="3 features; the model has 8"):
+        method.answer([method.prepare(signals[0])[:, :3]])

@@ -15,12 +15,16 @@ from recognition.evaluation.cross_validation import (
     write_evaluation,
 )
 from recognition.evaluation.dataset import DataSet, read_dataset
-from recognition.evaluation.estimators import RECOGNISERS
 from recognition.evaluation.sensor_noise import with_noise
+from recognition.methods import EVALUATED
 from tests.analysis import synthetic
 
 FAMILIES = {"paper": (1, 11), "ring": (4, 11), "packing": (2, 11), "damping": (12, 1), "speed": (12, 1), "free": (12, 1), "scatter": (12, 1),
             "all": (12, 1)}
+
+
+def only(*names):
+    return {name: EVALUATED[name] for name in names}
 
 
 def rows():
@@ -64,8 +68,8 @@ def test_noise_is_as_loud_as_it_says_and_the_same_again(db):
     signals = pd.DataFrame({"t_s": t, "v_m_s": 1e-3 * np.sin(300 * t), "a_m_s2": 400.0 * np.cos(900 * t)})
     found = with_noise(signals, db, np.random.default_rng(3))
     assert found["t_s"].equals(signals["t_s"])
-    was, rest = signals[["v_m_s", "a_m_s2"]], (found - signals)[["v_m_s", "a_m_s2"]]
-    level = 20 * np.log10(np.sqrt((rest**2).mean()) / np.sqrt((was**2).mean()))
+    was, added = signals[["v_m_s", "a_m_s2"]], (found - signals)[["v_m_s", "a_m_s2"]]
+    level = 20 * np.log10(np.sqrt((added**2).mean()) / np.sqrt((was**2).mean()))
     assert level.to_numpy() == pytest.approx(-db, abs=0.2)
     pd.testing.assert_frame_equal(found, with_noise(signals, db, np.random.default_rng(3)))
     assert with_noise(signals, None, np.random.default_rng(3)) is signals
@@ -82,14 +86,14 @@ def synthetic_set(tmp_path_factory):
 
 
 def test_evaluation_csv(synthetic_set):
-    path = write_evaluation(read_dataset(synthetic_set), synthetic_set, ["energy_fusion_mended", "rms_line"])
+    path = write_evaluation(read_dataset(synthetic_set), synthetic_set, only("energy_fusion_modified", "rms_line"))
     found = pd.read_csv(path)
     assert list(found.columns[:9]) == ["method", "held_out", "noise_db", "n", "mean_abs_error_points", "p95_points",
                                        "worst_points", "bias_points", "coverage_90"]
     many = found[(found["case"] == "many runs") & found["noise_db"].isna()].set_index("method")
     assert (many["n"] == 25).all() and (many["answered"] == 25).all()
     assert (many["mean_abs_error_points"] < 4).all() and (many["worst_points"] >= many["p95_points"]).all()
-    assert np.isnan(many.loc["energy_fusion_mended", "coverage_90"]) and many.loc["rms_line", "coverage_90"] > 0.7
+    assert np.isnan(many.loc["energy_fusion_modified", "coverage_90"]) and many.loc["rms_line", "coverage_90"] > 0.7
     free = found[found["case"] == "free positions"]
     assert free["reason"].str.contains("no run of the families free").all()
 
@@ -97,7 +101,7 @@ def test_evaluation_csv(synthetic_set):
 def test_the_table_counts_as_one_counts_by_hand(synthetic_set):
     data = read_dataset(synthetic_set)
     case = next(case for case in CASES if case.name == "many runs")
-    results = evaluate(data, ["rms_line"], [case], [None], tell=lambda line: None)
+    results = evaluate(data, only("rms_line"), [case], [None], progress=lambda line: None)
     answers, row = results[0].answers, table(results).iloc[0]
     error = [100 * (a - b) for a, b in zip(answers["ratio"], answers["true"], strict=True)]
     assert row["mean_abs_error_points"] == pytest.approx(sum(map(abs, error)) / 25)
@@ -107,14 +111,14 @@ def test_the_table_counts_as_one_counts_by_hand(synthetic_set):
     assert row["coverage_90"] == pytest.approx(sum(inside) / 25)
 
 
-def test_every_recogniser_says_which_column_it_misses():
+def test_every_method_says_which_column_it_misses():
     signals = pd.DataFrame({"t_s": np.arange(300) / 6667, "other": np.ones(300)})
-    for make in RECOGNISERS.values():
+    for entry in EVALUATED.values():
         with pytest.raises(RecognitionError, match="no column"):
-            make().prepare(signals)
+            entry.make().prepare(signals)
 
 
 def test_a_method_that_the_records_do_not_allow_says_why(synthetic_set):
     """These runs have no fast stream."""
-    (result,) = Evaluation(read_dataset(synthetic_set)).run(CASES[0], "stones_fast", (None,))
+    (result,) = Evaluation(read_dataset(synthetic_set)).run(CASES[0], *only("arrangement_likelihood_fast").popitem(), (None,))
     assert "fast.parquet" in result.reason and summary(result)["answered"] == 0

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from recognition import RecognitionError, Rule, Strategy
+from recognition.model_file import decode, encode
 from recognition.paper.function_space import FORMS, SHIFT, fit_form
 from recognition.paper.least_squares import fit_polynomial
 
@@ -68,7 +69,7 @@ def test_adjusted_r2_by_its_definition():
 def test_saved_strategy_keeps_every_form():
     curves = np.column_stack([LAWS["exponential"][3](RATIOS), LAWS["power"][3](RATIOS), RATIOS])
     model = Strategy(Rule(forms=FORMS)).fit(curves, RATIOS)
-    again = Strategy.from_dict(model.to_dict())
+    again = decode(encode(model), Strategy)
     curve = np.array([LAWS["exponential"][3](0.4), LAWS["power"][3](0.4), 0.4])
     assert again.recognise(curve) == model.recognise(curve)
     assert again.rule == model.rule

@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 from sklearn.linear_model import LinearRegression
 
+from recognition.estimation.channels import channels_of
 from recognition.physics.impulse import impulse
-from recognition.regression.band_energies import CalibratedEnergies
+from recognition.regression.feature_regression import FeatureRegression
+from recognition.regression.features import log_rms
 
 
 @pytest.fixture(scope="module")
@@ -22,14 +24,14 @@ def impacts():
 def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, name):
     """Through the rms of the accelerometers."""
     groups, ratio, signals = impacts
-    method = CalibratedEnergies(name)
+    method = FeatureRegression(name)
     X = np.stack([method.prepare(s) for s in signals])
-    rms = np.exp(np.stack([CalibratedEnergies("energies_rms").prepare(s)[0] for s in signals]))
+    rms = np.exp(np.stack([log_rms(channels_of(s, "accelerometers"), (0.0, 1.0), ()) for s in signals]))
     errors, straight, inside = [], [], []
     for group in (g for g in np.unique(groups) if not g.startswith("thin")):
         train, test = (groups != group) & ~np.char.startswith(groups, "thin"), groups == group
-        method.fit(X[train], ratio[train], groups[train])
-        found = [method.recognise(x) for x in X[test]]
+        method.fit(X[train], ratio[train], groups=groups[train])
+        found = method.answer(X[test])
         errors += [r.ratio - b for r, b in zip(found, ratio[test], strict=True)]
         inside += [r.low <= b <= r.high for r, b in zip(found, ratio[test], strict=True)]
         straight += list(LinearRegression().fit(rms[train], ratio[train]).predict(rms[test]) - ratio[test])
@@ -38,14 +40,14 @@ def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, n
     assert 0.75 < np.mean(inside) <= 1
 
 
-def test_another_plate_is_flagged(impacts):
+def test_another_plate_is_out_of_distribution(impacts):
     groups, ratio, signals = impacts
     thin = np.char.startswith(groups, "thin")
-    method = CalibratedEnergies("energies_sensors")
+    method = FeatureRegression("energies_sensors")
     X = np.stack([method.prepare(s) for s in signals])
-    method.fit(X[~thin], ratio[~thin], groups[~thin])
-    assert sum(method.recognise(x).strange != "" for x in X[thin]) >= thin.sum() - 1
-    assert np.mean([method.recognise(x).strange != "" for x in X[~thin]]) == 0
+    method.fit(X[~thin], ratio[~thin], groups=groups[~thin])
+    assert sum(a.out_of_distribution != "" for a in method.answer(X[thin])) >= thin.sum() - 1
+    assert np.mean([a.out_of_distribution != "" for a in method.answer(X[~thin])]) == 0
 
 
 def test_the_impulse_is_that_of_the_simulation(impacts):

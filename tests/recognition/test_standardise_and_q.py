@@ -73,11 +73,6 @@ def test_constant_parameter_and_response_are_refused():
         ResponseRange.of(np.zeros((3, 5)), "total_J")
 
 
-def test_weights_must_sum_to_one():
-    with pytest.raises(RecognitionError, match="sum 1"):
-        FusionQ(weights=np.full(8, 0.2)).fit(TABLE_2, RATIOS)
-
-
 def test_no_root_is_said_and_not_clipped():
     model = FusionQ().fit(TABLE_2, RATIOS)
     assert model.invert(model.fit_(1.03)) == pytest.approx(1.03, abs=1e-9)

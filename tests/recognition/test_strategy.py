@@ -21,13 +21,13 @@ def test_exact_law_is_recognised_exactly():
 
 
 def test_the_limit_of_r2_lets_straight_lines_through():
-    """R^2 > 0.99 takes a line where the law bends a little, and pays in points; the mended limit does not."""
+    """R^2 > 0.99 takes a line where the law bends a little, and pays in points; the modified limit does not."""
     unseen = np.array([0.05, 0.5, 0.95])
     curves = quadratic_curves(unseen)
-    printed = Strategy(Rule(min_r2=0.95)).fit(quadratic_curves(RATIOS), RATIOS).predict(curves)
-    mended = Strategy(Rule(min_r2=0.9999)).fit(quadratic_curves(RATIOS), RATIOS).predict(curves)
-    assert np.max(np.abs(mended - unseen)) < 1e-3
-    assert np.max(np.abs(printed - unseen)) > 5 * np.max(np.abs(mended - unseen))
+    published = Strategy(Rule(min_r2=0.95)).fit(quadratic_curves(RATIOS), RATIOS).predict(curves)
+    modified = Strategy(Rule(min_r2=0.9999)).fit(quadratic_curves(RATIOS), RATIOS).predict(curves)
+    assert np.max(np.abs(modified - unseen)) < 1e-3
+    assert np.max(np.abs(published - unseen)) > 5 * np.max(np.abs(modified - unseen))
 
 
 def naive_answer(model, curve):
@@ -126,10 +126,10 @@ def test_deleting_singular_points_can_prefer_a_wrong_candidate():
     curves = np.asarray(RATIOS)[:, None] * np.ones(60)
     curve = np.full(60, 0.7) + 0.004 * np.cos(np.arange(60))
     curve[:10] = 0.2
-    printed = Strategy(Rule(degree=1), xi=0.05, least_share=0.0, judge="mean").fit(curves, RATIOS)
-    mended = Strategy(Rule(degree=1), xi=0.05, least_share=0.0, judge="truncated").fit(curves, RATIOS)
-    assert printed.recognise(curve).ratio == pytest.approx(0.2, abs=0.01)
-    assert mended.recognise(curve).ratio == pytest.approx(0.7, abs=0.01)
+    published = Strategy(Rule(degree=1), xi=0.05, least_share=0.0, judge="mean").fit(curves, RATIOS)
+    modified = Strategy(Rule(degree=1), xi=0.05, least_share=0.0, judge="truncated").fit(curves, RATIOS)
+    assert published.recognise(curve).ratio == pytest.approx(0.2, abs=0.01)
+    assert modified.recognise(curve).ratio == pytest.approx(0.7, abs=0.01)
 
 
 def test_unknown_judge_and_form_are_named():

@@ -1,29 +1,28 @@
-"""Which stones are gangue: against the sum over all arrangements, one by one, and on pushes of a known law on a small
+"""The likelihood of arrangements: against the sum over all of them, one by one, and on pushes of a known law on a small
 plate whose motion is found by `ModalMotion` in small steps."""
 
 import json
 import tempfile
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from math import comb
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import multivariate_normal
 
 from common.plate import FlexiblePlate
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
-from recognition.errors import RecognitionError
-from recognition.physics.arrangement_likelihood import (
-    StoneNumbers,
-    Stones,
-    StonesEstimate,
-    noise_of,
-    strangeness,
-)
-from recognition.physics.force_records import Lesson
+from recognition import RecognitionError
+from recognition.model_file import decode, encode
+from recognition.physics.arrangement_fit import PlateRecord
+from recognition.physics.arrangement_likelihood import ArrangementEstimate, ArrangementModel, distances
+from recognition.physics.arrangement_method import ArrangementLikelihood, noise_of
+from recognition.physics.force_records import ForceRecord
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
 STEP_s, SAMPLE_s, SAMPLES = 1e-5, 5e-5, 60
@@ -54,40 +53,40 @@ def forces_N(gangue, size, speed_m_s):
 
 
 def record(modes, force_N, noise, rng):
-    """As `Stones.prepare` gives it, from the motion of the modes step by step."""
+    """Signals and the deviation of their noise, from the motion of the modes step by step."""
     motion, down = ModalMotion(modes, STEP_s), -modes.shape_at(PLACES_M)
-    sensors, seen = modes.shape_at(np.array(SENSORS_M)), []
+    sensors, signals = modes.shape_at(np.array(SENSORS_M)), []
     push = np.vstack([force_N, force_N[-1:]]) @ down
     before = np.zeros_like(push[0])
     for k in range(len(force_N)):
         a = motion.acceleration_at(motion.amplitude, motion.rate, (before + push[k]) / 2)
-        seen.append(np.concatenate([[modes.mean_shape @ motion.rate], sensors @ a, modes.rod_force @ motion.amplitude]))
+        signals.append(np.concatenate([[modes.mean_shape @ motion.rate], sensors @ a, modes.rod_force @ motion.amplitude]))
         before = push[k]
         motion.advance(push[k])
-    values = np.array(seen)[::round(SAMPLE_s / STEP_s)].T
+    values = np.array(signals)[::round(SAMPLE_s / STEP_s)].T
     sd = noise * np.sqrt(np.mean(values**2, axis=1))
-    return np.column_stack([values + sd[:, None] * rng.standard_normal(values.shape), sd])
+    return values + sd[:, None] * rng.standard_normal(values.shape), sd
 
 
 def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0.1):
-    """Records, lessons, ratios, groups: a stone of every run is another one."""
+    """Records with the forces of their stones, and ratios: a stone of every run is another one."""
     table, modes, rng = plate(thickness_m), modes_of(thickness_m), np.random.default_rng(seed)
-    X, lessons, ratios = [], [], []
+    X, ratios = [], []
     for _ in range(count):
         n = rng.integers(len(PLACES_M) + 1)
         gangue = rng.permutation(len(PLACES_M)) < n
         speed = rng.uniform(*speeds)
         force = forces_N(gangue, 1 + scatter * rng.standard_normal(len(PLACES_M)), speed)
-        X.append(record(modes, force, noise, rng))
-        lessons.append(Lesson(table, Path(KEPT.name), PLACES_M, True, speed, SAMPLE_s, STEP_s, force.T, gangue))
+        forces = ForceRecord(table, Path(KEPT.name), PLACES_M, True, speed, SAMPLE_s, STEP_s, force.T, gangue)
+        X.append(PlateRecord(*record(modes, force, noise, rng), forces))
         ratios.append(n / len(PLACES_M))
-    return np.array(X), lessons, np.array(ratios)
+    return X, np.array(ratios)
 
 
 @pytest.fixture(scope="module")
-def taught():
-    X, lessons, ratios = draw(30, 1)
-    return Stones().fit(X, ratios, np.arange(30), lessons=lessons)
+def method():
+    X, ratios = draw(30, 1)
+    return ArrangementLikelihood().fit(X, ratios, groups=np.arange(30))
 
 
 def test_against_every_arrangement_by_itself():
@@ -95,69 +94,68 @@ def test_against_every_arrangement_by_itself():
     stones, channels, samples, powers = 4, 2, 6, 2
     d = channels * samples
     root = 0.4 * rng.standard_normal((d, 3))
-    numbers = StoneNumbers(np.array([1.0, 2.0]), np.array([0.3, 0.2]), root @ root.T,
-                           rng.standard_normal((powers, d, 1 + stones)) * np.array([1.0, 0.2])[:, None, None], 3.0, 3.0, 3.0)
-    x = np.column_stack([rng.standard_normal((channels, samples)), [0.5, 0.1]])
+    model = ArrangementModel(np.array([1.0, 2.0]), np.array([0.3, 0.2]), root @ root.T,
+                             rng.standard_normal((powers, d, 1 + stones)) * np.array([1.0, 0.2])[:, None, None], 3.0, 3.0, 3.0)
+    signals, noise = rng.standard_normal((channels, samples)), np.array([0.5, 0.1])
     for speed in (3.0, 2.2):
         share, chance = speed / 3.0, np.zeros(stones + 1)
-        covariance = numbers.scatter + np.diag(
-            np.repeat(numbers.rest**2 + (x[:, -1] / numbers.scale) ** 2, samples))
-        flat, least = (x[:, :-1] / numbers.scale[:, None]).ravel(), np.inf
+        covariance = model.covariance + np.diag(np.repeat(model.residual**2 + (noise / model.scale) ** 2, samples))
+        flat, least = (signals / model.scale[:, None]).ravel(), np.inf
         logs = []
         for which in product((0, 1), repeat=stones):
-            mean = share * sum((speed - 3.0) ** k * numbers.mean[k] for k in range(powers)) @ np.array([1, *which])
+            mean = share * sum((speed - 3.0) ** k * model.mean[k] for k in range(powers)) @ np.array([1, *which])
             logs.append(multivariate_normal(mean, covariance).logpdf(flat) - np.log(comb(stones, sum(which))))
             least = min(least, float((flat - mean) @ np.linalg.solve(covariance, flat - mean)))
-        heat = max(1.0, least / d)
+        temperature = max(1.0, least / d)
         likelihood = [log + np.log(comb(stones, sum(which))) for log, which in zip(logs, product((0, 1), repeat=stones), strict=True)]
         for log, which in zip(likelihood, product((0, 1), repeat=stones), strict=True):
-            chance[sum(which)] += np.exp((log - max(likelihood)) / heat) / comb(stones, sum(which))
-        found = numbers.estimate(x, speed)
+            chance[sum(which)] += np.exp((log - max(likelihood)) / temperature) / comb(stones, sum(which))
+        found = model.estimate(signals, noise, speed)
         assert found.misfit == pytest.approx(least / d, rel=1e-9)
         assert found.probability == pytest.approx(chance / chance.sum(), rel=1e-7)
 
 
 @pytest.mark.parametrize(("noise", "least_right"), [(0.0, 0.95), (0.1, 0.9)])
-def test_stones_of_other_draws_are_counted(taught, noise, least_right):
-    X, _, ratios = draw(40, 2, noise=noise)
-    found = [taught.recognise(x) for x in X]
+def test_stones_of_other_draws_are_counted(method, noise, least_right):
+    X, ratios = draw(40, 2, noise=noise)
+    found = method.answer(X)
     assert np.mean([round(5 * r.ratio) == round(5 * b) for r, b in zip(found, ratios, strict=True)]) >= least_right
     assert np.mean([r.low <= b <= r.high for r, b in zip(found, ratios, strict=True)]) >= least_right
-    assert sum(r.strange != "" for r in found) <= 2
+    assert sum(r.out_of_distribution != "" for r in found) <= 2
 
 
-def test_another_plate_and_another_speed_are_strange(taught):
-    X, _, _ = draw(10, 3, 0.007)
-    assert all(taught.recognise(x).strange for x in X)
-    X, _, _ = draw(50, 3, speeds=(4.5, 4.5))
-    assert all(taught.recognise(x).strange for x in X)
+def test_another_plate_and_another_speed_are_out_of_distribution(method):
+    found = method.answer(draw(10, 3, 0.007)[0])
+    assert all(r.out_of_distribution and not r.model_fits for r in found)
+    assert all(r.out_of_distribution for r in method.answer(draw(50, 3, speeds=(4.5, 4.5))[0]))
 
 
 def test_a_speed_that_varied():
-    X, lessons, ratios = draw(90, 5, speeds=(2.0, 4.0))
-    method = Stones().fit(X[:40], ratios[:40], np.arange(40), lessons=lessons[:40])
-    untold = np.array([method.recognise(x).ratio for x in X[40:]]) - ratios[40:]
-    told = np.array([method.recognise(x, lesson.speed_m_s).ratio for x, lesson in zip(X[40:], lessons[40:], strict=True)])
-    assert np.abs(untold).mean() < 0.06
-    assert np.abs(told - ratios[40:]).mean() < 0.02
+    X, ratios = draw(90, 5, speeds=(2.0, 4.0))
+    method = ArrangementLikelihood().fit(X[:40], ratios[:40], groups=np.arange(40))
+    speeds = pd.DataFrame({"damping_ratio": 0.01, "speed_m_s": [x.force_record.speed_m_s for x in X[40:]]})
+    unknown = np.array([answer.ratio for answer in method.answer(X[40:])])
+    known = np.array([answer.ratio for answer in method.answer(X[40:], nuisance=speeds)])
+    assert np.abs(unknown - ratios[40:]).mean() < 0.06
+    assert np.abs(known - ratios[40:]).mean() < 0.02
 
 
-def test_saved_and_read(taught):
-    again = Stones.from_dict(json.loads(json.dumps(taught.to_dict())))
-    X, _, _ = draw(5, 6)
-    assert again.predict(X) == pytest.approx(taught.predict(X), abs=1e-4)
-    broken = taught.to_dict()
-    broken["numbers"]["scatter"] = broken["numbers"]["scatter"][:-1]
+def test_saved_and_read(method):
+    saved = json.loads(json.dumps(encode(method)))
+    X, _ = draw(5, 6)
+    again = [answer.ratio for answer in decode(saved, ArrangementLikelihood).answer(X)]
+    assert again == pytest.approx([answer.ratio for answer in method.answer(X)], abs=1e-4)
+    saved["model_"]["covariance"] = saved["model_"]["covariance"][:-1]
     with pytest.raises(ValueError, match="do not fit"):
-        Stones.from_dict(broken)
+        decode(saved, ArrangementLikelihood)
 
 
-def test_what_does_not_teach():
-    X, lessons, ratios = draw(6, 7)
+def test_runs_that_cannot_be_trained_on():
+    X, ratios = draw(6, 7)
     with pytest.raises(RecognitionError, match="2 runs whose stones fall at once"):
-        Stones().fit(X, ratios, lessons=[*lessons[:2], None, None, None, None])
+        ArrangementLikelihood().fit([*X[:2], *(replace(x, force_record=None) for x in X[2:])], ratios)
     with pytest.raises(RecognitionError, match="different stones of"):
-        Stones().fit(X, ratios, np.zeros(6), lessons=lessons[:1] * 6)
+        ArrangementLikelihood().fit([replace(x, force_record=X[0].force_record) for x in X], ratios, groups=np.zeros(6))
 
 
 def test_noise_of_smooth_signals():
@@ -166,8 +164,8 @@ def test_noise_of_smooth_signals():
     assert noise_of(smooth + [[0.1], [0.5]] * rng.standard_normal((2, 2000))) == pytest.approx([0.1, 0.5], rel=0.1)
 
 
-def test_stones_that_scatter_less_than_their_ratio_usually_does_are_strange():
-    """Usual misfits: 0.8 for coal, 0.2 for gangue, exponential between."""
-    usual = np.array([0.0, np.log(0.25), np.log(0.8)])
-    half = StonesEstimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1, 6.0)
-    assert strangeness(half, usual) == pytest.approx([0.1, 2.0, 4.0])
+def test_distances_by_hand():
+    """Reference misfits: 0.8 for coal, 0.2 for gangue, exponential between; half of the stones are gangue."""
+    reference = np.array([0.0, np.log(0.25), np.log(0.8)])
+    half = ArrangementEstimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1, 6.0)
+    assert distances(half, reference) == pytest.approx([0.1, 2.0, 4.0])

@@ -1,4 +1,4 @@
-"""Error of this package."""
+"""Errors of recognition."""
 
 from analysis.records import one_line
 

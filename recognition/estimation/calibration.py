@@ -1,0 +1,33 @@
+"""Quantiles of what a method does on held-out records: widths of intervals, and limits of the distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from recognition.estimation.arrays import Floats
+
+#: A record is out of distribution where one of its distances exceeds this factor times the value that this share of the
+#: held-out training records keep, or times 1, whichever is greater. The share is not 1, since a record from the end of
+#: a range that was held out is itself far from the training.
+LIMIT_FACTOR, REFERENCE_SHARE = 1.5, 0.95
+LEAST_GROUPS = 3
+
+
+def held_out_quantile(values: Floats, share: float) -> Floats:
+    """The least of `values` (n, ...) that a further one does not pass with probability `share` (conformal prediction);
+    the largest if n is too small for that."""
+    rank = int(np.ceil(share * (len(values) + 1)))
+    return np.sort(values, axis=0)[min(rank, len(values)) - 1]
+
+
+def distance_limits(distances: Floats) -> Floats:
+    """Limits (k,) from distances (n, k) of held-out records to their training, 1 being as expected."""
+    return LIMIT_FACTOR * np.maximum(1.0, held_out_quantile(distances, REFERENCE_SHARE))
+
+
+def reason_out_of_distribution(names: Sequence[str], distances: Floats, limits: Floats) -> str:
+    """Which distances (k,) exceed their limits (k,), "" if none does."""
+    return "; ".join(f"{name} {distance:.3g}, limit {limit:.3g}"
+                     for name, distance, limit in zip(names, distances, limits, strict=True) if distance > limit)

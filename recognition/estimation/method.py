@@ -1,0 +1,66 @@
+"""The protocol that every method of recognition keeps, and the entry by which a registry names it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.runs import Run
+from recognition.estimation.answer import Answer
+from recognition.estimation.arrays import Floats
+
+#: A value for each run; runs of one draw of arrangement and packing share it.
+Groups = Sequence[Any] | NDArray[Any]
+
+
+class Method(Protocol):
+    """A record becomes features, features train the method, and the trained method answers.
+
+    A method is a dataclass. Its fields ending in an underscore are set by `fit`; with the others they are what the
+    model file holds.
+    """
+
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Any:
+        """Features of one record: a table with t_s and the plate's responses in SI units, cut to the window.
+
+        run: the simulated run that the signals are from, where the method may be trained on it; its files may say more
+        than the record does. RecognitionError names a column that is missing.
+        """
+
+    def fit(self, X: Sequence[Any], y: Floats, *, groups: Groups | None = None,
+            nuisance: pd.DataFrame | None = None) -> Method:
+        """Train on the features X of n runs of ratio y (n,), 0..1, and return the method itself.
+
+        groups (n,): runs that share a value are held out together. nuisance: a row for each run, a column for each
+        condition that varied and that a record does not tell. RecognitionError where the runs do not allow it.
+        """
+
+    def answer(self, X: Sequence[Any], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+        """Answers to records by their features; nuisance: their conditions where these are known after all."""
+
+    def summary(self) -> str:
+        """What was learnt, in a few words."""
+
+
+@dataclass(frozen=True)
+class MethodEntry:
+    """A method in a registry.
+
+    title: as a reader sees it. make: gives an unfitted one. gives_interval: its answers have one. needs_draws: trained
+    on one draw of arrangement and packing it does not learn what others do, and is not the best to ask. rate_factor:
+    sample rate of its records, in multiples of that of `signals.parquet`.
+    """
+
+    title: str
+    make: Callable[[], Method]
+    gives_interval: bool = True
+    needs_draws: bool = False
+    rate_factor: int = 1
+
+
+#: Methods by name, the best by evaluation first among those that give intervals.
+Registry = Mapping[str, MethodEntry]

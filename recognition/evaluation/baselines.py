@@ -1,0 +1,29 @@
+"""What an evaluation adds to the methods of a model: a faster record, and a baseline."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from sklearn.linear_model import LinearRegression
+
+from recognition.estimation.arrays import Floats
+from recognition.estimation.channels import channels_of
+from recognition.estimation.method import MethodEntry, Registry
+from recognition.physics.arrangement_method import ArrangementLikelihood
+from recognition.regression.feature_regression import EstimatorMethod
+
+#: 40 kHz beside the paper's 6667 Hz.
+FAST_FACTOR = 6
+
+
+def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
+    """Root mean square of the centre of mass' acceleration, shape (1,)."""
+    return np.asarray(np.sqrt(np.mean(channels_of(signals, "centre")[1:] ** 2, axis=1)))
+
+
+BASELINES: Registry = {
+    "arrangement_likelihood_fast": MethodEntry("likelihood of arrangements, at 40 kHz", ArrangementLikelihood,
+                                               rate_factor=FAST_FACTOR),
+    "rms_line": MethodEntry(
+        "RMS and a straight line", lambda: EstimatorMethod(rms_of_acceleration, LinearRegression())),
+}

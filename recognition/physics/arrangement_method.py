@@ -1,0 +1,93 @@
+"""The likelihood of all arrangements as a method of recognition."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from analysis import RecordError
+from analysis.records import sample_rate_Hz
+from analysis.runs import Run
+from recognition.estimation.answer import Answer
+from recognition.estimation.arrays import Floats
+from recognition.estimation.calibration import reason_out_of_distribution
+from recognition.estimation.channels import channels_of
+from recognition.estimation.errors import RecognitionError
+from recognition.estimation.method import Groups
+from recognition.physics.arrangement_fit import PlateRecord, distance_reference, fit_model
+from recognition.physics.arrangement_likelihood import DISTANCES, MISFIT, ArrangementModel, distances
+from recognition.physics.force_records import ForceRecord, force_record_of
+
+#: Time from the first contact on that is used, and the most samples of it. A stone's force lasts 0.45 ms; the plate
+#: still rings with it afterwards.
+DURATION_S, MOST_SAMPLES = 3.75e-3, 60
+SPEED = "speed_m_s"  # the condition that may be known of a record
+
+
+@dataclass
+class ArrangementLikelihood:
+    """Recognition by the likelihood of every arrangement of stones on known places
+    (`recognition.estimation.method`)."""
+
+    model_: ArrangementModel = field(init=False, repr=False)
+    reference_: Floats = field(init=False, repr=False)
+    limits_: Floats = field(init=False, repr=False)
+
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> PlateRecord:
+        """The beginning of one record, and the forces of the stones where the run has them."""
+        values = channels_of(signals, "plate")
+        rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "record")
+        samples = min(MOST_SAMPLES, round(DURATION_S * rate_Hz))
+        if values.shape[1] < 4 * samples:
+            raise RecognitionError(f"{values.shape[1]} samples; needs {4 * samples} to tell the sensors' noise")
+        return PlateRecord(values[:, :samples], noise_of(values), _force_record(run, 1 / rate_Hz))
+
+    def fit(self, X: Sequence[PlateRecord], y: Floats, *, groups: Groups | None = None,
+            nuisance: pd.DataFrame | None = None) -> ArrangementLikelihood:
+        """Train on the runs that have force records, stones that fall at once, and the places that most have. The
+        conditions are those of the force records. RecognitionError where these runs, or the different stones in them,
+        are too few."""
+        keys = np.asarray(y if groups is None else groups)
+        self.model_ = fit_model(X, keys)
+        self.reference_, self.limits_ = distance_reference(X, np.asarray(y), keys)
+        return self
+
+    def answer(self, X: Sequence[PlateRecord], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+        """Answers to records; of `nuisance` the impact speed is used."""
+        speeds = [None] * len(X) if nuisance is None or SPEED not in nuisance else nuisance[SPEED].tolist()
+        return [self._answer(x, speed) for x, speed in zip(X, speeds, strict=True)]
+
+    def _answer(self, x: PlateRecord, speed_m_s: float | None) -> Answer:
+        (channels, samples), needed = x.signals.shape, (self.model_.scale.size, self.model_.samples)
+        if (channels, samples) != needed:
+            raise RecognitionError(f"{channels} channels of {samples} samples; the model has {needed[0]}"
+                                   f" of {needed[1]}")
+        found = self.model_.estimate(x.signals, x.noise, speed_m_s)
+        far = distances(found, self.reference_)
+        fits = not far[DISTANCES.index(MISFIT)] > self.limits_[DISTANCES.index(MISFIT)]
+        return Answer(found.ratio, *found.interval, reason_out_of_distribution(DISTANCES, far, self.limits_), fits)
+
+    def summary(self) -> str:
+        m = self.model_
+        return (f"{m.stones} stones, {m.low_m_s:.3g} to {m.high_m_s:.3g} m/s,"
+                f" {m.samples} samples of {m.scale.size} signals")
+
+
+def noise_of(signals: Floats) -> Floats:
+    """Standard deviation (m,) of white noise on smooth signals (m, n): of their third differences, over the last
+    quarter, where the plate's high modes have died away. At 6667 Hz what is left of them counts as noise of 1 %."""
+    late = signals[:, -(signals.shape[1] // 4):]
+    return np.asarray(np.sqrt(np.mean(np.diff(late, 3, axis=1) ** 2, axis=1) / 20))
+
+
+def _force_record(run: Run | None, sample_s: float) -> ForceRecord | None:
+    """None for a measured record, and for a run without a fast stream, a flexible plate or places of its stones."""
+    if run is None:
+        return None
+    try:
+        return force_record_of(run, DURATION_S, sample_s)
+    except RecordError:
+        return None

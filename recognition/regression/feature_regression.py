@@ -1,0 +1,103 @@
+"""Regressions on features of a record as methods of recognition."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.runs import Run
+from recognition.estimation.answer import Answer
+from recognition.estimation.arrays import Floats
+from recognition.estimation.calibration import reason_out_of_distribution
+from recognition.estimation.errors import RecognitionError
+from recognition.estimation.method import Groups
+from recognition.regression.conformal import GroupConformal
+from recognition.regression.features import FEATURES, PREDICTORS
+from recognition.regression.gaussian_process import ProcessModel, ProcessRegressor
+from recognition.regression.ratio_law import DISTANCES
+
+
+@dataclass
+class FeatureRegression:
+    """A Gaussian process on a set of FEATURES, with intervals by `GroupConformal`; X has the shape (runs, 2, p)."""
+
+    features: str
+    model_: ProcessModel = field(init=False, repr=False)
+    width_: float = field(init=False, repr=False)
+    limits_: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.features not in FEATURES:
+            raise RecognitionError(f"features {self.features!r}; choose among {', '.join(FEATURES)}")
+        self._estimator: ProcessRegressor | None = None  # only in the program that has fitted it
+
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
+        """Features and their standard errors, shape (2, p)."""
+        return FEATURES[self.features](signals)
+
+    def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
+            nuisance: pd.DataFrame | None = None) -> FeatureRegression:
+        """nuisance: of the law of the features (`ProcessRegressor.fit`). Raises RecognitionError."""
+        conformal = GroupConformal(ProcessRegressor(PREDICTORS.get(self.features)))
+        conformal.fit(np.asarray(X), y, groups, _numbers(nuisance))
+        self._estimator = conformal.estimator_
+        self.model_, self.width_, self.limits_ = conformal.estimator_.model_, conformal.width_, conformal.limits_
+        return self
+
+    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+        """RecognitionError for known conditions with a model from a file, which holds the process of unknown ones
+        only."""
+        for x in X:
+            if x[0].shape != self.model_.mean.shape:
+                raise RecognitionError(f"{x[0].size} features; the model has {self.model_.mean.size}")
+        if nuisance is None:
+            found = [self.model_.ratio(x) for x in X]
+        elif self._estimator is None:
+            raise RecognitionError("conditions known with a record; a model from a file cannot use them")
+        else:
+            found = list(zip(*self._estimator.predict(np.asarray(X), True, _numbers(nuisance)), strict=True))
+        return [self._answer(x, *one) for x, one in zip(X, found, strict=True)]
+
+    def _answer(self, x: Floats, ratio: float, error: float) -> Answer:
+        reason = reason_out_of_distribution(DISTANCES, self.model_.distances(x), self.limits_)
+        return Answer(float(ratio), float(ratio - self.width_ * error), float(ratio + self.width_ * error), reason)
+
+    def summary(self) -> str:
+        width_points = 100 * self.width_ * self.model_.standard_error
+        return f"{self.model_.mean.size} features, interval of {width_points:.1f} points"
+
+
+@dataclass
+class EstimatorMethod:
+    """Any regressor of scikit-learn on what `features` makes of a record, an array of the same shape for each, with
+    intervals by `GroupConformal`. It is not saved in model files."""
+
+    features: Callable[[pd.DataFrame], Floats]
+    estimator: Any
+    conformal_: GroupConformal = field(init=False, repr=False)
+
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
+        """Features of one record."""
+        return self.features(signals)
+
+    def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
+            nuisance: pd.DataFrame | None = None) -> EstimatorMethod:
+        """Raises RecognitionError."""
+        self.conformal_ = GroupConformal(self.estimator).fit(np.asarray(X), y, groups, _numbers(nuisance))
+        return self
+
+    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+        """Answers to records; none is called out of distribution."""
+        rows = self.conformal_.predict_interval(np.asarray(X), _numbers(nuisance))
+        return [Answer(float(ratio), float(low), float(high)) for ratio, low, high in rows]
+
+    def summary(self) -> str:
+        return f"interval of {100 * self.conformal_.width_:.1f} points"
+
+
+def _numbers(nuisance: pd.DataFrame | None) -> Floats | None:
+    return None if nuisance is None else nuisance.to_numpy(dtype=float)

@@ -1,0 +1,48 @@
+"""Force records of a run of the engine: the plate's model, pushed by the stones' forces, gives the record."""
+
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from scenes_of_tests import changed
+
+from analysis import RecordError, read_run
+from dem.run.run import run_scene
+from recognition.estimation.channels import channels_of
+from recognition.physics.arrangement_method import DURATION_S, ArrangementLikelihood
+from recognition.physics.force_records import force_record_of
+
+
+@pytest.fixture(scope="module")
+def directory(runs):
+    sensors = [{"name": "west", "x_m": -0.15, "y_m": 0.05}, {"name": "east", "x_m": 0.18, "y_m": -0.03}]
+    run_scene(changed("small", {"time.duration_s": 0.0045, "plate.sensors": sensors}), "small", runs / "force_record")
+    return runs / "force_record"
+
+
+def test_the_plates_model_gives_the_record_of_a_run(directory):
+    run = read_run(directory)
+    forces = force_record_of(run, DURATION_S)
+    rows = forces.force_N.shape[1]
+    recorded = channels_of(run.fast.iloc[:rows], "plate")
+    left = np.sqrt(np.mean((forces.modelled - recorded) ** 2, axis=1) / np.mean(recorded**2, axis=1))
+    # The force acts where sub-spheres touch, not in the middle of a stone's place: accelerometers feel that most.
+    assert left[0] < 0.01 and left[1:3].max() < 0.1 and left[3:].max() < 0.02
+    assert forces.force_N.sum() * forces.step_s == pytest.approx(run.info["impulse_N_s"], rel=0.05)
+    assert sorted(forces.gangue) == [False, True] and forces.sample_s == pytest.approx(1.5e-4)
+
+
+def test_runs_without_a_force_record(directory, tmp_path):
+    for name in ("run.json", "signals.parquet"):
+        shutil.copy(directory / name, tmp_path / name)
+    run = read_run(tmp_path)
+    longer = pd.DataFrame({name: np.resize(values, 100) for name, values in run.signals.items()})
+    longer["t_s"] = np.arange(100) / run.rate_Hz
+    assert ArrangementLikelihood().prepare(longer, run).force_record is None
+    with pytest.raises(RecordError, match="fast.parquet"):
+        force_record_of(run, DURATION_S)
+    shutil.copy(directory / "fast.parquet", tmp_path)
+    run.info["scene"]["plate"]["model"] = "rigid"
+    with pytest.raises(RecordError, match="needs 'flexible'"):
+        force_record_of(run, DURATION_S)
