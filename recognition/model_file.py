@@ -73,11 +73,15 @@ def _to_digits(digits: int) -> Callable[[Any], Any]:
     return lambda array: np.vectorize(lambda number: float(f"{number:.{digits}g}"))(array).tolist()
 
 
+def _is_array(of: Any) -> bool:
+    return np.ndarray in (of, get_origin(of))
+
+
 _converter = Converter(detailed_validation=False, forbid_extra_keys=True)
 _converter.register_structure_hook(float, _float)
 for _kind in (int, str, bool):
     _converter.register_structure_hook(_kind, _exactly)
-_converter.register_structure_hook_func(lambda of: get_origin(of) == np.ndarray, _array)
-_converter.register_unstructure_hook_func(lambda of: np.ndarray in (of, get_origin(of)), lambda array: array.tolist())
+_converter.register_structure_hook_func(_is_array, _array)
+_converter.register_unstructure_hook_func(_is_array, lambda array: array.tolist())
 _converter.register_structure_hook_factory(is_dataclass, _structure)
 _converter.register_unstructure_hook_factory(is_dataclass, _unstructure)
