@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -45,6 +45,9 @@ class AgglomerateTable(Table):
     subspheres: Annotated[int, Field(ge=2, le=100_000)]
     damping_ratio: NotNegative = 0.05
     unbreakable: bool = False
+    # How a stone touches the plate: with its sub-spheres, each alone, or as the smooth sphere that it stands for
+    # (docs/contact.md).
+    contact: Literal["sub_spheres", "smooth"] = "sub_spheres"
 
 
 class StonePosition(Table):
@@ -108,6 +111,8 @@ class MaterialTable(Table):
     density_kg_m3: Positive
     youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa)]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
+    # Pressure in the middle of a contact with the plate at which the stone crushes; absent: it stays elastic.
+    contact_strength_Pa: Positive | None = None
     bond: BondTable | None = None
 
 
@@ -168,6 +173,12 @@ class Scene(Table):
         bond = self.materials[material].bond
         assert bond is not None
         return bond
+
+    @property
+    def has_smooth_contact(self) -> bool:
+        """Do stones touch the plate as the smooth spheres that they stand for?"""
+        table = self.stones.agglomerate
+        return table is not None and table.contact == "smooth"
 
     @property
     def agglomerate(self) -> AgglomerateTable:

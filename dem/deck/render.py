@@ -12,6 +12,7 @@ import numpy as np
 from common.resources import resource
 from common.scene import PLATE, Scene, contact_key
 from dem.deck.plate_yield import yield_pressure_Pa
+from dem.deck.smooth_contact import write_surfaces
 from dem.deck.time_step import TimeStep, impact_speed_m_s, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from plate_fem.modes import PlateModes
@@ -33,6 +34,8 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     np.savetxt(directory / "agglomerates.txt", assembly.sizes, fmt="%d")
     if assembly.n_bonds:
         _write_bonds(directory / "bonds.txt", assembly)
+    if assembly.surfaces:
+        write_surfaces(directory / "surface.txt", scene, assembly)
     if modes is not None:
         _write_shapes(directory / "shapes.bin", modes)
     digest = hashlib.sha256()
@@ -73,6 +76,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         co_step=step.co_step,
         weak_contact=weak_contact(scene, assembly, step),
         steps=step.steps,
+        surface=bool(assembly.surfaces),
         extent_m=[-half[0], half[0], -half[1], half[1]],
         speed_m_s=scene.stones.speed_m_s,
         impact_J=float(0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2),

@@ -57,7 +57,7 @@ void ContactRecorder::record_contacts(const std::vector<NearSphere> &near, const
   if (!has_contacts_) return;
   std::vector<double> mine, all;
   for (const NearSphere &p : near) {
-    if (!p.touches) continue;
+    if (!p.touches || p.push == 0) continue;
     const double *x = lmp_->atom->x[p.i];
     const PlateContact::Pressing pressing = contact.pressing(p);
     mine.insert(mine.end(), {agglomerates_.of_tag(lmp_->atom->tag[p.i]) + 1.0, x[0], x[1], pressing.force_N,

@@ -20,6 +20,7 @@ enum LedgerColumn {
   PAIR_ELASTIC,    // now in the normal contacts between sub-spheres, J
   PAIR_DAMPED,     // taken by their normal dashpots so far, J
   WALL_PLASTIC,    // taken by the plate's yielding under the contacts so far, J
+  WALL_RELEASED,   // elastic energy of contacts with the plate whose sub-spheres broke off, J
   WALL_DEEPEST,    // largest overlap over radius of a contact with the plate so far; over the ranks the largest counts
   LEDGER_COLUMNS
 };

@@ -156,6 +156,10 @@ void FixBondParallel::rebuild() {
   kernel_->build(local_, nlocal + atom->nghost);
 }
 
+void FixBondParallel::agree_on_broken() {
+  if (comm->nprocs > 1) share_broken();
+}
+
 // Each rank finds the bonds broken that it computes; all ranks must know them before bonds change hands.
 void FixBondParallel::share_broken() {
   int mine = newly_broken_.size(), total = 0;

@@ -6,6 +6,7 @@
 #include "agglomerates.h"
 #include "bond_events.h"
 #include "bond_kernel.h"
+#include "bond_network.h"
 #include "bond_table.h"
 #include "checkpointed.h"
 #include "energy_holder.h"
@@ -22,7 +23,7 @@ namespace LAMMPS_NS {
 // quaternions alone. Damping is viscous and proportional to stiffness: the forces are taken at x + tau v, which to
 // first order is F + tau dF/dt. A bond whose stress passes its strength breaks, which is an event (bond_events.h), and
 // acts no more.
-class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, public BodyMaker {
+class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, public BodyMaker, public BondNetwork {
  public:
   FixBondParallel(class LAMMPS *, int, char **);
   ~FixBondParallel() override;
@@ -66,6 +67,11 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void add_elastic_energy_by_body(double *energy) override;
   void forget_forces(int i) override;
   void rotate(int i, const Rotation &) override;
+
+  const std::vector<Bond> &bonds() const override { return bonds_; }
+  bool holds(size_t bond) const override { return intact_[bond]; }
+  void agree_on_broken() override;
+  const double *quaternion(int i) const override { return quaternion_[i]; }
 
  private:
   std::unique_ptr<Agglomerates> agglomerates_;

@@ -11,6 +11,7 @@
 #include "force.h"
 #include "neighbor.h"
 #include "primitive_wall.h"
+#include "smooth_contact.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -47,7 +48,7 @@ double power(const NearSphere &p, const Atom *atom) {
 /* --- the line of the deck ------------------------------------------------------------------------------------ */
 
 struct FixWallPlate::Options {
-  std::string agglomerates, forces, contacts, shapes, to_plate, from_plate;
+  std::string agglomerates, forces, contacts, shapes, to_plate, from_plate, surface;
   double yield_pressure_Pa = 0;  // 0: the plate stays elastic
   WeakContact weak;
 };
@@ -66,6 +67,7 @@ FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
     else if (key == "to_plate") o.to_plate = arg[k];
     else if (key == "from_plate") o.from_plate = arg[k];
     else if (key == "contacts") o.contacts = arg[k];
+    else if (key == "surface") o.surface = arg[k];
     else if (key == "every") contacts_every_ = force->inumeric(FLERR, arg[k]);
     else if (key == "yield_pressure") {
       o.yield_pressure_Pa = force->numeric(FLERR, arg[k]);
@@ -98,7 +100,11 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
   if (!o.shapes.empty())
     coupling_ = std::make_unique<PlateCoupling>(lmp, o.shapes, o.to_plate, o.from_plate, co_step_, o.weak);
   recorder_ = std::make_unique<ContactRecorder>(lmp, *agglomerates_, o.forces, o.contacts);
-  contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa);
+  if (o.surface.empty())
+    contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa);
+  else
+    contact_ = std::make_unique<SmoothContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa, o.surface);
+  if (coupling_) coupling_->set_outside(contact_->outside());
   nevery = 1;
   if (const SphereMemory *memory = contact_->memory()) {
     create_attribute = 1;
@@ -139,7 +145,7 @@ void FixWallPlate::pre_force(int) {
 // The list that the stock wall goes through: everything that the plate could reach before the next build.
 void FixWallPlate::list_near() {
   listed_reach_ = coupling_ ? std::max(LEAST_LISTED_REACH_M, 2 * coupling_->reach()) : 0;
-  primitiveWall_->buildNeighList(neighbor->skin + listed_reach_, atom->x, atom->radius, atom->nlocal);
+  primitiveWall_->buildNeighList(neighbor->skin + listed_reach_ + contact_->listed_height(), atom->x, atom->radius, atom->nlocal);
   int *list;
   const int n = primitiveWall_->getNeighbors(list);
   near_.assign(n, NearSphere());
@@ -154,7 +160,7 @@ void FixWallPlate::post_force(int vflag) {
     p.is_above = x[0] >= e[0] && x[0] <= e[1] && x[1] >= e[2] && x[1] <= e[3];
   }
   if (coupling_) coupling_->place(near_, step_in_co_step_);
-  contact_->add_forces(near_, vflag);
+  contact_->add_forces(near_, plate_reach(), vflag);
   add_work();
 
   // The mean over a co-step is the trapezoidal one, which is the impulse that the integrator gives to the stones.
@@ -174,7 +180,7 @@ void FixWallPlate::add_work() {
     if (!p.touches) continue;
     const int a = agglomerates_->of_tag(atom->tag[p.i]);
     work_on_stone_[a] += 0.5 * dt * power(p, atom);
-    work_on_plate_[a] -= dt * p.force[2] * p.plate_v;
+    work_on_plate_[a] -= dt * p.push * p.plate_v;
   }
 }
 

@@ -16,14 +16,15 @@
 namespace LAMMPS_NS {
 
 // fix ID group wall/plate agglomerates FILE forces FILE extent XMIN XMAX YMIN YMAX co_step N
-//     [contacts FILE every N] [yield_pressure P]
+//     [contacts FILE every N] [yield_pressure P] [surface FILE]
 //     [shapes FILE to_plate FILE from_plate FILE [weak_contact FORCE SPEED CO_STEPS MOST_CO_STEPS]]
 //     contact (arguments of wall/gran with a zplane at 0)
 //
 // The top face of the plate. At each step the fix asks where the plate is under each sub-sphere near it (PlateCoupling;
 // a plate without mode shapes is rigid and gets no messages), lets the contact law act there (PlateContact), adds up
 // the works, and passes the forces on, their mean over each co-step of N steps counting (PlateCoupling,
-// ContactRecorder). Forces and lengths are in SI units.
+// ContactRecorder). With a `surface` file bonded stones touch as the smooth bodies that they stand for (SmoothContact).
+// Forces and lengths are in SI units.
 class FixWallPlate : public FixWallGran,
                      public Checkpointed,
                      public EnergyHolder,
@@ -53,7 +54,7 @@ class FixWallPlate : public FixWallGran,
   void saved(long long step) override;
 
   const double *extent() const override { return extent_; }
-  double reach() const override { return coupling_ ? coupling_->reach() : 0; }
+  double reach() const override { return plate_reach() + contact_->outside(); }
   int co_step() const override { return co_step_; }
   bool is_quiet() const override { return step_in_co_step_ == 0 && !(coupling_ && coupling_->is_engaged()); }
   void skip(long long co_steps) override;
@@ -76,6 +77,7 @@ class FixWallPlate : public FixWallGran,
 
   struct Options;
   Options read_options(int narg, char **arg);
+  double plate_reach() const { return coupling_ ? coupling_->reach() : 0; }
   void list_near();
   void end_co_step(bool first);
   void add_work();

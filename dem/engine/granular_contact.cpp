@@ -29,7 +29,7 @@ double GranularContact::modulus(int i) const { return law_->modulus(lmp_->atom->
 
 int GranularContact::agglomerate_of(int i) const { return agglomerates_.of_tag(lmp_->atom->tag[i]); }
 
-void GranularContact::add_forces(std::vector<NearSphere> &near, int vflag) {
+void GranularContact::add_forces(std::vector<NearSphere> &near, double, int vflag) {
   move_into_frame_of_plate(near);
   wall_.act(vflag);
   move_back(near);
@@ -69,6 +69,7 @@ void GranularContact::move_back(std::vector<NearSphere> &near) {
       p.force[d] = atom->f[i][d] - p.force[d];
       p.torque[d] = atom->torque[i][d] - p.torque[d];
     }
+    p.push = p.force[2];
     double &deepest = deepest_[agglomerate_of(i)];
     deepest = std::max(deepest, p.depth / atom->radius[i]);
   }
@@ -78,7 +79,7 @@ void GranularContact::end_of_step(const std::vector<NearSphere> &near) {
   const Atom *atom = lmp_->atom;
   const double dt = lmp_->update->dt;
   for (const NearSphere &p : near) {
-    if (!p.touches) continue;
+    if (!p.touches || p.in_patch) continue;
     const int i = p.i;
     const double mass = atom->rmass[i], v = atom->v[i][2] - p.plate_v, v_before = v - 0.5 * dt * atom->f[i][2] / mass;
     damped_[agglomerate_of(i)] +=
@@ -93,7 +94,7 @@ PlateContact::Pressing GranularContact::pressing(const NearSphere &p) const {
 
 void GranularContact::add_to(LedgerRows &rows, const std::vector<NearSphere> &near) const {
   for (const NearSphere &p : near) {
-    if (!p.touches) continue;
+    if (!p.touches || p.in_patch) continue;
     const double E = modulus(p.i), R = lmp_->atom->radius[p.i];
     const double left = indentation_ ? indentation_->under(p.i, E).depth : 0;
     // Hertz' 2/5 F d, which is 8/15 E* sqrt(R) d^(5/2) where nothing has yielded
@@ -112,7 +113,7 @@ void GranularContact::save(CheckpointWriter &out, const std::vector<NearSphere> 
   if (wall_.history_size() > 0) {
     std::vector<double> rows;
     for (const NearSphere &p : near) {
-      if (!p.touches) continue;
+      if (!p.touches || p.in_patch) continue;
       rows.push_back(lmp_->atom->tag[p.i]);
       rows.insert(rows.end(), wall_.history(p.i), wall_.history(p.i) + wall_.history_size());
     }

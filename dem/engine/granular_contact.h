@@ -29,7 +29,7 @@ class GranularContact : public PlateContact {
   // A yield pressure of 0 means a plate that stays elastic, Pa.
   GranularContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa);
   void setup() override;
-  void add_forces(std::vector<NearSphere> &, int vflag) override;
+  void add_forces(std::vector<NearSphere> &, double reach, int vflag) override;
   void end_of_step(const std::vector<NearSphere> &) override;
   void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;
   Pressing pressing(const NearSphere &) const override;

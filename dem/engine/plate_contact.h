@@ -17,6 +17,8 @@ struct NearSphere {
   bool is_above = false;              // over the outline of the plate, beside which nothing touches
   double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it
   bool touches = false;               // does the plate act on it?
+  bool in_patch = false;              // together with others of its stone
+  double push = 0;                    // of the force on the plate, what acts beneath it, N
   double force[3], torque[3];         // of the plate on it, N and N m; only where it touches
   double depth = 0;                   // how far it reaches below the surface of the plate, m
   double overlap = 0;                 // of the elastic contact with the same force, m
@@ -29,7 +31,8 @@ struct NearSphere {
 // A law of its own derives from this class, is made by fix wall/plate where the deck names it, and gives:
 //   forces      add_forces adds to the forces and torques of LIGGGHTS's arrays and notes them in each NearSphere. The
 //               fix takes works, pushes on the plate and modal forces from there.
-//   energies    add_to adds WALL_ELASTIC, WALL_DAMPED, WALL_PLASTIC and WALL_DEEPEST, so that the ledger closes.
+//   energies    add_to adds WALL_ELASTIC, WALL_DAMPED, WALL_PLASTIC, WALL_RELEASED and WALL_DEEPEST, so that the ledger
+//               closes.
 //   history     memory() is for numbers that travel with a sub-sphere, save and restore are for all that a checkpoint
 //               keeps. A NearSphere is forgotten when the list is made anew, so nothing that must last may stand there.
 // The sub-spheres of a body in free flight are in none of the lists: it left when it touched nothing, and it comes back
@@ -38,8 +41,9 @@ class PlateContact {
  public:
   virtual ~PlateContact() {}
   virtual void setup() {}  // before the first step of each run
-  // Once a step, when the other forces of the step are known. `vflag` asks LIGGGHTS for the virial.
-  virtual void add_forces(std::vector<NearSphere> &, int vflag) = 0;
+  // Once a step, when the other forces of the step are known. The plate stays within `reach` (m) of z = 0 until the next
+  // message. `vflag` asks LIGGGHTS for the virial.
+  virtual void add_forces(std::vector<NearSphere> &, double reach, int vflag) = 0;
   // When the velocities at the end of the step are known, with which damping does its work.
   virtual void end_of_step(const std::vector<NearSphere> &) = 0;
   virtual void add_to(LedgerRows &, const std::vector<NearSphere> &) const = 0;  // see EnergyHolder
@@ -48,6 +52,11 @@ class PlateContact {
     double force_N, radius_m;
   };
   virtual Pressing pressing(const NearSphere &) const = 0;  // of one that touches
+
+  // How far what touches may reach below the sub-spheres, and up to which height above the plate the law needs to see
+  // sub-spheres, m.
+  virtual double outside() const { return 0; }
+  virtual double listed_height() const { return 0; }
 
   virtual SphereMemory *memory() { return nullptr; }
   virtual void save(CheckpointWriter &, const std::vector<NearSphere> &) const = 0;

@@ -44,7 +44,7 @@ void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
   const Atom *atom = lmp_->atom;
   const double *x = atom->x[p.i];
   const double reach = link_.reach + 2 * std::fabs(atom->v[p.i][2]) * interval_s();
-  site.is_active = x[2] - atom->radius[p.i] < reach + CLEARANCE_M;
+  site.is_active = x[2] - atom->radius[p.i] < reach + outside_ + CLEARANCE_M;
   site.w0 = site.w1 = site.rate0 = site.rate1 = 0;
   if (!site.is_active) return;
   if (!site.has_shape || std::hypot(x[0] - site.x, x[1] - site.y) > SHAPE_TOLERANCE_M) {
@@ -80,9 +80,9 @@ void PlateCoupling::place(std::vector<NearSphere> &near, int step_in_co_step) {
 void PlateCoupling::add_forces(const std::vector<NearSphere> &near, double share) {
   const int modes = shapes_.modes();
   for (size_t k = 0; k < near.size(); k++) {
-    if (!near[k].touches) continue;
+    if (!near[k].touches || near[k].push == 0) continue;
     const double *shape = &site_shapes_[k * modes];
-    for (int m = 0; m < modes; m++) modal_force_[m] -= share * near[k].force[2] * shape[m];
+    for (int m = 0; m < modes; m++) modal_force_[m] -= share * near[k].push * shape[m];
   }
 }
 
@@ -102,7 +102,7 @@ bool PlateCoupling::anything_near(const std::vector<NearSphere> &near) const {
   const double T = interval_s();
   for (const NearSphere &p : near) {
     const double clearance = atom->x[p.i][2] - atom->radius[p.i];
-    mine |= clearance < link_.reach + 2 * T * std::fabs(atom->v[p.i][2]) + CLEARANCE_M;
+    mine |= clearance < link_.reach + 2 * T * std::fabs(atom->v[p.i][2]) + outside_ + CLEARANCE_M;
   }
   MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, lmp_->world);
   return any;
@@ -125,7 +125,7 @@ int PlateCoupling::co_steps_to_extrapolate(const std::vector<NearSphere> &near) 
     const double clearance = atom->x[p.i][2] - atom->radius[p.i], speed = std::fabs(atom->v[p.i][2]);
     const double way = 2 * co_step_ * update->dt * speed;
     while (mine > 1 && speed * mine > weak_.speed_m_s * weak_.co_steps &&
-           clearance < link_.reach + mine * way + CLEARANCE_M)
+           clearance < link_.reach + mine * way + outside_ + CLEARANCE_M)
       mine--;
   }
   MPI_Allreduce(&push, &all_push, 1, MPI_DOUBLE, MPI_SUM, lmp_->world);

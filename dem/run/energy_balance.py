@@ -26,7 +26,7 @@ import pandas as pd
 # As fix_ledger.cpp writes them.
 COLUMNS = ["kinetic_J", "momentum_z_kg_m_s", "mass_height_kg_m", "bond_elastic_J", "bond_work_J", "released_J",
            "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
-           "pair_elastic_J", "pair_damped_J", "wall_plastic_J", "wall_deepest"]
+           "pair_elastic_J", "pair_damped_J", "wall_plastic_J", "wall_released_J", "wall_deepest"]
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
         "bond_damping_J": -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"],
         "contact_damping_J": contact_damping,
         "plastic_J": c["wall_plastic_J"],
-        "friction_J": -contact_work - contact_elastic - contact_damping - c["wall_plastic_J"],
-        "released_by_breakage_J": c["released_J"],
+        "friction_J": -contact_work - contact_elastic - contact_damping - c["wall_plastic_J"] - c["wall_released_J"],
+        "released_by_breakage_J": c["released_J"] + c["wall_released_J"],
         "given_to_plate_J": c["plate_work_J"],
     }
 

@@ -64,7 +64,8 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     stages = Stages()
     arrangement = arrange(scene, source)
     with stages("packing"):
-        assembly = assemble(scene, arrangement)
+        with refused_in(source, "stones.agglomerate"):
+            assembly = assemble(scene, arrangement)
     limits = step_limits(scene, assembly, source)
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":

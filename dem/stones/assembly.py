@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common.scene import Scene
+from common.tables import Refused
 from dem.stones.arrangement import Arrangement
-from dem.stones.bonds import bond_network
-from dem.stones.packing import pack_sphere
+from dem.stones.bonds import Bonds, bond_network
+from dem.stones.contact_patch import StoneSurface, stone_surface
+from dem.stones.packing import Packing, SphereContainer, pack_sphere
 from dem.stones.strength import SIZE_EXPONENT, strength_scale
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
@@ -24,7 +26,7 @@ class Assembly:
     `center_m` (n, 3), `radius_m` (n,) of contact, `mass_kg` (n,), `material` (n,) index into `materials`,
     `agglomerate` (n,) 0-based and ascending; `bond_first`, `bond_second` (m,) 0-based sub-spheres, `bond_vector_m`
     (m, 3) from first to second, `bond_radius_m` (m,), all in the undeformed state; `bond_strength_factor` (m,) on both
-    strengths of the material.
+    strengths of the material. `surfaces`: of each agglomerate where stones touch as smooth bodies, else empty.
     """
 
     materials: list[str]
@@ -38,6 +40,7 @@ class Assembly:
     bond_vector_m: np.ndarray
     bond_radius_m: np.ndarray
     bond_strength_factor: np.ndarray
+    surfaces: tuple[StoneSurface, ...] = ()
 
     @property
     def n_particles(self) -> int:
@@ -67,13 +70,19 @@ class Assembly:
 
 
 def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
-    """Pack each stone and set it down above the plate, its lowest point `gap_m` up, or higher to arrive later."""
+    """Pack each stone and set it down above the plate, its lowest point `gap_m` up, or higher to arrive later. Raises
+    Refused, a key of `stones.agglomerate`, where sub-spheres are too few for a smooth contact."""
     stones = scene.stones
     materials = sorted(set(arrangement.material))  # LIGGGHTS wants types without gaps
-    parts = []
+    parts, surfaces = [], []
     for k, (place, material) in enumerate(zip(arrangement.position_m, arrangement.material)):
-        center, radius, bonds = _stone(scene, k)
-        center = center + [place[0], place[1], _height_m(scene, k) - (center[:, 2] - radius).min()]
+        packing, radius, network = _stone(scene, k)
+        lowest = (packing.center_m[:, 2] - radius).min()
+        if scene.has_smooth_contact:
+            lowest = -stones.radius_m
+            surfaces.append(_surface(scene, packing, network, material))
+        center = packing.center_m + [place[0], place[1], _height_m(scene, k) - lowest]
+        bonds = (network.first, network.second, network.vector_m, network.radius_m)
         mass = scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
         parts.append((center, radius, mass * radius**3 / (radius**3).sum(), materials.index(material), bonds,
                       _strength_factor(scene, k, material, radius / CONTACT_RADIUS_RATIO)))
@@ -90,6 +99,7 @@ def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
         bond_vector_m=np.vstack([p[4][2] for p in parts]),
         bond_radius_m=np.concatenate([p[4][3] for p in parts]),
         bond_strength_factor=np.concatenate([np.full(len(p[4][0]), p[5]) for p in parts]),
+        surfaces=tuple(surfaces),
     )
 
 
@@ -107,19 +117,26 @@ def _strength_factor(scene: Scene, index: int, material: str, radius_m: np.ndarr
     return own * float(strength_scale(radius_m.mean(), bond.reference_subsphere_radius_m, SIZE_EXPONENT))
 
 
-def _stone(scene: Scene, index: int) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
-    """Centres, contact radii and bonds (first, second, vector, radius) of one stone about its own centre."""
+def _stone(scene: Scene, index: int) -> tuple[Packing, np.ndarray, Bonds]:
+    """Packing of one stone about its own centre, radii of contact (n,), and bonds; an unbonded sphere has none."""
     stones = scene.stones
     if stones.agglomerate is None:
         none = np.zeros(0, dtype=int)
-        return np.zeros((1, 3)), np.array([stones.radius_m]), (none, none, np.zeros((0, 3)), np.zeros(0))
+        one = Packing(np.zeros((1, 3)), np.array([stones.radius_m]), SphereContainer(stones.radius_m))
+        return one, one.radius_m, Bonds(none, none, np.zeros((0, 3)), np.zeros(0))
     # A place keeps its packing whatever its material, so that a sweep changes the material alone.
     packing = pack_sphere(stones.radius_m, stones.agglomerate.subspheres, seed=stones.seed + index)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
-    bonds = bond_network(packing)
-    return (packing.center_m, CONTACT_RADIUS_RATIO * packing.radius_m,
-            (bonds.first, bonds.second, bonds.vector_m, bonds.radius_m))
+    return packing, CONTACT_RADIUS_RATIO * packing.radius_m, bond_network(packing)
+
+
+def _surface(scene: Scene, packing: Packing, network: Bonds, material: str) -> StoneSurface:
+    try:
+        return stone_surface(packing, network, scene.bond_of(material))
+    except ValueError as error:
+        raise Refused("subspheres", len(packing.radius_m), f"must be more where contact = 'smooth', such as 200: {error}") \
+            from None
 
 
 def _along_z_curve(points: np.ndarray, cell: float) -> np.ndarray:

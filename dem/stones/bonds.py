@@ -175,7 +175,7 @@ def _uniaxial_test(packing: Packing, matrix: csr_matrix, axis: int) -> tuple[flo
     held[middle, [a, b]] = held[side, b] = True
     fixed, u = held.ravel(), displacement.ravel()
     free = ~fixed
-    u[free] = _solve(matrix[free][:, free], -(matrix[free][:, fixed] @ u[fixed]), _dof_scale(packing)[free])
+    u[free] = solve_static(matrix[free][:, free], -(matrix[free][:, fixed] @ u[fixed]), dof_scale(packing)[free])
     displacement = u.reshape(n, 6)
     force = (matrix @ u).reshape(n, 6)[upper, axis].sum()
     section = packing.container.volume_m3 / (2 * half)
@@ -235,20 +235,20 @@ def _inertial_energy(packing: Packing, matrix: csr_matrix, load: np.ndarray) -> 
     # The same mean stress as in the homogeneous sphere, whose mass reaches nearer to the surface.
     virial = (force[:, :3] * pull).sum()
     force = force.ravel() * (4 * np.pi * packing.container.radius_m**5 / 15 / virial)
-    return 0.5 * float(force @ _solve(matrix, force, _dof_scale(packing)))
+    return 0.5 * float(force @ solve_static(matrix, force, dof_scale(packing)))
 
 
-def _dof_scale(packing: Packing) -> np.ndarray:
+def dof_scale(packing: Packing) -> np.ndarray:
     """(6 n,) factors that bring turns to the size of displacements, for the iterative solver."""
     scale = np.ones((len(packing.radius_m), 6))
     scale[:, 3:] = 1 / packing.radius_m[:, None]
     return scale.ravel()
 
 
-def _solve(matrix: csr_matrix, load: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def solve_static(matrix: csr_matrix, load: np.ndarray, scale: np.ndarray, tolerance: float = 1e-10) -> np.ndarray:
     """Conjugate gradients; of a free body the load must be balanced, and the motion found is one of many."""
     scaled = diags(scale) @ matrix @ diags(scale)
-    solution, failed = cg(scaled, scale * load, rtol=1e-10, maxiter=20000, M=diags(1 / scaled.diagonal()))
+    solution, failed = cg(scaled, scale * load, rtol=tolerance, maxiter=20000, M=diags(1 / scaled.diagonal()))
     if failed:
         raise RuntimeError("the bond network has no equilibrium that conjugate gradients could find")
     return scale * solution

@@ -1,0 +1,59 @@
+"""The contact of stones with the plate as smooth spheres: its law, and the file that the engine reads it from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from common.hertz import contact_modulus_Pa
+from common.scene import PLATE, Scene, contact_key
+from dem.stones.assembly import Assembly
+from dem.stones.contact_patch import PATCH_RADIUS
+from plate_fem.contact_stress import YIELD_PRESSURE
+
+OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
+
+
+@dataclass(frozen=True)
+class SmoothLaw:
+    """Contact of a smooth sphere with the plate (docs/contact.md).
+
+    E* and G* in Pa; the damping ratio of the dashpot that gives the restitution, -ln e / sqrt(ln^2 e + pi^2) (T. Antypov
+    and J. A. Elliott, EPL 94 (2011) 50004); friction; the pressure in the middle of the contact at which stone or plate
+    gives way, Pa, 0 where neither does.
+    """
+
+    modulus_Pa: float
+    shear_modulus_Pa: float
+    damping_ratio: float
+    friction: float
+    yield_pressure_Pa: float
+
+
+def smooth_law(scene: Scene, material: str) -> SmoothLaw:
+    """The law of stones of one material."""
+    bodies, contact = (scene.materials[material], scene.plate), scene.contacts[contact_key(material, PLATE)]
+    shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
+    log_e = float(np.log(contact.restitution))
+    plate_limit = None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
+    limits = [limit for limit in (scene.materials[material].contact_strength_Pa, plate_limit) if limit is not None]
+    return SmoothLaw(contact_modulus_Pa(*bodies), 1 / shear_compliance, -log_e / float(np.hypot(log_e, np.pi)),
+                     contact.friction, min(limits, default=0.0))
+
+
+def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
+    """Write the file that dem/engine/stone_surface.h describes."""
+    radius = scene.stones.radius_m
+    start = np.cumsum([0, *assembly.sizes])
+    with open(file, "w") as out:
+        out.write(f"{OUTSIDE * radius!r}\n")
+        for k, (surface, material) in enumerate(zip(assembly.surfaces, assembly.stone_materials, strict=True)):
+            here, law = slice(start[k], start[k + 1]), smooth_law(scene, material)
+            numbers = [radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio, law.friction,
+                       law.yield_pressure_Pa, surface.first.normal_m_N, surface.other.normal_m_N,
+                       surface.first.tangential_m_N, surface.other.tangential_m_N]
+            out.write(" ".join([str(assembly.sizes[k]), *(f"{float(number):.17g}" for number in numbers)]) + "\n")
+            rows = [surface.place_m, assembly.radius_m[here], assembly.mass_kg[here], surface.is_surface]
+            np.savetxt(out, np.column_stack(rows), fmt=["%.17g"] * 5 + ["%d"])

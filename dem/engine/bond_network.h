@@ -1,0 +1,18 @@
+#pragma once
+#include <vector>
+
+#include "bond_table.h"
+
+namespace LAMMPS_NS {
+
+// What a contact law of whole stones must know of their bonds.
+class BondNetwork {
+ public:
+  virtual ~BondNetwork() {}
+  virtual const std::vector<Bond> &bonds() const = 0;      // all that there ever were
+  virtual bool holds(size_t bond) const = 0;
+  virtual void agree_on_broken() = 0;                      // makes `holds` the same on all ranks, which call it together
+  virtual const double *quaternion(int i) const = 0;       // of sub-sphere i: rotation since the undeformed state
+};
+
+}  // namespace LAMMPS_NS

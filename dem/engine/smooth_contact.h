@@ -1,0 +1,105 @@
+#pragma once
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "granular_contact.h"
+#include "smooth_law.h"
+#include "stone_pieces.h"
+#include "stone_surface.h"
+
+namespace LAMMPS_NS {
+
+// Contact of bonded stones as the smooth bodies that they stand for (docs/contact.md). The surface sub-spheres about the
+// contact axis, a patch, carry the law of the smooth stone together; every other sub-sphere meets the plate alone
+// (GranularContact).
+//
+// The patch has come as far as q = sum w_i (R + w - c_i,z), where c_i = x_i - Q X_i is the centre of the stone as
+// sub-sphere i has it: X_i is its place in the undeformed stone, Q the mean rotation of its piece, w the plate's height.
+// While the patch presses its weights stand still. So q is linear in the places, each member has the force w_i F, and the
+// contact is exactly conservative, whatever breaks. When the stone has turned, the weights move on with the axis and q
+// stays.
+//
+// A piece of a stone has a patch while at least half of the patch's surface belongs to it. A sub-sphere that has lost
+// half its bonds and its place leaves the patch with its share of the force, as a contact of its own that begins at an
+// offset, and never with more energy than its share; the difference counts as released.
+class SmoothContact : public PlateContact {
+ public:
+  SmoothContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa, const std::string &surface_file);
+  void setup() override;
+  void add_forces(std::vector<NearSphere> &, double reach, int vflag) override;
+  void end_of_step(const std::vector<NearSphere> &) override;
+  void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;
+  Pressing pressing(const NearSphere &) const override;
+  double outside() const override { return surfaces_.outside(); }
+  double listed_height() const override { return surfaces_.height() + surfaces_.outside(); }
+  SphereMemory *memory() override { return alone_.memory(); }
+  void save(CheckpointWriter &, const std::vector<NearSphere> &) const override;
+  void restore(const CheckpointReader &) override;
+
+ private:
+  using Weight = StoneSurfaces::Weight;
+  struct Patch {
+    int agglomerate = 0, piece = 0;
+    std::vector<Weight> members;
+    double share = 1;          // of the patch's surface that is there
+    double base = 0;           // q = base - sum w_i z_i + w
+    Vec axis;                  // in the frame of the undeformed stone
+    double compliance = 0, compliance_across = 0, mass = 0;
+    bool presses = false, is_new = true;
+    double largest = 0;        // Hertz approach so far
+    double slip[2] = {0, 0};   // of the tangential spring, m
+    // Of the present step.
+    double w = 0, plate_v = 0;             // the plate beneath it
+    double q = 0, q_rate = 0, damping = 0; // m, m/s, N s/m
+    double force = 0, across[2] = {0, 0};  // on the stone, N
+    double sliding[2] = {0, 0};            // velocity of the surface over the plate, m/s
+    SmoothLaw::State state;
+
+    int central() const;                   // tag of the member with the largest weight
+  };
+
+  LAMMPS *lmp_;
+  const Agglomerates &agglomerates_;
+  GranularContact alone_;
+  StoneSurfaces surfaces_;
+  std::unique_ptr<StonePieces> pieces_;
+  std::vector<Patch> patches_;
+  std::vector<int> patch_of_tag_, near_of_tag_;
+  std::vector<double> offset_;                       // of the contact of a sub-sphere that left a patch, by tag, m
+  std::vector<double> damped_, plastic_, released_;  // so far, by agglomerate, J
+  std::vector<double> deepest_;                      // largest approach over radius so far, by agglomerate
+  bool looked_ = false;
+  const std::vector<NearSphere> *near_ = nullptr;    // of the present step
+
+  const SmoothStone &stone(const Patch &p) const { return surfaces_.stones()[p.agglomerate]; }
+  SmoothLaw law(const SmoothStone &s) const { return {s.modulus, s.radius, s.yield_pressure}; }
+  bool is_first_rank() const;
+  void sum(std::vector<double> &) const;
+  int here(int tag) const;                           // local index, -1 where another rank owns it
+
+  // The patches, found anew at every so many steps.
+  void index(const std::vector<NearSphere> &);
+  void look(const std::vector<NearSphere> &, double reach);
+  void find_patches(int agglomerate, double reach);
+  void place_on_plate(const std::vector<NearSphere> &);
+  void drop_idle_patches();
+  bool is_taken(int tag) const;
+  double height_of_members(const Patch &) const;
+  bool is_near(const Patch &) const;
+  void renew(Patch &);
+  void follow_axis(Patch &, const StonePieces::Motion &);
+  void leave(Patch &, size_t member);
+  void stand_alone(int tag);
+  double depth_of(int tag) const;
+
+  // The step.
+  void meet_alone(std::vector<NearSphere> &, int vflag);
+  void measure();
+  void press(Patch &);
+  void press_to_q(Patch &);
+  void rub(Patch &);
+  void hand_out(std::vector<NearSphere> &);
+};
+
+}  // namespace LAMMPS_NS

@@ -1,0 +1,110 @@
+#include "stone_pieces.h"
+
+#include <mpi.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "atom.h"
+#include "comm.h"
+#include "lammps.h"
+
+namespace LAMMPS_NS {
+
+StonePieces::StonePieces(LAMMPS *lmp, const StoneSurfaces &surfaces, BondNetwork &bonds)
+    : lmp_(lmp), surfaces_(surfaces), bonds_(bonds) {
+  int tags = 0;
+  for (const SmoothStone &s : surfaces.stones()) tags += s.count;
+  now_.assign(NUMBERS * (tags + 1), 0);
+  bonds_first_.assign(tags + 1, 0);
+  for (const Bond &b : bonds.bonds()) bonds_first_[b.tag_i]++, bonds_first_[b.tag_j]++;
+}
+
+void StonePieces::look(const std::vector<char> &wanted, const std::vector<char> &touching) {
+  gather(wanted, touching);
+  find_pieces();
+}
+
+void StonePieces::gather(const std::vector<char> &wanted, const std::vector<char> &touching) {
+  const Atom *atom = lmp_->atom;
+  std::vector<double> found;
+  for (size_t a = 0; a < wanted.size(); a++) {
+    if (!wanted[a]) continue;
+    const SmoothStone &s = surfaces_.stones()[a];
+    for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
+      found.resize(found.size() + NUMBERS, 0);
+      const int i = lmp_->atom->map(tag);
+      if (i < 0 || i >= atom->nlocal) continue;
+      double *row = found.data() + found.size() - NUMBERS;
+      std::copy_n(atom->x[i], 3, row);
+      std::copy_n(atom->v[i], 3, row + 3);
+      std::copy_n(bonds_.quaternion(i), 4, row + 6);
+      row[10] = touching[tag];
+      row[11] = 1;
+    }
+  }
+  if (lmp_->comm->nprocs > 1) {
+    const std::vector<double> mine = found;
+    MPI_Allreduce(mine.data(), found.data(), found.size(), MPI_DOUBLE, MPI_SUM, lmp_->world);
+  }
+  const double *row = found.data();
+  for (size_t a = 0; a < wanted.size(); a++) {
+    if (!wanted[a]) continue;
+    const SmoothStone &s = surfaces_.stones()[a];
+    std::copy_n(row, NUMBERS * s.count, &now_[NUMBERS * static_cast<size_t>(s.first_tag)]);
+    row += NUMBERS * s.count;
+  }
+}
+
+void StonePieces::find_pieces() {
+  bonds_.agree_on_broken();
+  const std::vector<Bond> &bonds = bonds_.bonds();
+  long long intact = 0;
+  for (size_t k = 0; k < bonds.size(); k++) intact += bonds_.holds(k);
+  if (intact == bonds_counted_) return;
+  bonds_counted_ = intact;
+  piece_.resize(bonds_first_.size());
+  std::iota(piece_.begin(), piece_.end(), 0);
+  bonds_now_.assign(piece_.size(), 0);
+  auto root = [&](int tag) {
+    while (piece_[tag] != tag) tag = piece_[tag] = piece_[piece_[tag]];
+    return tag;
+  };
+  for (size_t k = 0; k < bonds.size(); k++) {
+    if (!bonds_.holds(k)) continue;
+    bonds_now_[bonds[k].tag_i]++, bonds_now_[bonds[k].tag_j]++;
+    const int i = root(bonds[k].tag_i), j = root(bonds[k].tag_j);
+    piece_[std::max(i, j)] = std::min(i, j);
+  }
+  for (size_t tag = 1; tag < piece_.size(); tag++) piece_[tag] = root(tag);
+}
+
+std::map<int, StonePieces::Motion> StonePieces::motions(const SmoothStone &s) const {
+  std::map<int, Motion> found;
+  std::map<int, std::array<double, 4>> sums;
+  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
+    Motion &b = found[piece_[tag]];
+    const double *row = &now_[NUMBERS * static_cast<size_t>(tag)], *q = row + 6, m = surfaces_.mass(tag);
+    b.is_here = b.is_here && row[11] != 0;
+    std::array<double, 4> &sum = sums[piece_[tag]];
+    const double side = sum[0] * q[0] + sum[1] * q[1] + sum[2] * q[2] + sum[3] * q[3];  // q and -q are the same rotation
+    for (int k = 0; k < 4; k++) sum[k] += (side < 0 ? -m : m) * q[k];
+    b.mass += m;
+  }
+  for (auto &[piece, b] : found) {
+    const std::array<double, 4> &q = sums[piece];
+    const double size = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    if (b.is_here) b.turned = {q[0] / size, Vec(q[1] / size, q[2] / size, q[3] / size)};
+  }
+  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
+    Motion &b = found[piece_[tag]];
+    const double *row = &now_[NUMBERS * static_cast<size_t>(tag)], part = surfaces_.mass(tag) / b.mass;
+    b.center += part * (Vec(row) - b.turned(surfaces_.place(tag)));
+    b.velocity += part * Vec(row + 3);
+  }
+  return found;
+}
+
+}  // namespace LAMMPS_NS

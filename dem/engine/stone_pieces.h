@@ -1,0 +1,48 @@
+#pragma once
+#include <map>
+#include <vector>
+
+#include "bond_network.h"
+#include "rigid_motion.h"
+#include "stone_surface.h"
+
+namespace LAMMPS_NS {
+
+class LAMMPS;
+
+// Pieces of stones, which intact bonds hold together, and how each has moved as a rigid body since the undeformed state.
+// All ranks find the same.
+class StonePieces {
+ public:
+  StonePieces(LAMMPS *, const StoneSurfaces &, BondNetwork &);
+
+  struct Motion {
+    Rotation turned;           // mean of the rotations of its sub-spheres
+    Vec center, velocity;      // where the centre of the whole stone would be if it moved with the piece; velocity of the mass
+    double mass = 0;
+    bool is_here = true;       // and not in free flight
+  };
+
+  // Looks at the stones `wanted`; `touching` says which sub-spheres of this rank touch the plate by themselves, by tag.
+  void look(const std::vector<char> &wanted, const std::vector<char> &touching);
+
+  int piece_of(int tag) const { return piece_[tag]; }                      // least tag in the piece
+  bool is_loose(int tag) const { return 2 * bonds_now_[tag] < bonds_first_[tag]; }  // has lost more than half its bonds
+  Vec position(int tag) const { return Vec(&now_[NUMBERS * static_cast<size_t>(tag)]); }
+  bool touched_alone(int tag) const { return now_[NUMBERS * static_cast<size_t>(tag) + 10] != 0; }
+  std::map<int, Motion> motions(const SmoothStone &) const;                // by piece
+
+ private:
+  static constexpr size_t NUMBERS = 12;  // of a sub-sphere: x, v, quaternion, whether it touches alone, whether it is here
+  LAMMPS *lmp_;
+  const StoneSurfaces &surfaces_;
+  BondNetwork &bonds_;
+  std::vector<double> now_;              // by tag
+  std::vector<int> piece_, bonds_now_, bonds_first_;
+  long long bonds_counted_ = -1;         // when the pieces were found
+
+  void gather(const std::vector<char> &wanted, const std::vector<char> &touching);
+  void find_pieces();
+};
+
+}  // namespace LAMMPS_NS

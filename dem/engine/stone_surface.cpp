@@ -1,0 +1,74 @@
+#include "stone_surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+
+#include "error.h"
+#include "lammps.h"
+
+namespace LAMMPS_NS {
+
+namespace {
+const int LEAST_MEMBERS = 3;
+}
+
+StoneSurfaces::StoneSurfaces(LAMMPS *lmp, const std::string &file, const Agglomerates &agglomerates)
+    : place_(agglomerates.tags() + 1), radius_(place_.size(), 0), mass_(radius_), surface_(place_.size(), 0) {
+  std::ifstream in(file);
+  in >> outside_;
+  int tag = 1;
+  for (int a = 0; a < agglomerates.count() && in; a++) {
+    SmoothStone s;
+    s.first_tag = tag;
+    in >> s.count >> s.radius >> s.patch_radius >> s.modulus >> s.shear_modulus >> s.damping_ratio >> s.friction >>
+        s.yield_pressure >> s.compliance_first >> s.compliance >> s.across_first >> s.across;
+    stones_.push_back(s);
+    for (int k = 0; k < s.count && in && tag <= agglomerates.tags(); k++, tag++) {
+      int is_surface = 0;
+      in >> place_[tag].x >> place_[tag].y >> place_[tag].z >> radius_[tag] >> mass_[tag] >> is_surface;
+      surface_[tag] = is_surface != 0;
+    }
+  }
+  if (!in || tag != agglomerates.tags() + 1)
+    lmp->error->all(FLERR, ("Cannot read the surfaces of the stones from " + file).c_str());
+}
+
+double StoneSurfaces::height() const {
+  double highest = 0;
+  for (const SmoothStone &s : stones_) highest = std::max(highest, s.patch_radius * s.patch_radius / (2 * s.radius));
+  return highest;
+}
+
+std::vector<StoneSurfaces::Weight> StoneSurfaces::weights(const SmoothStone &s, const Vec &axis,
+                                                          const std::function<bool(int)> &belong,
+                                                          double &share) const {
+  const Vec aside = cross(axis, std::fabs(axis.x) < 0.5 ? Vec(1, 0, 0) : Vec(0, 1, 0));
+  const Vec e1 = (1 / norm(aside)) * aside, e2 = cross(axis, e1);
+  double all = 0, held = 0, u = 0, v = 0, uu = 0, uv = 0, vv = 0;
+  std::vector<Weight> members;
+  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
+    if (!surface_[tag] || dot(place_[tag], axis) <= 0) continue;
+    const double a = dot(place_[tag], e1), b = dot(place_[tag], e2);
+    const double inside = 1 - (a * a + b * b) / (s.patch_radius * s.patch_radius);
+    if (inside <= 0) continue;
+    const double w = radius_[tag] * radius_[tag] * inside;
+    all += w;
+    if (!belong(tag)) continue;
+    held += w, u += w * a, v += w * b, uu += w * a * a, uv += w * a * b, vv += w * b * b;
+    members.push_back({tag, w});
+  }
+  share = all > 0 ? held / all : 0;
+  const double det = uu * vv - uv * uv;
+  if (static_cast<int>(members.size()) < LEAST_MEMBERS || !(det > 1e-6 * uu * vv)) return {};
+  const double g = -(vv * u - uv * v) / det, h = -(uu * v - uv * u) / det;
+  double total = 0;
+  for (Weight &m : members) {
+    m.weight *= std::max(0.0, 1 + g * dot(place_[m.tag], e1) + h * dot(place_[m.tag], e2));
+    total += m.weight;
+  }
+  for (Weight &m : members) m.weight /= total;
+  return members;
+}
+
+}  // namespace LAMMPS_NS

@@ -1,0 +1,61 @@
+#pragma once
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "agglomerates.h"
+#include "vec.h"
+
+namespace LAMMPS_NS {
+
+class LAMMPS;
+
+// A stone as the smooth body that it stands for, and its contact with the plate. SI units.
+struct SmoothStone {
+  int first_tag, count;           // of its sub-spheres
+  double radius, patch_radius;    // R, b
+  double modulus, shear_modulus;  // E*, G*
+  double damping_ratio, friction, yield_pressure;  // the last one 0 where nothing yields
+  // Dent of the bond network per force on the patch, along its axis and across it: about the axis that points down at
+  // the start, and about others.
+  double compliance_first, compliance, across_first, across;
+};
+
+// Which sub-spheres are of a stone's surface, and how those about a contact axis share a force on it: weights
+//
+//   w_i ~ r_i^2 (1 - rho_i^2/b^2) (1 + g . rho_i),   sum of w_i = 1,   sum of w_i rho_i = 0
+//
+// with the distance rho_i from the axis. dem/stones/contact_patch.py, which writes the file, has the same formula.
+//
+// File: the most that a smooth surface lies outside its sub-spheres. Then of each agglomerate a line with the numbers of
+// SmoothStone from `count` on, and a line for each sub-sphere: its place X in the stone, radius of contact, mass, and 1 if
+// it is of the surface.
+class StoneSurfaces {
+ public:
+  StoneSurfaces(LAMMPS *, const std::string &file, const Agglomerates &);
+
+  struct Weight {
+    int tag;
+    double weight;
+  };
+  // The weights of those about `axis` (in the frame of the undeformed stone) that `belong`, and into `share` how much of
+  // the patch they are. Empty where they are too few to be centred on the axis.
+  std::vector<Weight> weights(const SmoothStone &, const Vec &axis, const std::function<bool(int)> &belong,
+                              double &share) const;
+
+  const std::vector<SmoothStone> &stones() const { return stones_; }
+  const Vec &place(int tag) const { return place_[tag]; }       // X, m
+  double radius(int tag) const { return radius_[tag]; }
+  double mass(int tag) const { return mass_[tag]; }
+  double outside() const { return outside_; }                   // of the sub-spheres lies the surface, at most, m
+  double height() const;                                        // of a patch's rim above its lowest point, at most, m
+
+ private:
+  std::vector<SmoothStone> stones_;
+  std::vector<Vec> place_;
+  std::vector<double> radius_, mass_;
+  std::vector<char> surface_;
+  double outside_ = 0;
+};
+
+}  // namespace LAMMPS_NS

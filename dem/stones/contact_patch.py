@@ -1,0 +1,135 @@
+"""The patch of a stone's surface that carries its contact with the plate, and how far the bonds give way under it.
+
+A packing of sub-spheres touches the plate with single sub-spheres of their own small radius. The smooth stone that it stands
+for touches with its own radius R. The engine (dem/engine/smooth_contact.h) therefore lets the surface sub-spheres about the
+contact axis carry Hertz' law of the smooth stone together. They have the weights
+
+    w_i ~ r_i^2 (1 - rho_i^2/b^2) (1 + g . rho_i),   sum of w_i = 1,   sum of w_i rho_i = 0
+
+with the radius r_i of the sub-sphere in the packing and its distance rho_i from the axis; the vector g centres the patch on
+the axis, so that the force passes through the centre of the stone. The radius b of the patch is a share of R.
+
+A force F on the patch dents the bond network by C F, C = w . K^+ w, with the stiffness K of the network as a free body that
+the force accelerates. Hertz' approach of the plate and the stone's centre contains this dent, so that the law of the patch is
+Hertz' law less C F. C is found here from the static solution of the network, for any packing, material and axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.scene import BondTable
+from dem.stones.bonds import Bonds, dof_scale, solve_static, stiffness_matrix
+from dem.stones.packing import Packing, SphereContainer
+
+PATCH_RADIUS = 0.4      # b/R
+SURFACE_DEPTH = 0.5     # a sub-sphere is of the surface if it reaches nearer to it than this share of its own radius
+SOLVER_TOLERANCE = 1e-6
+FIRST_AXIS = np.array([0.0, 0.0, -1.0])  # of a stone that does not turn before its first contact
+# The twelve corners of an icosahedron: for contacts after the first
+OTHER_AXES = np.array([np.roll([0.0, a, b * (1 + 5**0.5) / 2], k) for k in range(3) for a in (-1, 1) for b in (-1, 1)])
+OTHER_AXES /= np.linalg.norm(OTHER_AXES[0])
+
+
+@dataclass(frozen=True)
+class PatchCompliance:
+    """Dent of the bond network per force on the patch, m/N: `normal` to the surface, and `tangential` to it, the mean of
+    two directions."""
+
+    normal_m_N: float
+    tangential_m_N: float
+
+
+def _sphere_radius_m(packing: Packing) -> float:
+    assert isinstance(packing.container, SphereContainer)
+    return packing.container.radius_m
+
+
+def is_surface(packing: Packing) -> np.ndarray:
+    """(n,) bool: which sub-spheres of a packing in a sphere are of its surface."""
+    reach = np.linalg.norm(packing.center_m, axis=1) + packing.radius_m
+    return reach > _sphere_radius_m(packing) - SURFACE_DEPTH * packing.radius_m
+
+
+def patch_weights(packing: Packing, axis: np.ndarray) -> np.ndarray:
+    """Weights (n,) of the sub-spheres in the patch about the unit vector `axis` (3,), which points outwards. They are zero
+    outside the patch. Raises ValueError where the patch has too few sub-spheres to be centred."""
+    across = np.linalg.svd(axis[None])[2][1:]  # two unit vectors across the axis
+    along, rho = packing.center_m @ axis, packing.center_m @ across.T
+    inside = 1 - (rho**2).sum(axis=1) / (PATCH_RADIUS * _sphere_radius_m(packing)) ** 2
+    members = is_surface(packing) & (along > 0) & (inside > 0)
+    weight = np.where(members, packing.radius_m**2 * inside, 0.0)
+    if members.sum() < 3:
+        raise ValueError(f"{members.sum()} sub-spheres in the patch; must be at least 3")
+    shift = -np.linalg.solve((weight[:, None] * rho).T @ rho, weight @ rho)
+    weight = np.where(members, weight * (1 + rho @ shift), 0.0)
+    return weight / weight.sum()
+
+
+def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float,
+                     axes: np.ndarray) -> list[PatchCompliance]:
+    """Of each of the `axes` (k, 3), unit vectors outwards. `modulus_Pa` and `stiffness_ratio` are those of the bonds."""
+    network = _FreeNetwork(packing, bonds, modulus_Pa, stiffness_ratio)
+    found = []
+    for axis in axes:
+        weight = patch_weights(packing, axis)
+        directions = np.linalg.svd(axis[None])[2]  # the axis (or its opposite), and two across it
+        normal, *across = (network.compliance_m_N(weight, direction) for direction in directions)
+        found.append(PatchCompliance(normal, float(np.mean(across))))
+    return found
+
+
+@dataclass(frozen=True)
+class StoneSurface:
+    """What the smooth contact needs of a stone of n sub-spheres.
+
+    `place_m` (n, 3) from the stone's centre, `is_surface` (n,) bool; the compliance of the patch about the stone's lowest
+    point at the start, and the mean over patches elsewhere.
+    """
+
+    place_m: np.ndarray
+    is_surface: np.ndarray
+    first: PatchCompliance
+    other: PatchCompliance
+
+
+def stone_surface(packing: Packing, bonds: Bonds, bond: BondTable) -> StoneSurface:
+    """The surface of one stone. Raises ValueError where a patch has too few sub-spheres."""
+    first, *others = patch_compliance(packing, bonds, bond.youngs_modulus_Pa, bond.stiffness_ratio,
+                                      np.vstack([FIRST_AXIS, OTHER_AXES]))
+    other = PatchCompliance(float(np.mean([c.normal_m_N for c in others])),
+                            float(np.mean([c.tangential_m_N for c in others])))
+    return StoneSurface(packing.center_m, is_surface(packing), first, other)
+
+
+class _FreeNetwork:
+    """Static compliance of a bond network that nothing holds: a load is balanced by the inertia of the body that it
+    accelerates, and displacements count from the body's mean motion."""
+
+    def __init__(self, packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float):
+        self._share = packing.radius_m**3 / (packing.radius_m**3).sum()  # of the mass
+        self._arm = packing.center_m - self._share @ packing.center_m
+        self._inertia = ((self._share * (self._arm**2).sum(axis=1)).sum() * np.eye(3)
+                         - (self._share[:, None] * self._arm).T @ self._arm)
+        self._matrix = stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio)
+        self._scale = dof_scale(packing)
+
+    def compliance_m_N(self, weight: np.ndarray, direction: np.ndarray) -> float:
+        """Mean displacement of the patch along `direction` for a force of 1 N along it, shared by `weight` (n,)."""
+        load = np.zeros((len(weight), 6))
+        load[:, :3] = self._balanced(weight[:, None] * direction)
+        moved = solve_static(self._matrix, load.ravel(), self._scale, SOLVER_TOLERANCE).reshape(-1, 6)[:, :3]
+        return float(weight @ (self._without_rigid_motion(moved) @ direction))
+
+    def _balanced(self, force: np.ndarray) -> np.ndarray:
+        """`force` (n, 3) with what the acceleration of the body takes off each sub-sphere."""
+        force = force - self._share[:, None] * force.sum(axis=0)
+        spin_up = np.linalg.solve(self._inertia, np.cross(self._arm, force).sum(axis=0))
+        return force - self._share[:, None] * np.cross(spin_up, self._arm)
+
+    def _without_rigid_motion(self, moved: np.ndarray) -> np.ndarray:
+        moved = moved - self._share @ moved
+        turn = np.linalg.solve(self._inertia, (self._share[:, None] * np.cross(self._arm, moved)).sum(axis=0))
+        return moved - np.cross(turn, self._arm)
