@@ -11,7 +11,7 @@ class BondNetwork {
   virtual ~BondNetwork() {}
   virtual const std::vector<Bond> &bonds() const = 0;      // all that there ever were
   virtual bool holds(size_t bond) const = 0;
-  virtual void agree_on_broken() = 0;                      // makes `holds` the same on all ranks, which call it together
+  virtual void agree_on_broken() = 0;                      // makes `holds` the same on all ranks; all call it
   virtual const double *quaternion(int i) const = 0;       // of sub-sphere i: rotation since the undeformed state
 };
 

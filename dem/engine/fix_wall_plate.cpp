@@ -145,7 +145,8 @@ void FixWallPlate::pre_force(int) {
 // The list that the stock wall goes through: everything that the plate could reach before the next build.
 void FixWallPlate::list_near() {
   listed_reach_ = coupling_ ? std::max(LEAST_LISTED_REACH_M, 2 * coupling_->reach()) : 0;
-  primitiveWall_->buildNeighList(neighbor->skin + listed_reach_ + contact_->listed_height(), atom->x, atom->radius, atom->nlocal);
+  const double listed = neighbor->skin + listed_reach_ + contact_->listed_height();
+  primitiveWall_->buildNeighList(listed, atom->x, atom->radius, atom->nlocal);
   int *list;
   const int n = primitiveWall_->getNeighbors(list);
   near_.assign(n, NearSphere());

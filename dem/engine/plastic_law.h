@@ -5,10 +5,10 @@
 namespace LAMMPS_NS {
 
 // Normal contact of a sphere with an elastic, perfectly plastic plate (Thornton 1997, J. Appl. Mech. 64:383), the twin
-// of tests/plate_fem/plasticity.py. The force follows Hertz until the pressure in the middle reaches p_y, and then rises with
-// the slope pi p_y R. It comes back along Hertz' law for the radius R_p of the flattened contact, and rises again the
-// same way to where it turned. The largest overlap so far is all that the contact remembers.
-// Arguments: modulus E*, Pa; radius R of the sphere, m; overlaps, m. Forces are in N.
+// of tests/plate_fem/plasticity.py. The force follows Hertz until the pressure in the middle reaches p_y, and then
+// rises with the slope pi p_y R. It comes back along Hertz' law for the radius R_p of the flattened contact, and rises
+// again the same way to where it turned. The largest overlap so far is all that the contact remembers. Arguments:
+// modulus E*, Pa; radius R of the sphere, m; overlaps, m. Forces are in N.
 class PlasticLaw {
  public:
   explicit PlasticLaw(double yield_pressure) : p_(yield_pressure) {}

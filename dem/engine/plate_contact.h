@@ -41,8 +41,8 @@ class PlateContact {
  public:
   virtual ~PlateContact() {}
   virtual void setup() {}  // before the first step of each run
-  // Once a step, when the other forces of the step are known. The plate stays within `reach` (m) of z = 0 until the next
-  // message. `vflag` asks LIGGGHTS for the virial.
+  // Once a step, when the other forces of the step are known. The plate stays within `reach` (m) of z = 0 until the
+  // next message. `vflag` asks LIGGGHTS for the virial.
   virtual void add_forces(std::vector<NearSphere> &, double reach, int vflag) = 0;
   // When the velocities at the end of the step are known, with which damping does its work.
   virtual void end_of_step(const std::vector<NearSphere> &) = 0;

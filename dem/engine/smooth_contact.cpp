@@ -20,9 +20,9 @@ namespace LAMMPS_NS {
 namespace {
 const int LOOK_STEPS = 32;
 const double LEAST_SHARE = 0.5;     // of a patch's surface that must belong to the piece
-const double OUT_OF_PLACE = 0.1;    // of its radius: further off, a sub-sphere that lost half its bonds leaves the patch
+const double OUT_OF_PLACE = 0.1;    // of its radius: further off, one that lost half its bonds leaves the patch
 const double TURN_rad = 0.02;       // of the axis in the stone, after which a pressing patch gets new weights
-const double FIRST_AXIS_rad = 0.1;  // about the stone's lowest point at the start, for which its own compliance was found
+const double FIRST_AXIS_rad = 0.1;  // about the lowest point at the start, whose own compliance is known
 const double HEADROOM = 1e-3;       // of the radius: a patch is found before it comes so near
 }  // namespace
 
@@ -59,7 +59,7 @@ int SmoothContact::here(int tag) const {
   return i >= 0 && i < lmp_->atom->nlocal ? i : -1;
 }
 
-/* --- the patches ------------------------------------------------------------------------------------------------- */
+/* --- the patches ------------------------------------------------------------------------------------------- */
 
 void SmoothContact::index(const std::vector<NearSphere> &near) {
   std::fill(near_of_tag_.begin(), near_of_tag_.end(), -1);
@@ -230,7 +230,7 @@ void SmoothContact::stand_alone(int tag) {
   if (depth > offset_[tag]) offset_[tag] = std::max(0.0, depth);
 }
 
-/* --- the step ------------------------------------------------------------------------------------------------------ */
+/* --- the step ---------------------------------------------------------------------------------------------- */
 
 void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int vflag) {
   near_ = &near;
@@ -322,9 +322,11 @@ void SmoothContact::press(Patch &p) {
   if (p.state.force <= 0) return;
   const SmoothStone &s = stone(p);
   deepest_[p.agglomerate] = std::max(deepest_[p.agglomerate], p.state.approach / s.radius);
-  // Hertz' dashpot 2 sqrt(5/6) zeta sqrt(S m) acts on the whole approach, of which q is all but the dent of the bonds.
+  // Hertz' dashpot 2 sqrt(5/6) zeta sqrt(S m) acts on the whole approach, of which q is all but the compression of the
+  // bonds.
   const double part = 1 - p.compliance * p.state.stiffness;
-  p.damping = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio * std::sqrt(p.state.stiffness * p.mass) / (part * part);
+  const double dashpot = 2 * std::sqrt(5. / 6.) * s.damping_ratio * std::sqrt(p.state.stiffness * p.mass);
+  p.damping = p.share * dashpot / (part * part);
   p.force = p.share * p.state.force + p.damping * p.q_rate;
   if (s.friction > 0) rub(p);
 }
@@ -337,7 +339,7 @@ void SmoothContact::press_to_q(Patch &p) {
   if (is_first_rank()) plastic_[p.agglomerate] += p.share * (law.taken(p.largest) - law.taken(before));
 }
 
-// Mindlin's tangential spring 8 G* a, less the dent of the bonds, with its dashpot, up to Coulomb's limit.
+// Mindlin's tangential spring 8 G* a, less the compression of the bonds, with its dashpot, up to Coulomb's limit.
 void SmoothContact::rub(Patch &p) {
   const SmoothStone &s = stone(p);
   const double mindlin = 4 * s.shear_modulus / s.modulus * p.state.stiffness;
@@ -366,7 +368,8 @@ void SmoothContact::hand_out(std::vector<NearSphere> &near) {
       if (i < 0) continue;
       if (near_of_tag_[m.tag] < 0) lmp_->error->one(FLERR, "A patch of a stone's surface is not near the plate");
       NearSphere &n = near[near_of_tag_[m.tag]];
-      const double height = atom->x[i][2] - p.w, f[3] = {m.weight * p.across[0], m.weight * p.across[1], m.weight * p.force};
+      const double height = atom->x[i][2] - p.w;
+      const double f[3] = {m.weight * p.across[0], m.weight * p.across[1], m.weight * p.force};
       const double torque[3] = {height * f[1], -height * f[0], 0};
       n.touches = n.in_patch = true;
       n.push = m.tag == central ? p.force : 0;
@@ -410,7 +413,7 @@ void SmoothContact::add_to(LedgerRows &rows, const std::vector<NearSphere> &near
   for (const Patch &p : patches_) rows.at(p.agglomerate, WALL_ELASTIC) += p.share * p.state.stored;
 }
 
-/* --- checkpoint ---------------------------------------------------------------------------------------------------- */
+/* --- checkpoint -------------------------------------------------------------------------------------------- */
 
 // The patches are the same on all ranks.
 void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &near) const {
@@ -418,8 +421,8 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   std::vector<double> numbers, left;
   for (const Patch &p : patches_) {
     numbers.insert(numbers.end(), {p.agglomerate + 0.0, p.piece + 0.0, p.share, p.base, p.axis.x, p.axis.y, p.axis.z,
-                                   p.compliance, p.compliance_across, p.mass, p.presses + 0.0, p.is_new + 0.0, p.largest,
-                                   p.slip[0], p.slip[1], p.damping, p.q_rate, p.plate_v, p.members.size() + 0.0});
+                                   p.compliance, p.compliance_across, p.mass, p.presses + 0.0, p.is_new + 0.0,
+                                   p.largest, p.slip[0], p.slip[1], p.damping, p.q_rate, p.plate_v, p.members.size() + 0.0});
     for (const Weight &m : p.members) numbers.insert(numbers.end(), {m.tag + 0.0, m.weight});
   }
   for (size_t tag = 1; tag < offset_.size(); tag++)

@@ -10,15 +10,15 @@
 
 namespace LAMMPS_NS {
 
-// Contact of bonded stones as the smooth bodies that they stand for (docs/contact.md). The surface sub-spheres about the
-// contact axis, a patch, carry the law of the smooth stone together; every other sub-sphere meets the plate alone
+// Contact of bonded stones as the smooth bodies that they stand for (docs/contact.md). The surface sub-spheres about
+// the contact axis, a patch, carry the law of the smooth stone together; every other sub-sphere meets the plate alone
 // (GranularContact).
 //
 // The patch has come as far as q = sum w_i (R + w - c_i,z), where c_i = x_i - Q X_i is the centre of the stone as
-// sub-sphere i has it: X_i is its place in the undeformed stone, Q the mean rotation of its piece, w the plate's height.
-// While the patch presses its weights stand still. So q is linear in the places, each member has the force w_i F, and the
-// contact is exactly conservative, whatever breaks. When the stone has turned, the weights move on with the axis and q
-// stays.
+// sub-sphere i has it: X_i is its place in the undeformed stone, Q the mean rotation of its piece, w the plate's
+// height. While the patch presses its weights stand still. So q is linear in the places, each member has the force w_i
+// F, and the contact is exactly conservative, whatever breaks. When the stone has turned, the weights move on with the
+// axis and q stays.
 //
 // A piece of a stone has a patch while at least half of the patch's surface belongs to it. A sub-sphere that has lost
 // half its bonds and its place leaves the patch with its share of the force, as a contact of its own that begins at an

@@ -7,10 +7,11 @@ namespace LAMMPS_NS {
 
 // Normal force of a smooth stone on the plate as a function of how far the patch of its surface has come, q.
 //
-// Hertz' approach d of the plate and the stone's centre is q plus the dent C F that the bonds give under the patch
+// Hertz' approach d of the plate and the stone's centre is q plus the compression C F of the bonds under the patch
 // (dem/stones/contact_patch.py), so that F follows from d - C F(d) = q. The energy stored beside the bonds' own is the
-// integral of F dq, U = 2/5 F d - C F^2/2. Where the contact has a strength p_y (the pressure in its middle at which stone or
-// plate gives way), F(d) is the elastic, perfectly plastic law of PlasticLaw; the largest approach is all that it remembers.
+// integral of F dq, U = 2/5 F d - C F^2/2. Where the contact has a strength p_y (the pressure in its middle at which
+// stone or plate gives way), F(d) is the elastic, perfectly plastic law of PlasticLaw; the largest approach is all that
+// it remembers.
 class SmoothLaw {
  public:
   SmoothLaw(double modulus, double radius, double yield_pressure)

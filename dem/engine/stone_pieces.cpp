@@ -89,7 +89,8 @@ std::map<int, StonePieces::Motion> StonePieces::motions(const SmoothStone &s) co
     const double *row = &now_[NUMBERS * static_cast<size_t>(tag)], *q = row + 6, m = surfaces_.mass(tag);
     b.is_here = b.is_here && row[11] != 0;
     std::array<double, 4> &sum = sums[piece_[tag]];
-    const double side = sum[0] * q[0] + sum[1] * q[1] + sum[2] * q[2] + sum[3] * q[3];  // q and -q are the same rotation
+    // q and -q are the same rotation.
+    const double side = sum[0] * q[0] + sum[1] * q[1] + sum[2] * q[2] + sum[3] * q[3];
     for (int k = 0; k < 4; k++) sum[k] += (side < 0 ? -m : m) * q[k];
     b.mass += m;
   }

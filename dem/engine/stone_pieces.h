@@ -10,15 +10,16 @@ namespace LAMMPS_NS {
 
 class LAMMPS;
 
-// Pieces of stones, which intact bonds hold together, and how each has moved as a rigid body since the undeformed state.
-// All ranks find the same.
+// Pieces of stones, which intact bonds hold together, and how each has moved as a rigid body since the undeformed
+// state. All ranks find the same.
 class StonePieces {
  public:
   StonePieces(LAMMPS *, const StoneSurfaces &, BondNetwork &);
 
   struct Motion {
     Rotation turned;           // mean of the rotations of its sub-spheres
-    Vec center, velocity;      // where the centre of the whole stone would be if it moved with the piece; velocity of the mass
+    Vec center;                // where the centre of the whole stone would be if it moved with the piece, m
+    Vec velocity;              // of its mass, m/s
     double mass = 0;
     bool is_here = true;       // and not in free flight
   };
@@ -33,7 +34,7 @@ class StonePieces {
   std::map<int, Motion> motions(const SmoothStone &) const;                // by piece
 
  private:
-  static constexpr size_t NUMBERS = 12;  // of a sub-sphere: x, v, quaternion, whether it touches alone, whether it is here
+  static constexpr size_t NUMBERS = 12;  // of a sub-sphere: x, v, quaternion, does it touch alone, is it here
   LAMMPS *lmp_;
   const StoneSurfaces &surfaces_;
   BondNetwork &bonds_;

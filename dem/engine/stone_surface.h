@@ -16,8 +16,8 @@ struct SmoothStone {
   double radius, patch_radius;    // R, b
   double modulus, shear_modulus;  // E*, G*
   double damping_ratio, friction, yield_pressure;  // the last one 0 where nothing yields
-  // Dent of the bond network per force on the patch, along its axis and across it: about the axis that points down at
-  // the start, and about others.
+  // Compression of the bond network per force on the patch, along its axis and across it: about the axis that points
+  // down at the start, and about others.
   double compliance_first, compliance, across_first, across;
 };
 
@@ -27,9 +27,9 @@ struct SmoothStone {
 //
 // with the distance rho_i from the axis. dem/stones/contact_patch.py, which writes the file, has the same formula.
 //
-// File: the most that a smooth surface lies outside its sub-spheres. Then of each agglomerate a line with the numbers of
-// SmoothStone from `count` on, and a line for each sub-sphere: its place X in the stone, radius of contact, mass, and 1 if
-// it is of the surface.
+// File: the most that a smooth surface lies outside its sub-spheres. Then of each agglomerate a line with the numbers
+// of SmoothStone from `count` on, and a line for each sub-sphere: its place X in the stone, radius of contact, mass,
+// and 1 if it is of the surface.
 class StoneSurfaces {
  public:
   StoneSurfaces(LAMMPS *, const std::string &file, const Agglomerates &);
@@ -38,8 +38,8 @@ class StoneSurfaces {
     int tag;
     double weight;
   };
-  // The weights of those about `axis` (in the frame of the undeformed stone) that `belong`, and into `share` how much of
-  // the patch they are. Empty where they are too few to be centred on the axis.
+  // The weights of those about `axis` (in the frame of the undeformed stone) that `belong`, and into `share` how much
+  // of the patch they are. Empty where they are too few to be centred on the axis.
   std::vector<Weight> weights(const SmoothStone &, const Vec &axis, const std::function<bool(int)> &belong,
                               double &share) const;
 

@@ -9,8 +9,8 @@ contact axis carry Hertz' law of the smooth stone together. They have the weight
 with the radius r_i of the sub-sphere in the packing and its distance rho_i from the axis; the vector g centres the patch on
 the axis, so that the force passes through the centre of the stone. The radius b of the patch is a share of R.
 
-A force F on the patch dents the bond network by C F, C = w . K^+ w, with the stiffness K of the network as a free body that
-the force accelerates. Hertz' approach of the plate and the stone's centre contains this dent, so that the law of the patch is
+A force F on the patch compresses the bond network by C F, C = w . K^+ w, with the stiffness K of the network as a free body that
+the force accelerates. Hertz' approach of the plate and the stone's centre contains this compression, so that the law of the patch is
 Hertz' law less C F. C is found here from the static solution of the network, for any packing, material and axis.
 """
 
@@ -35,7 +35,7 @@ OTHER_AXES /= np.linalg.norm(OTHER_AXES[0])
 
 @dataclass(frozen=True)
 class PatchCompliance:
-    """Dent of the bond network per force on the patch, m/N: `normal` to the surface, and `tangential` to it, the mean of
+    """Compression of the bond network per force on the patch, m/N: `normal` to the surface, and `tangential` to it, the mean of
     two directions."""
 
     normal_m_N: float

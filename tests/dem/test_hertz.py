@@ -1,4 +1,4 @@
-"""One sphere on a rigid plate against the closed form of Hertz (paper, Eqs. 1-9 as mended)."""
+"""One sphere on a rigid plate against the closed form of Hertz (paper, Eqs. 1-9 as corrected)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A plate that yields under the stone, through the engine: Thornton's contact, its dent, and the energy it takes."""
+"""A plate that yields under the stone, through the engine: Thornton's contact, its indentation, and the energy it takes."""
 
 import re
 
@@ -73,7 +73,7 @@ def bounces(directory, gravity, sideways, duration, edit=lambda text: text):
 
 @pytest.mark.parametrize("sideways, same_dent", [(0.0, True), (4.0, False)])
 def test_the_dent_is_met_again_where_it_is(tmp_path, sideways, same_dent):
-    """A sphere bounces twice. In its own dent the second impact is elastic; beside it the plate is as new."""
+    """A sphere bounces twice. In its own indentation the second impact is elastic; beside it the plate is as new."""
     gravity, duration = 5000.0, 4.5e-3
     steps, force, dt = bounces(tmp_path / "deck", gravity, sideways, duration)
     largest = 0.0
