@@ -35,7 +35,8 @@ class TimeTable(Table):
     @model_validator(mode="after")
     def _one_sample_at_least(self) -> Self:
         if self.duration_s < self.sample_interval_s:
-            raise Refused("duration_s", self.duration_s, f"must be at least sample_interval_s = {self.sample_interval_s:g}")
+            raise Refused("duration_s", self.duration_s,
+                          f"must be at least sample_interval_s = {self.sample_interval_s:g}")
         return self
 
 
@@ -160,9 +161,11 @@ class Scene(Table):
             if self.stones.agglomerate and self.materials[name].bond is None:
                 raise Refused(f"materials.{name}.bond", None, "must be given, as stones.agglomerate needs it")
         if self.plate.youngs_modulus_Pa < LEAST_MODULUS_Pa:
-            raise Refused("plate.youngs_modulus_Pa", self.plate.youngs_modulus_Pa, f"must be at least {LEAST_MODULUS_Pa:g}")
+            raise Refused("plate.youngs_modulus_Pa", self.plate.youngs_modulus_Pa,
+                          f"must be at least {LEAST_MODULUS_Pa:g}")
         if self.stones.speed_m_s == 0 and self.time.gravity_m_s2 == 0:
-            raise Refused("stones.speed_m_s", 0.0, "must be above 0 where there is no time.gravity_m_s2: nothing would move")
+            raise Refused("stones.speed_m_s", 0.0,
+                          "must be above 0 where there is no time.gravity_m_s2: nothing would move")
         if PLATE in self.materials:
             raise Refused("materials", PLATE, "must be another name, this one is the plate's")
         self._check_contacts()
@@ -193,7 +196,8 @@ class Scene(Table):
             modes = {"plate.max_frequency_Hz": self.plate.max_frequency_Hz,
                      "plate.truncation_tolerance": self.plate.truncation_tolerance}
             if self.tolerance is None and set(modes.values()) == {None}:
-                raise Refused("plate.max_frequency_Hz", None, "it, plate.truncation_tolerance or tolerance must be given")
+                raise Refused("plate.max_frequency_Hz", None,
+                              "it, plate.truncation_tolerance or tolerance must be given")
             keys |= modes
         if self.tolerance is None:
             return self

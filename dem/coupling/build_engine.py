@@ -20,7 +20,8 @@ def build_engine() -> int:
     check_library()
     for tool, package in TOOLS.items():
         if shutil.which(tool) is None:
-            raise InputError(f"the engine: {tool} is not installed; it is needed to build it (apt-get install {package})")
+            raise InputError(f"the engine: {tool} is not installed; it is needed to build it "
+                             f"(apt-get install {package})")
     directory = build_directory()
     code = subprocess.run(["make", "-s", "-j", str(os.cpu_count() or 1), "-C", str(SOURCES), f"BUILD={directory}"],
                           check=False).returncode

@@ -21,8 +21,8 @@ SOURCES = Path(__file__).resolve().parent.parent / "engine"
 
 
 def build_directory() -> Path:
-    """Return where the engine is built: `build/engine` in a checkout; else a directory of the user's cache that is named
-    after the sources, so that a program built from other ones is never taken for this one."""
+    """Return where the engine is built: `build/engine` in a checkout; else a directory of the user's cache that is
+    named after the sources, so that a program built from other ones is never taken for this one."""
     top = checkout()
     if top is not None:
         return top / "build" / "engine"

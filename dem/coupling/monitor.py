@@ -34,8 +34,9 @@ class PlateMonitor:
         broken = np.flatnonzero(~(total_J <= self._limit_J))  # so written that what is no number is refused
         if len(broken):
             at = broken[0]
-            raise Unstable(f"at {t_s[at]:.4g} s the plate holds {total_J[at]:.3g} J, the limit of energy is what impact "
-                           f"and fall supply, {self._limit_J:.3g} J: plate and contact are not stable with this co-step")
+            raise Unstable(f"at {t_s[at]:.4g} s the plate holds {total_J[at]:.3g} J, the limit of energy is what "
+                           f"impact and fall supply, {self._limit_J:.3g} J: plate and contact are not stable with this "
+                           "co-step")
 
 
 def check_closure(energy: dict[str, Any]) -> None:

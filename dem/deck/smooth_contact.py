@@ -20,9 +20,9 @@ OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside
 class SmoothLaw:
     """Contact of a smooth sphere with the plate (docs/contact.md).
 
-    E* and G* in Pa; the damping ratio of the dashpot that gives the restitution, -ln e / sqrt(ln^2 e + pi^2) (T. Antypov
-    and J. A. Elliott, EPL 94 (2011) 50004); friction; the pressure in the middle of the contact at which stone or plate
-    gives way, Pa, 0 where neither does.
+    E* and G* in Pa; the damping ratio of the dashpot that gives the restitution, -ln e / sqrt(ln^2 e + pi^2)
+    (T. Antypov and J. A. Elliott, EPL 94 (2011) 50004); friction; the pressure in the middle of the contact at which
+    stone or plate gives way, Pa, 0 where neither does.
     """
 
     modulus_Pa: float
@@ -51,8 +51,8 @@ def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
         out.write(f"{OUTSIDE * radius!r}\n")
         for k, (surface, material) in enumerate(zip(assembly.surfaces, assembly.stone_materials, strict=True)):
             here, law = slice(start[k], start[k + 1]), smooth_law(scene, material)
-            numbers = [radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio, law.friction,
-                       law.yield_pressure_Pa, surface.first.normal_m_N, surface.other.normal_m_N,
+            numbers = [radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio,
+                       law.friction, law.yield_pressure_Pa, surface.first.normal_m_N, surface.other.normal_m_N,
                        surface.first.tangential_m_N, surface.other.tangential_m_N]
             out.write(" ".join([str(assembly.sizes[k]), *(f"{float(number):.17g}" for number in numbers)]) + "\n")
             rows = [surface.place_m, assembly.radius_m[here], assembly.mass_kg[here], surface.is_surface]

@@ -111,8 +111,8 @@ def _largest_step_s(scene: Scene, limits_s: dict[str, float], file: str) -> floa
     """The scene's own time step, or the largest that the limits allow. Raises InputError."""
     for name, limit in limits_s.items():
         if not 0 < limit < np.inf:
-            raise InputError(f"{file}: the limit {name} of the time step would be {limit:g} s: sizes, densities, moduli "
-                             "and speed must be of magnitudes that double precision can hold")
+            raise InputError(f"{file}: the limit {name} of the time step would be {limit:g} s: sizes, densities, "
+                             "moduli and speed must be of magnitudes that double precision can hold")
     largest = min(limits_s.values())
     wanted = scene.time.time_step_s or largest
     if wanted > largest * (1 + 1e-12):

@@ -114,7 +114,8 @@ class FlexiblePlateParticipant:
 
         self._pipes.open(alive)
         participant = PlateParticipant(self._motion, self._step, record, self._state)
-        participant.run(self._pipes, lambda dem_step: write_plate_state(deck / "checkpoint", dem_step, self._checkpoint()))
+        participant.run(self._pipes,
+                        lambda dem_step: write_plate_state(deck / "checkpoint", dem_step, self._checkpoint()))
 
     def signals(self, dem_steps: range) -> pd.DataFrame:
         """The plate's signals, one row for each of `dem_steps`. Raises RuntimeError if others were recorded."""

@@ -135,8 +135,8 @@ def _surface(scene: Scene, packing: Packing, network: Bonds, material: str) -> S
     try:
         return stone_surface(packing, network, scene.bond_of(material))
     except ValueError as error:
-        raise Refused("subspheres", len(packing.radius_m), f"must be more where contact = 'smooth', such as 200: {error}") \
-            from None
+        allowed = f"must be more where contact = 'smooth', such as 200: {error}"
+        raise Refused("subspheres", len(packing.radius_m), allowed) from None
 
 
 def _along_z_curve(points: np.ndarray, cell: float) -> np.ndarray:

@@ -1,17 +1,18 @@
 """The patch of a stone's surface that carries its contact with the plate, and how far the bonds give way under it.
 
-A packing of sub-spheres touches the plate with single sub-spheres of their own small radius. The smooth stone that it stands
-for touches with its own radius R. The engine (dem/engine/smooth_contact.h) therefore lets the surface sub-spheres about the
-contact axis carry Hertz' law of the smooth stone together. They have the weights
+A packing of sub-spheres touches the plate with single sub-spheres of their own small radius. The smooth stone that it
+stands for touches with its own radius R. The engine (dem/engine/smooth_contact.h) therefore lets the surface
+sub-spheres about the contact axis carry Hertz' law of the smooth stone together. They have the weights
 
     w_i ~ r_i^2 (1 - rho_i^2/b^2) (1 + g . rho_i),   sum of w_i = 1,   sum of w_i rho_i = 0
 
-with the radius r_i of the sub-sphere in the packing and its distance rho_i from the axis; the vector g centres the patch on
-the axis, so that the force passes through the centre of the stone. The radius b of the patch is a share of R.
+with the radius r_i of the sub-sphere in the packing and its distance rho_i from the axis; the vector g centres the
+patch on the axis, so that the force passes through the centre of the stone. The radius b of the patch is a share of R.
 
-A force F on the patch compresses the bond network by C F, C = w . K^+ w, with the stiffness K of the network as a free body that
-the force accelerates. Hertz' approach of the plate and the stone's centre contains this compression, so that the law of the patch is
-Hertz' law less C F. C is found here from the static solution of the network, for any packing, material and axis.
+A force F on the patch compresses the bond network by C F, C = w . K^+ w, with the stiffness K of the network as a free
+body that the force accelerates. Hertz' approach of the plate and the stone's centre contains this compression, so that
+the law of the patch is Hertz' law less C F. C is found here from the static solution of the network, for any packing,
+material and axis.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ OTHER_AXES /= np.linalg.norm(OTHER_AXES[0])
 
 @dataclass(frozen=True)
 class PatchCompliance:
-    """Compression of the bond network per force on the patch, m/N: `normal` to the surface, and `tangential` to it, the mean of
-    two directions."""
+    """Compression of the bond network per force on the patch, m/N: `normal` to the surface, and `tangential` to it, the
+    mean of two directions."""
 
     normal_m_N: float
     tangential_m_N: float
@@ -54,8 +55,8 @@ def is_surface(packing: Packing) -> np.ndarray:
 
 
 def patch_weights(packing: Packing, axis: np.ndarray) -> np.ndarray:
-    """Weights (n,) of the sub-spheres in the patch about the unit vector `axis` (3,), which points outwards. They are zero
-    outside the patch. Raises ValueError where the patch has too few sub-spheres to be centred."""
+    """Weights (n,) of the sub-spheres in the patch about the unit vector `axis` (3,), which points outwards. They are
+    zero outside the patch. Raises ValueError where the patch has too few sub-spheres to be centred."""
     across = np.linalg.svd(axis[None])[2][1:]  # two unit vectors across the axis
     along, rho = packing.center_m @ axis, packing.center_m @ across.T
     inside = 1 - (rho**2).sum(axis=1) / (PATCH_RADIUS * _sphere_radius_m(packing)) ** 2
@@ -70,7 +71,8 @@ def patch_weights(packing: Packing, axis: np.ndarray) -> np.ndarray:
 
 def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float,
                      axes: np.ndarray) -> list[PatchCompliance]:
-    """Of each of the `axes` (k, 3), unit vectors outwards. `modulus_Pa` and `stiffness_ratio` are those of the bonds."""
+    """Of each of the `axes` (k, 3), unit vectors outwards; `modulus_Pa` and `stiffness_ratio` are those of the
+    bonds."""
     network = _FreeNetwork(packing, bonds, modulus_Pa, stiffness_ratio)
     found = []
     for axis in axes:
@@ -85,8 +87,8 @@ def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffnes
 class StoneSurface:
     """What the smooth contact needs of a stone of n sub-spheres.
 
-    `place_m` (n, 3) from the stone's centre, `is_surface` (n,) bool; the compliance of the patch about the stone's lowest
-    point at the start, and the mean over patches elsewhere.
+    `place_m` (n, 3) from the stone's centre, `is_surface` (n,) bool; the compliance of the patch about the stone's
+    lowest point at the start, and the mean over patches elsewhere.
     """
 
     place_m: np.ndarray

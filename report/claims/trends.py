@@ -55,5 +55,5 @@ def travel(curve: np.ndarray) -> float:
 
 
 def fluctuation(signal: np.ndarray) -> float:
-    """Return the RMS of the change from sample to sample over the standard deviation of the signal, shape (samples,)."""
+    """Return the RMS of the change from sample to sample over the signal's standard deviation, shape (samples,)."""
     return float(np.sqrt(np.mean(np.diff(signal) ** 2)) / np.std(signal))
