@@ -36,25 +36,23 @@ def modes_of(run: Run) -> PlateModes:
     for points_m in (None, places_of(run)):
         modes = plate_modes(plate, cache if cache.is_dir() else None, points_m)
         counts.append(modes.frequency_Hz.size)
-        if counts[-1] == run.info.get("n_modes"):
+        if counts[-1] == run.summary.n_modes:
             return modes
     raise RecordError(
-        f"{run.path}/run.json: n_modes = {run.info.get('n_modes')}; its plate has {counts[0]} modes,"
+        f"{run.path}/run.json: n_modes = {run.summary.n_modes}; its plate has {counts[0]} modes,"
         f" {counts[1]} with residual ones: made by another version"
     )
 
 
 def flexible_plate(run: Run) -> FlexiblePlate:
     """Return the table of the run's plate. Raises RecordError if the scene has no flexible one."""
-    table = run.info.get("scene", {}).get("plate", {})
-    if table.get("model") != "flexible":
-        raise RecordError(
-            f"{run.path}/run.json: scene.plate.model = {table.get('model')!r}; needs 'flexible'"
-        )
-    if table.get("max_frequency_Hz") is None:
+    plate = run.scene.plate
+    if plate.model != "flexible":
+        raise RecordError(f"{run.path}/run.json: scene.plate.model = {plate.model!r}; needs 'flexible'")
+    if plate.max_frequency_Hz is None:
         raise RecordError(f"{run.path}/run.json: scene.plate.max_frequency_Hz = None; needs the run's own")
     try:
-        return FlexiblePlate.model_validate(table)
+        return FlexiblePlate.model_validate(plate.as_json())
     except ValueError as error:
         raise RecordError(f"{run.path}/run.json: scene.plate: {' '.join(str(error).split())}") from None
 

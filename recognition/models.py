@@ -223,5 +223,6 @@ def _load_method(name: str, saved: Any) -> Method:
 
 def _origin(run: Run) -> dict[str, Any]:
     keep = ("scene_hash", "deck_hash", "versions", "seeds")
-    known = {key: run.info[key] for key in keep if key in run.info}
+    summary = run.summary.as_json()
+    known = {key: summary[key] for key in keep if key in summary}
     return {"directory": run.path.name, "gangue_ratio": run.gangue_ratio, **known}

@@ -147,9 +147,9 @@ def assumptions(sweep: Sweep) -> list[str]:
     """Return the assumptions of the scenes as lines, each once and in order, with the values of the scene."""
     lines: dict[str, None] = {}
     for run in sweep.runs:
-        found = run.info.get("assumptions", [])
+        found = run.summary.assumptions
         found = [f"{key}: {value}" for key, value in found.items()] if isinstance(found, dict) else found
-        scene = run.info.get("scene", {})
+        scene = run.scene.as_json()
         lines.update(dict.fromkeys(_with_value(str(line), scene) for line in found))
     return list(lines)
 

@@ -137,20 +137,24 @@ def errors(results: SweepResults) -> Cells:
     return ["method", "training", "answered", "mean", "worst"], rows
 
 
+def _or_dash(count: int | None) -> str:
+    return "-" if count is None else str(count)
+
+
 def runs(results: SweepResults) -> Cells:
     """Return sizes, peaks and wall time of each run."""
     peaks, rows = results.response.peaks, []
     for i, run in enumerate(results.runs):
-        info = run.info
+        summary = run.summary
         rows.append([
             f"{100 * run.gangue_ratio:.0f} %",
-            str(info.get("n_particles", "-")),
-            str(info.get("n_bonds", "-")),
-            str(info.get("n_bonds_broken", "-")),
+            _or_dash(summary.n_particles),
+            _or_dash(summary.n_bonds),
+            _or_dash(summary.n_bonds_broken),
             f"{1e-3 * peaks['force_N'][i]:.2f}",
             f"{peaks['kinetic_J'][i]:.4g}",
             f"{results.signals.parameters['rms'][i]:.4g}",
-            f"{sum(info.get('wall_time_s', {}).values()):.1f}",
+            f"{sum(summary.wall_time_s.values()):.1f}",
         ])  # fmt: skip
     header = ["ratio", "particles", "bonds", "broken", "peak force, kN", "peak kinetic, J", "RMS, m/s²",
               "wall time, s"]  # fmt: skip

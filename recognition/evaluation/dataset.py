@@ -81,7 +81,7 @@ def _fast_signals(run: Run, window: Window, rate_factor: int) -> pd.DataFrame:
 
 
 def _kind(run: Run) -> str:
-    scene = run.info["scene"]
+    scene = run.scene.as_json()
     plate = {key: value for key, value in scene["plate"].items() if key != "damping_ratio"}
     return json.dumps([plate, scene.get("materials"), scene["stones"].get("agglomerate")], sort_keys=True)
 
@@ -104,12 +104,10 @@ def read_dataset(path: str | Path) -> DataSet:
 
 
 def _row(run: Run, directory: Path) -> dict[str, Any]:
-    try:
-        scene = run.info["scene"]
-        conditions = {"speed_m_s": float(scene["stones"]["speed_m_s"]),
-                      "damping_ratio": float(scene["plate"]["damping_ratio"])}
-    except (KeyError, TypeError) as error:
-        raise RecognitionError(f"{directory}/run.json: scene has no {error}") from None
+    conditions = {"speed_m_s": run.scene.stones.speed_m_s, "damping_ratio": run.scene.plate.damping_ratio}
+    for name, value in conditions.items():
+        if value is None:
+            raise RecognitionError(f"{directory}/run.json: scene has no {name!r}")
     family = directory.parent.parent.name
     return {"family": family, "group": f"{family}/{directory.parent.name}", "gangue_ratio": run.gangue_ratio,
             **conditions}

@@ -199,10 +199,11 @@ def _noises(records: list[pd.DataFrame], noises_db: Noises) -> dict[float | None
 
 def _by_true_impulse(data: DataSet, chosen: Integers) -> dict[str, Any]:
     try:
-        impulse = np.array([float(data.runs[k].info["impulse_N_s"]) for k in chosen])
+        impulses = [data.runs[k].summary.impulse_N_s for k in chosen]
+        if None in impulses:
+            return {"reason": "a run.json has no impulse_N_s"}
+        impulse = np.array(impulses, dtype=float)
         error = true_impulse_errors_points(impulse, data.ratios[chosen], data.table["group"].to_numpy()[chosen])
-    except (KeyError, TypeError):
-        return {"reason": "a run.json has no impulse_N_s"}
     except RecognitionError as reason:
         return {"reason": str(reason)}
     return {"least_points": np.abs(error).mean(), "worst_points": np.abs(error).max()}

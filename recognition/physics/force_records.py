@@ -60,13 +60,12 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     steps = round(duration_s / step_s)
     if len(t_s) <= steps or not np.allclose(np.diff(t_s[:steps + 1]), step_s):
         raise RecordError(f"{path}: needs {duration_s:g} s without gaps")
-    stones = run.info.get("scene", {}).get("stones", {})
-    speed_m_s = stones.get("speed_m_s")
-    if not isinstance(speed_m_s, (int, float)):
-        raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = {speed_m_s!r}; needs a number")
+    stones = run.scene.stones
+    if stones.speed_m_s is None:
+        raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
     forces = [name for name in table.columns.astype(str) if name.startswith("force_") and name != "force_N"]
-    return ForceRecord(flexible_plate(run), _modes_dir(run.path), places_of(run), stones.get("arrival_s") is None,
-                       float(speed_m_s), sample_s or 1 / run.rate_Hz, step_s,
+    return ForceRecord(flexible_plate(run), _modes_dir(run.path), places_of(run), stones.arrival_s is None,
+                       stones.speed_m_s, sample_s or 1 / run.rate_Hz, step_s,
                        table[forces].to_numpy(dtype=float)[1:steps + 1].T, np.array(run.materials) == "gangue")
 
 

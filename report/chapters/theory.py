@@ -9,13 +9,16 @@ from analysis.impact import DAMPING, force_history
 from analysis.theory import contact_stiffness, materials_in_order, sphere_mass_kg
 from report.chapters.figure_spec import Drawn, FigureSpec
 from report.figures import theory as figures
+from report.results.missing import MissingResult
 from report.results.sweep_results import SweepResults
 
 
 def arrangement(results: SweepResults) -> Drawn:
-    s, plate = results.theory.setup, results.runs[0].info["scene"]["plate"]
-    rods_m = [(rod["x_m"], rod["y_m"]) for rod in plate["rods"]]
-    size_m = (plate["length_m"], plate["width_m"])
+    s, plate = results.theory.setup, results.runs[0].scene.plate
+    if plate.rods is None or plate.length_m is None or plate.width_m is None:
+        raise MissingResult("the scene in run.json has no plate with its rods and size")
+    rods_m = [(rod.x_m, rod.y_m) for rod in plate.rods]
+    size_m = (plate.length_m, plate.width_m)
     return figures.arrangement(s.places_m, s.radius_m, s.gangue_order, size_m, rods_m)
 
 

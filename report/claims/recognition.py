@@ -197,5 +197,5 @@ RECOGNITION_STATEMENTS = [
     Statement("Energy fusion separates the ratios best of the four", "Fig. 33-36", "fig-33",
               "most stratified and most apart", energy_fusion_separates_best),
     Statement("The energy fusion strategy recognises better than Q", "Section V-B-3", "fig-recognised",
-              f"lower mean error, as {' and '.join(FUSION_WORDS.values())}", strategy_beats_q),
+              f"lower mean error, {' and '.join(FUSION_WORDS.values())}", strategy_beats_q),
 ]  # fmt: skip

@@ -106,4 +106,4 @@ class PlateResults:
 
 
 def _plate_key(run: Run) -> str:
-    return repr((run.info.get("scene", {}).get("plate"), run.info.get("n_modes")))
+    return repr((run.scene.plate, run.summary.n_modes))

@@ -26,7 +26,8 @@ SIDE_M, THICKNESS_M, E_PA, NU = 0.4, 0.004, 2.07e11, 0.3
 
 def run_of(path, info, **more):
     """As much of a run as the plate needs."""
-    return SimpleNamespace(path=path, info=info, scene=RecordedScene.model_validate(info["scene"]), **more)
+    summary = SimpleNamespace(n_modes=info.get("n_modes"))
+    return SimpleNamespace(path=path, info=info, summary=summary, scene=RecordedScene.model_validate(info["scene"]), **more)
 
 
 @pytest.fixture(scope="module")
