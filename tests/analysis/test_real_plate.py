@@ -27,7 +27,8 @@ SIDE_M, THICKNESS_M, E_PA, NU = 0.4, 0.004, 2.07e11, 0.3
 def run_of(path, info, **more):
     """As much of a run as the plate needs."""
     summary = SimpleNamespace(n_modes=info.get("n_modes"))
-    return SimpleNamespace(path=path, info=info, summary=summary, scene=RecordedScene.model_validate(info["scene"]), **more)
+    scene = RecordedScene.model_validate(info["scene"])
+    return SimpleNamespace(path=path, info=info, summary=summary, scene=scene, **more)
 
 
 @pytest.fixture(scope="module")
