@@ -127,7 +127,9 @@ class ContactTable(Table):
 class OutputTable(Table):
     """What is written besides the signals."""
 
-    view_interval_s: Positive | None = None  # absent: no pictures
+    view_interval_s: Positive | None = None  # between pictures over the whole run; absent: no pictures
+    # Between pictures while something pushes on the plate in the first impact of a stone; 0: none (docs/runs.md).
+    impact_view_interval_s: NotNegative = 2e-5
 
 
 class EngineTable(Table):

@@ -11,6 +11,7 @@ import numpy as np
 
 from common.resources import resource
 from common.scene import PLATE, Scene, contact_key
+from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
 from dem.deck.smooth_contact import write_surfaces
 from dem.deck.time_step import TimeStep, impact_speed_m_s, weak_contact
@@ -81,7 +82,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         speed_m_s=scene.stones.speed_m_s,
         impact_J=float(0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2),
         mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
-        view_steps=view_steps(scene, step),
+        pictures=picture_schedule(scene, assembly, step),
         free_flight=_free_flight(scene, step),
         checkpoint_steps=CHECKPOINT_SAMPLES * step.sample_steps,
         streams=streams(scene, assembly),
@@ -91,7 +92,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
 def streams(scene: Scene, assembly: Assembly) -> list[str]:
     """Files in the deck's directory that the engine appends to."""
     return ["ledger.bin", "forces.bin", "contacts.bin", *(["events.csv"] if assembly.n_bonds else []),
-            *(["view.dump"] if scene.output.view_interval_s is not None else [])]
+            *(["pictures.bin"] if scene.output.view_interval_s is not None else [])]
 
 
 def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
@@ -106,16 +107,6 @@ def _free_flight(scene: Scene, step: TimeStep) -> dict[str, float] | None:
         return None
     every = step.co_step * max(1, round(FREE_FLIGHT_EVERY / step.co_step))
     return {"speed_m_s": impact_speed_m_s(scene), "tolerance": scene.time.free_flight_tolerance, "every": every}
-
-
-def view_steps(scene: Scene, step: TimeStep) -> int | None:
-    """DEM steps between two pictures, a whole number of samples; None if the scene wants none. An interval longer than
-    the run, which LIGGGHTS might not be able to count, is one sample more than the run: a picture at its start
-    alone."""
-    if scene.output.view_interval_s is None:
-        return None
-    samples = min(scene.output.view_interval_s / scene.time.sample_interval_s, step.steps // step.sample_steps + 1)
-    return step.sample_steps * max(1, round(samples))
 
 
 def skin_m(assembly: Assembly) -> float:

@@ -55,6 +55,11 @@ void ContactRecorder::end_co_step() {
 
 void ContactRecorder::record_contacts(const std::vector<NearSphere> &near, const PlateContact &contact) {
   if (!has_contacts_) return;
+  const std::vector<double> all = contacts(near, contact);
+  if (!all.empty()) write(all);
+}
+
+std::vector<double> ContactRecorder::contacts(const std::vector<NearSphere> &near, const PlateContact &contact) const {
   std::vector<double> mine, all;
   for (const NearSphere &p : near) {
     if (!p.touches || p.push == 0) continue;
@@ -70,7 +75,7 @@ void ContactRecorder::record_contacts(const std::vector<NearSphere> &near, const
   for (int rank = 0; rank < ranks; rank++) starts[rank] = total, total += sizes[rank];
   all.resize(total);
   MPI_Gatherv(mine.data(), size, MPI_DOUBLE, all.data(), sizes.data(), starts.data(), MPI_DOUBLE, 0, lmp_->world);
-  if (lmp_->comm->me == 0 && !all.empty()) write(all);
+  return all;
 }
 
 void ContactRecorder::write(const std::vector<double> &contacts) const {

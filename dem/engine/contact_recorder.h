@@ -28,6 +28,8 @@ class ContactRecorder {
 
   void add_forces(const std::vector<NearSphere> &, double share);  // of the mean over this co-step
   void end_co_step();
+  // Of this step: the rows that the file of contacts has, all of them on rank 0.
+  std::vector<double> contacts(const std::vector<NearSphere> &, const PlateContact &) const;
   void record_contacts(const std::vector<NearSphere> &, const PlateContact &);
   void flush();
 

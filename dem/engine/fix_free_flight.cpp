@@ -98,6 +98,22 @@ std::vector<FreeBody *> FixFreeFlight::bodies_in_flight() {
   return all;
 }
 
+// The attitude is integrated from one call to the next, so a copy is asked, and the body itself goes on as if unseen.
+void FixFreeFlight::each_in_flight(
+    const std::function<void(int, const double *, const double *)> &visit) const {
+  double x[3], v[3];
+  for (const auto &body : bodies_) {
+    if (body->is_leaving) continue;
+    FreeBody seen = *body;
+    seen.go_to(update->ntimestep);
+    for (const FreeBody::Part &p : seen.parts) {
+      const FreeBody::State s = seen.state(p);
+      s.x.to(x), s.v.to(v);
+      visit(p.tag, x, v);
+    }
+  }
+}
+
 // `thermo_modify lost error` cannot be asked, as it takes a run without a sub-sphere in the arrays for lost.
 void FixFreeFlight::check_count() const {
   int count = atom->nlocal;
@@ -307,7 +323,12 @@ int FixFreeFlight::insert(FreeBody &b, double half_step) {
 void FixFreeFlight::show() {
   const bigint now = update->ntimestep;
   if (output->next_dump_any != now && !output->restart_requested(now)) return;
-  for (FreeBody *b : bodies_in_flight()) shown_ += insert(*b, 0);
+  for (const auto &body : bodies_) {
+    if (body->is_leaving) continue;
+    FreeBody seen = *body;  // as in each_in_flight
+    seen.go_to(now);
+    shown_ += insert(seen, 0);
+  }
   atom->natoms += shown_;
 }
 

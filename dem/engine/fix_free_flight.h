@@ -21,7 +21,8 @@ namespace LAMMPS_NS {
 // time jumps (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2,
 // V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along -z. It works on one
 // rank, and comes after all other fixes.
-class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl {
+class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl,
+                      public FlyingSpheres {
  public:
   FixFreeFlight(class LAMMPS *, int, char **);
   int setmask() override;
@@ -36,6 +37,8 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void begin_anew() override;
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
+
+  void each_in_flight(const std::function<void(int, const double *, const double *)> &) const override;
 
   void jump() override;
   void change_arrays() override;

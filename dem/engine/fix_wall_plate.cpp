@@ -227,6 +227,12 @@ void FixWallPlate::add_to(LedgerRows &rows) {
   contact_->add_to(rows, near_);
 }
 
+bool FixWallPlate::is_pushed() const {
+  return std::any_of(near_.begin(), near_.end(), [](const NearSphere &p) { return p.touches && p.push != 0; });
+}
+
+std::vector<double> FixWallPlate::contacts_now() const { return recorder_->contacts(near_, *contact_); }
+
 void FixWallPlate::skip(long long co_steps) {
   if (coupling_) coupling_->skip(co_steps);
 }

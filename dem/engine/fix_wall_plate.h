@@ -29,6 +29,7 @@ class FixWallPlate : public FixWallGran,
                      public Checkpointed,
                      public EnergyHolder,
                      public Obstacle,
+                     public Pushed,
                      public StockWall {
  public:
   FixWallPlate(class LAMMPS *, int, char **);
@@ -56,6 +57,8 @@ class FixWallPlate : public FixWallGran,
   const double *extent() const override { return extent_; }
   double reach() const override { return plate_reach() + contact_->outside(); }
   int co_step() const override { return co_step_; }
+  bool is_pushed() const override;
+  std::vector<double> contacts_now() const override;
   bool is_quiet() const override { return step_in_co_step_ == 0 && !(coupling_ && coupling_->is_engaged()); }
   void skip(long long co_steps) override;
   void ask_reach() override;

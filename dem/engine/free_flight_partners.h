@@ -1,4 +1,5 @@
 #pragma once
+#include <functional>
 #include <vector>
 
 namespace LAMMPS_NS {
@@ -18,6 +19,14 @@ class BodyMaker {
   virtual void rotate(int i, const Rotation &turned) = 0;  // sub-sphere i has turned while it was away
 };
 
+// The plate for what shows it.
+class Pushed {
+ public:
+  virtual ~Pushed() {}
+  virtual bool is_pushed() const = 0;  // by a sub-sphere of this rank, now
+  virtual std::vector<double> contacts_now() const = 0;  // rows as in contact_recorder.h; all ranks ask together
+};
+
 // Something that bodies in free flight can hit: the plate.
 class Obstacle {
  public:
@@ -35,6 +44,14 @@ class ActsInFreeFlight {
  public:
   virtual ~ActsInFreeFlight() {}
   virtual int acts_every() const = 0;  // steps; 0: never
+};
+
+// Knows of sub-spheres that are not in the arrays.
+class FlyingSpheres {
+ public:
+  virtual ~FlyingSpheres() {}
+  // Where each of them is and how it moves now, m and m/s. The flight goes on as if nobody had looked.
+  virtual void each_in_flight(const std::function<void(int tag, const double *x, const double *v)> &) const = 0;
 };
 
 // What the run loop asks of fix free_flight.

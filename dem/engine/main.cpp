@@ -1,9 +1,10 @@
-// The engine: stock LIGGGHTS from libliggghts with six fix styles added.
+// The engine: stock LIGGGHTS from libliggghts with seven fix styles added.
 //
 //   bond/parallel   bonds between the sub-spheres of an agglomerate (fix_bond_parallel.h)
 //   wall/plate      the granular wall that moves with the plate       (fix_wall_plate.h)
 //   ledger          energies and momenta of each agglomerate          (fix_ledger.h)
 //   monitor         stops a run that is not stable                    (fix_monitor.h)
+//   pictures        where the sub-spheres are, for ParaView       (fix_pictures.h)
 //   checkpoint      keeps the state of a run and takes it up again    (fix_checkpoint.h)
 //   free_flight     bodies in free flight leave the force loops       (fix_free_flight.h)
 //
@@ -21,6 +22,7 @@
 #include "fix_free_flight.h"
 #include "fix_ledger.h"
 #include "fix_monitor.h"
+#include "fix_pictures.h"
 #include "fix_wall_plate.h"
 #include "input.h"
 #include "lammps.h"
@@ -49,6 +51,7 @@ void add_styles(LAMMPS *lmp) {
   styles["wall/plate"] = &create<FixWallPlate>;
   styles["ledger"] = &create<FixLedger>;
   styles["monitor"] = &create<FixMonitor>;
+  styles["pictures"] = &create<FixPictures>;
   styles["checkpoint"] = &create<FixCheckpoint>;
   styles["free_flight"] = &create<FixFreeFlight>;
 }

@@ -26,12 +26,12 @@ RANGE_OF_CONTACT = 20  # contact radii: beyond, a contact adds less than 4e-4 of
 PlateMesh = tuple[int, str, meshio.Mesh]  # number of the part in view.pvd, name of its files, what it shows
 
 
-def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, contacts: pd.DataFrame,
+def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame,
                meshes_of_plate: Callable[[int, list[HertzContact]], list[PlateMesh]]) -> None:
-    """Turn the engine's dump in `directory`/deck into view/*.vtu and view.pvd in `directory`.
+    """Turn the engine's pictures in `directory`/deck into view/*.vtu and view.pvd in `directory`.
 
-    `events` and `contacts` are the tables of breakage.parquet and contacts.parquet. `meshes_of_plate(picture,
-    contacts)` gives what each picture shows of the plate.
+    `events` is the table of breakage.parquet. `meshes_of_plate(dem_step, contacts)` gives what a picture shows of the
+    plate.
     """
     assembly, dt_s = prepared.assembly, prepared.step.dt_s
     pictures = directory / "view"
@@ -39,14 +39,14 @@ def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, con
     broken_at = np.full(assembly.n_bonds, np.inf)
     broken_at[events["bond"].to_numpy(dtype=int) - 1] = events["t_s"]
     entries = []
-    for k, (dem_step, particles) in enumerate(read_dump(directory / "deck" / "view.dump")):
+    for k, (dem_step, particles, pushing) in enumerate(read_pictures(directory / "deck" / "pictures.bin",
+                                                                     assembly.n_particles)):
         t = dem_step * dt_s
         intact = broken_at > t + 0.5 * dt_s
         meshes = [(0, "particles", _particles(particles, assembly, intact))]
         if assembly.n_bonds:
             meshes.append((1, "bonds", _bonds(particles, assembly, intact)))
-        touching = hertz_contacts(contacts[np.abs(contacts["t_s"] - t) < 0.5 * dt_s], prepared.scene, assembly)
-        meshes += meshes_of_plate(k, touching)
+        meshes += meshes_of_plate(dem_step, hertz_contacts(pushing, prepared.scene, assembly))
         entries += [(t, part, _write(pictures / f"{name}_{k:04d}.vtu", mesh)) for part, name, mesh in meshes]
     _write_pvd(directory / "view.pvd", entries)
 
@@ -58,6 +58,21 @@ def plate_meshes(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzC
     if contacts:
         meshes.append((3, "contacts", _contacts(modes, amplitude, contacts, poisson_ratio)))
     return meshes
+
+
+def read_pictures(file: Path, n_particles: int) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Yield of each picture of the engine (fix_pictures.h) the DEM step; place (m) and velocity (m/s) of the
+    sub-spheres, (n_particles, 6); and the contacts with the plate, (k, 5): stone (from 1), x, y (m), force (N), radius
+    (m). Raises RuntimeError for a file that is cut off or damaged."""
+    with open(file, "rb") as pictures:
+        while head := pictures.read(16):
+            spheres = np.fromfile(pictures, dtype="<f4", count=6 * n_particles)
+            dem_step, n_contacts = np.frombuffer(head, dtype="<i8") if len(head) == 16 else (-1, 0)
+            contacts = np.fromfile(pictures, dtype="<f8", count=5 * max(0, n_contacts))
+            if len(spheres) != 6 * n_particles or len(contacts) != 5 * n_contacts or not (
+                    np.all(np.isfinite(spheres)) and np.all(np.isfinite(contacts))):
+                raise RuntimeError(f"{file}: cut off or damaged")
+            yield int(dem_step), spheres.reshape(n_particles, 6), contacts.reshape(n_contacts, 5)
 
 
 def read_dump(file: Path) -> Iterator[tuple[int, np.ndarray]]:
@@ -83,26 +98,24 @@ def _particles(frame: np.ndarray, assembly: Assembly, intact: np.ndarray) -> mes
     n = len(frame)
     label = fragments(assembly.n_particles, assembly.bond_first, assembly.bond_second, intact)
     return meshio.Mesh(
-        frame[:, 1:4], [("vertex", np.arange(n).reshape(-1, 1))],
-        point_data={"radius_m": frame[:, 7], "velocity_m_s": frame[:, 4:7], "material": assembly.material + 1.0,
+        frame[:, :3], [("vertex", np.arange(n).reshape(-1, 1))],
+        point_data={"radius_m": assembly.radius_m, "velocity_m_s": frame[:, 3:], "material": assembly.material + 1.0,
                     "agglomerate": assembly.agglomerate + 1.0, "fragment": label + 1.0})
 
 
 def _bonds(frame: np.ndarray, assembly: Assembly, intact: np.ndarray) -> meshio.Mesh:
     ends = np.column_stack([assembly.bond_first, assembly.bond_second])[intact]
-    length = np.linalg.norm(frame[ends[:, 1], 1:4] - frame[ends[:, 0], 1:4], axis=1)
+    length = np.linalg.norm(frame[ends[:, 1], :3] - frame[ends[:, 0], :3], axis=1)
     strain = length / np.linalg.norm(assembly.bond_vector_m[intact], axis=1) - 1
-    return meshio.Mesh(frame[:, 1:4], [("line", ends)],
+    return meshio.Mesh(frame[:, :3], [("line", ends)],
                        cell_data={"strain": [strain], "radius_m": [assembly.bond_radius_m[intact]],
                                   "agglomerate": [assembly.agglomerate[ends[:, 0]] + 1.0]})
 
 
-def hertz_contacts(rows: pd.DataFrame, scene: Scene, assembly: Assembly) -> list[HertzContact]:
-    """The contacts of one instant, given as rows of contacts.parquet."""
+def hertz_contacts(rows: np.ndarray, scene: Scene, assembly: Assembly) -> list[HertzContact]:
+    """The contacts of one picture, given as `read_pictures` does."""
     modulus = [modulus_on_plate_Pa(scene, name) for name in assembly.stone_materials]
-    of_stone = rows["agglomerate"].to_numpy(dtype=int) - 1
-    values = rows[["x_m", "y_m", "force_N", "radius_m"]].to_numpy(dtype=float)
-    return [HertzContact(x, y, force, radius, modulus[stone]) for (x, y, force, radius), stone in zip(values, of_stone)]
+    return [HertzContact(x, y, force, radius, modulus[int(stone) - 1]) for stone, x, y, force, radius in rows]
 
 
 def _plate(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact], poisson_ratio: float) -> meshio.Mesh:

@@ -16,7 +16,7 @@ from dem.coupling.checkpoint import State, plate_file, read_plate_state, write_p
 from dem.coupling.monitor import PlateMonitor
 from dem.coupling.participant import CouplingState, PlateParticipant, PlateStates
 from dem.coupling.pipes import PlatePipes
-from dem.deck.render import view_steps
+from dem.deck.pictures import picture_schedule
 from dem.run.energy_balance import PlateEnergy
 from dem.run.paraview import PlateMesh, plate_meshes
 from dem.run.prepare import PreparedRun
@@ -54,7 +54,7 @@ class RigidPlateParticipant:
         """A rigid plate does not bend."""
         return {}
 
-    def meshes(self, picture: int, contacts: list[HertzContact]) -> list[PlateMesh]:
+    def meshes(self, dem_step: int, contacts: list[HertzContact]) -> list[PlateMesh]:
         """A rigid plate is not shown."""
         return []
 
@@ -67,7 +67,8 @@ class FlexiblePlateParticipant:
         self._modes, self._step = modes, step
         self._poisson_ratio = scene.plate.poisson_ratio
         self._motion = ModalMotion(modes, step.co_step * step.dt_s)
-        self._recorder = PlateRecorder(scene, modes, self._motion, step, view_steps(scene, step),
+        self._recorder = PlateRecorder(scene, modes, self._motion, step,
+                                       picture_schedule(scene, prepared.assembly, step),
                                        PlateMonitor(scene, prepared.assembly))
         self._state = CouplingState()
         self._pipes: PlatePipes | None = None
@@ -133,9 +134,9 @@ class FlexiblePlateParticipant:
         peak = self._recorder.bending
         return {"bending": peak.result(), "bending_at_rods": peak.result(at_rods=True)}
 
-    def meshes(self, picture: int, contacts: list[HertzContact]) -> list[PlateMesh]:
-        """What picture number `picture` shows of the plate and of the contacts on it."""
-        return plate_meshes(self._modes, self._recorder.view_amplitude[picture], contacts, self._poisson_ratio)
+    def meshes(self, dem_step: int, contacts: list[HertzContact]) -> list[PlateMesh]:
+        """What the picture at `dem_step` shows of the plate and of the contacts on it."""
+        return plate_meshes(self._modes, self._recorder.view_amplitude[dem_step], contacts, self._poisson_ratio)
 
 
 PlateOfRun = RigidPlateParticipant | FlexiblePlateParticipant

@@ -11,6 +11,7 @@ import pandas as pd
 from common.plate import FlexiblePlate
 from common.scene import Scene
 from dem.coupling.participant import PlateStates
+from dem.deck.pictures import PictureSchedule
 from dem.deck.time_step import TimeStep
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
@@ -18,7 +19,7 @@ from plate_fem.stress import StressPeak
 
 
 class PlateRecorder:
-    """Collects the plate's state at each row of the fast stream, and its modal amplitudes at each picture.
+    """Collects the plate's state at each row of the fast stream, and its modal amplitudes where there may be a picture.
 
     The signals of the rows are computed in blocks, since a product of matrices costs little more than one of vectors.
     `check(t_s, total_J)` is called with the energy of each block, arrays (k,).
@@ -26,11 +27,11 @@ class PlateRecorder:
 
     BLOCK = 128  # rows
 
-    def __init__(self, scene: Scene, modes: PlateModes, motion: ModalMotion, step: TimeStep, view_steps: int | None,
-                 check: Callable[[np.ndarray, np.ndarray], None]):
+    def __init__(self, scene: Scene, modes: PlateModes, motion: ModalMotion, step: TimeStep,
+                 pictures: PictureSchedule | None, check: Callable[[np.ndarray, np.ndarray], None]):
         self._motion = motion
         self._step = step
-        self._view_steps = view_steps
+        self._pictures = pictures
         self._check = check
         assert isinstance(scene.plate, FlexiblePlate)  # the other has no motion to record
         sensors = scene.plate.sensors
@@ -41,7 +42,7 @@ class PlateRecorder:
         self.columns = ["u_m", "v_m_s", "a_m_s2", "kinetic_J", "internal_J", "total_J",
                         *(f"acc_{s.name}_m_s2" for s in sensors), *rods]
         self.steps: list[int] = []
-        self.view_amplitude: list[np.ndarray] = []
+        self.view_amplitude: dict[int, np.ndarray] = {}  # by DEM step
         self.bending = StressPeak(modes, scene.plate.rods)
         self._blocks: list[np.ndarray] = []
         self._waiting: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # amplitude, rate, modal force
@@ -49,10 +50,9 @@ class PlateRecorder:
     def __call__(self, dem_steps: range, states: PlateStates, modal_forces: list[np.ndarray]) -> None:
         """Record rows at `dem_steps`: amplitude and rate of each, and the force on it, arrays (modes,) that are not
         changed later."""
-        if self._view_steps:
-            for dem_step in range(-(-dem_steps[0] // self._view_steps) * self._view_steps, dem_steps[-1] + 1,
-                                  self._view_steps):
-                self.view_amplitude.append(states[dem_steps.index(dem_step)][0].copy())
+        if self._pictures:
+            for dem_step in self._pictures.possible(dem_steps):
+                self.view_amplitude[dem_step] = states[dem_steps.index(dem_step)][0].copy()
         self.steps.extend(dem_steps)
         self._waiting.extend((amplitude, rate, force)
                              for (amplitude, rate), force in zip(states, modal_forces, strict=True))
@@ -79,13 +79,14 @@ class PlateRecorder:
         """All that was recorded, for `set_state`. The rows that wait for their block still wait, so that a run that
         goes on from here computes the same blocks."""
         return {"rows": self._rows(), "steps": np.array(self.steps), "waiting": np.array(self._waiting),
-                "view_amplitude": np.array(self.view_amplitude), **self.bending.get_state()}
+                "view_steps": np.array(list(self.view_amplitude), dtype=int),
+                "view_amplitude": np.array(list(self.view_amplitude.values())), **self.bending.get_state()}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         """Go on from what `get_state` gave."""
         self._blocks, self.steps = [state["rows"]], state["steps"].tolist()
         self._waiting = [(amplitude, rate, force) for amplitude, rate, force in state["waiting"]]
-        self.view_amplitude = list(state["view_amplitude"])
+        self.view_amplitude = dict(zip(state["view_steps"].tolist(), state["view_amplitude"], strict=True))
         self.bending.set_state(state)
 
     def _rows(self) -> np.ndarray:

@@ -56,7 +56,7 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> 
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
     contacts.to_parquet(directory / "contacts.parquet", index=False)
     if scene.output.view_interval_s is not None:
-        write_view(directory, prepared, events, contacts, plate.meshes)
+        write_view(directory, prepared, events, plate.meshes)
     ledger = read_ledger(deck / "ledger.bin", n)
     mass = np.bincount(assembly.agglomerate, assembly.mass_kg)
     height = np.bincount(assembly.agglomerate, assembly.mass_kg * assembly.center_m[:, 2])

@@ -22,7 +22,7 @@ PARTS = {
     "rolling": r"rolling",
     "gravity": r"^fix gravity ",
     "coupling": r"to_plate|shapes\.bin",
-    "pictures": r"^dump ",
+    "pictures": r"^fix pictures ",
     "plasticity": r"yield_pressure",
     "free flight": r"^fix free_flight ",
     "weak contact": r" weak_contact ",

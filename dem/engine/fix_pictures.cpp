@@ -1,0 +1,104 @@
+#include "fix_pictures.h"
+
+#include <mpi.h>
+
+#include <algorithm>
+#include <numeric>
+#include <string>
+
+#include "atom.h"
+#include "comm.h"
+#include "error.h"
+#include "fixes.h"
+#include "force.h"
+#include "update.h"
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+
+namespace {
+const int COLUMNS = 6;  // x y z vx vy vz
+const size_t CONTACT_COLUMNS = 5;
+}
+
+FixPictures::FixPictures(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
+  std::string agglomerates, file;
+  for (int k = 3; k + 1 < narg; k += 2) {
+    const std::string key = arg[k];
+    if (key == "agglomerates") agglomerates = arg[k + 1];
+    else if (key == "file") file = arg[k + 1];
+    else if (key == "every") every_ = force->inumeric(FLERR, arg[k + 1]);
+    else if (key == "impact") {
+      impact_every_ = force->inumeric(FLERR, arg[k + 1]);
+      for (k += 2; k + 1 < narg; k += 2)
+        impacts_.push_back({force->inumeric(FLERR, arg[k]), force->inumeric(FLERR, arg[k + 1])});
+    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
+  }
+  if (agglomerates.empty() || file.empty() || every_ < 1 || impact_every_ < 0)
+    error->fix_error(FLERR, this, "needs agglomerates FILE file FILE every N [impact M FIRST LAST ...]");
+  nevery = std::gcd(every_, impact_every_);
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  if (comm->me != 0) return;
+  file_ = std::fopen(file.c_str(), "ab");
+  if (!file_) error->one(FLERR, ("cannot write " + file).c_str());
+}
+
+FixPictures::~FixPictures() {
+  if (file_) std::fclose(file_);
+}
+
+int FixPictures::setmask() { return END_OF_STEP; }
+
+void FixPictures::init() {
+  plate_ = fix_that_is<Pushed>(modify);
+  flying_ = fix_that_is<FlyingSpheres>(modify);
+}
+
+void FixPictures::setup(int) {
+  if (!resuming && update->ntimestep == 0) write();
+}
+
+void FixPictures::end_of_step() {
+  if (is_due()) write();
+}
+
+bool FixPictures::is_due() const {
+  const bigint now = update->ntimestep;
+  if (now % every_ == 0) return true;
+  if (!impact_every_ || now % impact_every_ != 0) return false;
+  const bool in_impact = std::any_of(impacts_.begin(), impacts_.end(), [now](const auto &impact) {
+    return impact.first <= now && now <= impact.second;
+  });
+  return in_impact && is_pushed();
+}
+
+bool FixPictures::is_pushed() const {
+  int mine = plate_ && plate_->is_pushed(), any = 0;
+  MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, world);
+  return any;
+}
+
+// Each sub-sphere is known to one rank, and has zeros in the sum of all others.
+void FixPictures::write() const {
+  const int count = agglomerates_->tags();
+  std::vector<float> mine(static_cast<size_t>(count) * COLUMNS, 0.0f), all(comm->me == 0 ? mine.size() : 0);
+  auto note = [&](int tag, const double *x, const double *v) {
+    float *row = &mine[static_cast<size_t>(tag - 1) * COLUMNS];
+    std::copy_n(x, 3, row);
+    std::copy_n(v, 3, row + 3);
+  };
+  for (int i = 0; i < atom->nlocal; i++) note(atom->tag[i], atom->x[i], atom->v[i]);
+  if (flying_) flying_->each_in_flight(note);
+  MPI_Reduce(mine.data(), all.data(), mine.size(), MPI_FLOAT, MPI_SUM, 0, world);
+  const std::vector<double> contacts = plate_ ? plate_->contacts_now() : std::vector<double>();
+  if (comm->me != 0) return;
+  const long long head[2] = {update->ntimestep, static_cast<long long>(contacts.size() / CONTACT_COLUMNS)};
+  const bool written = std::fwrite(head, 8, 2, file_) == 2 &&
+                       std::fwrite(all.data(), sizeof(float), all.size(), file_) == all.size() &&
+                       std::fwrite(contacts.data(), 8, contacts.size(), file_) == contacts.size();
+  if (!written) error->one(FLERR, "cannot write the pictures");
+}
+
+void FixPictures::post_run() {
+  if (file_ && std::fflush(file_) != 0) error->one(FLERR, "cannot write the pictures");
+}
