@@ -39,7 +39,7 @@ report: setup  ## the report again from the runs in OUT
 test: setup .venv/campaign  ## all tests but the long ones
 	$(PYTHON) -m pytest -q
 
-validate: setup .venv/campaign build/slurm build/calculix  ## the long checks
+validate: setup .venv/campaign build/slurm build/calculix build/paraview  ## the long checks
 	$(PYTHON) -m pytest -q -m validate
 
 bench: setup  ## cost and results of the bonds beside peers, into runs/bench
@@ -84,6 +84,12 @@ build/slurm: build/packages
 build/calculix: | build/packages
 	@command -v ccx >/dev/null || { $(SUDO) apt-get update && \
 	  $(SUDO) apt-get install -y --no-install-recommends calculix-ccx; }
+	touch $@
+
+# ParaView, and a screen for it that is none: view.py is run in it, in `make validate` alone.
+build/paraview: | build/packages
+	@command -v pvpython >/dev/null && command -v xvfb-run >/dev/null || { $(SUDO) apt-get update && \
+	  $(SUDO) apt-get install -y --no-install-recommends paraview python3-paraview xvfb xauth libgl1-mesa-dri; }
 	touch $@
 
 .venv/installed: pyproject.toml | build/packages

@@ -1,4 +1,4 @@
-"""Command line: `python -m report DIRECTORY`.
+"""Command line: `python -m report DIRECTORY`, `python -m report compare A B`.
 
 Exit codes: 0 for a written report, 2 for runs that cannot be used, 1 where a file cannot be read or written, 130 after
 Ctrl-C.
@@ -13,11 +13,17 @@ from common.tables import InputError
 
 
 def main(argv: list[str] | None = None) -> int:
+    arguments = sys.argv[1:] if argv is None else argv
+    if arguments[:1] == ["compare"]:
+        from report.compare_page import main as compare  # late, as below
+
+        return compare(arguments[1:])
     parser = argparse.ArgumentParser(
-        prog="python -m report", description="Write report.html and claims.csv into a directory of runs."
+        prog="python -m report", description="Write report.html and claims.csv into a directory of runs; "
+        "`python -m report compare A B` puts two runs or sweeps side by side."
     )
     parser.add_argument("directory", help="directory of runs ratio_*")
-    directory = parser.parse_args(argv).directory
+    directory = parser.parse_args(arguments).directory
     try:
         return _report(directory)
     except KeyboardInterrupt:

@@ -10,10 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from common.scene import Scene
-from dem.deck.time_step import TimeStep
+from dem.deck.time_step import TimeStep, stone_contact_time_s
 from dem.stones.assembly import Assembly
 
-IMPACT_PICTURES = 50        # at most, of one impact: 1 ms at the default interval, a contact lasts 0.4 ms
+IMPACT_CONTACT_TIMES = 2.0  # of a Hertz sphere like the stone; a contact of bonded sub-spheres lasts 1.7 of them
+IMPACT_PICTURES = 100       # at most, of one impact
 ALL_IMPACT_PICTURES = 200   # at most, of all impacts together
 
 
@@ -43,7 +44,7 @@ class PictureSchedule:
 def picture_schedule(scene: Scene, assembly: Assembly, step: TimeStep) -> PictureSchedule | None:
     """The schedule of a scene, None if it wants no pictures.
 
-    An impact begins when the lowest point of a stone reaches the plate at rest, and has at most IMPACT_PICTURES. Those
+    An impact begins when the lowest point of a stone reaches the plate at rest, and lasts IMPACT_CONTACT_TIMES. Those
     of stones that arrive together are one. All pictures lie on rows of the fast stream, so that the plate is known.
     """
     if scene.output.view_interval_s is None:
@@ -58,7 +59,9 @@ def picture_schedule(scene: Scene, assembly: Assembly, step: TimeStep) -> Pictur
     rows = min(interval_s / (step.fast_steps * step.dt_s), step.steps // step.fast_steps + 1)
     impact_every = step.fast_steps * max(1, round(rows))
     arrivals = arrival_s(scene, assembly) / step.dt_s
-    return PictureSchedule(every, impact_every, _impacts(arrivals, impact_every, step.steps))
+    lasts = IMPACT_CONTACT_TIMES * stone_contact_time_s(scene, assembly) / (impact_every * step.dt_s)
+    pictures = min(math.ceil(lasts), IMPACT_PICTURES)
+    return PictureSchedule(every, impact_every, _impacts(arrivals, impact_every, pictures, step.steps))
 
 
 def arrival_s(scene: Scene, assembly: Assembly) -> np.ndarray:
@@ -71,14 +74,14 @@ def arrival_s(scene: Scene, assembly: Assembly) -> np.ndarray:
         return 2 * lowest / (speed + np.sqrt(speed**2 + 2 * gravity * lowest))
 
 
-def _impacts(arrivals: np.ndarray, every: int, steps: int) -> tuple[tuple[int, int], ...]:
-    """First and last steps, multiples of `every`, of the impacts of stones that arrive at the steps `arrivals`; those
-    that overlap are one, and the last ones give way where there would be too many pictures."""
+def _impacts(arrivals: np.ndarray, every: int, pictures: int, steps: int) -> tuple[tuple[int, int], ...]:
+    """First and last steps, multiples of `every`, of the impacts of stones that arrive at the steps `arrivals`, with
+    so many pictures each; those that overlap are one, and the last ones give way where all would have too many."""
     impacts: list[tuple[int, int]] = []
     left = ALL_IMPACT_PICTURES
     for arrival in np.sort(arrivals[arrivals < steps]):
         first = max(1, math.ceil(arrival / every))
-        last = min(first + IMPACT_PICTURES - 1, steps // every)
+        last = min(first + pictures - 1, steps // every)
         if impacts and first <= impacts[-1][1] + 1:
             first = impacts.pop()[0]
         impacts.append((first, last))

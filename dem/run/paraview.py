@@ -1,4 +1,4 @@
-"""view.pvd: particles, bonds and the plate for ParaView, on one time axis in seconds."""
+"""view.pvd: particles, bonds, plate and rods for ParaView, on one time axis in seconds."""
 
 from __future__ import annotations
 
@@ -7,57 +7,169 @@ import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import meshio
 import numpy as np
 import pandas as pd
+from scipy.interpolate import RegularGridInterpolator
 
+from common.plate import FlexiblePlate
+from common.resources import resource
 from common.scene import Scene
 from dem.deck.plate_yield import modulus_on_plate_Pa
+from dem.deck.time_step import TimeStep, weak_contact
 from dem.run.prepare import PreparedRun
+from dem.run.vtk_file import Mesh, VtuWriter, rounded, write_pvd
 from dem.stones.assembly import Assembly
 from dem.stones.bonds import fragments
-from plate_fem.contact_stress import HertzContact, contact_patch, total_stress, von_mises_3d
+from plate_fem import hermite
+from plate_fem.contact_stress import HertzContact, contact_patch, contact_surface_stress, von_mises_3d
 from plate_fem.modes import PlateModes
-from plate_fem.stress import surface_stress, von_mises
+from plate_fem.stress import von_mises
 
 RANGE_OF_CONTACT = 20  # contact radii: beyond, a contact adds less than 4e-4 of its pressure
+# Whole multiples of 2^-bits in which pictures give places (1 um), velocities (1 mm/s), strains (1e-6) and the ends of
+# bonds (60 um, a hundredth of a bond).
+PLACE_BITS, VELOCITY_BITS, STRAIN_BITS, END_BITS = 20, 10, 20, 14
+
+#: What view.pvd shows, by the number of the part there: the name of its files.
+PARTS = ("particles", "bonds", "plate", "contacts", "rods")
+MeshesOfPlate = Callable[[int, list[HertzContact]], dict[str, Mesh]]
 
 
-PlateMesh = tuple[int, str, meshio.Mesh]  # number of the part in view.pvd, name of its files, what it shows
-
-
-def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame,
-               meshes_of_plate: Callable[[int, list[HertzContact]], list[PlateMesh]]) -> None:
-    """Turn the engine's pictures in `directory`/deck into view/*.vtu and view.pvd in `directory`.
+def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, meshes_of_plate: MeshesOfPlate) -> None:
+    """Turn the engine's pictures in `directory`/deck into view/*.vtu, view.pvd and view.py in `directory`.
 
     `events` is the table of breakage.parquet. `meshes_of_plate(dem_step, contacts)` gives what a picture shows of the
-    plate.
+    plate, by the names of PARTS.
     """
     assembly, dt_s = prepared.assembly, prepared.step.dt_s
-    pictures = directory / "view"
-    pictures.mkdir()
+    (directory / "view").mkdir()
     broken_at = np.full(assembly.n_bonds, np.inf)
     broken_at[events["bond"].to_numpy(dtype=int) - 1] = events["t_s"]
+    writers = {part: VtuWriter() for part in PARTS}
+    stones = StoneMeshes(assembly)
     entries = []
-    for k, (dem_step, particles, pushing) in enumerate(read_pictures(directory / "deck" / "pictures.bin",
-                                                                     assembly.n_particles)):
+    pictures = read_pictures(directory / "deck" / "pictures.bin", assembly.n_particles)
+    for k, (dem_step, spheres, pushing) in enumerate(pictures):
         t = dem_step * dt_s
-        intact = broken_at > t + 0.5 * dt_s
-        meshes = [(0, "particles", _particles(particles, assembly, intact))]
-        if assembly.n_bonds:
-            meshes.append((1, "bonds", _bonds(particles, assembly, intact)))
-        meshes += meshes_of_plate(dem_step, hertz_contacts(pushing, prepared.scene, assembly))
-        entries += [(t, part, _write(pictures / f"{name}_{k:04d}.vtu", mesh)) for part, name, mesh in meshes]
-    _write_pvd(directory / "view.pvd", entries)
+        meshes = stones.meshes(spheres, broken_at > t + 0.5 * dt_s)
+        meshes |= meshes_of_plate(dem_step, shown_contacts(pushing, prepared.scene, assembly, prepared.step))
+        for name, mesh in meshes.items():
+            file = f"view/{name}_{k:04d}.vtu"
+            writers[name].write(directory / file, mesh)
+            entries.append((t, PARTS.index(name), file))
+    write_pvd(directory / "view.pvd", entries)
+    for part in {number for _, number, _ in entries}:
+        write_pvd(directory / "view" / f"{PARTS[part]}.pvd",
+                  [(t, 0, file.removeprefix("view/")) for t, number, file in entries if number == part])
+    (directory / "view.py").write_bytes((resource("templates") / "view.py").read_bytes())
 
 
-def plate_meshes(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact],
-                 poisson_ratio: float) -> list[PlateMesh]:
-    """The plate at the modal amplitudes (modes,), and a fine patch about each contact if there are any."""
-    meshes = [(2, "plate", _plate(modes, amplitude, contacts, poisson_ratio))]
-    if contacts:
-        meshes.append((3, "contacts", _contacts(modes, amplitude, contacts, poisson_ratio)))
-    return meshes
+class StoneMeshes:
+    """Particles and bonds of the pictures of a run, one after the other."""
+
+    def __init__(self, assembly: Assembly):
+        self._assembly = assembly
+        self._ends = np.column_stack([assembly.bond_first, assembly.bond_second])
+        self._length_m = np.linalg.norm(assembly.bond_vector_m, axis=1)
+        self._broken: int | None = None  # bonds, when the fragments were found
+        self._fragment = np.zeros(0, dtype="i4")
+
+    def meshes(self, spheres: np.ndarray, intact: np.ndarray) -> dict[str, Mesh]:
+        """Of sub-spheres at `spheres`[:, :3] m with the velocities `spheres`[:, 3:] m/s; `intact` (bonds,)."""
+        assembly = self._assembly
+        if np.count_nonzero(~intact) != self._broken:
+            self._broken = int(np.count_nonzero(~intact))
+            self._fragment = fragments(assembly.n_particles, assembly.bond_first, assembly.bond_second, intact) + 1
+        points = rounded(spheres[:, :3], PLACE_BITS)
+        particles = Mesh(points, np.arange(len(points)).reshape(-1, 1), {
+            "radius_m": assembly.radius_m, "velocity_m_s": rounded(spheres[:, 3:], VELOCITY_BITS),
+            "material": (assembly.material + 1).astype("u1"), "agglomerate": (assembly.agglomerate + 1).astype("u2"),
+            "fragment": self._fragment.astype("i4")})
+        if not assembly.n_bonds:
+            return {"particles": particles}
+        ends = self._ends[intact]
+        length = np.linalg.norm(spheres[ends[:, 1], :3] - spheres[ends[:, 0], :3], axis=1)
+        return {"particles": particles, "bonds": Mesh(rounded(points, END_BITS), ends, cell_data={
+            "strain": rounded(length / self._length_m[intact] - 1, STRAIN_BITS),
+            "agglomerate": (assembly.agglomerate[ends[:, 0]] + 1).astype("u2")})}
+
+
+class PlateMeshes:
+    """The plate of a run and its rods at the pictures."""
+
+    def __init__(self, modes: PlateModes, plate: FlexiblePlate):
+        self._modes, self._plate = modes, plate
+        n = modes.surface_stress.shape[2]
+        self._stress = np.ascontiguousarray(modes.surface_stress.reshape(-1, n))  # of unit amplitudes
+        self._nodal = np.ascontiguousarray(modes.nodal.reshape(-1, n))
+        self._at_rods = modes.shape_at(np.array([[rod.x_m, rod.y_m] for rod in plate.rods]).reshape(-1, 2))
+
+    def meshes(self, amplitude: np.ndarray, contacts: list[HertzContact]) -> dict[str, Mesh]:
+        """The plate at the modal amplitudes (modes,), a fine patch about each contact, and the rods."""
+        bending = (self._stress @ amplitude).reshape(-1, 3)
+        found = {"plate": self._surface(amplitude, bending, contacts)}
+        if contacts:
+            found["contacts"] = self._patches(amplitude, bending, contacts)
+        if self._plate.rods:
+            found["rods"] = self._rods(amplitude)
+        return found
+
+    def _surface(self, amplitude: np.ndarray, bending: np.ndarray, contacts: list[HertzContact]) -> Mesh:
+        modes = self._modes
+        w = modes.shape @ amplitude
+        total = np.column_stack([bending, np.zeros(len(bending))])
+        for contact in contacts:
+            total += contact_surface_stress(contact, modes.node_m, self._plate.poisson_ratio)
+        return Mesh(np.column_stack([modes.node_m, np.zeros(len(w))]), modes.quad,
+                    {"displacement_m": _upwards(w), "von_mises_Pa": von_mises(bending),
+                     "von_mises_with_contacts_Pa": von_mises_3d(total)})
+
+    def _patches(self, amplitude: np.ndarray, bending: np.ndarray, contacts: list[HertzContact]) -> Mesh:
+        """A patch of the plate's surface about each contact, much finer than the plate's mesh, with bending and contact
+        stress."""
+        modes = self._modes
+        lines = modes.lines_x_m, modes.lines_y_m
+        low, high = np.array([[line[0], line[-1]] for line in lines]).T
+        place = np.array([[c.x_m, c.y_m] for c in contacts])
+        reach = RANGE_OF_CONTACT * np.array([c.contact_radius_m for c in contacts])
+        patches = [contact_patch(contact) for contact in contacts]
+        size = len(patches[0][0])  # points, the same of each
+        points = np.clip(np.vstack([points for points, _ in patches]), low, high)
+        nodal = bending.reshape(len(lines[0]), len(lines[1]), 3)
+        stress = np.column_stack([RegularGridInterpolator(lines, nodal)(points), np.zeros(len(points))])
+        for k in range(len(contacts)):
+            here = slice(k * size, (k + 1) * size)
+            for near in np.flatnonzero(np.hypot(*(place - place[k]).T) < reach):
+                stress[here] += contact_surface_stress(contacts[near], points[here], self._plate.poisson_ratio)
+        w = hermite.interpolation(*lines, points) @ (self._nodal @ amplitude)
+        return Mesh(np.column_stack([points, np.zeros(len(points))]),
+                    np.vstack([cells + k * size for k, (_, cells) in enumerate(patches)]),
+                    {"displacement_m": _upwards(w), "von_mises_with_contacts_Pa": von_mises_3d(stress),
+                     "pressure_Pa": -stress[:, 3],
+                     "contact": np.repeat(np.arange(1, len(contacts) + 1, dtype="i4"), size)})
+
+    def _rods(self, amplitude: np.ndarray) -> Mesh:
+        """A line each, from the base, which stands still, to the lower face of the plate."""
+        rods, n = self._plate.rods, len(self._plate.rods)
+        place = np.array([[rod.x_m, rod.y_m, -self._plate.thickness_m] for rod in rods])
+        base = place - [[0.0, 0.0, rod.length_m] for rod in rods]
+        return Mesh(np.vstack([base, place]), np.column_stack([np.arange(n), np.arange(n, 2 * n)]),
+                    {"displacement_m": _upwards(np.concatenate([np.zeros(n), self._at_rods @ amplitude])),
+                     "radius_m": np.tile([rod.diameter_m / 2 for rod in rods], 2)},
+                    {"force_N": self._modes.rod_force @ amplitude, "rod": np.arange(1, n + 1, dtype="i4")})
+
+
+def shown_contacts(rows: np.ndarray, scene: Scene, assembly: Assembly, step: TimeStep) -> list[HertzContact]:
+    """The contacts of a picture, given as `read_pictures` does, without those so weak that a stone's own push is a
+    thousand times theirs (dem.deck.time_step.weak_contact): chips that lie on the plate."""
+    weak = weak_contact(scene, assembly, step)
+    modulus = [modulus_on_plate_Pa(scene, name) for name in assembly.stone_materials]
+    return [HertzContact(x, y, force, radius, modulus[int(stone) - 1]) for stone, x, y, force, radius in rows
+            if weak is None or force > weak.force_N]
+
+
+def _upwards(w: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.zeros((len(w), 2)), w])
 
 
 def read_pictures(file: Path, n_particles: int) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
@@ -92,83 +204,3 @@ def read_dump(file: Path) -> Iterator[tuple[int, np.ndarray]]:
             if len(frame) != count or not np.all(np.isfinite(frame)):
                 raise RuntimeError(f"{file}: the frame of step {dem_step} is cut off or damaged")
             yield dem_step, frame[np.argsort(frame[:, 0])]
-
-
-def _particles(frame: np.ndarray, assembly: Assembly, intact: np.ndarray) -> meshio.Mesh:
-    n = len(frame)
-    label = fragments(assembly.n_particles, assembly.bond_first, assembly.bond_second, intact)
-    return meshio.Mesh(
-        frame[:, :3], [("vertex", np.arange(n).reshape(-1, 1))],
-        point_data={"radius_m": assembly.radius_m, "velocity_m_s": frame[:, 3:], "material": assembly.material + 1.0,
-                    "agglomerate": assembly.agglomerate + 1.0, "fragment": label + 1.0})
-
-
-def _bonds(frame: np.ndarray, assembly: Assembly, intact: np.ndarray) -> meshio.Mesh:
-    ends = np.column_stack([assembly.bond_first, assembly.bond_second])[intact]
-    length = np.linalg.norm(frame[ends[:, 1], :3] - frame[ends[:, 0], :3], axis=1)
-    strain = length / np.linalg.norm(assembly.bond_vector_m[intact], axis=1) - 1
-    return meshio.Mesh(frame[:, :3], [("line", ends)],
-                       cell_data={"strain": [strain], "radius_m": [assembly.bond_radius_m[intact]],
-                                  "agglomerate": [assembly.agglomerate[ends[:, 0]] + 1.0]})
-
-
-def hertz_contacts(rows: np.ndarray, scene: Scene, assembly: Assembly) -> list[HertzContact]:
-    """The contacts of one picture, given as `read_pictures` does."""
-    modulus = [modulus_on_plate_Pa(scene, name) for name in assembly.stone_materials]
-    return [HertzContact(x, y, force, radius, modulus[int(stone) - 1]) for stone, x, y, force, radius in rows]
-
-
-def _plate(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact], poisson_ratio: float) -> meshio.Mesh:
-    w = modes.shape @ amplitude
-    points = np.column_stack([modes.node_m, np.zeros(len(w))])
-    total = total_stress(modes, amplitude, contacts, modes.node_m, poisson_ratio)
-    return meshio.Mesh(points, [("quad", modes.quad)],
-                       point_data={"displacement_m": _upwards(w),
-                                   "von_mises_Pa": von_mises(surface_stress(modes, amplitude)),
-                                   "von_mises_with_contacts_Pa": von_mises_3d(total)})
-
-
-def _contacts(modes: PlateModes, amplitude: np.ndarray, contacts: list[HertzContact],
-              poisson_ratio: float) -> meshio.Mesh:
-    """A patch of the plate's surface about each contact, much finer than the plate's mesh, with bending and contact
-    stress."""
-    low, high = np.array([[lines[0], lines[-1]] for lines in (modes.lines_x_m, modes.lines_y_m)]).T
-    place = np.array([[c.x_m, c.y_m] for c in contacts])
-    points, cells, stress, number, count = [], [], [], [], 0
-    for k, contact in enumerate(contacts):
-        near = np.hypot(*(place - place[k]).T) < RANGE_OF_CONTACT * np.array([c.contact_radius_m for c in contacts])
-        here, quads = contact_patch(contact)
-        here = np.clip(here, low, high)
-        points.append(here)
-        cells.append(quads + count)
-        stress.append(total_stress(modes, amplitude, [contacts[n] for n in np.flatnonzero(near)], here, poisson_ratio))
-        number.append(np.full(len(here), k + 1.0))
-        count += len(here)
-    surface, whole = np.vstack(points), np.vstack(stress)
-    return meshio.Mesh(np.column_stack([surface, np.zeros(len(surface))]), [("quad", np.vstack(cells))],
-                       point_data={"displacement_m": _upwards(modes.shape_at(surface) @ amplitude),
-                                   "von_mises_with_contacts_Pa": von_mises_3d(whole), "pressure_Pa": -whole[:, 3],
-                                   "contact": np.concatenate(number)})
-
-
-def _upwards(w: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.zeros((len(w), 2)), w])
-
-
-def _write(file: Path, mesh: meshio.Mesh) -> str:
-    """Write values in single precision, which is what a picture needs: smaller files, and less time to compress
-    them."""
-    def single(values: np.ndarray) -> np.ndarray:
-        return np.asarray(values, dtype=np.int32 if np.asarray(values).dtype.kind in "iu" else np.float32)
-
-    meshio.Mesh(mesh.points, [(block.type, single(block.data)) for block in mesh.cells],
-                point_data={name: single(values) for name, values in mesh.point_data.items()},
-                cell_data={name: [single(values) for values in blocks] for name, blocks in mesh.cell_data.items()},
-                ).write(file, file_format="vtu")
-    return f"view/{file.name}"
-
-
-def _write_pvd(file: Path, entries: list[tuple[float, int, str]]) -> None:
-    rows = "\n".join(f'    <DataSet timestep="{t:.9g}" part="{part}" file="{name}"/>' for t, part, name in entries)
-    file.write_text('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
-                    f"  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n")

@@ -12,15 +12,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from common.plate import FlexiblePlate
 from dem.coupling.checkpoint import State, plate_file, read_plate_state, write_plate_state
 from dem.coupling.monitor import PlateMonitor
 from dem.coupling.participant import CouplingState, PlateParticipant, PlateStates
 from dem.coupling.pipes import PlatePipes
 from dem.deck.pictures import picture_schedule
 from dem.run.energy_balance import PlateEnergy
-from dem.run.paraview import PlateMesh, plate_meshes
+from dem.run.paraview import PlateMeshes
 from dem.run.prepare import PreparedRun
 from dem.run.recorder import PlateRecorder
+from dem.run.vtk_file import Mesh
 from plate_fem.contact_stress import HertzContact
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
@@ -54,9 +56,9 @@ class RigidPlateParticipant:
         """A rigid plate does not bend."""
         return {}
 
-    def meshes(self, dem_step: int, contacts: list[HertzContact]) -> list[PlateMesh]:
+    def meshes(self, dem_step: int, contacts: list[HertzContact]) -> dict[str, Mesh]:
         """A rigid plate is not shown."""
-        return []
+        return {}
 
 
 class FlexiblePlateParticipant:
@@ -65,7 +67,8 @@ class FlexiblePlateParticipant:
     def __init__(self, prepared: PreparedRun, modes: PlateModes):
         scene, step = prepared.scene, prepared.step
         self._modes, self._step = modes, step
-        self._poisson_ratio = scene.plate.poisson_ratio
+        assert isinstance(scene.plate, FlexiblePlate)
+        self._meshes = PlateMeshes(modes, scene.plate)
         self._motion = ModalMotion(modes, step.co_step * step.dt_s)
         self._recorder = PlateRecorder(scene, modes, self._motion, step,
                                        picture_schedule(scene, prepared.assembly, step),
@@ -134,9 +137,9 @@ class FlexiblePlateParticipant:
         peak = self._recorder.bending
         return {"bending": peak.result(), "bending_at_rods": peak.result(at_rods=True)}
 
-    def meshes(self, dem_step: int, contacts: list[HertzContact]) -> list[PlateMesh]:
+    def meshes(self, dem_step: int, contacts: list[HertzContact]) -> dict[str, Mesh]:
         """What the picture at `dem_step` shows of the plate and of the contacts on it."""
-        return plate_meshes(self._modes, self._recorder.view_amplitude[dem_step], contacts, self._poisson_ratio)
+        return self._meshes.meshes(self._recorder.view_amplitude[dem_step], contacts)
 
 
 PlateOfRun = RigidPlateParticipant | FlexiblePlateParticipant

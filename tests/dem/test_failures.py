@@ -43,7 +43,7 @@ def disk(directory, options):
 
 def one_line(capsys):
     error = capsys.readouterr().err.splitlines()
-    lines = [line for line in error if " left " not in line]  # but for progress
+    lines = [line for line in error if " s  left " not in line]  # but for progress
     assert len(lines) == 1, error
     return lines[0]
 

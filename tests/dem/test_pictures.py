@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scenes_of_tests import changed
 
-from dem.deck.pictures import ALL_IMPACT_PICTURES, IMPACT_PICTURES, PictureSchedule, arrival_s, picture_schedule
+from dem.deck.pictures import ALL_IMPACT_PICTURES, PictureSchedule, arrival_s, picture_schedule
 from dem.deck.time_step import step_limits, time_step
 from dem.run.run import run_scene
 from dem.stones.arrangement import arrange
@@ -49,7 +49,7 @@ def test_pictures_are_dense_while_the_stone_pushes_and_even_in_flight(taken):
     """Against the push in the fast stream, whose rows are means over the 5 us before them."""
     fast = pd.read_parquet(taken["pictures"] / "fast.parquet")
     t, push = fast["t_s"].to_numpy(), fast["force_N"].to_numpy() != 0  # a dashpot may pull
-    dense = [k for k in range(4, len(t) - 1, 4) if t[k] <= 1e-3]
+    dense = [k for k in range(4, len(t) - 1, 4) if t[k] <= 4.6e-4]  # twice 234 us
     pushed = [k for k in dense if push[k] and push[k + 1]]
     free = [k for k in dense if not push[k] and not push[k + 1]]
     taken_at = np.array(list(pictures(taken["pictures"])))
@@ -75,11 +75,12 @@ def test_a_stone_in_flight_is_shown_on_its_parabola_and_rigid(taken):
     height = place[:, :, 2] @ mass / mass.sum()
     curve = np.polyfit(times, height, 2)
     assert curve[0] == pytest.approx(-9.8 / 2, rel=0.01)
-    assert np.abs(np.polyval(curve, times) - height).max() < 2e-8  # single precision at 0.03 m
+    assert np.abs(np.polyval(curve, times) - height).max() < 5e-7  # places to 1 um
     arm = place - place[:, :1]
     turned = np.linalg.norm(arm[-1] - arm[0], axis=1).max()
     assert turned > 1e-5  # it spins
-    assert np.abs(np.linalg.norm(arm, axis=2) - np.linalg.norm(arm[0], axis=1)).max() < 3e-8
+    rounding_m = 2 * np.sqrt(3) * 2**-20  # of two arms, each coordinate of which is the difference of two rounded ones
+    assert np.abs(np.linalg.norm(arm, axis=2) - np.linalg.norm(arm[0], axis=1)).max() <= rounding_m
 
 
 def test_two_rates_meet_in_one_schedule():
@@ -90,22 +91,22 @@ def test_two_rates_meet_in_one_schedule():
     assert schedule.possible(range(541, 700, 1)) == [576, 612]
 
 
-@pytest.mark.parametrize("arrivals_s, impacts", [([0.0] * 10, 1), ([0.0] * 5 + [0.01] * 5, 2), (list(range(10)), 4)])
+@pytest.mark.parametrize("arrivals_s, impacts", [([0.0] * 10, 1), ([0.0] * 5 + [0.01] * 5, 2), ([0.01 * k for k in range(10)], None)])
 def test_each_impact_gets_its_pictures_and_all_together_are_bounded(arrivals_s, impacts):
     """A stone's lowest point falls h = v t + g t^2/2 in the time t."""
     scene = changed("paper", {"stones.agglomerate.subspheres": 20, "time.duration_s": 10.0,
-                              "stones.arrival_s": [0.01 * t if impacts == 4 else t for t in arrivals_s]})
+                              "stones.arrival_s": arrivals_s})
     assembly = assemble(scene, arrange(scene, "scene"))
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     t = arrival_s(scene, assembly)
     lowest = [(assembly.center_m[:, 2] - assembly.radius_m)[assembly.agglomerate == k].min() for k in range(10)]
     assert 3.0 * t + 4.9 * t**2 == pytest.approx(lowest, rel=1e-12)
     schedule = picture_schedule(scene, assembly, step)
-    assert len(schedule.impacts) == impacts
+    assert len(schedule.impacts) == impacts or impacts is None and 2 < len(schedule.impacts) < 10
     assert len(schedule.in_impact) <= ALL_IMPACT_PICTURES
     first, last = schedule.impacts[0]
     assert first >= t.min() / step.dt_s > first - schedule.impact_every
-    assert last - first >= (IMPACT_PICTURES - 1) * schedule.impact_every
+    assert (last - first) * step.dt_s >= 4.6e-4 - 4e-5  # twice the contact of a Hertz sphere
     assert schedule.impact_every * step.dt_s == pytest.approx(2e-5, rel=1e-9)
     assert all(k % step.fast_steps == 0 for k in schedule.in_impact)
 

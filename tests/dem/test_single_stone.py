@@ -82,9 +82,10 @@ def test_view_holds_particles_bonds_and_plate_on_one_time_axis(broken):
     summary, directory = broken["coal"]
     sets = ElementTree.parse(directory / "view.pvd").getroot().findall("./Collection/DataSet")
     times = sorted({float(s.get("timestep")) for s in sets})
-    assert len(times) == 41 and sum(s.get("part") in "012" for s in sets) == 3 * 41
-    assert np.allclose(times, np.arange(41) * 1.5e-4)
-    last = {s.get("part"): meshio.read(directory / s.get("file")) for s in sets[-4:]}
+    even = np.arange(41) * 1.5e-4
+    assert len(times) > 41 and np.all(np.abs(np.array(times)[:, None] - even).min(axis=0) < 1e-9)
+    assert all(sum(s.get("part") == part for s in sets) == len(times) for part in "0124")
+    last = {s.get("part"): meshio.read(directory / s.get("file")) for s in sets[-5:]}
     assert len(last["0"].points) == summary["n_particles"]
     assert len(last["1"].cells[0].data) == summary["n_bonds"] - summary["n_bonds_broken"]
     assert np.abs(last["2"].point_data["displacement_m"]).max() > 0
@@ -102,7 +103,7 @@ def test_the_patches_in_the_view_carry_the_push_on_the_plate(broken):
     patches, plate = (meshio.read(directory / files[part]) for part in ("3", "2"))
     pressure, number = patches.point_data["pressure_Pa"], patches.point_data["contact"].astype(int) - 1
     centre = np.searchsorted(number, np.arange(len(rows)))
-    assert patches.points[centre, :2] == pytest.approx(rows[["x_m", "y_m"]].to_numpy(), abs=1e-12)
+    assert patches.points[centre, :2] == pytest.approx(rows[["x_m", "y_m"]].to_numpy(), rel=6e-8, abs=1e-12)  # single precision
     assert np.abs(rows[["x_m", "y_m"]] - [0.1, 0.0]).to_numpy().max() < 0.025
     for k, row in enumerate(rows.itertuples()):
         of_patch = patches.cells[0].data[number[patches.cells[0].data[:, 0]] == k]

@@ -1,0 +1,111 @@
+"""The page of two runs or sweeps side by side, and its command line: `python -m report compare A B`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis import RecordError
+from common.files import write_text
+from common.resources import resource
+from report.compare import MAIN_NUMBERS, Comparison, Curve, Pair, compare
+from report.figures.style import ACCENT, GANGUE, PALE, RATIO_LABEL, canvas, styled, to_uri
+
+
+def main(argv: list[str]) -> int:
+    """Compare, write the page, and return the exit code: 2 for directories that cannot be compared, 1 where a file
+    cannot be read or written."""
+    parser = argparse.ArgumentParser(prog="python -m report compare",
+                                     description="Write a page of what differs between two runs or two sweeps.")
+    parser.add_argument("a", type=Path, metavar="A", help="run directory, or directory of runs ratio_*")
+    parser.add_argument("b", type=Path, metavar="B", help="another one of the same kind")
+    parser.add_argument("--out", type=Path, help="the page (default: compare_A_B.html beside B)")
+    options = parser.parse_args(argv)
+    out = options.out or options.b.parent / f"compare_{options.a.name}_{options.b.name}.html"
+    try:
+        comparison = compare(options.a, options.b)
+        write_text(out, render(comparison))
+    except RecordError as error:
+        print(f"report: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"report: {error}", file=sys.stderr)
+        return 1
+    print(f"comparison written to {out}")
+    return 0
+
+
+def render(comparison: Comparison) -> str:
+    """Return the page as HTML with everything inside it."""
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(resource("templates")), autoescape=True,
+                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"number": as_text, "percent": as_percent}
+    pairs = comparison.pairs
+    names = comparison.a.name, comparison.b.name
+    if names[0] == names[1]:
+        names = f"{names[0]} (A)", f"{names[1]} (B)"
+    return environment.get_template("compare.html.j2").render(
+        name_a=names[0], name_b=names[1], comparison=comparison, pairs=pairs, scene_rows=pairs[0].scene_rows(),
+        main_numbers=[(title, unit, [pair.number(key) for pair in pairs]) for title, unit, key in MAIN_NUMBERS],
+        ratios_uri=to_uri(draw_ratios(pairs, names), "ratios") if len(pairs) > 1 else "",
+        figures=[_figures(pair, names) for pair in pairs])
+
+
+def _figures(pair: Pair, names: tuple[str, str]) -> list[tuple[str, str]]:
+    """Picture and caption of each curve of a pair."""
+    return [(to_uri(draw_curve(curve, names), f"{pair.a.gangue_ratio}_{k}"),
+             f"The root mean square of the difference is {as_percent(curve.percent_rms)} of that of {names[0]}.")
+            for k, curve in enumerate(pair.curves())]
+
+
+@styled
+def draw_curve(curve: Curve, names: tuple[str, str]) -> Figure:
+    """Draw both curves, and below them their difference in the same unit."""
+    figure, axes = canvas(2, height_in=3.0, sharex=True)
+    above, below = axes[:, 0]
+    t_ms = 1e3 * curve.t_s
+    above.plot(t_ms, curve.a, color=PALE, linewidth=1.8, label=names[0])
+    above.plot(t_ms, curve.b, color=ACCENT, linewidth=0.8, label=names[1])
+    above.set_title(curve.title)
+    above.legend()
+    below.plot(t_ms, curve.b - curve.a, color=GANGUE, linewidth=0.8)
+    below.set_title(f"difference, {names[1]} - {names[0]}")
+    below.set_xlabel("time, ms")
+    below.set_xlim(t_ms[0], t_ms[-1])
+    return figure
+
+
+@styled
+def draw_ratios(pairs: list[Pair], names: tuple[str, str]) -> Figure:
+    """Draw the main numbers of both sweeps against the ratio."""
+    figure, axes = canvas(2, 2, height_in=4.2)
+    ratios = 100 * np.array([pair.a.gangue_ratio for pair in pairs])
+    for axis, (title, unit, key) in zip(axes.ravel(), MAIN_NUMBERS, strict=True):
+        rows = [pair.number(key) for pair in pairs]
+        sides = (names[0], PALE, [row.a for row in rows]), (names[1], ACCENT, [row.b for row in rows])
+        for name, colour, values in sides:
+            known = [np.nan if value is None else value for value in values]
+            axis.plot(ratios, known, "o-", color=colour, markersize=3, label=name)
+        axis.set_title(f"{title}, {unit}" if unit else title)
+    axes[0, 0].legend()
+    for axis in axes[1]:
+        axis.set_xlabel(RATIO_LABEL)
+    return figure
+
+
+def as_text(value: Any) -> str:
+    """A value of a table: numbers to six digits, a missing one as a dash."""
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def as_percent(value: float | None) -> str:
+    """A share in per cent to three digits, a missing one as a dash."""
+    return "-" if value is None else f"{value:.3g} %"
