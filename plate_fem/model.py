@@ -37,14 +37,14 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
     """Assemble plate, rods and supports. Raises Refused for a mesh that is too large."""
     system = assemble(plate)
     attached = [rods.attach(system, rod, highest_frequency_Hz(plate)) for rod in plate.rods]
-    parts = [part for bar, beams in attached for part in (bar, *beams)]
+    parts = [bar for bar, _ in attached] + [part for _, others in attached for part in others]
     ties = _place([part.tie() for part in parts], system.size)
     size = ties[-1].shape[1] if ties else system.size
     stiffness, mass = _grow(system.stiffness, size), _grow(system.mass, size)
     for part, tie in zip(parts, ties, strict=True):
         stiffness = stiffness + tie.T @ part.stiffness @ tie
         mass = mass + tie.T @ part.mass @ tie
-    forces = [rods.base_force_row(part) @ tie for part, tie in zip(parts[::3], ties[::3], strict=True)]
+    forces = [rods.base_force_row(bar) @ tie for (bar, _), tie in zip(attached, ties, strict=False)]
     rod_force = sp.vstack(forces) if forces else sp.csr_array((0, size))
     free = _free(system, size)
     return PlateModel(

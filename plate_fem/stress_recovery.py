@@ -9,7 +9,7 @@ import scipy.sparse as sp
 import skfem
 from skfem.helpers import dd, grad
 
-from plate_fem.system import PlateSystem
+from plate_fem.system import IN_PLANE, PlateSystem
 
 
 def curvature_operator(system: PlateSystem) -> Callable[[np.ndarray], np.ndarray]:
@@ -24,7 +24,8 @@ def curvature_operator(system: PlateSystem) -> Callable[[np.ndarray], np.ndarray
     rows = _kirchhoff_rows(system, target) if system.theory == "kirchhoff" else _mindlin_rows(system, target)
 
     def curvature(u: np.ndarray) -> np.ndarray:
-        return np.array([solve(row @ u)[target.nodal_dofs[0]] for row in rows])
+        bending = u[:-IN_PLANE]
+        return np.array([solve(row @ bending)[target.nodal_dofs[0]] for row in rows])
 
     return curvature
 

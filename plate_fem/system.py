@@ -20,6 +20,7 @@ from common.plate import FlexiblePlate
 from plate_fem import hermite, mesh
 
 Form = Callable[[Any, Any], Any]  # of two fields of scikit-fem
+IN_PLANE = 3  # unknowns of the rigid motion in the plane: sway along x, sway along y, yaw
 _ALL = ["u", "u_x", "u_y", "u_xy"]
 # Unknowns of Kirchhoff's deflection that the edges x = const and y = const hold at zero.
 HELD_BY_EDGES: dict[str, tuple[list[str], list[str]]] = {
@@ -29,10 +30,11 @@ HELD_BY_EDGES: dict[str, tuple[list[str], list[str]]] = {
 
 @dataclass(frozen=True)
 class PlateSystem:
-    """Matrices over all unknowns: w, w_x, w_y, w_xy at the nodes, block by block, then Mindlin's theta_x and theta_y.
+    """Matrices over all unknowns: w, w_x, w_y, w_xy at the nodes, block by block, then Mindlin's theta_x and theta_y,
+    and last the rigid motion of the plate in its plane: sway along x and y (m), and yaw (rad).
 
-    `stiffness` and `mass` are sparse (size, size); `fixed` holds the numbers of the unknowns that the edges hold at
-    zero.
+    `stiffness` and `mass` are sparse (size, size); `fixed` holds the numbers of the unknowns that are held at zero: by
+    the edges, and sway and yaw unless the plate stands on rods alone.
     """
 
     plate: FlexiblePlate
@@ -68,6 +70,23 @@ class PlateSystem:
         start = 4 * self.n_nodes + axis * self.rotation_basis.N
         return sp.csr_array((rows.data, (rows.row, rows.col + start)), shape=(rows.shape[0], self.size))
 
+    def lateral(self, points_m: np.ndarray, axis: int, z_m: float) -> sp.csr_array:
+        """Return the sparse matrix (k, size) of the displacement along x (axis 0) or y (axis 1) at points (k, 2).
+
+        They lie z_m above the mid-plane: u_x = sway_x - y yaw - z theta_x, u_y = sway_y + x yaw - z theta_y.
+        """
+        points = np.atleast_2d(np.asarray(points_m, float))
+        arm = -points[:, 1] if axis == 0 else points[:, 0]
+        rigid = np.column_stack([np.full(len(points), float(axis == 0)), np.full(len(points), float(axis == 1)), arm])
+        rows = sp.coo_array(rigid)
+        columns = rows.col + self.size - IN_PLANE
+        swayed = sp.csr_array((rows.data, (rows.row, columns)), shape=(len(points), self.size))
+        return sp.csr_array(swayed - z_m * self.rotation(points, axis))
+
+    def yaw(self) -> sp.csr_array:
+        """Return the sparse row (1, size) that picks the yaw."""
+        return sp.csr_array(([1.0], ([0], [self.size - 1])), shape=(1, self.size))
+
 
 def assemble(plate: FlexiblePlate) -> PlateSystem:
     """Assemble the matrices of a plate without rods and supports. Raises Refused for a mesh that is too large."""
@@ -77,13 +96,27 @@ def assemble(plate: FlexiblePlate) -> PlateSystem:
     basis_w = skfem.Basis(quads, hermite.RectangleBFS(), intorder=6)
     build = _kirchhoff if theory == "kirchhoff" else _mindlin
     stiffness, mass, fixed, rotation_basis = build(plate, quads, basis_w)
+    stiffness = sp.block_diag([stiffness, sp.csr_array((IN_PLANE, IN_PLANE))])
+    mass = sp.block_diag([mass, sp.diags_array(_rigid_mass(plate))])
     order = _blockwise(basis_w, stiffness.shape[0])
     position = np.argsort(order)
+    held = np.append(position[fixed], [] if sways(plate) else np.arange(len(order) - IN_PLANE, len(order))).astype(int)
     return PlateSystem(
         plate, theory, lines_x, lines_y,
         sp.csr_array(stiffness)[order][:, order], sp.csr_array(mass)[order][:, order],
-        position[fixed], basis_w, order[: basis_w.N], rotation_basis,
+        held, basis_w, order[: basis_w.N], rotation_basis,
     )  # fmt: skip
+
+
+def sways(plate: FlexiblePlate) -> bool:
+    """Return whether the plate can move in its plane: it stands on rods, which bend, and on nothing else."""
+    return bool(plate.rods) and plate.edges == "free" and not plate.point_supports
+
+
+def _rigid_mass(plate: FlexiblePlate) -> list[float]:
+    """Return the plate's mass (kg) against sway along x and y, and its moment of inertia (kg m2) against yaw."""
+    mass = plate.density_kg_m3 * plate.thickness_m * plate.length_m * plate.width_m
+    return [mass, mass, mass * (plate.length_m**2 + plate.width_m**2) / 12]
 
 
 def _blockwise(basis_w: skfem.Basis, size: int) -> np.ndarray:

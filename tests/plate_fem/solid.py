@@ -22,6 +22,10 @@ def solid_modes(folder, half_m, thickness_m, place_m, diameter_m, length_m, mate
     bricks = _extrude(plate_faces, np.linspace(0, -thickness_m, 2 * fine + 1))
     rod_layers = np.linspace(-thickness_m, -thickness_m - length_m, 10 * fine + 1)
     bricks = np.concatenate([bricks, _extrude(disc_faces, rod_layers)])
+    return _solve(folder, bricks, thickness_m, length_m, material, symmetry, count)
+
+
+def _solve(folder, bricks, thickness_m, length_m, material, symmetry, count):
     points, number = np.unique(np.round(bricks.reshape(-1, 3), 9), axis=0, return_inverse=True)
     element = number.reshape(-1, 20) + 1
     middle = np.flatnonzero(np.isclose(points[:, 2], -thickness_m / 2))
@@ -36,11 +40,18 @@ def _faces(half, place, radius, fine):
     """Eight-node faces (n, 8, 2) of the plate and those of the rod's disc."""
     s = 1.8 * radius
     sides = [(0.0, place - s, 8), (place - s, place + s, 4), (place + s, half, 2)]
-    plate, disc = [], []
+    plate = []
     for (x0, x1, nx), (y0, y1, ny) in itertools.product(sides, sides):
         if x0 > 0 and y0 > 0 and x1 < half and y1 < half:
             continue
         plate.append(_patch(lambda a, b, r=(x0, x1, y0, y1): _bilinear(a, b, *r), nx * fine, ny * fine))
+    around, disc = _rod_faces(np.array([[[place]], [[place]]]), radius, s, fine)
+    return np.concatenate(plate + around + disc), np.concatenate(disc)
+
+
+def _rod_faces(place, radius, s, fine):
+    """Patches about a rod at place (2, 1, 1): from its square of half side s to its circle, and those of its disc."""
+    around, disc = [], []
     for quarter in range(4):  # around the disc: square to circle, circle to core
 
         def ring(a, b, outer, q=quarter):
@@ -55,11 +66,11 @@ def _faces(half, place, radius, fine):
             start, end = (square(s), circle) if outer else (circle, square(0.5 * radius))
             return place + start + b * (end - start)
 
-        plate.append(_patch(lambda a, b, f=ring: f(a, b, True), 4 * fine, 2 * fine))
+        around.append(_patch(lambda a, b, f=ring: f(a, b, True), 4 * fine, 2 * fine))
         disc.append(_patch(lambda a, b, f=ring: f(a, b, False), 4 * fine, 2 * fine))
-    core = place - 0.5 * radius, place + 0.5 * radius
-    disc.append(_patch(lambda a, b: _bilinear(a, b, *core, *core), 4 * fine, 4 * fine))
-    return np.concatenate(plate + disc), np.concatenate(disc)
+    half = 0.5 * radius
+    disc.append(_patch(lambda a, b: place + _bilinear(a, b, -half, half, -half, half), 4 * fine, 4 * fine))
+    return around, disc
 
 
 def _bilinear(a, b, x0, x1, y0, y1):
@@ -123,3 +134,30 @@ def _read(file, points, middle, count):
 def _lines(block, count):
     rows = [line for line in block.splitlines()[1:] if line.strip()]
     return rows[:count]
+
+
+def unlike_rods_modes(folder, half_m, thickness_m, place_m, diameters_m, length_m, material, count, fine=1):
+    """Modes of a whole plate on four unlike rods: (frequency_Hz (n,), node_m (k, 2), displacement (n, k, 3)).
+
+    half_m, place_m: pairs along x and y. diameters_m: of the rods at (-, -), (-, +), (+, -), (+, +). The displacement
+    is that of the mid-plane, and the modes are mass-normalised, kg^-1/2.
+    """
+    square = 1.8 * max(diameters_m) / 2
+    lines = [
+        [-h, -p - square, -p + square, p - square, p + square, h] for h, p in zip(half_m, place_m, strict=True)]
+    cells = [2 * fine, 4 * fine, 16 * fine, 4 * fine, 2 * fine]
+    plate, discs = [], []
+    for (i, nx), (j, ny) in itertools.product(enumerate(cells), enumerate(cells)):
+        if i in (1, 3) and j in (1, 3):
+            continue
+        corners = lines[0][i], lines[0][i + 1], lines[1][j], lines[1][j + 1]
+        plate.append(_patch(lambda a, b, r=corners: _bilinear(a, b, *r), nx, ny))
+    signs = itertools.product((-1, 1), (-1, 1))
+    for (sx, sy), diameter in zip(signs, diameters_m, strict=True):
+        around, disc = _rod_faces(np.array([[[sx * place_m[0]]], [[sy * place_m[1]]]]), diameter / 2, square, fine)
+        plate += [*around, *disc]
+        discs += disc
+    bricks = _extrude(np.concatenate(plate), np.linspace(0, -thickness_m, 2 * fine + 1))
+    rod_layers = np.linspace(-thickness_m, -thickness_m - length_m, 10 * fine + 1)
+    bricks = np.concatenate([bricks, _extrude(np.concatenate(discs), rod_layers)])
+    return _solve(folder, bricks, thickness_m, length_m, material, "", count)

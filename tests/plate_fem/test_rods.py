@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from plates import STEEL, four_rods, plate, rod
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from plate_fem.mesh import default_mesh_size
@@ -21,33 +22,73 @@ def bar_stiffness(omega, length_m=0.1, diameter_m=0.02):
     return E * math.pi * diameter_m**2 / 4 * k / math.tan(k * length_m)
 
 
-def beam_stiffness(omega, length_m=0.1, diameter_m=0.02):
-    """Dynamic moment per rotation at the pinned top of a clamped Euler-Bernoulli beam."""
-    E, rho = STEEL["youngs_modulus_Pa"], STEEL["density_kg_m3"]
-    bending = E * math.pi * diameter_m**4 / 64
-    b = (rho * math.pi * diameter_m**2 / 4 * omega**2 / bending) ** 0.25
-    x = b * length_m
-    return bending * b * (math.sin(x) * math.cosh(x) - math.cos(x) * math.sinh(x)) / (1 - math.cos(x) * math.cosh(x))
+def beam_stiffness(omega, plate_modulus_Pa=STIFF["youngs_modulus_Pa"], length_m=0.1, diameter_m=0.02):
+    """Dynamic stiffness (2, 2) of lateral displacement and rotation at the top of a clamped Timoshenko beam.
+
+    The rotation is that of the plate, which a spring of 0.3/(E a^3) ties to the beam's end. The equations of the beam
+    are carried from its base to its top by a matrix exponential.
+    """
+    E, rho, nu = STEEL["youngs_modulus_Pa"], STEEL["density_kg_m3"], STEEL["poisson_ratio"]
+    area, second = math.pi * diameter_m**2 / 4, math.pi * diameter_m**4 / 64
+    shear = 6 * (1 + nu) / (7 + 6 * nu) * E / (2 * (1 + nu)) * area
+    # v' = psi + Q/shear, psi' = M/EI, Q' = -rho A omega^2 v, M' = -Q - rho I omega^2 psi
+    rates = np.array([[0, 1, 1 / shear, 0], [0, 0, 0, 1 / (E * second)],
+                      [-rho * area * omega**2, 0, 0, 0], [0, -rho * second * omega**2, -1, 0]])
+    transfer = expm(rates * length_m)[:, 2:]  # from (Q, M) at the base, where v and psi are zero
+    stiffness = transfer[2:] @ np.linalg.inv(transfer[:2])
+    joint = np.diag([0, 0.3 / (plate_modulus_Pa * (diameter_m / 2) ** 3)])
+    return np.linalg.inv(np.linalg.inv(stiffness) + joint)
 
 
-def test_beam_stiffness_of_this_test_is_4EIl_at_rest():
-    bending = 207e9 * math.pi * 0.02**4 / 64
-    assert beam_stiffness(1.0) == pytest.approx(4 * bending / 0.1, rel=1e-6)
+def shaft_stiffness(omega, length_m=0.1, diameter_m=0.02):
+    """Dynamic torque per rotation at the top of a clamped shaft."""
+    G, rho = STEEL["youngs_modulus_Pa"] / (2 * (1 + STEEL["poisson_ratio"])), STEEL["density_kg_m3"]
+    k = omega * math.sqrt(rho / G)
+    return G * math.pi * diameter_m**4 / 32 * k / math.tan(k * length_m)
+
+
+def test_beam_stiffness_of_this_test_at_rest():
+    """A slender beam that is clamped at its base: 12EI/l^3, 6EI/l^2, 4EI/l."""
+    bending, shear = 207e9 * math.pi * 0.02**4 / 64, 1.3 * 6 / 8.8 * 207e9 / 2.6 * math.pi * 0.01**2
+    flexibility = np.linalg.inv(beam_stiffness(1.0, 207e9))
+    assert flexibility[0, 0] == pytest.approx(0.1**3 / (3 * bending) + 0.1 / shear, rel=1e-5)
+    assert flexibility[0, 1] == pytest.approx(0.1**2 / (2 * bending), rel=1e-5)
+    assert flexibility[1, 1] == pytest.approx(0.1 / bending + 0.3 / (207e9 * 0.01**3), rel=1e-5)
+
+
+def roots(function, highest):
+    """All zeros of a function below the highest frequency, where it does not jump through infinity."""
+    omega = np.linspace(10.0, highest, 1200)
+    value = np.array([function(w) for w in omega])
+    zeros = []
+    for k in np.flatnonzero(value[:-1] * value[1:] < 0):
+        root = brentq(function, omega[k], omega[k + 1], xtol=1e-9 * highest)
+        if abs(function(root)) < abs(value[k]) + abs(value[k + 1]):  # at a pole it is larger
+            zeros.append(root)
+    return zeros
 
 
 def test_rigid_plate_on_its_rods():
-    """All modes up to 12 kHz: bounce, two tilts, and the rods' own bending with and without tilt."""
-    mass = 7830 * 0.25 * 0.02
-    inertia = mass * (0.5**2 + 0.02**2) / 12
-    bounce = brentq(lambda w: 4 * bar_stiffness(w) - mass * w**2, 1e3, 7e4)
+    """All modes up to 10 kHz: bounce, sway with tilt in two planes, yaw, and the rods' own bending."""
+    mass, thickness = 7830 * 0.25 * 0.02, 0.02
+    tilt_inertia, yaw_inertia = mass * (0.5**2 + thickness**2) / 12, mass * 0.5**2 / 6
+    lower = np.array([[1, -thickness / 2], [0, 1]])  # sway and tilt to what the rod's top does
 
-    def tilting(w):
-        return 4 * (0.2**2 * bar_stiffness(w) + beam_stiffness(w)) - inertia * w**2
+    def swaying(w):
+        stiffness = 4 * lower.T @ beam_stiffness(w) @ lower
+        stiffness[1, 1] += 4 * 0.2**2 * bar_stiffness(w) - tilt_inertia * w**2
+        stiffness[0, 0] -= mass * w**2
+        return np.linalg.det(stiffness)
 
-    clamped = 4.730041**2 / 0.1**2 * math.sqrt(207e9 * 0.02**2 / 16 / 7830)  # beams clamped at both ends
-    tilts = [brentq(tilting, 1e3, 0.6 * clamped), brentq(tilting, 1.000001 * clamped, 1.01 * clamped)]
-    expected = np.sort([bounce, *np.repeat(tilts, 2), *np.repeat(clamped, 6)]) / (2 * math.pi)
-    modes = plate_modes(plate(rods=four_rods(), **STIFF, max_frequency_Hz=12e3))
+    def yawing(w):
+        return 4 * (2 * 0.2**2 * beam_stiffness(w)[0, 0] + shaft_stiffness(w)) - yaw_inertia * w**2
+
+    highest = 2 * math.pi * 10e3
+    bounce = roots(lambda w: 4 * bar_stiffness(w) - mass * w**2, highest)
+    clamped = roots(lambda w: 1 / np.linalg.det(beam_stiffness(w)), highest)
+    expected = np.sort([*bounce, *np.repeat(roots(swaying, highest), 2), *roots(yawing, highest),
+                        *np.repeat(clamped, 8 - 3)]) / (2 * math.pi)
+    modes = plate_modes(plate(rods=four_rods(), **STIFF, max_frequency_Hz=10e3))
     assert modes.frequency_Hz == pytest.approx(expected, rel=2e-4)
 
 
