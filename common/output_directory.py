@@ -35,6 +35,8 @@ def refuse_place(out: Path) -> None:
         raise InputError(f"--out = {out}: must not be the working directory or one above it")
     if out.name in ("", ".."):
         raise InputError(f"--out = {out}: must end in the name of a directory")
+    if ".." in out.parts and not out.parent.is_dir():
+        raise InputError(f"--out = {out}: there is no directory {out.parent}")
     if out.is_symlink():
         raise InputError(f"--out = {out}: is a symbolic link; must be a directory or absent")
     if out.exists() and not out.is_dir():

@@ -13,5 +13,8 @@ def write_parquet(table: pd.DataFrame, file: Path) -> None:
 
 
 def read_parquet(file: Path) -> pd.DataFrame:
-    """Read a table; OSError where a page does not have the CRC-32 that it names. Files without any are read as well."""
-    return pd.read_parquet(file, page_checksum_verification=True)
+    """Read a table; OSError where a page does not have the CRC-32 that it names, or ArrowException. Files without any are read as well."""
+    try:
+        return pd.read_parquet(file, page_checksum_verification=True)
+    except (KeyError, TypeError, AttributeError, IndexError) as error:  # of what pandas keeps at the end of the file
+        raise OSError(f"its description of the columns is damaged: {error}") from error
