@@ -11,7 +11,10 @@ import numpy as np
 import pandas as pd
 
 from analysis.records import Record, RecordError, as_record, sample_rate_Hz, unit_of
+from common.parquet import read_parquet
+from common.tables import InputError, refuse_unreadable
 
+MOST_BYTES = 4e9
 TABLES = (".parquet", ".csv", ".txt")
 ENDINGS = (*TABLES, ".wav", ".uff", ".unv")
 TIME_COLUMNS = ("t_s", "time_s", "time", "t")
@@ -40,6 +43,7 @@ def read_record(
     path = Path(path)
     if path.is_dir():
         path = path / "signals.parquet"
+    _refuse_unreadable(path)
     if not path.is_file():
         raise RecordError(f"{path}: no such file; needs a run directory or one of {', '.join(ENDINGS)}")
     ending = path.suffix.lower()
@@ -62,9 +66,10 @@ def read_table(path: str | Path) -> pd.DataFrame:
     from pyarrow import ArrowException
 
     path = Path(path)
+    _refuse_unreadable(path)
     try:
         if path.suffix.lower() == ".parquet":
-            return pd.read_parquet(path)
+            return read_parquet(path)
         table = _read_text_table(path)
     except FileNotFoundError:
         raise RecordError(f"{path}: no such file") from None
@@ -75,6 +80,13 @@ def read_table(path: str | Path) -> pd.DataFrame:
     if not table.columns.is_unique:
         raise RecordError(f"{path}: column {table.columns[table.columns.duplicated()][0]!r} appears twice")
     return table
+
+
+def _refuse_unreadable(path: Path) -> None:
+    try:
+        refuse_unreadable(path, MOST_BYTES)
+    except InputError as error:
+        raise RecordError(str(error)) from None
 
 
 def _read_text_table(path: Path) -> pd.DataFrame:

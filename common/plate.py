@@ -14,6 +14,16 @@ Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
 
+MOST_DENSITY_kg_m3 = 25_000.0
+
+
+def refuse_density(density_kg_m3: float) -> None:
+    """Raises Refused for a density that no solid has."""
+    if density_kg_m3 > MOST_DENSITY_kg_m3:
+        raise Refused("density_kg_m3", density_kg_m3, f"must be at most {MOST_DENSITY_kg_m3:g}: osmium, the densest "
+                      "solid, has 22 590")
+
+
 class Rod(Table):
     """A vertical rod below the plate, welded to it over its disc and clamped at its lower end."""
 
@@ -24,6 +34,11 @@ class Rod(Table):
     youngs_modulus_Pa: Positive
     density_kg_m3: Positive
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5)] = 0.3
+
+    @model_validator(mode="after")
+    def _is_a_solid(self) -> Self:
+        refuse_density(self.density_kg_m3)
+        return self
 
 
 class PointSupport(Table):
@@ -50,6 +65,11 @@ class Plate(Table):
     youngs_modulus_Pa: Positive
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5)]
     yield_stress_Pa: Positive | None = None
+
+    @model_validator(mode="after")
+    def _is_a_solid(self) -> Self:
+        refuse_density(self.density_kg_m3)
+        return self
 
 
 class RigidPlate(Plate):

@@ -9,26 +9,29 @@ from __future__ import annotations
 import argparse
 import sys
 
+from common.command import Parser, listen_for_interrupt, run_command, say
+
+if __name__ == "__main__":
+    listen_for_interrupt()
+
 from common.tables import InputError
 
 
 def main(argv: list[str] | None = None) -> int:
+    """Run a command line and return its exit code."""
     arguments = sys.argv[1:] if argv is None else argv
     if arguments[:1] == ["compare"]:
         from report.compare_page import main as compare  # late, as below
 
-        return compare(arguments[1:])
-    parser = argparse.ArgumentParser(
-        prog="python -m report", description="Write report.html and claims.csv into a directory of runs; "
-        "`python -m report compare A B` puts two runs or sweeps side by side."
-    )
+        return run_command("report compare", lambda: compare(arguments[1:]))
+    return run_command("report", lambda: _report(_parser().parse_args(arguments).directory))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m report", description="Write report.html and claims.csv into a directory of runs; "
+                    "`python -m report compare A B` puts two runs or sweeps side by side.")
     parser.add_argument("directory", help="directory of runs ratio_*")
-    directory = parser.parse_args(arguments).directory
-    try:
-        return _report(directory)
-    except KeyboardInterrupt:
-        print("report: interrupted; no file is half written", file=sys.stderr)
-        return 130
+    return parser
 
 
 def _report(directory: str) -> int:
@@ -38,11 +41,8 @@ def _report(directory: str) -> int:
     try:
         print(f"report written to {write_report(directory)}")
     except (InputError, *MISSING_RESULT) as error:
-        print(f"report: {error}", file=sys.stderr)
+        say(f"report: {error}")
         return 2
-    except OSError as error:
-        print(f"report: {error}", file=sys.stderr)
-        return 1
     return 0
 
 

@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
+from common.output_directory import at_work_in
 from common.run_summary import read_summary
 from common.scene import Scene, ratio_name, read_scene, scene_hash
-from dem.coupling.launch import check_engine, die_with_parent
+from dem.batch.children import run_all
+from dem.coupling.launch import check_engine
+from dem.run.directory import RunDirectory
 from dem.stones.arrangement import arrange
 
 
-def sweep(scene_file: Path, out: Path, jobs: int) -> int:
-    """Run the missing ratios, `jobs` at a time; returns an exit code. Raises InputError for bad input."""
+def sweep(scene_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int:
+    """Run the missing ratios, `jobs` at a time; returns an exit code. Runs of another scene are replaced with
+    `overwrite` only. Raises InputError for bad input, Busy where another process is at work."""
     check_engine()
     count = read_scene(scene_file).stones.count
-    ratios = [k / count for k in range(count + 1)]
-    for ratio in ratios:
-        arrange(read_scene(scene_file, ratio), str(scene_file))
-    missing = [ratio for ratio in ratios if not is_done(scene_file, out / ratio_name(ratio), ratio)]
-    print(f"{scene_file}: {len(ratios)} ratios, {len(missing)} to run", flush=True)
-    failed = 0
-    with ThreadPoolExecutor(jobs) as pool:
-        runs = {pool.submit(_run_ratio, scene_file, out / ratio_name(ratio), ratio): ratio for ratio in missing}
-        for finished in as_completed(runs):
-            result = finished.result()
-            print(result.stdout, end="", flush=True)  # what went wrong is on stderr already
-            failed += result.returncode != 0
+    scenes = {k / count: read_scene(scene_file, k / count) for k in range(count + 1)}
+    for scene in scenes.values():
+        arrange(scene, str(scene_file))
+    with at_work_in(out, "sweep"):
+        missing = [ratio for ratio, scene in scenes.items() if not is_finished(out / ratio_name(ratio), scene)]
+        for ratio in missing:
+            RunDirectory(out / ratio_name(ratio)).refuse(scene_hash(scenes[ratio]), overwrite)
+        print(f"{scene_file}: {len(scenes)} ratios, {len(missing)} to run", flush=True)
+        failed = 0
+        flags = ["--overwrite"] if overwrite else []
+        for code, output in run_all([["run", str(scene_file), "--gangue", repr(ratio), "--out",
+                                      str(out / ratio_name(ratio)), *flags] for ratio in missing], jobs):
+            print(output, end="", flush=True)  # what went wrong is on stderr already
+            failed += code != 0
     return 1 if failed else 0
 
 
@@ -41,10 +44,3 @@ def is_finished(directory: Path, scene: Scene) -> bool:
     """Does a directory hold a finished run of this very scene? Raises InputError for a run.json that cannot be read."""
     summary = read_summary(directory / "run.json")
     return summary is not None and summary.status == "finished" and summary.scene_hash == scene_hash(scene)
-
-
-def _run_ratio(scene_file: Path, directory: Path, ratio: float) -> subprocess.CompletedProcess[str]:
-    """Run one ratio in a process of its own, which goes on from a checkpoint if there is one and shows its progress."""
-    command = [sys.executable, "-m", "dem", "run", str(scene_file), "--gangue", repr(ratio), "--out", str(directory)]
-    return subprocess.run(command, stdout=subprocess.PIPE, stderr=None, text=True, check=False,
-                          preexec_fn=die_with_parent)

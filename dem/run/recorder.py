@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from common.parquet import write_parquet
 from common.plate import FlexiblePlate
 from common.scene import Scene
 from dem.coupling.participant import PlateStates
@@ -127,19 +128,11 @@ def fast_stream(step: TimeStep, forces: tuple[np.ndarray, np.ndarray], plate_sig
     return table
 
 
-def write_parquet(file: Path, table: pd.DataFrame) -> None:
-    """Write a table. Of numbers in double precision each byte is a stream of its own: signals are smooth in the upper
-    ones, which then compress (docs/runs.md)."""
-    numbers = [name for name in table.columns if table[name].dtype.kind == "f"]
-    others = [name for name in table.columns if name not in numbers]
-    table.to_parquet(file, index=False, compression="zstd", use_dictionary=others, use_byte_stream_split=numbers)
-
-
 def write_streams(directory: Path, fast: pd.DataFrame, step: TimeStep) -> pd.DataFrame:
     """Write fast.parquet and its rows at the samples, signals.parquet. Returns the latter."""
-    write_parquet(directory / "fast.parquet", fast)
+    write_parquet(fast, directory / "fast.parquet")
     signals = fast.iloc[:: step.sample_steps // step.fast_steps].reset_index(drop=True)
-    write_parquet(directory / "signals.parquet", signals)
+    write_parquet(signals, directory / "signals.parquet")
     return signals
 
 

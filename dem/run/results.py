@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from common.parquet import write_parquet
 from common.plate import FlexiblePlate
 from common.run_summary import RecordedScene, YieldReport
 from common.scene import Scene
@@ -24,7 +25,7 @@ from dem.run.energy_balance import StoneLedger, energy_ledger, energy_table, rea
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
-from dem.run.recorder import fast_stream, read_events, read_forces, write_parquet, write_streams
+from dem.run.recorder import fast_stream, read_events, read_forces, write_streams
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
 
@@ -52,16 +53,16 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> 
     forces = read_forces(deck / "forces.bin", n)
     fast = fast_stream(step, forces, plate.signals(range(0, step.steps + 1, step.fast_steps)))
     signals = write_streams(directory, fast, step)
-    write_parquet(directory / "breakage.parquet", events)
+    write_parquet(events, directory / "breakage.parquet")
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
-    write_parquet(directory / "contacts.parquet", contacts)
+    write_parquet(contacts, directory / "contacts.parquet")
     if scene.output.view_interval_s is not None:
         write_view(directory, prepared, events, plate.meshes)
     ledger = read_ledger(deck / "ledger.bin", n)
     mass = np.bincount(assembly.agglomerate, assembly.mass_kg)
     height = np.bincount(assembly.agglomerate, assembly.mass_kg * assembly.center_m[:, 2])
     parts = stone_energies(ledger, scene.time.gravity_m_s2, height)
-    write_parquet(directory / "energy.parquet", energy_table(parts, ledger.step * step.dt_s))
+    write_parquet(energy_table(parts, ledger.step * step.dt_s), directory / "energy.parquet")
     energy = energy_ledger(parts, plate.energy(), 0.5 * mass * scene.stones.speed_m_s**2)
     check_closure(energy)
     return Results(events, fast, signals, forces[1], ledger, mass, energy)
@@ -80,6 +81,7 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "scene": RecordedScene.model_validate(scene.model_dump(mode="json")),
         "scene_hash": prepared.scene_hash,
         "assumptions": list(scene.assumptions),
+        "warnings": prepared.warnings,
         "gangue_ratio": scene.stones.gangue_ratio,
         "materials": prepared.arrangement.material,
         "versions": versions(),
