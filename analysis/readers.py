@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.records import Record, RecordError, as_record, sample_rate_Hz, unit_of
+from analysis.records import Record, RecordError, as_record, sample_rate_Hz
+from common.units import unit_of
 
 TABLES = (".parquet", ".csv", ".txt")
 ENDINGS = (*TABLES, ".wav", ".uff", ".unv")

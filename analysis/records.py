@@ -12,21 +12,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from common.units import unit_of
+
 # Times written with few digits jitter by the last digit. More than this share of the interval means gaps, or a rate
 # that changes.
 MAX_TIME_JITTER = 0.01
-
-#: Units of the columns of a run directory, by the ending of their name.
-UNIT_BY_SUFFIX = {
-    "_m_s2": "m/s^2",
-    "_m_s": "m/s",
-    "_m2": "m^2",
-    "_m": "m",
-    "_s": "s",
-    "_N": "N",
-    "_J": "J",
-    "_Pa": "Pa",
-}
 
 
 class RecordError(ValueError):
@@ -77,14 +67,6 @@ class Record:
     def t_s(self) -> np.ndarray:
         """Sample times, shape (n,)."""
         return self.t0_s + np.arange(self.values.size) / self.rate_Hz
-
-
-def unit_of(column: str) -> str:
-    """Return the unit of a column by the ending of its name, "1" where it has none."""
-    for suffix, unit in UNIT_BY_SUFFIX.items():
-        if column.endswith(suffix):
-            return unit
-    return "1"
 
 
 def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:

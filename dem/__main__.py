@@ -71,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     _with_scene(add("deck", "write the deck and run nothing", _deck))
     _with_scene(add("plate", "be the plate of a deck that is run by hand", _plate))
     sub = add("sweep", "run every ratio that the stones can give", _sweep)
-    sub.add_argument("scene", type=Path, help="scene file (TOML)")
+    _with_set(sub).add_argument("scene", type=Path, help="scene file (TOML)")
     _with_out(sub, jobs="runs at a time (default 2)")
     sub = add("dataset", "run what a plan draws, a data set for recognition", lambda o: build(o.plan, o.out, o.jobs))
     sub.add_argument("plan", type=Path, help="plan (TOML), scenes/dataset.toml")
@@ -100,6 +100,11 @@ def _with_scene(sub: argparse.ArgumentParser) -> argparse.ArgumentParser:
     sub.add_argument("scene", type=Path, help="scene file (TOML)")
     sub.add_argument("--out", type=Path, required=True, help="directory to write")
     sub.add_argument("--gangue", type=float, help="share of gangue, 0..1, instead of the scene's")
+    return _with_set(sub)
+
+
+def _with_set(sub: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """A command that may change keys of a scene."""
     sub.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
                      help="another value of a key of the scene, as TOML, such as stones.speed_m_s=2.0")
     return sub
@@ -111,8 +116,8 @@ def _with_out(sub: argparse.ArgumentParser, jobs: str) -> None:
     sub.add_argument("--jobs", type=int, default=2, help=jobs)
 
 
-def _scene(options: argparse.Namespace) -> Scene:
-    """The scene of a command line, with what it changes."""
+def _changes(options: argparse.Namespace) -> dict[str, Any]:
+    """What a command line changes of its scene, by dotted key."""
     changes: dict[str, Any] = {}
     for text in options.changes:
         key, _, value = text.partition("=")
@@ -120,6 +125,12 @@ def _scene(options: argparse.Namespace) -> Scene:
             (changes[key.strip()],) = tomllib.loads(f"value = {value}").values()
         except ValueError:
             raise InputError(f"--set {text}: must be a dotted key of the scene, =, and a value in TOML") from None
+    return changes
+
+
+def _scene(options: argparse.Namespace) -> Scene:
+    """The scene of a command line, with what it changes."""
+    changes = _changes(options)
     if options.gangue is not None:
         changes["stones.gangue_ratio"] = options.gangue
     return changed_scene(options.scene, changes)
@@ -178,7 +189,7 @@ def _plate(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    return sweep(options.scene, options.out, options.jobs)
+    return sweep(options.scene, options.out, options.jobs, _changes(options))
 
 
 def _calibrate(options: argparse.Namespace) -> int:

@@ -15,7 +15,6 @@ recognition read as they read any other.
 from __future__ import annotations
 
 import itertools
-import json
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -29,7 +28,7 @@ from pydantic import Field
 from common.files import written_whole
 from common.resources import resource
 from common.scene import changed_scene, ratio_name, scene_hash
-from common.tables import InputError, Table, check, read_toml
+from common.tables import InputError, Table, check, inline_toml, read_toml
 from dem.coupling.launch import check_engine
 from dem.stones.arrangement import arrange
 
@@ -95,15 +94,6 @@ def read_campaign_runs(out: Path) -> dict[str, tuple[int, list[str]]]:
     keys = [name for name in table.columns if name not in ("place", "np")]
     return {row["place"]: (int(row["np"]), [word for key in keys for word in ("--set", f"{key}={row[key]}")])
             for row in table.to_dict("records")}
-
-
-def inline_toml(value: Any) -> str:
-    """A value of a scene in TOML on one line, as `--set` reads it."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {inline_toml(v)}" for key, v in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(inline_toml, value)) + "]"
-    return json.dumps(value) if isinstance(value, (str, bool)) else repr(value)
 
 
 def campaign(file: Path, out: Path, jobs: int, profile: str | None) -> int:

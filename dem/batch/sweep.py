@@ -4,27 +4,37 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
 from common.run_summary import read_summary
-from common.scene import Scene, ratio_name, read_scene, scene_hash
+from common.scene import Scene, changed_scene, ratio_name, scene_hash
+from common.tables import InputError, inline_toml
 from dem.coupling.launch import check_engine, die_with_parent
 from dem.stones.arrangement import arrange
 
+RATIO = "stones.gangue_ratio"
 
-def sweep(scene_file: Path, out: Path, jobs: int) -> int:
-    """Run the missing ratios, `jobs` at a time; returns an exit code. Raises InputError for bad input."""
+
+def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | None = None) -> int:
+    """Run the missing ratios, `jobs` at a time; returns an exit code. `changes` are values of the scene by dotted key
+    (`common.scene.changed_scene`). Raises InputError for bad input."""
     check_engine()
-    count = read_scene(scene_file).stones.count
+    changes = dict(changes or {})
+    if RATIO in changes:
+        raise InputError(f"--set {RATIO}: a sweep runs every ratio; allowed are other keys of the scene")
+    count = changed_scene(scene_file, changes).stones.count
     ratios = [k / count for k in range(count + 1)]
     for ratio in ratios:
-        arrange(read_scene(scene_file, ratio), str(scene_file))
-    missing = [ratio for ratio in ratios if not is_done(scene_file, out / ratio_name(ratio), ratio)]
+        arrange(changed_scene(scene_file, changes | {RATIO: ratio}), str(scene_file))
+    missing = [ratio for ratio in ratios if not is_done(scene_file, out / ratio_name(ratio), ratio, changes)]
     print(f"{scene_file}: {len(ratios)} ratios, {len(missing)} to run", flush=True)
     failed = 0
     with ThreadPoolExecutor(jobs) as pool:
-        runs = {pool.submit(_run_ratio, scene_file, out / ratio_name(ratio), ratio): ratio for ratio in missing}
+        runs = {pool.submit(_run_ratio, scene_file, out / ratio_name(ratio), ratio, changes): ratio
+                for ratio in missing}
         for finished in as_completed(runs):
             result = finished.result()
             print(result.stdout, end="", flush=True)  # what went wrong is on stderr already
@@ -32,9 +42,9 @@ def sweep(scene_file: Path, out: Path, jobs: int) -> int:
     return 1 if failed else 0
 
 
-def is_done(scene_file: Path, directory: Path, ratio: float) -> bool:
-    """Does a directory hold a finished run of this very scene at this ratio?"""
-    return is_finished(directory, read_scene(scene_file, ratio))
+def is_done(scene_file: Path, directory: Path, ratio: float, changes: Mapping[str, Any] | None = None) -> bool:
+    """Does a directory hold a finished run of this very scene, with its changes, at this ratio?"""
+    return is_finished(directory, changed_scene(scene_file, {**(changes or {}), RATIO: ratio}))
 
 
 def is_finished(directory: Path, scene: Scene) -> bool:
@@ -43,8 +53,11 @@ def is_finished(directory: Path, scene: Scene) -> bool:
     return summary is not None and summary.status == "finished" and summary.scene_hash == scene_hash(scene)
 
 
-def _run_ratio(scene_file: Path, directory: Path, ratio: float) -> subprocess.CompletedProcess[str]:
+def _run_ratio(scene_file: Path, directory: Path, ratio: float,
+               changes: Mapping[str, Any]) -> subprocess.CompletedProcess[str]:
     """Run one ratio in a process of its own, which goes on from a checkpoint if there is one and shows its progress."""
     command = [sys.executable, "-m", "dem", "run", str(scene_file), "--gangue", repr(ratio), "--out", str(directory)]
+    for key, value in changes.items():
+        command += ["--set", f"{key}={inline_toml(value)}"]
     return subprocess.run(command, stdout=subprocess.PIPE, stderr=None, text=True, check=False,
                           preexec_fn=die_with_parent)

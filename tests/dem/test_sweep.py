@@ -10,6 +10,7 @@ import time
 import pytest
 from scenes_of_tests import SCENES
 
+from dem.__main__ import main
 from dem.batch.sweep import is_done, sweep
 
 
@@ -55,3 +56,23 @@ def test_a_changed_scene_is_run_again(small):
     changed = small.with_name("changed.toml")
     changed.write_text(small.read_text().replace("speed_m_s = 3.0", "speed_m_s = 2.0"))
     assert not is_done(changed, out / "ratio_050", 0.5)
+
+
+def test_a_sweep_changes_keys_of_the_scene(tmp_path, capsys):
+    """Three spheres of the paper's ten, in the order that its scene gives them; each ratio is the run that `run` makes,
+    and its engine's log is kept where the scene asks for it."""
+    scene, out = SCENES / "paper.toml", tmp_path / "runs"
+    changes = ["stones.count=3", "time.duration_s=3e-4", "output.engine_log=true", "time.free_flight_tolerance=0.0",
+               "plate.max_frequency_Hz=1500.0", "stones.agglomerate.subspheres=8"]
+    settings = [word for change in changes for word in ("--set", change)]
+    assert main(["sweep", str(scene), "--out", str(out), *settings]) == 0
+    assert "4 ratios, 4 to run" in capsys.readouterr().out
+    assert sorted(p.name for p in out.iterdir() if p.is_dir() and p.name != ".modes") == [
+        "ratio_000", "ratio_033", "ratio_067", "ratio_100"]
+    found = json.loads((out / "ratio_033" / "run.json").read_text())
+    assert found["materials"] == ["coal", "gangue", "coal"] and found["scene"]["stones"]["gangue_order"] == [2, 3, 1]
+    assert "Loop time" in (out / "ratio_033" / "deck" / "engine.log").read_text()
+    assert main(["sweep", str(scene), "--out", str(out), *settings]) == 0
+    assert "4 ratios, 0 to run" in capsys.readouterr().out
+    assert main(["sweep", str(scene), "--out", str(out), "--set", "stones.gangue_ratio=0.5"]) == 2
+    assert "every ratio" in capsys.readouterr().err
