@@ -50,7 +50,8 @@ class Plate(Table):
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus", paper="Table 1: 2.07e11")]
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
     yield_stress_Pa: Annotated[Positive | None, about(
-        "yield stress; where a contact may pass it the plate yields there (docs/plate.md); absent: it stays elastic")] = None
+        "yield stress; where a contact may pass it the plate yields there (docs/plate.md); absent: it stays elastic",
+    )] = None
 
 
 class RigidPlate(Plate):

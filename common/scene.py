@@ -84,7 +84,8 @@ class StonesTable(Table):
         "mixing ratio, the share of gangue among the stones; a multiple of 1/count", paper="0 to 1 in steps of 0.1")]
     arrival_s: Annotated[tuple[NotNegative, ...] | None, about(
         "how much later than at once each stone arrives, by lying higher")] = None
-    strength_factor: Annotated[tuple[Positive, ...] | None, about("factor on the strengths of each stone's bonds")] = None
+    strength_factor: Annotated[tuple[Positive, ...] | None, about(
+        "factor on the strengths of each stone's bonds")] = None
     seed: Annotated[int, Field(ge=0, lt=2**63), about("seed of the packings; stone k has seed + k - 1")]
     agglomerate: Annotated[AgglomerateTable | None, about(
         "how a stone is made; absent: each stone is one unbonded sphere")] = None
@@ -136,7 +137,8 @@ class MaterialTable(Table):
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about(
         "Poisson's ratio", paper="Table 1: coal 0.3, gangue 0.28")]
     contact_strength_Pa: Annotated[Positive | None, about(
-        "pressure in the middle of a contact with the plate at which the stone crushes; absent: it stays elastic")] = None
+        "pressure in the middle of a contact with the plate at which the stone crushes; absent: it stays elastic",
+    )] = None
     bond: Annotated[BondTable | None, about("the bonds, needed where stones are agglomerates")] = None
 
 

@@ -42,8 +42,10 @@ def test_a_shipped_scene_keeps_to_the_schema_that_it_names(file):
 # (path of keys, value): each is refused by the schema and by the program that reads the scene.
 MISTAKES = [
     (("stones", "cuont"), 3), (("stones", "count"), 0), (("stones", "count"), 2.5), (("stones", "radius_m"), -1.0),
-    (("stones", "gangue_ratio"), 1.5), (("stones", "gangue_order"), [0]), (("stones", "agglomerate", "contact"), "soft"),
-    (("time", "duration_s"), 0.0), (("time", "duration_s"), "long"), (("materials", "Coal"), PAPER["materials"]["coal"]),
+    (("stones", "gangue_ratio"), 1.5), (("stones", "gangue_order"), [0]),
+    (("stones", "agglomerate", "contact"), "soft"),
+    (("time", "duration_s"), 0.0), (("time", "duration_s"), "long"),
+    (("materials", "Coal"), PAPER["materials"]["coal"]),
     (("materials", "coal", "youngs_modulus_Pa"), 1e6), (("materials", "coal", "bond", "friction_angle_deg"), 90.0),
     (("contacts", "coal_coal", "restitution"), 0.05), (("plate", "model"), "soft"), (("plate", "poisson_ratio"), 0.5),
     (("plate", "rods", 0, "length"), 1.0), (("plate", "sensors", 0, "name"), "a b"), (("output", "view"), 1e-3),
