@@ -7,6 +7,7 @@ that features, EMD and spectra can be taken from a measurement as well as from a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -83,6 +84,16 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
             " needs a uniform sample rate"
         )
     return 1.0 / dt_s
+
+
+def chosen(path: str | Path, asked: str | None, names: list[str]) -> int:
+    """Return the number of the signal `asked`, or 0 where there is but one. Raises RecordError."""
+    if asked is None and len(names) == 1:
+        return 0
+    if asked not in names:
+        found = "none named" if asked is None else f"no signal {asked!r}"
+        raise RecordError(f"{path}: {found}; choose one of 0..{len(names) - 1}")
+    return names.index(asked)
 
 
 def as_record(

@@ -29,8 +29,8 @@ This page lists every key of a scene file, as `python -m common.scene_schema` wr
 The first line of a scene, `#:schema ./scene.schema.json`, lets an editor with a TOML server (Even Better TOML, Taplo)
 complete, explain and check keys. Rules between keys are checked when the scene is read.
 
-`--set KEY=VALUE` of `run`, `deck` and `sweep` changes a key: `--set stones.count=6`. Then `stones.gangue_order` need not
-be rewritten: numbers above the count are passed over, and stones that it does not name follow in ascending order.
+`--set KEY=VALUE` of `run`, `deck` and `sweep` changes a key: `--set stones.count=6`. Then `stones.gangue_order` need
+not be rewritten: numbers above the count are passed over, and stones that it does not name follow in ascending order.
 """
 
 
