@@ -16,6 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
+from common.messages import show_messages
 from common.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.batch.campaign import campaign
@@ -35,6 +36,7 @@ from dem.run.run import resume, run_scene
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line; returns the exit code: 2 for bad input, 1 for a run that failed, 75 for one that was
     stopped."""
+    show_messages()
     options = _parser().parse_args(arguments)
     try:
         return options.command(options)

@@ -15,12 +15,7 @@ from plate_fem.modes import PlateModes, plate_modes
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line and return its exit code: 2, with one line on standard error, for bad input."""
-    parser = argparse.ArgumentParser(prog="python -m plate_fem", description="The plate of a scene.")
-    commands = parser.add_subparsers(dest="command", required=True)
-    modes = commands.add_parser("modes", help="print the natural frequencies of the scene's plate")
-    modes.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
-    modes.add_argument("--out", metavar="FILE", type=Path, help="also write the mode shapes to FILE (.vtu)")
-    options = parser.parse_args(arguments)
+    options = _parser().parse_args(arguments)
     try:
         show_modes(options.scene, options.out)
     except InputError as error:
@@ -29,8 +24,17 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def show_modes(scene: Path, out: Path | None) -> None:
-    """Print number, frequency (Hz) and damping ratio of each mode of a scene's plate; write the shapes to `out`.
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m plate_fem", description="The plate of a scene.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    modes = commands.add_parser("modes", help="print the natural frequencies of the scene's plate")
+    modes.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
+    modes.add_argument("--out", metavar="FILE", type=Path, help="also write the mode shapes to FILE (.vtu)")
+    return parser
+
+
+def modes_of(scene: Path, out: Path | None) -> PlateModes:
+    """Modes of a scene's plate, which are to be written to `out` if that is given.
 
     Raises InputError for a scene that cannot be read, or whose plate is rigid or has no `max_frequency_Hz`.
     """
@@ -42,7 +46,13 @@ def show_modes(scene: Path, out: Path | None) -> None:
     if out is not None and out.suffix != ".vtu":
         raise InputError(f"--out = {out}: the name must end in .vtu")
     with refused_in(scene, "plate"):
-        modes = plate_modes(plate)
+        return plate_modes(plate)
+
+
+def show_modes(scene: Path, out: Path | None) -> None:
+    """Print number, frequency (Hz) and damping ratio of each mode of a scene's plate; write the shapes to `out`.
+    Raises InputError as `modes_of`."""
+    modes = modes_of(scene, out)
     print(f"# {modes.theory} plate, {len(modes.quad)} cells, mass {modes.mass_kg:.6g} kg")
     print(f"{'mode':>5} {'Hz':>12} {'damping':>9}")
     for number, (frequency, damping) in enumerate(zip(modes.frequency_Hz, modes.damping_ratio, strict=True), 1):

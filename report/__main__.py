@@ -13,16 +13,20 @@ from common.tables import InputError
 
 
 def main(argv: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        prog="python -m report", description="Write report.html and claims.csv into a directory of runs."
-    )
-    parser.add_argument("directory", help="directory of runs ratio_*")
-    directory = parser.parse_args(argv).directory
+    directory = _parser().parse_args(argv).directory
     try:
         return _report(directory)
     except KeyboardInterrupt:
         print("report: interrupted; no file is half written", file=sys.stderr)
         return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m report", description="Write report.html and claims.csv into a directory of runs."
+    )
+    parser.add_argument("directory", help="directory of runs ratio_*")
+    return parser
 
 
 def _report(directory: str) -> int:

@@ -15,6 +15,7 @@ recognition read as they read any other.
 from __future__ import annotations
 
 import itertools
+import logging
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ from dem.stones.arrangement import arrange
 WORKFLOW = resource("workflow")
 PLAN = "plan.csv"
 MOST_RUNS = 1_000_000
+_log = logging.getLogger(__name__)
 
 
 class CampaignPlan(Table):
@@ -104,7 +106,7 @@ def campaign(file: Path, out: Path, jobs: int, profile: str | None) -> int:
     scene_file, runs = plan_campaign(file)
     write_campaign_runs(runs, out)
     done = sum((out / run.directory / "run.json").exists() for run in runs)
-    print(f"{file}: {len(runs)} runs, {len(runs) - done} to run", flush=True)
+    _log.info("%s: %d runs, %d to run", file, len(runs), len(runs) - done)
     chosen = WORKFLOW / "profiles" / profile if profile and (WORKFLOW / "profiles" / profile).is_dir() else profile
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(WORKFLOW / "Snakefile"), "--directory", str(out),
                "--config", f"scene={scene_file.resolve()}", f"python={sys.executable}", "--jobs", str(jobs),

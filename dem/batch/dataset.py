@@ -7,6 +7,7 @@ the group's number alone, so that more groups or other families leave the rest a
 
 from __future__ import annotations
 
+import logging
 import shutil
 import time
 import zlib
@@ -30,6 +31,7 @@ from plate_fem.modes import modes_file
 
 NOT_KEPT = ("deck", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
 POSITION_TRIES = 10_000
+_log = logging.getLogger(__name__)
 
 
 class Family(Table):
@@ -149,7 +151,7 @@ def build(plan_file: Path, out: Path, jobs: int) -> int:
     check_engine()
     planned = plan_dataset(plan_file)
     missing = [run for run in planned if not is_finished(out / run.directory, run.scene)]
-    print(f"{plan_file}: {len(planned)} runs, {len(missing)} to run", flush=True)
+    _log.info("%s: %d runs, %d to run", plan_file, len(planned), len(missing))
     start, failed = time.monotonic(), 0
     with ProcessPoolExecutor(jobs) as pool:
         try:
@@ -158,8 +160,8 @@ def build(plan_file: Path, out: Path, jobs: int) -> int:
                 text, ok = done.result()
                 failed += not ok
                 left_min = (time.monotonic() - start) / number * (len(missing) - number) / 60
-                print(f"{number} of {len(missing)}, left {left_min:.0f} min: {running[done].directory}: {text}",
-                      flush=True)
+                _log.info("%d of %d, left %.0f min: %s: %s", number, len(missing), left_min,
+                          running[done].directory, text)
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -16,6 +17,7 @@ from dem.coupling.launch import check_engine, die_with_parent
 from dem.stones.arrangement import arrange
 
 RATIO = "stones.gangue_ratio"
+_log = logging.getLogger(__name__)
 
 
 def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | None = None) -> int:
@@ -30,14 +32,15 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
     for ratio in ratios:
         arrange(changed_scene(scene_file, changes | {RATIO: ratio}), str(scene_file))
     missing = [ratio for ratio in ratios if not is_done(scene_file, out / ratio_name(ratio), ratio, changes)]
-    print(f"{scene_file}: {len(ratios)} ratios, {len(missing)} to run", flush=True)
+    _log.info("%s: %d ratios, %d to run", scene_file, len(ratios), len(missing))
     failed = 0
     with ThreadPoolExecutor(jobs) as pool:
         runs = {pool.submit(_run_ratio, scene_file, out / ratio_name(ratio), ratio, changes): ratio
                 for ratio in missing}
         for finished in as_completed(runs):
             result = finished.result()
-            print(result.stdout, end="", flush=True)  # what went wrong is on stderr already
+            if result.stdout:  # what went wrong is on stderr already
+                _log.info(result.stdout.rstrip("\n"))
             failed += result.returncode != 0
     return 1 if failed else 0
 
