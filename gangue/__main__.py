@@ -8,14 +8,15 @@ import importlib
 import json
 import os
 import sys
+from collections.abc import Iterator
 from typing import Any, cast
 
 from gangue.commands import COMMANDS, OWN, Command
+from gangue.parsers import DESCRIPTION, PROGRAM, examples_of, parser_of
 
-PROGRAM = "gangue"
-DESCRIPTION = "Coal and gangue on a steel plate: simulate impacts, analyse records, recognise the mixing ratio."
 EXAMPLES = ("gangue doctor", "gangue run scenes/single.toml --out runs/single",
             "gangue sweep scenes/small.toml --out runs/small && gangue report runs/small", "gangue run --help")
+GIVES_RESULT = (0, 3)  # exit codes; 3 is of a record that is out of distribution
 SWITCHES = ("--quiet", "--json")  # may stand before or behind the command
 
 
@@ -25,10 +26,6 @@ def main(argv: list[str] | None = None) -> int:
     options = _top_parser().parse_args(words[:_start_of_command(words) + 1])
     rest = [word for word in words[_start_of_command(words) + 1:] if word not in SWITCHES]
     quiet, as_json = (getattr(options, switch[2:]) or switch in words for switch in SWITCHES)
-    if quiet:
-        from common.messages import LEVEL
-
-        os.environ[LEVEL] = "WARNING"  # of the runs that are started from here too
     if options.command in OWN:
         module = importlib.import_module(f"{PROGRAM}.{options.command}")
         return cast(int, module.main(rest, as_json))
@@ -36,7 +33,23 @@ def main(argv: list[str] | None = None) -> int:
     if {"-h", "--help"} & set(rest):
         print(parser_of(options.command, command).format_help(), end="")
         return 0
-    return _carry_out(options.command, command, rest, quiet, as_json)
+    with _level("WARNING" if quiet else None):
+        return _carry_out(options.command, command, rest, quiet, as_json)
+
+
+@contextlib.contextmanager
+def _level(level: str | None) -> Iterator[None]:
+    """Show messages from this level on, if one is given, also in the runs that are started from here."""
+    from common.messages import LEVEL
+
+    before = os.environ.get(LEVEL)
+    if level is not None:
+        os.environ[LEVEL] = level
+    try:
+        yield
+    finally:
+        os.environ.pop(LEVEL, None)
+        os.environ |= {} if before is None else {LEVEL: before}
 
 
 def _carry_out(name: str, command: Command, rest: list[str], quiet: bool, as_json: bool) -> int:
@@ -47,18 +60,13 @@ def _carry_out(name: str, command: Command, rest: list[str], quiet: bool, as_jso
         return 2
     words = [command.word, *rest] if command.word else rest
     line = importlib.import_module(f"{command.package}.__main__")
-    if not as_json:
-        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere if quiet else sys.stdout):
-            return cast(int, line.main(words))
-    from gangue.results import RESULTS, result_of_call
+    aside = sys.stderr if as_json else sys.stdout
+    with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere if quiet else aside):
+        code = cast(int, line.main(words))
+    if as_json and code in GIVES_RESULT:
+        from gangue.results import RESULTS
 
-    if name in RESULTS:  # of the files that the command leaves
-        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere if quiet else sys.stderr):
-            code = cast(int, line.main(words))
-        found: Any = RESULTS[name](line._parser().parse_args(words)) if code == 0 else None
-    else:
-        code, found = result_of_call(name, line._parser().parse_args(words))
-    if found is not None:
+        found = RESULTS[name](line._parser().parse_args(words), code)
         print(json.dumps(found, indent=1, allow_nan=False))
     return code
 
@@ -73,7 +81,7 @@ def _top_parser() -> argparse.ArgumentParser:
     commands = {name: command.help for name, command in COMMANDS.items()} | OWN
     width = max(map(len, commands))
     epilog = "commands:\n" + "".join(f"  {name:<{width}}  {text}\n" for name, text in commands.items())
-    parser = argparse.ArgumentParser(prog=PROGRAM, description=DESCRIPTION, epilog=epilog + _examples(EXAMPLES),
+    parser = argparse.ArgumentParser(prog=PROGRAM, description=DESCRIPTION, epilog=epilog + examples_of(EXAMPLES),
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action=_Version, nargs=0, help="version of this program")
     parser.add_argument("--quiet", action="store_true", help="no output but errors and what goes wrong")
@@ -91,23 +99,6 @@ class _Version(argparse.Action):
 
         print(f"{PROGRAM} {version('coal-gangue-impact')}")
         parser.exit()
-
-
-def parser_of(name: str, command: Command) -> argparse.ArgumentParser:
-    """The parser of a command, as its package has it, under the name that it has here."""
-    parser: argparse.ArgumentParser = importlib.import_module(f"{command.package}.__main__")._parser()
-    if command.word:
-        (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-        parser = commands.choices[command.word]
-    parser.prog = f"{PROGRAM} {name}"
-    parser.description = parser.description or command.help
-    parser.epilog = _examples(command.examples)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    return parser
-
-
-def _examples(lines: tuple[str, ...]) -> str:
-    return "\nexamples:\n" + "".join(f"  {line}\n" for line in lines)
 
 
 if __name__ == "__main__":

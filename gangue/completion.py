@@ -6,8 +6,8 @@ import argparse
 import sys
 from typing import Any
 
-from gangue.__main__ import DESCRIPTION, PROGRAM, parser_of
 from gangue.commands import COMMANDS, OWN
+from gangue.parsers import DESCRIPTION, PROGRAM, parser_of
 
 SHELLS = ("bash", "zsh", "tcsh")
 EXAMPLES = """examples:

@@ -33,8 +33,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def modes_of(scene: Path, out: Path | None) -> PlateModes:
-    """Modes of a scene's plate, which are to be written to `out` if that is given.
+def show_modes(scene: Path, out: Path | None) -> None:
+    """Print number, frequency (Hz) and damping ratio of each mode of a scene's plate; write the shapes to `out`.
 
     Raises InputError for a scene that cannot be read, or whose plate is rigid or has no `max_frequency_Hz`.
     """
@@ -46,13 +46,7 @@ def modes_of(scene: Path, out: Path | None) -> PlateModes:
     if out is not None and out.suffix != ".vtu":
         raise InputError(f"--out = {out}: the name must end in .vtu")
     with refused_in(scene, "plate"):
-        return plate_modes(plate)
-
-
-def show_modes(scene: Path, out: Path | None) -> None:
-    """Print number, frequency (Hz) and damping ratio of each mode of a scene's plate; write the shapes to `out`.
-    Raises InputError as `modes_of`."""
-    modes = modes_of(scene, out)
+        modes = plate_modes(plate)
     print(f"# {modes.theory} plate, {len(modes.quad)} cells, mass {modes.mass_kg:.6g} kg")
     print(f"{'mode':>5} {'Hz':>12} {'damping':>9}")
     for number, (frequency, damping) in enumerate(zip(modes.frequency_Hz, modes.damping_ratio, strict=True), 1):

@@ -13,9 +13,11 @@ import pytest
 
 from analysis import read_record, signal_features
 from common.tables import read_toml
-from gangue.__main__ import main, parser_of
+from gangue.__main__ import main
 from gangue.commands import COMMANDS
 from gangue.completion import whole_parser
+from gangue.parsers import parser_of
+from tests.analysis.synthetic import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -63,10 +65,29 @@ def test_features_as_json_are_those_of_the_package(tmp_path, capsys):
     pd.DataFrame({"t_s": t_s, "a_m_s2": np.sin(2 * np.pi * 200 * t_s)}).to_csv(tmp_path / "x.csv", index=False)
     assert main(["features", str(tmp_path / "x.csv"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
+    assert main(["features", str(tmp_path / "x.csv"), "--quiet"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == captured.err == ""
     expected = signal_features(read_record(tmp_path / "x.csv"))
     assert {name: one["value"] for name, one in found["features"].items()} == {
         f.name: f.value for f in expected.values()}
     assert found["features"]["rms"]["value"] == pytest.approx(np.sqrt(0.5), rel=1e-5)
+
+
+def test_recognition_as_json(tmp_path, capsys):
+    """The ratio of a run that the model was fitted to; one forty times as strong is unlike all of them."""
+    runs, model = write_sweep(tmp_path / "paper"), tmp_path / "model.json"
+    assert main(["--quiet", "--json", "fit", str(runs), "--out", str(model)]) == 0
+    assert json.loads(capsys.readouterr().out) == {"model": str(model)}
+    assert main(["recognise", str(runs / "ratio_030"), "--model", str(model), "--json", "--quiet"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["methods"][found["best"]]["ratio"] == pytest.approx(0.3, abs=0.03)
+    table = pd.read_parquet(runs / "ratio_030" / "signals.parquet")
+    table.iloc[:, 1:] *= 40.0
+    table.to_parquet(tmp_path / "strange.parquet")
+    assert main(["--json", "--quiet", "recognise", str(tmp_path / "strange.parquet"), "--model", str(model)]) == 3
+    found = json.loads(capsys.readouterr().out)
+    assert found["out_of_distribution"] and found["best"] is None
 
 
 def test_modes_as_json(tmp_path, capsys):
@@ -89,8 +110,6 @@ def test_a_quiet_sweep_and_its_json(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     runs = json.loads(done.stdout)["runs"]
     assert [run["peak_force_N"] for run in runs] == pytest.approx([4261.6, 7646.3], rel=1e-3)
-    done = program(*words)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     done = program(*words[:-1])
     assert "2 ratios, 0 to run" in done.stdout
 
