@@ -59,7 +59,7 @@ lint: setup .venv/lint  ## style and types of the Python code
 	$(PYTHON) -m mypy
 
 docs: setup .venv/docs  ## pages of the programming interface into build/docs; a warning is an error
-	$(PYTHON) -W error -m pdoc common dem plate_fem analysis recognition report $(MODULES) -o build/docs
+	$(PYTHON) -W error -m pdoc common dem plate_fem analysis recognition report gangue $(MODULES) -o build/docs
 
 setup: .venv/installed engine
 

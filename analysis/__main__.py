@@ -29,6 +29,7 @@ def _features(arguments: argparse.Namespace) -> int:
             rate_Hz=arguments.rate,
             scale=arguments.scale,
             unit=arguments.unit,
+            time=arguments.time,
         )
         if arguments.resample is not None:
             record = resample(record, arguments.resample, anti_alias=not arguments.no_filter)
@@ -46,7 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="python -m analysis", description="Analyse an acceleration record.")
     commands = parser.add_subparsers(dest="command", required=True)
     command = commands.add_parser("features", help="print the time-frequency parameters of a record")
-    command.add_argument("file", help="run directory, .parquet, .csv, .wav or .uff")
+    command.add_argument("file", help="run directory, .parquet, .csv, .wav, .flac, .uff, .mat or .h5")
     command.add_argument("--column", help="signal to take (default: a_m_s2, or the only one)")
     command.add_argument(
         "--rate", type=float, metavar="HZ", help="sample rate, where the file has no time column"
@@ -55,6 +56,7 @@ def _parser() -> argparse.ArgumentParser:
         "--scale", type=float, default=1.0, help="factor on the samples, of the sensor's calibration"
     )
     command.add_argument("--unit", help="unit of the scaled samples, such as m/s^2")
+    command.add_argument("--time", metavar="COLUMN", help="column of times (default: the one that is called so)")
     command.add_argument("--resample", type=float, metavar="HZ", help="sample rate to go to first")
     command.add_argument("--no-filter", action="store_true", help="resample without the anti-alias filter")
     return parser

@@ -1,27 +1,32 @@
-"""Files of one signal: Parquet and CSV tables, run directories, WAV and UFF-58 of measurement systems."""
+"""One signal from a file: run directories, tables, sound files, UFF-58, HDF5 and MATLAB of measurement systems."""
 
 from __future__ import annotations
 
-import struct
-import warnings
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from analysis.records import Record, RecordError, as_record, sample_rate_Hz, unit_of
+from analysis.array_files import Arrays, read_hdf5, read_matlab
+from analysis.records import Record, RecordError, sample_rate_Hz
+from analysis.sound_files import read_flac, read_wav
+from analysis.text_tables import name_and_unit, plain_unit, read_text_table
+from analysis.uff_files import read_uff
 from common.parquet import read_parquet
 from common.tables import InputError, refuse_unreadable
+from common.units import unit_of
 
 MOST_BYTES = 4e9
 TABLES = (".parquet", ".csv", ".txt")
-ENDINGS = (*TABLES, ".wav", ".uff", ".unv")
+CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read_uff}
+ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5}
+ENDINGS = (*TABLES, *CHANNELS, *ARRAYS)
 TIME_COLUMNS = ("t_s", "time_s", "time", "t")
-
-# What scipy raises for a broken file, found by tests/fuzz.
-BROKEN_WAV = (OSError, ValueError, EOFError, TypeError, UnboundLocalError, ZeroDivisionError, struct.error)
-TIME_DOMAIN = 1  # func_type of a time response in UFF dataset 58
+# What such a column is called elsewhere, without the unit that follows in brackets.
+TIME_WORDS = ("t", "time", "time_s", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
 
 
 def read_record(
@@ -31,12 +36,15 @@ def read_record(
     rate_Hz: float | None = None,
     scale: float = 1.0,
     unit: str | None = None,
+    time: str | None = None,
 ) -> Record:
-    """Read one signal from a run directory, or from a Parquet, CSV, WAV or UFF-58 file.
+    """Read one signal from a run directory, or from a file with one of ENDINGS.
 
-    column: name of the signal, or its number from 0 where it has none (in a CSV file without names, a WAV or UFF file).
-    Without it the signal is `a_m_s2` where there is one, else the only one.
-    rate_Hz: needed where the file has neither a rate nor a time column (`t_s`, `time_s`, `time`, `t`).
+    column: name of the signal, with or without the unit in brackets behind it, or its number from 0 where it has none
+    (in a text table without names, a WAV, FLAC or UFF file). Without it the signal is `a_m_s2` where there is one, else
+    the only one.
+    time: name of the column of times; without it the one that is called so in one of several languages, in s or in the
+    unit in brackets behind its name. rate_Hz: needed where the file has neither a rate nor times.
     scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples.
     Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
     """
@@ -48,9 +56,12 @@ def read_record(
         raise RecordError(f"{path}: no such file; needs a run directory or one of {', '.join(ENDINGS)}")
     ending = path.suffix.lower()
     if ending in TABLES:
-        record = _pick(read_table(path), str(path), column, rate_Hz)
-    elif ending in ENDINGS:
-        record = as_record((read_wav if ending == ".wav" else read_uff)(path, column), rate_Hz)
+        record = _from_table(read_table(path), str(path), column, time, rate_Hz)
+    elif ending in ARRAYS:
+        record = _from_arrays(ARRAYS[ending](path), str(path), column, time, rate_Hz)
+    elif ending in CHANNELS:
+        record = CHANNELS[ending](path, column)
+        _check_rate(record.name, rate_Hz, record.rate_Hz, "the file")
     else:
         raise RecordError(f"{path}: ending {path.suffix!r}; needs one of {', '.join(ENDINGS)}")
     if not (np.isfinite(scale) and scale != 0):
@@ -59,7 +70,7 @@ def read_record(
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
-    """Return a Parquet or CSV file as a table; the columns of a CSV file without names are "0", "1", ...
+    """Return a Parquet or text table (`analysis.text_tables`); columns of a text without names are "0", "1", ...
 
     Raises RecordError if it cannot be read, or if a column appears twice.
     """
@@ -68,11 +79,11 @@ def read_table(path: str | Path) -> pd.DataFrame:
     path = Path(path)
     _refuse_unreadable(path)
     try:
-        if path.suffix.lower() == ".parquet":
-            return read_parquet(path)
-        table = _read_text_table(path)
+        table = read_parquet(path) if path.suffix.lower() == ".parquet" else read_text_table(path)
     except FileNotFoundError:
         raise RecordError(f"{path}: no such file") from None
+    except RecordError:
+        raise
     except (OSError, ValueError, ArrowException) as error:
         reason = " ".join(str(error).split())
         raise RecordError(f"{path}: not a readable {path.suffix[1:]} table ({reason})") from None
@@ -89,44 +100,93 @@ def _refuse_unreadable(path: Path) -> None:
         raise RecordError(str(error)) from None
 
 
-def _read_text_table(path: Path) -> pd.DataFrame:
-    """Numbers separated by comma, semicolon, tab or blanks, with or without a line of names."""
-    with path.open(encoding="utf-8-sig") as file:
-        first = file.readline()
-    separator = next((mark for mark in ",;\t" if mark in first), r"\s+")
-    named = not all(
-        _is_number(word) for word in (first.split(separator) if separator in ",;\t" else first.split())
-    )
-    return pd.read_csv(path, header=0 if named else None, sep=separator, encoding="utf-8-sig")
+def _from_table(table: pd.DataFrame, source: str, column: str | None, time: str | None,
+                rate_Hz: float | None) -> Record:
+    names = list(table.columns)
+    time = _time_of(names, source, time)
+    column = _signal_of([name for name in names if name != time], source, column)
+    t_s = None if time is None else _seconds(time, _numbers(table[time]), source)
+    bracketed = name_and_unit(column)[1]
+    return _record(f"{source}: {column}", _numbers(table[column]), bracketed or unit_of(column), rate_Hz, time, t_s)
 
 
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-def _pick(table: pd.DataFrame, source: str, column: str | None, rate_Hz: float | None) -> Record:
-    time = next((name for name in TIME_COLUMNS if name in table.columns), None)
-    signals = [name for name in table.columns if name != time]
-    if column is None:
-        column = "a_m_s2" if "a_m_s2" in signals else (signals[0] if len(signals) == 1 else None)
-    if column is None or column not in signals:
-        asked = "no column named" if column is None else f"no column {column!r}"
-        raise RecordError(f"{source}: {asked}; choose one of {', '.join(signals[:12])}")
-    values = _numbers(table[column])
-    t0_s = 0.0
+def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | None, rate_Hz: float | None) -> Record:
+    names = [name for name in arrays.signals if not _says_time(_last(name)) and _last(name) != time]
+    column = _signal_of(names, source, column)
+    beside, values = arrays.beside(column), arrays.signals[column]
+    unit = plain_unit(arrays.units.get(column.split(":")[0], unit_of(_last(column))))
+    time = _time_of(list(beside), source, time)
     if time is not None:
-        t_s = _numbers(table[time])
-        found = sample_rate_Hz(t_s, f"{source}: {time}")
-        if rate_Hz is not None and not np.isclose(rate_Hz, found, rtol=0.01):
-            raise RecordError(f"{source}: rate_Hz = {rate_Hz:g}; its column {time} says {found:.6g}")
-        rate_Hz, t0_s = found, float(t_s[0])
-    if rate_Hz is None:
-        raise RecordError(f"{source}: no time column ({', '.join(TIME_COLUMNS)}); give the sample rate")
-    return Record(values, rate_Hz, unit_of(column), f"{source}: {column}", t0_s)
+        t_s = _seconds(time, beside[time], source)
+        return _record(f"{source}: {column}", values, unit, rate_Hz, time, t_s)
+    found = arrays.rate_Hz(column)
+    if found is not None:
+        _check_rate(f"{source}: {column}", rate_Hz, found, "the file")
+    return _record(f"{source}: {column}", values, unit, found or rate_Hz, None, None)
+
+
+def _record(name: str, values: np.ndarray, unit: str, rate_Hz: float | None, time: str | None,
+            t_s: np.ndarray | None) -> Record:
+    """A record with the rate of its times, or with `rate_Hz` where it has none."""
+    if t_s is None:
+        if rate_Hz is None:
+            raise RecordError(f"{name}: no times ({', '.join(TIME_COLUMNS)}); give the sample rate, or the name of the "
+                              "column of times")
+        return Record(values, rate_Hz, unit, name)
+    found = sample_rate_Hz(t_s, f"{name}: {time}")
+    _check_rate(name, rate_Hz, found, f"its column {time}")
+    return Record(values, found, unit, name, float(t_s[0]))
+
+
+def _check_rate(name: str, given_Hz: float | None, found_Hz: float, where: str) -> None:
+    if given_Hz is not None and not np.isclose(given_Hz, found_Hz, rtol=0.01):
+        raise RecordError(f"{name}: rate_Hz = {given_Hz:g}; {where} says {found_Hz:.6g}")
+
+
+def _says_time(name: str) -> bool:
+    return name_and_unit(name)[0].lower() in TIME_WORDS or name in TIME_COLUMNS
+
+
+def _last(name: str) -> str:
+    return name.rsplit("/", 1)[-1]
+
+
+def _time_of(names: list[str], source: str, asked: str | None) -> str | None:
+    """The column of times: the one asked for, else the one that is called so."""
+    if asked is not None:
+        return _same(names, asked) or _refuse(source, f"no column of times {asked!r}", names)
+    exact = [name for name in TIME_COLUMNS if name in names]
+    return next(iter(exact or [name for name in names if _says_time(name)]), None)
+
+
+def _signal_of(names: list[str], source: str, asked: str | None) -> str:
+    """The column of the signal: the one asked for, else `a_m_s2`, else the only one."""
+    if asked is not None:
+        return _same(names, asked) or _refuse(source, f"no column {asked!r}", names)
+    if "a_m_s2" in names:
+        return "a_m_s2"
+    return names[0] if len(names) == 1 else _refuse(source, "no column named", names)
+
+
+def _same(names: Iterable[str], asked: str) -> str | None:
+    """The name that is meant: the very one, or the only one that is the same without group or unit."""
+    names = list(names)
+    if asked in names:
+        return asked
+    alike = [name for name in names if asked in (name_and_unit(name)[0], _last(name))]
+    return alike[0] if len(alike) == 1 else None
+
+
+def _refuse(source: str, what: str, names: list[str]) -> str:
+    raise RecordError(f"{source}: {what}; choose one of {', '.join(names[:12])}")
+
+
+def _seconds(name: str, times: np.ndarray, source: str) -> np.ndarray:
+    """Times in s by the unit in brackets behind their name, s where there is none."""
+    unit = name_and_unit(name)[1] or "s"
+    if unit not in SECONDS:
+        raise RecordError(f"{source}: times {name!r} in {unit!r}; allowed are {', '.join(SECONDS)}")
+    return SECONDS[unit] * times
 
 
 def _numbers(column: pd.Series) -> np.ndarray:
@@ -134,72 +194,3 @@ def _numbers(column: pd.Series) -> np.ndarray:
     return pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
 
 
-def read_wav(path: str | Path, channel: str | None = None) -> Record:
-    """Return one channel of a WAV file; whole numbers become shares of full scale, -1..1.
-
-    The channel is a number from 0, needed where there are several. `scale` of `read_record` calibrates the samples.
-    Raises RecordError if the file cannot be read or the channel is left open.
-    """
-    from scipy.io import wavfile
-
-    path = Path(path)
-    try:
-        with warnings.catch_warnings():
-            # Chunks beside the samples (calibration notes of a recorder) are no fault.
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)
-            rate_Hz, samples = wavfile.read(path)
-    except BROKEN_WAV as error:
-        raise RecordError(f"{path}: not a readable WAV file ({error})") from None
-    if samples.size == 0:
-        raise RecordError(f"{path}: holds no samples")
-    if np.issubdtype(samples.dtype, np.integer):
-        limits = np.iinfo(samples.dtype)
-        centre = 128.0 if samples.dtype == np.uint8 else 0.0
-        samples = (samples - centre) / (centre or -float(limits.min))
-    samples = samples.reshape(len(samples), -1)
-    number = _choose(path, channel, [str(i) for i in range(samples.shape[1])])
-    return Record(samples[:, number], float(rate_Hz), "1", f"{path}: {number}")
-
-
-def read_uff(path: str | Path, dataset: str | None = None) -> Record:
-    """Return one time response (dataset 58) of a UFF file, ASCII or binary.
-
-    The dataset is its number from 0 among the time responses, or its first identification line; it is needed where
-    there are several. Raises RecordError if the file cannot be read, the dataset is left open or the package pyuff is
-    missing.
-    """
-    try:
-        import pyuff
-    except ImportError:
-        raise RecordError(f"{path}: reading UFF needs the package pyuff (pip install pyuff)") from None
-
-    path = Path(path)
-    try:
-        sets = pyuff.UFF(str(path)).read_sets()
-    except Exception as error:  # noqa: BLE001  pyuff raises bare Exception for a broken file
-        raise RecordError(f"{path}: not a readable UFF file ({' '.join(str(error).split())})") from None
-    sets = sets if isinstance(sets, list) else [sets]
-    responses = [s for s in sets if s.get("type") == 58 and s.get("func_type") == TIME_DOMAIN]
-    if not responses:
-        raise RecordError(f"{path}: no time response; needs a dataset 58 with function type 1")
-    labels = [str(s.get("id1", "")).strip() for s in responses]
-    if dataset in labels and labels.count(dataset) == 1:
-        number = labels.index(dataset)
-    else:
-        number = _choose(path, dataset, [str(i) for i in range(len(responses))])
-    chosen = responses[number]
-    if np.iscomplexobj(chosen["data"]) or not chosen.get("abscissa_spacing"):
-        raise RecordError(f"{path}: dataset {number} is complex or unevenly spaced; needs real, even samples")
-    unit = str(chosen.get("ordinate_axis_units_lab", "")).strip()
-    unit = "1" if unit.upper() in ("", "NONE") else unit
-    return Record(chosen["data"], 1.0 / chosen["abscissa_inc"], unit, f"{path}: {labels[number] or number}",
-                  float(chosen.get("abscissa_min", 0.0)))  # fmt: skip
-
-
-def _choose(path: Path, asked: str | None, names: list[str]) -> int:
-    if asked is None and len(names) == 1:
-        return 0
-    if asked not in names:
-        found = "none named" if asked is None else f"no signal {asked!r}"
-        raise RecordError(f"{path}: {found}; choose one of 0..{len(names) - 1}")
-    return names.index(asked)

@@ -7,26 +7,17 @@ that features, EMD and spectra can be taken from a measurement as well as from a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from common.units import unit_of
+
 # Times written with few digits jitter by the last digit. More than this share of the interval means gaps, or a rate
 # that changes.
 MAX_TIME_JITTER = 0.01
-
-#: Units of the columns of a run directory, by the ending of their name.
-UNIT_BY_SUFFIX = {
-    "_m_s2": "m/s^2",
-    "_m_s": "m/s",
-    "_m2": "m^2",
-    "_m": "m",
-    "_s": "s",
-    "_N": "N",
-    "_J": "J",
-    "_Pa": "Pa",
-}
 
 
 class RecordError(ValueError):
@@ -79,14 +70,6 @@ class Record:
         return self.t0_s + np.arange(self.values.size) / self.rate_Hz
 
 
-def unit_of(column: str) -> str:
-    """Return the unit of a column by the ending of its name, "1" where it has none."""
-    for suffix, unit in UNIT_BY_SUFFIX.items():
-        if column.endswith(suffix):
-            return unit
-    return "1"
-
-
 def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
     """Return the sample rate of times (n,). Raises RecordError where they are not uniformly spaced."""
     t_s = np.asarray(t_s, dtype=float)
@@ -101,6 +84,16 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
             " needs a uniform sample rate"
         )
     return 1.0 / dt_s
+
+
+def chosen(path: str | Path, asked: str | None, names: list[str]) -> int:
+    """Return the number of the signal `asked`, or 0 where there is but one. Raises RecordError."""
+    if asked is None and len(names) == 1:
+        return 0
+    if asked not in names:
+        found = "none named" if asked is None else f"no signal {asked!r}"
+        raise RecordError(f"{path}: {found}; choose one of 0..{len(names) - 1}")
+    return names.index(asked)
 
 
 def as_record(

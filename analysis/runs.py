@@ -16,10 +16,11 @@ import numpy as np
 import pandas as pd
 
 from analysis.readers import read_table
-from analysis.records import Record, RecordError, sample_rate_Hz, unit_of
+from analysis.records import Record, RecordError, sample_rate_Hz
 from common.files import read_json
 from common.run_summary import RecordedScene, RunSummary, summary_from
 from common.tables import InputError
+from common.units import unit_of
 
 #: The eleven ratios of the paper.
 PAPER_RATIOS = tuple(round(0.1 * step, 1) for step in range(11))

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from common.tables import InputError, Refused, Table, check, read_toml
+from common.tables import InputError, Refused, Table, about, check, read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
@@ -27,13 +27,13 @@ def refuse_density(density_kg_m3: float) -> None:
 class Rod(Table):
     """A vertical rod below the plate, welded to it over its disc and clamped at its lower end."""
 
-    x_m: float
-    y_m: float
-    diameter_m: Positive
-    length_m: Positive
-    youngs_modulus_Pa: Positive
-    density_kg_m3: Positive
-    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5)] = 0.3
+    x_m: Annotated[float, about("along the plate's length, from its centre")]
+    y_m: Annotated[float, about("along the plate's width, from its centre")]
+    diameter_m: Annotated[Positive, about("diameter")]
+    length_m: Annotated[Positive, about("length from the plate to the clamped end")]
+    youngs_modulus_Pa: Annotated[Positive, about("Young's modulus")]
+    density_kg_m3: Annotated[Positive, about("density")]
+    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5), about("Poisson's ratio")] = 0.3
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> Self:
@@ -44,27 +44,29 @@ class Rod(Table):
 class PointSupport(Table):
     """A point of the plate that cannot move vertically."""
 
-    x_m: float
-    y_m: float
+    x_m: Annotated[float, about("along the plate's length, from its centre")]
+    y_m: Annotated[float, about("along the plate's width, from its centre")]
 
 
 class Sensor(Table):
     """An accelerometer on the plate."""
 
-    name: Name
-    x_m: float
-    y_m: float
+    name: Annotated[Name, about("name of its column: acc_NAME_m_s2")]
+    x_m: Annotated[float, about("along the plate's length, from its centre")]
+    y_m: Annotated[float, about("along the plate's width, from its centre")]
 
 
 class Plate(Table):
     """What every plate has: its outline and its material."""
 
-    length_m: Positive  # along x
-    width_m: Positive  # along y
-    density_kg_m3: Positive
-    youngs_modulus_Pa: Positive
-    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5)]
-    yield_stress_Pa: Positive | None = None
+    length_m: Annotated[Positive, about("side along x")]
+    width_m: Annotated[Positive, about("side along y")]
+    density_kg_m3: Annotated[Positive, about("density", paper="Table 1: 7830")]
+    youngs_modulus_Pa: Annotated[Positive, about("Young's modulus", paper="Table 1: 2.07e11")]
+    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
+    yield_stress_Pa: Annotated[Positive | None, about(
+        "yield stress; where a contact may pass it the plate yields there (docs/plate.md); absent: it stays elastic",
+    )] = None
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> Self:
@@ -75,7 +77,7 @@ class Plate(Table):
 class RigidPlate(Plate):
     """A plate that does not move."""
 
-    model: Literal["rigid"]
+    model: Annotated[Literal["rigid"], about("a plate that does not move")]
 
 
 class FlexiblePlate(Plate):
@@ -86,17 +88,20 @@ class FlexiblePlate(Plate):
     scene.
     """
 
-    model: Literal["flexible"]
-    thickness_m: Positive
-    theory: Literal["auto", "kirchhoff", "mindlin"] = "auto"
-    edges: Literal["free", "simply_supported", "clamped"] = "free"
-    max_frequency_Hz: Positive | None = None
-    truncation_tolerance: Annotated[float, Field(ge=1e-6, le=0.5)] | None = None
-    damping_ratio: Annotated[float, Field(ge=0, lt=1)]
-    mesh_size_m: Positive | None = None
-    rods: tuple[Rod, ...] = ()
-    point_supports: tuple[PointSupport, ...] = ()
-    sensors: tuple[Sensor, ...] = ()
+    model: Annotated[Literal["flexible"], about("a plate that bends")]
+    thickness_m: Annotated[Positive, about("thickness, at most a fifth of the shorter side")]
+    theory: Annotated[Literal["auto", "kirchhoff", "mindlin"], about("plate theory (docs/plate.md)")] = "auto"
+    edges: Annotated[Literal["free", "simply_supported", "clamped"], about("how all four edges are held")] = "free"
+    max_frequency_Hz: Annotated[Positive | None, about("frequency up to which modes are kept")] = None
+    truncation_tolerance: Annotated[Annotated[float, Field(ge=1e-6, le=0.5)] | None, about(
+        "share of the impact energy that the modes left out may have; instead of max_frequency_Hz")] = None
+    damping_ratio: Annotated[float, Field(ge=0, lt=1), about("damping ratio of every mode")]
+    mesh_size_m: Annotated[Positive | None, about(
+        "side of a finite element; absent: from max_frequency_Hz, rods and supports")] = None
+    rods: Annotated[tuple[Rod, ...], about(
+        "vertical rods below the plate, clamped at their lower ends", paper="four screws, their size not given")] = ()
+    point_supports: Annotated[tuple[PointSupport, ...], about("points that cannot move vertically")] = ()
+    sensors: Annotated[tuple[Sensor, ...], about("accelerometers")] = ()
 
     @model_validator(mode="after")
     def _one_limit(self) -> Self:

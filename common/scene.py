@@ -1,4 +1,8 @@
-"""The scene file: what falls on what, in SI units. Unknown keys, wrong signs and NaN are refused by name."""
+"""The scene file: what falls on what, in SI units. Unknown keys, wrong signs and NaN are refused by name.
+
+A key is a field with its type, its bounds and, by `about`, its meaning and what the paper gives for it. The JSON schema
+and docs/scene.md are written from that: `python -m common.scene_schema`.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +12,11 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from common.error_laws import least_tolerance
 from common.plate import PlateTable, refuse_density
-from common.tables import InputError, Refused, Table, check, read_toml
+from common.tables import InputError, Refused, Table, about, check, read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -25,14 +29,15 @@ PLATE = "plate"  # the name under which `contacts` speaks of the plate
 class TimeTable(Table):
     """How long the run is, and in which steps."""
 
-    duration_s: Positive
-    sample_interval_s: Positive
-    gravity_m_s2: NotNegative = 0.0
-    time_step_s: Positive | None = None  # default: the largest that every limit allows
-    co_step: Annotated[int, Field(ge=1)] | None = None  # DEM steps; default from the shortest contact
-    # A body in free flight is left out of the force loops when its inner motion has less than this share of the kinetic
-    # energy of the impact; 0: never (docs/free_flight.md).
-    free_flight_tolerance: NotNegative = 1e-4
+    duration_s: Annotated[Positive, about("simulated time", paper="0.6 s, of which recognition reads 0.04 s")]
+    sample_interval_s: Annotated[Positive, about("time between two rows of signals.parquet", paper="1.5e-4, 6667 Hz")]
+    gravity_m_s2: Annotated[NotNegative, about("gravity, downwards", paper="9.8")] = 0.0
+    time_step_s: Annotated[Positive | None, about("DEM time step; absent: the largest that every limit allows")] = None
+    co_step: Annotated[Annotated[int, Field(ge=1)] | None, about(
+        "DEM steps between two possible messages of engine and plate; absent: from the shortest contact")] = None
+    free_flight_tolerance: Annotated[NotNegative, about(
+        "a body in free flight is left out of the force loops when its inner motion has less than this share of the "
+        "kinetic energy of the impact; 0: never (docs/free_flight.md)")] = 1e-4
 
     @model_validator(mode="after")
     def _one_sample_at_least(self) -> Self:
@@ -45,38 +50,57 @@ class TimeTable(Table):
 class AgglomerateTable(Table):
     """How a stone is made of bonded sub-spheres."""
 
-    subspheres: Annotated[int, Field(ge=2, le=100_000)]
-    damping_ratio: NotNegative = 0.05
-    unbreakable: bool = False
-    # How a stone touches the plate: with its sub-spheres, each alone, or as the smooth sphere that it stands for
-    # (docs/contact.md).
-    contact: Literal["sub_spheres", "smooth"] = "sub_spheres"
+    subspheres: Annotated[int, Field(ge=2, le=100_000), about("sub-spheres of a stone")]
+    damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
+    unbreakable: Annotated[bool, about("bonds never break")] = False
+    contact: Annotated[Literal["sub_spheres", "smooth"], about(
+        "how a stone touches the plate: with its sub-spheres, each alone, or as the smooth sphere that it stands for "
+        "(docs/contact.md)")] = "sub_spheres"
 
 
 class StonePosition(Table):
     """Centre of a stone in the plane of the plate."""
 
-    x_m: float
-    y_m: float
+    x_m: Annotated[float, about("along the plate's length, from its centre")]
+    y_m: Annotated[float, about("along the plate's width, from its centre")]
 
 
 class StonesTable(Table):
     """The stones, where they are, and how they arrive."""
 
-    count: Annotated[int, Field(ge=1, le=1000)]
-    radius_m: Positive
-    circle_radius_m: Positive | None = None
-    positions: tuple[StonePosition, ...] | None = None  # instead of the circle
-    speed_m_s: NotNegative
-    gap_m: Positive
-    coal: str
-    gangue: str
-    gangue_order: tuple[int, ...]  # which stone turns into gangue first
-    gangue_ratio: Annotated[float, Field(ge=0, le=1)]
-    arrival_s: tuple[NotNegative, ...] | None = None  # how much later than at once each stone arrives, by lying higher
-    strength_factor: tuple[Positive, ...] | None = None  # on the strengths of each stone's bonds
-    seed: Annotated[int, Field(ge=0, lt=2**63)]
-    agglomerate: AgglomerateTable | None = None  # absent: each stone is one unbonded sphere
+    count: Annotated[int, Field(ge=1, le=1000), about("number of stones", paper="10")]
+    radius_m: Annotated[Positive, about("radius of a stone", paper="0.025")]
+    circle_radius_m: Annotated[Positive | None, about(
+        "radius of the circle on which the stones lie at equal angles, stone 1 on the x axis; instead of positions",
+        paper="0.1")] = None
+    positions: Annotated[tuple[StonePosition, ...] | None, about(
+        "centre of each stone in the plane of the plate; instead of circle_radius_m")] = None
+    speed_m_s: Annotated[NotNegative, about("impact speed, downwards", paper="3.0")]
+    gap_m: Annotated[Positive, about("height of the stones' lowest points above the plate at the start")]
+    coal: Annotated[str, about("name of the coal's table in materials")]
+    gangue: Annotated[str, about("name of the gangue's table in materials")]
+    gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
+        "which stone turns into gangue first, each at most once; numbers above count are passed over, and stones that "
+        "are not named follow in ascending order")] = ()
+    gangue_ratio: Annotated[float, Field(ge=0, le=1), about(
+        "mixing ratio, the share of gangue among the stones; a multiple of 1/count", paper="0 to 1 in steps of 0.1")]
+    arrival_s: Annotated[tuple[NotNegative, ...] | None, about(
+        "how much later than at once each stone arrives, by lying higher")] = None
+    strength_factor: Annotated[tuple[Positive, ...] | None, about(
+        "factor on the strengths of each stone's bonds")] = None
+    seed: Annotated[int, Field(ge=0, lt=2**63), about("seed of the packings; stone k has seed + k - 1")]
+    agglomerate: Annotated[AgglomerateTable | None, about(
+        "how a stone is made; absent: each stone is one unbonded sphere")] = None
+
+    @field_validator("gangue_order")
+    @classmethod
+    def _order_of_every_stone(cls, order: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
+        if len(set(order)) < len(order):
+            raise ValueError("must name each stone at most once")
+        if "count" not in info.data:  # refused itself
+            return order
+        stones = range(1, info.data["count"] + 1)
+        return (*(k for k in order if k in stones), *(k for k in stones if k not in order))
 
     @model_validator(mode="after")
     def _one_position_each(self) -> Self:
@@ -90,22 +114,20 @@ class StonesTable(Table):
                 raise Refused(key, f"{len(values)} values", f"must be {self.count}, one a stone")
         if self.strength_factor is not None and self.agglomerate is None:
             raise Refused("strength_factor", self.strength_factor, "needs stones.agglomerate, whose bonds it is for")
-        if sorted(self.gangue_order) != list(range(1, self.count + 1)):
-            raise Refused("gangue_order", self.gangue_order, f"must hold each stone 1..{self.count} once")
         return self
 
 
 class BondTable(Table):
     """The bonds of a material."""
 
-    youngs_modulus_Pa: Positive
-    stiffness_ratio: Positive  # k_n / k_s
-    tensile_strength_Pa: Positive
-    shear_strength_Pa: NotNegative
-    friction_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0  # 0: no Mohr-Coulomb
-    # Mean sub-sphere radius that the strengths belong to; other sizes get theirs by dem/stones/strength.py. Absent: as
-    # given.
-    reference_subsphere_radius_m: Positive | None = None
+    youngs_modulus_Pa: Annotated[Positive, about("Young's modulus of the bonds")]
+    stiffness_ratio: Annotated[Positive, about("normal over shear stiffness, k_n/k_s")]
+    tensile_strength_Pa: Annotated[Positive, about("tensile strength")]
+    shear_strength_Pa: Annotated[NotNegative, about("shear strength, the cohesion")]
+    friction_angle_deg: Annotated[float, Field(ge=0, lt=90), about("friction angle; 0: no Mohr-Coulomb")] = 0.0
+    reference_subsphere_radius_m: Annotated[Positive | None, about(
+        "mean sub-sphere radius that the strengths belong to; other sizes get theirs by docs/calibration.md; "
+        "absent: strengths as given")] = None
 
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
@@ -118,12 +140,15 @@ class BondTable(Table):
 class MaterialTable(Table):
     """A material of stones."""
 
-    density_kg_m3: Positive
-    youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa)]
-    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
-    # Pressure in the middle of a contact with the plate at which the stone crushes; absent: it stays elastic.
-    contact_strength_Pa: Positive | None = None
-    bond: BondTable | None = None
+    density_kg_m3: Annotated[Positive, about("density", paper="Table 1: coal 1380, gangue 2400")]
+    youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa), about(
+        "Young's modulus", paper="Table 1: coal 5.12e9, gangue 9.966e9")]
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about(
+        "Poisson's ratio", paper="Table 1: coal 0.3, gangue 0.28")]
+    contact_strength_Pa: Annotated[Positive | None, about(
+        "pressure in the middle of a contact with the plate at which the stone crushes; absent: it stays elastic",
+    )] = None
+    bond: Annotated[BondTable | None, about("the bonds, needed where stones are agglomerates")] = None
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> Self:
@@ -134,8 +159,9 @@ class MaterialTable(Table):
 class ContactTable(Table):
     """The contact of two materials."""
 
-    restitution: Annotated[float, Field(gt=0.05, le=1)]  # LIGGGHTS refuses 0.05 and less
-    friction: NotNegative
+    # LIGGGHTS refuses a restitution of 0.05 and less.
+    restitution: Annotated[float, Field(gt=0.05, le=1), about("coefficient of restitution")]
+    friction: Annotated[NotNegative, about("coefficient of friction")]
 
     @model_validator(mode="after")
     def _can_slip(self) -> Self:
@@ -148,32 +174,38 @@ class ContactTable(Table):
 class OutputTable(Table):
     """What is written besides the signals."""
 
-    view_interval_s: Positive | None = None  # between pictures over the whole run; absent: no pictures
-    # Between pictures while something pushes on the plate in the first impact of a stone; 0: none (docs/runs.md).
-    impact_view_interval_s: NotNegative = 2e-5
+    view_interval_s: Annotated[Positive | None, about("time between two pictures for ParaView; absent: none")] = None
+    impact_view_interval_s: Annotated[NotNegative, about(
+        "time between two pictures while something pushes on the plate in the first impact of a stone; 0: none")] = 2e-5
+    engine_log: Annotated[bool, about("keep what the engine wrote, OUT/deck/engine.log and engine.out")] = False
 
 
 class EngineTable(Table):
     """How the engine runs."""
 
-    np: Annotated[int, Field(ge=1, le=256)] = 1  # MPI ranks of a run; docs/campaigns.md says where they stop paying
+    np: Annotated[int, Field(ge=1, le=256), about("MPI ranks of a run (docs/campaigns.md)")] = 1
 
 
 class Scene(Table):
     """A scene file."""
 
     # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64)]
-    assumptions: tuple[str, ...] = ()
-    # Relative error that time step, co-step and modes together may make; it takes the place of their own keys.
-    tolerance: Annotated[float, Field(gt=0, le=0.1)] | None = None
-    time: TimeTable
-    stones: StonesTable
-    materials: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable]
-    contacts: dict[str, ContactTable]
-    plate: PlateTable
-    output: OutputTable = OutputTable()
-    engine: EngineTable = EngineTable()
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64), about("name of the scene")]
+    assumptions: Annotated[tuple[str, ...], about(
+        "keys whose values are assumed, for the reader; run.json repeats them")] = ()
+    tolerance: Annotated[Annotated[float, Field(gt=0, le=0.1)] | None, about(
+        "relative error that time step, co-step and modes together may make; it takes the place of time.time_step_s, "
+        "time.co_step, plate.max_frequency_Hz and plate.truncation_tolerance (docs/accuracy.md)")] = None
+    time: Annotated[TimeTable, about("how long the run is, and in which steps")]
+    stones: Annotated[StonesTable, about("the stones, where they are, and how they arrive")]
+    materials: Annotated[
+        dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable],
+        about("materials of the stones, by name")]
+    contacts: Annotated[dict[str, ContactTable], about(
+        "contacts by pair of materials in alphabetic order, the plate last: coal_gangue, coal_plate")]
+    plate: Annotated[PlateTable, about("the plate")]
+    output: Annotated[OutputTable, about("what is written besides the signals")] = OutputTable()
+    engine: Annotated[EngineTable, about("how the engine runs")] = EngineTable()
 
     @model_validator(mode="after")
     def _names_agree(self) -> Self:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import stat
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
 
@@ -44,6 +45,14 @@ class Table(BaseModel):
         if not isinstance(data, dict):
             return data
         return {key: tuple(v) if isinstance(v, list) else v for key, v in data.items()}
+
+
+def about(meaning: str, *, paper: str | None = None) -> Any:
+    """Say what a key means and, if the paper gives it, what the paper gives: `Annotated[type, about("...")]`.
+
+    Its unit follows from the ending of its name, its bounds and its default from the field.
+    """
+    return Field(description=meaning, json_schema_extra=None if paper is None else {"x-paper": paper})
 
 
 @contextmanager
@@ -81,6 +90,15 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         raise InputError(f"{path}: not a TOML file: tables within tables, too deep") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a TOML file: {error}") from None
+
+
+def inline_toml(value: Any) -> str:
+    """A value of a scene in TOML on one line, as `--set` reads it."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {inline_toml(v)}" for key, v in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(inline_toml, value)) + "]"
+    return json.dumps(value) if isinstance(value, (str, bool)) else repr(value)
 
 
 def check(model_class: Any, data: Mapping[str, Any], file: str | Path, where: str = "") -> Any:

@@ -20,6 +20,7 @@ if __name__ == "__main__":
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from common.messages import show_messages
 from common.output_directory import Busy, refuse_foreign_file, refuse_place
 from common.scene import Scene, changed_scene
 from common.tables import InputError
@@ -40,6 +41,7 @@ from dem.run.run import resume, run_scene
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line; returns the exit code: 2 for bad input, 1 for a run that failed, 75 for one that was
     stopped."""
+    show_messages()
     return run_command("dem", lambda: _command(_parser().parse_args(arguments)))
 
 
@@ -71,7 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     _with_scene(add("deck", "write the deck and run nothing", _deck))
     _with_scene(add("plate", "be the plate of a deck that is run by hand", _plate))
     sub = add("sweep", "run every ratio that the stones can give", _sweep)
-    sub.add_argument("scene", type=Path, help="scene file (TOML)")
+    _with_set(sub).add_argument("scene", type=Path, help="scene file (TOML)")
     _with_out(sub, "runs at a time (default 2)")
     replacers.append(sub)
     sub = add("dataset", "run what a plan draws, a data set for recognition",
@@ -106,6 +108,11 @@ def _with_scene(sub: argparse.ArgumentParser) -> argparse.ArgumentParser:
     sub.add_argument("scene", type=Path, help="scene file (TOML)")
     sub.add_argument("--out", type=Path, required=True, help="directory to write")
     sub.add_argument("--gangue", type=float, help="share of gangue, 0..1, instead of the scene's")
+    return _with_set(sub)
+
+
+def _with_set(sub: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """A command that may change keys of a scene."""
     sub.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
                      help="another value of a key of the scene, as TOML, such as stones.speed_m_s=2.0")
     return sub
@@ -117,8 +124,8 @@ def _with_out(sub: argparse.ArgumentParser, help_of_jobs: str) -> None:
     sub.add_argument("--jobs", type=jobs, default=2, help=help_of_jobs)
 
 
-def _scene(options: argparse.Namespace) -> Scene:
-    """The scene of a command line, with what it changes."""
+def _changes(options: argparse.Namespace) -> dict[str, Any]:
+    """What a command line changes of its scene, by dotted key."""
     changes: dict[str, Any] = {}
     for text in options.changes:
         key, _, value = text.partition("=")
@@ -126,6 +133,12 @@ def _scene(options: argparse.Namespace) -> Scene:
             (changes[key.strip()],) = tomllib.loads(f"value = {value}").values()
         except (ValueError, RecursionError):
             raise InputError(f"--set {text}: must be a dotted key of the scene, =, and a value in TOML") from None
+    return changes
+
+
+def _scene(options: argparse.Namespace) -> Scene:
+    """The scene of a command line, with what it changes."""
+    changes = _changes(options)
     if options.gangue is not None:
         changes["stones.gangue_ratio"] = options.gangue
     return changed_scene(options.scene, changes)
@@ -186,7 +199,7 @@ def _plate(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    return sweep(options.scene, options.out, options.jobs, options.overwrite)
+    return sweep(options.scene, options.out, options.jobs, options.overwrite, _changes(options))
 
 
 def _calibrate(options: argparse.Namespace) -> int:

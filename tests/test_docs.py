@@ -12,7 +12,7 @@ from analysis import read_sweep
 from tests.analysis.synthetic import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report")
+PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report", "gangue")
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 EXTENDING = (ROOT / "docs" / "extending.md").read_text()
 

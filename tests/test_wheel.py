@@ -7,13 +7,16 @@ import shutil
 import site
 import subprocess
 import sys
+import tomllib
 import venv
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report")
+PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report", "gangue")
+
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
 
 
 class Installed:
@@ -87,6 +90,13 @@ def test_the_files_beside_the_code_are_there(installed, found, name):
     assert installed.environment in inside.parents
     files = {str(file.relative_to(ROOT / name)) for file in (ROOT / name).rglob("*") if file.is_file()}
     assert {str(file.relative_to(inside)) for file in inside.rglob("*") if file.is_file()} == files
+
+
+def test_the_wheel_has_one_command_for_everything(installed):
+    command = installed.environment / "bin" / "gangue"
+    done = subprocess.run([command, "--version"], cwd=installed.work, env=installed.variables, capture_output=True,
+                          text=True, check=True)
+    assert done.stdout.split() == ["gangue", VERSION]
 
 
 def test_a_missing_engine_is_refused_with_the_command_that_builds_it(found):

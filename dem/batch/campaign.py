@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -33,13 +34,14 @@ from common.files import written_whole
 from common.output_directory import at_work_in
 from common.resources import resource
 from common.scene import changed_scene, ratio_name, scene_hash
-from common.tables import InputError, Table, check, read_toml
+from common.tables import InputError, Table, check, inline_toml, read_toml
 from dem.coupling.launch import check_engine
 from dem.stones.arrangement import arrange
 
 WORKFLOW = resource("workflow")
 PLAN = "plan.csv"
 MOST_RUNS = 1_000_000
+_log = logging.getLogger(__name__)
 
 
 class CampaignPlan(Table):
@@ -101,15 +103,6 @@ def read_campaign_runs(out: Path) -> dict[str, tuple[int, list[str]]]:
             for row in table.to_dict("records")}
 
 
-def inline_toml(value: Any) -> str:
-    """A value of a scene in TOML on one line, as `--set` reads it."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {inline_toml(v)}" for key, v in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(inline_toml, value)) + "]"
-    return json.dumps(value) if isinstance(value, (str, bool)) else repr(value)
-
-
 def campaign(file: Path, out: Path, jobs: int, profile: str | None) -> int:
     """Plan a campaign and let Snakemake run what is missing; returns its exit code. Raises InputError."""
     if find_spec("snakemake") is None:
@@ -119,7 +112,7 @@ def campaign(file: Path, out: Path, jobs: int, profile: str | None) -> int:
     with at_work_in(out, "campaign"):
         write_campaign_runs(runs, out)
         done = sum((out / run.directory / "run.json").exists() for run in runs)
-        print(f"{file}: {len(runs)} runs, {len(runs) - done} to run", flush=True)
+        _log.info("%s: %d runs, %d to run", file, len(runs), len(runs) - done)
         chosen = WORKFLOW / "profiles" / profile if profile and (WORKFLOW / "profiles" / profile).is_dir() else profile
         return _run_until_done(
             [sys.executable, "-m", "snakemake", "--snakefile", str(WORKFLOW / "Snakefile"), "--directory", str(out),

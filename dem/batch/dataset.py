@@ -7,6 +7,7 @@ the group's number alone, so that more groups or other families leave the rest a
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import shutil
 import time
@@ -34,6 +35,7 @@ from plate_fem.modes import modes_file
 
 NOT_KEPT = ("deck", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
 POSITION_TRIES = 10_000
+_log = logging.getLogger(__name__)
 
 
 class Family(Table):
@@ -157,7 +159,7 @@ def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int
         missing = [run for run in planned if not is_finished(out / run.directory, run.scene)]
         for run in missing:
             RunDirectory(out / run.directory).refuse(scene_hash(run.scene), overwrite)
-        print(f"{plan_file}: {len(planned)} runs, {len(missing)} to run", flush=True)
+        _log.info("%s: %d runs, %d to run", plan_file, len(planned), len(missing))
         return 1 if _run_missing(missing, out, jobs, overwrite) else 0
 
 
@@ -171,8 +173,8 @@ def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: boo
                 text, ok = done.result()
                 failed += not ok
                 left_min = (time.monotonic() - start) / number * (len(missing) - number) / 60
-                print(f"{number} of {len(missing)}, left {left_min:.0f} min: {running[done].directory}: {text}",
-                      flush=True)
+                _log.info("%d of %d, left %.0f min: %s: %s", number, len(missing), left_min,
+                          running[done].directory, text)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for process in multiprocessing.active_children():

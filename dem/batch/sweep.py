@@ -2,42 +2,52 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from common.output_directory import at_work_in
 from common.run_summary import read_summary
-from common.scene import Scene, ratio_name, read_scene, scene_hash
+from common.scene import Scene, changed_scene, ratio_name, scene_hash
+from common.tables import InputError, inline_toml
 from dem.batch.children import run_all
 from dem.coupling.launch import check_engine
 from dem.run.directory import RunDirectory
 from dem.stones.arrangement import arrange
 
+RATIO = "stones.gangue_ratio"
+_log = logging.getLogger(__name__)
 
-def sweep(scene_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int:
+
+def sweep(scene_file: Path, out: Path, jobs: int, overwrite: bool = False,
+          changes: Mapping[str, Any] | None = None) -> int:
     """Run the missing ratios, `jobs` at a time; returns an exit code. Runs of another scene are replaced with
-    `overwrite` only. Raises InputError for bad input, Busy where another process is at work."""
+    `overwrite` only. `changes` are values of the scene by dotted key (`common.scene.changed_scene`). Raises InputError
+    for bad input, Busy where another process is at work."""
     check_engine()
-    count = read_scene(scene_file).stones.count
-    scenes = {k / count: read_scene(scene_file, k / count) for k in range(count + 1)}
+    changes = dict(changes or {})
+    if RATIO in changes:
+        raise InputError(f"--set {RATIO}: a sweep runs every ratio; allowed are other keys of the scene")
+    count = changed_scene(scene_file, changes).stones.count
+    scenes = {k / count: changed_scene(scene_file, changes | {RATIO: k / count}) for k in range(count + 1)}
     for scene in scenes.values():
         arrange(scene, str(scene_file))
     with at_work_in(out, "sweep"):
         missing = [ratio for ratio, scene in scenes.items() if not is_finished(out / ratio_name(ratio), scene)]
         for ratio in missing:
             RunDirectory(out / ratio_name(ratio)).refuse(scene_hash(scenes[ratio]), overwrite)
-        print(f"{scene_file}: {len(scenes)} ratios, {len(missing)} to run", flush=True)
-        failed = 0
+        _log.info("%s: %d ratios, %d to run", scene_file, len(scenes), len(missing))
         flags = ["--overwrite"] if overwrite else []
+        for key, value in changes.items():
+            flags += ["--set", f"{key}={inline_toml(value)}"]
+        failed = 0
         for code, output in run_all([["run", str(scene_file), "--gangue", repr(ratio), "--out",
                                       str(out / ratio_name(ratio)), *flags] for ratio in missing], jobs):
-            print(output, end="", flush=True)  # what went wrong is on stderr already
+            if output:  # what went wrong is on stderr already
+                _log.info(output.rstrip("\n"))
             failed += code != 0
     return 1 if failed else 0
-
-
-def is_done(scene_file: Path, directory: Path, ratio: float) -> bool:
-    """Does a directory hold a finished run of this very scene at this ratio?"""
-    return is_finished(directory, read_scene(scene_file, ratio))
 
 
 def is_finished(directory: Path, scene: Scene) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import shutil
 import subprocess
@@ -10,6 +11,7 @@ from common.tables import InputError
 from dem.coupling.launch import SOURCES, build_directory, check_library
 
 TOOLS = {"make": "make", "mpicxx": "libopenmpi-dev", "g++": "g++"}  # and the Debian package of each
+_log = logging.getLogger(__name__)
 
 
 def build_engine() -> int:
@@ -26,5 +28,5 @@ def build_engine() -> int:
     code = subprocess.run(["make", "-s", "-j", str(os.cpu_count() or 1), "-C", str(SOURCES), f"BUILD={directory}"],
                           check=False).returncode
     if code == 0:
-        print(directory / "liggghts-bonded")
+        _log.info("%s", directory / "liggghts-bonded")
     return code

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 
+_log = logging.getLogger(__name__)
 INTERVAL_s = 0.5  # between two lines on a terminal; a log gets one a tenth
 
 
@@ -12,7 +14,8 @@ class Progress:
     """Says how far the run `name` of `duration_s` simulated seconds is, if `shown`."""
 
     def __init__(self, name: str, duration_s: float, shown: bool):
-        self._name, self._duration_s, self._shown = name, duration_s, shown
+        self._name, self._duration_s = name, duration_s
+        self._shown = shown and _log.isEnabledFor(logging.INFO)
         self._start = self._last = time.monotonic()
         self._tenth = 0
         self._first_share: float | None = None  # above zero for a run that was taken up again
@@ -35,10 +38,15 @@ class Progress:
         left = (now - self._start) * max(0.0, 1 - share) / done if done > 0 else float("inf")
         end = "" if sys.stderr.isatty() else "\n"
         start = "\r" if sys.stderr.isatty() else ""
-        print(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  left {left:4.0f} s", end=end,
-              file=sys.stderr, flush=True)
+        self._write(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  left {left:4.0f} s{end}")
 
     def end(self) -> None:
         """Clear the line on a terminal."""
         if self._shown and sys.stderr.isatty():
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+            self._write("\r\033[K")
+
+    @staticmethod
+    def _write(text: str) -> None:
+        """To the terminal itself: a line that is written over is no message."""
+        sys.stderr.write(text)
+        sys.stderr.flush()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import importlib.metadata
+import logging
 import platform
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,8 @@ from dem.run.prepare import PreparedRun
 from dem.run.recorder import fast_stream, read_events, read_forces, write_streams
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -155,5 +157,5 @@ def own_version() -> str:
     try:
         return importlib.metadata.version("coal-gangue-impact")
     except importlib.metadata.PackageNotFoundError:
-        print("note: the package is not installed, its version is not in run.json", file=sys.stderr)
+        _log.warning("note: the package is not installed, its version is not in run.json")
         return "not installed"

@@ -168,7 +168,8 @@ def _run_in(work: RunDirectory, deck_hash: str, start: EngineStart, prepared: Pr
 
 
 def _remove_working_files(deck: Path, prepared: PreparedRun) -> None:
-    """What the engine wrote for this program alone."""
-    for name in (*streams(prepared.scene, prepared.assembly), "engine.out", "engine.log", "log.liggghts"):
+    """What the engine wrote for this program alone; its logs stay where the scene asks for them."""
+    logs = () if prepared.scene.output.engine_log else ("engine.out", "engine.log", "log.liggghts")
+    for name in (*streams(prepared.scene, prepared.assembly), *logs):
         (deck / name).unlink(missing_ok=True)
     shutil.rmtree(deck / "checkpoint", ignore_errors=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from sklearn.base import BaseEstimator
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
@@ -36,7 +37,7 @@ def plate_response(signals: pd.DataFrame, name: str) -> Floats:
 
 
 @dataclass
-class Fusion:
+class Fusion(BaseEstimator):
     """One of the four fusions: normalisation (41) fitted to training runs, then the Kalman filter."""
 
     kind: str = "energy"

@@ -12,6 +12,7 @@ from analysis.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised
+from recognition.estimation.estimator import RecordEstimator
 from recognition.estimation.method import Groups
 from recognition.paper.function_space import Rule
 from recognition.paper.fusion import Fusion
@@ -29,7 +30,7 @@ def modified() -> Strategy:
 
 
 @dataclass
-class FusionPipeline:
+class FusionPipeline(RecordEstimator):
     """A fusion of plate responses and the strategy on its curve; a method of recognition
     (`recognition.estimation.method`).
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 from analysis import as_record, base_parameters
 from analysis.records import sample_rate_Hz
@@ -18,6 +19,7 @@ from analysis.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.estimation.estimator import RatioEstimator
 from recognition.estimation.method import Groups
 from recognition.paper.least_squares import PolynomialFit, fit_polynomial
 from recognition.paper.roots import ROOT_MARGIN, real_roots
@@ -27,7 +29,7 @@ DEGREE = 2  # of Q(beta)
 
 
 @dataclass
-class FusionQ:
+class FusionQ(RatioEstimator):
     """Q-polynomial recognition with equal weights, as in the paper; a method of recognition
     (`recognition.estimation.method`).
 
@@ -49,16 +51,21 @@ class FusionQ:
             nuisance: pd.DataFrame | None = None) -> FusionQ:
         """X: parameters (n, p), y: ratios (n,), 0..1. Directions (Eq. 39) from the data; groups and conditions play no
         part."""
-        parameters, ratios = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
+        parameters, ratios = validate_data(self, X, y, dtype=float, y_numeric=True, ensure_min_samples=DEGREE + 1)
         self.scaler_ = MinMaxByTrend().fit(parameters, trend(parameters, ratios))
-        self.fit_ = fit_polynomial(ratios, self.transform(parameters), DEGREE)
+        self.fit_ = fit_polynomial(ratios, self.q_of(parameters), DEGREE)
         return self
 
-    def transform(self, parameters: Floats) -> Floats:
+    def q_of(self, parameters: Floats) -> Floats:
         """Q of each record, shape (n,)."""
         standardised = self.scaler_.transform(parameters)
         count = standardised.shape[-1]
         return standardised @ np.full(count, 1.0 / count)
+
+    def predict(self, X: Sequence[Floats] | Floats) -> Floats:
+        """Mixing ratio of each record, shape (n,). Raises NotRecognised."""
+        check_is_fitted(self)
+        return np.array([self.invert(q) for q in self.q_of(validate_data(self, X, dtype=float, reset=False))])
 
     def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
         """Ratios without intervals."""
@@ -66,7 +73,7 @@ class FusionQ:
 
     def _answer(self, parameters: Floats) -> Answer:
         try:
-            return Answer(self.invert(self.transform(parameters[None])[0]))
+            return Answer(self.invert(self.q_of(parameters[None])[0]))
         except NotRecognised as reason:
             return Answer.none(f"no answer: {reason}")
 

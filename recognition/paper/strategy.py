@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from sklearn.base import BaseEstimator
 
 from recognition.estimation.arrays import Booleans, Floats, Integers
 from recognition.estimation.errors import NotRecognised, RecognitionError
@@ -55,7 +56,7 @@ class Candidates:
 
 
 @dataclass
-class Strategy:
+class Strategy(BaseEstimator):
     """Function space of K moments and its inverse solution.
 
     rule: how moments get their functions. xi: available coefficient, on the scale of QQ

@@ -14,6 +14,7 @@ from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.calibration import reason_out_of_distribution
 from recognition.estimation.errors import RecognitionError
+from recognition.estimation.estimator import RatioEstimator, RecordEstimator
 from recognition.estimation.method import Groups
 from recognition.regression.conformal import GroupConformal
 from recognition.regression.features import FEATURES, PREDICTORS
@@ -22,7 +23,7 @@ from recognition.regression.ratio_law import DISTANCES
 
 
 @dataclass
-class FeatureRegression:
+class FeatureRegression(RecordEstimator):
     """A Gaussian process on a set of FEATURES, with intervals by `GroupConformal`; X has the shape (runs, 2, p)."""
 
     features: str
@@ -48,6 +49,10 @@ class FeatureRegression:
         self.model_, self.width_, self.limits_ = conformal.estimator_.model_, conformal.width_, conformal.limits_
         return self
 
+    def predict(self, X: Sequence[Floats] | Floats) -> Floats:
+        """Mixing ratio of each record, shape (runs,), not clipped."""
+        return np.array([answer.ratio for answer in self.answer(X)])
+
     def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
         """RecognitionError for known conditions with a model from a file, which holds the process of unknown ones
         only."""
@@ -72,7 +77,7 @@ class FeatureRegression:
 
 
 @dataclass
-class EstimatorMethod:
+class EstimatorMethod(RatioEstimator):
     """Any regressor of scikit-learn on what `features` makes of a record, an array of the same shape for each, with
     intervals by `GroupConformal`. It is not saved in model files."""
 
@@ -89,6 +94,10 @@ class EstimatorMethod:
         """Raises RecognitionError."""
         self.conformal_ = GroupConformal(self.estimator).fit(np.asarray(X), y, groups, _numbers(nuisance))
         return self
+
+    def predict(self, X: Sequence[Floats] | Floats) -> Floats:
+        """Mixing ratio of each record, shape (runs,)."""
+        return np.array([answer.ratio for answer in self.answer(X)])
 
     def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
         """Answers to records; none is called out of distribution."""

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_solve
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
+from recognition.estimation.estimator import RecordEstimator
 from recognition.regression.ratio_law import RatioLaw, fit_law
 
 
@@ -94,7 +94,7 @@ class _ConditionalProcess:
         return self.process.predict(np.hstack([z, (conditions - self.mean) / self.scale]), return_std=True)
 
 
-class ProcessRegressor(RegressorMixin, BaseEstimator):
+class ProcessRegressor(RecordEstimator):
     """scikit-learn estimator: Gaussian process on the first `predictors` standardised features (None: on all), and a
     law of all features with their scatter, which tells records out of distribution.
 

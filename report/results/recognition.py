@@ -106,7 +106,7 @@ class RecognitionResults:
     @cached_property
     def q(self) -> np.ndarray:
         """The fused parameter Q of each run (Eq. 40), shape (runs,)."""
-        return self._fusion_q.transform(self._base)
+        return self._fusion_q.q_of(self._base)
 
     @property
     def q_fit(self) -> PolynomialFit:

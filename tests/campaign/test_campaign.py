@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 
 from common.scene import read_scene, scene_hash
-from common.tables import InputError
+from common.tables import InputError, inline_toml
 from dem.__main__ import main
-from dem.batch.campaign import inline_toml, plan_campaign, read_campaign_runs, write_campaign_runs
+from dem.batch.campaign import plan_campaign, read_campaign_runs, write_campaign_runs
 from tests.campaign.private_slurm import missing, private_slurm
 
 ROOT = Path(__file__).resolve().parents[2]

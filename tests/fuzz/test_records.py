@@ -5,11 +5,13 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
+import soundfile
 from hypothesis import strategies as st
-from scipy.io import wavfile
+from scipy.io import savemat, wavfile
 
 from analysis import RecordError, read_run
 from analysis.__main__ import main
@@ -39,7 +41,7 @@ def tables(draw):
 @st.composite
 def files(draw):
     """Name and bytes of a file: a table, garbage, or a good file with bytes changed or cut off."""
-    ending = draw(st.sampled_from([".csv", ".txt", ".parquet", ".wav"]))
+    ending = draw(st.sampled_from([".csv", ".txt", ".parquet", ".wav", ".flac", ".mat", ".h5"]))
     if ending in (".csv", ".txt") and draw(st.booleans()):
         text = draw(tables()).to_csv(index=draw(st.booleans()), sep=draw(st.sampled_from(",;\t ")))
         return "record" + ending, text.encode(errors="replace")
@@ -62,6 +64,13 @@ def good_file(ending):
             table.to_parquet(file)
         elif ending == ".wav":
             wavfile.write(file, 1000, SIGNAL.astype("float32"))
+        elif ending == ".flac":
+            soundfile.write(file, SIGNAL, 1000)
+        elif ending == ".mat":
+            savemat(file, {"t": TIMES, "a_m_s2": SIGNAL})
+        elif ending == ".h5":
+            with h5py.File(file, "w") as made:
+                made["t"], made["a_m_s2"] = TIMES, SIGNAL
         else:
             table.to_csv(file, index=False)
         return file.read_bytes()

@@ -26,7 +26,7 @@ TABLE_3 = np.array(
 
 def test_table_2_gives_q_of_table_3():
     model = FusionQ().fit(TABLE_2, RATIOS)
-    np.testing.assert_allclose(model.transform(TABLE_2), TABLE_3, atol=2e-4)
+    np.testing.assert_allclose(model.q_of(TABLE_2), TABLE_3, atol=2e-4)
 
 
 def test_quadratic_of_table_3_to_the_printed_digits():

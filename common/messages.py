@@ -1,0 +1,29 @@
+"""What library code says while it works: messages of `logging`, which a command line lets through to the terminal."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+
+#: Environment variable with the least level of messages that are shown, of `logging`; INFO where it is absent. Programs
+#: that are started from here have it too.
+LEVEL = "GANGUE_LOG_LEVEL"
+PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report")
+
+
+class _Terminal(logging.Handler):
+    """Messages go to the output, warnings and worse to the error output. A closed pipe or a full disk is raised."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        warned = record.levelno >= logging.WARNING
+        print(self.format(record), file=sys.stderr if warned else sys.stdout, flush=True)
+
+
+def show_messages() -> None:
+    """Let the messages of all packages through to the terminal; called again it does no more."""
+    for name in PACKAGES:
+        logger = logging.getLogger(name)
+        logger.setLevel(os.environ.get(LEVEL, "INFO"))
+        if not any(isinstance(handler, _Terminal) for handler in logger.handlers):
+            logger.addHandler(_Terminal())

@@ -1,0 +1,152 @@
+"""The JSON schema of a scene, and docs/scene.md, both from the fields of common/scene.py and common/plate.py.
+
+`python -m common.scene_schema` writes scenes/scene.schema.json, which editors complete and check by, and the page.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from common.files import write_text
+from common.resources import resource
+from common.scene import Scene
+from common.units import unit_of
+
+Node = dict[str, Any]
+SCHEMA = "scenes/scene.schema.json"
+PAGE = "docs/scene.md"
+DRAFT = "http://json-schema.org/draft-07/schema#"  # what editors know
+
+HEAD = """# Keys of a scene
+
+This page lists every key of a scene file, as `python -m common.scene_schema` writes it from `common/scene.py` and
+`common/plate.py`. Units are SI and stand in the name. A key without a default must be given. "Paper" is what the
+[paper](../README.md) gives; where that is empty the value is ours, and `scenes/paper.toml` says how it was chosen.
+
+The first line of a scene, `#:schema ./scene.schema.json`, lets an editor with a TOML server (Even Better TOML, Taplo)
+complete, explain and check keys. Rules between keys are checked when the scene is read.
+
+`--set KEY=VALUE` of `run`, `deck` and `sweep` changes a key: `--set stones.count=6`. Then `stones.gangue_order` need
+not be rewritten: numbers above the count are passed over, and stones that it does not name follow in ascending order.
+"""
+
+
+def scene_schema() -> Node:
+    """The schema (JSON Schema, draft 7) of a scene file."""
+    schema = Scene.model_json_schema()
+    definitions = schema.pop("$defs")
+    for table in [schema, *definitions.values()]:
+        table.pop("title", None)
+        table["description"] = table["description"].splitlines()[0]
+        for name, key in table["properties"].items():
+            table["properties"][name] = _for_editors(name, key)
+    return {"$schema": DRAFT, "title": "Scene of coal and gangue on a plate", **_referred(schema),
+            "definitions": _referred(definitions)}
+
+
+def _for_editors(name: str, key: Node) -> Node:
+    """A key without what TOML cannot say (null), with its unit, and closed where its tables have names of their own."""
+    if "description" not in key:
+        raise ValueError(f"{name}: needs a meaning, Annotated[..., about(\"...\")]")
+    choices = [choice for choice in key.pop("anyOf", []) if choice.get("type") != "null"]
+    assert len(choices) <= 1, name
+    key = {**(choices[0] if choices else {}), **key}
+    key.pop("title", None)
+    key.pop("discriminator", None)
+    if key.get("default", ...) is None:
+        del key["default"]
+    if "patternProperties" in key:
+        key["additionalProperties"] = False
+    unit = unit_of(name)
+    if unit != "1":
+        key["x-unit"] = unit
+    if "$ref" in key:  # whatever stands beside a reference is not read in draft 7
+        key = {"allOf": [{"$ref": key.pop("$ref")}], **{k: v for k, v in key.items() if k != "default"}}
+    return key
+
+
+def _referred(node: Any) -> Any:
+    """The same with references to `definitions`, the name of draft 7."""
+    if isinstance(node, dict):
+        return {k: v.replace("#/$defs/", "#/definitions/") if k == "$ref" else _referred(v) for k, v in node.items()}
+    return [_referred(item) for item in node] if isinstance(node, list) else node
+
+
+def scene_page() -> str:
+    """docs/scene.md: a table of keys for every table of a scene."""
+    schema = scene_schema()
+    parts = [HEAD]
+    for title, table in _tables(schema, schema, ""):
+        parts.append(f"## {title}\n\n{_sentence(table['description'])}\n\n"
+                     "| key | unit | meaning | default | allowed | paper |\n|---|---|---|---|---|---|\n"
+                     + "".join(_row(name, key, table) for name, key in table["properties"].items()))
+    return "\n".join(parts)
+
+
+def _tables(schema: Node, table: Node, path: str, note: str = "") -> Iterator[tuple[str, Node]]:
+    """A table with its title, and those inside it."""
+    yield (f"`[{path}]`{note}" if path else "Top level"), table
+    for name, key in table["properties"].items():
+        here = f"{path}.{name}" if path else name
+        for kind, inner in _inside(key):
+            target = schema["definitions"][inner["$ref"].rsplit("/", 1)[1]]
+            if kind == "list":
+                yield f"`[[{here}]]`", target
+            else:
+                model = target["properties"].get("model", {}).get("const")
+                said = f" with `model = \"{model}\"`" if model else ""
+                yield from _tables(schema, target, here + kind, said)
+
+
+def _inside(key: Node) -> list[tuple[str, Node]]:
+    """References to the tables in a key, each with what its path gets: nothing, `.NAME`, or "list"."""
+    if "allOf" in key:
+        return [("", key["allOf"][0])]
+    if "oneOf" in key:
+        return [("", choice) for choice in key["oneOf"]]
+    if "$ref" in key.get("items", {}):
+        return [("list", key["items"])]
+    named = [*key.get("patternProperties", {}).values(), key.get("additionalProperties")]
+    return [(".NAME", table) for table in named if isinstance(table, dict)]
+
+
+def _row(name: str, key: Node, table: Node) -> str:
+    unit = key.get("x-unit", "1" if key.get("type") in ("number", "integer") else "")
+    default = "must be given" if name in table.get("required", []) else (
+        f"`{json.dumps(key['default'])}`" if "default" in key else "absent")
+    cells = (f"`{name}`", unit, key["description"], default, _allowed(key), key.get("x-paper", ""))
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+
+
+def _allowed(key: Node) -> str:
+    """Kind and bounds in a few words."""
+    if _inside(key):
+        return "list of tables" if "items" in key else "table" if "allOf" in key or "oneOf" in key else "tables by name"
+    if "const" in key:
+        return f"`\"{key['const']}\"`"
+    if "enum" in key:
+        return ", ".join(f'`"{value}"`' for value in key["enum"])
+    if "items" in key:
+        return f"list, each {_allowed(key['items'])}"
+    signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
+    bounds = " and ".join(f"{sign} {key[bound]:g}" for bound, sign in signs.items() if bound in key)
+    kind = {"integer": "whole number", "number": "number", "boolean": "true or false", "string": "text"}[key["type"]]
+    text = f" that matches `{key['pattern']}`" if "pattern" in key else ""
+    return f"{kind} {bounds}".strip() + text
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith(".") else text + "."
+
+
+def main() -> None:
+    """Write both files."""
+    write_text(resource(SCHEMA), json.dumps(scene_schema(), indent=1) + "\n")
+    write_text(Path(resource("docs")) / Path(PAGE).name, scene_page())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,28 @@
+"""Parsers of commands, taken from the packages that carry them out."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+
+from gangue.commands import Command
+
+PROGRAM = "gangue"
+DESCRIPTION = "Coal and gangue on a steel plate: simulate impacts, analyse records, recognise the mixing ratio."
+
+
+def parser_of(name: str, command: Command) -> argparse.ArgumentParser:
+    """The parser of a command, as its package has it, under the name that it has here."""
+    parser: argparse.ArgumentParser = importlib.import_module(f"{command.package}.__main__")._parser()
+    if command.word:
+        (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+        parser = commands.choices[command.word]
+    parser.prog = f"{PROGRAM} {name}"
+    parser.description = parser.description or command.help
+    parser.epilog = examples_of(command.examples)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    return parser
+
+
+def examples_of(lines: tuple[str, ...]) -> str:
+    return "\nexamples:\n" + "".join(f"  {line}\n" for line in lines)

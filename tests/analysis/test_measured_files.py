@@ -1,0 +1,149 @@
+"""Records as measurement systems write them: what is read are the samples that were written."""
+
+import numpy as np
+import pytest
+
+from analysis import RecordError, read_record
+
+T_s = np.arange(6) / 2000.0
+A = np.array([0.0, 12.5, -3.25, 7.125, -1.0, 0.5])
+EUROPEAN = {
+    "german.csv": ("utf-8", "Zeit [ms];Beschleunigung [m/s²]\n", ";", "\n"),
+    "windows.csv": ("cp1252", "Zeit [ms];Beschleunigung [m/s²]\r\n", ";", "\r\n"),
+    "excel.txt": ("utf-16", "Zeit [ms]\tBeschleunigung [m/s²]\n", "\t", "\n"),
+    "preamble.csv": ("utf-8-sig", "Gerät;Nr. 7\nDatum;3,5,2026\n\nZeit;Beschleunigung\nms;m/s²\n", ";", ";\n"),
+    "polish.csv": ("utf-8", '"Czas (ms)";"Beschleunigung (m/s^2)"\n', ";", "\n"),
+}
+
+
+def european(number):
+    return f"{number:.4f}".replace(".", ",")
+
+
+@pytest.mark.parametrize("name", EUROPEAN)
+@pytest.mark.parametrize("column", [None, "Beschleunigung"])
+def test_decimal_commas_and_names_in_any_language(tmp_path, name, column):
+    encoding, head, separator, end = EUROPEAN[name]
+    rows = [european(1e3 * t) + separator + european(a) + end for t, a in zip(T_s, A, strict=True)]
+    (tmp_path / name).write_bytes((head + "".join(rows)).encode(encoding))
+    record = read_record(tmp_path / name, column=column)
+    np.testing.assert_array_equal(record.values, A)
+    assert (record.rate_Hz, record.unit) == (pytest.approx(2000.0, rel=1e-12), "m/s^2")
+
+
+def test_columns_of_many_are_chosen_by_name(tmp_path):
+    file = tmp_path / "many.csv"
+    file.write_text("Chwila;Kanał 1 [g];Kanał 2 [g]\n" + "".join(f"{european(t)};1,5;{european(a)}\n"
+                                                                 for t, a in zip(T_s, A, strict=True)))
+    record = read_record(file, column="Kanał 2", time="Chwila", scale=9.80665, unit="m/s^2")
+    np.testing.assert_allclose(record.values, 9.80665 * A, rtol=1e-15)
+    assert record.rate_Hz == pytest.approx(2000.0, rel=1e-12)
+    for wrong, words in ((dict(column="Kanał 2"), "rate"), (dict(column="Kanał 3", rate_Hz=1.0), "Kanał 1"),
+                         (dict(column="Kanał 2", time="Zeit"), "Chwila")):
+        with pytest.raises(RecordError, match=words) as error:
+            read_record(file, **wrong)
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("text, values", [
+    ("1,5\n2,5\n-0,5\n", None),  # two columns, or one? Nobody can tell
+    ("Kraft\n1,5\n2,5\n-0,5\n", [1.5, 2.5, -0.5]),
+    ("1;\n2;\n", [1.0, 2.0]),
+    ("# t a\n", None),
+], ids=["open", "named", "separator at the end", "no numbers"])
+def test_one_column(tmp_path, text, values):
+    file = tmp_path / "one.csv"
+    file.write_text(text)
+    if values is None:
+        with pytest.raises(RecordError):
+            read_record(file, rate_Hz=10.0)
+    else:
+        np.testing.assert_array_equal(read_record(file, rate_Hz=10.0).values, values)
+
+
+@pytest.mark.parametrize("text, words", [
+    ("t_s;a\n0,1;oops\n0,2;1,0\n", "line 2"), ("t_s;a\n0,1;1,5\n0,2;oops\n0,3;1\n", "sample 1 is nan"),
+    ("t_s;a\n0,1;1,5\n0,2;1,5;7\n", "saw 3"), ("t_s;a;a\n0,1;1,5;2\n0,2;1,5;7\n", "twice"),
+    ("t [foo];a\n0,1;1,5\n0,2;1,5\n", "'foo'"),
+])
+def test_a_table_that_says_nothing_clear_is_refused(tmp_path, text, words):
+    file = tmp_path / "x.csv"
+    file.write_text(text)
+    with pytest.raises(RecordError, match=words) as error:
+        read_record(file, column="a")
+    assert str(file) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_flac_holds_shares_of_full_scale(tmp_path):
+    soundfile = pytest.importorskip("soundfile")
+    x = 0.5 * np.sin(2 * np.pi * 40 * np.arange(2000) / 8000)
+    soundfile.write(tmp_path / "x.flac", np.column_stack([x, -x]), 8000, subtype="PCM_24")
+    record = read_record(tmp_path / "x.flac", column="1", scale=20.0, unit="m/s^2")
+    np.testing.assert_allclose(record.values, -20 * x, atol=20 / 2**23)
+    assert (record.rate_Hz, record.unit) == (8000.0, "m/s^2")
+    with pytest.raises(RecordError, match="choose one of 0..1"):
+        read_record(tmp_path / "x.flac")
+    with pytest.raises(RecordError, match="8000"):
+        read_record(tmp_path / "x.flac", column="0", rate_Hz=100.0)
+
+
+def matlab_5(file, values):
+    from scipy.io import savemat
+
+    savemat(file, values)
+
+
+def matlab_73(file, values):
+    """HDF5 behind the head that MATLAB writes, with matrices as it stores them, transposed."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(file, "w", userblock_size=512) as made:
+        for name, value in values.items():
+            made[name] = np.atleast_2d(value)
+    with open(file, "r+b") as head:
+        head.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+
+
+@pytest.mark.parametrize("write", [matlab_5, matlab_73])
+def test_matlab_files_of_either_kind(tmp_path, write):
+    file = tmp_path / "x.mat"
+    write(file, {"a_m_s2": A, "t": T_s, "note": 7.0})
+    record = read_record(file)
+    np.testing.assert_array_equal(record.values, A)
+    assert (record.rate_Hz, record.unit) == (pytest.approx(2000.0, rel=1e-12), "m/s^2")
+    write(file, {"north": A, "south": -A, "Fs": 2000.0})
+    assert read_record(file, column="south").values[1] == -12.5 and read_record(file, column="south").rate_Hz == 2000.0
+    with pytest.raises(RecordError, match="north, south"):
+        read_record(file)
+    write(file, {"north": A})
+    with pytest.raises(RecordError, match="rate"):
+        read_record(file)
+    assert read_record(file, rate_Hz=50.0).rate_Hz == 50.0
+
+
+def test_fields_and_matrices_of_a_matlab_file(tmp_path):
+    matlab_5(tmp_path / "x.mat", {"run": {"acc": np.column_stack([A, 2 * A]), "dt": 5e-4}, "text": "impact"})
+    record = read_record(tmp_path / "x.mat", column="acc:1")
+    np.testing.assert_array_equal(record.values, 2 * A)
+    assert record.rate_Hz == pytest.approx(2000.0)
+
+
+def test_hdf5_takes_rate_and_unit_from_attributes(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file.attrs["sample_rate"] = 500.0
+        near, far = file.create_dataset("near/acc", data=A), file.create_dataset("far/acc", data=-A)
+        near.attrs["units"] = "m/s²"
+        far.attrs["wf_increment"] = 1e-3
+    near, far = (read_record(tmp_path / "x.h5", column=f"{name}/acc") for name in ("near", "far"))
+    np.testing.assert_array_equal(near.values, A)
+    assert (near.rate_Hz, near.unit, far.rate_Hz) == (500.0, "m/s^2", pytest.approx(1000.0))
+    with pytest.raises(RecordError, match="near/acc"):
+        read_record(tmp_path / "x.h5", column="acc")
+
+
+@pytest.mark.parametrize("name", ["broken.mat", "broken.h5", "broken.flac"])
+def test_broken_files_are_refused(tmp_path, name):
+    (tmp_path / name).write_bytes(b"nothing of the kind\n" * 20)
+    with pytest.raises(RecordError, match=name) as error:
+        read_record(tmp_path / name)
+    assert "\n" not in str(error.value)
