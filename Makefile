@@ -17,7 +17,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep campaign dataset report test validate bench accuracy stability engine setup lint docs clean
+.PHONY: help sweep campaign dataset report test validate bench accuracy stability pictures engine setup lint docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -36,10 +36,10 @@ campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/c
 report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m report '$(OUT)'
 
-test: setup .venv/campaign  ## all tests but the long ones
+test: setup .venv/campaign .venv/browser build/chromium  ## all tests but the long ones
 	$(PYTHON) -m pytest -q
 
-validate: setup .venv/campaign build/slurm build/calculix build/paraview  ## the long checks
+validate: setup .venv/campaign .venv/browser build/chromium build/slurm build/calculix build/paraview  ## the long checks
 	$(PYTHON) -m pytest -q -m validate
 
 bench: setup  ## cost and results of the bonds beside peers, into runs/bench
@@ -53,6 +53,10 @@ accuracy: setup  ## error against run time, and what each part of a scene costs,
 
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability
 	$(PYTHON) -m benchmarks.stability --jobs $(JOBS)
+
+pictures: setup .venv/browser build/chromium  ## the pictures of the README and of docs/gallery.md from the runs in OUT
+	$(PYTHON) docs/pictures/gallery.py $(OUT)
+	$(PYTHON) docs/pictures/film.py $(OUT)
 
 lint: setup .venv/lint  ## style and types of the Python code
 	$(PYTHON) -m ruff check .
@@ -90,6 +94,12 @@ build/calculix: | build/packages
 build/paraview: | build/packages
 	@command -v pvpython >/dev/null && command -v xvfb-run >/dev/null || { $(SUDO) apt-get update && \
 	  $(SUDO) apt-get install -y --no-install-recommends paraview python3-paraview xvfb xauth libgl1-mesa-dri; }
+	touch $@
+
+# The browser in which the page of the report is tested.
+build/chromium: | build/packages
+	@command -v chromium >/dev/null || { $(SUDO) apt-get update && \
+	  $(SUDO) apt-get install -y --no-install-recommends chromium; }
 	touch $@
 
 .venv/installed: pyproject.toml | build/packages

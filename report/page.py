@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from report import tables
 from report.chapters.breakage import BREAKAGE_FIGURES
 from report.chapters.evaluation import EVALUATION_FIGURES
 from report.chapters.figure_spec import FigureSpec, FinishedFigure, finish_figure
-from report.chapters.recognition import RECOGNITION_FIGURES
+from report.chapters.recognition import ANSWER, RECOGNITION_FIGURES
 from report.chapters.response import RESPONSE_FIGURES
 from report.chapters.signals import SIGNAL_FIGURES
 from report.chapters.theory import THEORY_FIGURES
@@ -29,8 +30,13 @@ from report.claims.response import RESPONSE_STATEMENTS
 from report.claims.signals import SIGNAL_STATEMENTS
 from report.claims.theory import THEORY_STATEMENTS
 from report.claims.trends import falling_steps, spearman
-from report.claims.verdicts import VERDICTS, Claim, check_statements, to_csv
-from report.results.missing import MISSING_RESULT
+from report.claims.verdicts import HELD, VERDICTS, Claim, check_statements, to_csv
+from report.figures.still import still
+from report.figures.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
+from report.film.reel import films_of
+from report.film.still_scene import still_scene
+from report.results.missing import MISSING_RESULT, MissingResult
+from report.results.recognition import HELD_OUT
 from report.results.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
 
@@ -42,7 +48,7 @@ CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Breakage", BREAKAGE_FIGURES, []),
     ("Response of the plate", RESPONSE_FIGURES, []),
     ("Signals", SIGNAL_FIGURES, [tables.EMD_RULES, tables.STANDARDISED]),
-    ("Recognition", RECOGNITION_FIGURES, [tables.DEVIATIONS, tables.RECOGNISED, tables.CHOICES]),
+    ("Recognition", RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED, tables.CHOICES]),
     ("Runs not trained on", EVALUATION_FIGURES, [tables.UNSEEN]),
 ]
 
@@ -86,6 +92,14 @@ class Rise:
         return "rises weakly" if self.spearman >= 0.5 else "does not rise"
 
 
+@dataclass(frozen=True)
+class Number:
+    """One of the numbers of the first screen, and what it says in a few words."""
+
+    value: str
+    words: str
+
+
 def write_report(directory: str | Path) -> Path:
     """Write report.html and claims.csv into a directory of runs, each whole or not at all.
 
@@ -96,7 +110,7 @@ def write_report(directory: str | Path) -> Path:
     refuse_foreign_file(file, "<title>Coal and gangue")
     refuse_foreign_file(file.with_name("claims.csv"), "claim,where,verdict")
     results = SweepResults(read_sweep(directory))
-    claims = check_statements(results, STATEMENTS)
+    claims = [replace(c, value=local(c.value, results.sweep)) for c in check_statements(results, STATEMENTS)]
     write_text(file.with_name("claims.csv"), to_csv(claims))
     write_text(file, render(results, claims))
     return file
@@ -111,17 +125,73 @@ def render(results: SweepResults, claims: list[Claim]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["local"] = lambda text: local(text, results.sweep)
     counts = Counter(claim.verdict for claim in claims)
     return environment.get_template("report.html.j2").render(
+        name=results.sweep.path.resolve().name,
         sweep=results.sweep,
+        answer=finish_figure(ANSWER, results),
+        numbers=numbers(results, counts),
         rises=rises(results),
         claims=claims,
         verdicts=[(verdict, counts[verdict]) for verdict in VERDICTS],
         chapters=[finish_chapter(results, *chapter) for chapter in CHAPTERS],
-        errors=finish_table(tables.ERRORS, results),
         runs=finish_table(tables.RUNS, results),
         assumptions=assumptions(results.sweep),
+        **view_of(results),
     )
+
+
+def local(text: str, sweep: Sweep) -> str:
+    """Return a text without the place of the runs on this machine, so that a page can be passed on."""
+    for path in (sweep.path, sweep.path.resolve()):
+        if path.is_absolute() and path.parent != path:
+            text = text.replace(f"{path.parent}/", "")
+    return text
+
+
+def view_of(results: SweepResults) -> dict[str, Any]:
+    """Return what the template needs for the three-dimensional view."""
+    films = films_of(results)
+    shown = results.index_nearest(0.5)
+    try:
+        still_uri = to_picture_uri(still(still_scene(results.runs[shown], results.breakage.networks[shown])))
+    except MISSING_RESULT:
+        still_uri = ""  # then there are no films either, and their reason stands in the page
+    maps = (DAMAGE_COLOURS, STRESS_COLOURS)
+    return {
+        "films": films,
+        "still": still_uri,
+        "three": three_js(),
+        "maps": [map_table(name) for name in maps],
+        "scales": [css_gradient(name) for name in maps],
+    }
+
+
+def three_js() -> str:
+    """Return the source of three.js, which the extra `report` installs; "" where it is not installed."""
+    try:
+        return (files("jupyter_threejs_sage") / "static" / "r130" / "three.min.js").read_text()
+    except ModuleNotFoundError:
+        return ""
+
+
+def numbers(results: SweepResults, counts: Counter[str]) -> list[Number]:
+    """Return the three numbers of the first screen."""
+    total = sum(counts.values())
+    peaks_kN = 1e-3 * results.response.peaks["force_N"]
+    try:
+        errors = np.abs(results.recognition.errors_points(HELD_OUT, results.recognition.leading_method))
+        if errors.size == 0:
+            raise MissingResult("no method answers")
+        of_recognition = Number(f"{errors.mean():.1f} points", f"mean error of the ratio (worst {errors.max():.0f})")
+    except MISSING_RESULT as reason:
+        of_recognition = Number("-", f"error of the ratio: {reason}")
+    return [
+        of_recognition,
+        Number(f"{peaks_kN[0]:.0f} to {peaks_kN[-1]:.0f} kN", "largest force, from lowest to highest ratio"),
+        Number(f"{counts[HELD]} of {total}", "statements of the paper held"),
+    ]
 
 
 def finish_chapter(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from analysis.features import BASE_PARAMETERS
+from report.film.packing import pack_text
 from report.results.methods import EVALUATED_METHODS, MODEL_METHODS
 from report.results.missing import MISSING_RESULT
 from report.results.open_choices import compare_open_choices
@@ -40,6 +44,13 @@ class FinishedTable:
     note: str
     header: list[str]
     rows: list[list[str]]
+
+    @property
+    def csv(self) -> str:
+        """The packed CSV of the table."""
+        buffer = io.StringIO()
+        csv.writer(buffer, lineterminator="\n").writerows([self.header, *self.rows])
+        return pack_text(buffer.getvalue())
 
 
 def finish_table(spec: TableSpec, results: SweepResults) -> FinishedTable:
@@ -115,7 +126,9 @@ def choices(results: SweepResults) -> Cells:
 def unseen(results: SweepResults) -> Cells:
     """Return the rows of evaluation.csv without noise and at 20 dB, but those without an answer."""
     rows = []
-    for r in results.evaluation.to_dict("records"):
+    if results.evaluation.kept:
+        return _kept(results.evaluation.table)
+    for r in results.evaluation.table.to_dict("records"):
         if r["noise_db"] == 40 or not r["answered"]:
             continue
         noise_db = "-" if np.isnan(r["noise_db"]) else f"{r['noise_db']:.0f}"
@@ -125,6 +138,17 @@ def unseen(results: SweepResults) -> Cells:
                      _of(r["answered"], r["n"]), *numbers, covered, f"{100 * r['flagged']:.0f}"])  # fmt: skip
     header = ["case", "method", "noise, dB", "answered", "mean", "95 %", "worst", "bias", "covered, %", "flagged, %"]
     return header, rows
+
+
+def _kept(table: pd.DataFrame) -> Cells:
+    """Return the rows of the kept evaluation, which has fewer columns."""
+    rows = [
+        [r["case"], EVALUATED_METHODS.get(r["method"], r["method"]),
+         "-" if np.isnan(r["noise_db"]) else f"{r['noise_db']:.0f}",
+         f"{r['mean_abs_error_points']:.1f}", f"{r['worst_points']:.0f}"]
+        for r in table.to_dict("records")
+    ]  # fmt: skip
+    return ["case", "method", "noise, dB", "mean", "worst"], rows
 
 
 def errors(results: SweepResults) -> Cells:
@@ -216,15 +240,18 @@ UNSEEN = TableSpec(
     key="table-unseen",
     title="Runs that were not trained on",
     note=(
-        "Points of mixing ratio, of the runs answered; covered: share of true ratios in the 90 % interval;"
+        "Errors in points of mixing ratio, of the runs answered; covered: share of true ratios in the 90 % interval;"
         " flagged: as outside the calibration. What each case holds out and more noise: evaluation.csv."
     ),
     build=unseen,
 )
 ERRORS = TableSpec(
     key="table-errors",
-    title="Errors",
-    note="",
+    title="Errors of recognition",
+    note=(
+        "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method"
+        " describes its own data. That ratio held out: trained on the other ratios."
+    ),
     build=errors,
 )
 RUNS = TableSpec(

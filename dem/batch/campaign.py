@@ -15,7 +15,6 @@ recognition read as they read any other.
 from __future__ import annotations
 
 import itertools
-import json
 import logging
 import os
 import signal

@@ -88,7 +88,6 @@ BREAKAGE_FIGURES = [
         ),
         caption="Vertical sections of the ten stones in their undeformed shape.",
         draw=stages,
-        as_pixels=True,
     ),
     FigureSpec(
         key="fig-14",
@@ -96,7 +95,6 @@ BREAKAGE_FIGURES = [
         in_paper="The broken area of single particles does not change with the ratio.",
         caption="One row a ratio; black frames: coal, brown: gangue.",
         draw=sections,
-        as_pixels=True,
     ),
     FigureSpec(
         key="fig-15",

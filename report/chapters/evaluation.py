@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from report.chapters.figure_spec import Drawn, FigureSpec
 from report.figures.evaluation import PlottedMethod, errors_by_case
+from report.results.evaluation import Evaluation
 from report.results.methods import BASELINE, EVALUATED_METHODS, METHODS_WITH_INTERVAL, PAPER_METHODS
 from report.results.sweep_results import SweepResults
 
@@ -30,7 +31,14 @@ def plotted_methods() -> list[PlottedMethod]:
 
 def errors_by_case_and_noise(results: SweepResults) -> Drawn:
     noises = {"no noise": None, "noise of 20 dB": 20.0}
-    return errors_by_case(results.evaluation, plotted_methods(), noises)
+    evaluation = results.evaluation
+    drawn = [method for method in plotted_methods() if (evaluation.table["method"] == method.name).any()]
+    return errors_by_case(evaluation.table, drawn, noises), how_to_make(evaluation)
+
+
+def how_to_make(evaluation: Evaluation) -> str:
+    """Return where a kept evaluation comes from and how to make it anew; "" for one that was made here."""
+    return f"{evaluation.kept}; `make dataset` makes all of it anew." if evaluation.kept else ""
 
 
 EVALUATION_FIGURES = [
@@ -39,7 +47,7 @@ EVALUATION_FIGURES = [
         title="Runs that were not trained on",
         in_paper="Not in the paper.",
         caption=(
-            "Mean absolute error of the data set beside this sweep; whole arrangements, packings, speeds, dampings"
+            "Mean absolute error on runs of a data set; whole arrangements, packings, speeds, dampings"
             " held out."
         ),
         draw=errors_by_case_and_noise,

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
+from report.figures.data import to_csv
 from report.figures.style import to_uri
+from report.film.packing import pack_text
 from report.results.missing import MISSING_RESULT
 from report.results.sweep_results import SweepResults
 
@@ -20,7 +22,7 @@ class FigureSpec:
     """A figure to draw.
 
     key: its id in the page. in_paper: what the paper says about its figure. caption: what ours shows. draw: draws it
-    from the results of a sweep. as_pixels: whether it goes into the page as PNG and not as SVG.
+    from the results of a sweep.
     """
 
     key: str
@@ -28,18 +30,21 @@ class FigureSpec:
     in_paper: str
     caption: str
     draw: Callable[[SweepResults], Drawn]
-    as_pixels: bool = False
 
 
 @dataclass(frozen=True)
 class FinishedFigure:
-    """A figure as the page shows it. uri: empty where the runs do not give the figure; the caption then says why."""
+    """A figure as the page shows it. uri: of its SVG, data: packed CSV of its numbers.
+
+    Both are empty where the runs do not give the figure; the caption then says why.
+    """
 
     key: str
     title: str
     in_paper: str
     caption: str
     uri: str
+    data: str
 
 
 def finish_figure(spec: FigureSpec, results: SweepResults) -> FinishedFigure:
@@ -47,8 +52,8 @@ def finish_figure(spec: FigureSpec, results: SweepResults) -> FinishedFigure:
     try:
         drawn = spec.draw(results)
     except MISSING_RESULT as reason:
-        return FinishedFigure(spec.key, spec.title, spec.in_paper, f"Not drawn: {reason}", "")
+        return FinishedFigure(spec.key, spec.title, spec.in_paper, f"Not drawn: {reason}", "", "")
     figure, note = drawn if isinstance(drawn, tuple) else (drawn, "")
     caption = f"{spec.caption} {note}".strip()
-    uri = to_uri(figure, spec.key, as_pixels=spec.as_pixels)
-    return FinishedFigure(spec.key, spec.title, spec.in_paper, caption, uri)
+    uri = to_uri(figure, spec.key)
+    return FinishedFigure(spec.key, spec.title, spec.in_paper, caption, uri, pack_text(to_csv(figure)))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from report.chapters.figure_spec import Drawn, FigureSpec
 from report.figures import recognition as figures
 from report.figures.lines import curves
-from report.results.methods import MODEL_METHODS
+from report.results.methods import FUSION_MODIFIED, FUSION_Q, MODEL_METHODS
+from report.results.recognition import HELD_OUT
 from report.results.sweep_results import SweepResults
 
 RESPONSE_LABELS = {
@@ -71,6 +74,15 @@ def worked_example(results: SweepResults) -> Drawn:
     return figures.worked_example(ratio, methods), f"Run of {ratio:.0%}, held out."
 
 
+def recognised_against_true(results: SweepResults) -> Drawn:
+    rows, leading = results.recognition.answers[HELD_OUT], results.recognition.leading_method
+    best = np.array([(row[leading].ratio, row[leading].low, row[leading].high) for row in rows])
+    others = {
+        MODEL_METHODS[name]: np.array([row[name].ratio for row in rows]) for name in (FUSION_Q, FUSION_MODIFIED)
+    }
+    return figures.recognised_against_true(results.ratios, (MODEL_METHODS[leading], best), others)
+
+
 def recognised_ratios(results: SweepResults) -> Drawn:
     answers: dict[str, dict[str, list[float | None]]] = {}
     for training, rows in results.recognition.answers.items():
@@ -80,6 +92,14 @@ def recognised_ratios(results: SweepResults) -> Drawn:
         }
     return figures.recognition_errors(results.ratios, answers)
 
+
+ANSWER = FigureSpec(
+    key="fig-answer",
+    title="Recognised against true mixing ratio",
+    in_paper="The paper reports no test on unseen data.",
+    caption="Each ratio recognised by models trained on the other ratios.",
+    draw=recognised_against_true,
+)
 
 RECOGNITION_FIGURES = [
     FigureSpec(

@@ -10,7 +10,11 @@ from report.chapters.figure_spec import Drawn, FigureSpec
 from report.figures import response as figures
 from report.figures.lines import against_ratio, curves
 from report.figures.style import COAL, GANGUE, ratio_colour
+from report.results.envelope import envelope
 from report.results.sweep_results import SweepResults
+
+FIRST_COLLISION_S = 1e-3
+LATER_POINTS = 3000  # of a curve after the first collision, whose extremes all remain
 
 
 def motion_and_energy(results: SweepResults) -> Drawn:
@@ -31,22 +35,29 @@ def _finest_stream(run: Run) -> pd.DataFrame:
     return run.fast if run.fast is not None else run.signals
 
 
+def _first_ms_and_envelope(run: Run, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and forces in kN: all of the first collision, and of what follows as much as can be seen."""
+    table = _finest_stream(run)
+    t_s, force_kN = table["t_s"].to_numpy(), 1e-3 * table[column].to_numpy()
+    first = int(np.searchsorted(t_s, FIRST_COLLISION_S, side="right"))
+    later = envelope(t_s[first:], force_kN[first:], LATER_POINTS)
+    return np.concatenate([t_s[:first], later[0]]), np.concatenate([force_kN[:first], later[1]])
+
+
 def single_force(results: SweepResults) -> Drawn:
     lines: list[figures.ForceLine] = []
     colours = (("coal", COAL), ("gangue", GANGUE))
     for i, (name, colour) in zip(results.indices_coal_gangue_at_3(), colours, strict=True):
-        table = _finest_stream(results.runs[i])
         label = f"{name} ({results.ratios[i]:.0%} run)"
-        lines.append((label, colour, table["t_s"].to_numpy(), 1e-3 * table["force_03_N"].to_numpy()))
+        lines.append((label, colour, *_first_ms_and_envelope(results.runs[i], "force_03_N")))
     return figures.contact_forces(lines, "force at place 3, kN")
 
 
 def total_force(results: SweepResults) -> Drawn:
     lines: list[figures.ForceLine] = []
     for run in results.runs:
-        table = _finest_stream(run)
-        colour = ratio_colour(run.gangue_ratio)
-        lines.append(("", colour, table["t_s"].to_numpy(), 1e-3 * table["force_N"].to_numpy()))
+        label = f"_{100 * run.gangue_ratio:.0f} %"  # named in the figure's data, not in its legend
+        lines.append((label, ratio_colour(run.gangue_ratio), *_first_ms_and_envelope(run, "force_N")))
     return figures.contact_forces(lines, "total force, kN")
 
 
@@ -142,7 +153,6 @@ RESPONSE_FIGURES = [
             " contacts' own. Crosses: places of the stones."
         ),
         draw=bending_stress,
-        as_pixels=True,
     ),
     FigureSpec(
         key="fig-21-contact",
@@ -154,7 +164,6 @@ RESPONSE_FIGURES = [
             " spots."
         ),
         draw=contact_stress,
-        as_pixels=True,
     ),
     FigureSpec(
         key="fig-21-ratio",

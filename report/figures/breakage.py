@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import EllipseCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from analysis.breakage import Section
 from report.figures.style import (
     ACCENT,
     COAL,
+    DAMAGE_COLOURS,
     GANGUE,
     RATIO_LABEL,
     WIDTH_IN,
@@ -22,41 +23,45 @@ from report.figures.style import (
     styled,
 )
 
-DAMAGE_COLOURS = "inferno_r"
-
 
 @styled
 def sections(rows: list[tuple[str, list[Section], list[str]]], radius_m: float) -> Figure:
     """Draw sections of every stone, coloured by damage. rows: (label, sections, materials of the stones)."""
-    columns = len(rows[0][1])
-    cell_in = WIDTH_IN / (columns + 1.5)
-    figure, axes = canvas(len(rows), columns, height_in=cell_in * len(rows) * 1.12 + 0.5)
-    for line, (label, found, materials) in zip(axes, rows, strict=True):
-        for axis, section, material in zip(line, found, materials, strict=True):
-            _draw_section(axis, section, material, radius_m)
-        line[0].set_ylabel(label, rotation=0, ha="right", va="center", fontsize=8)
-    figure.colorbar(
-        ScalarMappable(Normalize(0, 1), DAMAGE_COLOURS), ax=axes, orientation="horizontal", fraction=0.03,
-        aspect=40, pad=0.02, label="damage: broken share of a sub-sphere's bonds",
-    )  # fmt: skip
+    columns, cell_m = len(rows[0][1]), 2.3 * radius_m
+    figure, axes = canvas(1, height_in=WIDTH_IN * len(rows) / (columns + 1.5) + 0.7)
+    axis = axes[0, 0]
+    placed = [
+        (section, material, np.array([column * cell_m, -line * cell_m]))
+        for line, (_, found, materials) in enumerate(rows)
+        for column, (section, material) in enumerate(zip(found, materials, strict=True))
+    ]
+    discs = _discs(axis, [(section, place) for section, _, place in placed])
+    for _, material, place in placed:
+        left, bottom = place - 1.08 * radius_m
+        axis.add_patch(Rectangle((left, bottom), 2.16 * radius_m, 2.16 * radius_m, fill=False, linewidth=1.1,
+                                 edgecolor=material_colour(material)))  # fmt: skip
+    for line, (label, _, _) in enumerate(rows):
+        axis.text(-0.6 * cell_m, -line * cell_m, label, ha="right", va="center", fontsize=8)
+    axis.set_xlim(-0.55 * cell_m, (columns - 0.45) * cell_m)
+    axis.set_ylim(-(len(rows) - 0.45) * cell_m, 0.55 * cell_m)
+    hide_scales(axis)
+    axis.spines[:].set_visible(False)
+    figure.colorbar(discs, ax=axis, orientation="horizontal", fraction=0.05, aspect=40, pad=0.02,
+                    label="damage: broken share of a sub-sphere's bonds")  # fmt: skip
     return figure
 
 
-def _draw_section(axis: Axes, section: Section, material: str, radius_m: float) -> None:
-    diameters = 2 * section.radius_m
+def _discs(axis: Axes, placed: list[tuple[Section, np.ndarray]]) -> EllipseCollection:
+    """Draw all sections as one image: thousands of discs would make the SVG large."""
+    diameters = np.concatenate([2 * section.radius_m for section, _ in placed])
     discs = EllipseCollection(
-        diameters, diameters, np.zeros_like(diameters), units="xy", offsets=section.centre_m,
-        transOffset=axis.transData, array=section.damage, cmap=DAMAGE_COLOURS, norm=Normalize(0, 1),
-        edgecolor="none",
+        diameters, diameters, np.zeros_like(diameters), units="xy",
+        offsets=np.concatenate([section.centre_m + place for section, place in placed]), transOffset=axis.transData,
+        array=np.concatenate([section.damage for section, _ in placed]), cmap=DAMAGE_COLOURS, norm=Normalize(0, 1),
+        edgecolor="none", rasterized=True,
     )  # fmt: skip
     axis.add_collection(discs)
-    axis.set_xlim(-1.1 * radius_m, 1.1 * radius_m)
-    axis.set_ylim(-1.1 * radius_m, 1.1 * radius_m)
-    hide_scales(axis)
-    for spine in axis.spines.values():
-        spine.set_visible(True)
-        spine.set_color(material_colour(material))
-        spine.set_linewidth(1.2)
+    return discs
 
 
 @styled

@@ -24,7 +24,7 @@ def curves(t_s: np.ndarray, panels: list[tuple[str, np.ndarray]], ratios: np.nda
     figure, axes = canvas(len(panels), height_in=0.6 + 1.6 * len(panels), sharex=True)
     for axis, (label, values) in zip(axes[:, 0], panels, strict=True):
         for ratio, row in zip(ratios, values, strict=True):
-            axis.plot(1e3 * t_s, row, color=ratio_colour(ratio), linewidth=0.9)
+            axis.plot(1e3 * t_s, row, color=ratio_colour(ratio), linewidth=0.9, label=f"_{100 * ratio:.0f} %")
         axis.set_title(label)
     axes[-1, 0].set_xlabel("time, ms")
     axes[-1, 0].set_xlim(1e3 * t_s[0], 1e3 * t_s[-1])

@@ -111,6 +111,33 @@ def function_space(
 
 
 @styled
+def recognised_against_true(
+    ratios: np.ndarray, best: tuple[str, np.ndarray], others: dict[str, np.ndarray]
+) -> Figure:
+    """Draw recognised against true ratio, the best method with its 90 % intervals.
+
+    best: (method, recognised, low, high of shape (runs, 3)). others: {method: recognised of shape (runs,)}. NaN where
+    there is no answer or no interval.
+    """
+    figure, axes = canvas(1, height_in=4.2)
+    axis = axes[0, 0]
+    axis.plot([0, 100], [0, 100], color=PALE, linewidth=0.9, label="_true")
+    for mark, colour, (name, recognised) in zip("sxv", (GANGUE, COAL, GREEN), others.items(), strict=False):
+        axis.plot(100 * ratios, 100 * recognised, mark, color=colour, markersize=5, fillstyle="none", label=name)
+    name, answers = best
+    middle, low, high = 100 * answers.T
+    for at, bottom, top in zip(100 * ratios, low, high, strict=True):
+        axis.plot([at, at], [bottom, top], color=ACCENT, linewidth=5, alpha=0.28, solid_capstyle="butt",
+                  label="_90 % interval")  # fmt: skip
+    axis.plot(100 * ratios, middle, "o", color=ACCENT, markersize=6, label=f"{name}, with its 90 % interval")
+    axis.set_xlabel("true " + RATIO_LABEL)
+    axis.set_ylabel("recognised, %")
+    axis.set_xlim(-4, 104)
+    axis.legend(fontsize=8, loc="upper left")
+    return figure
+
+
+@styled
 def recognition_errors(ratios: np.ndarray, answers: dict[str, dict[str, list[float | None]]]) -> Figure:
     """Draw the error of recognition against the true ratio, in points.
 

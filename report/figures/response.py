@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from report.figures.style import canvas, hide_scales, styled
+from report.figures.style import STRESS_COLOURS, canvas, hide_scales, styled
 
 ForceLine = tuple[str, Any, np.ndarray, np.ndarray]
 
@@ -18,18 +18,19 @@ ForceLine = tuple[str, Any, np.ndarray, np.ndarray]
 def contact_forces(lines: list[ForceLine], label: str, first_ms: float = 1.0) -> Figure:
     """Draw forces over time, the first collision apart from the rest.
 
-    lines: (name or "", colour, t_s, force in the unit of the label). first_ms: the time that parts the two panels.
+    lines: (name, with "_" before it for none in the legend, colour, t_s, force in the unit of the label). first_ms: the
+    time that parts the two panels.
     """
     figure, axes = canvas(2, height_in=3.8)
     upper, lower = axes[:, 0]
     for name, colour, t_s, values in lines:
         early = 1e3 * t_s <= first_ms
-        upper.plot(1e3 * t_s[early], values[early], color=colour, label=name or None)
-        lower.plot(1e3 * t_s[~early], values[~early], color=colour, linewidth=0.8)
+        upper.plot(1e3 * t_s[early], values[early], color=colour, label=name)
+        lower.plot(1e3 * t_s[~early], values[~early], color=colour, linewidth=0.8, label=name)
     upper.set_title(label + ": first collision")
     lower.set_title("after it")
     lower.set_xlabel("time, ms")
-    if any(name for name, *_ in lines):
+    if any(not name.startswith("_") for name, *_ in lines):
         upper.legend()
     return figure
 
@@ -48,13 +49,13 @@ def stress_maps(
     top_MPa = 1e-6 * max(field.max() for field in maps_Pa)
     for axis, field, ratio in zip(axes.ravel(), maps_Pa, ratios, strict=False):
         axis.pcolormesh(
-            *lines_m, 1e-6 * field.T, cmap="jet", vmin=0, vmax=top_MPa, shading="gouraud", rasterized=True
+            *lines_m, 1e-6 * field.T, cmap=STRESS_COLOURS, vmin=0, vmax=top_MPa, shading="gouraud", rasterized=True
         )
         axis.plot(*points_m.T, "w+", markersize=3)
         axis.set_title(f"{100 * ratio:.0f} %")
         hide_scales(axis)
     for axis in axes.ravel()[len(ratios) :]:
         axis.set_visible(False)
-    figure.colorbar(ScalarMappable(Normalize(0, top_MPa), "jet"), ax=axes, orientation="horizontal", fraction=0.03,
-                    aspect=40, pad=0.02, label="von Mises stress, MPa")  # fmt: skip
+    figure.colorbar(ScalarMappable(Normalize(0, top_MPa), STRESS_COLOURS), ax=axes, orientation="horizontal",
+                    fraction=0.03, aspect=40, pad=0.02, label="von Mises stress, MPa")  # fmt: skip
     return figure

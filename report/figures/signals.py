@@ -44,7 +44,8 @@ def hilbert_map(spectrum: HilbertSpectrum, marginal: dict[float, MarginalSpectru
     upper.set_ylabel("frequency, kHz")
     upper.grid(False)
     for ratio, found in marginal.items():
-        lower.plot(1e-3 * found.centres_Hz, found.density, color=ratio_colour(ratio), linewidth=0.8)
+        lower.plot(1e-3 * found.centres_Hz, found.density, color=ratio_colour(ratio), linewidth=0.8,
+                   label=f"_{100 * ratio:.0f} %")  # fmt: skip
     lower.set_xlabel("frequency, kHz")
     lower.set_ylabel("marginal spectrum, m/s² s/Hz")
     return figure

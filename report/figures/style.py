@@ -12,7 +12,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.colors import ListedColormap, Normalize, to_hex
 from matplotlib.figure import Figure
 
 Arguments = ParamSpec("Arguments")
@@ -36,6 +36,9 @@ COAL, GANGUE, ACCENT, PALE = "#333333", "#b5651d", "#0b6e99", "#999999"
 GREEN, ROSE, VIOLET, YELLOW = "#88b04b", "#c06c84", "#6c5b7b", "#f2b134"
 RATIO_LABEL = "gangue mixing ratio, %"
 
+#: Perceptually even maps that a colour-blind reader can follow: of stress and of damage, in figures and in the view.
+STRESS_COLOURS, DAMAGE_COLOURS = "cividis", "inferno_r"
+
 
 def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
     """Run a drawing function with STYLE and leave matplotlib's own settings alone."""
@@ -56,19 +59,34 @@ def canvas(
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey)
 
 
-def to_uri(figure: Figure, name: str, *, as_pixels: bool = False) -> str:
-    """Return the figure as a data URI of SVG, or of PNG where thousands of shapes would make the SVG large.
+def to_uri(figure: Figure, name: str) -> str:
+    """Return the figure as a data URI of SVG, in which artists with thousands of shapes are images.
 
     name: of the figure; it makes the ids inside the SVG the same in every report.
     """
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
         buffer = io.BytesIO()
-        if as_pixels:
-            figure.savefig(buffer, format="png", dpi=200)
-        else:
-            figure.savefig(buffer, format="svg", metadata={"Date": None})
-    media_type = "image/png" if as_pixels else "image/svg+xml"
-    return f"data:{media_type};base64," + base64.b64encode(buffer.getvalue()).decode()
+        figure.savefig(buffer, format="svg", dpi=140, metadata={"Date": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def to_picture_uri(figure: Figure) -> str:
+    """Return the figure as a data URI of JPEG, for a picture of many shades."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="jpeg", dpi=130, pil_kwargs={"quality": 82})
+    return "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def map_table(name: str) -> str:
+    """Return a colour map as base64 of 256 times red, green, blue, for the page's view."""
+    colours = np.rint(255 * matplotlib.colormaps[name](np.linspace(0, 1, 256))[:, :3])
+    return base64.b64encode(colours.astype(np.uint8).tobytes()).decode()
+
+
+def css_gradient(name: str) -> str:
+    """Return a colour map as a gradient of CSS, for its scale in the page."""
+    stops = matplotlib.colormaps[name](np.linspace(0, 1, 9))
+    return f"linear-gradient(90deg, {', '.join(to_hex(stop) for stop in stops)})"
 
 
 def material_colour(material: str) -> str:

@@ -25,3 +25,6 @@ EVALUATED_METHODS = {name: entry.title for name, entry in EVALUATED.items()}
 PAPER_METHODS = (FUSION_Q, FUSION_AS_PUBLISHED, FUSION_MODIFIED)
 BASELINE = "rms_line"
 METHODS_WITH_INTERVAL = tuple(name for name, entry in EVALUATED.items() if entry.gives_interval and name != BASELINE)
+
+#: Methods of a model that give an interval; the first that answers opens the report.
+MODEL_METHODS_WITH_INTERVAL = tuple(name for name in METHODS_WITH_INTERVAL if name in METHODS)

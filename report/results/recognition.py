@@ -18,7 +18,7 @@ from recognition.paper.kalman import kalman_filter
 from recognition.paper.least_squares import PolynomialFit, fit_polynomial
 from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.q_parameter import FusionQ
-from report.results.methods import FUSION_MODIFIED, FUSION_Q, MODEL_METHODS
+from report.results.methods import FUSION_MODIFIED, FUSION_Q, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
 from report.results.signals import SignalResults
 
 #: How the model that answers was trained. "Held out": on all other ratios.
@@ -89,6 +89,11 @@ class RecognitionResults:
         """Return recognised less true ratio, in points, of the runs that a method answered, shape (answered,)."""
         rows = zip(self.answers[training], self._ratios, strict=True)
         return np.array([100 * (row[method].ratio - ratio) for row, ratio in rows if not row[method].reason])
+
+    @cached_property
+    def leading_method(self) -> str:
+        """The method that answers most records held out; of equals, the one that evaluations found best."""
+        return max(MODEL_METHODS_WITH_INTERVAL, key=lambda name: self.errors_points(HELD_OUT, name).size)
 
     # ----------------------------------------------------------- fused parameter Q
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import pandas as pd
 
 from analysis import RecordError, Run, Sweep
 from report.results.breakage import BreakageResults
-from report.results.evaluation import read_evaluation
+from report.results.evaluation import Evaluation, read_evaluation
 from report.results.plate import PlateResults
 from report.results.recognition import RecognitionResults, in_paper_window
 from report.results.response import ResponseResults
@@ -45,8 +44,8 @@ class SweepResults:
         return self.runs[0].t_s
 
     @cached_property
-    def evaluation(self) -> pd.DataFrame:
-        """Rows of evaluation.csv of the data set beside the sweep. Raises RecordError if there is none."""
+    def evaluation(self) -> Evaluation:
+        """The evaluation of the data set beside the sweep, or the kept one if there is none. Raises RecordError."""
         return read_evaluation(self.sweep.path.resolve().parent / "dataset" / "evaluation.csv")
 
     # ---------------------------------------------------------- choosing runs

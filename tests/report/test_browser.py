@@ -1,0 +1,207 @@
+"""The page in a real Chromium: it moves, it fits, it is whole in itself. Screenshots go to build/screenshots."""
+
+import gzip
+import io
+import re
+import shutil
+from base64 import b64decode
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import read_run
+from analysis.breakage import broken_bonds, damage, fragment_shares
+from report.page import write_report
+from tests.analysis.synthetic import write_sweep
+from tests.report.synthetic_view import T_S, centre_m, write_view
+
+SCREENSHOTS = Path(__file__).resolve().parents[2] / "build" / "screenshots"
+#: WebGL on the processor alone, as on a machine without a graphics card.
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+WIDTHS = pytest.mark.parametrize("width", [1200, 390])
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    """Directory of a sweep with pictures, its report, and the sub-spheres of the 50 % run."""
+    path = write_sweep(tmp_path_factory.mktemp("browser") / "paper", ratios=(0.0, 0.2, 0.5, 0.8, 1.0))
+    networks = {ratio: write_view(path / f"ratio_{ratio}") for ratio in ("020", "050")}
+    return path, write_report(path), networks["050"]
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        pytest.fail("the test of the page needs Playwright: pip install -e '.[browser]'")
+    program = shutil.which("chromium")
+    if program is None:
+        pytest.fail("the test of the page needs Debian's chromium: make build/chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(chromium, sweep):
+    """Open the report at a width; at the end nothing may have gone wrong and nothing may have been asked for."""
+    contexts, wrong = [], []
+
+    def open_at(width, **options):
+        context = chromium.new_context(viewport={"width": width, "height": 800}, **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("request", lambda request: wrong.append(request.url) if not inside(request.url) else None)
+        page.goto(sweep[1].as_uri())
+        return page
+
+    def inside(url):
+        return url == sweep[1].as_uri() or url.startswith(("data:", "blob:"))
+
+    yield open_at
+    for context in contexts:
+        context.close()
+    assert wrong == []
+
+
+def live(page):
+    page.wait_for_selector("#film.live", timeout=20_000)
+    page.wait_for_function("!film.player.dirty")
+    return page
+
+
+def picture(page):
+    """What the view shows, as its PNG."""
+    page.wait_for_function("!film.player.dirty")
+    return page.locator("[data-film=canvas]").screenshot()
+
+
+def move_slider(page, value):
+    page.locator("[data-film=slider]").evaluate(
+        "(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input')); }", value
+    )
+    page.wait_for_function("!film.player.dirty")
+
+
+@WIDTHS
+def test_slider_and_choices_change_the_picture(opened, width):
+    page = live(opened(width))
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    move_slider(page, 0)
+    assert page.locator("[data-film=time]").inner_text() == "0.00 ms"
+    start, cursor = picture(page), page.locator(".cursor").first.get_attribute("x1")
+    move_slider(page, 500)
+    assert page.locator("[data-film=time]").inner_text() == "0.60 ms"
+    assert picture(page) != start and page.locator(".cursor").first.get_attribute("x1") != cursor
+    seen = {picture(page)}
+    for name, choice in (("colours", "damage"), ("colours", "fragment"), ("series", "early"), ("reel", "film-1")):
+        page.locator(f"[data-film={name}]").select_option(choice)
+        if name == "reel":  # it is read when it is first asked for
+            page.wait_for_function("film.player.reels.size == 2")
+            assert page.locator("[data-film=series] option").all_inner_texts() == ["impact"]
+        seen.add(picture(page))
+    assert len(seen) == 5
+    page.screenshot(path=SCREENSHOTS / f"report_{width}.png")
+
+
+def test_it_plays_to_the_end_and_pauses(opened):
+    page = live(opened(1200))
+    move_slider(page, 0)
+    page.evaluate("film.PLAY_SECONDS.impact = 0.5")
+    page.locator("[data-film=play]").click()
+    assert page.locator("[data-film=play]").inner_text() == "Pause"
+    page.wait_for_function("!film.player.playing", timeout=20_000)
+    assert page.locator("[data-film=time]").inner_text() == "1.20 ms"
+    assert page.locator("[data-film=play]").inner_text() == "Play"
+
+
+def test_the_page_unpacks_what_was_packed(opened, sweep):
+    """Positions by closed form; damage and fragments as the analysis finds them."""
+    path, _, network = sweep
+    page = live(opened(1200))
+    k = 37
+    shown = np.array(page.evaluate(f"Array.from(film.player.reel.series.impact.position[{k}])")).reshape(-1, 3)
+    assert np.abs(2e-5 * shown - centre_m(network, T_S[k])).max() <= 1.01e-5
+    until_s = 1.9e-4
+    broken = broken_bonds(read_run(path / "ratio_050"), network, until_s)
+    assert broken.any() and not broken.all()
+    of_page = page.evaluate(f"Array.from(film.damage(film.player.reel, {until_s}))")
+    assert of_page == pytest.approx(damage(network, broken), abs=1e-6)
+    pieces = sum(shares.size for shares in fragment_shares(network, broken))
+    assert page.evaluate(f"film.fragments(film.player.reel, {until_s}).count") == pieces
+
+
+@WIDTHS
+def test_nothing_is_cut_at_any_width(opened, width):
+    page = live(opened(width))
+    page.locator("#scoreboard summary").click()
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    cut = page.evaluate(
+        """(width) => [...document.querySelectorAll("td, th, img, svg, button, select")]
+             .filter((e) => e.getBoundingClientRect().right > width + 1 && e.offsetParent)
+             .map((e) => e.outerHTML.slice(0, 80))""",
+        width,
+    )
+    if width < 500:
+        assert cut == []
+    page.screenshot(path=SCREENSHOTS / f"report_{width}_whole.png", full_page=True)
+
+
+def test_scoreboard_is_folded_and_filtered(opened):
+    page = live(opened(1200))
+    rows = page.locator("tr[data-row]")
+    assert not rows.first.is_visible()
+    page.locator("#scoreboard summary").click()
+    held = page.locator("tr[data-row=held]").count()
+    visible = page.locator("tr[data-row]:visible").count()
+    assert 0 < held < visible == rows.count()
+    page.locator("[data-verdict=held]").click()
+    assert page.locator("tr[data-row]:visible").count() == visible - held
+    page.locator("#scoreboard input").fill("kurtosis")
+    assert page.locator("tr[data-row]:visible").count() <= 1
+
+
+def test_figures_are_saved_as_svg_and_csv(opened, sweep):
+    page = live(opened(1200))
+    with page.expect_download() as saved:
+        page.locator("[data-svg=fig-16]").click()
+    assert saved.value.suggested_filename == "fig-16.svg"
+    assert "<svg" in Path(saved.value.path()).read_text()
+    with page.expect_download() as saved:
+        page.locator("[data-csv=fig-16]").click()
+    table = pd.read_csv(saved.value.path(), comment="#")
+    assert list(table.columns) == ["panel", "series", "x", "y", "value"]
+    curve = table[(table["panel"] == "b: velocity, m/s") & (table["series"] == "50 %")]
+    run = read_run(sweep[0] / "ratio_050")
+    assert curve["x"].to_numpy() == pytest.approx(1e3 * run.t_s[: len(curve)], rel=1e-4)
+    assert curve["y"].to_numpy() == pytest.approx(run.signals["v_m_s"].to_numpy()[: len(curve)], rel=1e-4, abs=1e-9)
+
+
+def test_every_figure_carries_its_data(sweep):
+    html = sweep[1].read_text()
+    drawn = re.findall(r'data-svg="([^"]+)"', html)
+    assert len(drawn) > 25
+    for key in drawn:
+        packed = re.search(rf'id="data-{key}">([^<]+)<', html).group(1).strip()
+        text = gzip.decompress(b64decode(packed)).decode()
+        assert key == "fig-7" or len(pd.read_csv(io.StringIO(text), comment="#")) > 0, key
+
+
+def test_a_still_picture_without_scripts_and_in_print(opened):
+    page = opened(1200, java_script_enabled=False)
+    assert page.locator(".view img").is_visible() and not page.locator(".controls").is_visible()
+    page = live(opened(1200))
+    assert not page.locator(".view img").is_visible()
+    page.emulate_media(media="print")
+    assert page.locator(".view img").is_visible() and not page.locator(".controls").is_visible()
+
+
+def test_no_path_of_this_machine(sweep):
+    html = sweep[1].read_text()
+    assert str(sweep[0].parent) not in html and str(Path(__file__).resolve().parents[2]) not in html

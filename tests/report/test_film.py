@@ -1,0 +1,62 @@
+"""The film of a run: what the page unpacks is what the pictures show."""
+
+import json
+
+import numpy as np
+import pytest
+
+from analysis import read_run
+from report.film.packing import OUTSIDE, pack_moving, quantised, unpack_moving
+from report.film.pictures import SERIES, choose, instants
+from report.film.reel import QUANTUM_M, pack_run
+from report.results.envelope import envelope
+from report.results.missing import MissingResult
+from tests.analysis.synthetic import write_run
+from tests.report.synthetic_view import T_S, centre_m, write_view
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    directory = write_run(tmp_path_factory.mktemp("film") / "ratio_050", 0.5)
+    return read_run(directory), write_view(directory)
+
+
+@pytest.mark.parametrize("instants_", [1, 2, 3, 7])
+def test_packed_numbers_come_back_whatever_they_are(instants_):
+    values = np.random.default_rng(1).integers(-32768, 32768, (instants_, 5, 3)).astype(np.int16)
+    back = unpack_moving(pack_moving(values), instants_)
+    assert np.array_equal(back.reshape(values.shape), values)
+
+
+def test_positions_are_within_half_a_quantum_and_what_leaves_the_box_is_marked(run):
+    directory, network = run
+    packed = json.loads(pack_run(directory, network, SERIES[:1]))["series"][0]
+    t_s = T_S[T_S < 1.21e-3]
+    shown = unpack_moving(packed["position"], len(t_s)).reshape(len(t_s), -1, 3)
+    true = np.stack([centre_m(network, t) for t in t_s])
+    assert np.abs(shown * QUANTUM_M - true).max() <= 0.5 * QUANTUM_M * (1 + 1e-3)
+    assert quantised(np.array([0.6, 0.7, -2.0]), QUANTUM_M).tolist() == [30000, OUTSIDE, OUTSIDE]
+
+
+def test_each_series_takes_the_pictures_of_its_stretch(run):
+    found = instants(run[0].path)
+    chosen = {series.key: [instant.t_s for instant in choose(found, series)] for series in SERIES}
+    assert chosen["impact"] == pytest.approx(T_S[:61])
+    assert chosen["early"][-1] == pytest.approx(0.04) and len(chosen["early"]) > 20
+    assert chosen["whole"] == pytest.approx([*(np.arange(7) * 6e-3), 0.04])
+
+
+def test_a_run_without_pictures_says_so(tmp_path):
+    directory = write_run(tmp_path / "ratio_000", 0.0)
+    with pytest.raises(MissingResult, match="view_interval_s"):
+        instants(directory)
+
+
+def test_the_envelope_keeps_every_extreme():
+    t_s = np.linspace(0, 1, 100_001)
+    values = np.sin(2 * np.pi * 700 * t_s) * np.exp(-3 * t_s)
+    values[54_321] = 9.0  # one sample wide
+    thin_s, thin = envelope(t_s, values, 900)
+    assert thin_s.size <= 902 and np.all(np.diff(thin_s) > 0)
+    assert thin.max() == 9.0 and thin.min() == values.min()
+    assert {(t, v) for t, v in zip(thin_s, thin, strict=True)} <= set(zip(t_s, values, strict=True))
