@@ -130,6 +130,14 @@ class OutputTable(Table):
     view_interval_s: Positive | None = None  # between pictures over the whole run; absent: no pictures
     # Between pictures while something pushes on the plate in the first impact of a stone; 0: none (docs/runs.md).
     impact_view_interval_s: NotNegative = 2e-5
+    # LIGGGHTS's own dump at every view_interval_s, kept in deck/dumps: files of VTK, or LIGGGHTS's text; absent: none.
+    dumps: Literal["vtk", "text"] | None = None
+
+    @model_validator(mode="after")
+    def _dumps_need_an_interval(self) -> Self:
+        if self.dumps is not None and self.view_interval_s is None:
+            raise Refused("dumps", self.dumps, "needs view_interval_s, at which dumps are taken")
+        return self
 
 
 class EngineTable(Table):

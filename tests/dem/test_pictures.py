@@ -23,7 +23,8 @@ TABLES = ("signals", "fast", "breakage", "energy", "contacts")
 def taken(runs):
     """A stone that hits the plate and flies off spinning, with pictures, without, and with those in flight alone."""
     outputs = {"pictures": {}, "none": {"output.view_interval_s": None},
-               "even": {"output.impact_view_interval_s": 0.0, "output.view_interval_s": 3e-4}}
+               "even": {"output.impact_view_interval_s": 0.0, "output.view_interval_s": 3e-4},
+               "dumps": {"output.dumps": "vtk", "output.view_interval_s": 6e-4}}
     for name, changes in outputs.items():
         run_scene(changed("single", STONE | changes), "single", runs / f"pictures_{name}")
     return {name: runs / f"pictures_{name}" for name in outputs}
@@ -37,10 +38,10 @@ def pictures(directory):
     return found
 
 
-def test_pictures_change_no_number(taken):
+def test_pictures_and_dumps_change_no_number(taken):
     for name in TABLES:
         without = pd.read_parquet(taken["none"] / f"{name}.parquet")
-        for other in ("pictures", "even"):
+        for other in ("pictures", "even", "dumps"):
             pd.testing.assert_frame_equal(pd.read_parquet(taken[other] / f"{name}.parquet"), without, check_exact=True)
     assert not (taken["none"] / "view.pvd").exists()
 
