@@ -8,8 +8,10 @@ import pandas as pd
 import pytest
 from scenes_of_tests import changed
 
+from common.tables import InputError
 from dem.deck.pictures import ALL_IMPACT_PICTURES, PictureSchedule, arrival_s, picture_schedule
 from dem.deck.time_step import step_limits, time_step
+from dem.run.paraview import read_pictures
 from dem.run.run import run_scene
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
@@ -117,3 +119,18 @@ def test_a_scene_without_pictures_has_no_schedule():
     assembly = assemble(scene, arrange(scene, "scene"))
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     assert picture_schedule(scene, assembly, step) is None
+
+
+def test_dumps_without_an_interval_are_refused():
+    with pytest.raises(InputError, match="output.dumps = 'vtk': needs view_interval_s"):
+        changed("paper", {"output.dumps": "vtk", "output.view_interval_s": None})
+
+
+def test_pictures_that_are_cut_off_are_refused(tmp_path):
+    whole = np.array([7, 0], dtype="<i8").tobytes() + np.zeros(12, dtype="<f4").tobytes()
+    for cut in (len(whole) - 1, 20, 8):
+        (tmp_path / "pictures.bin").write_bytes(whole + whole[:cut])
+        with pytest.raises(RuntimeError, match="cut off or damaged"):
+            list(read_pictures(tmp_path / "pictures.bin", 2))
+    (tmp_path / "pictures.bin").write_bytes(whole + whole)
+    assert [step for step, _, _ in read_pictures(tmp_path / "pictures.bin", 2)] == [7, 7]
