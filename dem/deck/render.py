@@ -39,8 +39,10 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
         write_surfaces(directory / "surface.txt", scene, assembly)
     if modes is not None:
         _write_shapes(directory / "shapes.bin", modes)
+    if scene.output.dumps:
+        (directory / "dumps").mkdir()
     digest = hashlib.sha256()
-    for file in sorted(directory.iterdir()):
+    for file in sorted(file for file in directory.iterdir() if file.is_file()):
         digest.update(file.name.encode() + file.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -83,6 +85,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         impact_J=float(0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2),
         mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
         pictures=picture_schedule(scene, assembly, step),
+        dumps=scene.output.dumps,
         free_flight=_free_flight(scene, step),
         checkpoint_steps=CHECKPOINT_SAMPLES * step.sample_steps,
         streams=streams(scene, assembly),

@@ -36,7 +36,8 @@ MeshesOfPlate = Callable[[int, list[HertzContact]], dict[str, Mesh]]
 
 
 def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, meshes_of_plate: MeshesOfPlate) -> None:
-    """Turn the engine's pictures in `directory`/deck into view/*.vtu, view.pvd and view.py in `directory`.
+    """Turn the engine's pictures in `directory`/deck into view/*.vtu, view.pvd and view.py in `directory`; dumps of
+    LIGGGHTS, if there are any, get their times and the bonds in deck/dumps.pvd.
 
     `events` is the table of breakage.parquet. `meshes_of_plate(dem_step, contacts)` gives what a picture shows of the
     plate, by the names of PARTS.
@@ -47,7 +48,7 @@ def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, mes
     broken_at[events["bond"].to_numpy(dtype=int) - 1] = events["t_s"]
     writers = {part: VtuWriter() for part in PARTS}
     stones = StoneMeshes(assembly)
-    entries = []
+    entries, dumps = [], []
     pictures = read_pictures(directory / "deck" / "pictures.bin", assembly.n_particles)
     for k, (dem_step, spheres, pushing) in enumerate(pictures):
         t = dem_step * dt_s
@@ -57,7 +58,12 @@ def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, mes
             file = f"view/{name}_{k:04d}.vtu"
             writers[name].write(directory / file, mesh)
             entries.append((t, PARTS.index(name), file))
+        dumped = f"dumps/particles_{dem_step}.vtp"
+        if (directory / "deck" / dumped).exists():
+            dumps += [(t, 0, dumped), *([(t, 1, f"../view/bonds_{k:04d}.vtu")] if "bonds" in meshes else [])]
     write_pvd(directory / "view.pvd", entries)
+    if dumps:
+        write_pvd(directory / "deck" / "dumps.pvd", dumps)
     for part in {number for _, number, _ in entries}:
         write_pvd(directory / "view" / f"{PARTS[part]}.pvd",
                   [(t, 0, file.removeprefix("view/")) for t, number, file in entries if number == part])

@@ -17,7 +17,7 @@ import json, sys
 from paraview import simple
 found = {}
 for part in sys.argv[2:]:
-    reader = simple.PVDReader(FileName=f"{sys.argv[1]}/view/{part}.pvd")
+    reader = simple.PVDReader(FileName=f"{sys.argv[1]}/{part}.pvd")
     t = reader.TimestepValues[8]
     reader.UpdatePipeline(t)
     data = reader.GetDataInformation()
@@ -31,7 +31,7 @@ print("FOUND" + json.dumps(found))
 
 def paraview(directory, *arguments):
     """Run pvpython on a screen that is none; return what it printed."""
-    command = ["xvfb-run", "-a", "-s", "-screen 0 1700x1100x24 +extension GLX", "pvpython", *map(str, arguments)]
+    command = ["xvfb-run", "-a", "-w", "15", "-s", "-screen 0 1700x1100x24 +extension GLX", "pvpython", *map(str, arguments)]
     done = subprocess.run(command, cwd=directory, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0 and "ERR|" not in done.stderr, done.stderr
     return done.stdout
@@ -40,7 +40,8 @@ def paraview(directory, *arguments):
 @pytest.fixture(scope="module")
 def opened(runs):
     """Two stones, one of each material, on the plate."""
-    changes = {"stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 3e-3}
+    changes = {"stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 3e-3,
+               "output.dumps": "vtk"}
     run_scene(changed("small", changes), "small", runs / "opened")
     return runs / "opened"
 
@@ -48,8 +49,8 @@ def opened(runs):
 def test_paraview_reads_what_was_written(opened, tmp_path):
     (tmp_path / "read.py").write_text(READ)
     parts = ("particles", "bonds", "plate", "rods")
-    printed = paraview(tmp_path, "read.py", opened, *parts)
-    found = json.loads(printed.split("FOUND")[1])
+    printed = paraview(tmp_path, "read.py", opened, "deck/dumps", *(f"view/{part}" for part in parts))
+    found = {part.removeprefix("view/"): seen for part, seen in json.loads(printed.split("FOUND")[1]).items()}
     for part in parts:
         mesh, seen = meshio.read(opened / "view" / f"{part}_0008.vtu"), found[part]
         assert (seen["points"], seen["cells"]) == (len(mesh.points), len(mesh.cells[0].data))
@@ -60,6 +61,10 @@ def test_paraview_reads_what_was_written(opened, tmp_path):
             size = np.linalg.norm(values.astype(float), axis=1) if values.ndim > 1 else values
             assert seen["arrays"][name] == pytest.approx((size.min(), size.max()), rel=1e-6, abs=1e-12)
         assert seen["times"] == found["particles"]["times"]
+    dumps, bonds = found["deck/dumps"], found["bonds"]
+    assert set(dumps["times"]) < set(found["particles"]["times"]) and len(dumps["times"]) == 21
+    assert dumps["points"] == 2 * found["particles"]["points"]  # LIGGGHTS's particles, and the ends of the bonds
+    assert found["particles"]["points"] < dumps["cells"] <= found["particles"]["points"] + bonds["cells"]
     assert found["particles"]["times"][:5] == pytest.approx([0, 2e-5, 4e-5, 6e-5, 8e-5])
 
 

@@ -8,8 +8,10 @@ import pandas as pd
 import pytest
 from scenes_of_tests import changed
 
+from common.tables import InputError
 from dem.deck.pictures import ALL_IMPACT_PICTURES, PictureSchedule, arrival_s, picture_schedule
 from dem.deck.time_step import step_limits, time_step
+from dem.run.paraview import read_pictures
 from dem.run.run import run_scene
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
@@ -23,7 +25,8 @@ TABLES = ("signals", "fast", "breakage", "energy", "contacts")
 def taken(runs):
     """A stone that hits the plate and flies off spinning, with pictures, without, and with those in flight alone."""
     outputs = {"pictures": {}, "none": {"output.view_interval_s": None},
-               "even": {"output.impact_view_interval_s": 0.0, "output.view_interval_s": 3e-4}}
+               "even": {"output.impact_view_interval_s": 0.0, "output.view_interval_s": 3e-4},
+               "dumps": {"output.dumps": "vtk", "output.view_interval_s": 6e-4}}
     for name, changes in outputs.items():
         run_scene(changed("single", STONE | changes), "single", runs / f"pictures_{name}")
     return {name: runs / f"pictures_{name}" for name in outputs}
@@ -37,10 +40,10 @@ def pictures(directory):
     return found
 
 
-def test_pictures_change_no_number(taken):
+def test_pictures_and_dumps_change_no_number(taken):
     for name in TABLES:
         without = pd.read_parquet(taken["none"] / f"{name}.parquet")
-        for other in ("pictures", "even"):
+        for other in ("pictures", "even", "dumps"):
             pd.testing.assert_frame_equal(pd.read_parquet(taken[other] / f"{name}.parquet"), without, check_exact=True)
     assert not (taken["none"] / "view.pvd").exists()
 
@@ -116,3 +119,18 @@ def test_a_scene_without_pictures_has_no_schedule():
     assembly = assemble(scene, arrange(scene, "scene"))
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     assert picture_schedule(scene, assembly, step) is None
+
+
+def test_dumps_without_an_interval_are_refused():
+    with pytest.raises(InputError, match="output.dumps = 'vtk': needs view_interval_s"):
+        changed("paper", {"output.dumps": "vtk", "output.view_interval_s": None})
+
+
+def test_pictures_that_are_cut_off_are_refused(tmp_path):
+    whole = np.array([7, 0], dtype="<i8").tobytes() + np.zeros(12, dtype="<f4").tobytes()
+    for cut in (len(whole) - 1, 20, 8):
+        (tmp_path / "pictures.bin").write_bytes(whole + whole[:cut])
+        with pytest.raises(RuntimeError, match="cut off or damaged"):
+            list(read_pictures(tmp_path / "pictures.bin", 2))
+    (tmp_path / "pictures.bin").write_bytes(whole + whole)
+    assert [step for step, _, _ in read_pictures(tmp_path / "pictures.bin", 2)] == [7, 7]
