@@ -1,7 +1,7 @@
 # `make help` lists what can be made. On a fresh Debian 12 machine every target first installs what is missing.
 
 SCENE ?= scenes/paper.toml
-OUT ?= runs/$(basename $(notdir $(SCENE)))
+OUT ?= runs/$(patsubst %.toml,%,$(shell basename '$(SCENE)'))
 JOBS ?= 2
 
 PYTHON := .venv/bin/python
@@ -22,9 +22,9 @@ export OPENBLAS_NUM_THREADS := 1
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-sweep: setup  ## every mixing ratio of SCENE into OUT, then analysis, recognition and OUT/report.html
-	$(PYTHON) -m dem sweep $(SCENE) --out $(OUT) --jobs $(JOBS)
-	$(PYTHON) -m report $(OUT)
+sweep: setup  ## every mixing ratio of SCENE into OUT, then OUT/report.html; OVERWRITE=1 replaces runs of another scene
+	$(PYTHON) -m dem sweep '$(SCENE)' --out '$(OUT)' --jobs $(JOBS) $(if $(OVERWRITE),--overwrite)
+	$(PYTHON) -m report '$(OUT)'
 
 dataset: setup  ## hundreds of runs into runs/dataset, and every method of recognition on runs it was not trained on
 	$(PYTHON) -m dem dataset scenes/dataset.toml --out runs/dataset --jobs $(JOBS)
@@ -34,7 +34,7 @@ campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/c
 	$(PYTHON) -m dem campaign scenes/campaign.toml --out runs/campaign --jobs $(JOBS)
 
 report: setup  ## the report again from the runs in OUT
-	$(PYTHON) -m report $(OUT)
+	$(PYTHON) -m report '$(OUT)'
 
 test: setup .venv/campaign  ## all tests but the long ones
 	$(PYTHON) -m pytest -q

@@ -5,6 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 
+from common.command import Parser, listen_for_interrupt, run_command, say
+
+if __name__ == "__main__":
+    listen_for_interrupt()
+
 from analysis.features import signal_features
 from analysis.readers import read_record
 from analysis.records import RecordError
@@ -13,7 +18,10 @@ from analysis.resample import resample
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command line and return its exit code: 2, with one line on standard error, for bad input."""
-    arguments = _parser().parse_args(argv)
+    return run_command("analysis", lambda: _features(_parser().parse_args(argv)))
+
+
+def _features(arguments: argparse.Namespace) -> int:
     try:
         record = read_record(
             arguments.file,
@@ -27,7 +35,7 @@ def main(argv: list[str] | None = None) -> int:
             record = resample(record, arguments.resample, anti_alias=not arguments.no_filter)
         found = signal_features(record)
     except RecordError as error:
-        print(f"analysis: {error}", file=sys.stderr)
+        say(f"analysis: {error}")
         return 2
     print(f"{'name':<28} {'value':>14}  unit")
     for feature in found.values():
@@ -36,7 +44,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m analysis", description="Analyse an acceleration record.")
+    parser = Parser(prog="python -m analysis", description="Analyse an acceleration record.")
     commands = parser.add_subparsers(dest="command", required=True)
     command = commands.add_parser("features", help="print the time-frequency parameters of a record")
     command.add_argument("file", help="run directory, .parquet, .csv, .wav, .flac, .uff, .mat or .h5")

@@ -14,8 +14,11 @@ from analysis.records import Record, RecordError, sample_rate_Hz
 from analysis.sound_files import read_flac, read_wav
 from analysis.text_tables import name_and_unit, plain_unit, read_text_table
 from analysis.uff_files import read_uff
+from common.parquet import read_parquet
+from common.tables import InputError, refuse_unreadable
 from common.units import unit_of
 
+MOST_BYTES = 4e9
 TABLES = (".parquet", ".csv", ".txt")
 CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read_uff}
 ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5}
@@ -48,6 +51,7 @@ def read_record(
     path = Path(path)
     if path.is_dir():
         path = path / "signals.parquet"
+    _refuse_unreadable(path)
     if not path.is_file():
         raise RecordError(f"{path}: no such file; needs a run directory or one of {', '.join(ENDINGS)}")
     ending = path.suffix.lower()
@@ -73,8 +77,9 @@ def read_table(path: str | Path) -> pd.DataFrame:
     from pyarrow import ArrowException
 
     path = Path(path)
+    _refuse_unreadable(path)
     try:
-        table = pd.read_parquet(path) if path.suffix.lower() == ".parquet" else read_text_table(path)
+        table = read_parquet(path) if path.suffix.lower() == ".parquet" else read_text_table(path)
     except FileNotFoundError:
         raise RecordError(f"{path}: no such file") from None
     except RecordError:
@@ -86,6 +91,13 @@ def read_table(path: str | Path) -> pd.DataFrame:
     if not table.columns.is_unique:
         raise RecordError(f"{path}: column {table.columns[table.columns.duplicated()][0]!r} appears twice")
     return table
+
+
+def _refuse_unreadable(path: Path) -> None:
+    try:
+        refuse_unreadable(path, MOST_BYTES)
+    except InputError as error:
+        raise RecordError(str(error)) from None
 
 
 def _from_table(table: pd.DataFrame, source: str, column: str | None, time: str | None,

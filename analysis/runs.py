@@ -117,9 +117,10 @@ def read_run(path: str | Path) -> Run:
     info = _read_info(path)
     if info.get("status") != "finished":
         raise RecordError(f"{path}/run.json: status = {info.get('status')!r}; needs 'finished'")
-    _summary(info, path)
+    rigid = _summary(info, path).scene.plate.model == "rigid"
     signals = read_table(path / "signals.parquet")
-    missing = [name for name in ("t_s", *RESPONSES, "force_N") if name not in signals.columns]
+    needed = ("t_s", "force_N") if rigid else ("t_s", *RESPONSES, "force_N")  # a rigid plate has no responses
+    missing = [name for name in needed if name not in signals.columns]
     if missing:
         raise RecordError(f"{path}/signals.parquet: no column {missing[0]!r}")
     return Run(path, info, signals)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Iterator
@@ -9,7 +10,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from common.tables import InputError
+from common.tables import InputError, refuse_unreadable
+
+MOST_JSON_BYTES = 100e6
+SEAL = "sha256"  # key of a JSON object under which the hash of its other keys stands
 
 
 @contextmanager
@@ -41,12 +45,37 @@ def write_json(file: Path, content: dict[str, Any]) -> None:
 
 def read_json(file: Path) -> dict[str, Any] | None:
     """Return the object in a JSON file, or None without such a file. Raises InputError if it holds anything else."""
+    refuse_unreadable(file, MOST_JSON_BYTES)
     try:
         content = json.loads(file.read_text())
     except FileNotFoundError:
         return None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: cut off or not JSON ({error}); allowed is what a run wrote") from None
     if not isinstance(content, dict):
         raise InputError(f"{file}: not what a run wrote")
+    return content
+
+
+def seal(content: dict[str, Any]) -> dict[str, Any]:
+    """The same object with the hash of its contents, in the place of an earlier one."""
+    return {**content, SEAL: _hash(content)}
+
+
+def is_sealed(content: dict[str, Any]) -> bool:
+    """Is the object as it was when it was sealed?"""
+    return content.get(SEAL) == _hash(content)
+
+
+def _hash(content: dict[str, Any]) -> str:
+    """Numbers are written so that they read back exactly, and then hash alike."""
+    others = {key: value for key, value in content.items() if key != SEAL}
+    return hashlib.sha256(json.dumps(others, sort_keys=True).encode()).hexdigest()
+
+
+def read_sealed_json(file: Path) -> dict[str, Any] | None:
+    """As `read_json`; InputError as well for an object that is not as it was sealed."""
+    content = read_json(file)
+    if content is not None and not is_sealed(content):
+        raise InputError(f"{file}: damaged or changed by hand: its contents do not have the hash that it names")
     return content

@@ -14,6 +14,16 @@ Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
 
+MOST_DENSITY_kg_m3 = 25_000.0
+
+
+def refuse_density(density_kg_m3: float) -> None:
+    """Raises Refused for a density that no solid has."""
+    if density_kg_m3 > MOST_DENSITY_kg_m3:
+        raise Refused("density_kg_m3", density_kg_m3, f"must be at most {MOST_DENSITY_kg_m3:g}: osmium, the densest "
+                      "solid, has 22 590")
+
+
 class Rod(Table):
     """A vertical rod below the plate, welded to it over its disc and clamped at its lower end."""
 
@@ -24,6 +34,11 @@ class Rod(Table):
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus")]
     density_kg_m3: Annotated[Positive, about("density")]
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5), about("Poisson's ratio")] = 0.3
+
+    @model_validator(mode="after")
+    def _is_a_solid(self) -> Self:
+        refuse_density(self.density_kg_m3)
+        return self
 
 
 class PointSupport(Table):
@@ -52,6 +67,11 @@ class Plate(Table):
     yield_stress_Pa: Annotated[Positive | None, about(
         "yield stress; where a contact may pass it the plate yields there (docs/plate.md); absent: it stays elastic",
     )] = None
+
+    @model_validator(mode="after")
+    def _is_a_solid(self) -> Self:
+        refuse_density(self.density_kg_m3)
+        return self
 
 
 class RigidPlate(Plate):

@@ -133,6 +133,7 @@ class RunSummary(Recorded):
     n_samples: int | None = None
     wall_time_s: dict[str, float] = {}  # by stage
     resumed_at_s: list[float] | None = None  # times at which a stopped run went on
+    warnings: list[str] = []  # what no stone or plate can be, or the laws do not hold for (dem/deck/plausible.py)
 
 
 def summary_from(content: dict[str, Any], file: str | Path) -> RunSummary:

@@ -15,12 +15,14 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from common.error_laws import least_tolerance
-from common.plate import PlateTable
+from common.plate import PlateTable, refuse_density
 from common.tables import InputError, Refused, Table, about, check, read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
+LEAST_STRENGTH_Pa = 100.0
+MOST_FRICTION = 10.0
 PLATE = "plate"  # the name under which `contacts` speaks of the plate
 
 
@@ -127,6 +129,13 @@ class BondTable(Table):
         "mean sub-sphere radius that the strengths belong to; other sizes get theirs by docs/calibration.md; "
         "absent: strengths as given")] = None
 
+    @model_validator(mode="after")
+    def _holds_together(self) -> Self:
+        if self.tensile_strength_Pa < LEAST_STRENGTH_Pa:
+            raise Refused("tensile_strength_Pa", self.tensile_strength_Pa, f"must be at least {LEAST_STRENGTH_Pa:g}, "
+                          "the weight of half a centimetre of rock: anything less is loose already")
+        return self
+
 
 class MaterialTable(Table):
     """A material of stones."""
@@ -141,6 +150,11 @@ class MaterialTable(Table):
     )] = None
     bond: Annotated[BondTable | None, about("the bonds, needed where stones are agglomerates")] = None
 
+    @model_validator(mode="after")
+    def _is_a_solid(self) -> Self:
+        refuse_density(self.density_kg_m3)
+        return self
+
 
 class ContactTable(Table):
     """The contact of two materials."""
@@ -148,6 +162,13 @@ class ContactTable(Table):
     # LIGGGHTS refuses a restitution of 0.05 and less.
     restitution: Annotated[float, Field(gt=0.05, le=1), about("coefficient of restitution")]
     friction: Annotated[NotNegative, about("coefficient of friction")]
+
+    @model_validator(mode="after")
+    def _can_slip(self) -> Self:
+        if self.friction > MOST_FRICTION:
+            raise Refused("friction", self.friction, f"must be at most {MOST_FRICTION:g}: rubber on rough ground has "
+                          "about 2, rock on steel less than 1")
+        return self
 
 
 class OutputTable(Table):

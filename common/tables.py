@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import stat
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+
+MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
 
 
 class InputError(ValueError):
@@ -61,14 +64,30 @@ def refused_in(file: str | Path, where: str) -> Iterator[None]:
         raise InputError(f"{file}: {where}.{error.key} = {_short(error.value)}: {error.allowed}") from None
 
 
+def refuse_unreadable(path: Path, most_bytes: float) -> None:
+    """Raises InputError for what is there but no regular file, such as a device or a pipe, and for a file so large that
+    it cannot be what is asked for."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return  # which opening it will say better
+    if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
+        raise InputError(f"{path}: must be a regular file, not a device or a pipe")
+    if found.st_size > most_bytes:
+        raise InputError(f"{path}: {found.st_size / 1e6:.4g} MB; must have at most {most_bytes / 1e6:g} MB")
+
+
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Return the content of a TOML file. Raises InputError if it cannot be read or is not TOML."""
     path = Path(path)
+    refuse_unreadable(path, MOST_TOML_BYTES)
     try:
         with path.open("rb") as file:
             return tomllib.load(file)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except RecursionError:
+        raise InputError(f"{path}: not a TOML file: tables within tables, too deep") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a TOML file: {error}") from None
 

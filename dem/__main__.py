@@ -11,12 +11,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from common.command import Parser, jobs, listen_for_interrupt, run_command, say
+
+if __name__ == "__main__":
+    listen_for_interrupt()
+
 # The numerics are many small operations: threads would only wait for each other, and take the core of the engine.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-
 from common.messages import show_messages
+from common.output_directory import Busy, refuse_foreign_file, refuse_place
 from common.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.batch.campaign import campaign
@@ -37,31 +42,25 @@ def main(arguments: list[str] | None = None) -> int:
     """Run a command line; returns the exit code: 2 for bad input, 1 for a run that failed, 75 for one that was
     stopped."""
     show_messages()
-    options = _parser().parse_args(arguments)
+    return run_command("dem", lambda: _command(_parser().parse_args(arguments)))
+
+
+def _command(options: argparse.Namespace) -> int:
     try:
         return options.command(options)
     except InputError as error:
-        print(error, file=sys.stderr)
+        say(str(error))
         return 2
     except Stopped as stopped:
-        print(stopped, file=sys.stderr)
+        say(str(stopped))
         return STOPPED
-    except (RunError, CouplingError) as error:
-        print(error, file=sys.stderr)
-        return 1
-    except MemoryError:
-        print(f"{options.out}: not enough memory", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print("interrupted; what is finished stays, the same command goes on", file=sys.stderr)
-        return 130
-    except OSError as error:
-        print(f"{error.filename or options.out}: {error.strerror or error}", file=sys.stderr)
+    except (RunError, CouplingError, Busy) as error:
+        say(str(error))
         return 1
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m dem", description="Stones that fall on a plate, in LIGGGHTS.")
+    parser = Parser(prog="python -m dem", description="Stones that fall on a plate, in LIGGGHTS.")
     commands = parser.add_subparsers(required=True, metavar="command")
 
     def add(name: str, text: str, command: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
@@ -70,21 +69,28 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     run = _with_scene(add("run", "run a scene", _run))
+    replacers = [run]
     _with_scene(add("deck", "write the deck and run nothing", _deck))
     _with_scene(add("plate", "be the plate of a deck that is run by hand", _plate))
     sub = add("sweep", "run every ratio that the stones can give", _sweep)
     _with_set(sub).add_argument("scene", type=Path, help="scene file (TOML)")
-    _with_out(sub, jobs="runs at a time (default 2)")
-    sub = add("dataset", "run what a plan draws, a data set for recognition", lambda o: build(o.plan, o.out, o.jobs))
+    _with_out(sub, "runs at a time (default 2)")
+    replacers.append(sub)
+    sub = add("dataset", "run what a plan draws, a data set for recognition",
+              lambda o: build(o.plan, o.out, o.jobs, o.overwrite))
     sub.add_argument("plan", type=Path, help="plan (TOML), scenes/dataset.toml")
-    _with_out(sub, jobs="runs at a time (default 2)")
+    _with_out(sub, "runs at a time (default 2)")
+    replacers.append(sub)
     sub = add("campaign", "run every combination of values that a campaign's file lists, by Snakemake",
               lambda o: campaign(o.file, o.out, o.jobs, o.profile))
     sub.add_argument("file", type=Path, help="campaign (TOML), such as scenes/campaign.toml")
-    _with_out(sub, jobs="cores, or jobs in the queue at a time (default 2)")
+    _with_out(sub, "cores, or jobs in the queue at a time (default 2)")
     sub.add_argument("--profile", help="slurm, or a directory with a Snakemake profile (default: this machine)")
     sub = add("resume", "go on with a run that was stopped or killed, from its last checkpoint", _resume)
     sub.add_argument("out", type=Path, metavar="directory", help="the --out of the run, with or without .partial")
+    for replacing in replacers:
+        replacing.add_argument("--overwrite", action="store_true",
+                               help="replace runs of other scenes, and discard those that were begun")
     for long in (run, sub):
         long.add_argument("--walltime", type=_seconds, metavar="SECONDS",
                           help=f"stop at a checkpoint when this time has passed, with exit code {STOPPED}")
@@ -112,10 +118,10 @@ def _with_set(sub: argparse.ArgumentParser) -> argparse.ArgumentParser:
     return sub
 
 
-def _with_out(sub: argparse.ArgumentParser, jobs: str) -> None:
+def _with_out(sub: argparse.ArgumentParser, help_of_jobs: str) -> None:
     """A command that makes many runs."""
     sub.add_argument("--out", type=Path, required=True, help="directory to write")
-    sub.add_argument("--jobs", type=int, default=2, help=jobs)
+    sub.add_argument("--jobs", type=jobs, default=2, help=help_of_jobs)
 
 
 def _changes(options: argparse.Namespace) -> dict[str, Any]:
@@ -125,7 +131,7 @@ def _changes(options: argparse.Namespace) -> dict[str, Any]:
         key, _, value = text.partition("=")
         try:
             (changes[key.strip()],) = tomllib.loads(f"value = {value}").values()
-        except ValueError:
+        except (ValueError, RecursionError):
             raise InputError(f"--set {text}: must be a dotted key of the scene, =, and a value in TOML") from None
     return changes
 
@@ -139,7 +145,8 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 
 def _run(options: argparse.Namespace) -> int:
-    print(one_line(run_scene(_scene(options), str(options.scene), options.out, True, options.walltime)))
+    print(one_line(run_scene(_scene(options), str(options.scene), options.out, True, options.walltime,
+                             options.overwrite)))
     return 0
 
 
@@ -149,7 +156,7 @@ def _resume(options: argparse.Namespace) -> int:
 
 
 def _seconds(text: str) -> float:
-    value = float(text)
+    value = float(text)  # a ValueError is refused as well
     if not 0 <= value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text}: must be a time in s, at least 0")
     return value
@@ -165,6 +172,7 @@ def one_line(summary: dict[str, Any]) -> str:
 
 def _deck(options: argparse.Namespace) -> int:
     prepared = prepare(_scene(options), str(options.scene), None)
+    refuse_place(options.out)
     if options.out.exists():
         raise InputError(f"--out = {options.out}: must not exist yet")
     try:
@@ -191,13 +199,25 @@ def _plate(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    return sweep(options.scene, options.out, options.jobs, _changes(options))
+    return sweep(options.scene, options.out, options.jobs, _changes(options), options.overwrite)
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    _refuse_foreign_calibration(options.material, options.out)
     calibrate(options.material, options.scene, options.out)
     print(options.out / f"{options.material}.toml")
     return 0
+
+
+def _refuse_foreign_calibration(material: str, out: Path) -> None:
+    """What a calibration would replace must be of an earlier one."""
+    if "/" in material:
+        return  # no material has such a name, and calibrate says so
+    refuse_foreign_file(out / f"{material}.toml", "written by `python -m dem calibrate")
+    refuse_foreign_file(out / f"{material}_tests.csv", "stage,test,seed")
+    work = out / f"{material}.partial"
+    if work.exists() and not {entry.name for entry in work.iterdir()} <= {"elastic", "Brazilian", "compression"}:
+        raise InputError(f"{work}: is there, and this program did not write it; move it away")
 
 
 if __name__ == "__main__":

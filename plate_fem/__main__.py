@@ -6,8 +6,15 @@ import argparse
 import sys
 from pathlib import Path
 
+from common.command import Parser, listen_for_interrupt, run_command, say
+
+if __name__ == "__main__":
+    listen_for_interrupt()
+
 import numpy as np
 
+from common.files import written_whole
+from common.output_directory import refuse_foreign_file
 from common.plate import read_plate
 from common.tables import InputError, refused_in
 from plate_fem.modes import PlateModes, plate_modes
@@ -15,22 +22,25 @@ from plate_fem.modes import PlateModes, plate_modes
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line and return its exit code: 2, with one line on standard error, for bad input."""
-    options = _parser().parse_args(arguments)
-    try:
-        show_modes(options.scene, options.out)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+    return run_command("plate_fem", lambda: _command(_parser().parse_args(arguments)))
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m plate_fem", description="The plate of a scene.")
+    parser = Parser(prog="python -m plate_fem", description="The plate of a scene.")
     commands = parser.add_subparsers(dest="command", required=True)
     modes = commands.add_parser("modes", help="print the natural frequencies of the scene's plate")
     modes.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
     modes.add_argument("--out", metavar="FILE", type=Path, help="also write the mode shapes to FILE (.vtu)")
     return parser
+
+
+def _command(options: argparse.Namespace) -> int:
+    try:
+        show_modes(options.scene, options.out)
+    except InputError as error:
+        say(str(error))
+        return 2
+    return 0
 
 
 def show_modes(scene: Path, out: Path | None) -> None:
@@ -45,6 +55,8 @@ def show_modes(scene: Path, out: Path | None) -> None:
         raise InputError(f"{scene}: plate.max_frequency_Hz is missing: it must be given to list modes without stones")
     if out is not None and out.suffix != ".vtu":
         raise InputError(f"--out = {out}: the name must end in .vtu")
+    if out is not None:
+        refuse_foreign_file(out, "<VTKFile")
     with refused_in(scene, "plate"):
         modes = plate_modes(plate)
     print(f"# {modes.theory} plate, {len(modes.quad)} cells, mass {modes.mass_kg:.6g} kg")
@@ -63,7 +75,8 @@ def write_shapes(modes: PlateModes, out: Path) -> None:
     shape = modes.shape / abs(modes.shape).max(axis=0)
     columns = zip(modes.frequency_Hz, shape.T, strict=True)
     fields = {f"mode_{j:03d}_{frequency:.1f}_Hz": column for j, (frequency, column) in enumerate(columns, 1)}
-    meshio.Mesh(points, [("quad", modes.quad)], point_data=fields).write(out, file_format="vtu")
+    with written_whole(out) as beside:
+        meshio.Mesh(points, [("quad", modes.quad)], point_data=fields).write(beside, file_format="vtu")
 
 
 if __name__ == "__main__":

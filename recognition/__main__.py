@@ -6,24 +6,36 @@ import argparse
 import sys
 from pathlib import Path
 
+from common.command import Parser, listen_for_interrupt, run_command, say
+
+if __name__ == "__main__":
+    listen_for_interrupt()
+
 from analysis import RecordError, read_sweep
 from analysis.readers import read_table
+from common.output_directory import refuse_foreign_file
+from common.tables import InputError
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
 from recognition.evaluation.cross_validation import write_evaluation
 from recognition.evaluation.dataset import CONDITIONS, read_dataset
 from recognition.evaluation.error_bounds import write_bounds
 from recognition.methods import EVALUATED
-from recognition.models import Model
+from recognition.models import FORMAT, Model
 
 
 def main(argv: list[str] | None = None) -> int:
-    arguments = _parser().parse_args(argv)
+    """Run a command line and return its exit code: 2, with one line on standard error, for bad input, 3 for a record
+    that has no answer to be trusted."""
+    return run_command("recognition", lambda: _command(_parser().parse_args(argv)))
+
+
+def _command(arguments: argparse.Namespace) -> int:
     command = {"fit": fit, "recognise": recognise, "evaluate": evaluate}[arguments.command]
     try:
         return command(arguments) or 0
-    except (RecordError, RecognitionError) as error:
-        print(f"recognition: {error}", file=sys.stderr)
+    except (RecordError, RecognitionError, InputError) as error:
+        say(f"recognition: {error}")
         return 2
 
 
@@ -31,6 +43,9 @@ def fit(arguments: argparse.Namespace) -> None:
     directory, out = Path(arguments.directory), Path(arguments.out)
     if not out.parent.is_dir():
         raise RecognitionError(f"--out {out}: no directory {out.parent}")
+    if arguments.out.endswith("/"):
+        raise RecognitionError(f"--out {arguments.out}: must be the name of a file")
+    refuse_foreign_file(out, FORMAT)
     if any(directory.glob("ratio_*")):
         sweep = read_sweep(directory)
         runs, model = sweep.runs, Model.fit(sweep.runs)
@@ -51,24 +66,25 @@ def fit(arguments: argparse.Namespace) -> None:
 
 
 def recognise(arguments: argparse.Namespace) -> int:
-    """0, or 3 for a record out of distribution."""
+    """0, or 3 without any number where a method finds the record unlike all that it knows."""
     model = Model.load(arguments.model)
     path = Path(arguments.record)
     path = path / "signals.parquet" if path.is_dir() else path
     answers = model.recognise(read_table(path), str(path))
+    if vetoes := model.vetoes(answers):
+        print("OUT OF DISTRIBUTION, no answer can be trusted")
+        for name, reason in vetoes.items():
+            print(f"{name:<26} {reason}")
+        return 3
     best = model.best(answers)
     if best is not None:
         _print_best(*best)
     for name, answer in answers.items():
-        text = answer.reason or f"{100 * answer.ratio:.2f} %"
-        warning = f", not to be trusted: {answer.out_of_distribution}" if answer.out_of_distribution else ""
-        print(f"{name:<26} {text}{warning}")
-    return 3 if best is not None and best[1].out_of_distribution else 0
+        print(f"{name:<26} {answer.reason or f'{100 * answer.ratio:.2f} %'}")
+    return 0
 
 
 def _print_best(name: str, answer: Answer) -> None:
-    if answer.out_of_distribution:
-        print(f"OUT OF DISTRIBUTION, do not trust: {answer.out_of_distribution}")
     print(f"mixing ratio {100 * answer.ratio:.1f} %, 90 % interval {100 * answer.low:.1f} to {100 * answer.high:.1f}, "
           f"by {name}")
 
@@ -78,13 +94,15 @@ def evaluate(arguments: argparse.Namespace) -> None:
     unknown = [name for name in names if name not in EVALUATED]
     if unknown:
         raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(EVALUATED)}")
+    for file, first in (("evaluation.csv", "method,held_out,"), ("bounds.csv", "setting,channels,")):
+        refuse_foreign_file(Path(arguments.directory) / file, first)
     data = read_dataset(arguments.directory)
     print(f"written to {write_evaluation(data, arguments.directory, {name: EVALUATED[name] for name in names})}")
     print(f"what no method can pass: {write_bounds(data, arguments.directory)}")
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="python -m recognition", description="Recognise the gangue mixing ratio."
     )
     commands = parser.add_subparsers(dest="command", required=True)

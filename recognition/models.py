@@ -18,7 +18,8 @@ import pandas as pd
 
 from analysis.features import BASE_PARAMETERS
 from analysis.runs import Run
-from common.files import write_text
+from common.files import is_sealed, seal, write_text
+from common.tables import InputError, refuse_unreadable
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups, Method
@@ -27,7 +28,8 @@ from recognition.methods import METHODS
 from recognition.model_file import decode, encode
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 5
+VERSION = 6
+MOST_BYTES = 1e9
 NOT_APPLICABLE = "not applicable"
 LEAST_DRAWS = 3  # that show what other arrangements and packings do to a record
 
@@ -66,14 +68,19 @@ class Model:
             raise RecognitionError(f"{source}: {'; '.join(reasons)}")
         return answers
 
+    @staticmethod
+    def vetoes(answers: dict[str, Answer]) -> dict[str, str]:
+        """Which methods find the record unlike all that they know, and by which measure. One is enough for no answer to
+        count: what another method makes of such a record may be confident and wrong."""
+        return {name: answer.out_of_distribution for name, answer in answers.items() if answer.out_of_distribution}
+
     def best(self, answers: dict[str, Answer]) -> tuple[str, Answer] | None:
-        """The first method, in the order of the registry, whose answer has an interval and whose model fits the record;
-        else the first with an interval; None if there is none. Some methods are only asked where the model knows
-        several draws."""
+        """The first method, in the order of the registry, whose answer has an interval; None if there is none, or if a
+        method vetoes. Some methods are only asked where the model knows several draws."""
         few = self.provenance["groups"] < LEAST_DRAWS
-        found = [(name, answers[name]) for name, entry in METHODS.items()
-                 if name in answers and answers[name].has_interval and not (few and entry.needs_draws)]
-        return next((one for one in found if one[1].model_fits), found[0] if found else None)
+        found = ((name, answers[name]) for name, entry in METHODS.items()
+                 if name in answers and answers[name].has_interval and not (few and entry.needs_draws))
+        return None if self.vetoes(answers) else next(found, None)
 
     def answers_to(self, features: Callable[[str], Any]) -> dict[str, Answer]:
         """Answer of each method to its features of one record, which `features` gives by the method's name."""
@@ -95,7 +102,7 @@ class Model:
             "parameters": list(BASE_PARAMETERS),
             "methods": {name: encode(method) for name, method in self.methods.items()},
         }
-        write_text(Path(path), json.dumps(data, allow_nan=False, separators=(",", ":")))
+        write_text(Path(path), json.dumps(seal(data), allow_nan=False, separators=(",", ":")))
 
     @classmethod
     def load(cls, path: str | Path) -> Model:
@@ -203,13 +210,18 @@ def _fitting_numbers() -> Iterator[None]:
 def _read(path: Path) -> dict[str, Any]:
     """The content of a model file of this version."""
     try:
+        refuse_unreadable(path, MOST_BYTES)
         data = json.loads(path.read_text())
+    except InputError as error:
+        raise RecognitionError(str(error)) from None
     except (OSError, ValueError, RecursionError) as error:
         raise RecognitionError(f"{path}: not a readable model ({error})") from None
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise RecognitionError(f"{path}: format is not {FORMAT!r}")
     if data.get("version") != VERSION:
         raise RecognitionError(f"{path}: version = {data.get('version')!r}; this program reads {VERSION}")
+    if not is_sealed(data):
+        raise RecognitionError(f"{path}: damaged or changed by hand: its contents do not have the hash that it names")
     if data.get("parameters") != list(BASE_PARAMETERS):
         raise RecognitionError(f"{path}: parameters differ from this program's {', '.join(BASE_PARAMETERS)}")
     return data

@@ -9,22 +9,21 @@ from __future__ import annotations
 import argparse
 import sys
 
+from common.command import Parser, listen_for_interrupt, run_command, say
+
+if __name__ == "__main__":
+    listen_for_interrupt()
+
 from common.tables import InputError
 
 
 def main(argv: list[str] | None = None) -> int:
-    directory = _parser().parse_args(argv).directory
-    try:
-        return _report(directory)
-    except KeyboardInterrupt:
-        print("report: interrupted; no file is half written", file=sys.stderr)
-        return 130
+    """Run a command line and return its exit code."""
+    return run_command("report", lambda: _report(_parser().parse_args(argv).directory))
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m report", description="Write report.html and claims.csv into a directory of runs."
-    )
+    parser = Parser(prog="python -m report", description="Write report.html and claims.csv into a directory of runs.")
     parser.add_argument("directory", help="directory of runs ratio_*")
     return parser
 
@@ -36,11 +35,8 @@ def _report(directory: str) -> int:
     try:
         print(f"report written to {write_report(directory)}")
     except (InputError, *MISSING_RESULT) as error:
-        print(f"report: {error}", file=sys.stderr)
+        say(f"report: {error}")
         return 2
-    except OSError as error:
-        print(f"report: {error}", file=sys.stderr)
-        return 1
     return 0
 
 

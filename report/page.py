@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 
 from analysis import Sweep, read_sweep
 from common.files import write_text
+from common.output_directory import refuse_foreign_file
 from common.resources import resource
 from report import tables
 from report.chapters.breakage import BREAKAGE_FIGURES
@@ -27,6 +30,7 @@ from report.claims.signals import SIGNAL_STATEMENTS
 from report.claims.theory import THEORY_STATEMENTS
 from report.claims.trends import falling_steps, spearman
 from report.claims.verdicts import VERDICTS, Claim, check_statements, to_csv
+from report.results.missing import MISSING_RESULT
 from report.results.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
 
@@ -88,9 +92,11 @@ def write_report(directory: str | Path) -> Path:
     Returns the path of the report. Raises RecordError or RecognitionError, with a message of one line, where the runs
     cannot be used, and OSError where the files cannot be written.
     """
+    file = Path(directory) / "report.html"
+    refuse_foreign_file(file, "<title>Coal and gangue")
+    refuse_foreign_file(file.with_name("claims.csv"), "claim,where,verdict")
     results = SweepResults(read_sweep(directory))
     claims = check_statements(results, STATEMENTS)
-    file = Path(directory) / "report.html"
     write_text(file.with_name("claims.csv"), to_csv(claims))
     write_text(file, render(results, claims))
     return file
@@ -127,20 +133,24 @@ def finish_chapter(
 
 
 def rises(results: SweepResults) -> list[Rise]:
-    """Return whether the three main quantities rise with the ratio; nothing for a single run."""
+    """Return whether the three main quantities rise with the ratio, as far as the runs have them; nothing for a single
+    run."""
     if len(results.runs) < 2:
         return []
-    peaks = results.response.peaks
-    quantities = [
-        ("peak total force", 1e-3 * peaks["force_N"], "kN"),
-        ("peak kinetic energy of the plate", peaks["kinetic_J"], "J"),
-        ("RMS of the plate's acceleration", results.signals.parameters["rms"], "m/s²"),
+    quantities: list[tuple[str, Callable[[], np.ndarray], str]] = [
+        ("peak total force", lambda: 1e-3 * results.sweep.peaks("force_N"), "kN"),
+        ("peak kinetic energy of the plate", lambda: results.response.peaks["kinetic_J"], "J"),
+        ("RMS of the plate's acceleration", lambda: results.signals.parameters["rms"], "m/s²"),
     ]
-    return [
-        Rise(name, spearman(results.ratios, values), falling_steps(results.ratios, values), f"{values[0]:.4g}",
-             f"{values[-1]:.4g} {unit}")
-        for name, values, unit in quantities
-    ]  # fmt: skip
+    found = []
+    for name, values_of, unit in quantities:
+        try:
+            values = values_of()
+        except MISSING_RESULT:
+            continue
+        found.append(Rise(name, spearman(results.ratios, values), falling_steps(results.ratios, values),
+                          f"{values[0]:.4g}", f"{values[-1]:.4g} {unit}"))
+    return found
 
 
 def assumptions(sweep: Sweep) -> list[str]:

@@ -16,8 +16,11 @@ from __future__ import annotations
 
 import itertools
 import logging
+import os
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -27,6 +30,7 @@ import pandas as pd
 from pydantic import Field
 
 from common.files import written_whole
+from common.output_directory import at_work_in
 from common.resources import resource
 from common.scene import changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Table, check, inline_toml, read_toml
@@ -104,11 +108,25 @@ def campaign(file: Path, out: Path, jobs: int, profile: str | None) -> int:
         raise InputError("snakemake is not installed; `make campaign` or pip install '.[campaign]' does it")
     check_engine()
     scene_file, runs = plan_campaign(file)
-    write_campaign_runs(runs, out)
-    done = sum((out / run.directory / "run.json").exists() for run in runs)
-    _log.info("%s: %d runs, %d to run", file, len(runs), len(runs) - done)
-    chosen = WORKFLOW / "profiles" / profile if profile and (WORKFLOW / "profiles" / profile).is_dir() else profile
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(WORKFLOW / "Snakefile"), "--directory", str(out),
-               "--config", f"scene={scene_file.resolve()}", f"python={sys.executable}", "--jobs", str(jobs),
-               "--profile", str(chosen or WORKFLOW / "profiles" / "local")]
-    return subprocess.run(command, check=False).returncode
+    with at_work_in(out, "campaign"):
+        write_campaign_runs(runs, out)
+        done = sum((out / run.directory / "run.json").exists() for run in runs)
+        _log.info("%s: %d runs, %d to run", file, len(runs), len(runs) - done)
+        chosen = WORKFLOW / "profiles" / profile if profile and (WORKFLOW / "profiles" / profile).is_dir() else profile
+        return _run_until_done(
+            [sys.executable, "-m", "snakemake", "--snakefile", str(WORKFLOW / "Snakefile"), "--directory", str(out),
+             "--config", f"scene={scene_file.resolve()}", f"python={sys.executable}", "--jobs", str(jobs),
+             "--profile", str(chosen or WORKFLOW / "profiles" / "local")])
+
+
+def _run_until_done(command: list[str]) -> int:
+    """Exit code of a command, in a process group of its own, which on Ctrl-C is asked to stop and then made to."""
+    process = subprocess.Popen(command, process_group=0)
+    try:
+        return process.wait()
+    except BaseException:
+        for number, patience_s in ((signal.SIGINT, 2.0), (signal.SIGKILL, None)):
+            with suppress(ProcessLookupError, subprocess.TimeoutExpired):
+                os.killpg(process.pid, number)
+                process.wait(patience_s)
+        raise

@@ -8,6 +8,7 @@ the group's number alone, so that more groups or other families leave the rest a
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import shutil
 import time
 import zlib
@@ -19,10 +20,13 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from common.scene import NotNegative, Positive, Scene, changed_scene, ratio_name
+from common.output_directory import at_work_in
+from common.scene import NotNegative, Positive, Scene, changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Refused, Table, check, read_toml
+from dem.batch.children import ignore_interrupt
 from dem.batch.sweep import is_finished
 from dem.coupling.launch import check_engine
+from dem.run.directory import RunDirectory
 from dem.run.errors import RunError
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
@@ -146,16 +150,25 @@ def _ratios(name: str, family: Family, count: int, group: int, seed: int) -> lis
     return sorted({int((start + j * size // wanted) % size) / count for j in range(wanted)})
 
 
-def build(plan_file: Path, out: Path, jobs: int) -> int:
-    """Run what is missing, `jobs` at a time; returns an exit code. Raises InputError for bad input."""
+def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int:
+    """Run what is missing, `jobs` at a time; returns an exit code. Runs of another scene are replaced with `overwrite`
+    only. Raises InputError for bad input, Busy where another process is at work."""
     check_engine()
     planned = plan_dataset(plan_file)
-    missing = [run for run in planned if not is_finished(out / run.directory, run.scene)]
-    _log.info("%s: %d runs, %d to run", plan_file, len(planned), len(missing))
+    with at_work_in(out, "dataset"):
+        missing = [run for run in planned if not is_finished(out / run.directory, run.scene)]
+        for run in missing:
+            RunDirectory(out / run.directory).refuse(scene_hash(run.scene), overwrite)
+        _log.info("%s: %d runs, %d to run", plan_file, len(planned), len(missing))
+        return 1 if _run_missing(missing, out, jobs, overwrite) else 0
+
+
+def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: bool) -> int:
+    """Returns how many failed. The processes at work end with this one, and if this ends early."""
     start, failed = time.monotonic(), 0
-    with ProcessPoolExecutor(jobs) as pool:
+    with ProcessPoolExecutor(jobs, initializer=ignore_interrupt) as pool:
         try:
-            running = {pool.submit(run_one, run, out): run for run in missing}
+            running = {pool.submit(run_one, run, out, overwrite): run for run in missing}
             for number, done in enumerate(as_completed(running), 1):
                 text, ok = done.result()
                 failed += not ok
@@ -163,17 +176,19 @@ def build(plan_file: Path, out: Path, jobs: int) -> int:
                 _log.info("%d of %d, left %.0f min: %s: %s", number, len(missing), left_min,
                           running[done].directory, text)
         except BaseException:
-            pool.shutdown(cancel_futures=True)
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                process.kill()
             raise
-    return 1 if failed else 0
+    return failed
 
 
-def run_one(planned: DatasetRun, out: Path) -> tuple[str, bool]:
+def run_one(planned: DatasetRun, out: Path, overwrite: bool = False) -> tuple[str, bool]:
     """Make one run. Returns a line about it, and whether it finished."""
     directory, cache = out / planned.directory, out / ".modes"
     try:
         prepared = prepare(planned.scene, planned.source, cache)
-        summary = run_prepared(prepared, directory)
+        summary = run_prepared(prepared, directory, overwrite=overwrite)
     except (InputError, RunError) as error:
         return str(error), False
     for name in NOT_KEPT:

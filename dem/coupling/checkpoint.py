@@ -1,16 +1,20 @@
 """The state of a run on disk, from which it goes on after it was stopped or killed (docs/runs.md).
 
 A checkpoint has two halves, one of each program, in `deck/checkpoint`: `engine_STEP.checkpoint`, written by the engine
-(dem/engine/fix_checkpoint.h), and `plate_STEP.npz`, written here when the engine says that its half is on disk. Each
-file appears whole or not at all. A checkpoint counts when all its halves are there; a rigid plate has none.
+(dem/engine/fix_checkpoint.h), and `plate_STEP.checkpoint`, written here when the engine says that its half is on disk.
+Each file appears whole or not at all and carries its length and CRC-32; the engine's half has those of the streams, the
+files that the engine appends to, as well. A checkpoint counts when all of that is as it was written. A rigid plate has
+no half.
 """
 
 from __future__ import annotations
 
+import io
 import re
 import struct
 import zipfile
 import zlib
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +22,11 @@ import numpy as np
 from common.files import written_whole
 from common.tables import InputError
 
-ENGINE_HEADER = struct.Struct("<8sqqq")  # magic, version, bytes that follow, their CRC-32
-ENGINE_MAGIC, ENGINE_VERSION = b"CGISTATE", 1
+HEADER = struct.Struct("<8sqqq")  # magic, version, bytes that follow, their CRC-32
+BLOCK = struct.Struct("<32sq")  # of an engine's file: name, count of the numbers that follow
+ENGINE, PLATE = b"CGISTATE", b"CGIPLATE"
+VERSION = {ENGINE: 2, PLATE: 1}
+KEPT = 2  # checkpoints: the one before the last is there for when the last is damaged
 
 State = dict[str, np.ndarray]
 
@@ -31,42 +38,99 @@ def engine_file(directory: Path, step: int) -> Path:
 
 def plate_file(directory: Path, step: int) -> Path:
     """The plate's half of the checkpoint at DEM step `step`."""
-    return directory / f"plate_{step}.npz"
+    return directory / f"plate_{step}.checkpoint"
+
+
+def steps_of(directory: Path, half: str = "engine") -> list[int]:
+    """The DEM steps of which there is a half of a checkpoint, the last one first."""
+    found = (re.fullmatch(rf"{half}_(\d+)\.checkpoint", file.name) for file in directory.glob(f"{half}_*.checkpoint"))
+    return sorted((int(match[1]) for match in found if match), reverse=True)
 
 
 def latest(directory: Path, flexible: bool) -> int:
-    """The DEM step of the last whole checkpoint, 0 if there is none. That of a `flexible` plate has two halves."""
-    steps = [int(found[1]) for file in directory.glob("engine_*.checkpoint")
-             if (found := re.fullmatch(r"engine_(\d+)\.checkpoint", file.name))]
-    return max((step for step in steps if not flexible or plate_file(directory, step).exists()), default=0)
+    """The DEM step of the last checkpoint, whole or damaged, 0 if there is none. That of a `flexible` plate has two
+    halves."""
+    return next((step for step in steps_of(directory) if not flexible or plate_file(directory, step).exists()), 0)
 
 
-def check_engine_file(file: Path) -> None:
-    """Raises InputError for a file that is cut off, damaged or none of the engine's."""
+def last_whole(deck: Path, streams: Sequence[str], flexible: bool, note: Callable[[str], None]) -> int:
+    """The DEM step of the last checkpoint that is as it was written, with the streams as far as they went then; 0 if
+    there is none. `note` is called with one line for each damage found. All other checkpoints are removed, so that
+    none is gone on from later."""
+    directory, chosen = deck / "checkpoint", 0
+    for step in steps_of(directory):
+        if chosen:
+            break
+        if flexible and not plate_file(directory, step).exists():
+            continue  # killed between the two halves
+        try:
+            check_streams(deck, streams, read_checked(engine_file(directory, step), ENGINE))
+            if flexible:
+                read_plate_state(plate_file(directory, step))
+            chosen = step
+        except (InputError, OSError) as damage:
+            note(f"the checkpoint of step {step} is passed over: {damage}")
+    for half, name in (("engine", engine_file), ("plate", plate_file)):
+        for step in set(steps_of(directory, half)) - {chosen}:
+            name(directory, step).unlink()
+    return chosen
+
+
+def read_checked(file: Path, magic: bytes) -> bytes:
+    """What follows the header of a file of checkpoints. Raises InputError for a file that is cut off, damaged or
+    another."""
     data = file.read_bytes()
-    if len(data) < ENGINE_HEADER.size or data[:8] != ENGINE_MAGIC:
-        raise InputError(f"{file}: not a checkpoint of the engine; allowed is what the engine wrote")
-    _, version, size, crc = ENGINE_HEADER.unpack_from(data)
-    if version != ENGINE_VERSION:
-        raise InputError(f"{file}: a checkpoint of version {version}; allowed is {ENGINE_VERSION}")
-    if len(data) != ENGINE_HEADER.size + size or zlib.crc32(data[ENGINE_HEADER.size:]) != crc:
-        raise InputError(f"{file}: cut off or damaged; allowed is what the engine wrote")
+    if len(data) < HEADER.size or data[:8] != magic:
+        raise InputError(f"{file}: not a checkpoint of this program")
+    _, version, size, crc = HEADER.unpack_from(data)
+    if version != VERSION[magic]:
+        raise InputError(f"{file}: a checkpoint of version {version}; allowed is {VERSION[magic]}")
+    if len(data) != HEADER.size + size or zlib.crc32(data[HEADER.size:]) != crc:
+        raise InputError(f"{file}: cut off or damaged")
+    return data[HEADER.size:]
+
+
+def check_streams(deck: Path, streams: Sequence[str], engine_state: bytes) -> None:
+    """Raises InputError if a stream is not, as far as it went at the checkpoint, what the engine had written."""
+    name, count = BLOCK.unpack_from(engine_state)
+    kept = np.frombuffer(engine_state, "<f8", count, BLOCK.size).reshape(-1, 2) if count else np.empty((0, 2))
+    if name.rstrip(b"\0") != b"streams" or len(kept) != len(streams):
+        raise InputError(f"{deck}: the checkpoint is of another deck")
+    for stream, (length, crc) in zip(streams, kept, strict=True):
+        if crc_of_beginning(deck / stream, int(length)) != int(crc):
+            raise InputError(f"{deck / stream}: cut off or damaged")
+
+
+def crc_of_beginning(file: Path, length: int) -> int | None:
+    """CRC-32 of the first `length` bytes of a file; None if it is shorter."""
+    if length == 0:
+        return 0
+    crc, left = 0, length
+    try:
+        with open(file, "rb") as opened:
+            while left and (block := opened.read(min(left, 1 << 20))):
+                crc, left = zlib.crc32(block, crc), left - len(block)
+    except FileNotFoundError:
+        return None
+    return None if left else crc
 
 
 def write_plate_state(directory: Path, step: int, state: State) -> None:
-    """Write the plate's half of the checkpoint at DEM step `step`, and remove its earlier halves."""
-    file = plate_file(directory, step)
-    with written_whole(file) as beside, open(beside, "wb") as out:  # savez would add .npz to a name
-        np.savez(out, allow_pickle=False, **state)
-    for earlier in directory.glob("plate_*.npz"):
-        if earlier != file:
-            earlier.unlink()
+    """Write the plate's half of the checkpoint at DEM step `step`, and remove its halves but the last ones."""
+    packed = io.BytesIO()
+    np.savez(packed, allow_pickle=False, **state)
+    data = packed.getvalue()
+    with written_whole(plate_file(directory, step)) as beside:
+        beside.write_bytes(HEADER.pack(PLATE, VERSION[PLATE], len(data), zlib.crc32(data)) + data)
+    for earlier in steps_of(directory, "plate")[KEPT:]:
+        plate_file(directory, earlier).unlink()
 
 
 def read_plate_state(file: Path) -> State:
     """Return the state of a plate. Raises InputError for a file that is cut off, damaged or something else."""
+    data = read_checked(file, PLATE)
     try:
-        with np.load(file, allow_pickle=False) as stored:
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
             return {name: stored[name] for name in stored.files}
     except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"{file}: cut off, damaged or not the state of a plate ({error})") from None
+        raise InputError(f"{file}: not the state of a plate ({error})") from None

@@ -61,7 +61,9 @@ def die_with_parent(by: int = signal.SIGKILL) -> None:
 
 
 def _before_engine() -> None:
-    """The engine dies with this process, and a signal to stop that comes before it listens waits until it does."""
+    """The engine dies with this process, and a signal to stop that comes before it listens waits until it does. Ctrl-C
+    on a terminal, which reaches it too, is this process's to answer."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
 

@@ -21,12 +21,8 @@ namespace LAMMPS_NS {
 namespace {
 
 const char MAGIC[9] = "CGISTATE";
-const int64_t VERSION = 1;
+const int64_t VERSION = 2;
 const size_t NAME = 32;
-
-int64_t crc_of(const std::string &bytes) {
-  return crc32_z(0, reinterpret_cast<const Bytef *>(bytes.data()), bytes.size());
-}
 
 struct Header {
   char magic[8];
@@ -44,6 +40,10 @@ bool write_all(int out, const char *data, size_t size) {
 }
 
 }  // namespace
+
+uint32_t crc_of(const char *bytes, size_t size, uint32_t crc_before) {
+  return crc32_z(crc_before, reinterpret_cast<const Bytef *>(bytes), size);
+}
 
 void CheckpointWriter::common(const std::string &name, const std::vector<double> &values) {
   char fixed[NAME] = {};
@@ -76,7 +76,7 @@ void CheckpointWriter::write(const std::string &file) {
   std::memcpy(header.magic, MAGIC, 8);
   header.version = VERSION;
   header.bytes = blocks_.size();
-  header.crc = crc_of(blocks_);
+  header.crc = crc_of(blocks_.data(), blocks_.size());
   const std::string beside = file + ".part";
   const int out = open(beside.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
   const bool written = out >= 0 && write_all(out, reinterpret_cast<const char *>(&header), sizeof header) &&
@@ -102,7 +102,7 @@ CheckpointReader::CheckpointReader(LAMMPS *lmp, const std::string &file) : lmp_(
     data.resize(header.bytes);
     const size_t got = std::fread(&data[0], 1, data.size(), in);
     std::fclose(in);
-    if (got != data.size() || crc_of(data) != header.crc) fail("cut off or damaged");
+    if (got != data.size() || crc_of(data.data(), data.size()) != header.crc) fail("cut off or damaged");
   }
   MPI_Bcast(&header, sizeof header, MPI_BYTE, 0, lmp->world);
   data.resize(header.bytes);

@@ -1,4 +1,6 @@
 #pragma once
+#include <cstddef>
+#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
@@ -12,7 +14,10 @@ class LAMMPS;
 //   char magic[8], int64 version, int64 bytes of what follows the CRC, int64 CRC-32 of it (that of zlib)
 //   then each block: char name[32], int64 count, double[count]
 //
-// dem/coupling/checkpoint.py checks the same four numbers.
+// The first block is "streams": of each stream, which is a file that the run appends to, the length and the CRC-32 of
+// what it held then. dem/coupling/checkpoint.py checks all of these before a run is resumed.
+uint32_t crc_of(const char *bytes, size_t size, uint32_t crc_before = 0);
+
 class CheckpointWriter {
  public:
   explicit CheckpointWriter(LAMMPS *lmp) : lmp_(lmp) {}
@@ -20,6 +25,7 @@ class CheckpointWriter {
   void common(const std::string &name, const std::vector<double> &values);  // the same on all ranks
   void sum(const std::string &name, const std::vector<double> &mine);       // over the ranks
   void rows(const std::string &name, const std::vector<double> &mine);      // of all ranks, one after the other
+  void append(const CheckpointWriter &other) { blocks_ += other.blocks_; }
   // Writes another file first and renames it, so that `file` is whole or as it was before.
   void write(const std::string &file);
 

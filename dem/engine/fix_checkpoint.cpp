@@ -48,7 +48,7 @@ FixCheckpoint::FixCheckpoint(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
     else if (key == "directory") directory_ = arg[k + 1];
     else if (key == "resume") resume_step = std::atoll(arg[k + 1]);
     else if (key == "streams") {
-      streams_.assign(arg + k + 1, arg + narg);
+      for (int n = k + 1; n < narg; n++) streams_.push_back({arg[n]});
       break;
     } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
   }
@@ -113,16 +113,24 @@ bool FixCheckpoint::due(bool stop) {
 /* --- taking one ---------------------------------------------------------------------------------------------- */
 
 void FixCheckpoint::save() {
-  CheckpointWriter out(lmp);
-  save_atoms(out);
-  save_contacts(out);
-  for (Checkpointed *one : others()) one->save(out);  // these flush their streams
+  CheckpointWriter body(lmp), out(lmp);
+  save_atoms(body);
+  save_contacts(body);
+  for (Checkpointed *one : others()) one->save(body);  // these flush their streams
   save_streams(out);
+  out.append(body);
   out.write(file(update->ntimestep));
   for (Checkpointed *one : others()) one->saved(update->ntimestep);
-  // Only now is the new one whole, with what other programs keep beside it.
-  if (comm->me == 0 && last_saved_) unlink(file(last_saved_).c_str());
-  last_saved_ = update->ntimestep;
+  saved_.push_back(update->ntimestep);
+  keep_two();
+}
+
+// Only when the new one is whole, with what other programs keep beside it.
+void FixCheckpoint::keep_two() {
+  while (saved_.size() > 2) {
+    if (comm->me == 0) unlink(file(saved_.front()).c_str());
+    saved_.erase(saved_.begin());
+  }
 }
 
 void FixCheckpoint::save_atoms(CheckpointWriter &out) {
@@ -156,25 +164,37 @@ void FixCheckpoint::save_contacts(CheckpointWriter &out) {
 }
 
 void FixCheckpoint::save_streams(CheckpointWriter &out) {
-  std::vector<double> length(streams_.size(), 0.0);
+  std::vector<double> rows(2 * streams_.size(), 0.0);
   if (comm->me == 0)
     for (size_t k = 0; k < streams_.size(); k++) {
-      const int stream = open(streams_[k].c_str(), O_RDONLY);
-      if (stream < 0) continue;  // not begun yet
-      struct stat status;
-      if (fstat(stream, &status) != 0 || fsync(stream) != 0)
-        error->one(FLERR, ("cannot write " + streams_[k] + ": " + std::strerror(errno)).c_str());
-      close(stream);
-      length[k] = status.st_size;
+      Stream &stream = streams_[k];
+      const int descriptor = open(stream.file.c_str(), O_RDONLY);
+      if (descriptor < 0) continue;  // not begun yet
+      read_on(stream, descriptor);
+      close(descriptor);
+      rows[2 * k] = static_cast<double>(stream.length);
+      rows[2 * k + 1] = stream.crc;
     }
-  out.common("streams", length);
+  out.common("streams", rows);
+}
+
+// What was read for the last checkpoint is not read again: a run only appends.
+void FixCheckpoint::read_on(Stream &stream, int descriptor) {
+  std::vector<char> block(1 << 20);
+  ssize_t some = fsync(descriptor);
+  if (some == 0)
+    while ((some = pread(descriptor, block.data(), block.size(), stream.length)) > 0) {
+      stream.crc = crc_of(block.data(), some, stream.crc);
+      stream.length += some;
+    }
+  if (some < 0) error->one(FLERR, ("cannot write or read " + stream.file + ": " + std::strerror(errno)).c_str());
 }
 
 /* --- resuming a run ----------------------------------------------------------------------------------------- */
 
 void FixCheckpoint::resume(long long step) {
   resumed_ = std::make_unique<CheckpointReader>(lmp, file(step));
-  last_saved_ = step;
+  saved_ = {step};
   update->ntimestep = step;
   const std::vector<double> &rows = resumed_->rows("atoms", ATOM_COLUMNS);
   if (comm->nprocs == 1) put_in_order(rows);
@@ -187,16 +207,23 @@ void FixCheckpoint::resume(long long step) {
     std::copy_n(&rows[k + 4], 3, atom->v[i]);
     std::copy_n(&rows[k + 7], 3, atom->omega[i]);
   }
-  const std::vector<double> &length = resumed_->common("streams", streams_.size());
+  cut_streams();
+}
+
+void FixCheckpoint::cut_streams() {
+  const std::vector<double> &rows = resumed_->common("streams", 2 * streams_.size());
   if (comm->me != 0) return;
   for (size_t k = 0; k < streams_.size(); k++) {
+    Stream &stream = streams_[k];
+    stream.length = static_cast<long long>(rows[2 * k]);
+    stream.crc = static_cast<uint32_t>(rows[2 * k + 1]);
     struct stat status;
-    const bool there = stat(streams_[k].c_str(), &status) == 0;
-    if (!there && length[k] == 0) continue;
-    if (!there || status.st_size < length[k])
-      error->one(FLERR, (streams_[k] + ": shorter than at the checkpoint").c_str());
-    if (truncate(streams_[k].c_str(), static_cast<off_t>(length[k])) != 0)
-      error->one(FLERR, ("cannot cut " + streams_[k] + ": " + std::strerror(errno)).c_str());
+    const bool there = stat(stream.file.c_str(), &status) == 0;
+    if (!there && stream.length == 0) continue;
+    if (!there || status.st_size < stream.length)
+      error->one(FLERR, (stream.file + ": shorter than at the checkpoint").c_str());
+    if (truncate(stream.file.c_str(), static_cast<off_t>(stream.length)) != 0)
+      error->one(FLERR, ("cannot cut " + stream.file + ": " + std::strerror(errno)).c_str());
   }
 }
 

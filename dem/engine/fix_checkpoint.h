@@ -1,4 +1,5 @@
 #pragma once
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,7 +18,8 @@ namespace LAMMPS_NS {
 // where the run then ends.
 //
 // STEP > 0 resumes the run at DIR/engine_STEP.checkpoint. The streams, which are the files that the run appends to,
-// are cut back to their length at that step. The set-up of LIGGGHTS computes forces from velocities half a step too
+// are cut back to their length at that step, and who starts the engine has checked what they hold until there. The last
+// two checkpoints stay on disk. The set-up of LIGGGHTS computes forces from velocities half a step too
 // late and advances contacts a second time; when it has finished they are put back as they were.
 class FixCheckpoint : public Fix {
  public:
@@ -36,9 +38,14 @@ class FixCheckpoint : public Fix {
 
  private:
   std::string directory_;
-  std::vector<std::string> streams_;
+  struct Stream {  // length and CRC-32 of what the last checkpoint found in the file
+    std::string file;
+    long long length = 0;
+    uint32_t crc = 0;
+  };
+  std::vector<Stream> streams_;
   std::unique_ptr<CheckpointReader> resumed_;
-  long long last_saved_ = 0;
+  std::vector<long long> saved_;  // steps of the checkpoints on disk, the latest last
   double next_time_ = 0;  // s, of MPI_Wtime
 
   bool due(bool stop);
@@ -48,6 +55,9 @@ class FixCheckpoint : public Fix {
   void save_atoms(CheckpointWriter &);
   void save_contacts(CheckpointWriter &);
   void save_streams(CheckpointWriter &);
+  void read_on(Stream &, int descriptor);
+  void cut_streams();
+  void keep_two();
   void resume(long long step);
   void put_in_order(const std::vector<double> &rows);
   void restore_forces();

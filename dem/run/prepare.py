@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from pathlib import Path
 
 from common.scene import Scene, scene_hash
 from common.tables import refused_in
+from dem.deck.plausible import warnings_of
 from dem.deck.time_step import TimeStep, plate_mobility_1_kg, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import with_tolerance
 from dem.stones.arrangement import Arrangement, arrange
@@ -48,6 +50,7 @@ class PreparedRun:
     step: TimeStep
     modes: PlateModes | None
     stages: Stages
+    warnings: list[str] = field(default_factory=list)  # dem/deck/plausible.py
 
     @property
     def flexible(self) -> bool:
@@ -61,7 +64,9 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     `source` is the scene's file, for messages; `cache` a directory that keeps the plate's modes. What can be refused
     without the plate is refused before its modes are sought. Raises InputError before anything is written.
     """
-    stages = Stages()
+    stages, warnings = Stages(), warnings_of(scene)
+    for line in warnings:
+        print(f"warning: {source}: {line}", file=sys.stderr)
     arrangement = arrange(scene, source)
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
@@ -78,4 +83,5 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
                 modes = plate_modes(plate, cache, arrangement.position_m)
         mobility = plate_mobility_1_kg(modes, arrangement.position_m)
     step = time_step(scene, limits, source, mobility)
-    return PreparedRun(source, scene, resolved, scene_hash(scene), arrangement, assembly, step, modes, stages)
+    return PreparedRun(source, scene, resolved, scene_hash(scene), arrangement, assembly, step, modes, stages,
+                       warnings)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from common.parquet import write_parquet
 from common.plate import FlexiblePlate
 from common.scene import Scene
 from dem.coupling.participant import PlateStates
@@ -128,9 +129,9 @@ def fast_stream(step: TimeStep, forces: tuple[np.ndarray, np.ndarray], plate_sig
 
 def write_streams(directory: Path, fast: pd.DataFrame, step: TimeStep) -> pd.DataFrame:
     """Write fast.parquet and its rows at the samples, signals.parquet. Returns the latter."""
-    fast.to_parquet(directory / "fast.parquet", index=False)
+    write_parquet(fast, directory / "fast.parquet")
     signals = fast.iloc[:: step.sample_steps // step.fast_steps].reset_index(drop=True)
-    signals.to_parquet(directory / "signals.parquet", index=False)
+    write_parquet(signals, directory / "signals.parquet")
     return signals
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from common.parquet import write_parquet
 from common.plate import FlexiblePlate
 from common.run_summary import RecordedScene, YieldReport
 from common.scene import Scene
@@ -54,16 +55,16 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> 
     forces = read_forces(deck / "forces.bin", n)
     fast = fast_stream(step, forces, plate.signals(range(0, step.steps + 1, step.fast_steps)))
     signals = write_streams(directory, fast, step)
-    events.to_parquet(directory / "breakage.parquet", index=False)
+    write_parquet(events, directory / "breakage.parquet")
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
-    contacts.to_parquet(directory / "contacts.parquet", index=False)
+    write_parquet(contacts, directory / "contacts.parquet")
     if scene.output.view_interval_s is not None:
         write_view(directory, prepared, events, contacts, plate.meshes)
     ledger = read_ledger(deck / "ledger.bin", n)
     mass = np.bincount(assembly.agglomerate, assembly.mass_kg)
     height = np.bincount(assembly.agglomerate, assembly.mass_kg * assembly.center_m[:, 2])
     parts = stone_energies(ledger, scene.time.gravity_m_s2, height)
-    energy_table(parts, ledger.step * step.dt_s).to_parquet(directory / "energy.parquet", index=False)
+    write_parquet(energy_table(parts, ledger.step * step.dt_s), directory / "energy.parquet")
     energy = energy_ledger(parts, plate.energy(), 0.5 * mass * scene.stones.speed_m_s**2)
     check_closure(energy)
     return Results(events, fast, signals, forces[1], ledger, mass, energy)
@@ -82,6 +83,7 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "scene": RecordedScene.model_validate(scene.model_dump(mode="json")),
         "scene_hash": prepared.scene_hash,
         "assumptions": list(scene.assumptions),
+        "warnings": prepared.warnings,
         "gangue_ratio": scene.stones.gangue_ratio,
         "materials": prepared.arrangement.material,
         "versions": versions(),

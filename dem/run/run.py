@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -11,15 +12,16 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from common.output_directory import Busy, refuse_place
 from common.run_summary import RunSummary, read_summary, write_summary
-from common.scene import Scene, read_scene
+from common.scene import Scene, read_scene, scene_hash
 from common.tables import InputError
-from dem.coupling.checkpoint import check_engine_file, engine_file, latest
+from dem.coupling.checkpoint import last_whole
 from dem.coupling.launch import ENGINE, check_engine
 from dem.coupling.messages import CouplingError
 from dem.coupling.monitor import Unstable
 from dem.deck.render import streams, write_deck
-from dem.run.directory import SUFFIX, Busy, Identity, RunDirectory
+from dem.run.directory import STARTED, SUFFIX, Identity, RunDirectory, fingerprint
 from dem.run.errors import RunError
 from dem.run.participants import participant_of
 from dem.run.prepare import PreparedRun, prepare
@@ -37,6 +39,7 @@ def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None,
 def resume(directory: Path, show_progress: bool = True, walltime_s: float | None = None) -> dict[str, Any]:
     """Go on with the run that was to become `directory` (its name, or that with .partial), see `run_scene`. A run that
     is finished is left alone. Raises InputError if there is nothing to go on with."""
+    refuse_place(directory)
     out = directory.with_name(directory.name.removesuffix(SUFFIX))
     work = RunDirectory(out)
     started = work.started()
@@ -53,24 +56,29 @@ def resume(directory: Path, show_progress: bool = True, walltime_s: float | None
     return run_scene(scene, source, out, show_progress, walltime_s)
 
 
-def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False,
-              walltime_s: float | None = None) -> dict[str, Any]:
+def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False, walltime_s: float | None = None,
+              overwrite: bool = False) -> dict[str, Any]:
     """Run a scene and leave `out` whole: it is written beside and renamed at the end. Returns what run.json says.
 
     A run that was stopped or killed goes on from its last checkpoint. After `walltime_s` it is asked to take one and
-    stop. Raises InputError for bad input, Stopped after that time, RunError if the run could not be finished.
+    stop. What is at `out` must be of this scene, or with `overwrite` of any. Raises InputError for bad input, Stopped
+    after that time, RunError if the run could not be finished.
     """
     check_engine()
     stop_at = None if walltime_s is None else time.monotonic() + walltime_s
-    return run_prepared(prepare(scene, source, out.parent / ".modes"), out, show_progress, stop_at)
+    refuse_place(out)
+    RunDirectory(out).refuse(scene_hash(scene), overwrite)
+    return run_prepared(prepare(scene, source, out.parent / ".modes"), out, show_progress, stop_at, overwrite)
 
 
 def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
-                 stop_at: float | None = None) -> dict[str, Any]:
+                 stop_at: float | None = None, overwrite: bool = False) -> dict[str, Any]:
     """Run what `prepare` made ready, or that with, say, another plate's modes. `stop_at` is a time of `time.monotonic`,
     see `run_scene`."""
     prepared = replace(prepared, stages=prepared.stages.copy())
+    refuse_place(out)
     work = RunDirectory(out)
+    work.refuse(prepared.scene_hash, overwrite)
     try:
         with work.claimed() as lock:
             identity, step = _take_up(work, prepared)
@@ -79,6 +87,7 @@ def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
                 start = EngineStart(work.path / "deck", step, lock, stop_at)
                 summary = _run_in(work, identity["deck"], start, prepared, show_progress)
                 write_summary(work.path / "run.json", summary)
+                work.note_finished()
             _remove_working_files(work.path / "deck", prepared)
             work.publish()
             return summary.as_json()
@@ -97,23 +106,40 @@ def _take_up(work: RunDirectory, prepared: PreparedRun) -> tuple[Identity, int]:
     with prepared.stages("deck"):
         deck_hash = write_deck(fresh, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
     identity = _identity(prepared, deck_hash)
-    started = work.started()
-    if started is None or started.get("identity") != identity:
+    if _identity_of(work) != identity:
         work.clear(keep=(fresh.name,))
         fresh.rename(deck)
         work.start(identity, prepared.given.model_dump(mode="json"), prepared.source)
         return identity, 0
-    shutil.rmtree(fresh)
+    deck.mkdir(exist_ok=True)
+    for file in sorted(fresh.iterdir()):  # the engine reads what was written now, whatever became of the deck meanwhile
+        if fingerprint(file) != fingerprint(deck / file.name):
+            note(f"{deck / file.name}: missing or damaged; it was written anew")
+        file.replace(deck / file.name)
+    fresh.rmdir()
     if work.finished(identity):
         return identity, 0
-    work.clear(keep=(work.started_file.name, "deck"))
-    step = latest(deck / "checkpoint", prepared.flexible)
-    if step:
-        check_engine_file(engine_file(deck / "checkpoint", step))
-    else:
-        for name in streams(prepared.scene, prepared.assembly):
+    work.clear(keep=(STARTED, "deck"))
+    names = streams(prepared.scene, prepared.assembly)
+    step = last_whole(deck, names, prepared.flexible, note)
+    if not step:
+        for name in names:
             (deck / name).unlink(missing_ok=True)
     return identity, step
+
+
+def _identity_of(work: RunDirectory) -> Identity | None:
+    """What the run is known by that was begun here, None if there is none or one cannot tell any more."""
+    try:
+        started = work.started()
+    except InputError:
+        return None
+    return None if started is None else started["identity"]
+
+
+def note(line: str) -> None:
+    """Say what was found and mended."""
+    print(f"note: {line}", file=sys.stderr)
 
 
 def _identity(prepared: PreparedRun, deck_hash: str) -> Identity:

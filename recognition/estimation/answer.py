@@ -12,15 +12,13 @@ class Answer:
 
     ratio: not clipped to 0..1, NaN where there is none, and then `reason` says why. low, high: ends of the 90 %
     interval, NaN from a method without intervals. out_of_distribution: why the record is unlike those of the training,
-    "" if it is not. model_fits: False where the method's model does not describe the record at all, so that another
-    method should answer.
+    "" if it is not.
     """
 
     ratio: float
     low: float = nan
     high: float = nan
     out_of_distribution: str = ""
-    model_fits: bool = True
     reason: str = ""
 
     @classmethod

@@ -18,7 +18,7 @@ from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups
 from recognition.physics.arrangement_fit import PlateRecord, distance_reference, fit_model
-from recognition.physics.arrangement_likelihood import DISTANCES, MISFIT, ArrangementModel, distances
+from recognition.physics.arrangement_likelihood import DISTANCES, ArrangementModel, distances
 from recognition.physics.force_records import ForceRecord, force_record_of
 
 #: Time from the first contact on that is used, and the most samples of it. A stone's force lasts 0.45 ms; the plate
@@ -67,8 +67,7 @@ class ArrangementLikelihood:
                                    f" of {needed[1]}")
         found = self.model_.estimate(x.signals, x.noise, speed_m_s)
         far = distances(found, self.reference_)
-        fits = not far[DISTANCES.index(MISFIT)] > self.limits_[DISTANCES.index(MISFIT)]
-        return Answer(found.ratio, *found.interval, reason_out_of_distribution(DISTANCES, far, self.limits_), fits)
+        return Answer(found.ratio, *found.interval, reason_out_of_distribution(DISTANCES, far, self.limits_))
 
     def summary(self) -> str:
         m = self.model_

@@ -11,6 +11,7 @@ from analysis.emd import Decomposition, decompose
 from analysis.emd_rules import RuleCost, compare_rules
 from analysis.features import TIME_PARAMETERS, time_features
 from analysis.hilbert import marginal_spectrum
+from report.results.missing import MissingResult
 
 
 class SignalResults:
@@ -21,8 +22,11 @@ class SignalResults:
 
     @cached_property
     def decompositions(self) -> list[Decomposition]:
-        """Intrinsic mode functions (IMFs) of each run."""
-        return [decompose(run.record("a_m_s2")) for run in self._runs]
+        """Intrinsic mode functions (IMFs) of each run. Raises MissingResult where a record is too short to have one."""
+        found = [decompose(run.record("a_m_s2")) for run in self._runs]
+        if not all(len(d.imfs) for d in found):
+            raise MissingResult(f"records of {self._runs[0].t_s.size} samples are too short for an IMF")
+        return found
 
     @cached_property
     def parameters(self) -> dict[str, np.ndarray]:

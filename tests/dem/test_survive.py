@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 from scenes_of_tests import SCENES
 
+from common.output_directory import Busy
 from common.tables import InputError
 from dem.coupling.checkpoint import latest
 from dem.run.directory import RunDirectory
@@ -115,7 +116,7 @@ def kill_and_go_on(scene, undisturbed, kills, rng, not_before_checkpoint):
             error = process.communicate(timeout=120)[1]
             if process.returncode == 1:
                 assert error.splitlines()[-1].startswith(str(scene)) and "LIGGGHTS stopped" in error, error
-            assert process.returncode in (0, 1, -signal.SIGKILL)
+            assert process.returncode in (0, 1, -signal.SIGKILL), error
             deadline = time.monotonic() + 10
             while engine and not gone(engine):
                 assert time.monotonic() < deadline, "the engine outlived the run"
@@ -158,5 +159,5 @@ def test_two_processes_do_not_work_on_one_run(scene, undisturbed, monkeypatch):
 
     monkeypatch.setattr(dem.run.directory, "LOCK_WAIT_s", 0.2)
     first, second = (RunDirectory(scene.parent / "both").claimed() for _ in range(2))
-    with first, pytest.raises(dem.run.directory.Busy, match="another process"), second:
+    with first, pytest.raises(Busy, match="another process"), second:
         pass

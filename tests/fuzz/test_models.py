@@ -10,6 +10,7 @@ import pytest
 from hypothesis import strategies as st
 
 from analysis import read_sweep
+from common.files import SEAL, seal
 from recognition import Model
 from recognition.__main__ import main
 from recognition.physics.arrangement_likelihood import ArrangementModel
@@ -56,9 +57,17 @@ def check(text, run):
         shutil.rmtree(here)
 
 
+def sealed(data):
+    """What somebody gives who knows how the hash is made: beyond it, the numbers must be judged."""
+    try:
+        return seal({key: value for key, value in data.items() if key != SEAL})
+    except (TypeError, ValueError):
+        return data
+
+
 def models(data):
     """A model with values changed, or with bytes changed or cut off."""
-    changed = mutated(data).map(lambda d: json.dumps(d, default=str).encode())
+    changed = mutated(data).map(lambda d: json.dumps(sealed(d), default=str).encode())
 
     @st.composite
     def broken(draw):

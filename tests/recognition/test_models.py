@@ -4,6 +4,7 @@ import re
 import pytest
 
 from analysis import read_sweep
+from common.files import SEAL, seal
 from recognition import Model, RecognitionError, leave_one_out
 from recognition.__main__ import main
 from recognition.methods import METHODS
@@ -45,7 +46,7 @@ def test_saved_model_answers_the_same_and_holds_no_code(model, sweep_path, tmp_p
     expected = model.recognise(signals)
     assert {name: str(a) for name, a in again.recognise(signals).items()} == {name: str(expected[name]) for name in again.methods}
     saved = json.loads((tmp_path / "model.json").read_text())
-    assert saved["version"] == 5 and len(saved["provenance"]["runs"]) == 11
+    assert saved["version"] == 6 and len(saved["provenance"]["runs"]) == 11
     assert saved["provenance"]["runs"][3]["seeds"] == {"packing": 10007}
 
 
@@ -56,10 +57,42 @@ def test_saved_model_answers_the_same_and_holds_no_code(model, sweep_path, tmp_p
 def test_broken_models_are_refused_in_one_line(model, tmp_path, change):
     model.save(tmp_path / "model.json")
     data = json.loads((tmp_path / "model.json").read_text())
-    (tmp_path / "model.json").write_text(json.dumps(data | change))
+    (tmp_path / "model.json").write_text(json.dumps(seal({k: v for k, v in (data | change).items() if k != SEAL})))
     with pytest.raises(RecognitionError, match="model.json") as error:
         Model.load(tmp_path / "model.json")
     assert "\n" not in str(error.value)
+
+
+def same_content(damaged, whole):
+    try:
+        return json.loads(damaged) == json.loads(whole)
+    except ValueError:
+        return False
+
+
+def test_no_bit_of_a_model_can_change_unnoticed(model, tmp_path):
+    """200 flipped bits, evenly over the file: each that changes what it says is refused in one line."""
+    file = tmp_path / "model.json"
+    model.save(file)
+    whole = file.read_bytes()
+    Model.load(file)
+    for k in range(200):
+        damaged = bytearray(whole)
+        damaged[k * len(whole) // 200] ^= 1 << k % 8
+        file.write_bytes(damaged)
+        if same_content(damaged, whole):  # 1e-05 and 1E-05 are one number
+            continue
+        with pytest.raises(RecognitionError, match="model.json"):
+            Model.load(file)
+
+
+def test_a_model_is_written_over_a_model_only(sweep_path, tmp_path, capsys):
+    notes = tmp_path / "notes.json"
+    notes.write_text("mine")
+    for out in (str(notes), f"{tmp_path}/", str(tmp_path)):
+        assert main(["fit", str(sweep_path), "--out", out]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert notes.read_text() == "mine" and [p.name for p in tmp_path.iterdir()] == ["notes.json"]
 
 
 def test_acceleration_alone_is_enough_for_q(model, sweep_path):

@@ -1,0 +1,119 @@
+"""How every command line ends: by itself, by Ctrl-C, at a closed pipe, a full disk, or with too little memory.
+
+This module is imported before anything else, so it imports nothing slow.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import os
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import IO, Any, NoReturn
+
+INTERRUPTED = 130  # as a shell has it for a program that SIGINT ended
+PIPE_CLOSED = 141  # and SIGPIPE
+_LINE = "interrupted; what is finished stays, the same command goes on"
+_running: list[str] = []  # commands of `run_command`, which catch a KeyboardInterrupt
+
+
+class Parser(argparse.ArgumentParser):
+    """Arguments that cannot be used are refused in one line, with exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with one line that says which argument is wrong."""
+        self.exit(2, f"{self.prog}: {printable(message)} (--help tells what is allowed)\n")
+
+
+def printable(text: str) -> str:
+    """One line: names come from outside and may hold anything."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def jobs(text: str) -> int:
+    """The number of runs at a time, as `type` of an argument."""
+    number = int(text)
+    if not 1 <= number <= 1024:
+        raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to 1024")
+    return number
+
+
+def listen_for_interrupt() -> None:
+    """From now on Ctrl-C ends this program with one line and no traceback. Meant for the first line of a program,
+    before its imports. A program that was started with SIGINT ignored goes on ignoring it."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+
+
+def _interrupt(_number: int, frame: FrameType | None) -> None:
+    """An import cannot be interrupted by an exception, since extension modules turn it into another or lose it. While
+    one is under way nothing is half written that matters, so the program ends at once."""
+    if _running and not _within_import(frame):
+        raise KeyboardInterrupt
+    os.write(2, f"{_LINE}\n".encode())
+    os._exit(INTERRUPTED)
+
+
+def _within_import(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def run_command(program: str, command: Callable[[], int | None]) -> int:
+    """Run a command and return its exit code, None meaning 0. It must handle its own errors; here end those that any
+    command may meet, each with one line at most: Ctrl-C (130), a reader that closed the pipe (141), a disk that is full
+    or cannot be read or written (1), too little memory (1)."""
+    _running.append(program)
+    try:
+        return _ended(program, command)
+    finally:
+        _running.pop()
+
+
+def _ended(program: str, command: Callable[[], int | None]) -> int:
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name of a file need not be text
+    try:
+        try:
+            return command() or 0
+        finally:
+            sys.stdout.flush()  # here, where a full disk can still be told of
+    except KeyboardInterrupt:
+        say(_LINE)
+        return INTERRUPTED
+    except BrokenPipeError:
+        _silence(sys.stdout)
+        return PIPE_CLOSED
+    except MemoryError:
+        say(f"{program}: not enough memory")
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EIO):
+            _silence(sys.stdout)  # what is left in its buffer would be tried again at the end
+        where = f"{error.filename}: " if error.filename else ""
+        say(f"{program}: {where}{error.strerror or error}")
+    return 1
+
+
+def say(line: str) -> None:
+    """One line on standard error, if somebody reads it."""
+    try:
+        print(printable(line), file=sys.stderr, flush=True)
+    except OSError:
+        _silence(sys.stderr)
+
+
+def _silence(stream: IO[Any]) -> None:
+    """Send what is still to be written to nowhere."""
+    try:
+        descriptor = stream.fileno()
+    except (OSError, ValueError):
+        return  # of a test, in memory
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)

@@ -1,0 +1,20 @@
+"""Parquet files whose pages carry checksums, so that a damaged one is refused instead of read as other numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+
+def write_parquet(table: pd.DataFrame, file: Path) -> None:
+    """Write a table without its index, with a CRC-32 in each page."""
+    table.to_parquet(file, index=False, write_page_checksum=True)
+
+
+def read_parquet(file: Path) -> pd.DataFrame:
+    """Read a table; OSError where a page does not have the CRC-32 that it names, or ArrowException. Files without any are read as well."""
+    try:
+        return pd.read_parquet(file, page_checksum_verification=True)
+    except (KeyError, TypeError, AttributeError, IndexError) as error:  # of what pandas keeps at the end of the file
+        raise OSError(f"its description of the columns is damaged: {error}") from error

@@ -1,0 +1,46 @@
+"""What a scene asks for that no stone or plate can be, or that the model's laws do not hold for, as warnings.
+
+What is refused outright stands with the keys in common/scene.py and common/plate.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from common import hertz
+from common.scene import Scene
+
+GRAVITY_m_s2 = 9.81
+DIAMOND_Pa = 1.22e12
+LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
+LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
+
+
+def warnings_of(scene: Scene) -> list[str]:
+    """One line each, which names key, value, limit and the limit's reason."""
+    stones, lines = scene.stones, []
+    speed = float(np.hypot(stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * stones.gap_m)))
+    radius = np.float64(stones.radius_m)  # whose powers may overflow to infinity
+    for name in sorted({stones.coal, stones.gangue}):
+        material = scene.materials[name]
+        table = f"materials.{name}"
+        if material.youngs_modulus_Pa > DIAMOND_Pa:
+            lines.append(f"{table}.youngs_modulus_Pa = {material.youngs_modulus_Pa:g}: above {DIAMOND_Pa:g}, that of "
+                         "diamond, the stiffest material")
+        strain = speed / float(np.sqrt(material.youngs_modulus_Pa / material.density_kg_m3))
+        if stones.agglomerate is not None and strain > LARGEST_STRAIN:
+            lines.append(f"stones.speed_m_s = {stones.speed_m_s:g}: strains {name} by about {strain:.2g}, the speed "
+                         f"over that of sound in it; the bonds' law is for small strains, to {LARGEST_STRAIN:g}")
+        stiffness = hertz.stiffness_N_m32(hertz.contact_modulus_Pa(material, scene.plate), radius)
+        mass = material.density_kg_m3 * 4 / 3 * np.pi * radius**3
+        approach = float(hertz.largest_approach_m(stiffness, mass, np.float64(speed))) / radius
+        if approach > LARGEST_APPROACH:
+            lines.append(f"stones.speed_m_s = {stones.speed_m_s:g}: presses a stone of {name} by {approach:.2g} of "
+                         f"its radius; Hertz' contact is for little, to {LARGEST_APPROACH:g}")
+        weight_Pa = 2 * material.density_kg_m3 * GRAVITY_m_s2 * radius
+        if stones.agglomerate is not None and not stones.agglomerate.unbreakable:
+            strength = scene.bond_of(name).tensile_strength_Pa
+            if strength < weight_Pa:
+                lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: below {weight_Pa:.3g}, the stress of "
+                             "a stone's own weight on earth")
+    return lines

@@ -1,0 +1,150 @@
+"""No command replaces or mixes with what this program did not write, and none loses a run of another scene."""
+
+import json
+
+import pandas as pd
+import pytest
+
+from common.output_directory import at_work_in, write_contents
+from common.tables import InputError
+from dem.__main__ import main
+from report.page import write_report
+from tests.analysis.synthetic import write_sweep
+from tests.robustness.small import HERTZ, SCENES
+
+RUN = ["run", str(HERTZ), "--out"]
+
+
+@pytest.fixture
+def commands(tmp_path):
+    """The arguments of each command that writes a directory, without the directory."""
+    plan, campaign = tmp_path / "plan.toml", tmp_path / "campaign.toml"
+    plan.write_text(f'scene = "{HERTZ}"\nseed = 1\n[families.one]\ngroups = 1\nruns_per_group = 1\n')
+    campaign.write_text(f'scene = "{HERTZ}"\n[vary]\n"stones.gangue_ratio" = [0.0]\n')
+    return {"run": RUN, "deck": ["deck", str(HERTZ), "--out"], "sweep": ["sweep", str(HERTZ), "--out"],
+            "dataset": ["dataset", str(plan), "--out"], "campaign": ["campaign", str(campaign), "--out"],
+            "calibrate": ["calibrate", "coal", "--scene", str(SCENES / "paper.toml"), "--out"]}
+
+
+def everything(directory):
+    return {str(file.relative_to(directory)): file.read_bytes() for file in directory.rglob("*") if file.is_file()}
+
+
+def refused(capsys, arguments):
+    code = main([str(argument) for argument in arguments])
+    errors = capsys.readouterr().err.splitlines()
+    assert code == 2 and len(errors) == 1, (code, errors)
+    return errors[0]
+
+
+@pytest.mark.parametrize("name", ["run", "deck", "sweep", "dataset", "campaign"])
+def test_a_directory_of_somebody_else_is_left_alone(commands, tmp_path, capsys, name):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "thesis.txt").write_text("years of work")
+    before = everything(tmp_path)
+    for out in (mine, tmp_path / "x" / ".." / "mine"):
+        assert "mine" in refused(capsys, [*commands[name], out])
+    assert everything(tmp_path) == before
+
+
+def test_the_files_of_a_calibration_are_replaced_by_a_calibration_only(commands, tmp_path, capsys):
+    (tmp_path / "coal.toml").write_text("mine")
+    assert "coal.toml" in refused(capsys, [*commands["calibrate"], tmp_path])
+    (tmp_path / "coal.toml").unlink()
+    (tmp_path / "coal.partial").mkdir()
+    (tmp_path / "coal.partial" / "mine").write_text("mine")
+    assert "coal.partial" in refused(capsys, [*commands["calibrate"], tmp_path])
+    assert (tmp_path / "coal.partial" / "mine").exists()
+
+
+@pytest.mark.parametrize("out", [".", "..", "/", "sub/..", "link", "file"])
+@pytest.mark.parametrize("name", ["run", "sweep", "dataset", "campaign", "deck"])
+def test_places_that_are_no_output(commands, tmp_path, capsys, monkeypatch, name, out):
+    here = tmp_path / "here"
+    (here / "sub").mkdir(parents=True)
+    (here / "file").write_text("")
+    (here / "link").symlink_to(here / "sub")
+    monkeypatch.chdir(here)
+    before = sorted(tmp_path.rglob("*"))
+    assert out in refused(capsys, [*commands[name], out])
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("kind", ["sweep", "dataset", "campaign"])
+def test_a_run_does_not_take_the_place_of_many_runs(tmp_path, capsys, kind):
+    out = tmp_path / kind
+    (out / "ratio_000").mkdir(parents=True)
+    (out / "ratio_000" / "run.json").write_text("{}")
+    write_contents(out, kind)
+    assert kind in refused(capsys, [*RUN, out, "--overwrite"])
+    assert (out / "ratio_000" / "run.json").exists()
+
+
+def test_a_run_is_replaced_by_the_same_scene_or_with_overwrite(tmp_path, capsys):
+    out, other = tmp_path / "run", ["--set", "stones.speed_m_s=2.0"]
+    assert main([*RUN, str(out)]) == 0
+    assert main([*RUN, str(out)]) == 0
+    before = everything(out)
+    capsys.readouterr()
+    assert "another scene" in refused(capsys, [*RUN, out, *other])
+    (out / "view").mkdir(exist_ok=True)
+    (out / "view" / "mine.txt").write_text("mine")  # a file of somebody else within
+    assert "mine.txt" in refused(capsys, [*RUN, out, *other, "--overwrite"])
+    (out / "view" / "mine.txt").unlink()
+    assert everything(out) == before
+    assert main([*RUN, str(out), *other, "--overwrite"]) == 0
+    assert json.loads((out / "run.json").read_text())["scene"]["stones"]["speed_m_s"] == 2.0
+    assert {entry.name for entry in tmp_path.iterdir()} == {"run"}  # nothing beside it, as it has no modes
+
+
+def test_neighbours_with_the_names_that_a_run_uses_are_left_alone(tmp_path, capsys):
+    for suffix in (".partial", ".earlier"):
+        place = tmp_path / f"run{suffix}"
+        place.mkdir()
+        (place / "mine.txt").write_text("mine")
+        assert f"run{suffix}" in refused(capsys, [*RUN, tmp_path / "run", "--overwrite"])
+        assert everything(place) == {"mine.txt": b"mine"}
+        (place / "mine.txt").unlink()
+        place.rmdir()
+
+
+def test_two_commands_do_not_work_in_one_directory(commands, tmp_path, capsys):
+    for kind in ("sweep", "dataset", "campaign"):
+        out = tmp_path / kind
+        with at_work_in(out, kind):
+            assert main([*commands[kind], str(out)]) == 1
+            assert "another process is at work here" in capsys.readouterr().err
+        assert not list(out.glob("**/run.json"))
+
+
+def test_a_report_is_written_over_a_report_only(tmp_path):
+    sweep = write_sweep(tmp_path / "sweep", ratios=(0.0,))
+    (sweep / "claims.csv").write_text("mine")
+    with pytest.raises(InputError, match="claims.csv"):
+        write_report(sweep)
+    assert (sweep / "claims.csv").read_text() == "mine" and not (sweep / "report.html").exists()
+
+
+def test_damage_within_a_table_is_refused(tmp_path):
+    """Every flipped bit of the numbers; without the checksums most would read as other numbers."""
+    import numpy as np
+
+    from analysis import RecordError
+    from analysis.readers import read_table
+    from common.parquet import write_parquet
+
+    table = pd.DataFrame({"t_s": np.arange(200) * 1e-3, "a_m_s2": np.random.default_rng(1).normal(size=200)})
+    file = tmp_path / "signals.parquet"
+    write_parquet(table, file)
+    whole, refusals = file.read_bytes(), 0
+    pd.testing.assert_frame_equal(read_table(file), table)
+    for at in range(4, len(whole), 37):
+        file.write_bytes(whole[:at] + bytes([whole[at] ^ 4]) + whole[at + 1:])
+        try:
+            found = read_table(file)
+        except RecordError:
+            refusals += 1
+        else:
+            assert list(found.columns) != list(table.columns) or found.equals(table), at
+    assert refusals > 50

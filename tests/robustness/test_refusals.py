@@ -1,0 +1,156 @@
+"""What once hung, filled the memory or ended in a traceback ends with one line."""
+
+import os
+import resource
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+import analysis.__main__
+import plate_fem.__main__
+import recognition.__main__
+import report.__main__
+from common.scene import changed_scene
+from common.tables import InputError
+from dem.__main__ import main
+from dem.deck.plausible import warnings_of
+from tests.analysis.synthetic import write_run, write_sweep
+from tests.fuzz.mutations import outcome
+from tests.robustness.small import HERTZ, ROOT, SCENES, run
+
+
+
+
+def ends_with_one_line(entry, arguments, code=2):
+    try:
+        found, errors = outcome(entry, [str(argument) for argument in arguments])
+    except SystemExit as refused:  # argparse prints beside what `outcome` catches
+        assert refused.code == code
+        return ""
+    assert found == code and errors.count("\n") == 1 and "Traceback" not in errors, (found, errors)
+    return errors
+
+
+@pytest.mark.parametrize("jobs", ["0", "-1", "1e3", "many", "99999999"])
+@pytest.mark.parametrize("command", ["sweep", "dataset", "campaign"])
+def test_no_run_at_a_time_or_too_many(tmp_path, capsys, command, jobs):
+    with pytest.raises(SystemExit) as refused:
+        main([command, str(HERTZ), "--out", str(tmp_path / "out"), "--jobs", jobs])
+    errors = capsys.readouterr().err
+    assert refused.value.code == 2 and errors.count("\n") == 1 and "--jobs" in errors
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("rate", ["1e12", "1e300", "inf", "nan", "0", "-5"])
+def test_a_rate_that_no_memory_holds(tmp_path, rate):
+    write_run(tmp_path / "ratio_030", 0.3)
+    ends_with_one_line(analysis.__main__.main, ["features", tmp_path / "ratio_030", "--resample", rate])
+
+
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/random", "pipe"])
+def test_devices_and_pipes_are_not_read(tmp_path, device):
+    if device == "pipe":
+        device = tmp_path / "pipe"
+        os.mkfifo(device)
+    for entry, arguments in [(main, ["deck", device, "--out", tmp_path / "out"]),
+                             (main, ["sweep", device, "--out", tmp_path / "out"]),
+                             (plate_fem.__main__.main, ["modes", device]),
+                             (analysis.__main__.main, ["features", device]),
+                             (recognition.__main__.main, ["recognise", tmp_path, "--model", device])]:
+        ends_with_one_line(entry, arguments)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scene_of_a_gigabyte_is_not_read(tmp_path):
+    file = tmp_path / "scene.toml"
+    with open(file, "wb") as sparse:
+        sparse.truncate(10**9)
+    assert "MB" in ends_with_one_line(main, ["deck", file, "--out", tmp_path / "out"])
+
+
+@pytest.mark.parametrize("where", [".", "..", "/"])
+def test_resume_of_no_run(where):
+    ends_with_one_line(main, ["resume", where])
+
+
+@pytest.mark.parametrize("key, value, words", [
+    ("materials.coal.density_kg_m3", 1e300, "osmium"),
+    ("plate.density_kg_m3", 1e300, "osmium"),
+    ("contacts.coal_plate.friction", 1e30, "rubber"),
+    ("materials.coal.bond.tensile_strength_Pa", 3e-6, "loose"),
+])
+def test_physics_that_cannot_be_is_refused_with_its_reason(key, value, words):
+    with pytest.raises(InputError, match=words) as refused:
+        changed_scene(SCENES / "single.toml", {key: value})
+    assert key.split(".")[-1] in str(refused.value) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("changes, words", [
+    ({"stones.speed_m_s": 1000.0}, ["strains coal", "small strains", "Hertz"]),
+    ({"materials.coal.youngs_modulus_Pa": 5e12}, ["diamond"]),
+    ({"materials.coal.bond.tensile_strength_Pa": 200.0}, ["own weight"]),
+    ({"stones.speed_m_s": 1e300, "stones.radius_m": 1e200}, ["small strains"]),  # no OverflowError
+])
+def test_physics_beyond_the_laws_is_warned_of(changes, words):
+    said = "\n".join(warnings_of(changed_scene(SCENES / "single.toml", changes)))
+    assert all(word in said for word in words), said
+
+
+@pytest.mark.parametrize("scene", sorted(file.stem for file in SCENES.glob("*.toml")
+                                         if "stones" in tomllib.loads(file.read_text())))
+def test_no_shipped_scene_is_warned_of(scene):
+    assert warnings_of(changed_scene(SCENES / f"{scene}.toml", {})) == []
+
+
+def test_a_warning_is_on_screen_and_in_run_json(tmp_path):
+    import json
+
+    code, _, errors = run("dem", "run", HERTZ, "--set", "stones.speed_m_s=300.0", "--out", tmp_path / "run")
+    assert code == 0 and "warning: " in errors and "Hertz" in errors
+    assert "Hertz" in json.loads((tmp_path / "run" / "run.json").read_text())["warnings"][0]
+
+
+def shell(command):
+    return subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, cwd=ROOT,
+                          check=False, timeout=300)
+
+
+def test_a_reader_that_goes_away_and_a_full_disk_behind_standard_output(tmp_path):
+    write_run(tmp_path / "ratio_030", 0.3)
+    program = f"{sys.executable} -m analysis features {tmp_path / 'ratio_030'}"
+    closed = shell(f"{program} | (exec 0<&-; sleep 0.1)")
+    assert closed.stderr == "" and closed.returncode in (0, 141)  # 0 where all was written before
+    full = shell(f"{program} > /dev/full")
+    assert full.returncode == 1 and full.stderr == "analysis: No space left on device\n"
+
+
+def write_limit(number_of_bytes, program, *arguments):
+    """A program that may write files of so many bytes, as on a full disk."""
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (number_of_bytes, number_of_bytes))
+        import signal
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # Python's own setting, said here for the engine's
+    return subprocess.run([sys.executable, "-m", program, *map(str, arguments)], preexec_fn=limit, cwd=ROOT, text=True,
+                          capture_output=True, check=False, timeout=300)
+
+
+def test_a_disk_that_is_full_when_a_model_or_a_report_is_written(tmp_path):
+    sweep = write_sweep(tmp_path / "sweep", ratios=(0.0, 0.3, 0.5, 0.7, 1.0))
+    for arguments in [("recognition", "fit", sweep, "--out", tmp_path / "model.json"), ("report", sweep)]:
+        done = write_limit(1000, *arguments)
+        lines = [line for line in done.stderr.splitlines() if "Matplotlib" not in line and "mpl" not in line.lower()]
+        assert done.returncode == 1 and len(lines) == 1 and "File too large" in lines[0], done.stderr
+    assert not (tmp_path / "model.json").exists() and not (sweep / "report.html").exists()
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_names_with_blanks_reach_the_commands_of_make_whole():
+    planned = subprocess.run(["make", "-n", "-o", "setup", "sweep", "OUT=my sweep", "SCENE=scenes/a b.toml"], cwd=ROOT,
+                             capture_output=True, text=True, check=True).stdout
+    assert "--out 'my sweep'" in planned and "sweep 'scenes/a b.toml'" in planned and "report 'my sweep'" in planned
+
+
+def test_a_report_of_nothing():
+    ends_with_one_line(report.__main__.main, ["/dev/null"])
