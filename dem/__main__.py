@@ -199,7 +199,7 @@ def _plate(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    return sweep(options.scene, options.out, options.jobs, options.overwrite, _changes(options))
+    return sweep(options.scene, options.out, options.jobs, _changes(options), options.overwrite)
 
 
 def _calibrate(options: argparse.Namespace) -> int:

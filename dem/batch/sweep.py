@@ -20,11 +20,11 @@ RATIO = "stones.gangue_ratio"
 _log = logging.getLogger(__name__)
 
 
-def sweep(scene_file: Path, out: Path, jobs: int, overwrite: bool = False,
-          changes: Mapping[str, Any] | None = None) -> int:
-    """Run the missing ratios, `jobs` at a time; returns an exit code. Runs of another scene are replaced with
-    `overwrite` only. `changes` are values of the scene by dotted key (`common.scene.changed_scene`). Raises InputError
-    for bad input, Busy where another process is at work."""
+def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | None = None,
+          overwrite: bool = False) -> int:
+    """Run the missing ratios, `jobs` at a time; returns an exit code. `changes` are values of the scene by dotted key
+    (`common.scene.changed_scene`). Runs of another scene are replaced with `overwrite` only. Raises InputError for bad
+    input, Busy where another process is at work."""
     check_engine()
     changes = dict(changes or {})
     if RATIO in changes:
@@ -38,9 +38,8 @@ def sweep(scene_file: Path, out: Path, jobs: int, overwrite: bool = False,
         for ratio in missing:
             RunDirectory(out / ratio_name(ratio)).refuse(scene_hash(scenes[ratio]), overwrite)
         _log.info("%s: %d ratios, %d to run", scene_file, len(scenes), len(missing))
-        flags = ["--overwrite"] if overwrite else []
-        for key, value in changes.items():
-            flags += ["--set", f"{key}={inline_toml(value)}"]
+        flags = [word for key, value in changes.items() for word in ("--set", f"{key}={inline_toml(value)}")]
+        flags += ["--overwrite"] if overwrite else []
         failed = 0
         for code, output in run_all([["run", str(scene_file), "--gangue", repr(ratio), "--out",
                                       str(out / ratio_name(ratio)), *flags] for ratio in missing], jobs):
