@@ -80,6 +80,7 @@ void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
   if (std::none_of(stones.begin(), stones.end(), [](char w) { return w; })) return;
   pieces_->look(stones, touching);
 
+  before_look_.clear();
   for (Patch &p : patches_)
     if (p.presses) renew(p);
   const std::vector<Patch> before = patches_;
@@ -156,6 +157,7 @@ void SmoothContact::renew(Patch &p) {
   p.q = p.base - height_of_members(p) + p.w;
   if (p.q <= 0) return;
   press_to_q(p);
+  for (const Weight &m : p.members) before_look_.emplace_back(m.tag, p.share * m.weight * p.state.force);
   std::map<int, double> weight_of;
   for (const Weight &m : p.members) weight_of[pieces_->piece_of(m.tag)] += m.weight;
   p.piece = std::max_element(weight_of.begin(), weight_of.end(), [](const auto &a, const auto &b) {
@@ -216,6 +218,25 @@ void SmoothContact::leave(Patch &p, size_t member) {
   p.base = p.q - p.w + height_of_members(p);
 }
 
+// The integrator does half a step's work with the force before a look, and half with the one after it. So what a
+// transition at the look releases is the difference of the energies half a step ago.
+void SmoothContact::release_half_a_step(const std::vector<NearSphere> &near) {
+  std::map<int, double> gained;
+  for (const auto &[tag, force] : before_look_) gained[tag] -= force;
+  for (auto &[tag, force] : gained)
+    if (const int k = near_of_tag_[tag]; k >= 0 && patch_of_tag_[tag] < 0 && near[k].touches)
+      force += alone_.pressing(near[k]).force_N;
+  for (const Patch &p : patches_)
+    if (!gained.empty() && p.presses)
+      for (const Weight &m : p.members) gained[m.tag] += p.share * m.weight * p.state.force;
+  for (const auto &[tag, force] : gained) {
+    const int i = here(tag), k = near_of_tag_[tag];
+    if (i < 0 || k < 0) continue;
+    const double closing = near[k].plate_v - lmp_->atom->v[i][2];
+    released_[agglomerates_.of_tag(tag)] += 0.5 * lmp_->update->dt * force * closing;
+  }
+}
+
 // How far a sub-sphere reaches below the surface of the plate, as pieces_ found it, m.
 double SmoothContact::depth_of(int tag) const {
   std::vector<double> plate_z(1, 0);
@@ -236,7 +257,8 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   near_ = &near;
   index(near);
   place_on_plate(near);
-  if (!looked_ || lmp_->update->ntimestep % LOOK_STEPS == 0) {
+  const bool looks = !looked_ || lmp_->update->ntimestep % LOOK_STEPS == 0;
+  if (looks) {
     looked_ = true;
     look(near, reach);
     std::vector<double> w_before;
@@ -249,6 +271,7 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   meet_alone(near, vflag);
   measure();
   for (Patch &p : patches_) press(p);
+  if (looks) release_half_a_step(near);
   hand_out(near);
 }
 
@@ -403,13 +426,13 @@ PlateContact::Pressing SmoothContact::pressing(const NearSphere &n) const {
 void SmoothContact::add_to(LedgerRows &rows, const std::vector<NearSphere> &near) const {
   alone_.add_to(rows, near);
   rows.add(WALL_DAMPED, damped_);
+  rows.add(WALL_RELEASED, released_);
   for (size_t a = 0; a < deepest_.size(); a++) {
     double &deepest = rows.at(a, WALL_DEEPEST);
     deepest = std::max(deepest, deepest_[a]);
   }
   if (!is_first_rank()) return;
   rows.add(WALL_PLASTIC, plastic_);
-  rows.add(WALL_RELEASED, released_);
   for (const Patch &p : patches_) rows.at(p.agglomerate, WALL_ELASTIC) += p.share * p.state.stored;
 }
 
@@ -431,7 +454,7 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   out.common("patches", numbers);
   out.common("patch_offsets", left);
   out.sum("patch_damped", damped_);
-  out.sum("patch_released", is_first_rank() ? released_ : std::vector<double>(released_.size(), 0));
+  out.sum("patch_released", released_);
   out.sum("patch_plastic", is_first_rank() ? plastic_ : std::vector<double>(plastic_.size(), 0));
   out.common("patch_deepest", deepest_);
 }

@@ -70,6 +70,7 @@ class SmoothContact : public PlateContact {
   std::vector<double> damped_, plastic_, released_;  // so far, by agglomerate, J
   std::vector<double> deepest_;                      // largest approach over radius so far, by agglomerate
   bool looked_ = false;
+  std::vector<std::pair<int, double>> before_look_;  // tag and elastic force, N, of members of pressing patches
   const std::vector<NearSphere> *near_ = nullptr;    // of the present step
 
   const SmoothStone &stone(const Patch &p) const { return surfaces_.stones()[p.agglomerate]; }
@@ -92,6 +93,7 @@ class SmoothContact : public PlateContact {
   void leave(Patch &, size_t member);
   void stand_alone(int tag);
   double depth_of(int tag) const;
+  void release_half_a_step(const std::vector<NearSphere> &);
 
   // The step.
   void meet_alone(std::vector<NearSphere> &, int vflag);
