@@ -48,12 +48,14 @@ class SmoothContact : public PlateContact {
     double compliance = 0, compliance_across = 0, mass = 0;
     bool presses = false, is_new = true;
     double largest = 0;        // Hertz approach so far
-    double slip[2] = {0, 0};   // of the tangential spring, m
+    Vec slip;                  // of the tangential spring, m
+    double spring = 0;         // its stiffness, N/m
     // Of the present step.
     double w = 0, plate_v = 0;             // the plate beneath it
     double q = 0, q_rate = 0, damping = 0; // m, m/s, N s/m
     double force = 0, across[2] = {0, 0};  // on the stone, N
-    double sliding[2] = {0, 0};            // velocity of the surface over the plate, m/s
+    Vec sliding;                           // velocity of the surface over the plate, m/s
+    double rubbing = 0;                    // tangential dashpot, N s/m
     SmoothLaw::State state;
 
     int central() const;                   // tag of the member with the largest weight
@@ -67,7 +69,7 @@ class SmoothContact : public PlateContact {
   std::vector<Patch> patches_;
   std::vector<int> patch_of_tag_, near_of_tag_;
   std::vector<double> offset_;                       // of the contact of a sub-sphere that left a patch, by tag, m
-  std::vector<double> damped_, plastic_, released_;  // so far, by agglomerate, J
+  std::vector<double> damped_, plastic_, released_, friction_, gained_;  // so far, by agglomerate, J
   std::vector<double> deepest_;                      // largest approach over radius so far, by agglomerate
   bool looked_ = false;
   std::vector<std::pair<int, double>> before_look_;  // tag and elastic force, N, of members of pressing patches
@@ -99,8 +101,10 @@ class SmoothContact : public PlateContact {
   void meet_alone(std::vector<NearSphere> &, int vflag);
   void measure();
   void press(Patch &);
+  Vec surface_velocity(int i, double plate_z) const;
   void press_to_q(Patch &);
   void rub(Patch &);
+  void stretch(Patch &, double spring, const Vec &slip);
   void hand_out(std::vector<NearSphere> &);
 };
 
