@@ -37,9 +37,9 @@ SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, Stoc
 
 void SmoothContact::setup() {
   alone_.setup();
-  auto *bonds = fix_that_is<BondNetwork>(lmp_->modify);
-  if (!bonds) lmp_->error->all(FLERR, "The contact of smooth stones needs fix bond/parallel");
-  pieces_ = std::make_unique<StonePieces>(lmp_, surfaces_, *bonds);
+  bonds_ = fix_that_is<BondNetwork>(lmp_->modify);
+  if (!bonds_) lmp_->error->all(FLERR, "The contact of smooth stones needs fix bond/parallel");
+  pieces_ = std::make_unique<StonePieces>(lmp_, surfaces_, *bonds_);
 }
 
 int SmoothContact::Patch::central() const {
@@ -66,6 +66,24 @@ int SmoothContact::here(int tag) const {
 void SmoothContact::index(const std::vector<NearSphere> &near) {
   std::fill(near_of_tag_.begin(), near_of_tag_.end(), -1);
   for (size_t k = 0; k < near.size(); k++) near_of_tag_[lmp_->atom->tag[near[k].i]] = k;
+}
+
+// Often enough, and at once when a bond under a patch broke.
+bool SmoothContact::must_look() const {
+  if (!looked_ || lmp_->update->ntimestep % LOOK_STEPS == 0) return true;
+  std::vector<double> broke(watched_.empty() ? 0 : 1, 0);
+  for (const int k : watched_) broke[0] += !bonds_->holds(k);
+  sum(broke);
+  return !broke.empty() && broke[0] > 0;
+}
+
+// The list is the same on all ranks.
+void SmoothContact::watch() {
+  watched_.clear();
+  for (const Patch &p : patches_)
+    for (const Weight &m : p.members)
+      for (const int k : pieces_->bonds_of(m.tag))
+        if (p.presses && bonds_->holds(k)) watched_.push_back(k);
 }
 
 void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
@@ -95,6 +113,7 @@ void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
   for (const Patch &p : before)
     for (const Weight &m : p.members)
       if (patch_of_tag_[m.tag] < 0) stand_alone(m.tag);
+  watch();
 }
 
 // Those that do not press are found anew.
@@ -170,7 +189,7 @@ void SmoothContact::renew(Patch &p) {
     const int tag = p.members[k].tag;
     if (!pieces_->is_loose(tag) && pieces_->piece_of(tag) == p.piece) continue;
     const Vec off = pieces_->position(tag) - motion.turned(surfaces_.place(tag)) - motion.center;
-    if (norm(off) > OUT_OF_PLACE * surfaces_.radius(tag)) leave(p, k);
+    if (pieces_->is_free(tag) || norm(off) > OUT_OF_PLACE * surfaces_.radius(tag)) leave(p, k);
   }
   follow_axis(p, motion);
 }
@@ -259,7 +278,7 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   near_ = &near;
   index(near);
   place_on_plate(near);
-  const bool looks = !looked_ || lmp_->update->ntimestep % LOOK_STEPS == 0;
+  const bool looks = must_look();
   if (looks) {
     looked_ = true;
     look(near, reach);

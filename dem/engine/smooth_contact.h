@@ -65,6 +65,7 @@ class SmoothContact : public PlateContact {
   const Agglomerates &agglomerates_;
   GranularContact alone_;
   StoneSurfaces surfaces_;
+  BondNetwork *bonds_ = nullptr;
   std::unique_ptr<StonePieces> pieces_;
   std::vector<Patch> patches_;
   std::vector<int> patch_of_tag_, near_of_tag_;
@@ -72,6 +73,7 @@ class SmoothContact : public PlateContact {
   std::vector<double> damped_, plastic_, released_, friction_, gained_;  // so far, by agglomerate, J
   std::vector<double> deepest_;                      // largest approach over radius so far, by agglomerate
   bool looked_ = false;
+  std::vector<int> watched_;                         // bonds of members of pressing patches, which hold
   std::vector<std::pair<int, double>> before_look_;  // tag and elastic force, N, of members of pressing patches
   const std::vector<NearSphere> *near_ = nullptr;    // of the present step
 
@@ -83,7 +85,9 @@ class SmoothContact : public PlateContact {
 
   // The patches, found anew at every so many steps.
   void index(const std::vector<NearSphere> &);
+  bool must_look() const;
   void look(const std::vector<NearSphere> &, double reach);
+  void watch();
   void find_patches(int agglomerate, double reach);
   void place_on_plate(const std::vector<NearSphere> &);
   void drop_idle_patches();
