@@ -20,6 +20,8 @@ namespace LAMMPS_NS {
 
 namespace {
 const int LOOK_STEPS = 32;
+const int LEAST_IN_PIECE = 3;
+const double DEFORMED = 0.02;       // of the radius: a piece's surface is no further from where the whole stone has it
 const double LEAST_SHARE = 0.5;     // of a patch's surface that must belong to the piece
 const double OUT_OF_PLACE = 0.1;    // of its radius: further off, one that lost half its bonds leaves the patch
 const double TURN_rad = 0.02;       // of the axis in the stone, after which a pressing patch gets new weights
@@ -65,8 +67,12 @@ int SmoothContact::here(int tag) const {
 /* --- the patches ------------------------------------------------------------------------------------------- */
 
 void SmoothContact::index(const std::vector<NearSphere> &near) {
-  std::fill(near_of_tag_.begin(), near_of_tag_.end(), -1);
-  for (size_t k = 0; k < near.size(); k++) near_of_tag_[lmp_->atom->tag[near[k].i]] = k;
+  for (const int tag : indexed_) near_of_tag_[tag] = -1;
+  indexed_.resize(near.size());
+  for (size_t k = 0; k < near.size(); k++) {
+    indexed_[k] = lmp_->atom->tag[near[k].i];
+    near_of_tag_[indexed_[k]] = k;
+  }
 }
 
 // Often enough, and at once when a bond under a patch broke.
@@ -136,7 +142,9 @@ void SmoothContact::find_patches(int agglomerate, double reach) {
   const SmoothStone &s = surfaces_.stones()[agglomerate];
   const double span = 2 * LOOK_STEPS * lmp_->update->dt;
   for (const auto &[piece, motion] : pieces_->motions(s)) {
-    if (!motion.is_here || beyond_outline(motion.center) > 0) continue;
+    if (!motion.is_here || motion.count < LEAST_IN_PIECE || beyond_outline(motion.center) > 0) continue;
+    const double lowest = -span * std::fabs(motion.velocity.z) - HEADROOM * s.radius - reach;  // q at the next look
+    if (s.radius - motion.center.z < lowest - DEFORMED * s.radius) continue;
     Patch p;
     p.agglomerate = agglomerate;
     p.piece = piece;
@@ -150,7 +158,7 @@ void SmoothContact::find_patches(int agglomerate, double reach) {
     if (std::any_of(p.members.begin(), p.members.end(), [&](const Weight &m) { return is_taken(m.tag); })) continue;
     p.base = s.radius;
     for (const Weight &m : p.members) p.base += m.weight * motion.turned(surfaces_.place(m.tag)).z;
-    if (p.base - height_of_members(p) < -span * std::fabs(motion.velocity.z) - HEADROOM * s.radius - reach) continue;
+    if (p.base - height_of_members(p) < lowest) continue;
     if (!is_near(p)) continue;
     const bool first = -p.axis.z > std::cos(FIRST_AXIS_rad);
     p.compliance = first ? s.compliance_first : s.compliance;
@@ -328,10 +336,10 @@ void SmoothContact::place_on_plate(const std::vector<NearSphere> &near) {
 // Members of patches do not touch alone; an offset lowers the plate under those that left one, and goes as they rise.
 void SmoothContact::meet_alone(std::vector<NearSphere> &near, int vflag) {
   const Atom *atom = lmp_->atom;
-  std::vector<double> kept(near.size());
+  kept_.resize(near.size());
   for (size_t k = 0; k < near.size(); k++) {
     NearSphere &p = near[k];
-    kept[k] = p.plate_z;
+    kept_[k] = p.plate_z;
     const int tag = atom->tag[p.i];
     p.in_patch = patch_of_tag_[tag] >= 0;
     double &offset = offset_[tag];
@@ -341,7 +349,7 @@ void SmoothContact::meet_alone(std::vector<NearSphere> &near, int vflag) {
     p.plate_z -= offset;
   }
   alone_.add_forces(near, 0, vflag);
-  for (size_t k = 0; k < near.size(); k++) near[k].plate_z = kept[k];
+  for (size_t k = 0; k < near.size(); k++) near[k].plate_z = kept_[k];
 }
 
 void SmoothContact::measure() {
