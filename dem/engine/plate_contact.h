@@ -3,6 +3,7 @@
 
 #include "agglomerates.h"
 #include "sphere_memory.h"
+#include "vec.h"
 
 namespace LAMMPS_NS {
 
@@ -14,14 +15,15 @@ class LedgerRows;
 // the contact law what the plate does to it.
 struct NearSphere {
   int i = -1;                         // local index
-  bool is_above = false;              // over the outline of the plate, beside which nothing touches
-  double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it
+  double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it, or at its nearest edge
   bool touches = false;               // does the plate act on it?
   bool in_patch = false;              // together with others of its stone
+  Vec normal;                         // of a contact alone: from the nearest point of the plate to its centre
   double push = 0;                    // of the force on the plate, what acts beneath it, N
   double force[3], torque[3];         // of the plate on it, N and N m; only where it touches
   double depth = 0;                   // how far it reaches below the surface of the plate, m
   double overlap = 0;                 // of the elastic contact with the same force, m
+  Vec rubbed;                         // of the force, its tangential dashpot's part, N
 };
 
 // The contact law between sub-spheres and the plate. A law sees all sub-spheres of this rank that are near the plate,
@@ -31,8 +33,8 @@ struct NearSphere {
 // A law of its own derives from this class, is made by fix wall/plate where the deck names it, and gives:
 //   forces      add_forces adds to the forces and torques of LIGGGHTS's arrays and notes them in each NearSphere. The
 //               fix takes works, pushes on the plate and modal forces from there.
-//   energies    add_to adds WALL_ELASTIC, WALL_DAMPED, WALL_PLASTIC, WALL_RELEASED and WALL_DEEPEST, so that the ledger
-//               closes.
+//   energies    add_to adds WALL_ELASTIC, WALL_DAMPED, WALL_PLASTIC, WALL_RELEASED, FRICTION, SPRINGS and WALL_DEEPEST,
+//               so that the ledger closes.
 //   history     memory() is for numbers that travel with a sub-sphere, save and restore are for all that a checkpoint
 //               keeps. A NearSphere is forgotten when the list is made anew, so nothing that must last may stand there.
 // The sub-spheres of a body in free flight are in none of the lists: it left when it touched nothing, and it comes back

@@ -13,31 +13,24 @@
 #include "error.h"
 #include "fixes.h"
 #include "lammps.h"
+#include "tangential_law.h"
 #include "update.h"
 
 namespace LAMMPS_NS {
 
-namespace {
-const int LOOK_STEPS = 32;
-const double LEAST_SHARE = 0.5;     // of a patch's surface that must belong to the piece
-const double OUT_OF_PLACE = 0.1;    // of its radius: further off, one that lost half its bonds leaves the patch
-const double TURN_rad = 0.02;       // of the axis in the stone, after which a pressing patch gets new weights
-const double FIRST_AXIS_rad = 0.1;  // about the lowest point at the start, whose own compliance is known
-const double HEADROOM = 1e-3;       // of the radius: a patch is found before it comes so near
-}  // namespace
-
 SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall, double yield_pressure_Pa,
                              const std::string &surface_file)
-    : lmp_(lmp), agglomerates_(agglomerates), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
+    : lmp_(lmp), agglomerates_(agglomerates), wall_(wall), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
       surfaces_(lmp, surface_file, agglomerates), patch_of_tag_(agglomerates.tags() + 1, -1),
       near_of_tag_(agglomerates.tags() + 1, -1), offset_(agglomerates.tags() + 1, 0),
-      damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), deepest_(damped_) {}
+      damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), friction_(damped_),
+      gained_(damped_), deepest_(damped_) {}
 
 void SmoothContact::setup() {
   alone_.setup();
-  auto *bonds = fix_that_is<BondNetwork>(lmp_->modify);
-  if (!bonds) lmp_->error->all(FLERR, "The contact of smooth stones needs fix bond/parallel");
-  pieces_ = std::make_unique<StonePieces>(lmp_, surfaces_, *bonds);
+  bonds_ = fix_that_is<BondNetwork>(lmp_->modify);
+  if (!bonds_) lmp_->error->all(FLERR, "The contact of smooth stones needs fix bond/parallel");
+  pieces_ = std::make_unique<StonePieces>(lmp_, surfaces_, *bonds_);
 }
 
 int SmoothContact::Patch::central() const {
@@ -59,184 +52,14 @@ int SmoothContact::here(int tag) const {
   return i >= 0 && i < lmp_->atom->nlocal ? i : -1;
 }
 
-/* --- the patches ------------------------------------------------------------------------------------------- */
-
-void SmoothContact::index(const std::vector<NearSphere> &near) {
-  std::fill(near_of_tag_.begin(), near_of_tag_.end(), -1);
-  for (size_t k = 0; k < near.size(); k++) near_of_tag_[lmp_->atom->tag[near[k].i]] = k;
-}
-
-void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
-  std::vector<double> wanted(surfaces_.stones().size(), 0);
-  std::vector<char> touching(near_of_tag_.size(), 0);
-  for (const NearSphere &p : near) {
-    wanted[agglomerates_.of_tag(lmp_->atom->tag[p.i])] = 1;
-    touching[lmp_->atom->tag[p.i]] = p.touches && !p.in_patch;
-  }
-  sum(wanted);
-  for (const Patch &p : patches_) wanted[p.agglomerate] = 1;
-  std::vector<char> stones(wanted.size());
-  for (size_t a = 0; a < wanted.size(); a++) stones[a] = wanted[a] > 0;
-  if (std::none_of(stones.begin(), stones.end(), [](char w) { return w; })) return;
-  pieces_->look(stones, touching);
-
-  for (Patch &p : patches_)
-    if (p.presses) renew(p);
-  const std::vector<Patch> before = patches_;
-  drop_idle_patches();
-  for (size_t a = 0; a < stones.size(); a++)
-    if (stones[a]) find_patches(a, reach);
-  std::fill(patch_of_tag_.begin(), patch_of_tag_.end(), -1);
-  for (size_t k = 0; k < patches_.size(); k++)
-    for (const Weight &m : patches_[k].members) patch_of_tag_[m.tag] = k;
-  for (const Patch &p : before)
-    for (const Weight &m : p.members)
-      if (patch_of_tag_[m.tag] < 0) stand_alone(m.tag);
-}
-
-// Those that do not press are found anew.
-void SmoothContact::drop_idle_patches() {
-  patches_.erase(std::remove_if(patches_.begin(), patches_.end(),
-                                [](const Patch &p) { return !p.presses || p.members.empty(); }),
-                 patches_.end());
-}
-
-bool SmoothContact::is_taken(int tag) const {
-  if (pieces_->touched_alone(tag)) return true;
-  return std::any_of(patches_.begin(), patches_.end(), [&](const Patch &p) {
-    return std::any_of(p.members.begin(), p.members.end(), [&](const Weight &m) { return m.tag == tag; });
-  });
-}
-
-// Of each piece of a stone that comes near the plate with its smooth surface.
-void SmoothContact::find_patches(int agglomerate, double reach) {
-  const SmoothStone &s = surfaces_.stones()[agglomerate];
-  const double span = 2 * LOOK_STEPS * lmp_->update->dt;
-  for (const auto &[piece, motion] : pieces_->motions(s)) {
-    if (!motion.is_here) continue;
-    Patch p;
-    p.agglomerate = agglomerate;
-    p.piece = piece;
-    p.axis = motion.turned.inverse()(Vec(0, 0, -1));
-    p.mass = motion.mass;
-    p.members = surfaces_.weights(s, p.axis, [&, piece = piece](int tag) {
-      return pieces_->piece_of(tag) == piece && !pieces_->is_loose(tag);
-    }, p.share);
-    if (p.members.empty() || p.share < LEAST_SHARE) continue;
-    // A sub-sphere that touches already, alone or in another patch, keeps its contact until it is free.
-    if (std::any_of(p.members.begin(), p.members.end(), [&](const Weight &m) { return is_taken(m.tag); })) continue;
-    p.base = s.radius;
-    for (const Weight &m : p.members) p.base += m.weight * motion.turned(surfaces_.place(m.tag)).z;
-    if (p.base - height_of_members(p) < -span * std::fabs(motion.velocity.z) - HEADROOM * s.radius - reach) continue;
-    if (!is_near(p)) continue;
-    const bool first = -p.axis.z > std::cos(FIRST_AXIS_rad);
-    p.compliance = first ? s.compliance_first : s.compliance;
-    p.compliance_across = first ? s.across_first : s.across;
-    patches_.push_back(p);
-  }
-}
-
-// Are all its members in the lists of what is near the plate?
-bool SmoothContact::is_near(const Patch &p) const {
-  std::vector<double> listed(1, 0);
-  for (const Weight &m : p.members) listed[0] += near_of_tag_[m.tag] >= 0;
-  sum(listed);
-  return listed[0] == static_cast<double>(p.members.size());
-}
-
-// As pieces_ found them.
-double SmoothContact::height_of_members(const Patch &p) const {
-  double z = 0;
-  for (const Weight &m : p.members) z += m.weight * pieces_->position(m.tag).z;
-  return z;
-}
-
-// A pressing patch: who has left it, and weights about the present axis.
-void SmoothContact::renew(Patch &p) {
-  p.q = p.base - height_of_members(p) + p.w;
-  if (p.q <= 0) return;
-  press_to_q(p);
-  std::map<int, double> weight_of;
-  for (const Weight &m : p.members) weight_of[pieces_->piece_of(m.tag)] += m.weight;
-  p.piece = std::max_element(weight_of.begin(), weight_of.end(), [](const auto &a, const auto &b) {
-              return a.second < b.second;
-            })->first;
-  const StonePieces::Motion motion = pieces_->motions(stone(p)).at(p.piece);
-  for (size_t k = p.members.size(); k-- > 0 && p.members.size() > 1;) {
-    const int tag = p.members[k].tag;
-    if (!pieces_->is_loose(tag) && pieces_->piece_of(tag) == p.piece) continue;
-    const Vec off = pieces_->position(tag) - motion.turned(surfaces_.place(tag)) - motion.center;
-    if (norm(off) > OUT_OF_PLACE * surfaces_.radius(tag)) leave(p, k);
-  }
-  follow_axis(p, motion);
-}
-
-void SmoothContact::follow_axis(Patch &p, const StonePieces::Motion &motion) {
-  const Vec axis = motion.turned.inverse()(Vec(0, 0, -1));
-  if (dot(axis, p.axis) > std::cos(TURN_rad)) return;
-  p.axis = axis;
-  double share = 0;
-  const std::vector<Weight> members = surfaces_.weights(stone(p), axis, [&](int tag) {
-    return pieces_->piece_of(tag) == p.piece && !pieces_->is_loose(tag) && !pieces_->touched_alone(tag);
-  }, share);
-  if (members.empty()) return;
-  if (share < p.share) {
-    if (is_first_rank()) released_[p.agglomerate] += (p.share - share) * p.state.stored;
-    p.share = share;
-  }
-  const std::vector<Weight> earlier = p.members;
-  p.members = members;
-  p.base = p.q - p.w + height_of_members(p);
-  for (const Weight &m : earlier)
-    if (std::none_of(members.begin(), members.end(), [&](const Weight &n) { return n.tag == m.tag; }))
-      stand_alone(m.tag);
-}
-
-// A member leaves a pressing patch with its share of the force, as a contact of its own.
-void SmoothContact::leave(Patch &p, size_t member) {
-  const SmoothStone &s = stone(p);
-  const Weight m = p.members[member];
-  const double force = p.share * m.weight * p.state.force, available = p.share * m.weight * p.state.stored;
-  const double r = surfaces_.radius(m.tag), depth = depth_of(m.tag);
-  double overlap = 0, energy = 0;
-  if (force > 0 && available > 0 && depth > -outside()) {  // what is higher has nothing to push it
-    overlap = PlasticLaw::hertz_overlap(s.modulus, r, force);
-    energy = 0.4 * force * overlap;
-    if (energy > available) {
-      energy = available;
-      overlap = std::pow(available / (8. / 15. * s.modulus * std::sqrt(r)), 0.4);
-    }
-  }
-  if (is_first_rank()) released_[p.agglomerate] += available - energy;
-  offset_[m.tag] = overlap > 0 ? depth - overlap : std::max(0.0, depth);
-  // The others keep q, and share the rest of the force.
-  p.share *= 1 - m.weight;
-  p.members.erase(p.members.begin() + member);
-  for (Weight &other : p.members) other.weight /= 1 - m.weight;
-  p.base = p.q - p.w + height_of_members(p);
-}
-
-// How far a sub-sphere reaches below the surface of the plate, as pieces_ found it, m.
-double SmoothContact::depth_of(int tag) const {
-  std::vector<double> plate_z(1, 0);
-  if (near_of_tag_[tag] >= 0) plate_z[0] = (*near_)[near_of_tag_[tag]].plate_z;
-  sum(plate_z);
-  return surfaces_.radius(tag) - (pieces_->position(tag).z - plate_z[0]);
-}
-
-// The contact of a sub-sphere whose patch is gone begins without force, wherever it is.
-void SmoothContact::stand_alone(int tag) {
-  const double depth = depth_of(tag);
-  if (depth > offset_[tag]) offset_[tag] = std::max(0.0, depth);
-}
-
 /* --- the step ---------------------------------------------------------------------------------------------- */
 
 void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int vflag) {
   near_ = &near;
   index(near);
   place_on_plate(near);
-  if (!looked_ || lmp_->update->ntimestep % LOOK_STEPS == 0) {
+  const bool looks = must_look();
+  if (looks) {
     looked_ = true;
     look(near, reach);
     std::vector<double> w_before;
@@ -249,6 +72,7 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   meet_alone(near, vflag);
   measure();
   for (Patch &p : patches_) press(p);
+  if (looks) release_half_a_step(near);
   hand_out(near);
 }
 
@@ -269,21 +93,20 @@ void SmoothContact::place_on_plate(const std::vector<NearSphere> &near) {
 // Members of patches do not touch alone; an offset lowers the plate under those that left one, and goes as they rise.
 void SmoothContact::meet_alone(std::vector<NearSphere> &near, int vflag) {
   const Atom *atom = lmp_->atom;
-  std::vector<std::pair<bool, double>> kept(near.size());
+  kept_.resize(near.size());
   for (size_t k = 0; k < near.size(); k++) {
     NearSphere &p = near[k];
-    kept[k] = {p.is_above, p.plate_z};
-    p.in_patch = false;
+    kept_[k] = p.plate_z;
     const int tag = atom->tag[p.i];
-    if (patch_of_tag_[tag] >= 0) p.is_above = false;
+    p.in_patch = patch_of_tag_[tag] >= 0;
     double &offset = offset_[tag];
-    if (offset == 0 || !p.is_above) continue;
+    if (offset == 0 || p.in_patch) continue;
     const double depth = atom->radius[p.i] - (atom->x[p.i][2] - p.plate_z);
     if (depth < offset) offset = std::max(0.0, depth);
     p.plate_z -= offset;
   }
   alone_.add_forces(near, 0, vflag);
-  for (size_t k = 0; k < near.size(); k++) near[k].is_above = kept[k].first, near[k].plate_z = kept[k].second;
+  for (size_t k = 0; k < near.size(); k++) near[k].plate_z = kept_[k];
 }
 
 void SmoothContact::measure() {
@@ -293,33 +116,40 @@ void SmoothContact::measure() {
     for (const Weight &m : patches_[k].members) {
       const int i = here(m.tag);
       if (i < 0) continue;
-      const double *v = atom->v[i], *spin = atom->omega[i], height = atom->x[i][2] - patches_[k].w;
+      const Vec surface = surface_velocity(i, patches_[k].w);
       sums[4 * k] += m.weight * atom->x[i][2];
-      sums[4 * k + 1] += m.weight * v[2];
-      sums[4 * k + 2] += m.weight * (v[0] - spin[1] * height);  // of the surface below the sub-sphere
-      sums[4 * k + 3] += m.weight * (v[1] + spin[0] * height);
+      sums[4 * k + 1] += m.weight * atom->v[i][2];
+      sums[4 * k + 2] += m.weight * surface.x;
+      sums[4 * k + 3] += m.weight * surface.y;
     }
   sum(sums);
   for (size_t k = 0; k < patches_.size(); k++) {
     Patch &p = patches_[k];
     p.q = p.base - sums[4 * k] + p.w;
     p.q_rate = p.plate_v - sums[4 * k + 1];
-    std::copy_n(&sums[4 * k + 2], 2, p.sliding);
+    p.sliding = Vec(sums[4 * k + 2], sums[4 * k + 3], 0);
   }
+}
+
+// Across the plate, of the surface of the plate's height below sub-sphere i.
+Vec SmoothContact::surface_velocity(int i, double plate_z) const {
+  const double *v = lmp_->atom->v[i], *spin = lmp_->atom->omega[i], height = lmp_->atom->x[i][2] - plate_z;
+  return Vec(v[0] - spin[1] * height, v[1] + spin[0] * height, 0);
 }
 
 void SmoothContact::press(Patch &p) {
   if (p.is_new && p.q > 2 * std::fabs(p.q_rate) * lmp_->update->dt) p.base -= p.q, p.q = 0;  // no force from nothing
   p.is_new = false;
-  p.force = p.across[0] = p.across[1] = p.damping = 0;
+  p.force = p.across[0] = p.across[1] = p.damping = p.rubbing = 0;
   p.state = SmoothLaw::State();
   p.presses = p.q > 0;
   if (!p.presses) {
-    p.largest = p.slip[0] = p.slip[1] = 0;
+    p.largest = 0;
+    stretch(p, 0, Vec());
     return;
   }
   press_to_q(p);
-  if (p.state.force <= 0) return;
+  if (p.state.force <= 0) return stretch(p, 0, Vec());
   const SmoothStone &s = stone(p);
   deepest_[p.agglomerate] = std::max(deepest_[p.agglomerate], p.state.approach / s.radius);
   // Hertz' dashpot 2 sqrt(5/6) zeta sqrt(S m) acts on the whole approach, of which q is all but the compression of the
@@ -339,22 +169,28 @@ void SmoothContact::press_to_q(Patch &p) {
   if (is_first_rank()) plastic_[p.agglomerate] += p.share * (law.taken(p.largest) - law.taken(before));
 }
 
-// Mindlin's tangential spring 8 G* a, less the compression of the bonds, with its dashpot, up to Coulomb's limit.
+// Mindlin's tangential spring 8 G* a, less the compression of the bonds, up to Coulomb's limit. The dashpot acts while
+// it sticks.
 void SmoothContact::rub(Patch &p) {
   const SmoothStone &s = stone(p);
   const double mindlin = 4 * s.shear_modulus / s.modulus * p.state.stiffness;
   const double spring = p.share * mindlin / (1 - p.compliance_across * mindlin);
-  const double dashpot = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio * std::sqrt(mindlin * p.mass);
-  for (int d = 0; d < 2; d++) {
-    p.slip[d] += lmp_->update->dt * p.sliding[d];
-    p.across[d] = -spring * p.slip[d] - dashpot * p.sliding[d];
+  const Vec slip = p.slip + lmp_->update->dt * p.sliding;
+  const double pull = spring * norm(slip), limit = s.friction * std::fabs(p.force);
+  const bool slides = pull > limit;
+  stretch(p, spring, (slides ? limit / pull : 1) * slip);
+  if (!slides) p.rubbing = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio * std::sqrt(mindlin * p.mass);
+  const Vec across = -spring * p.slip - p.rubbing * p.sliding;
+  p.across[0] = across.x, p.across[1] = across.y;
+}
+
+void SmoothContact::stretch(Patch &p, double spring, const Vec &slip) {
+  if (is_first_rank()) {
+    const TangentialStep step = tangential_step(p.spring, p.slip, spring, slip, lmp_->update->dt * p.sliding);
+    friction_[p.agglomerate] += step.friction;
+    gained_[p.agglomerate] += step.gained;
   }
-  const double size = std::hypot(p.across[0], p.across[1]), limit = s.friction * std::fabs(p.force);
-  if (size <= limit) return;
-  for (int d = 0; d < 2; d++) {
-    p.across[d] *= limit / size;
-    p.slip[d] = -(p.across[d] + dashpot * p.sliding[d]) / spring;
-  }
+  p.spring = spring, p.slip = slip;
 }
 
 // The force of each patch to its members; the plate feels all of it under the central one.
@@ -385,12 +221,19 @@ void SmoothContact::hand_out(std::vector<NearSphere> &near) {
 // The force had the rate of half a step ago, the integrator does its work with the present one.
 void SmoothContact::end_of_step(const std::vector<NearSphere> &near) {
   alone_.end_of_step(near);
+  const Atom *atom = lmp_->atom;
   for (const Patch &p : patches_) {
-    if (p.damping == 0) continue;
+    if (p.damping == 0 && p.rubbing == 0) continue;
     double rate = is_first_rank() ? p.plate_v : 0;
-    for (const Weight &m : p.members)
-      if (const int i = here(m.tag); i >= 0) rate -= m.weight * lmp_->atom->v[i][2];
-    damped_[p.agglomerate] += lmp_->update->dt * p.damping * p.q_rate * rate;
+    Vec sliding;
+    for (const Weight &m : p.members) {
+      const int i = here(m.tag);
+      if (i < 0) continue;
+      rate -= m.weight * atom->v[i][2];
+      sliding += m.weight * surface_velocity(i, p.w);
+    }
+    damped_[p.agglomerate] +=
+        lmp_->update->dt * (p.damping * p.q_rate * rate + p.rubbing * dot(p.sliding, sliding));
   }
 }
 
@@ -403,14 +246,17 @@ PlateContact::Pressing SmoothContact::pressing(const NearSphere &n) const {
 void SmoothContact::add_to(LedgerRows &rows, const std::vector<NearSphere> &near) const {
   alone_.add_to(rows, near);
   rows.add(WALL_DAMPED, damped_);
+  rows.add(WALL_RELEASED, released_);
   for (size_t a = 0; a < deepest_.size(); a++) {
     double &deepest = rows.at(a, WALL_DEEPEST);
     deepest = std::max(deepest, deepest_[a]);
   }
   if (!is_first_rank()) return;
   rows.add(WALL_PLASTIC, plastic_);
-  rows.add(WALL_RELEASED, released_);
-  for (const Patch &p : patches_) rows.at(p.agglomerate, WALL_ELASTIC) += p.share * p.state.stored;
+  rows.add(FRICTION, friction_);
+  rows.add(SPRINGS, gained_);
+  for (const Patch &p : patches_)
+    rows.at(p.agglomerate, WALL_ELASTIC) += p.share * p.state.stored + 0.5 * p.spring * dot(p.slip, p.slip);
 }
 
 /* --- checkpoint -------------------------------------------------------------------------------------------- */
@@ -422,7 +268,7 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   for (const Patch &p : patches_) {
     numbers.insert(numbers.end(), {p.agglomerate + 0.0, p.piece + 0.0, p.share, p.base, p.axis.x, p.axis.y, p.axis.z,
                                    p.compliance, p.compliance_across, p.mass, p.presses + 0.0, p.is_new + 0.0,
-                                   p.largest, p.slip[0], p.slip[1], p.damping, p.q_rate, p.plate_v, p.members.size() + 0.0});
+                                   p.largest, p.slip.x, p.slip.y, p.spring, p.members.size() + 0.0});
     for (const Weight &m : p.members) numbers.insert(numbers.end(), {m.tag + 0.0, m.weight});
   }
   for (size_t tag = 1; tag < offset_.size(); tag++)
@@ -431,8 +277,10 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   out.common("patches", numbers);
   out.common("patch_offsets", left);
   out.sum("patch_damped", damped_);
-  out.sum("patch_released", is_first_rank() ? released_ : std::vector<double>(released_.size(), 0));
-  out.sum("patch_plastic", is_first_rank() ? plastic_ : std::vector<double>(plastic_.size(), 0));
+  out.sum("patch_released", released_);
+  out.sum("patch_plastic", plastic_);
+  out.sum("patch_friction", friction_);
+  out.sum("patch_springs", gained_);
   out.common("patch_deepest", deepest_);
 }
 
@@ -443,6 +291,8 @@ void SmoothContact::restore(const CheckpointReader &in) {
   damped_ = in.sum("patch_damped", damped_.size());
   released_ = in.sum("patch_released", released_.size());
   plastic_ = in.sum("patch_plastic", plastic_.size());
+  friction_ = in.sum("patch_friction", friction_.size());
+  gained_ = in.sum("patch_springs", gained_.size());
   deepest_ = in.common("patch_deepest", deepest_.size());
   const double *n = numbers.data();
   patches_.clear();
@@ -452,7 +302,7 @@ void SmoothContact::restore(const CheckpointReader &in) {
     p.axis.x = *n++, p.axis.y = *n++, p.axis.z = *n++;
     p.compliance = *n++, p.compliance_across = *n++, p.mass = *n++;
     p.presses = *n++ != 0, p.is_new = *n++ != 0, p.largest = *n++;
-    p.slip[0] = *n++, p.slip[1] = *n++, p.damping = *n++, p.q_rate = *n++, p.plate_v = *n++;
+    p.slip.x = *n++, p.slip.y = *n++, p.spring = *n++;
     for (int members = *n++; members > 0; members--, n += 2) p.members.push_back({static_cast<int>(n[0]), n[1]});
     for (const Weight &m : p.members) patch_of_tag_[m.tag] = k;
     patches_.push_back(p);

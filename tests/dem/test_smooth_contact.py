@@ -3,10 +3,15 @@
 import numpy as np
 import pandas as pd
 import pytest
+from decks import run_engine
 from scenes_of_tests import changed, hertz
 
 from common.tables import Refused
+from dem.deck.render import write_deck
+from dem.deck.restitution import damping_ratio, elastic_damping_ratio
+from dem.run.energy_balance import read_ledger
 from dem.run.errors import Stopped
+from dem.run.prepare import prepare
 from dem.run.run import resume, run_scene
 from dem.stones.bonds import bond_network
 from dem.stones.contact_patch import PATCH_RADIUS, is_surface, patch_compliance, patch_weights
@@ -37,7 +42,8 @@ def test_an_unbreakable_stone_pushes_as_the_elastic_sphere(tmp_path, subspheres,
     assert found["peak_force_N"] == pytest.approx(hertz(material)["force_N"] * (speed_m_s / 3.0) ** 1.2, rel=0.01)
     assert found["rebound_speed_m_s"][0] == pytest.approx(speed_m_s, rel=0.003)
     assert abs(found["energy"]["closure"]) < 1e-6
-    assert abs(found["energy"]["friction_J"]) < 1e-5 * found["energy"]["impact_J"]
+    assert abs(found["energy"]["contacts_unexplained_J"]) < 1e-5 * found["energy"]["impact_J"]
+    assert found["energy"]["friction_J"] == 0
 
 
 def test_two_packings_push_alike(tmp_path):
@@ -46,10 +52,18 @@ def test_two_packings_push_alike(tmp_path):
     assert np.ptp(peaks) < 1e-3 * np.mean(peaks)
 
 
-@pytest.mark.parametrize("restitution", [0.9, 0.5])
+@pytest.mark.parametrize("restitution", [0.5, 0.1])
 def test_restitution_is_that_of_the_scene(tmp_path, restitution):
-    found = run_scene(stone(restitution=restitution), "scene", tmp_path / "run")
-    assert found["rebound_speed_m_s"][0] / 3.0 == pytest.approx(restitution, rel=0.02)
+    found = run_scene(stone(restitution=restitution, **{"time.duration_s": 1.2e-3}), "scene", tmp_path / "run")
+    assert found["rebound_speed_m_s"][0] / 3.0 == pytest.approx(restitution, rel=0.01)
+
+
+def test_without_bonds_the_damping_is_that_of_the_closed_form():
+    """Antypov and Elliott (2011), for a compliance near zero; a soft network needs less damping."""
+    sphere, mass = hertz("coal"), hertz("coal")["mass_kg"]
+    found = [damping_ratio(0.3, sphere["stiffness"], mass, 3.0, compliance) for compliance in (1e-12, 7e-9)]
+    assert found[0] == pytest.approx(elastic_damping_ratio(0.3), rel=1e-3)
+    assert found[1] < 0.99 * found[0]
 
 
 def test_on_a_plate_that_bends_it_is_the_elastic_sphere(runs):
@@ -62,13 +76,14 @@ def test_on_a_plate_that_bends_it_is_the_elastic_sphere(runs):
     assert smooth["impulse_N_s"] == pytest.approx(sphere["impulse_N_s"], rel=0.005)
 
 
-@pytest.mark.parametrize("seed", [20011, 1, 2])
-def test_breakage_under_the_patch_makes_no_energy(tmp_path, seed):
-    """Without friction nothing may be left over of what contacts took: `friction_J` is that remainder."""
-    scene = stone(**{"stones.agglomerate.unbreakable": False, "time.duration_s": 9e-4, "stones.seed": seed})
+@pytest.mark.parametrize(("seed", "speed_m_s", "friction"), [(1, 3.0, 0.0), (20011, 6.0, 0.0), (20011, 6.0, 0.4)])
+def test_breakage_under_the_patch_makes_no_energy(tmp_path, seed, speed_m_s, friction):
+    """Nothing may be left over of what contacts took."""
+    scene = stone(speed_m_s=speed_m_s, friction=friction, **{
+        "stones.agglomerate.unbreakable": False, "time.duration_s": 9e-4, "stones.seed": seed})
     found = run_scene(scene, "scene", tmp_path / "run")
     assert found["n_bonds_broken"] > 10
-    assert abs(found["energy"]["friction_J"]) < 1e-3 * found["energy"]["impact_J"]
+    assert abs(found["energy"]["contacts_unexplained_J"]) < 1e-3 * found["energy"]["impact_J"]
     assert abs(found["energy"]["closure"]) < 1e-3
 
 
@@ -123,3 +138,24 @@ def test_too_few_sub_spheres_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"stones\.agglomerate\.subspheres = 20: must be more") as refused:
         run_scene(stone(20), "scene", tmp_path / "run")
     assert not isinstance(refused.value, Refused) and not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("unbreakable", [True, False])
+def test_two_ranks_find_the_same_contact(tmp_path, unbreakable):
+    """And explain it as well. Breakage lets rounding grow, so a stone that breaks is followed up to its turn only."""
+    scene = stone(friction=0.4, speed_m_s=6.0, **{
+        "stones.agglomerate.unbreakable": unbreakable, "time.duration_s": 3e-4 if unbreakable else 1e-4,
+        "time.sample_interval_s": 2e-5, "time.free_flight_tolerance": 0.0, "stones.seed": 20011})
+    prepared, found = prepare(scene, "scene", tmp_path), []
+    for ranks in (1, 2):
+        directory = tmp_path / str(ranks)
+        write_deck(directory, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+        run_engine(directory, (directory / "deck.liggghts").read_text(), ranks)
+        c = {name: rows[:, 0] for name, rows in read_ledger(directory / "ledger.bin", 1).column.items()}
+        energies = np.array([c[name] for name in ("kinetic_J", "wall_elastic_J", "friction_J", "broken")])
+        left = (c["wall_work_J"] + c["pair_work_J"] + c["wall_elastic_J"] + c["pair_elastic_J"] + c["wall_damped_J"]
+                + c["pair_damped_J"] + c["wall_released_J"] + c["friction_J"] - c["springs_gained_J"])
+        assert np.abs(left).max() < 1e-3 * c["kinetic_J"][0]
+        found.append(energies)
+    assert (found[0][3, -1] > 10) == (not unbreakable)
+    assert found[1] == pytest.approx(found[0], rel=1e-6, abs=1e-6)
