@@ -179,7 +179,7 @@ class OutputTable(Table):
         "time between two pictures while something pushes on the plate in the first impact of a stone; 0: none")] = 2e-5
     engine_log: Annotated[bool, about("keep what the engine wrote, OUT/deck/engine.log and engine.out")] = False
     dumps: Annotated[Literal["vtk", "text"] | None, about(
-        "LIGGGHTS's own dump at every view_interval_s, kept in deck/dumps: files of VTK, or its text; absent: none")] = None
+        "LIGGGHTS's own dump at every view_interval_s, kept in deck/dumps: VTK files or text; absent: none")] = None
 
     @model_validator(mode="after")
     def _dumps_need_an_interval(self) -> Self:
