@@ -24,6 +24,7 @@ film.Player = class {
   }
 
   async start() {
+    this.resize();
     await this.chooseReel(this.find("reel").value);
     new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement);
     this.resize();
@@ -33,26 +34,24 @@ film.Player = class {
   }
 
   async chooseReel(id) {
+    this.play(false);
     if (!this.reels.has(id)) this.reels.set(id, await film.readReel(id));
     this.reel = this.reels.get(id);
+    this.series = null; // nothing is drawn until one of this reel is there
     this.scene.load(this.reel);
     const select = this.find("series"), wanted = select.value;
-    select.replaceChildren(...Object.values(this.reel.series).map((s) => new Option(s.title, s.key)));
-    if (this.reel.series[wanted]) select.value = wanted;
-    this.chooseSeries(select.value, true);
+    select.replaceChildren(...this.reel.packed.map((p) => new Option(p.title, p.key)));
+    if (this.reel.packed.some((p) => p.key === wanted)) select.value = wanted;
+    await this.chooseSeries(select.value, true);
   }
 
-  chooseSeries(key, keepTime) {
-    this.series = this.reel.series[key];
-    const largest = Math.max(...Object.values(this.reel.series).map((s) => {
-      let most = 0;
-      for (const row of s.deflection) for (const w of row) most = Math.max(most, Math.abs(w));
-      return most * s.deflectionQuantum;
-    }));
-    this.enlarged = largest > 0 ? Number((film.GREATEST_DEFLECTION_M / largest).toPrecision(1)) : 1;
+  async chooseSeries(key, keepTime) {
+    this.series = await film.seriesOf(this.reel, key);
+    const largest = 32767 * Math.max(...this.reel.packed.map((p) => p.deflectionQuantum));
+    this.enlarged = this.reel.plate.quad.length ? Number((film.GREATEST_DEFLECTION_M / largest).toPrecision(1)) : 1;
     this.find("stress-most").textContent = `${(1e-6 * this.series.stressShown).toPrecision(2)} MPa and more`;
     const factor = this.find("factor");
-    factor.options[0].textContent = `plate's motion × ${this.enlarged}`;
+    factor.options[0].textContent = `deflection × ${this.enlarged}`;
     film.drawCurves(this.find("curves"), this.series);
     if (!keepTime || this.time > this.series.end) this.time = 0;
     this.tinted = null;
@@ -133,6 +132,11 @@ film.Player = class {
   play(on) {
     this.playing = on;
     this.last = null;
+    this.dirty = true;
+    if (!on && this.scene.sharpness < this.scene.sharpest) {
+      this.scene.sharpness = this.scene.sharpest;
+      this.resize();
+    }
     if (on && this.time >= this.series.end) this.seek(0);
     const button = this.find("play");
     button.textContent = on ? "Pause" : "Play";
@@ -153,14 +157,14 @@ film.Player = class {
       if (this.time >= this.series.end) { this.time = this.series.end; this.play(false); }
       this.dirty = true;
     }
-    if (this.dirty) this.show();
+    if (this.dirty && this.series) this.show();
     requestAnimationFrame((later) => this.tick(later));
   }
 
   // Fewer pixels where drawing is too slow for 30 pictures a second.
   soften(passed) {
     this.pace = 0.9 * (this.pace || 0.016) + 0.1 * passed;
-    if (this.pace < 0.034 || this.scene.sharpness <= 0.6) return;
+    if (this.pace < 0.034 || this.scene.sharpness < 0.7) return;
     this.scene.sharpness *= 0.8;
     this.pace = 0.016;
     this.resize();
@@ -196,6 +200,10 @@ film.Player = class {
   }
 
   label() {
+    film.moveCursor(this.find("curves"), this.time, this.series);
+    const now = performance.now();
+    if (this.playing && now - (this.labelled || 0) < 120) return; // text and slider cost more than the cursor
+    this.labelled = now;
     const ms = 1e3 * this.time, broken = film.brokenCount(this.reel, this.time), total = this.reel.first.length;
     const digits = this.series.end < 0.005 ? 2 : 1;
     this.find("time").textContent = `${ms.toFixed(digits)} ms`;
@@ -203,7 +211,6 @@ film.Player = class {
     const slider = this.find("slider");
     slider.value = slider.max * this.time / this.series.end;
     slider.setAttribute("aria-valuetext", `${ms.toFixed(digits)} ms`);
-    film.moveCursor(this.find("curves"), this.time, this.series);
   }
 };
 
@@ -257,16 +264,16 @@ film.drawCurves = function (root, series) {
     box.innerHTML = `<div class="curve-title"><span>${title}</span><span>${(unit * low).toPrecision(3)} to ` +
       `${(unit * high).toPrecision(3)}</span></div><svg viewBox="0 0 ${width} ${height}" preserveAspectRatio="none">` +
       `<line class="zero" x1="0" x2="${width}" y1="${zero}" y2="${zero}"/><polyline points="${points.join(" ")}"/>` +
-      `<line class="cursor" y1="0" y2="${height}"/></svg>`;
+      `</svg><i class="cursor"></i>`;
     return box;
   }));
 };
 
+// The cursor is moved and not drawn again: drawing the curves anew took twice as long as the three-dimensional view.
 film.moveCursor = function (root, time, series) {
-  const { width, left, right } = film.BOX, x = left + (width - left - right) * time / series.end;
-  for (const line of root.querySelectorAll(".cursor")) {
-    line.setAttribute("x1", x);
-    line.setAttribute("x2", x);
+  const { width, left, right } = film.BOX, share = (left + (width - left - right) * time / series.end) / width;
+  for (const cursor of root.querySelectorAll(".cursor")) {
+    cursor.style.transform = `translateX(${(share * cursor.parentElement.clientWidth).toFixed(1)}px)`;
   }
 };
 

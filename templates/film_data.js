@@ -42,6 +42,11 @@ film.readSeries = async function (packed) {
   };
 };
 
+film.seriesOf = async function (reel, key) {
+  if (!reel.series[key]) reel.series[key] = await film.readSeries(reel.packed.find((p) => p.key === key));
+  return reel.series[key];
+};
+
 film.readReel = async function (id) {
   const packed = JSON.parse(document.getElementById(id).textContent);
   const b = packed.bodies, p = packed.plate;
@@ -55,12 +60,9 @@ film.readReel = async function (id) {
     brokenAt: new Float32Array(await film.unpack(b.brokenAt)),
     shear: new Uint8Array(await film.unpack(b.shear)),
     plate: { ...p, node: new Float32Array(await film.unpack(p.node)), quad: new Uint32Array(await film.unpack(p.quad)) },
+    packed: packed.series, // unpacked into `series` when first asked for
     series: {},
   };
-  for (const packedSeries of packed.series) {
-    const series = await film.readSeries(packedSeries);
-    reel.series[series.key] = series;
-  }
   reel.bondsOfEach = new Float32Array(reel.radius.length);
   for (let k = 0; k < reel.first.length; k++) {
     reel.bondsOfEach[reel.first[k]]++;

@@ -112,24 +112,25 @@ def function_space(
 
 @styled
 def recognised_against_true(
-    ratios: np.ndarray, best: tuple[str, np.ndarray], others: dict[str, np.ndarray]
+    ratios: np.ndarray, with_interval: dict[str, np.ndarray], others: dict[str, np.ndarray]
 ) -> Figure:
-    """Draw recognised against true ratio, the best method with its 90 % intervals.
+    """Draw recognised against true ratio, with 90 % intervals where a method gives them.
 
-    best: (method, recognised, low, high of shape (runs, 3)). others: {method: recognised of shape (runs,)}. NaN where
-    there is no answer or no interval.
+    with_interval: {method: recognised, low, high of shape (runs, 3)}, the leading method first. others: {method:
+    recognised of shape (runs,)}. NaN where there is no answer or no interval.
     """
-    figure, axes = canvas(1, height_in=4.2)
+    figure, axes = canvas(1, height_in=3.7)
     axis = axes[0, 0]
     axis.plot([0, 100], [0, 100], color=PALE, linewidth=0.9, label="_true")
-    for mark, colour, (name, recognised) in zip("sxv", (GANGUE, COAL, GREEN), others.items(), strict=False):
-        axis.plot(100 * ratios, 100 * recognised, mark, color=colour, markersize=5, fillstyle="none", label=name)
-    name, answers = best
-    middle, low, high = 100 * answers.T
-    for at, bottom, top in zip(100 * ratios, low, high, strict=True):
-        axis.plot([at, at], [bottom, top], color=ACCENT, linewidth=5, alpha=0.28, solid_capstyle="butt",
-                  label="_90 % interval")  # fmt: skip
-    axis.plot(100 * ratios, middle, "o", color=ACCENT, markersize=6, label=f"{name}, with its 90 % interval")
+    for mark, colour, (name, recognised) in zip("sv", (COAL, GREEN), others.items(), strict=False):
+        axis.plot(100 * ratios - 1.2, 100 * recognised, mark, color=colour, markersize=4.5, fillstyle="none",
+                  label=name)  # fmt: skip
+    marks = zip((1.2, 0.0), "Do", (GANGUE, ACCENT), reversed(with_interval.items()), strict=False)
+    for aside, mark, colour, (name, answers) in marks:
+        at = 100 * ratios + aside
+        middle, low, high = 100 * answers.T
+        axis.vlines(at, low, high, color=colour, linewidth=4, alpha=0.35)
+        axis.plot(at, middle, mark, color=colour, markersize=5, label=f"{name}, 90 % interval")
     axis.set_xlabel("true " + RATIO_LABEL)
     axis.set_ylabel("recognised, %")
     axis.set_xlim(-4, 104)

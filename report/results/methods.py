@@ -13,7 +13,10 @@ FUSION_MODIFIED = "energy_fusion_modified"
 #: The paper's energy fusion in a few words, for the statement that compares it with Q.
 FUSION_WORDS = {FUSION_AS_PUBLISHED: "as published", FUSION_MODIFIED: "modified"}
 
-#: Its recognition strategy, unfitted.
+#: A method that needs no positions of the stones.
+IMPULSE = "impulse"
+
+#: The paper's recognition strategy, unfitted.
 STRATEGY_AS_PUBLISHED = as_published
 MODIFIED_STRATEGY = modified
 

@@ -95,10 +95,10 @@ def test_slider_and_choices_change_the_picture(opened, width):
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     move_slider(page, 0)
     assert page.locator("[data-film=time]").inner_text() == "0.00 ms"
-    start, cursor = picture(page), page.locator(".cursor").first.get_attribute("x1")
+    start, cursor = picture(page), page.locator(".cursor").first.get_attribute("style")
     move_slider(page, 500)
     assert page.locator("[data-film=time]").inner_text() == "0.60 ms"
-    assert picture(page) != start and page.locator(".cursor").first.get_attribute("x1") != cursor
+    assert picture(page) != start and page.locator(".cursor").first.get_attribute("style") != cursor
     seen = {picture(page)}
     for name, choice in (("colours", "damage"), ("colours", "fragment"), ("series", "early"), ("reel", "film-1")):
         page.locator(f"[data-film={name}]").select_option(choice)
