@@ -5,15 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 
-from analysis.features import signal_features
-from analysis.readers import read_record
-from analysis.records import RecordError
-from analysis.resample import resample
-
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command line and return its exit code: 2, with one line on standard error, for bad input."""
     arguments = _parser().parse_args(argv)
+    from analysis.features import signal_features  # late, since --help does not need them
+    from analysis.readers import read_record
+    from analysis.records import RecordError
+
     try:
         record = read_record(
             arguments.file,
@@ -23,6 +22,8 @@ def main(argv: list[str] | None = None) -> int:
             unit=arguments.unit,
         )
         if arguments.resample is not None:
+            from analysis.resample import resample
+
             record = resample(record, arguments.resample, anti_alias=not arguments.no_filter)
         found = signal_features(record)
     except RecordError as error:

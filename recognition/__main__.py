@@ -5,20 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from analysis import RecordError, read_sweep
-from analysis.readers import read_table
-from recognition.estimation.answer import Answer
-from recognition.estimation.errors import RecognitionError
-from recognition.evaluation.cross_validation import write_evaluation
-from recognition.evaluation.dataset import CONDITIONS, read_dataset
-from recognition.evaluation.error_bounds import write_bounds
-from recognition.methods import EVALUATED
-from recognition.models import Model
+if TYPE_CHECKING:
+    from recognition.estimation.answer import Answer
 
 
 def main(argv: list[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
+    from analysis.records import RecordError  # late, as all below: they take seconds, and --help does not need them
+    from recognition.estimation.errors import RecognitionError
+
     command = {"fit": fit, "recognise": recognise, "evaluate": evaluate}[arguments.command]
     try:
         return command(arguments) or 0
@@ -28,6 +25,11 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def fit(arguments: argparse.Namespace) -> None:
+    from analysis.runs import read_sweep
+    from recognition.estimation.errors import RecognitionError
+    from recognition.evaluation.dataset import CONDITIONS, read_dataset
+    from recognition.models import Model
+
     directory, out = Path(arguments.directory), Path(arguments.out)
     if not out.parent.is_dir():
         raise RecognitionError(f"--out {out}: no directory {out.parent}")
@@ -52,6 +54,9 @@ def fit(arguments: argparse.Namespace) -> None:
 
 def recognise(arguments: argparse.Namespace) -> int:
     """0, or 3 for a record out of distribution."""
+    from analysis.readers import read_table
+    from recognition.models import Model
+
     model = Model.load(arguments.model)
     path = Path(arguments.record)
     path = path / "signals.parquet" if path.is_dir() else path
@@ -74,6 +79,12 @@ def _print_best(name: str, answer: Answer) -> None:
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
+    from recognition.estimation.errors import RecognitionError
+    from recognition.evaluation.cross_validation import write_evaluation
+    from recognition.evaluation.dataset import read_dataset
+    from recognition.evaluation.error_bounds import write_bounds
+    from recognition.methods import EVALUATED
+
     names = arguments.method or list(EVALUATED)
     unknown = [name for name in names if name not in EVALUATED]
     if unknown:

@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from common.cache import user_cache
 from common.run_summary import RunSummary, read_summary, write_summary
 from common.scene import Scene, read_scene
 from common.tables import InputError
@@ -62,7 +63,7 @@ def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False,
     """
     check_engine()
     stop_at = None if walltime_s is None else time.monotonic() + walltime_s
-    return run_prepared(prepare(scene, source, out.parent / ".modes"), out, show_progress, stop_at)
+    return run_prepared(prepare(scene, source, user_cache()), out, show_progress, stop_at)
 
 
 def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
