@@ -142,7 +142,7 @@ def _write(file: Path, arrays: Arrays) -> None:
 def _make_room(directory: Path) -> None:
     """Remove what was not used for longest until the entries are small enough together."""
     entries = []
-    for file in directory.glob("*.cache"):
+    for file in directory.glob("*.cache*"):  # with what a killed process left half written, which ages like the rest
         try:
             status = file.stat()
         except FileNotFoundError:  # another process makes room, too
