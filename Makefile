@@ -36,8 +36,9 @@ campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/c
 report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m report '$(OUT)'
 
+# A file of tests stays in one process, so that what its tests share is made once.
 test: setup .venv/campaign .venv/browser build/chromium  ## all tests but the long ones
-	$(PYTHON) -m pytest -q
+	$(PYTHON) -m pytest -q --numprocesses $(JOBS) --dist loadfile --durations 25
 
 validate: setup .venv/campaign .venv/browser build/chromium build/slurm build/calculix build/paraview  ## the long checks
 	$(PYTHON) -m pytest -q -m validate

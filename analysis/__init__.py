@@ -6,10 +6,15 @@
 Needs neither LIGGGHTS nor a simulation. Plotting lives in `report.figures.style`.
 """
 
-from analysis.features import Feature, base_parameters, signal_features
-from analysis.readers import read_record
-from analysis.records import Record, RecordError, as_record
-from analysis.runs import Run, Sweep, read_run, read_sweep
+from typing import TYPE_CHECKING
+
+from common.late import late
+
+if TYPE_CHECKING:
+    from analysis.features import Feature, base_parameters, signal_features
+    from analysis.readers import read_record
+    from analysis.records import Record, RecordError, as_record
+    from analysis.runs import Run, Sweep, read_run, read_sweep
 
 __all__ = [
     "Feature",
@@ -24,3 +29,10 @@ __all__ = [
     "read_sweep",
     "signal_features",
 ]
+
+__getattr__ = late(__name__, {
+    "Feature": "analysis.features", "base_parameters": "analysis.features", "signal_features": "analysis.features",
+    "read_record": "analysis.readers",
+    "Record": "analysis.records", "RecordError": "analysis.records", "as_record": "analysis.records",
+    "Run": "analysis.runs", "Sweep": "analysis.runs", "read_run": "analysis.runs", "read_sweep": "analysis.runs",
+})  # fmt: skip

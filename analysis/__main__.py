@@ -10,11 +10,6 @@ from common.command import Parser, listen_for_interrupt, run_command, say
 if __name__ == "__main__":
     listen_for_interrupt()
 
-from analysis.features import signal_features
-from analysis.readers import read_record
-from analysis.records import RecordError
-from analysis.resample import resample
-
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command line and return its exit code: 2, with one line on standard error, for bad input."""
@@ -22,6 +17,10 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _features(arguments: argparse.Namespace) -> int:
+    from analysis.features import signal_features  # late, since --help does not need them
+    from analysis.readers import read_record
+    from analysis.records import RecordError
+
     try:
         record = read_record(
             arguments.file,
@@ -32,6 +31,8 @@ def _features(arguments: argparse.Namespace) -> int:
             time=arguments.time,
         )
         if arguments.resample is not None:
+            from analysis.resample import resample
+
             record = resample(record, arguments.resample, anti_alias=not arguments.no_filter)
         found = signal_features(record)
     except RecordError as error:

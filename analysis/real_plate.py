@@ -7,7 +7,6 @@ rods is wanted instead of the paper's beam formula.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -16,6 +15,7 @@ from analysis.records import RecordError
 from analysis.runs import Run
 from analysis.setup import places_of, setup_of
 from common import hertz
+from common.cache import user_cache
 from common.plate import FlexiblePlate
 from plate_fem.contact_stress import HertzContact, total_stress, von_mises_3d
 from plate_fem.modes import PlateModes, plate_modes
@@ -27,14 +27,13 @@ def modes_of(run: Run) -> PlateModes:
     """Return the modes that the run's plate moved in.
 
     They are found as the simulation finds them: up to the scene's frequency, alone or with residual modes for the
-    positions of the particles, whichever has the number of modes that run.json states. They are taken from the cache
-    beside the runs where it holds exactly these, and computed otherwise.
+    positions of the particles, whichever has the number of modes that run.json states. They are taken from the user's
+    cache (common/cache.py) where it holds exactly these, and computed otherwise.
     Raises RecordError if the scene has no flexible plate, or if neither has that number.
     """
-    cache = Path(run.path).parent / ".modes"
     plate, counts = flexible_plate(run), []
     for points_m in (None, places_of(run)):
-        modes = plate_modes(plate, cache if cache.is_dir() else None, points_m)
+        modes = plate_modes(plate, user_cache(), points_m)
         counts.append(modes.frequency_Hz.size)
         if counts[-1] == run.summary.n_modes:
             return modes

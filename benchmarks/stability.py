@@ -206,7 +206,6 @@ def run_case(case: Case, runs: Path) -> dict:
     try:
         scene = build(case.settings)
         with tempfile.TemporaryDirectory(dir=runs) as directory:
-            Path(directory, ".modes").symlink_to(runs / "modes")
             closure = run_scene(scene, case.name, Path(directory) / "run")["energy"]["closure"]
         outcome = "finished" if abs(closure) <= ENERGY_SHARE else "ledger open"
     except (InputError, RunError) as error:
@@ -230,7 +229,7 @@ def main() -> int:
     options = parser.parse_args()
     chosen = [case for case in cases() if options.only in case.name]
     runs = (options.out / ".runs").resolve()
-    (runs / "modes").mkdir(parents=True, exist_ok=True)
+    runs.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(options.jobs) as pool:
         rows = []
         for row in pool.map(run_case, chosen, [runs] * len(chosen)):

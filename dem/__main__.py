@@ -9,7 +9,7 @@ import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from common.command import Parser, jobs, listen_for_interrupt, run_command, say
 
@@ -21,21 +21,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from common.messages import show_messages
-from common.output_directory import Busy, refuse_foreign_file, refuse_place
-from common.scene import Scene, changed_scene
-from common.tables import InputError
-from dem.batch.campaign import campaign
-from dem.batch.dataset import build
-from dem.batch.sweep import sweep
-from dem.calibration.calibrate import calibrate
-from dem.coupling.build_engine import build_engine
-from dem.coupling.launch import STOPPED
-from dem.coupling.messages import CouplingError
-from dem.deck.render import write_deck
-from dem.run.errors import RunError, Stopped
-from dem.run.participants import participant_of
-from dem.run.prepare import prepare
-from dem.run.run import resume, run_scene
+from dem.coupling.exit_code import STOPPED
+
+if TYPE_CHECKING:
+    from common.scene import Scene
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -46,6 +35,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _command(options: argparse.Namespace) -> int:
+    from common.output_directory import Busy  # late, as all below: they take a second, and --help does not need them
+    from common.tables import InputError
+    from dem.coupling.messages import CouplingError
+    from dem.run.errors import RunError, Stopped
+
     try:
         return options.command(options)
     except InputError as error:
@@ -76,13 +70,12 @@ def _parser() -> argparse.ArgumentParser:
     _with_set(sub).add_argument("scene", type=Path, help="scene file (TOML)")
     _with_out(sub, "runs at a time (default 2)")
     replacers.append(sub)
-    sub = add("dataset", "run what a plan draws, a data set for recognition",
-              lambda o: build(o.plan, o.out, o.jobs, o.overwrite))
+    sub = add("dataset", "run what a plan draws, a data set for recognition", _dataset)
     sub.add_argument("plan", type=Path, help="plan (TOML), scenes/dataset.toml")
     _with_out(sub, "runs at a time (default 2)")
     replacers.append(sub)
     sub = add("campaign", "run every combination of values that a campaign's file lists, by Snakemake",
-              lambda o: campaign(o.file, o.out, o.jobs, o.profile))
+              _campaign)
     sub.add_argument("file", type=Path, help="campaign (TOML), such as scenes/campaign.toml")
     _with_out(sub, "cores, or jobs in the queue at a time (default 2)")
     sub.add_argument("--profile", help="slurm, or a directory with a Snakemake profile (default: this machine)")
@@ -98,7 +91,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("material", help="name of a material of the scene")
     sub.add_argument("--scene", type=Path, required=True, help="scene file (TOML)")
     sub.add_argument("--out", type=Path, required=True, help="directory for MATERIAL.toml and MATERIAL_tests.csv")
-    sub = add("build-engine", "build the engine, where Debian's libliggghts-dev is installed", lambda _: build_engine())
+    sub = add("build-engine", "build the engine, where Debian's libliggghts-dev is installed", _build_engine)
     sub.set_defaults(out="the engine")
     return parser
 
@@ -126,6 +119,8 @@ def _with_out(sub: argparse.ArgumentParser, help_of_jobs: str) -> None:
 
 def _changes(options: argparse.Namespace) -> dict[str, Any]:
     """What a command line changes of its scene, by dotted key."""
+    from common.tables import InputError
+
     changes: dict[str, Any] = {}
     for text in options.changes:
         key, _, value = text.partition("=")
@@ -138,6 +133,8 @@ def _changes(options: argparse.Namespace) -> dict[str, Any]:
 
 def _scene(options: argparse.Namespace) -> Scene:
     """The scene of a command line, with what it changes."""
+    from common.scene import changed_scene
+
     changes = _changes(options)
     if options.gangue is not None:
         changes["stones.gangue_ratio"] = options.gangue
@@ -145,12 +142,16 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from dem.run.run import run_scene
+
     print(one_line(run_scene(_scene(options), str(options.scene), options.out, True, options.walltime,
                              options.overwrite)))
     return 0
 
 
 def _resume(options: argparse.Namespace) -> int:
+    from dem.run.run import resume
+
     print(one_line(resume(options.out, walltime_s=options.walltime)))
     return 0
 
@@ -171,7 +172,13 @@ def one_line(summary: dict[str, Any]) -> str:
 
 
 def _deck(options: argparse.Namespace) -> int:
-    prepared = prepare(_scene(options), str(options.scene), None)
+    from common.cache import user_cache
+    from common.output_directory import refuse_place
+    from common.tables import InputError
+    from dem.deck.render import write_deck
+    from dem.run.prepare import prepare
+
+    prepared = prepare(_scene(options), str(options.scene), user_cache())
     refuse_place(options.out)
     if options.out.exists():
         raise InputError(f"--out = {options.out}: must not exist yet")
@@ -186,7 +193,12 @@ def _deck(options: argparse.Namespace) -> int:
 
 def _plate(options: argparse.Namespace) -> int:
     """Be the plate of an engine that somebody starts, stops and debugs by hand."""
-    prepared = prepare(_scene(options), str(options.scene), None)
+    from common.cache import user_cache
+    from common.tables import InputError
+    from dem.run.participants import participant_of
+    from dem.run.prepare import prepare
+
+    prepared = prepare(_scene(options), str(options.scene), user_cache())
     if not prepared.flexible:
         raise InputError(f"{options.scene}: plate.model = 'rigid': only a flexible plate takes part in a run")
     plate, deck = participant_of(prepared), options.out / "deck"
@@ -199,10 +211,32 @@ def _plate(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
+    from dem.batch.sweep import sweep
+
     return sweep(options.scene, options.out, options.jobs, _changes(options), options.overwrite)
 
 
+def _dataset(options: argparse.Namespace) -> int:
+    from dem.batch.dataset import build
+
+    return build(options.plan, options.out, options.jobs, options.overwrite)
+
+
+def _campaign(options: argparse.Namespace) -> int:
+    from dem.batch.campaign import campaign
+
+    return campaign(options.file, options.out, options.jobs, options.profile)
+
+
+def _build_engine(options: argparse.Namespace) -> int:
+    from dem.coupling.build_engine import build_engine
+
+    return build_engine()
+
+
 def _calibrate(options: argparse.Namespace) -> int:
+    from dem.calibration.calibrate import calibrate
+
     _refuse_foreign_calibration(options.material, options.out)
     calibrate(options.material, options.scene, options.out)
     print(options.out / f"{options.material}.toml")
@@ -211,6 +245,9 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 def _refuse_foreign_calibration(material: str, out: Path) -> None:
     """What a calibration would replace must be of an earlier one."""
+    from common.output_directory import refuse_foreign_file
+    from common.tables import InputError
+
     if "/" in material:
         return  # no material has such a name, and calibrate says so
     refuse_foreign_file(out / f"{material}.toml", "written by `python -m dem calibrate")

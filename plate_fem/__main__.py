@@ -5,19 +5,15 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from common.command import Parser, listen_for_interrupt, run_command, say
 
 if __name__ == "__main__":
     listen_for_interrupt()
 
-import numpy as np
-
-from common.files import written_whole
-from common.output_directory import refuse_foreign_file
-from common.plate import read_plate
-from common.tables import InputError, refused_in
-from plate_fem.modes import PlateModes, plate_modes
+if TYPE_CHECKING:
+    from plate_fem.modes import PlateModes
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -35,6 +31,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _command(options: argparse.Namespace) -> int:
+    from common.tables import InputError  # late, as all below: they take a second, and --help does not need them
+
     try:
         show_modes(options.scene, options.out)
     except InputError as error:
@@ -48,6 +46,12 @@ def show_modes(scene: Path, out: Path | None) -> None:
 
     Raises InputError for a scene that cannot be read, or whose plate is rigid or has no `max_frequency_Hz`.
     """
+    from common.cache import user_cache
+    from common.output_directory import refuse_foreign_file
+    from common.plate import read_plate
+    from common.tables import InputError, refused_in
+    from plate_fem.modes import plate_modes
+
     plate = read_plate(scene)
     if plate.model == "rigid":
         raise InputError(f"{scene}: plate.model = 'rigid': must be 'flexible' to have modes")
@@ -58,7 +62,7 @@ def show_modes(scene: Path, out: Path | None) -> None:
     if out is not None:
         refuse_foreign_file(out, "<VTKFile")
     with refused_in(scene, "plate"):
-        modes = plate_modes(plate)
+        modes = plate_modes(plate, user_cache())
     print(f"# {modes.theory} plate, {len(modes.quad)} cells, mass {modes.mass_kg:.6g} kg")
     print(f"{'mode':>5} {'Hz':>12} {'damping':>9}")
     for number, (frequency, damping) in enumerate(zip(modes.frequency_Hz, modes.damping_ratio, strict=True), 1):
@@ -70,6 +74,9 @@ def show_modes(scene: Path, out: Path | None) -> None:
 def write_shapes(modes: PlateModes, out: Path) -> None:
     """Write the mesh (.vtu) with one field of vertical displacement per mode, scaled to a largest value of one."""
     import meshio
+    import numpy as np
+
+    from common.files import written_whole
 
     points = np.column_stack([modes.node_m, np.zeros(len(modes.node_m))])
     shape = modes.shape / abs(modes.shape).max(axis=0)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 
@@ -11,35 +15,84 @@ from common.tables import Refused
 MODES_AT_MOST = 400  # three times those of the default scene; finding more takes minutes and gigabytes
 
 
-def eigenmodes(
-    stiffness: sp.csc_array, mass: sp.csc_array, max_frequency_Hz: float
-) -> tuple[np.ndarray, np.ndarray]:
+@dataclass(frozen=True)
+class Part:
+    """A part of a structure that has nothing to do with the rest: stiffness and mass over its unknowns `number` (n,).
+
+    `shift` is a small omega^2, which the singular stiffness of a free plate needs to be inverted.
+    """
+
+    number: np.ndarray
+    stiffness: sp.csc_array
+    mass: sp.csc_array
+    shift: float
+
+    @cached_property
+    def inverse(self) -> SuperLU:
+        """The factors of stiffness + shift mass."""
+        return factor(self.stiffness + self.shift * self.mass)
+
+
+def independent_parts(stiffness: sp.csc_array, mass: sp.csc_array, max_frequency_Hz: float) -> list[Part]:
+    """Return the parts that stiffness does not connect."""
+    shift = 1e-4 * (2 * np.pi * max_frequency_Hz) ** 2
+    count, part = sp.csgraph.connected_components(stiffness, directed=False)
+    numbers = [np.flatnonzero(part == k) for k in range(count)]
+    return [Part(k, stiffness[k][:, k], mass[k][:, k], shift) for k in numbers]
+
+
+def solve_static(parts: list[Part], load: np.ndarray) -> np.ndarray:
+    """Return the response (n, k) to static loads (n, k), but for the shift."""
+    response = np.empty_like(load)
+    for part in parts:
+        response[part.number] = part.inverse.solve(np.ascontiguousarray(load[part.number]))
+    return response
+
+
+def eigenmodes(parts: list[Part], max_frequency_Hz: float) -> tuple[np.ndarray, np.ndarray]:
     """Return omega^2 (n,) in 1/s^2 and mass-normalised vectors (size, n) of all modes up to max_frequency_Hz.
 
-    The number of modes is that of the negative pivots of K - limit M (Sylvester's law of inertia). The modes come from
-    shift-invert Lanczos about a small negative shift, which the singular stiffness of a free plate does not disturb.
+    The number of modes of a part is that of the negative pivots of K - limit M (Sylvester's law of inertia). The modes
+    come from shift-invert Lanczos about the small negative shift of the part.
     Raises RuntimeError if number and modes disagree, and Refused if there are more modes than MODES_AT_MOST, which
     happens where rods are so soft that they have modes of their own.
     """
     limit = (2 * np.pi * max_frequency_Hz) ** 2
-    count = int((factor(stiffness - limit * mass).U.diagonal() < 0).sum())
-    if count == 0:
-        return np.empty(0), np.empty((stiffness.shape[0], 0))
+    counts = [_count_below(part, limit) for part in parts]
+    count = sum(counts)
     if count > MODES_AT_MOST:
         raise Refused("max_frequency_Hz", max_frequency_Hz, f"{count} modes of plate and rods lie below it, the limit "
                       f"is {MODES_AT_MOST}: it must be lower, or the rods stiffer")
-    shift = -1e-4 * limit
-    inverse = LinearOperator(stiffness.shape, factor(stiffness - shift * mass).solve, dtype=float)
-    start = np.random.default_rng(1).standard_normal(stiffness.shape[0])
-    values, vectors = eigsh(
-        stiffness, count + 1, mass, sigma=shift, OPinv=inverse, v0=start, ncv=2 * count + 20, tol=1e-12
-    )
+    values, vectors, start = np.empty(count), np.zeros((sum(len(part.number) for part in parts), count)), 0
+    for part, n in zip(parts, counts, strict=True):
+        if n:
+            values[start : start + n], vectors[part.number, start : start + n] = _lowest(part, limit, n)
+            start += n
+    values[values < 1e-9 * limit] = 0.0  # rigid-body modes, zero but for rounding
+    order = np.argsort(values, kind="stable")
+    return values[order], vectors[:, order]
+
+
+def _count_below(part: Part, limit: float) -> int:
+    return int((factor(part.stiffness - limit * part.mass).U.diagonal() < 0).sum())
+
+
+def _lowest(part: Part, limit: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the `count` lowest omega^2, which must be all up to `limit`, and their mass-normalised vectors."""
+    stiffness, mass, size, kept = part.stiffness, part.mass, len(part.number), 2 * count + 20
+    if kept >= size:
+        values, vectors = scipy.linalg.eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count])
+    else:
+        inverse = LinearOperator(stiffness.shape, part.inverse.solve, dtype=float)
+        start = np.random.default_rng(1).standard_normal(size)
+        values, vectors = eigsh(
+            stiffness, count + 1, mass, sigma=-part.shift, OPinv=inverse, v0=start, ncv=kept, tol=1e-12
+        )
     order = np.argsort(values)
     values, vectors = values[order], vectors[:, order]
     if not values[count - 1] <= limit < values[count]:
-        raise RuntimeError(f"{count} modes lie below {max_frequency_Hz:g} Hz, but the eigensolver found others")
+        raise RuntimeError(f"{count} modes lie below {limit**0.5 / 2 / np.pi:g} Hz, but the eigensolver found others")
     values, vectors = values[:count], vectors[:, :count]
-    values[values < 1e-9 * limit] = 0.0  # rigid-body modes, zero but for rounding
     return values, vectors / np.sqrt(np.einsum("ij,ij->j", vectors, mass @ vectors))
 
 

@@ -1,12 +1,9 @@
-"""The bicubic Hermite (Bogner-Fox-Schmit) deflection on a rectangular grid: element, evaluation, integral."""
+"""The bicubic Hermite (Bogner-Fox-Schmit) deflection on a rectangular grid: evaluation, integral."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
-import skfem
 
 # Polynomials on [0, 1], lowest power first: value left, slope left, value right, slope right.
 CUBICS = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float)
@@ -16,28 +13,6 @@ def cubic(number: int, s: np.ndarray, h: np.ndarray, order: int) -> np.ndarray:
     """Return Hermite cubic `number` (0..3) of a cell of side h (m) at s in [0, 1], derived `order` times by x."""
     coefficients = np.polynomial.polynomial.polyder(CUBICS[number], order)
     return np.polynomial.polynomial.polyval(s, coefficients) * h ** (number % 2 - order)
-
-
-class RectangleBFS(skfem.ElementQuadBFS):
-    """Bogner-Fox-Schmit element on axis-parallel rectangles, evaluated in the coordinates of each cell.
-
-    scikit-fem's own uses powers of the global coordinates, whose round-off grows like (side / cell)^6.
-    """
-
-    def gbasis(self, mapping: Any, X: np.ndarray, i: int, tind: np.ndarray | None = None) -> tuple[Any]:
-        """Return basis function i of each cell with its first two derivatives; scikit-fem calls this."""
-        p, t = mapping.mesh.p, mapping.mesh.t if tind is None else mapping.mesh.t[:, tind]
-        corner, kind = divmod(i, 4)  # corners counter-clockwise from lower left; kinds u, u_x, u_y, u_xy
-        number = (2 * (corner in (1, 2)) + kind % 2, 2 * (corner in (2, 3)) + kind // 2)
-        h = (p[:, t[2]] - p[:, t[0]])[:, :, None]
-        fx, fy = ([cubic(number[a], X[a], h[a], order) for order in range(3)] for a in (0, 1))
-        mixed = fx[1] * fy[1]
-        field = skfem.element.DiscreteField(
-            value=fx[0] * fy[0],
-            grad=np.array([fx[1] * fy[0], fx[0] * fy[1]]),
-            hess=np.array([[fx[2] * fy[0], mixed], [mixed, fx[0] * fy[2]]]),
-        )
-        return (field,)
 
 
 def interpolation(

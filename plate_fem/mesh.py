@@ -6,7 +6,6 @@ import itertools
 import math
 
 import numpy as np
-import skfem
 
 from common.plate import FlexiblePlate
 from common.tables import Refused
@@ -130,11 +129,3 @@ def _graded(fixed: np.ndarray, largest: float, fine: list[tuple[float, float, fl
         n = max(1, math.ceil(count[-1] - 1e-9))
         lines.extend(np.interp(np.arange(1, n + 1) / n * count[-1], count, x))
     return np.array(lines)
-
-
-def quad_mesh(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> skfem.MeshQuad:
-    """Return the scikit-fem mesh of the grid; node (i, j) has number i * len(lines_y_m) + j."""
-    x, y = np.meshgrid(lines_x_m, lines_y_m, indexing="ij")
-    number = np.arange(x.size).reshape(x.shape)
-    corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
-    return skfem.MeshQuad(np.vstack([x.ravel(), y.ravel()]), np.vstack([c.ravel() for c in corners]))

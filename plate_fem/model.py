@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
 from common.plate import FlexiblePlate
-from plate_fem import rods
+from plate_fem import mirror, rods
+from plate_fem.eigen import Part, independent_parts
 from plate_fem.mesh import highest_frequency_Hz
-from plate_fem.system import PlateSystem, assemble
+from plate_fem.system import PlateSystem, assemble, without_rounding
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,11 @@ class PlateModel:
     expansion: sp.csr_array
     rod_force: sp.csr_array
 
+    @cached_property
+    def parts(self) -> list[Part]:
+        """The parts of the model that have nothing to do with each other; each keeps its factors once it has them."""
+        return independent_parts(self.stiffness, self.mass, highest_frequency_Hz(self.system.plate))
+
     def deflection(self, points_m: np.ndarray) -> sp.csr_array:
         """Return the sparse matrix (k, n) that gives the deflection at points (k, 2)."""
         return self.system.deflection(points_m) @ self.expansion
@@ -37,22 +44,26 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
     """Assemble plate, rods and supports. Raises Refused for a mesh that is too large."""
     system = assemble(plate)
     attached = [rods.attach(system, rod, highest_frequency_Hz(plate)) for rod in plate.rods]
-    parts = [bar for bar, _ in attached] + [part for _, others in attached for part in others]
+    parts = [part for of_rod in attached for part in of_rod]
     ties = _place([part.tie() for part in parts], system.size)
     size = ties[-1].shape[1] if ties else system.size
     stiffness, mass = _grow(system.stiffness, size), _grow(system.mass, size)
-    for part, tie in zip(parts, ties, strict=True):
-        stiffness = stiffness + tie.T @ part.stiffness @ tie
-        mass = mass + tie.T @ part.mass @ tie
-    forces = [rods.base_force_row(bar) @ tie for (bar, _), tie in zip(attached, ties, strict=False)]
+    if parts:
+        tie = sp.csr_array(sp.vstack(ties))
+        stiffness = stiffness + tie.T @ sp.block_diag([part.stiffness for part in parts], format="csr") @ tie
+        mass = mass + tie.T @ sp.block_diag([part.mass for part in parts], format="csr") @ tie
+    bars = zip(parts[:: rods.PARTS], ties[:: rods.PARTS], strict=True)
+    forces = [rods.base_force_row(bar) @ tie for bar, tie in bars]
     rod_force = sp.vstack(forces) if forces else sp.csr_array((0, size))
-    free = _free(system, size)
+    own = [np.unique(tie.indices[tie.indices >= system.size]) for tie in ties]
+    free = [_free(system, basis) for basis in mirror.blocks(system, own, size)]
+    expansion = sp.csr_array(sp.hstack(free))
     return PlateModel(
         system,
-        sp.csc_array(free.T @ stiffness @ free),
-        sp.csc_array(free.T @ mass @ free),
-        sp.csr_array(free[: system.size]),
-        sp.csr_array(rod_force @ free),
+        sp.block_diag([without_rounding(basis.T @ stiffness @ basis) for basis in free], format="csc"),
+        sp.block_diag([without_rounding(basis.T @ mass @ basis) for basis in free], format="csc"),
+        sp.csr_array(expansion[: system.size]),
+        sp.csr_array(rod_force @ expansion),
     )
 
 
@@ -75,15 +86,16 @@ def _place(ties: list[sp.csr_array], plate_size: int) -> list[sp.csr_array]:
     return placed
 
 
-def _free(system: PlateSystem, size: int) -> sp.csr_array:
-    """Return the sparse matrix (size, n) that gives all unknowns from the free ones, as edges and supports demand."""
-    keep = np.setdiff1d(np.arange(size), system.fixed)
-    edges = sp.eye_array(size, format="csr")[:, keep]
-    constraint = (_support_rows(system) @ edges[: system.size]).toarray()
+def _free(system: PlateSystem, basis: sp.csr_array) -> sp.csr_array:
+    """Return a basis (size, n) of what edges and supports leave free of a basis (size, m) of all unknowns."""
+    held = np.zeros(basis.shape[0])
+    held[system.fixed] = 1.0
+    basis = basis[:, abs(basis).T @ held == 0]  # an edge holds each of an unknown's images or none
+    constraint = (_support_rows(system) @ basis[: system.size]).toarray()
     constraint = constraint[abs(constraint).max(axis=1, initial=0) > 0]  # a support on a held edge adds nothing
     if not len(constraint):
-        return edges
-    return edges @ _null_space(constraint)
+        return basis
+    return basis @ _null_space(constraint)
 
 
 def _support_rows(system: PlateSystem) -> sp.csr_array:
@@ -104,12 +116,19 @@ def _support_rows(system: PlateSystem) -> sp.csr_array:
 
 
 def _null_space(constraint: np.ndarray) -> sp.csr_array:
-    """Return a sparse basis of {u: constraint @ u = 0}, in which each constraint eliminates one well-placed unknown."""
+    """Return a sparse basis of {u: constraint @ u = 0}, in which each constraint eliminates one well-placed unknown.
+
+    Constraints may depend on each other, as those of mirrored supports do.
+    """
     touched = np.flatnonzero(abs(constraint).max(axis=0))
-    _, _, order = scipy.linalg.qr(constraint[:, touched], mode="economic", pivoting=True)
-    slave = touched[order[: len(constraint)]]
+    _, triangle, order = scipy.linalg.qr(constraint[:, touched], mode="economic", pivoting=True)
+    size = abs(np.diag(triangle))
+    rank = int((size > 1e-9 * size[0]).sum())
+    slave = touched[order[:rank]]
     keep = np.setdiff1d(np.arange(constraint.shape[1]), slave)
+    reduced = np.zeros((rank, constraint.shape[1]))
+    reduced[:, touched[order]] = triangle[:rank]
     basis = sp.lil_array((constraint.shape[1], len(keep)))
     basis[keep, np.arange(len(keep))] = 1.0
-    basis[slave, :] = -np.linalg.solve(constraint[:, slave], constraint[:, keep])
+    basis[slave, :] = -scipy.linalg.solve_triangular(reduced[:, slave], reduced[:, keep])
     return sp.csr_array(basis)

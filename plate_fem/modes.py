@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
-import zipfile
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.sparse as sp
 
-from common.files import written_whole
+from common.cache import cached, entry_file, key_of
 from common.plate import FlexiblePlate
 from plate_fem import hermite
-from plate_fem.eigen import eigenmodes
 from plate_fem.mesh import highest_frequency_Hz
-from plate_fem.model import PlateModel, build_model
-from plate_fem.residual import residual_modes
-from plate_fem.stress_recovery import modal_surface_stress
+
+if TYPE_CHECKING:
+    from plate_fem.model import PlateModel
 
 
 @dataclass(frozen=True)
@@ -108,13 +105,13 @@ def _refined(lines: np.ndarray, times: int) -> np.ndarray:
 
 
 def plate_modes(
-    plate: FlexiblePlate, cache_dir: str | Path | None = None, residual_points_m: np.ndarray | None = None
+    plate: FlexiblePlate, cache_dir: Path | None = None, residual_points_m: np.ndarray | None = None
 ) -> PlateModes:
     """Return the modes of a plate up to its `max_frequency_Hz`.
 
-    cache_dir: directory for results, one .npz for each table and set of points. The modes below `max_frequency_Hz`,
-    which take longest, have a file of their own that other points and damping ratios share. Without it nothing is
-    kept.
+    cache_dir: directory for results (common/cache.py), with an entry for each table and set of points. The modes below
+    `max_frequency_Hz`, which take longest, have an entry of their own that other points and damping ratios share.
+    Without it nothing is kept.
     residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
     points the static compliance of all the modes left out (plate_fem/residual.py). Without it there are none.
     Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
@@ -122,48 +119,24 @@ def plate_modes(
     """
     highest_frequency_Hz(plate)
     points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
-    if cache_dir is None:
-        return _compute(plate, points, None)
-    path = modes_file(plate, cache_dir, points)
     names = [field.name for field in fields(PlateModes)]
-    if (stored := _load(path, names)) is not None:
-        return _damped(PlateModes(**stored), plate)
-    modes = _compute(plate, points, Path(cache_dir))
-    _save(path, {name: getattr(modes, name) for name in names})
-    return modes
+
+    def find() -> dict[str, object]:
+        modes = _compute(plate, points, cache_dir)
+        return {name: getattr(modes, name) for name in names}
+
+    stored = cached(cache_dir, "modes", table_hash(plate, points), find)
+    values: dict[str, Any] = {name: stored[name] if stored[name].shape else stored[name].item() for name in names}
+    return _damped(PlateModes(**values), plate)
 
 
-def modes_file(plate: FlexiblePlate, cache_dir: str | Path, residual_points_m: np.ndarray) -> Path:
+def modes_file(plate: FlexiblePlate, cache_dir: Path, residual_points_m: np.ndarray) -> Path:
     """Return the file in which `plate_modes` keeps its result."""
-    return Path(cache_dir) / f"modes-{table_hash(plate, residual_points_m)}.npz"
+    return entry_file(cache_dir, "modes", table_hash(plate, residual_points_m))
 
 
 def _damped(modes: PlateModes, plate: FlexiblePlate) -> PlateModes:
     return replace(modes, damping_ratio=np.full(len(modes.frequency_Hz), plate.damping_ratio))
-
-
-def _save(path: Path, arrays: dict[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with written_whole(path) as beside, beside.open("wb") as file:  # whole, since another run may want the same file
-        np.savez(file, **arrays)
-
-
-def _load(path: Path, names: Sequence[str]) -> dict[str, Any] | None:
-    """Return what is kept there, or None if there is no file or one that is cut off or foreign, which is made anew."""
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            if set(stored.files) != set(names):
-                return None
-            return {name: stored[name] if stored[name].shape else stored[name].item() for name in names}
-    except (FileNotFoundError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
-        return None
-
-
-@cache
-def _code() -> str:
-    """Return a hash of this package, so that modes found by another version of it are not taken from the cache."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | Sequence[Sequence[float]] = ()) -> str:
@@ -172,22 +145,32 @@ def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | Sequence[Se
     The damping ratio does not belong to it: frequencies and shapes are those without damping.
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio"})
-    text = f"{_code()} {table} {np.asarray(residual_points_m, float).tolist()}"
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return key_of(Path(__file__).parent, table, np.asarray(residual_points_m, float).tolist())
 
 
 def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return omega^2 (n,) and vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there."""
-    path = None if cache_dir is None else cache_dir / f"eigen-{table_hash(plate)}.npz"
-    if path is not None and (stored := _load(path, ["omega_squared", "vectors"])) is not None:
-        return stored["omega_squared"], stored["vectors"]
-    omega_squared, vectors = eigenmodes(model.stiffness, model.mass, highest_frequency_Hz(plate))
-    if path is not None:
-        _save(path, {"omega_squared": omega_squared, "vectors": vectors})
-    return omega_squared, vectors
+    """Return omega^2 (n,) and vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there.
+
+    The vectors are kept without their zeros, which are most of them where the plate has mirror planes.
+    """
+
+    def find() -> dict[str, np.ndarray]:
+        from plate_fem.eigen import eigenmodes
+
+        omega_squared, dense = eigenmodes(model.parts, highest_frequency_Hz(plate))
+        sparse = sp.csc_array(dense)
+        return {"omega_squared": omega_squared, "data": sparse.data, "row": sparse.indices, "start": sparse.indptr}
+
+    kept = cached(cache_dir, "eigen", table_hash(plate), find)
+    shape = (model.stiffness.shape[0], len(kept["omega_squared"]))
+    return kept["omega_squared"], sp.csc_array((kept["data"], kept["row"], kept["start"]), shape=shape).toarray()
 
 
 def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray, cache_dir: Path | None) -> PlateModes:
+    from plate_fem.model import build_model  # late: scikit-fem is slow to import, and most modes are in the cache
+    from plate_fem.residual import residual_modes
+    from plate_fem.stress_recovery import modal_surface_stress
+
     model = build_model(plate)
     omega_squared, vectors = _kept_modes(plate, model, cache_dir)
     n_residual = 0

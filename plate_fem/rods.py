@@ -14,6 +14,7 @@ from skfem.helpers import d, dot, grad
 from common.plate import Rod
 from plate_fem.system import PlateSystem
 
+PARTS = 4  # of each rod
 CELLS_PER_WAVELENGTH = 8
 RADII, ANGLES = 6, 24  # points of the quadrature over a disc
 # Rotation of a rod's end against the plate under a moment M, in M / (E a^3), E being the plate's modulus and a the
@@ -58,8 +59,8 @@ class Part:
         return sp.csr_array(sp.hstack([pick_top @ self.rows, pick_own]))
 
 
-def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> tuple[Part, list[Part]]:
-    """Return what a rod adds to a plate: the bar, and the two beams in the planes xz and yz with the shaft.
+def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]:
+    """Return the PARTS that a rod adds to a plate: the bar, the beams in the planes xz and yz, and the shaft.
 
     The top of the rod has the mean deflection of the plate over its disc and the lateral displacement of the plate's
     lower surface there. A spring ties its rotation to the plate's mean rotation over the disc, since the plate's
@@ -78,7 +79,7 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> tuple[Part
     beams = [Part(stiffness, mass, tuple(top), row, tuple(base)) for row in rows]
     stiffness, mass, top, base = _shaft(rod, max_frequency_Hz)
     shaft = Part(stiffness, mass, (top[0],), system.yaw(), (base[0],))
-    return bar, [*beams, shaft]
+    return [bar, *beams, shaft]
 
 
 def _joined(

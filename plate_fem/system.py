@@ -17,7 +17,7 @@ import skfem
 from skfem.helpers import dd, ddot, dot, grad
 
 from common.plate import FlexiblePlate
-from plate_fem import hermite, mesh
+from plate_fem import element, hermite, mesh
 
 Form = Callable[[Any, Any], Any]  # of two fields of scikit-fem
 IN_PLANE = 3  # unknowns of the rigid motion in the plane: sway along x, sway along y, yaw
@@ -92,8 +92,8 @@ def assemble(plate: FlexiblePlate) -> PlateSystem:
     """Assemble the matrices of a plate without rods and supports. Raises Refused for a mesh that is too large."""
     theory = mesh.choose_theory(plate)
     lines_x, lines_y = mesh.mesh_lines(plate)
-    quads = mesh.quad_mesh(lines_x, lines_y)
-    basis_w = skfem.Basis(quads, hermite.RectangleBFS(), intorder=6)
+    quads = element.quad_mesh(lines_x, lines_y)
+    basis_w = skfem.Basis(quads, element.RectangleBFS(), intorder=6)
     build = _kirchhoff if theory == "kirchhoff" else _mindlin
     stiffness, mass, fixed, rotation_basis = build(plate, quads, basis_w)
     stiffness = sp.block_diag([stiffness, sp.csr_array((IN_PLANE, IN_PLANE))])
@@ -103,7 +103,7 @@ def assemble(plate: FlexiblePlate) -> PlateSystem:
     held = np.append(position[fixed], [] if sways(plate) else np.arange(len(order) - IN_PLANE, len(order))).astype(int)
     return PlateSystem(
         plate, theory, lines_x, lines_y,
-        sp.csr_array(stiffness)[order][:, order], sp.csr_array(mass)[order][:, order],
+        without_rounding(stiffness)[order][:, order], without_rounding(mass)[order][:, order],
         held, basis_w, order[: basis_w.N], rotation_basis,
     )  # fmt: skip
 
@@ -117,6 +117,14 @@ def _rigid_mass(plate: FlexiblePlate) -> list[float]:
     """Return the plate's mass (kg) against sway along x and y, and its moment of inertia (kg m2) against yaw."""
     mass = plate.density_kg_m3 * plate.thickness_m * plate.length_m * plate.width_m
     return [mass, mass, mass * (plate.length_m**2 + plate.width_m**2) / 12]
+
+
+def without_rounding(matrix: Any) -> sp.csr_array:
+    """Return a symmetric matrix (n, n) without the entries that are zero but for rounding, a third of them."""
+    entries = sp.coo_array(matrix)
+    scale = np.sqrt(entries.diagonal())
+    kept = abs(entries.data) > 1e-14 * scale[entries.row] * scale[entries.col]
+    return sp.csr_array((entries.data[kept], (entries.row[kept], entries.col[kept])), shape=entries.shape)
 
 
 def _blockwise(basis_w: skfem.Basis, size: int) -> np.ndarray:
@@ -152,29 +160,29 @@ def _mindlin(
     basis_t = skfem.Basis(quads, skfem.ElementQuadP(3), intorder=6)
     t, shear = plate.thickness_m, mesh.shear_stiffness(plate)
     mass_per_area = plate.density_kg_m3 * t
-    bending = _bending(plate)
-
-    def rotation_gradient(u: Any, axis: int) -> np.ndarray:
-        g = np.zeros((2, *grad(u).shape))
-        g[axis] = grad(u)
-        return g
-
-    def rotations(i: int, j: int) -> Any:
-        def form(u: Any, v: Any, _: Any) -> Any:
-            value = bending(rotation_gradient(u, i), rotation_gradient(v, j))
-            return value + shear * u * v if i == j else value
-
-        return skfem.BilinearForm(form).assemble(basis_t)
-
+    grad_grad = [[skfem.BilinearForm(lambda u, v, _, i=i, j=j: grad(u)[j] * grad(v)[i]).assemble(basis_t)
+                  for j in range(i + 1)] for i in (0, 1)]
+    value = skfem.BilinearForm(lambda u, v, _: u * v).assemble(basis_t)
     k_ww = skfem.BilinearForm(lambda u, v, _: shear * dot(grad(u), grad(v))).assemble(basis_w)
     k_wt = [skfem.BilinearForm(lambda u, v, _, i=i: -shear * u * grad(v)[i]).assemble(basis_t, basis_w) for i in (0, 1)]
-    k_tt = [[rotations(j, i) for j in (0, 1)] for i in (0, 1)]
+    k_xx, k_xy, k_yy = _bending_of_rotations(plate, grad_grad[0][0], grad_grad[1][1], grad_grad[1][0])
+    k_tt = [[k_xx + shear * value, k_xy], [k_xy.T, k_yy + shear * value]]
     stiffness = sp.block_array(
         [[k_ww, k_wt[0], k_wt[1]], [k_wt[0].T, k_tt[0][0], k_tt[0][1]], [k_wt[1].T, k_tt[1][0], k_tt[1][1]]]
     )
     m_w = skfem.BilinearForm(lambda u, v, _: mass_per_area * u * v).assemble(basis_w)
-    m_t = skfem.BilinearForm(lambda u, v, _: mass_per_area * t**2 / 12 * u * v).assemble(basis_t)
+    m_t = mass_per_area * t**2 / 12 * value
     return stiffness, sp.block_diag([m_w, m_t, m_t]), _mindlin_edges(plate, quads, basis_w, basis_t), basis_t
+
+
+def _bending_of_rotations(plate: FlexiblePlate, xx: Any, yy: Any, yx: Any) -> tuple[Any, Any, Any]:
+    """Return `_bending` for theta_x with itself, theta_x with theta_y, and theta_y with itself.
+
+    It is put together from the integrals xx of u_x v_x, yy of u_y v_y and yx of u_x v_y, v being the row.
+    """
+    stiffness, nu = mesh.bending_stiffness(plate), plate.poisson_ratio
+    half = stiffness * (1 - nu) / 2
+    return stiffness * xx + half * yy, half * yx + stiffness * nu * yx.T, stiffness * yy + half * xx
 
 
 def _mindlin_edges(

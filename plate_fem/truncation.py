@@ -10,7 +10,6 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from common.plate import FlexiblePlate
 
@@ -41,6 +40,8 @@ def with_max_frequency(plate: FlexiblePlate, contact_time_s: float) -> FlexibleP
 @cache
 def _pulse_share() -> tuple[np.ndarray, np.ndarray]:
     """Return cut-off frequencies times contact time, ascending, and the share of a Hertz pulse's energy above each."""
+    from scipy.integrate import solve_ivp  # late: slow to import, and only a tolerance needs it
+
     duration = 2.943275 * 1.25**0.4  # of d'' = -d^(3/2) from d' = 1: 2.94 times the largest deformation
     n, padding = 4096, 64
     motion = solve_ivp(

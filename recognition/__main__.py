@@ -5,23 +5,15 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from common.command import Parser, listen_for_interrupt, run_command, say
 
 if __name__ == "__main__":
     listen_for_interrupt()
 
-from analysis import RecordError, read_sweep
-from analysis.readers import read_table
-from common.output_directory import refuse_foreign_file
-from common.tables import InputError
-from recognition.estimation.answer import Answer
-from recognition.estimation.errors import RecognitionError
-from recognition.evaluation.cross_validation import write_evaluation
-from recognition.evaluation.dataset import CONDITIONS, read_dataset
-from recognition.evaluation.error_bounds import write_bounds
-from recognition.methods import EVALUATED
-from recognition.models import FORMAT, Model
+if TYPE_CHECKING:
+    from recognition.estimation.answer import Answer
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -31,6 +23,10 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> int:
+    from analysis.records import RecordError  # late, as all below: they take seconds, and --help does not need them
+    from common.tables import InputError
+    from recognition.estimation.errors import RecognitionError
+
     command = {"fit": fit, "recognise": recognise, "evaluate": evaluate}[arguments.command]
     try:
         return command(arguments) or 0
@@ -40,6 +36,12 @@ def _command(arguments: argparse.Namespace) -> int:
 
 
 def fit(arguments: argparse.Namespace) -> None:
+    from analysis.runs import read_sweep
+    from common.output_directory import refuse_foreign_file
+    from recognition.estimation.errors import RecognitionError
+    from recognition.evaluation.dataset import CONDITIONS, read_dataset
+    from recognition.models import FORMAT, Model
+
     directory, out = Path(arguments.directory), Path(arguments.out)
     if not out.parent.is_dir():
         raise RecognitionError(f"--out {out}: no directory {out.parent}")
@@ -67,6 +69,9 @@ def fit(arguments: argparse.Namespace) -> None:
 
 def recognise(arguments: argparse.Namespace) -> int:
     """0, or 3 without any number where a method finds the record unlike all that it knows."""
+    from analysis.readers import read_table
+    from recognition.models import Model
+
     model = Model.load(arguments.model)
     path = Path(arguments.record)
     path = path / "signals.parquet" if path.is_dir() else path
@@ -90,6 +95,13 @@ def _print_best(name: str, answer: Answer) -> None:
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
+    from common.output_directory import refuse_foreign_file
+    from recognition.estimation.errors import RecognitionError
+    from recognition.evaluation.cross_validation import write_evaluation
+    from recognition.evaluation.dataset import read_dataset
+    from recognition.evaluation.error_bounds import write_bounds
+    from recognition.methods import EVALUATED
+
     names = arguments.method or list(EVALUATED)
     unknown = [name for name in names if name not in EVALUATED]
     if unknown:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 
 from analysis import Sweep, read_sweep
 from common.files import write_text

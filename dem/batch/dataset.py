@@ -20,6 +20,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from common.cache import user_cache
 from common.output_directory import at_work_in
 from common.scene import NotNegative, Positive, Scene, changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Refused, Table, check, read_toml
@@ -31,7 +32,6 @@ from dem.run.errors import RunError
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 from dem.stones.arrangement import arrange
-from plate_fem.modes import modes_file
 
 NOT_KEPT = ("deck", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
 POSITION_TRIES = 10_000
@@ -185,16 +185,13 @@ def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: boo
 
 def run_one(planned: DatasetRun, out: Path, overwrite: bool = False) -> tuple[str, bool]:
     """Make one run. Returns a line about it, and whether it finished."""
-    directory, cache = out / planned.directory, out / ".modes"
+    directory = out / planned.directory
     try:
-        prepared = prepare(planned.scene, planned.source, cache)
+        prepared = prepare(planned.scene, planned.source, user_cache())
         summary = run_prepared(prepared, directory, overwrite=overwrite)
     except (InputError, RunError) as error:
         return str(error), False
     for name in NOT_KEPT:
         shutil.rmtree(directory / name) if (directory / name).is_dir() else (directory / name).unlink(missing_ok=True)
-    plate = prepared.scene.plate
-    if planned.scene.stones.positions is not None and plate.model == "flexible":  # nobody else has these positions
-        modes_file(plate, cache, prepared.arrangement.position_m).unlink(missing_ok=True)
     return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
             f"{sum(summary['wall_time_s'].values()):.0f} s"), True

@@ -51,7 +51,6 @@ def check_engine() -> None:
         raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `python -m dem build-engine` builds it")
 
 
-STOPPED = 75  # exit code of an engine that was asked to stop at a checkpoint and did
 PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
 
 

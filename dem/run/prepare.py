@@ -61,8 +61,9 @@ class PreparedRun:
 def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     """Check, pack, find the modes and choose the time step.
 
-    `source` is the scene's file, for messages; `cache` a directory that keeps the plate's modes. What can be refused
-    without the plate is refused before its modes are sought. Raises InputError before anything is written.
+    `source` is the scene's file, for messages; `cache` a directory that keeps packings and the plate's modes. What
+    can be refused without the plate is refused before its modes are sought. Raises InputError before anything is
+    written.
     """
     stages, warnings = Stages(), warnings_of(scene)
     for line in warnings:
@@ -70,7 +71,7 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     arrangement = arrange(scene, source)
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
-            assembly = assemble(scene, arrangement)
+            assembly = assemble(scene, arrangement, cache)
     limits = step_limits(scene, assembly, source)
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":

@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from common.cache import user_cache
 from common.output_directory import Busy, refuse_place
 from common.run_summary import RunSummary, read_summary, write_summary
 from common.scene import Scene, read_scene, scene_hash
@@ -68,7 +69,7 @@ def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False,
     stop_at = None if walltime_s is None else time.monotonic() + walltime_s
     refuse_place(out)
     RunDirectory(out).refuse(scene_hash(scene), overwrite)
-    return run_prepared(prepare(scene, source, out.parent / ".modes"), out, show_progress, stop_at, overwrite)
+    return run_prepared(prepare(scene, source, user_cache()), out, show_progress, stop_at, overwrite)
 
 
 def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,

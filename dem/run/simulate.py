@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from dem.coupling.checkpoint import latest
-from dem.coupling.launch import STOPPED, engine_error, start_engine
+from dem.coupling.exit_code import STOPPED
+from dem.coupling.launch import engine_error, start_engine
 from dem.coupling.messages import CouplingError
 from dem.coupling.watchdog import EngineWatchdog
 from dem.run.directory import SUFFIX

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from common.scene import Scene
 from common.tables import Refused
 from dem.stones.arrangement import Arrangement
 from dem.stones.bonds import Bonds, bond_network
-from dem.stones.contact_patch import StoneSurface, stone_surface
-from dem.stones.packing import Packing, SphereContainer, pack_sphere
+from dem.stones.contact_patch import StoneSurface
+from dem.stones.library import packed_sphere, surface_of
+from dem.stones.packing import Packing, SphereContainer
 from dem.stones.strength import SIZE_EXPONENT, strength_scale
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
@@ -69,18 +71,21 @@ class Assembly:
         return [self.materials[m] for m in self.material[first]]
 
 
-def assemble(scene: Scene, arrangement: Arrangement) -> Assembly:
-    """Pack each stone and set it down above the plate, its lowest point `gap_m` up, or higher to arrive later. Raises
-    Refused, a key of `stones.agglomerate`, where sub-spheres are too few for a smooth contact."""
+def assemble(scene: Scene, arrangement: Arrangement, cache_dir: Path | None = None) -> Assembly:
+    """Pack each stone and set it down above the plate, its lowest point `gap_m` up, or higher to arrive later.
+
+    Packings come from the library in `cache_dir`, if that is given. Raises Refused, a key of `stones.agglomerate`,
+    where sub-spheres are too few for a smooth contact.
+    """
     stones = scene.stones
     materials = sorted(set(arrangement.material))  # LIGGGHTS wants types without gaps
     parts, surfaces = [], []
     for k, (place, material) in enumerate(zip(arrangement.position_m, arrangement.material)):
-        packing, radius, network = _stone(scene, k)
+        packing, radius, network = _stone(scene, k, cache_dir)
         lowest = (packing.center_m[:, 2] - radius).min()
         if scene.has_smooth_contact:
             lowest = -stones.radius_m
-            surfaces.append(_surface(scene, packing, network, material))
+            surfaces.append(_surface(scene, packing, network, material, cache_dir))
         center = packing.center_m + [place[0], place[1], _height_m(scene, k) - lowest]
         bonds = (network.first, network.second, network.vector_m, network.radius_m)
         mass = scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
@@ -117,7 +122,7 @@ def _strength_factor(scene: Scene, index: int, material: str, radius_m: np.ndarr
     return own * float(strength_scale(radius_m.mean(), bond.reference_subsphere_radius_m, SIZE_EXPONENT))
 
 
-def _stone(scene: Scene, index: int) -> tuple[Packing, np.ndarray, Bonds]:
+def _stone(scene: Scene, index: int, cache_dir: Path | None) -> tuple[Packing, np.ndarray, Bonds]:
     """Packing of one stone about its own centre, radii of contact (n,), and bonds; an unbonded sphere has none."""
     stones = scene.stones
     if stones.agglomerate is None:
@@ -125,15 +130,16 @@ def _stone(scene: Scene, index: int) -> tuple[Packing, np.ndarray, Bonds]:
         one = Packing(np.zeros((1, 3)), np.array([stones.radius_m]), SphereContainer(stones.radius_m))
         return one, one.radius_m, Bonds(none, none, np.zeros((0, 3)), np.zeros(0))
     # A place keeps its packing whatever its material, so that a sweep changes the material alone.
-    packing = pack_sphere(stones.radius_m, stones.agglomerate.subspheres, seed=stones.seed + index)
+    packing = packed_sphere(stones.radius_m, stones.agglomerate.subspheres, stones.seed + index, cache_dir)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
     return packing, CONTACT_RADIUS_RATIO * packing.radius_m, bond_network(packing)
 
 
-def _surface(scene: Scene, packing: Packing, network: Bonds, material: str) -> StoneSurface:
+def _surface(scene: Scene, packing: Packing, network: Bonds, material: str,
+             cache_dir: Path | None) -> StoneSurface:
     try:
-        return stone_surface(packing, network, scene.bond_of(material))
+        return surface_of(packing, network, scene.bond_of(material), cache_dir)
     except ValueError as error:
         allowed = f"must be more where contact = 'smooth', such as 200: {error}"
         raise Refused("subspheres", len(packing.radius_m), allowed) from None

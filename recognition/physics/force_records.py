@@ -15,6 +15,7 @@ from analysis.real_plate import flexible_plate
 from analysis.records import RecordError
 from analysis.runs import Run
 from analysis.setup import places_of
+from common.cache import user_cache
 from common.plate import FlexiblePlate
 from plate_fem.modes import plate_modes
 from plate_fem.response import pulse_response
@@ -27,7 +28,7 @@ class ForceRecord:
 
     place_m (stones, 2): where the stones fall; at_once: all of them touch the plate together; sample_s: interval
     between samples of the run's record; force_N (stones, steps): means over steps of step_s from t = 0 on; gangue
-    (stones,): which stones are gangue; modes_dir: where the plate's modes may have been kept.
+    (stones,): which stones are gangue; modes_dir: where the plate's modes are kept.
     """
 
     plate: FlexiblePlate
@@ -64,7 +65,7 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     if stones.speed_m_s is None:
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
     forces = [name for name in table.columns.astype(str) if name.startswith("force_") and name != "force_N"]
-    return ForceRecord(flexible_plate(run), _modes_dir(run.path), places_of(run), stones.arrival_s is None,
+    return ForceRecord(flexible_plate(run), user_cache(), places_of(run), stones.arrival_s is None,
                        stones.speed_m_s, sample_s or 1 / run.rate_Hz, step_s,
                        table[forces].to_numpy(dtype=float)[1:steps + 1].T, np.array(run.materials) == "gangue")
 
@@ -99,8 +100,3 @@ def _unit_force_response(plate_json: str, places: tuple[tuple[float, float], ...
 def _channels(motion: Floats, observed: Floats, down: Floats) -> Floats:
     """Modal motion (steps, n) under a unit modal force, observed by (channels, n), excited at (stones, n)."""
     return np.asarray(np.einsum("tn,cn,in->cti", motion, observed, down, optimize=True))
-
-
-def _modes_dir(path: Path) -> Path | None:
-    """Where the simulation has kept the plate's modes; they take half a minute to find."""
-    return next((up / ".modes" for up in path.resolve().parents if (up / ".modes").is_dir()), None)

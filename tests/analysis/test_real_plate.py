@@ -103,11 +103,11 @@ def test_modes_are_those_the_run_counts(run, modes):
         modes_of(run_of(run.path, run.info | {"n_modes": 3}))
 
 
-def test_cached_modes_are_taken_only_if_identical(run, modes, tmp_path):
-    (tmp_path / ".modes").mkdir()
+def test_cached_modes_are_taken_only_if_identical(run, modes, tmp_path, monkeypatch):
+    monkeypatch.setenv("COAL_GANGUE_CACHE", str(tmp_path / "kept"))
     beside = run_of(tmp_path / "ratio_000", run.info)
     modes_of(beside)
-    (stored,) = (tmp_path / ".modes").glob("modes-*.npz")
+    (stored,) = (tmp_path / "kept").glob("modes-*.cache")
     plate = run.info["scene"]["plate"] | {"thickness_m": 0.005}
     n_modes = plate_modes(FlexiblePlate.model_validate(plate)).frequency_Hz.size
     other = {"scene": run.info["scene"] | {"plate": plate}, "n_modes": n_modes}

@@ -36,7 +36,7 @@ def test_a_wrong_scene_is_refused_in_one_line(tmp_path, runs, capsys, old, new, 
     assert PAPER.count(old) >= 1
     scene = tmp_path / "scene.toml"
     scene.write_text(PAPER.replace(old, new, 1))
-    before = set(runs.iterdir()) | {runs / ".modes"}
+    before = set(runs.iterdir())
     code = main(["run", str(scene), "--out", str(runs / "refused")])
     error = capsys.readouterr().err
     assert code == 2

@@ -2,8 +2,10 @@
 bit by bit on one rank, and to round-off on two."""
 
 import os
+import re
 import signal
 import subprocess
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +18,7 @@ from dem.coupling.launch import ENGINE
 EVERY, STEPS = 250, 1000
 AWAY = ("fix gravity all gravity 6000 vector 0 0 -1\n"
         f"fix free_flight all {FREE_FLIGHT} agglomerates agglomerates.txt gravity 6000 speed 5 tolerance 1e-3 every 50\n")
+GATE = "until [ -e go ]; do sleep 0.01; done\n"  # the deck passes when the file is there
 STREAMS = ("view.dump", "forces.bin", "ledger.bin", "events.csv")
 
 
@@ -26,7 +29,7 @@ def write_strike(directory, steps=STEPS, extra=""):
     write_files(directory, body)
     t0 = np.sqrt(body.mass_kg.min() / (5e9 * np.pi * 1e-3**2 / 2e-3))
     (directory / "deck.liggghts").write_text(
-        HEAD + "variable resume index 0\nread_data atoms.data\n" + MATERIAL + f"timestep {float(0.2 * t0)!r}\n"
+        HEAD + "variable resume index 0\nshell sh gate.sh\nread_data atoms.data\n" + MATERIAL + f"timestep {float(0.2 * t0)!r}\n"
         "fix ledger all ledger agglomerates agglomerates.txt every 50 file ledger.bin\n"
         "fix motion all nve/sphere\n" + bond_line(tension=1e6, shear=1e6, damping_time=0.1 * t0) +
         "fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
@@ -36,6 +39,8 @@ def write_strike(directory, steps=STEPS, extra=""):
         f'dump_modify view format "%d{17 * " %.17g"}" append yes\n'
         f"fix checkpoint all checkpoint every {EVERY} directory checkpoint resume ${{resume}} streams "
         f"{' '.join(STREAMS)}\nrun {steps} upto\n")
+    (directory / "gate.sh").write_text(GATE)
+    (directory / "go").touch()
 
 
 def engine(directory, ranks, resume=0):
@@ -47,14 +52,21 @@ def engine(directory, ranks, resume=0):
                             env=os.environ | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"})
 
 
-def stopped_at_next(process):
-    """Asks for a checkpoint and an end as soon as LIGGGHTS speaks; returns what it printed."""
+def stopped_at_next(directory, ranks, resume=0):
+    """Runs an engine that is asked for a checkpoint and an end before its first step, at which it waits meanwhile.
+    Returns its exit code, what it printed, and the step at which it says that it stopped."""
+    (directory / "go").unlink()
+    process = engine(directory, ranks, resume)
     assert process.stdout is not None
     for line in process.stdout:
         if "LIGGGHTS" in line:
             process.send_signal(signal.SIGUSR1)
             break
-    return process.communicate(timeout=60)[0]
+    time.sleep(0.0 if ranks == 1 else 0.2)  # mpirun passes the signal on in its own time
+    (directory / "go").touch()
+    output = process.communicate(timeout=60)[0]
+    stopped = re.search(r"Stopped at the checkpoint of step (\d+)", output)
+    return process.returncode, output, int(stopped[1]) if stopped else None
 
 
 def split(directory, ranks, look=lambda: None):
@@ -62,15 +74,15 @@ def split(directory, ranks, look=lambda: None):
     looked at at each."""
     step, seen = 0, []
     while True:
-        process = engine(directory, ranks, step)
-        output = stopped_at_next(process)
-        if process.returncode == 0:
+        code, output, stopped = stopped_at_next(directory, ranks, step)
+        if code == 0:
+            assert seen, output[-1500:]
             return seen
-        assert f"Stopped at the checkpoint of step {step + EVERY}" in output, output[-1500:]
+        assert stopped is not None and stopped > step and stopped % EVERY == 0, output[-1500:]
         if ranks == 1:
-            assert process.returncode == 75
-        step += EVERY
-        last_two = [step, step - EVERY] if step > EVERY else [step]  # the one gone on from, and a new one
+            assert code == 75 and stopped == step + EVERY
+        step = stopped
+        last_two = [step, step - EVERY] if step > EVERY else [step]  # the one before, and a new one
         assert steps_of(directory / "checkpoint") == last_two
         for older in last_two[1:]:  # who starts the engine removes all but the one to go on from
             engine_file(directory / "checkpoint", older).unlink()
@@ -135,7 +147,7 @@ def test_a_run_with_bodies_in_the_air_is_split(tmp_path):
 
 def test_a_damaged_or_foreign_checkpoint_is_refused(tmp_path):
     write_strike(tmp_path)
-    stopped_at_next(engine(tmp_path, 1))
+    stopped_at_next(tmp_path, 1)
     file = tmp_path / "checkpoint" / f"engine_{EVERY}.checkpoint"
     data = file.read_bytes()
     for damaged, words in [(data[:-9], "cut off or damaged"), (data[:200] + b"x" + data[201:], "cut off or damaged"),

@@ -7,6 +7,7 @@ from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
 import dem.run.participants
+from common.cache import user_cache
 from dem.coupling.pipes import PlatePipes
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared, run_scene
@@ -60,7 +61,7 @@ def ball_on_plate(tmp_path, radius, thickness, length, speed, duration, max_freq
         **{f"plate.{key}": value for key, value in STEEL.items()}, "plate.damping_ratio": 0.0,
         "plate.edges": "simply_supported", "plate.length_m": length, "plate.width_m": length,
         "plate.thickness_m": thickness, "plate.max_frequency_Hz": 2000.0})
-    model = prepare(scene, "ball", tmp_path / ".modes")
+    model = prepare(scene, "ball", user_cache())
     model.modes = navier_modes(length, thickness, STEEL, max_frequency_Hz)
     summary = run_prepared(model, tmp_path / "run")
     return summary, pd.read_parquet(tmp_path / "run" / "fast.parquet")
@@ -119,7 +120,7 @@ def ten_spheres(runs):
         "stones.agglomerate": None, "time.duration_s": 1.5e-3, "time.gravity_m_s2": None, "output": None,
         **{f"contacts.{k}_plate": {"restitution": 1.0, "friction": 0.0} for k in ("coal", "gangue")}})
     summary = run_scene(scene, "ten spheres", runs / "ten")
-    return scene, plate_modes(scene.plate, runs / ".modes", ring()), summary, pd.read_parquet(runs / "ten" / "fast.parquet")
+    return scene, plate_modes(scene.plate, user_cache(), ring()), summary, pd.read_parquet(runs / "ten" / "fast.parquet")
 
 
 def test_ten_elastic_spheres_at_once(ten_spheres):

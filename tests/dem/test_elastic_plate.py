@@ -6,6 +6,7 @@ import pytest
 from scenes_of_tests import SCENES, hertz
 from scipy.integrate import solve_ivp
 
+from common.cache import user_cache
 from common.scene import read_scene
 from dem.run.run import run
 from plate_fem.modes import plate_modes
@@ -52,7 +53,7 @@ def test_force_and_plate_motion_agree_with_the_reference(default_run, runs):
     """0.1 % in the L2 norm at the default co-step."""
     _, fast = default_run
     scene = read_scene(SCENE)
-    expected = reference(scene, fast["t_s"].to_numpy(), plate_modes(scene.plate, runs / ".modes", PLACE))
+    expected = reference(scene, fast["t_s"].to_numpy(), plate_modes(scene.plate, user_cache(), PLACE))
     for name, values in expected.items():
         error = np.linalg.norm(fast[name] - values) / np.linalg.norm(values)
         assert error < 1e-3, f"{name}: {error:.2e}"

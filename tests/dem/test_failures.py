@@ -74,13 +74,13 @@ def test_an_output_that_cannot_be_written_is_refused_in_one_line(scene, tmp_path
 
 
 def test_too_little_memory_ends_the_run_in_one_line(scene, tmp_path):
-    """The limit is set when all modules are loaded: 30 MB are enough to begin with."""
-    program = ("import resource, sys; from dem.__main__ import main\n"
+    """The limit is set when the modules are loaded: 10 MB are enough to begin with, not to pack a stone."""
+    program = ("import resource, sys; import dem.run.run; from dem.__main__ import main\n"
                "now = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
-               "resource.setrlimit(resource.RLIMIT_AS, (now + 30_000_000,) * 2)\n"
+               "resource.setrlimit(resource.RLIMIT_AS, (now + 10_000_000,) * 2)\n"
                f"sys.exit(main(['run', {str(scene)!r}, '--out', {str(tmp_path / 'run')!r}]))\n")
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=SCENES.parent, check=False,
-                          timeout=120)
+                          timeout=120, env=os.environ | {"COAL_GANGUE_CACHE": str(tmp_path / "cache")})
     lines = [line for line in done.stderr.splitlines() if " left " not in line]
     assert done.returncode == 1 and len(lines) == 1 and "memory" in lines[0].lower(), done.stderr
     assert not (tmp_path / "run").exists()

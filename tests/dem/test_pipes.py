@@ -14,6 +14,7 @@ import pytest
 from scenes_of_tests import SCENES, changed
 from scipy.linalg import expm
 
+from common.cache import user_cache
 from dem.coupling.launch import ENGINE
 from dem.coupling.messages import CouplingError
 from dem.coupling.participant import PlateParticipant
@@ -150,7 +151,7 @@ def test_an_engine_that_reads_no_more_is_seen(tmp_path):
 def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate, words):
     """The real engine against a fake plate that fails at the first record."""
     scene = changed("elastic_plate", {"plate.max_frequency_Hz": 500.0})
-    model = prepare(scene, "scene", tmp_path / ".modes")
+    model = prepare(scene, "scene", user_cache())
     write_deck(tmp_path / "deck", scene, model.assembly, model.step, model.modes)
     n = len(model.modes.frequency_Hz)
     for name in ("to_plate", "from_plate"):

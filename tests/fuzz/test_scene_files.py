@@ -65,7 +65,7 @@ def check(scene):
             said = errors.splitlines()[-1:]  # after what a terminal shows of a run's progress
             assert code == 2 and len(said) == 1 and str(file) in said[0], (code, errors)
             assert not out.exists()
-            assert {p.name for p in here.iterdir()} <= {"scene.toml", ".modes"}
+            assert {p.name for p in here.iterdir()} <= {"scene.toml"}
     finally:
         shutil.rmtree(here)
 

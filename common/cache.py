@@ -1,0 +1,156 @@
+"""Results that are dear to find, such as modes and packings, kept in a directory of the user's for every later run.
+
+One entry is a file of named arrays under a key, which is a hash of everything that the arrays follow from. Many
+processes may ask for one key at once: the first finds the arrays while the others wait for it. A file that is damaged
+or foreign is found out by its hash and made anew. The directory is bounded: what was not used for longest goes first.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import io
+import os
+import platform
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+from platformdirs import user_cache_path
+
+from common.files import written_whole
+
+LARGEST_MB = 500
+HASH_BYTES = 32
+LOCKS = 16  # of each kind of entry; keys that share one wait for each other now and then
+
+Arrays = dict[str, np.ndarray]
+
+
+def user_cache() -> Path:
+    """Return the directory that all runs of a user share: ~/.cache/coal-gangue-impact/results, or what the environment
+    variable COAL_GANGUE_CACHE names."""
+    return Path(os.environ.get("COAL_GANGUE_CACHE") or user_cache_path("coal-gangue-impact") / "results")
+
+
+def key_of(code: Path, *inputs: Any) -> str:
+    """Return the key of what the modules in the directory `code` find from `inputs`, whose repr must tell all of them.
+
+    Libraries and the kind of machine belong to it, since round-off differs between them.
+    """
+    text = f"{_modules(code)} {np.__version__} {scipy.__version__} {platform.machine()} {inputs!r}"
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+@cache
+def _modules(code: Path) -> str:
+    content = b"".join(file.read_bytes() for file in sorted(code.glob("*.py")))
+    return hashlib.sha256(content).hexdigest()
+
+
+def entry_file(directory: Path, kind: str, key: str) -> Path:
+    """Return the file in which an entry is kept."""
+    return directory / f"{kind}-{key}.cache"
+
+
+def cached(directory: Path | None, kind: str, key: str, find: Callable[[], Mapping[str, Any]]) -> Arrays:
+    """Return the arrays that `find` returns, kept in `directory` from the first time on; without one they are found.
+
+    `find` may ask for entries of other kinds, never of its own. Where the directory cannot be written, the arrays are
+    found and a warning tells so.
+    """
+    if directory is None:
+        return _as_arrays(find())
+    file = entry_file(directory, kind, key)
+    if (stored := _read(file)) is not None:
+        return stored
+    try:
+        with _locked(directory, kind, key):
+            if (stored := _read(file)) is not None:
+                return stored
+            arrays = _as_arrays(find())
+            _write(file, arrays)
+            _make_room(directory)
+            return arrays
+    except CannotKeep as error:
+        warnings.warn(f"{directory}: {error}; nothing is kept for later runs", stacklevel=2)
+        return _as_arrays(find())
+
+
+class CannotKeep(Exception):
+    """The directory cannot be written."""
+
+
+def _as_arrays(found: Mapping[str, Any]) -> Arrays:
+    """In the order in memory that they will have when they are read, on which round-off depends."""
+    return {name: np.array(value, order="A") for name, value in found.items()}
+
+
+@contextmanager
+def _locked(directory: Path, kind: str, key: str) -> Iterator[None]:
+    """Hold the lock of a key, which the kernel lets go of when the process dies."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(directory / f"{kind}-{int(key, 16) % LOCKS}.lock", os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise CannotKeep(error.strerror or str(error)) from error
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        except OSError as error:  # a file system without locks
+            raise CannotKeep(error.strerror or str(error)) from error
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _digest(name: str, content: bytes | memoryview) -> bytes:
+    """The name belongs to it, so that a file under another name is foreign."""
+    digest = hashlib.sha256(name.encode())
+    digest.update(content)
+    return digest.digest()
+
+
+def _read(file: Path) -> Arrays | None:
+    """Return what is kept in a file, or None if there is no file or not what `_write` wrote."""
+    try:
+        data = file.read_bytes()
+        if data[:HASH_BYTES] != _digest(file.name, memoryview(data)[HASH_BYTES:]):
+            return None
+        os.utime(file)  # used now
+    except OSError:  # gone, or not ours to read
+        return None
+    with np.load(io.BytesIO(data[HASH_BYTES:]), allow_pickle=False) as stored:
+        return {name: stored[name] for name in stored.files}
+
+
+def _write(file: Path, arrays: Arrays) -> None:
+    content = io.BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]  # of the stubs, which take a name for allow_pickle
+    try:
+        with written_whole(file) as beside:
+            beside.write_bytes(_digest(file.name, content.getbuffer()) + content.getbuffer())
+    except OSError as error:  # a full disk, too: the arrays are there, only not kept
+        warnings.warn(f"{file}: {error.strerror}; not kept for later runs", stacklevel=2)
+
+
+def _make_room(directory: Path) -> None:
+    """Remove what was not used for longest until the entries are small enough together."""
+    entries = []
+    for file in directory.glob("*.cache*"):  # with what a killed process left half written, which ages like the rest
+        try:
+            status = file.stat()
+        except FileNotFoundError:  # another process makes room, too
+            continue
+        entries.append((status.st_mtime_ns, status.st_size, file))
+    size = sum(entry[1] for entry in entries)
+    for _, bytes_, file in sorted(entries):
+        if size <= LARGEST_MB * 1_000_000:
+            return
+        file.unlink(missing_ok=True)
+        size -= bytes_

@@ -1,0 +1,43 @@
+"""Packings and surfaces of stones, kept for every later run (common/cache.py).
+
+A packing takes a third of a second to find and a few milliseconds to read. It is the same bit by bit for the same
+radius, number, seed and code; so is what a run makes of it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from common.cache import cached, key_of
+from common.scene import BondTable
+from dem.stones.bonds import Bonds
+from dem.stones.contact_patch import PatchCompliance, StoneSurface, is_surface, stone_surface
+from dem.stones.packing import Packing, SphereContainer, pack_sphere
+
+CODE = Path(__file__).parent
+
+
+def packed_sphere(radius_m: float, count: int, seed: int, cache_dir: Path | None) -> Packing:
+    """As `pack_sphere`, from the library in `cache_dir` if it is there; without a directory it is packed."""
+
+    def find() -> dict[str, np.ndarray]:
+        packing = pack_sphere(radius_m, count, seed)
+        return {"center_m": packing.center_m, "radius_m": packing.radius_m}
+
+    kept = cached(cache_dir, "packing", key_of(CODE, "sphere", float(radius_m), count, seed), find)
+    return Packing(kept["center_m"], kept["radius_m"], SphereContainer(radius_m))
+
+
+def surface_of(packing: Packing, bonds: Bonds, bond: BondTable, cache_dir: Path | None) -> StoneSurface:
+    """As `stone_surface`; the compliances, which take longest, come from the library if they are there."""
+
+    def find() -> dict[str, np.ndarray]:
+        surface = stone_surface(packing, bonds, bond)
+        return {"compliance_m_N": np.array([[c.normal_m_N, c.tangential_m_N] for c in (surface.first, surface.other)])}
+
+    key = key_of(CODE, packing.center_m.tobytes(), packing.radius_m.tobytes(), bonds.first.tobytes(),
+                 bonds.second.tobytes(), bonds.radius_m.tobytes(), bond.youngs_modulus_Pa, bond.stiffness_ratio)
+    first, other = cached(cache_dir, "surface", key, find)["compliance_m_N"].tolist()
+    return StoneSurface(packing.center_m, is_surface(packing), PatchCompliance(*first), PatchCompliance(*other))

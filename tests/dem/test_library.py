@@ -1,0 +1,40 @@
+"""Packings and surfaces from the library are those that are found, bit by bit."""
+
+import numpy as np
+import pytest
+from scenes_of_tests import SCENES
+
+from common.scene import read_scene
+from dem.stones import library
+from dem.stones.bonds import bond_network
+from dem.stones.contact_patch import stone_surface
+from dem.stones.library import packed_sphere, surface_of
+from dem.stones.packing import pack_sphere
+
+
+def test_a_packing_from_the_library_is_the_packing(tmp_path, monkeypatch):
+    expected = pack_sphere(0.025, 60, 7)
+    first = packed_sphere(0.025, 60, 7, tmp_path)
+    monkeypatch.setattr(library, "pack_sphere", lambda *_: pytest.fail("packed again"))
+    second = packed_sphere(0.025, 60, 7, tmp_path)
+    for packing in (first, second):
+        assert packing.center_m.tobytes() == expected.center_m.tobytes()
+        assert packing.radius_m.tobytes() == expected.radius_m.tobytes()
+        assert packing.container == expected.container
+
+
+def test_another_radius_number_or_seed_is_another_packing(tmp_path):
+    packings = [packed_sphere(*key, tmp_path) for key in ((0.025, 20, 7), (0.02, 20, 7), (0.025, 21, 7), (0.025, 20, 8))]
+    assert len({packing.center_m.tobytes() for packing in packings}) == 4
+
+
+def test_a_surface_from_the_library_is_the_surface(tmp_path, monkeypatch):
+    packing = pack_sphere(0.025, 200, 7)
+    bonds, scene = bond_network(packing), read_scene(SCENES / "paper.toml")
+    expected = stone_surface(packing, bonds, scene.bond_of("coal"))
+    surface_of(packing, bonds, scene.bond_of("coal"), tmp_path)
+    other = surface_of(packing, bonds, scene.bond_of("gangue"), tmp_path)
+    monkeypatch.setattr(library, "stone_surface", lambda *_: pytest.fail("found again"))
+    kept = surface_of(packing, bonds, scene.bond_of("coal"), tmp_path)
+    assert (kept.first, kept.other) == (expected.first, expected.other) != (other.first, other.other)
+    assert np.array_equal(kept.is_surface, expected.is_surface)

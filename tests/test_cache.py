@@ -1,0 +1,117 @@
+"""The cache of a user: found once, shared by processes, never trusted when damaged, bounded."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from common import cache
+from common.cache import cached, entry_file, key_of
+
+KEY = key_of(Path(__file__).parent, "a key")
+ARRAYS = {"values": np.arange(1000) / 7, "scalar": np.float64(3.0), "turned": np.arange(12.0).reshape(3, 4).T}
+
+ASK = """
+import sys, time
+from pathlib import Path
+import numpy as np
+from common.cache import cached
+directory, key, log = Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3])
+def find():
+    with log.open("a") as file:
+        file.write("found\\n")
+    time.sleep(float(sys.argv[4]))
+    return {"values": np.arange(1000) / 7}
+print(cached(directory, "test", key, find)["values"].sum())
+"""
+
+
+def ask(tmp_path, seconds):
+    """A process that asks for KEY and takes `seconds` to find it."""
+    command = [sys.executable, "-c", ASK, str(tmp_path / "cache"), KEY, str(tmp_path / "log"), str(seconds)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+def test_many_processes_find_an_entry_once(tmp_path):
+    processes = [ask(tmp_path, 0.5) for _ in range(5)]
+    assert {float(p.communicate(timeout=60)[0]) for p in processes} == {ARRAYS["values"].sum()}
+    assert (tmp_path / "log").read_text() == "found\n"
+
+
+def test_a_process_that_is_killed_while_it_finds_holds_up_nobody(tmp_path):
+    first = ask(tmp_path, 1000)
+    while not (tmp_path / "log").exists():
+        assert first.poll() is None
+        time.sleep(0.01)
+    second = ask(tmp_path, 0)
+    first.send_signal(signal.SIGKILL)
+    assert float(second.communicate(timeout=60)[0]) == ARRAYS["values"].sum()
+    first.communicate()
+    assert (tmp_path / "log").read_text() == "found\nfound\n"
+
+
+def test_what_is_kept_is_the_same_to_the_bit_and_in_its_order(tmp_path):
+    found = cached(tmp_path, "test", KEY, lambda: ARRAYS)
+    kept = cached(tmp_path, "test", KEY, lambda: pytest.fail("found again"))
+    for name, value in ARRAYS.items():
+        assert found[name].tobytes() == kept[name].tobytes() == np.asarray(value).tobytes()
+        assert found[name].strides == kept[name].strides
+
+
+def _cut(data):
+    return data[: len(data) // 2]
+
+
+def _one_bit(data):
+    return data[:-300] + bytes([data[-300] ^ 1]) + data[-299:]
+
+
+@pytest.mark.parametrize("damage", [_cut, _one_bit, lambda data: b"", lambda data: b"x" * 32 + data[32:]])
+def test_a_damaged_file_is_made_anew(tmp_path, damage):
+    cached(tmp_path, "test", KEY, lambda: ARRAYS)
+    file = entry_file(tmp_path, "test", KEY)
+    whole = file.read_bytes()
+    file.write_bytes(damage(whole))
+    again = cached(tmp_path, "test", KEY, lambda: ARRAYS)
+    assert np.array_equal(again["values"], ARRAYS["values"]) and file.read_bytes() == whole
+
+
+def test_an_entry_under_another_name_is_foreign(tmp_path):
+    cached(tmp_path, "test", KEY, lambda: ARRAYS)
+    other = key_of(Path(__file__).parent, "another key")
+    entry_file(tmp_path, "test", KEY).rename(entry_file(tmp_path, "test", other))
+    assert cached(tmp_path, "test", other, lambda: {"values": np.zeros(2)})["values"].tolist() == [0, 0]
+
+
+def test_what_was_not_used_for_longest_makes_room(tmp_path, monkeypatch):
+    keys = [key_of(tmp_path, number) for number in range(4)]
+    cached(tmp_path, "test", keys[0], lambda: ARRAYS)
+    monkeypatch.setattr(cache, "LARGEST_MB", 3.5e-6 * entry_file(tmp_path, "test", keys[0]).stat().st_size)
+    half_written = tmp_path / "test-0.cache.99.part"
+    half_written.write_bytes(b"x")
+    os.utime(half_written, (0, 0))
+    for number, key in enumerate(keys[:3]):
+        cached(tmp_path, "test", key, lambda: ARRAYS)
+        os.utime(entry_file(tmp_path, "test", key), (number, number))
+    cached(tmp_path, "test", keys[0], lambda: pytest.fail("found again"))  # used now
+    cached(tmp_path, "test", keys[3], lambda: ARRAYS)
+    assert [entry_file(tmp_path, "test", key).exists() for key in keys] == [True, False, True, True]
+    assert not half_written.exists()
+
+
+def test_without_a_place_to_write_results_are_found_and_a_warning_tells(tmp_path):
+    (tmp_path / "file").write_text("no directory")
+    with pytest.warns(UserWarning, match="nothing is kept"):
+        assert np.array_equal(cached(tmp_path / "file", "test", KEY, lambda: ARRAYS)["values"], ARRAYS["values"])
+
+
+def test_a_find_that_fails_leaves_nothing(tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        cached(tmp_path, "test", KEY, lambda: {"values": 1 // 0})
+    assert not entry_file(tmp_path, "test", KEY).exists()
+    assert len(cached(tmp_path, "test", KEY, lambda: ARRAYS)) == 3
