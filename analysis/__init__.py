@@ -6,6 +6,14 @@
 Needs neither LIGGGHTS nor a simulation. Plotting lives in `report.figures.style`.
 """
 
+import sys
+
+from common.command import listen_for_interrupt
+
+if sys.argv[:1] == ["-m"]:  # `python -m analysis` comes here first, and the imports below take their time
+    listen_for_interrupt()
+
+
 from analysis.features import Feature, base_parameters, signal_features
 from analysis.readers import read_record
 from analysis.records import Record, RecordError, as_record

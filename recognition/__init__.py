@@ -1,5 +1,13 @@
 """Recognition of the gangue mixing ratio from the response of the plate (Section V)."""
 
+import sys
+
+from common.command import listen_for_interrupt
+
+if sys.argv[:1] == ["-m"]:  # `python -m recognition` comes here first, and the imports below take their time
+    listen_for_interrupt()
+
+
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.models import Model, leave_one_out

@@ -21,8 +21,6 @@ from tests.fuzz.mutations import outcome
 from tests.robustness.small import HERTZ, ROOT, SCENES, run
 
 
-
-
 def ends_with_one_line(entry, arguments, code=2):
     try:
         found, errors = outcome(entry, [str(argument) for argument in arguments])
