@@ -10,7 +10,7 @@ import pytest
 from hypothesis import strategies as st
 
 from tests.analysis.synthetic import write_run
-from tests.fuzz.mutations import HOSTILE, fuzz, outcome
+from tests.fuzz.mutations import HOSTILE, fuzz, many, outcome
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = {
@@ -75,4 +75,4 @@ def test_some_command_lines():
 
 @pytest.mark.validate
 def test_many_command_lines():
-    fuzz(check, command_lines(), int(os.environ.get("FUZZ_LINES", "1000")))
+    fuzz(check, command_lines(), many("LINES", 1000))

@@ -15,7 +15,8 @@ import pandas as pd
 import pytest
 
 from dem.__main__ import main
-from tests.robustness.small import below, is_alive, run, small_stone
+from dem.coupling.checkpoint import latest
+from tests.robustness.small import below, is_alive, small_stone
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
 KILLS = int(os.environ.get("KILLS", "200"))
@@ -47,6 +48,11 @@ def ended(pid, patience_s):
     return None
 
 
+def wait_for_checkpoint(pid, directory):
+    while is_alive(pid) and not (directory.is_dir() and latest(directory, flexible=True)):
+        time.sleep(0.002)
+
+
 def kill_some(pid, turn):
     """The run, its engine or one of its ranks, or everybody at once. Returns all that there were."""
     children = [child for child, _ in below(pid)]
@@ -64,6 +70,8 @@ def killed_until_finished(scene, out, rng, longest_s, kills_left):
     kills, errors = 0, out.with_name("stderr")
     while not out.exists():
         pid = fork_run(scene, out, errors)
+        if kills % 2:  # every other one when there is something to go on from
+            wait_for_checkpoint(pid, out.with_name("killed.partial") / "deck" / "checkpoint")
         code = ended(pid, rng.uniform(0, longest_s) if kills < kills_left else 300)
         children = []
         if code is None:
@@ -98,9 +106,11 @@ def check_same(out, expected, ranks):
 def test_killed_at_many_moments(tmp_path, ranks):
     scene = small_stone(tmp_path)
     scene.write_text(scene.read_text() + f"[engine]\nnp = {ranks}\n")
+    assert ended(fork_run(scene, tmp_path / "whole", tmp_path / "stderr"), 300) == 0
     start = time.monotonic()
-    assert run("dem", "run", scene, "--out", tmp_path / "whole")[0] == 0
+    assert ended(fork_run(scene, tmp_path / "again", tmp_path / "stderr"), 300) == 0
     longest_s = time.monotonic() - start
+    check_same(tmp_path / "again", tmp_path / "whole", ranks)
     rng, kills, resumed = random.Random(ranks), 0, 0
     while kills < KILLS:
         kills += killed_until_finished(scene, tmp_path / "killed", rng, longest_s, KILLS - kills)
