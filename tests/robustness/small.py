@@ -34,7 +34,7 @@ def start(*arguments, **options):
 def run(*arguments, **options):
     """Exit code, output and errors of a package of the project."""
     process = start(*arguments, **options)
-    output, errors = process.communicate(timeout=300)
+    output, errors = process.communicate(timeout=3000)
     return process.returncode, output, errors
 
 
@@ -57,7 +57,7 @@ def below(pid):
 
 def wait_until(condition, process, what):
     """Look again and again until the condition holds; an error if the process ends first."""
-    deadline = time.monotonic() + 300
+    deadline = time.monotonic() + 3000
     while not (found := condition()):
         assert process.poll() is None and time.monotonic() < deadline, (what, process.poll(), process.stderr.read())
         time.sleep(0.02)

@@ -32,7 +32,7 @@ def test_files_may_not_grow_beyond_a_limit(whole, tmp_path, most_bytes):
     scene, expected = whole
     done = subprocess.run([sys.executable, "-m", "dem", "run", str(scene), "--out", str(tmp_path / "run")], cwd=ROOT,
                           preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, most_bytes)),
-                          capture_output=True, text=True, check=False, timeout=300)
+                          capture_output=True, text=True, check=False, timeout=3000)
     assert "Traceback" not in done.stderr and len(what_was_said(done.stderr)) == (done.returncode != 0), done.stderr
     assert done.returncode in (0, 1)
     assert run("dem", "run", scene, "--out", tmp_path / "run")[0] == 0
@@ -53,7 +53,7 @@ def test_what_only_takes_time_changes_nothing(whole, tmp_path, fault):
     scene, expected = whole
     program = f"{FAULTS[fault]}\nfrom dem.__main__ import main\nimport sys; sys.exit(main(sys.argv[1:]))"
     done = subprocess.run([sys.executable, "-c", program, "run", str(scene), "--out", str(tmp_path / "run")], cwd=ROOT,
-                          capture_output=True, text=True, check=False, timeout=300)
+                          capture_output=True, text=True, check=False, timeout=3000)
     assert done.returncode == 0, done.stderr
     check_same(tmp_path / "run", expected)
 
@@ -76,7 +76,7 @@ builtins.open = io.open = failing
 sys.exit(main(sys.argv[1:]))
 """
     done = subprocess.run([sys.executable, "-c", program, "run", str(scene), "--out", str(tmp_path / "run")], cwd=ROOT,
-                          capture_output=True, text=True, check=False, timeout=300)
+                          capture_output=True, text=True, check=False, timeout=3000)
     assert "Traceback" not in done.stderr and len(what_was_said(done.stderr)) <= 1, done.stderr
     if done.returncode:
         assert "Input/output error" in done.stderr and done.returncode in (1, 2)

@@ -72,12 +72,12 @@ def killed_until_finished(scene, out, rng, longest_s, kills_left):
         pid = fork_run(scene, out, errors)
         if kills % 2:  # every other one when there is something to go on from
             wait_for_checkpoint(pid, out.with_name("killed.partial") / "deck" / "checkpoint")
-        code = ended(pid, rng.uniform(0, longest_s) if kills < kills_left else 300)
+        code = ended(pid, rng.uniform(0, longest_s) if kills < kills_left else 3000)
         children = []
         if code is None:
             children = kill_some(pid, kills)
             kills += 1
-            code = ended(pid, 300)
+            code = ended(pid, 3000)
         text = errors.read_text()
         assert code in (0, 1, -signal.SIGKILL) and "Traceback" not in text, (code, text)
         deadline = time.monotonic() + 60
@@ -106,9 +106,9 @@ def check_same(out, expected, ranks):
 def test_killed_at_many_moments(tmp_path, ranks):
     scene = small_stone(tmp_path)
     scene.write_text(scene.read_text() + f"[engine]\nnp = {ranks}\n")
-    assert ended(fork_run(scene, tmp_path / "whole", tmp_path / "stderr"), 300) == 0
+    assert ended(fork_run(scene, tmp_path / "whole", tmp_path / "stderr"), 3000) == 0
     start = time.monotonic()
-    assert ended(fork_run(scene, tmp_path / "again", tmp_path / "stderr"), 300) == 0
+    assert ended(fork_run(scene, tmp_path / "again", tmp_path / "stderr"), 3000) == 0
     longest_s = time.monotonic() - start
     check_same(tmp_path / "again", tmp_path / "whole", ranks)
     rng, kills, resumed = random.Random(ranks), 0, 0
