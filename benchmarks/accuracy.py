@@ -213,7 +213,7 @@ def run(setting: Setting, out: Path, repeats: int, of_the_plate: bool, ratio: fl
         preparation = cpu_s(lambda: models.append(prepare(scene, "accuracy", cache)))
         model = models[0]
         for _ in range(repeats):
-            times.append(cpu_s(lambda: run_prepared(model, directory)))
+            times.append(cpu_s(lambda: run_prepared(model, directory, overwrite=True)))
     fast, signals = (pd.read_parquet(directory / f"{name}.parquet") for name in ("fast", "signals"))
     summary = json.loads((directory / "run.json").read_text())
     shutil.rmtree(directory)

@@ -45,7 +45,7 @@ def run(scene: Scene, out: Path) -> tuple[pd.DataFrame, dict, float]:
     """(fast stream, run.json, processor time) of a scene."""
     model = prepare(scene, "tolerance", out / ".modes")
     summaries: list[dict] = []
-    cost = cpu_s(lambda: summaries.append(run_prepared(model, out / "tolerance")))
+    cost = cpu_s(lambda: summaries.append(run_prepared(model, out / "tolerance", overwrite=True)))
     return pd.read_parquet(out / "tolerance" / "fast.parquet"), summaries[0], cost
 
 

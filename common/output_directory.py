@@ -133,12 +133,12 @@ def _is_still(lock: int, file: Path) -> bool:
         return False
 
 
-def refuse_foreign_file(file: Path, known_by: str) -> None:
+def refuse_foreign_file(file: Path, *known_by: str) -> None:
     """Raises InputError if there is something at `file` that this program did not write: no regular file, or one
-    without the text `known_by` among its first 4096 bytes."""
+    with none of the texts `known_by` among its first 4096 bytes."""
     if not file.exists() and not file.is_symlink():
         return
-    if not file.is_file() or known_by.encode() not in _beginning(file):
+    if not file.is_file() or not any(text.encode() in _beginning(file) for text in known_by):
         raise InputError(f"{file}: is there, and this program did not write it; choose another name")
 
 

@@ -20,8 +20,8 @@ def write_parquet(table: pd.DataFrame, file: Path) -> None:
 
 
 def read_parquet(file: Path) -> pd.DataFrame:
-    """Read a table. Files without checksums are read as well. Raises OSError where a page does not have the CRC-32 that
-    it names, or ArrowException."""
+    """Read a table. OSError or ArrowException where it is damaged, as where a page does not have the CRC-32 that it
+    names; files without any are read as well."""
     try:
         return pd.read_parquet(file, page_checksum_verification=True)
     except (KeyError, TypeError, AttributeError, IndexError) as error:  # of what pandas keeps at the end of the file

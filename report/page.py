@@ -40,6 +40,7 @@ from report.results.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
 
 TEMPLATES = resource("templates")
+GENERATOR = 'name="generator" content="coal-gangue-impact"'  # by which the template says who wrote the page
 
 #: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
@@ -106,7 +107,7 @@ def write_report(directory: str | Path) -> Path:
     cannot be used, and OSError where the files cannot be written.
     """
     file = Path(directory) / "report.html"
-    refuse_foreign_file(file, "<title>Coal and gangue")
+    refuse_foreign_file(file, GENERATOR, "<title>Coal and gangue")  # the title is that of earlier versions
     refuse_foreign_file(file.with_name("claims.csv"), "claim,where,verdict")
     results = SweepResults(read_sweep(directory))
     claims = [replace(c, value=local(c.value, results.sweep)) for c in check_statements(results, STATEMENTS)]

@@ -46,17 +46,21 @@ class VtuWriter:
                  "types": np.full(n_cells, CELL_TYPES[in_cell], dtype="u1")}
         sections = {"Points": {"points": mesh.points}, "Cells": cells, "PointData": mesh.point_data,
                     "CellData": mesh.cell_data}
-        lines, appended, at = [], [], 0
-        for section, arrays in sections.items():
-            lines.append(f"<{section}>")
-            for name, values in arrays.items():
+        lines, appended = [], []
+        # The array named last lies first: meshio moves the offsets of what it has read, and takes the first array that
+        # is named with the offset it looks for.
+        at = 0
+        for section in reversed(sections):
+            lines.append(f"</{section}>")
+            for name, values in reversed(sections[section].items()):
                 values = _as_written(values)
                 columns = "" if values.ndim == 1 else f' NumberOfComponents="{values.shape[1]}"'
                 lines.append(f'<DataArray type="{VTK_TYPES[values.dtype.str[1:]]}" Name="{name}"{columns} '
                              f'format="appended" offset="{at}"/>')
                 appended.append(self._compressed(f"{section}/{name}", values))
                 at += len(appended[-1])
-            lines.append(f"</{section}>")
+            lines.append(f"<{section}>")
+        lines.reverse()
         head = ('<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
                 'header_type="UInt32" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
                 f'<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{n_cells}">\n')

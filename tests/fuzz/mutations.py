@@ -5,6 +5,8 @@ import copy
 import io
 import json
 import math
+import os
+import signal
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -83,7 +85,33 @@ def outcome(main, arguments):
     return code, errors.getvalue()
 
 
+def many(name, cases):
+    """How many cases a long fuzz has: FUZZ_NAME in the environment, or so many."""
+    return int(os.environ.get(f"FUZZ_{name}", cases))
+
+
+LONGEST_s = 20.0  # of processor time; a case that takes longer hangs
+
+
+def in_time(check, case):
+    """`check` a case; AssertionError if it uses more than LONGEST_s of the processor, which does not depend on what
+    else the machine does, or waits for thirty times as long."""
+    def hangs(number, frame):
+        raise AssertionError(f"no end after {LONGEST_s:g} s of the processor, or {30 * LONGEST_s:g} s in all")
+
+    timers = {signal.SIGPROF: (signal.ITIMER_PROF, LONGEST_s), signal.SIGALRM: (signal.ITIMER_REAL, 30 * LONGEST_s)}
+    before = {number: signal.signal(number, hangs) for number in timers}
+    for timer, limit_s in timers.values():
+        signal.setitimer(timer, limit_s)
+    try:
+        check(case)
+    finally:
+        for number, (timer, _) in timers.items():
+            signal.setitimer(timer, 0)
+            signal.signal(number, before[number])
+
+
 def fuzz(check, strategy, cases):
     """`check` every one of so many cases, the same ones each time."""
     settings(max_examples=cases, deadline=None, derandomize=True, database=None,
-             suppress_health_check=list(HealthCheck))(given(strategy)(check))()  # fmt: skip
+             suppress_health_check=list(HealthCheck))(given(strategy)(lambda case: in_time(check, case)))()  # fmt: skip

@@ -16,7 +16,7 @@ from recognition.__main__ import main
 from recognition.physics.arrangement_likelihood import ArrangementModel
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from tests.analysis.synthetic import write_sweep
-from tests.fuzz.mutations import fuzz, mutated, outcome
+from tests.fuzz.mutations import fuzz, many, mutated, outcome
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_some_models(fitted):
 @pytest.mark.validate
 def test_many_models(fitted):
     data, run = fitted
-    fuzz(lambda text: check(text, run), models(data), 1000)
+    fuzz(lambda text: check(text, run), models(data), many("MODELS", 2000))
 
 
 def test_a_pickle_is_not_loaded(fitted, tmp_path):

@@ -16,7 +16,7 @@ from scipy.io import savemat, wavfile
 from analysis import RecordError, read_run
 from analysis.__main__ import main
 from tests.analysis.synthetic import write_run
-from tests.fuzz.mutations import HOSTILE, fuzz, mutated, outcome
+from tests.fuzz.mutations import HOSTILE, fuzz, many, mutated, outcome
 
 TIMES = np.arange(64) * 1e-3
 SIGNAL = np.sin(300 * TIMES) * np.exp(-20 * TIMES)
@@ -137,7 +137,7 @@ def test_some_files():
 
 @pytest.mark.validate
 def test_many_files():
-    fuzz(check, files(), 1000)
+    fuzz(check, files(), many("RECORDS", 2000))
     fuzz(check_parquet, tables(), 200)
 
 

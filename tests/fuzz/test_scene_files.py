@@ -13,7 +13,7 @@ from common.scene import read_scene
 from common.tables import InputError, read_toml
 from dem.__main__ import main
 from dem.calibration.calibrate import TARGETS, read_target
-from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, mutated, outcome
+from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, many, mutated, outcome
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 MOST_STEPS = 200_000  # that a fuzzed scene is run for; beyond, its deck is written only
@@ -70,6 +70,19 @@ def check(scene):
         shutil.rmtree(here)
 
 
+def check_deck(scene):
+    """Render the scene's deck, or be refused; nothing is run."""
+    here = Path(tempfile.mkdtemp())
+    try:
+        (here / "scene.toml").write_text(as_toml(scene), encoding="utf-8")
+        code, errors = outcome(main, ["deck", str(here / "scene.toml"), "--out", str(here / "out")])
+        said = [line for line in errors.splitlines() if not line.startswith("warning: ")]
+        assert code == 0 and not said or code == 2 and len(said) == 1 and "scene.toml" in said[0], (code, errors)
+        assert {p.name for p in here.iterdir()} == ({"scene.toml", "out"} if code == 0 else {"scene.toml"})
+    finally:
+        shutil.rmtree(here)
+
+
 each_kind = pytest.mark.parametrize("valid", VALID, ids=["bonded-rigid", "bonded-flexible", "sphere-rigid", "sphere-flexible"])
 
 
@@ -87,6 +100,12 @@ def test_some_changed_scenes(valid):
 @each_kind
 def test_many_changed_scenes(valid):
     fuzz(check, mutated(valid), 250)
+
+
+@pytest.mark.validate
+@each_kind
+def test_ten_thousand_decks(valid):
+    fuzz(check_deck, mutated(valid), many("DECKS", 2500))
 
 
 @pytest.mark.parametrize("name", [name for name in HOSTILE if not name.isalnum() or not name.isascii() or len(name) > 100])

@@ -112,7 +112,7 @@ def test_a_warning_is_on_screen_and_in_run_json(tmp_path):
 
 def shell(command):
     return subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, cwd=ROOT,
-                          check=False, timeout=300)
+                          check=False, timeout=3000)
 
 
 def test_a_reader_that_goes_away_and_a_full_disk_behind_standard_output(tmp_path):
@@ -131,7 +131,7 @@ def write_limit(number_of_bytes, program, *arguments):
         import signal
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # Python's own setting, said here for the engine's
     return subprocess.run([sys.executable, "-m", program, *map(str, arguments)], preexec_fn=limit, cwd=ROOT, text=True,
-                          capture_output=True, check=False, timeout=300)
+                          capture_output=True, check=False, timeout=3000)
 
 
 def test_a_disk_that_is_full_when_a_model_or_a_report_is_written(tmp_path):

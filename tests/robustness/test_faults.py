@@ -1,0 +1,84 @@
+"""Faults injected into a run at work: a disk that fills or fails, a slow disk, a clock that jumps. Each ends in one
+line or not at all, and the same command then gives the undisturbed result."""
+
+import resource
+import subprocess
+import sys
+
+import pytest
+
+from tests.robustness.small import ROOT, run, small_stone, what_was_said
+
+SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    here = tmp_path_factory.mktemp("faults")
+    scene = small_stone(here)
+    assert run("dem", "run", scene, "--out", here / "whole")[0] == 0
+    return scene, here / "whole"
+
+
+def check_same(out, expected):
+    for name in SIGNALS:
+        assert (out / f"{name}.parquet").read_bytes() == (expected / f"{name}.parquet").read_bytes(), name
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("most_bytes", [1_000, 30_000, 100_000, 300_000, 1_000_000])
+def test_files_may_not_grow_beyond_a_limit(whole, tmp_path, most_bytes):
+    """The limit stands for a quota or a full disk, at every file that the run writes in turn."""
+    scene, expected = whole
+    done = subprocess.run([sys.executable, "-m", "dem", "run", str(scene), "--out", str(tmp_path / "run")], cwd=ROOT,
+                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, most_bytes)),
+                          capture_output=True, text=True, check=False, timeout=3000)
+    assert "Traceback" not in done.stderr and len(what_was_said(done.stderr)) == (done.returncode != 0), done.stderr
+    assert done.returncode in (0, 1)
+    assert run("dem", "run", scene, "--out", tmp_path / "run")[0] == 0
+    check_same(tmp_path / "run", expected)
+
+
+# Run within the program before its command: what the fault changes.
+FAULTS = {
+    "a slow disk": "import os, time; sync = os.fsync; os.fsync = lambda f: (time.sleep(0.2), sync(f))[1]",
+    "a clock that jumps": "import time, itertools; n = itertools.count(); clock = time.time\n"
+                          "time.time = lambda: clock() + 1e6 * (-1) ** next(n)",
+}
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_only_takes_time_changes_nothing(whole, tmp_path, fault):
+    scene, expected = whole
+    program = f"{FAULTS[fault]}\nfrom dem.__main__ import main\nimport sys; sys.exit(main(sys.argv[1:]))"
+    done = subprocess.run([sys.executable, "-c", program, "run", str(scene), "--out", str(tmp_path / "run")], cwd=ROOT,
+                          capture_output=True, text=True, check=False, timeout=3000)
+    assert done.returncode == 0, done.stderr
+    check_same(tmp_path / "run", expected)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("number", [1, 3, 6, 10, 15])
+def test_a_read_that_fails(whole, tmp_path, number):
+    """The first, third, ... opening of a file below the run's directory to read fails as on a broken disk."""
+    scene, expected = whole
+    program = f"""
+import builtins, errno, io, itertools, os, sys
+from dem.__main__ import main
+count, real = itertools.count(1), io.open
+def failing(file, mode="r", *rest, **more):
+    if isinstance(file, (str, os.PathLike)) and {str(tmp_path)!r} in str(file) and "r" in mode and "+" not in mode:
+        if os.path.exists(file) and next(count) == {number}:
+            raise OSError(errno.EIO, "Input/output error", str(file))
+    return real(file, mode, *rest, **more)
+builtins.open = io.open = failing
+sys.exit(main(sys.argv[1:]))
+"""
+    done = subprocess.run([sys.executable, "-c", program, "run", str(scene), "--out", str(tmp_path / "run")], cwd=ROOT,
+                          capture_output=True, text=True, check=False, timeout=3000)
+    assert "Traceback" not in done.stderr and len(what_was_said(done.stderr)) <= 1, done.stderr
+    if done.returncode:
+        assert "Input/output error" in done.stderr and done.returncode in (1, 2)
+    assert run("dem", "run", scene, "--out", tmp_path / "run")[0] == 0
+    check_same(tmp_path / "run", expected)

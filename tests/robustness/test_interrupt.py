@@ -1,0 +1,80 @@
+"""One Ctrl-C ends everything that a command started, with one line, and keeps what is finished."""
+
+import os
+import random
+import signal
+import time
+
+import pytest
+
+from tests.robustness.small import SCENES, below, is_alive, small_stone, start, wait_until, what_was_said
+
+LINE = "interrupted; what is finished stays, the same command goes on"
+PROGRAMS = {"dem": ["deck", "SCENE", "--out", "OUT"], "plate_fem": ["modes", "SCENE"],
+            "analysis": ["features", "nothing.csv"], "recognition": ["evaluate", "nowhere"], "report": ["nowhere"]}
+
+
+def numpy_is_loading(pid):
+    """The first of the slow imports, after which a program listens for certain."""
+    try:
+        return "_multiarray_umath" in open(f"/proc/{pid}/maps").read()
+    except OSError:
+        return False
+
+
+def interrupt_at(name, tmp_path, delay_s):
+    words = {"SCENE": SCENES / "paper.toml", "OUT": tmp_path / "out"}
+    process = start(name, *[words.get(word, word) for word in PROGRAMS[name]], start_new_session=True)
+    while process.poll() is None and not numpy_is_loading(process.pid):
+        time.sleep(0.005)
+    time.sleep(delay_s)
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=6000)
+    assert "Traceback" not in errors, (name, delay_s, errors)
+    if process.returncode == 130:
+        assert what_was_said(errors) == [LINE]
+    else:
+        assert process.returncode in (0, 2), errors  # it was done before
+    return process.returncode
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_no_traceback_while_a_program_starts(tmp_path, name):
+    assert interrupt_at(name, tmp_path, 0.05) == 130
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_no_traceback_at_thirty_moments(tmp_path, name):
+    rng = random.Random(name)
+    codes = [interrupt_at(name, tmp_path / str(k), rng.uniform(0, 3)) for k in range(30)]
+    assert codes.count(130) > 5, codes
+
+
+def engines_below(process):
+    return [pid for pid, program in below(process.pid) if "liggghts" in program]
+
+
+@pytest.mark.parametrize("command", ["sweep", "dataset", "run"])
+def test_one_interrupt_ends_the_children_and_what_waits_does_not_start(tmp_path, command):
+    scene = small_stone(tmp_path, **{"count = 1\n": "count = 2\n", "gangue_order = [1]": "gangue_order = [2, 1]",
+                                     "{ x_m = 0.1, y_m = 0.0 }": "{ x_m = 0.1, y_m = 0.0 }, { x_m = -0.1, y_m = 0.0 }"})
+    (tmp_path / "plan.toml").write_text('scene = "stone.toml"\nseed = 1\n'
+                                        '[families.one]\ngroups = 1\nruns_per_group = 3\n')
+    file = tmp_path / "plan.toml" if command == "dataset" else scene
+    out = tmp_path / "out"
+    jobs = [] if command == "run" else ["--jobs", "1"]
+    process = start("dem", command, file, "--out", out, *jobs, start_new_session=True)
+    wait_until(lambda: engines_below(process), process, "an engine")
+    everybody = [pid for pid, _ in below(process.pid)]
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    output, errors = process.communicate(timeout=600)
+    assert process.returncode == 130, errors
+    assert what_was_said(errors) == [LINE] and "Traceback" not in output
+    deadline = time.monotonic() + 300
+    while any(map(is_alive, everybody)):
+        assert time.monotonic() < deadline, "a child outlived the command"
+        time.sleep(0.02)
+    begun = [*tmp_path.rglob("*.partial")]
+    assert len(begun) == 1 and (begun[0] / "started.json").exists()  # what was at work stays, and no other began

@@ -1,0 +1,121 @@
+"""A run killed at random moments, again and again, gives the undisturbed result: byte for byte on one rank.
+
+KILLS in the environment says how many kills there are on each number of ranks, 200 if it is absent.
+"""
+
+import os
+import random
+import shutil
+import signal
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from dem.__main__ import main
+from dem.coupling.checkpoint import latest
+from tests.robustness.small import below, is_alive, small_stone
+
+SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
+KILLS = int(os.environ.get("KILLS", "200"))
+
+
+def fork_run(scene, out, errors):
+    """The command in a process that has done its imports already."""
+    pid = os.fork()
+    if pid:
+        return pid
+    code = 70
+    try:
+        os.dup2(os.open(errors, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
+        sys.stderr, sys.stdout = os.fdopen(2, "w"), open(os.devnull, "w")
+        code = main(["run", str(scene), "--out", str(out)])
+        sys.stderr.flush()
+    finally:
+        os._exit(code)
+
+
+def ended(pid, patience_s):
+    """Exit code as of os.waitstatus_to_exitcode, None if it still runs after that time."""
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline:
+        done, status = os.waitpid(pid, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.005)
+    return None
+
+
+def wait_for_checkpoint(pid, directory):
+    while is_alive(pid) and not (directory.is_dir() and latest(directory, flexible=True)):
+        time.sleep(0.002)
+
+
+def kill_some(pid, turn):
+    """The run, its engine or one of its ranks, or everybody at once. Returns all that there were."""
+    children = [child for child, _ in below(pid)]
+    victims = [[pid], children[-1:], [pid, *children]][turn % 3] or [pid]
+    for victim in victims:
+        try:
+            os.kill(victim, signal.SIGKILL)
+        except ProcessLookupError:
+            pass
+    return children
+
+
+def killed_until_finished(scene, out, rng, longest_s, kills_left):
+    """Returns the number of kills that it took."""
+    kills, errors = 0, out.with_name("stderr")
+    while not out.exists():
+        pid = fork_run(scene, out, errors)
+        if kills % 2:  # every other one when there is something to go on from
+            wait_for_checkpoint(pid, out.with_name("killed.partial") / "deck" / "checkpoint")
+        code = ended(pid, rng.uniform(0, longest_s) if kills < kills_left else 3000)
+        children = []
+        if code is None:
+            children = kill_some(pid, kills)
+            kills += 1
+            code = ended(pid, 3000)
+        text = errors.read_text()
+        assert code in (0, 1, -signal.SIGKILL) and "Traceback" not in text, (code, text)
+        deadline = time.monotonic() + 60
+        while any(map(is_alive, children)):
+            assert time.monotonic() < deadline, "a process outlived the run"
+            time.sleep(0.01)
+        assert not out.exists() or (out / "contents.json").exists()  # whole or absent
+    return kills
+
+
+def check_same(out, expected, ranks):
+    for name in SIGNALS:
+        found, wanted = (directory / f"{name}.parquet" for directory in (out, expected))
+        if ranks == 1:
+            assert found.read_bytes() == wanted.read_bytes(), name
+            continue
+        found, wanted = pd.read_parquet(found), pd.read_parquet(wanted)
+        assert len(found) == len(wanted), name
+        for column in wanted.select_dtypes("number"):
+            scale = np.abs(wanted[column]).max() if len(wanted) else 1.0
+            np.testing.assert_allclose(found[column], wanted[column], rtol=0, atol=1e-6 * scale + 1e-300)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_killed_at_many_moments(tmp_path, ranks):
+    scene = small_stone(tmp_path)
+    scene.write_text(scene.read_text() + f"[engine]\nnp = {ranks}\n")
+    assert ended(fork_run(scene, tmp_path / "whole", tmp_path / "stderr"), 3000) == 0
+    start = time.monotonic()
+    assert ended(fork_run(scene, tmp_path / "again", tmp_path / "stderr"), 3000) == 0
+    longest_s = time.monotonic() - start
+    check_same(tmp_path / "again", tmp_path / "whole", ranks)
+    rng, kills, resumed = random.Random(ranks), 0, 0
+    while kills < KILLS:
+        kills += killed_until_finished(scene, tmp_path / "killed", rng, longest_s, KILLS - kills)
+        check_same(tmp_path / "killed", tmp_path / "whole", ranks)
+        resumed += len(pd.read_json(tmp_path / "killed" / "run.json", typ="series")["resumed_at_s"])
+        shutil.rmtree(tmp_path / "killed")
+    print(f"{kills} kills on {ranks} ranks, taken up at a checkpoint {resumed} times")
+    assert resumed > 0
