@@ -101,9 +101,26 @@ class BondTable(Table):
     tensile_strength_Pa: Positive
     shear_strength_Pa: NotNegative
     friction_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0  # 0: no Mohr-Coulomb
+    # Modulus of the sub-spheres' dilatation over that of the bonds: it sets Poisson's ratio. 0: no such energy.
+    volumetric_ratio: Annotated[float, Field(ge=0, le=0.6)] = 0.0  # beyond, it would limit the time step
+    # What the tensile strength gains with the mean pressure, per pressure above the threshold. 0: nothing.
+    pressure_strengthening: NotNegative = 0.0
+    pressure_threshold_Pa: NotNegative = 0.0
     # Mean sub-sphere radius that the strengths belong to; other sizes get theirs by dem/stones/strength.py. Absent: as
     # given.
     reference_subsphere_radius_m: Positive | None = None
+
+    @model_validator(mode="after")
+    def _threshold_of_something(self) -> Self:
+        if self.pressure_threshold_Pa > 0 and self.pressure_strengthening == 0:
+            raise Refused("pressure_threshold_Pa", self.pressure_threshold_Pa,
+                          "must be left out where pressure_strengthening is 0")
+        return self
+
+    @property
+    def feels_dilatation(self) -> bool:
+        """Does the engine have to find the change of volume at each sub-sphere?"""
+        return self.volumetric_ratio > 0 or self.pressure_strengthening > 0
 
 
 class MaterialTable(Table):

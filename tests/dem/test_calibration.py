@@ -25,10 +25,12 @@ ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=
             tan_friction=0.5, damping_ratio=0.05)
 
 
-def test_slow_compression_gives_the_elastic_constants_at_rest(tmp_path):
+@pytest.mark.parametrize("volumetric_ratio", [0.0, 0.3])
+def test_slow_compression_gives_the_elastic_constants_at_rest(tmp_path, volumetric_ratio):
     specimen = compression_specimen(0.025, 300, seed=11)
-    modulus, nu = elastic_test(tmp_path, specimen, ROCK)
-    at_rest = network_stiffness(specimen.packing, specimen.bonds, ROCK.bond_modulus_Pa, ROCK.stiffness_ratio)
+    modulus, nu = elastic_test(tmp_path, specimen, replace(ROCK, volumetric_ratio=volumetric_ratio))
+    at_rest = network_stiffness(specimen.packing, specimen.bonds, ROCK.bond_modulus_Pa, ROCK.stiffness_ratio,
+                                volumetric_ratio)
     assert modulus == pytest.approx(at_rest.youngs_modulus_Pa[0], rel=2e-3)
     assert nu == pytest.approx(at_rest.poisson_ratio[0], abs=2e-3)
 
