@@ -15,12 +15,14 @@ enum LedgerColumn {
   PAIR_WORK,       // done by contacts between sub-spheres, J
   WALL_WORK,       // done by the plate on the sub-spheres, J
   PLATE_WORK,      // done by the sub-spheres on the moving plate, J
-  WALL_ELASTIC,    // now in the normal contacts with the plate, J
-  WALL_DAMPED,     // taken by their normal dashpots so far, J
-  PAIR_ELASTIC,    // now in the normal contacts between sub-spheres, J
-  PAIR_DAMPED,     // taken by their normal dashpots so far, J
+  WALL_ELASTIC,    // now in the contacts with the plate, J
+  WALL_DAMPED,     // taken by their dashpots so far, J
+  PAIR_ELASTIC,    // now in the contacts between sub-spheres, J
+  PAIR_DAMPED,     // taken by their dashpots so far, J
   WALL_PLASTIC,    // taken by the plate's yielding under the contacts so far, J
   WALL_RELEASED,   // elastic energy of contacts with the plate whose sub-spheres broke off, J
+  FRICTION,        // taken by the slip of all contacts so far, J
+  SPRINGS,         // gained by their tangential springs as the normal force changed the stiffness, so far, J
   WALL_DEEPEST,    // largest overlap over radius of a contact with the plate so far; over the ranks the largest counts
   LEDGER_COLUMNS
 };

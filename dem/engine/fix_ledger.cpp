@@ -12,10 +12,15 @@
 #include "force.h"
 #include "neigh_list.h"
 #include "pair.h"
+#include "tangential_law.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
 using namespace FixConst;
+
+namespace {
+const double STICKS = 1e-9;  // of its stretch: a tangential spring that was shortened by less has not slipped
+}
 
 FixLedger::FixLedger(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   std::string agglomerates, file;
@@ -30,7 +35,7 @@ FixLedger::FixLedger(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   nevery = 1;
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   pair_work_.assign(agglomerates_->count(), 0);
-  pair_damped_ = pair_work_;
+  pair_damped_ = friction_ = gained_ = pair_work_;
   if (comm->me == 0) {
     file_ = std::fopen(file.c_str(), "ab");
     if (!file_) error->one(FLERR, ("cannot write " + file).c_str());
@@ -41,71 +46,116 @@ FixLedger::~FixLedger() {
   if (file_) std::fclose(file_);
 }
 
-int FixLedger::setmask() { return POST_INTEGRATE | POST_FORCE | END_OF_STEP; }
+int FixLedger::setmask() { return POST_INTEGRATE | PRE_FORCE | POST_FORCE | END_OF_STEP; }
 
 void FixLedger::init() { holders_ = fixes_that_are<EnergyHolder>(modify); }
 
 void FixLedger::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
+  const NeighList *springs = force->pair->list->listgranhistory;
+  if (springs && springs->dnum != 3) error->fix_error(FLERR, this, "needs contacts with `tangential history`");
   if (resuming) return;
   // The step that ends here was counted by the run before, or never was.
-  const std::vector<double> counted = pair_work_;
+  const std::vector<double> counted = pair_work_, friction = friction_, gained = gained_;
   post_force(vflag);
   pair_work_ = counted;
+  friction_ = friction;
+  gained_ = gained;
 }
 
-// Every contact between two sub-spheres: visit(i, j, radius, overlap, unit vector from j to i, share). A contact with a
-// ghost is seen by both ranks and counts half on each.
-template <class Visit> void FixLedger::each_contact(Visit visit) const {
-  const NeighList *list = force->pair->list;
+// What the tangential springs were at the last step must be read before the pair style goes on with them. Where nothing
+// touched at that step, they begin now.
+void FixLedger::pre_force(int) {
+  found_ = !felt_.empty();
+  if (found_) find_contacts(true);
+}
+
+void FixLedger::find_contacts(bool touched_before) {
+  contacts_.clear();
+  const NeighList *list = force->pair->list, *springs = list->listgranhistory;
   for (int k = 0; k < list->inum; k++) {
     const int i = list->ilist[k];
     for (int m = 0; m < list->numneigh[i]; m++) {
       const int j = list->firstneigh[i][m] & NEIGHMASK;
-      const double *a = atom->x[i], *b = atom->x[j];
-      const double d[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-      const double sum = atom->radius[i] + atom->radius[j], r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+      const Vec d = Vec(atom->x[i]) - Vec(atom->x[j]);
+      const double sum = atom->radius[i] + atom->radius[j], r2 = dot(d, d);
       if (r2 >= sum * sum) continue;
-      const double r = std::sqrt(r2), n[3] = {d[0] / r, d[1] / r, d[2] / r};
-      visit(i, j, atom->radius[i] * atom->radius[j] / sum, sum - r, n, j < atom->nlocal ? 1.0 : 0.5);
+      const double r = std::sqrt(r2), *history = springs ? springs->firstdouble[i] + springs->dnum * m : nullptr;
+      contacts_.push_back({i, j, atom->radius[i] * atom->radius[j] / sum, sum - r, (1 / r) * d,
+                           j < atom->nlocal ? 1.0 : 0.5, history,
+                           history && touched_before ? Vec(history) : Vec(), Vec()});
     }
+  }
+}
+
+// Of i over j across their normal, where they touch.
+Vec FixLedger::surface_velocity(const Contact &c) const {
+  const double *a = atom->v[c.i], *b = atom->v[c.j];
+  const double arm_i = atom->radius[c.i] - 0.5 * c.overlap, arm_j = atom->radius[c.j] - 0.5 * c.overlap;
+  const Vec v = Vec(a) - Vec(b), spin = arm_i * Vec(atom->omega[c.i]) + arm_j * Vec(atom->omega[c.j]);
+  return v - dot(v, c.normal) * c.normal - cross(spin, c.normal);
+}
+
+double FixLedger::spring_stiffness(const Contact &c, double overlap) const {
+  return law_->tangential_stiffness(atom->type[c.i], atom->type[c.j], c.radius, overlap);
+}
+
+void FixLedger::count(std::vector<double> &sums, const Contact &c, double energy) const {
+  sums[agglomerates_->of_tag(atom->tag[c.i])] += 0.5 * c.share * energy;
+  sums[agglomerates_->of_tag(atom->tag[c.j])] += 0.5 * c.share * energy;
+}
+
+// When the pair style has gone on with the springs, and velocities are those with which it did.
+void FixLedger::measure_friction() {
+  const double dt = update->dt;
+  for (Contact &c : contacts_) {
+    if (!c.history) continue;
+    const Vec spring(c.history), moved = dt * surface_velocity(c);
+    const double parting = dot(Vec(atom->v[c.i]) - Vec(atom->v[c.j]), c.normal);
+    const double before = spring_stiffness(c, c.overlap + dt * parting), now = spring_stiffness(c, c.overlap);
+    const Vec tried = c.spring + moved, across = tried - dot(tried, c.normal) * c.normal;
+    const TangentialStep step = tangential_step(before, c.spring, now, spring, across - c.spring);
+    count(friction_, c, step.friction);
+    count(gained_, c, step.gained);
+    const double mi = atom->rmass[c.i], mj = atom->rmass[c.j];
+    const bool sticks = norm(across - spring) <= STICKS * norm(across);
+    if (sticks) c.rubbed = law_->dashpot(atom->type[c.i], atom->type[c.j], now, mi * mj / (mi + mj)) / dt * moved;
   }
 }
 
 void FixLedger::add_damping() {
   const double dt = update->dt;
-  each_contact([&](int i, int j, double radius, double overlap, const double *n, double share) {
-    const double mi = atom->rmass[i], mj = atom->rmass[j];
-    double v = 0, gained = 0;
-    for (int d = 0; d < 3; d++) {
-      v += (atom->v[i][d] - atom->v[j][d]) * n[d];
-      gained += 0.5 * dt * (atom->f[i][d] / mi - atom->f[j][d] / mj) * n[d];
-    }
-    const double energy = share * dt * law_->damping_power(atom->type[i], atom->type[j], radius, overlap,
-                                                           mi * mj / (mi + mj), v - gained, v);
-    pair_damped_[agglomerates_->of_tag(atom->tag[i])] += 0.5 * energy;
-    pair_damped_[agglomerates_->of_tag(atom->tag[j])] += 0.5 * energy;
-  });
+  for (const Contact &c : contacts_) {
+    const double mi = atom->rmass[c.i], mj = atom->rmass[c.j];
+    const Vec v = Vec(atom->v[c.i]) - Vec(atom->v[c.j]);
+    const Vec gained = 0.5 * dt / mi * Vec(atom->f[c.i]) - 0.5 * dt / mj * Vec(atom->f[c.j]);
+    const double normal = law_->damping_power(atom->type[c.i], atom->type[c.j], c.radius, c.overlap,
+                                              mi * mj / (mi + mj), dot(v - gained, c.normal), dot(v, c.normal));
+    count(pair_damped_, c, dt * (normal + dot(c.rubbed, surface_velocity(c))));
+  }
 }
 
 // The work over a step is force x (v before + v after)/2 dt, which is what the leapfrog integrator adds to the kinetic
 // energy. The first half is counted when the force is known, the second when the next velocity is.
 void FixLedger::post_force(int) {
-  contacts_.clear();
+  felt_.clear();
   const double half_dt = 0.5 * update->dt;
   for (int i = 0; i < atom->nlocal; i++) {
     const double *f = atom->f[i], *t = atom->torque[i];
     if (f[0] == 0 && f[1] == 0 && f[2] == 0) continue;
     const double *v = atom->v[i], *w = atom->omega[i];
-    contacts_.push_back({i, {f[0], f[1], f[2]}, {t[0], t[1], t[2]}});
+    felt_.push_back({i, {f[0], f[1], f[2]}, {t[0], t[1], t[2]}});
     pair_work_[agglomerates_->of_tag(atom->tag[i])] +=
         half_dt * (f[0] * v[0] + f[1] * v[1] + f[2] * v[2] + t[0] * w[0] + t[1] * w[1] + t[2] * w[2]);
   }
+  if (felt_.empty()) contacts_.clear();
+  else if (!found_) find_contacts(false);
+  measure_friction();
 }
 
 void FixLedger::post_integrate() {
   const double half_dt = 0.5 * update->dt;
-  for (const Contact &c : contacts_) {
+  for (const Felt &c : felt_) {
     const double *v = atom->v[c.i], *w = atom->omega[c.i];
     pair_work_[agglomerates_->of_tag(atom->tag[c.i])] +=
         half_dt * (c.force[0] * v[0] + c.force[1] * v[1] + c.force[2] * v[2] + c.torque[0] * w[0] +
@@ -114,7 +164,7 @@ void FixLedger::post_integrate() {
 }
 
 void FixLedger::end_of_step() {
-  if (!contacts_.empty()) add_damping();
+  add_damping();
   if (update->ntimestep % every_ == 0) write();
 }
 
@@ -149,11 +199,14 @@ void FixLedger::add_motion(LedgerRows &rows) const {
 void FixLedger::add_contacts(LedgerRows &rows) const {
   rows.add(PAIR_WORK, pair_work_);
   rows.add(PAIR_DAMPED, pair_damped_);
-  each_contact([&](int i, int j, double radius, double overlap, const double *, double share) {
-    const double energy = share * law_->elastic_energy(atom->type[i], atom->type[j], radius, overlap);
-    rows.at(agglomerates_->of_tag(atom->tag[i]), PAIR_ELASTIC) += 0.5 * energy;
-    rows.at(agglomerates_->of_tag(atom->tag[j]), PAIR_ELASTIC) += 0.5 * energy;
-  });
+  rows.add(FRICTION, friction_);
+  rows.add(SPRINGS, gained_);
+  std::vector<double> elastic(agglomerates_->count(), 0);
+  for (const Contact &c : contacts_) {
+    const double spring = c.history ? spring_stiffness(c, c.overlap) * dot(Vec(c.history), Vec(c.history)) : 0;
+    count(elastic, c, law_->elastic_energy(atom->type[c.i], atom->type[c.j], c.radius, c.overlap) + 0.5 * spring);
+  }
+  rows.add(PAIR_ELASTIC, elastic);
 }
 
 // The sum over the ranks, or the largest in the column where that counts, which is right on rank 0 alone.
@@ -188,8 +241,10 @@ void FixLedger::save(CheckpointWriter &out) {
   post_run();
   out.sum("pair_work", pair_work_);
   out.sum("pair_damped", pair_damped_);
+  out.sum("pair_friction", friction_);
+  out.sum("pair_springs", gained_);
   std::vector<double> rows;
-  for (const Contact &c : contacts_) {
+  for (const Felt &c : felt_) {
     rows.push_back(atom->tag[c.i]);
     rows.insert(rows.end(), c.force, c.force + 3);
     rows.insert(rows.end(), c.torque, c.torque + 3);
@@ -200,11 +255,13 @@ void FixLedger::save(CheckpointWriter &out) {
 void FixLedger::restore(const CheckpointReader &in) {
   pair_work_ = in.sum("pair_work", agglomerates_->count());
   pair_damped_ = in.sum("pair_damped", agglomerates_->count());
-  contacts_.clear();
+  friction_ = in.sum("pair_friction", agglomerates_->count());
+  gained_ = in.sum("pair_springs", agglomerates_->count());
+  felt_.clear();
   const std::vector<double> &rows = in.rows("pair_contacts", 7);
   for (size_t k = 0; k < rows.size(); k += 7) {
     const int i = atom->map(static_cast<int>(rows[k]));
     if (i < 0 || i >= atom->nlocal) continue;
-    contacts_.push_back({i, {rows[k + 1], rows[k + 2], rows[k + 3]}, {rows[k + 4], rows[k + 5], rows[k + 6]}});
+    felt_.push_back({i, {rows[k + 1], rows[k + 2], rows[k + 3]}, {rows[k + 4], rows[k + 5], rows[k + 6]}});
   }
 }

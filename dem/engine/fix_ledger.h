@@ -10,6 +10,7 @@
 #include "fix.h"
 #include "free_flight_partners.h"
 #include "hertz_law.h"
+#include "vec.h"
 
 namespace LAMMPS_NS {
 
@@ -26,6 +27,7 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   ~FixLedger() override;
   int setmask() override;
   void init() override;
+  void pre_force(int) override;
   void setup(int) override;
   void post_integrate() override;
   void post_force(int) override;
@@ -44,20 +46,35 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   Sum sum() const { return sum_; }
 
  private:
-  struct Contact {
+  struct Felt {
     int i;
     double force[3], torque[3];
   };
+  struct Contact {             // between two sub-spheres
+    int i, j;
+    double radius, overlap;    // effective radius, m
+    Vec normal;                // from j to i
+    double share;              // a contact with a ghost is seen by both ranks and counts half on each
+    const double *history;     // the stretch of its tangential spring, or null
+    Vec spring;                // that as the last step left it, m
+    Vec rubbed;                // force of its tangential dashpot, N
+  };
   std::unique_ptr<Agglomerates> agglomerates_;
-  std::vector<double> pair_work_, pair_damped_;
+  std::vector<double> pair_work_, pair_damped_, friction_, gained_;  // so far, by agglomerate, J: see LedgerColumn
   std::unique_ptr<HertzLaw> law_;
-  std::vector<Contact> contacts_;  // sub-spheres that felt another one at the last step
+  std::vector<Felt> felt_;         // sub-spheres that felt another one at the last step
+  std::vector<Contact> contacts_;  // of the present step; found only where some touch
+  bool found_ = false;             // are contacts_ known before the forces?
   std::vector<EnergyHolder *> holders_;
   int every_ = 1;
   Sum sum_ = {0, 0, 0, 0, 0, 0};
   FILE *file_ = nullptr;
 
-  template <class Visit> void each_contact(Visit visit) const;
+  void find_contacts(bool touched_before);
+  Vec surface_velocity(const Contact &) const;
+  double spring_stiffness(const Contact &, double overlap) const;
+  void count(std::vector<double> &, const Contact &, double energy) const;
+  void measure_friction();
   void add_damping();
   void write();
   void add_motion(LedgerRows &) const;

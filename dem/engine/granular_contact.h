@@ -6,6 +6,7 @@
 #include "hertz_law.h"
 #include "plastic_indentation.h"
 #include "plate_contact.h"
+#include "vec.h"
 
 namespace LAMMPS_NS {
 
@@ -44,11 +45,16 @@ class GranularContact : public PlateContact {
   std::unique_ptr<HertzLaw> law_;
   std::unique_ptr<PlasticIndentation> indentation_;  // only where the plate yields
   std::vector<double> kept_z_;
-  std::vector<double> damped_;   // by the normal dashpots so far, by agglomerate, J
+  std::vector<double> springs_before_;             // tangential, as the last step left them: x, y of each near, m
+  std::vector<double> damped_, friction_, gained_; // so far, by agglomerate, J: see LedgerColumn
   std::vector<double> deepest_;  // largest depth over radius so far, by agglomerate; on this rank
 
   void move_into_frame_of_plate(std::vector<NearSphere> &);
   void move_back(std::vector<NearSphere> &);
+  void measure_friction(std::vector<NearSphere> &);
+  bool has_springs() const { return wall_.history_size() > 0; }
+  double tangential_stiffness(int i, double overlap) const;
+  Vec surface_velocity(const NearSphere &) const;
   double modulus(int i) const;
   int agglomerate_of(int i) const;
 };

@@ -7,12 +7,13 @@
 
 namespace LAMMPS_NS {
 
-// What the stock contact model `hertz` of LIGGGHTS stores and takes in the normal direction of one contact: the law of
-// Hertz (1882) and the dashpot of its manual, `gran model hertz`. Moduli E* are in Pa, lengths in m, energies in J.
+// What the stock contact model `hertz` of LIGGGHTS stores and takes in one contact: the law of Hertz (1882), and the
+// dashpots and the tangential spring of its manual, `gran model hertz`. Moduli E* are in Pa, lengths in m, energies in J.
 class HertzLaw {
  public:
   explicit HertzLaw(LAMMPS *lmp) {
     lmp->force->registry.connect("Yeff", modulus_, "ledger");
+    lmp->force->registry.connect("Geff", shear_modulus_, "ledger");
     lmp->force->registry.connect("betaeff", beta_, "ledger");
   }
   double modulus(int type_i, int type_j) const { return modulus_[type_i][type_j]; }
@@ -28,11 +29,18 @@ class HertzLaw {
   double damping_power(int type_i, int type_j, double radius, double overlap, double mass, double v_force,
                        double v_work) const {
     const double stiffness = 2 * modulus_[type_i][type_j] * std::sqrt(radius * overlap);
-    return -2 * std::sqrt(5. / 6.) * beta_[type_i][type_j] * std::sqrt(stiffness * mass) * v_force * v_work;
+    return dashpot(type_i, type_j, stiffness, mass) * v_force * v_work;
+  }
+  // Of the tangential spring of `tangential history`, 8 G* sqrt(R overlap), N/m; and its dashpot, N s/m.
+  double tangential_stiffness(int type_i, int type_j, double radius, double overlap) const {
+    return overlap > 0 ? 8 * shear_modulus_[type_i][type_j] * std::sqrt(radius * overlap) : 0;
+  }
+  double dashpot(int type_i, int type_j, double stiffness, double mass) const {
+    return -2 * std::sqrt(5. / 6.) * beta_[type_i][type_j] * std::sqrt(stiffness * mass);
   }
 
  private:
-  double **modulus_, **beta_;
+  double **modulus_, **shear_modulus_, **beta_;
 };
 
 }  // namespace LAMMPS_NS

@@ -22,6 +22,7 @@ struct NearSphere {
   double force[3], torque[3];         // of the plate on it, N and N m; only where it touches
   double depth = 0;                   // how far it reaches below the surface of the plate, m
   double overlap = 0;                 // of the elastic contact with the same force, m
+  double rubbed[2] = {0, 0};          // of the force, what its tangential dashpot has part in, N
 };
 
 // The contact law between sub-spheres and the plate. A law sees all sub-spheres of this rank that are near the plate,
@@ -31,8 +32,8 @@ struct NearSphere {
 // A law of its own derives from this class, is made by fix wall/plate where the deck names it, and gives:
 //   forces      add_forces adds to the forces and torques of LIGGGHTS's arrays and notes them in each NearSphere. The
 //               fix takes works, pushes on the plate and modal forces from there.
-//   energies    add_to adds WALL_ELASTIC, WALL_DAMPED, WALL_PLASTIC, WALL_RELEASED and WALL_DEEPEST, so that the ledger
-//               closes.
+//   energies    add_to adds WALL_ELASTIC, WALL_DAMPED, WALL_PLASTIC, WALL_RELEASED, FRICTION, SPRINGS and WALL_DEEPEST,
+//               so that the ledger closes.
 //   history     memory() is for numbers that travel with a sub-sphere, save and restore are for all that a checkpoint
 //               keeps. A NearSphere is forgotten when the list is made anew, so nothing that must last may stand there.
 // The sub-spheres of a body in free flight are in none of the lists: it left when it touched nothing, and it comes back

@@ -13,6 +13,7 @@
 #include "error.h"
 #include "fixes.h"
 #include "lammps.h"
+#include "tangential_law.h"
 #include "update.h"
 
 namespace LAMMPS_NS {
@@ -31,13 +32,14 @@ SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, Stoc
     : lmp_(lmp), agglomerates_(agglomerates), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
       surfaces_(lmp, surface_file, agglomerates), patch_of_tag_(agglomerates.tags() + 1, -1),
       near_of_tag_(agglomerates.tags() + 1, -1), offset_(agglomerates.tags() + 1, 0),
-      damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), deepest_(damped_) {}
+      damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), friction_(damped_),
+      gained_(damped_), deepest_(damped_) {}
 
 void SmoothContact::setup() {
   alone_.setup();
-  auto *bonds = fix_that_is<BondNetwork>(lmp_->modify);
-  if (!bonds) lmp_->error->all(FLERR, "The contact of smooth stones needs fix bond/parallel");
-  pieces_ = std::make_unique<StonePieces>(lmp_, surfaces_, *bonds);
+  bonds_ = fix_that_is<BondNetwork>(lmp_->modify);
+  if (!bonds_) lmp_->error->all(FLERR, "The contact of smooth stones needs fix bond/parallel");
+  pieces_ = std::make_unique<StonePieces>(lmp_, surfaces_, *bonds_);
 }
 
 int SmoothContact::Patch::central() const {
@@ -66,6 +68,24 @@ void SmoothContact::index(const std::vector<NearSphere> &near) {
   for (size_t k = 0; k < near.size(); k++) near_of_tag_[lmp_->atom->tag[near[k].i]] = k;
 }
 
+// Often enough, and at once when a bond under a patch broke.
+bool SmoothContact::must_look() const {
+  if (!looked_ || lmp_->update->ntimestep % LOOK_STEPS == 0) return true;
+  std::vector<double> broke(watched_.empty() ? 0 : 1, 0);
+  for (const int k : watched_) broke[0] += !bonds_->holds(k);
+  sum(broke);
+  return !broke.empty() && broke[0] > 0;
+}
+
+// The list is the same on all ranks.
+void SmoothContact::watch() {
+  watched_.clear();
+  for (const Patch &p : patches_)
+    for (const Weight &m : p.members)
+      for (const int k : pieces_->bonds_of(m.tag))
+        if (p.presses && bonds_->holds(k)) watched_.push_back(k);
+}
+
 void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
   std::vector<double> wanted(surfaces_.stones().size(), 0);
   std::vector<char> touching(near_of_tag_.size(), 0);
@@ -80,6 +100,7 @@ void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
   if (std::none_of(stones.begin(), stones.end(), [](char w) { return w; })) return;
   pieces_->look(stones, touching);
 
+  before_look_.clear();
   for (Patch &p : patches_)
     if (p.presses) renew(p);
   const std::vector<Patch> before = patches_;
@@ -92,6 +113,7 @@ void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
   for (const Patch &p : before)
     for (const Weight &m : p.members)
       if (patch_of_tag_[m.tag] < 0) stand_alone(m.tag);
+  watch();
 }
 
 // Those that do not press are found anew.
@@ -156,6 +178,7 @@ void SmoothContact::renew(Patch &p) {
   p.q = p.base - height_of_members(p) + p.w;
   if (p.q <= 0) return;
   press_to_q(p);
+  for (const Weight &m : p.members) before_look_.emplace_back(m.tag, p.share * m.weight * p.state.force);
   std::map<int, double> weight_of;
   for (const Weight &m : p.members) weight_of[pieces_->piece_of(m.tag)] += m.weight;
   p.piece = std::max_element(weight_of.begin(), weight_of.end(), [](const auto &a, const auto &b) {
@@ -166,7 +189,7 @@ void SmoothContact::renew(Patch &p) {
     const int tag = p.members[k].tag;
     if (!pieces_->is_loose(tag) && pieces_->piece_of(tag) == p.piece) continue;
     const Vec off = pieces_->position(tag) - motion.turned(surfaces_.place(tag)) - motion.center;
-    if (norm(off) > OUT_OF_PLACE * surfaces_.radius(tag)) leave(p, k);
+    if (pieces_->is_free(tag) || norm(off) > OUT_OF_PLACE * surfaces_.radius(tag)) leave(p, k);
   }
   follow_axis(p, motion);
 }
@@ -216,6 +239,25 @@ void SmoothContact::leave(Patch &p, size_t member) {
   p.base = p.q - p.w + height_of_members(p);
 }
 
+// The integrator does half a step's work with the force before a look, and half with the one after it. So what a
+// transition at the look releases is the difference of the energies half a step ago.
+void SmoothContact::release_half_a_step(const std::vector<NearSphere> &near) {
+  std::map<int, double> gained;
+  for (const auto &[tag, force] : before_look_) gained[tag] -= force;
+  for (auto &[tag, force] : gained)
+    if (const int k = near_of_tag_[tag]; k >= 0 && patch_of_tag_[tag] < 0 && near[k].touches)
+      force += alone_.pressing(near[k]).force_N;
+  for (const Patch &p : patches_)
+    if (!gained.empty() && p.presses)
+      for (const Weight &m : p.members) gained[m.tag] += p.share * m.weight * p.state.force;
+  for (const auto &[tag, force] : gained) {
+    const int i = here(tag), k = near_of_tag_[tag];
+    if (i < 0 || k < 0) continue;
+    const double closing = near[k].plate_v - lmp_->atom->v[i][2];
+    released_[agglomerates_.of_tag(tag)] += 0.5 * lmp_->update->dt * force * closing;
+  }
+}
+
 // How far a sub-sphere reaches below the surface of the plate, as pieces_ found it, m.
 double SmoothContact::depth_of(int tag) const {
   std::vector<double> plate_z(1, 0);
@@ -236,7 +278,8 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   near_ = &near;
   index(near);
   place_on_plate(near);
-  if (!looked_ || lmp_->update->ntimestep % LOOK_STEPS == 0) {
+  const bool looks = must_look();
+  if (looks) {
     looked_ = true;
     look(near, reach);
     std::vector<double> w_before;
@@ -249,6 +292,7 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   meet_alone(near, vflag);
   measure();
   for (Patch &p : patches_) press(p);
+  if (looks) release_half_a_step(near);
   hand_out(near);
 }
 
@@ -293,33 +337,40 @@ void SmoothContact::measure() {
     for (const Weight &m : patches_[k].members) {
       const int i = here(m.tag);
       if (i < 0) continue;
-      const double *v = atom->v[i], *spin = atom->omega[i], height = atom->x[i][2] - patches_[k].w;
+      const Vec surface = surface_velocity(i, patches_[k].w);
       sums[4 * k] += m.weight * atom->x[i][2];
-      sums[4 * k + 1] += m.weight * v[2];
-      sums[4 * k + 2] += m.weight * (v[0] - spin[1] * height);  // of the surface below the sub-sphere
-      sums[4 * k + 3] += m.weight * (v[1] + spin[0] * height);
+      sums[4 * k + 1] += m.weight * atom->v[i][2];
+      sums[4 * k + 2] += m.weight * surface.x;
+      sums[4 * k + 3] += m.weight * surface.y;
     }
   sum(sums);
   for (size_t k = 0; k < patches_.size(); k++) {
     Patch &p = patches_[k];
     p.q = p.base - sums[4 * k] + p.w;
     p.q_rate = p.plate_v - sums[4 * k + 1];
-    std::copy_n(&sums[4 * k + 2], 2, p.sliding);
+    p.sliding = Vec(sums[4 * k + 2], sums[4 * k + 3], 0);
   }
+}
+
+// Across the plate, of the surface of the plate's height below sub-sphere i.
+Vec SmoothContact::surface_velocity(int i, double plate_z) const {
+  const double *v = lmp_->atom->v[i], *spin = lmp_->atom->omega[i], height = lmp_->atom->x[i][2] - plate_z;
+  return Vec(v[0] - spin[1] * height, v[1] + spin[0] * height, 0);
 }
 
 void SmoothContact::press(Patch &p) {
   if (p.is_new && p.q > 2 * std::fabs(p.q_rate) * lmp_->update->dt) p.base -= p.q, p.q = 0;  // no force from nothing
   p.is_new = false;
-  p.force = p.across[0] = p.across[1] = p.damping = 0;
+  p.force = p.across[0] = p.across[1] = p.damping = p.rubbing = 0;
   p.state = SmoothLaw::State();
   p.presses = p.q > 0;
   if (!p.presses) {
-    p.largest = p.slip[0] = p.slip[1] = 0;
+    p.largest = 0;
+    stretch(p, 0, Vec());
     return;
   }
   press_to_q(p);
-  if (p.state.force <= 0) return;
+  if (p.state.force <= 0) return stretch(p, 0, Vec());
   const SmoothStone &s = stone(p);
   deepest_[p.agglomerate] = std::max(deepest_[p.agglomerate], p.state.approach / s.radius);
   // Hertz' dashpot 2 sqrt(5/6) zeta sqrt(S m) acts on the whole approach, of which q is all but the compression of the
@@ -339,22 +390,28 @@ void SmoothContact::press_to_q(Patch &p) {
   if (is_first_rank()) plastic_[p.agglomerate] += p.share * (law.taken(p.largest) - law.taken(before));
 }
 
-// Mindlin's tangential spring 8 G* a, less the compression of the bonds, with its dashpot, up to Coulomb's limit.
+// Mindlin's tangential spring 8 G* a, less the compression of the bonds, up to Coulomb's limit. The dashpot acts while
+// it sticks.
 void SmoothContact::rub(Patch &p) {
   const SmoothStone &s = stone(p);
   const double mindlin = 4 * s.shear_modulus / s.modulus * p.state.stiffness;
   const double spring = p.share * mindlin / (1 - p.compliance_across * mindlin);
-  const double dashpot = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio * std::sqrt(mindlin * p.mass);
-  for (int d = 0; d < 2; d++) {
-    p.slip[d] += lmp_->update->dt * p.sliding[d];
-    p.across[d] = -spring * p.slip[d] - dashpot * p.sliding[d];
+  const Vec slip = p.slip + lmp_->update->dt * p.sliding;
+  const double pull = spring * norm(slip), limit = s.friction * std::fabs(p.force);
+  const bool slides = pull > limit;
+  stretch(p, spring, (slides ? limit / pull : 1) * slip);
+  if (!slides) p.rubbing = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio * std::sqrt(mindlin * p.mass);
+  const Vec across = -spring * p.slip - p.rubbing * p.sliding;
+  p.across[0] = across.x, p.across[1] = across.y;
+}
+
+void SmoothContact::stretch(Patch &p, double spring, const Vec &slip) {
+  if (is_first_rank()) {
+    const TangentialStep step = tangential_step(p.spring, p.slip, spring, slip, lmp_->update->dt * p.sliding);
+    friction_[p.agglomerate] += step.friction;
+    gained_[p.agglomerate] += step.gained;
   }
-  const double size = std::hypot(p.across[0], p.across[1]), limit = s.friction * std::fabs(p.force);
-  if (size <= limit) return;
-  for (int d = 0; d < 2; d++) {
-    p.across[d] *= limit / size;
-    p.slip[d] = -(p.across[d] + dashpot * p.sliding[d]) / spring;
-  }
+  p.spring = spring, p.slip = slip;
 }
 
 // The force of each patch to its members; the plate feels all of it under the central one.
@@ -385,12 +442,19 @@ void SmoothContact::hand_out(std::vector<NearSphere> &near) {
 // The force had the rate of half a step ago, the integrator does its work with the present one.
 void SmoothContact::end_of_step(const std::vector<NearSphere> &near) {
   alone_.end_of_step(near);
+  const Atom *atom = lmp_->atom;
   for (const Patch &p : patches_) {
-    if (p.damping == 0) continue;
+    if (p.damping == 0 && p.rubbing == 0) continue;
     double rate = is_first_rank() ? p.plate_v : 0;
-    for (const Weight &m : p.members)
-      if (const int i = here(m.tag); i >= 0) rate -= m.weight * lmp_->atom->v[i][2];
-    damped_[p.agglomerate] += lmp_->update->dt * p.damping * p.q_rate * rate;
+    Vec sliding;
+    for (const Weight &m : p.members) {
+      const int i = here(m.tag);
+      if (i < 0) continue;
+      rate -= m.weight * atom->v[i][2];
+      sliding += m.weight * surface_velocity(i, p.w);
+    }
+    damped_[p.agglomerate] +=
+        lmp_->update->dt * (p.damping * p.q_rate * rate + p.rubbing * dot(p.sliding, sliding));
   }
 }
 
@@ -403,14 +467,17 @@ PlateContact::Pressing SmoothContact::pressing(const NearSphere &n) const {
 void SmoothContact::add_to(LedgerRows &rows, const std::vector<NearSphere> &near) const {
   alone_.add_to(rows, near);
   rows.add(WALL_DAMPED, damped_);
+  rows.add(WALL_RELEASED, released_);
   for (size_t a = 0; a < deepest_.size(); a++) {
     double &deepest = rows.at(a, WALL_DEEPEST);
     deepest = std::max(deepest, deepest_[a]);
   }
   if (!is_first_rank()) return;
   rows.add(WALL_PLASTIC, plastic_);
-  rows.add(WALL_RELEASED, released_);
-  for (const Patch &p : patches_) rows.at(p.agglomerate, WALL_ELASTIC) += p.share * p.state.stored;
+  rows.add(FRICTION, friction_);
+  rows.add(SPRINGS, gained_);
+  for (const Patch &p : patches_)
+    rows.at(p.agglomerate, WALL_ELASTIC) += p.share * p.state.stored + 0.5 * p.spring * dot(p.slip, p.slip);
 }
 
 /* --- checkpoint -------------------------------------------------------------------------------------------- */
@@ -422,7 +489,7 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   for (const Patch &p : patches_) {
     numbers.insert(numbers.end(), {p.agglomerate + 0.0, p.piece + 0.0, p.share, p.base, p.axis.x, p.axis.y, p.axis.z,
                                    p.compliance, p.compliance_across, p.mass, p.presses + 0.0, p.is_new + 0.0,
-                                   p.largest, p.slip[0], p.slip[1], p.damping, p.q_rate, p.plate_v, p.members.size() + 0.0});
+                                   p.largest, p.slip.x, p.slip.y, p.spring, p.members.size() + 0.0});
     for (const Weight &m : p.members) numbers.insert(numbers.end(), {m.tag + 0.0, m.weight});
   }
   for (size_t tag = 1; tag < offset_.size(); tag++)
@@ -431,8 +498,10 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   out.common("patches", numbers);
   out.common("patch_offsets", left);
   out.sum("patch_damped", damped_);
-  out.sum("patch_released", is_first_rank() ? released_ : std::vector<double>(released_.size(), 0));
-  out.sum("patch_plastic", is_first_rank() ? plastic_ : std::vector<double>(plastic_.size(), 0));
+  out.sum("patch_released", released_);
+  out.sum("patch_plastic", plastic_);
+  out.sum("patch_friction", friction_);
+  out.sum("patch_springs", gained_);
   out.common("patch_deepest", deepest_);
 }
 
@@ -443,6 +512,8 @@ void SmoothContact::restore(const CheckpointReader &in) {
   damped_ = in.sum("patch_damped", damped_.size());
   released_ = in.sum("patch_released", released_.size());
   plastic_ = in.sum("patch_plastic", plastic_.size());
+  friction_ = in.sum("patch_friction", friction_.size());
+  gained_ = in.sum("patch_springs", gained_.size());
   deepest_ = in.common("patch_deepest", deepest_.size());
   const double *n = numbers.data();
   patches_.clear();
@@ -452,7 +523,7 @@ void SmoothContact::restore(const CheckpointReader &in) {
     p.axis.x = *n++, p.axis.y = *n++, p.axis.z = *n++;
     p.compliance = *n++, p.compliance_across = *n++, p.mass = *n++;
     p.presses = *n++ != 0, p.is_new = *n++ != 0, p.largest = *n++;
-    p.slip[0] = *n++, p.slip[1] = *n++, p.damping = *n++, p.q_rate = *n++, p.plate_v = *n++;
+    p.slip.x = *n++, p.slip.y = *n++, p.spring = *n++;
     for (int members = *n++; members > 0; members--, n += 2) p.members.push_back({static_cast<int>(n[0]), n[1]});
     for (const Weight &m : p.members) patch_of_tag_[m.tag] = k;
     patches_.push_back(p);

@@ -48,12 +48,14 @@ class SmoothContact : public PlateContact {
     double compliance = 0, compliance_across = 0, mass = 0;
     bool presses = false, is_new = true;
     double largest = 0;        // Hertz approach so far
-    double slip[2] = {0, 0};   // of the tangential spring, m
+    Vec slip;                  // of the tangential spring, m
+    double spring = 0;         // its stiffness, N/m
     // Of the present step.
     double w = 0, plate_v = 0;             // the plate beneath it
     double q = 0, q_rate = 0, damping = 0; // m, m/s, N s/m
     double force = 0, across[2] = {0, 0};  // on the stone, N
-    double sliding[2] = {0, 0};            // velocity of the surface over the plate, m/s
+    Vec sliding;                           // velocity of the surface over the plate, m/s
+    double rubbing = 0;                    // tangential dashpot, N s/m
     SmoothLaw::State state;
 
     int central() const;                   // tag of the member with the largest weight
@@ -63,13 +65,16 @@ class SmoothContact : public PlateContact {
   const Agglomerates &agglomerates_;
   GranularContact alone_;
   StoneSurfaces surfaces_;
+  BondNetwork *bonds_ = nullptr;
   std::unique_ptr<StonePieces> pieces_;
   std::vector<Patch> patches_;
   std::vector<int> patch_of_tag_, near_of_tag_;
   std::vector<double> offset_;                       // of the contact of a sub-sphere that left a patch, by tag, m
-  std::vector<double> damped_, plastic_, released_;  // so far, by agglomerate, J
+  std::vector<double> damped_, plastic_, released_, friction_, gained_;  // so far, by agglomerate, J
   std::vector<double> deepest_;                      // largest approach over radius so far, by agglomerate
   bool looked_ = false;
+  std::vector<int> watched_;                         // bonds of members of pressing patches, which hold
+  std::vector<std::pair<int, double>> before_look_;  // tag and elastic force, N, of members of pressing patches
   const std::vector<NearSphere> *near_ = nullptr;    // of the present step
 
   const SmoothStone &stone(const Patch &p) const { return surfaces_.stones()[p.agglomerate]; }
@@ -80,7 +85,9 @@ class SmoothContact : public PlateContact {
 
   // The patches, found anew at every so many steps.
   void index(const std::vector<NearSphere> &);
+  bool must_look() const;
   void look(const std::vector<NearSphere> &, double reach);
+  void watch();
   void find_patches(int agglomerate, double reach);
   void place_on_plate(const std::vector<NearSphere> &);
   void drop_idle_patches();
@@ -92,13 +99,16 @@ class SmoothContact : public PlateContact {
   void leave(Patch &, size_t member);
   void stand_alone(int tag);
   double depth_of(int tag) const;
+  void release_half_a_step(const std::vector<NearSphere> &);
 
   // The step.
   void meet_alone(std::vector<NearSphere> &, int vflag);
   void measure();
   void press(Patch &);
+  Vec surface_velocity(int i, double plate_z) const;
   void press_to_q(Patch &);
   void rub(Patch &);
+  void stretch(Patch &, double spring, const Vec &slip);
   void hand_out(std::vector<NearSphere> &);
 };
 

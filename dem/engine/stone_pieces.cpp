@@ -19,7 +19,9 @@ StonePieces::StonePieces(LAMMPS *lmp, const StoneSurfaces &surfaces, BondNetwork
   for (const SmoothStone &s : surfaces.stones()) tags += s.count;
   now_.assign(NUMBERS * (tags + 1), 0);
   bonds_first_.assign(tags + 1, 0);
-  for (const Bond &b : bonds.bonds()) bonds_first_[b.tag_i]++, bonds_first_[b.tag_j]++;
+  bonds_of_.resize(tags + 1);
+  for (size_t k = 0; k < bonds.bonds().size(); k++)
+    for (const int tag : {bonds.bonds()[k].tag_i, bonds.bonds()[k].tag_j}) bonds_first_[tag]++, bonds_of_[tag].push_back(k);
 }
 
 void StonePieces::look(const std::vector<char> &wanted, const std::vector<char> &touching) {

@@ -29,6 +29,8 @@ class StonePieces {
 
   int piece_of(int tag) const { return piece_[tag]; }                      // least tag in the piece
   bool is_loose(int tag) const { return 2 * bonds_now_[tag] < bonds_first_[tag]; }  // has lost more than half its bonds
+  bool is_free(int tag) const { return bonds_now_[tag] == 0; }
+  const std::vector<int> &bonds_of(int tag) const { return bonds_of_[tag]; }  // all that there ever were
   Vec position(int tag) const { return Vec(&now_[NUMBERS * static_cast<size_t>(tag)]); }
   bool touched_alone(int tag) const { return now_[NUMBERS * static_cast<size_t>(tag) + 10] != 0; }
   std::map<int, Motion> motions(const SmoothStone &) const;                // by piece
@@ -40,6 +42,7 @@ class StonePieces {
   BondNetwork &bonds_;
   std::vector<double> now_;              // by tag
   std::vector<int> piece_, bonds_now_, bonds_first_;
+  std::vector<std::vector<int>> bonds_of_;  // by tag
   long long bonds_counted_ = -1;         // when the pieces were found
 
   void gather(const std::vector<char> &wanted, const std::vector<char> &touching);

@@ -61,6 +61,7 @@ def test_a_sliding_collision_without_dashpots_loses_energy_to_friction_alone(tmp
     slip_end = v_t - 0.05 * impulse * 7 / mass
     assert slip_end > 0  # it slides to the end, as the theory needs
     assert lost == pytest.approx(0.05 * impulse * (v_t + slip_end) / 2, rel=2e-2)
+    assert c["friction_J"][-1, 0] - c["springs_gained_J"][-1, 0] == pytest.approx(lost, rel=1e-3)
 
 
 def test_the_ledger_sees_no_dissipation_where_there_is_none(tmp_path):
