@@ -104,7 +104,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
     contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa);
   else
     contact_ = std::make_unique<SmoothContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa, o.surface);
-  if (coupling_) coupling_->set_outside(contact_->outside());
+  if (coupling_) coupling_->set_surface(extent_, contact_->outside());
   nevery = 1;
   if (const SphereMemory *memory = contact_->memory()) {
     create_attribute = 1;
@@ -155,11 +155,6 @@ void FixWallPlate::list_near() {
 }
 
 void FixWallPlate::post_force(int vflag) {
-  const double *e = extent_;
-  for (NearSphere &p : near_) {
-    const double *x = atom->x[p.i];
-    p.is_above = x[0] >= e[0] && x[0] <= e[1] && x[1] >= e[2] && x[1] <= e[3];
-  }
   if (coupling_) coupling_->place(near_, step_in_co_step_);
   contact_->add_forces(near_, plate_reach(), vflag);
   add_work();

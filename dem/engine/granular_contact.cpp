@@ -3,6 +3,7 @@
 #include <mpi.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "atom.h"
 #include "checkpoint_file.h"
@@ -16,8 +17,16 @@ namespace LAMMPS_NS {
 
 namespace {
 const int SPRING = 3;  // numbers in the history of a contact: the stretch of its tangential spring
-const double AWAY_M = 1.0;  // lifts a sub-sphere that is beside the plate out of reach of the stock wall
+const double AWAY_M = 1.0;  // lifts a member of a patch out of reach of the stock wall
+
+// Turns the unit vector n upwards, the shortest way.
+Rotation to_upright(const Vec &n) {
+  if (n.z > 1 - 1e-15) return Rotation();
+  if (n.z < -1 + 1e-12) return {0, Vec(1, 0, 0)};
+  const double w = std::sqrt(0.5 * (1 + n.z));
+  return {w, (0.5 / w) * cross(n, Vec(0, 0, 1))};
 }
+}  // namespace
 
 GranularContact::GranularContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall,
                                  double yield_pressure_Pa)
@@ -41,57 +50,52 @@ void GranularContact::add_forces(std::vector<NearSphere> &near, double, int vfla
   move_into_frame_of_plate(near);
   wall_.act(vflag);
   move_back(near);
-  if (has_springs()) measure_friction(near);
+}
+
+// To the centre of a sub-sphere, from the nearest point of the plate's top face with its edge. What is below the face
+// came past the edge.
+Vec GranularContact::from_plate(const NearSphere &p) const {
+  const double *x = lmp_->atom->x[p.i], *e = wall_.extent(), z = x[2] - p.plate_z;
+  double across[2];
+  for (int d = 0; d < 2; d++) across[d] = x[d] - std::clamp(x[d], e[2 * d], e[2 * d + 1]);
+  if (z < 0 && across[0] == 0 && across[1] == 0) {
+    const double to_edge[4] = {x[0] - e[0], x[0] - e[1], x[1] - e[2], x[1] - e[3]};
+    const int nearest = std::min_element(to_edge, to_edge + 4, [](double a, double b) {
+                          return std::fabs(a) < std::fabs(b);
+                        }) - to_edge;
+    across[nearest / 2] = to_edge[nearest];
+  }
+  return Vec(across[0], across[1], z);
 }
 
 void GranularContact::move_into_frame_of_plate(std::vector<NearSphere> &near) {
   const Atom *atom = lmp_->atom;
-  kept_z_.resize(near.size());
+  kept_.resize(near.size());
   springs_before_.assign(2 * near.size(), 0);
   for (size_t k = 0; k < near.size(); k++) {
     NearSphere &p = near[k];
     const int i = p.i;
-    double &z = atom->x[i][2];
+    double &z = atom->x[i][2], *v = atom->v[i], *spin = atom->omega[i];
     const double radius = atom->radius[i];
-    kept_z_[k] = z;
-    z += p.is_above ? -p.plate_z : AWAY_M;
+    const Vec off = from_plate(p);
+    const double distance = norm(off);
+    kept_[k] = {z, Vec(v), Vec(spin), Rotation()};
+    z = p.in_patch ? AWAY_M : distance;
     p.overlap = p.depth = radius - z;
     if (indentation_) {
       p.overlap = indentation_->press(i, modulus(i), p.depth);
       if (p.overlap != p.depth) z = radius - p.overlap;
     }
     p.touches = p.overlap > 0;
-    atom->v[i][2] -= p.plate_v;
+    if (!p.touches) continue;
+    p.normal = distance > 0 ? (1 / distance) * off : Vec(0, 0, 1);
+    kept_[k].upright = to_upright(p.normal);
+    kept_[k].upright(velocity_over_plate(p)).to(v);
+    kept_[k].upright(Vec(spin)).to(spin);
     std::copy_n(atom->f[i], 3, p.force);
     std::copy_n(atom->torque[i], 3, p.torque);
-    if (p.touches && has_springs()) std::copy_n(wall_.history(i), 2, &springs_before_[2 * k]);
+    if (has_springs()) std::copy_n(wall_.history(i), 2, &springs_before_[2 * k]);
   }
-}
-
-// What slip took, and what of the force is the tangential dashpot's.
-void GranularContact::measure_friction(std::vector<NearSphere> &near) {
-  const double dt = lmp_->update->dt;
-  for (size_t k = 0; k < near.size(); k++) {
-    NearSphere &p = near[k];
-    if (!p.touches || p.in_patch) continue;
-    const double *s = wall_.history(p.i), closing = p.plate_v - lmp_->atom->v[p.i][2];
-    const Vec before(springs_before_[2 * k], springs_before_[2 * k + 1], 0), now(s[0], s[1], 0);
-    const double k0 = tangential_stiffness(p.i, p.overlap - dt * closing), k1 = tangential_stiffness(p.i, p.overlap);
-    const TangentialStep step = tangential_step(k0, before, k1, now, dt * surface_velocity(p));
-    friction_[agglomerate_of(p.i)] += step.friction;
-    gained_[agglomerate_of(p.i)] += step.gained;
-    for (int d = 0; d < 2; d++) p.rubbed[d] = p.force[d] + k1 * s[d];
-  }
-}
-
-double GranularContact::tangential_stiffness(int i, double overlap) const {
-  return law_->tangential_stiffness(lmp_->atom->type[i], wall_.type(), lmp_->atom->radius[i], overlap);
-}
-
-// Of the sub-sphere over the plate, where they touch.
-Vec GranularContact::surface_velocity(const NearSphere &p) const {
-  const double *v = lmp_->atom->v[p.i], *spin = lmp_->atom->omega[p.i], arm = lmp_->atom->radius[p.i] - 0.5 * p.overlap;
-  return Vec(v[0] - spin[1] * arm, v[1] + spin[0] * arm, 0);
 }
 
 void GranularContact::move_back(std::vector<NearSphere> &near) {
@@ -99,17 +103,52 @@ void GranularContact::move_back(std::vector<NearSphere> &near) {
   for (size_t k = 0; k < near.size(); k++) {
     NearSphere &p = near[k];
     const int i = p.i;
-    atom->x[i][2] = kept_z_[k];
-    atom->v[i][2] += p.plate_v;
+    const Kept &kept = kept_[k];
+    if (p.touches && has_springs()) measure_friction(p, &springs_before_[2 * k]);
+    atom->x[i][2] = kept.z;
     if (!p.touches) continue;
-    for (int d = 0; d < 3; d++) {
-      p.force[d] = atom->f[i][d] - p.force[d];
-      p.torque[d] = atom->torque[i][d] - p.torque[d];
-    }
+    kept.v.to(atom->v[i]);
+    kept.spin.to(atom->omega[i]);
+    const Rotation back = kept.upright.inverse();
+    const Vec force = back(Vec(atom->f[i]) - Vec(p.force)), torque = back(Vec(atom->torque[i]) - Vec(p.torque));
+    (Vec(p.force) + force).to(atom->f[i]);
+    (Vec(p.torque) + torque).to(atom->torque[i]);
+    force.to(p.force);
+    torque.to(p.torque);
+    p.rubbed = back(p.rubbed);
     p.push = p.force[2];
     double &deepest = deepest_[agglomerate_of(i)];
     deepest = std::max(deepest, p.depth / atom->radius[i]);
   }
+}
+
+// In the frame of the plate: what slip took, and what of the force is the tangential dashpot's.
+void GranularContact::measure_friction(NearSphere &p, const double *spring_before) {
+  const Atom *atom = lmp_->atom;
+  const double dt = lmp_->update->dt, *s = wall_.history(p.i), *v = atom->v[p.i], *spin = atom->omega[p.i];
+  const double arm = atom->radius[p.i] - 0.5 * p.overlap;
+  const Vec before(spring_before[0], spring_before[1], 0), now(s[0], s[1], 0);
+  const Vec sliding(v[0] - spin[1] * arm, v[1] + spin[0] * arm, 0);
+  const double k0 = tangential_stiffness(p.i, p.overlap + dt * v[2]), k1 = tangential_stiffness(p.i, p.overlap);
+  const TangentialStep step = tangential_step(k0, before, k1, now, dt * sliding);
+  friction_[agglomerate_of(p.i)] += step.friction;
+  gained_[agglomerate_of(p.i)] += step.gained;
+  p.rubbed = Vec(atom->f[p.i][0] - p.force[0], atom->f[p.i][1] - p.force[1], 0) + k1 * now;
+}
+
+double GranularContact::tangential_stiffness(int i, double overlap) const {
+  return law_->tangential_stiffness(lmp_->atom->type[i], wall_.type(), lmp_->atom->radius[i], overlap);
+}
+
+Vec GranularContact::velocity_over_plate(const NearSphere &p) const {
+  return Vec(lmp_->atom->v[p.i]) - Vec(0, 0, p.plate_v);
+}
+
+// Of the sub-sphere over the plate, where they touch, across the normal.
+Vec GranularContact::surface_velocity(const NearSphere &p) const {
+  const double arm = lmp_->atom->radius[p.i] - 0.5 * p.overlap;
+  const Vec v = velocity_over_plate(p);
+  return v - dot(v, p.normal) * p.normal - arm * cross(Vec(lmp_->atom->omega[p.i]), p.normal);
 }
 
 void GranularContact::end_of_step(const std::vector<NearSphere> &near) {
@@ -118,10 +157,11 @@ void GranularContact::end_of_step(const std::vector<NearSphere> &near) {
   for (const NearSphere &p : near) {
     if (!p.touches || p.in_patch) continue;
     const int i = p.i;
-    const double mass = atom->rmass[i], v = atom->v[i][2] - p.plate_v, v_before = v - 0.5 * dt * atom->f[i][2] / mass;
+    const double mass = atom->rmass[i], v = dot(velocity_over_plate(p), p.normal);
+    const double v_before = v - 0.5 * dt / mass * dot(Vec(atom->f[i]), p.normal);
     damped_[agglomerate_of(i)] +=
         dt * law_->damping_power(atom->type[i], wall_.type(), atom->radius[i], p.overlap, mass, v_before, v);
-    if (has_springs()) damped_[agglomerate_of(i)] -= dt * dot(Vec(p.rubbed[0], p.rubbed[1], 0), surface_velocity(p));
+    if (has_springs()) damped_[agglomerate_of(i)] -= dt * dot(p.rubbed, surface_velocity(p));
   }
 }
 

@@ -15,6 +15,7 @@ class StockWall {
  public:
   virtual ~StockWall() {}
   virtual int type() const = 0;          // material of the wall
+  virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX of the plate, m
   virtual void act(int vflag) = 0;       // adds its forces on the sub-spheres near it
   virtual int history_size() const = 0;  // numbers that it remembers of each sub-sphere
   virtual double *history(int i) = 0;
@@ -23,7 +24,9 @@ class StockWall {
 // Contact by the stock wall: each sub-sphere alone, with Hertz' law, dashpot, tangential spring and friction. The
 // sub-spheres near the plate are moved into the frame of the plate (z - w, v_z - dw/dt at their place), the stock wall
 // acts on them there, and they are moved back. So there is contact anywhere without seams, and the contact history
-// stays with the stock wall. Where the plate yields, the stock wall meets a sub-sphere at the height at which its Hertz
+// stays with the stock wall. Beside the plate the nearest point is one of its edge, and the frame is turned so that the
+// normal from there is upright: the force is continuous as a centre goes over the edge. The plate's sides have no
+// contact. Where the plate yields, the stock wall meets a sub-sphere at the height at which its Hertz
 // force is the plastic one, so that dashpot and friction act on that force too.
 class GranularContact : public PlateContact {
  public:
@@ -44,16 +47,23 @@ class GranularContact : public PlateContact {
   StockWall &wall_;
   std::unique_ptr<HertzLaw> law_;
   std::unique_ptr<PlasticIndentation> indentation_;  // only where the plate yields
-  std::vector<double> kept_z_;
+  struct Kept {  // in space
+    double z;
+    Vec v, spin;
+    Rotation upright;
+  };
+  std::vector<Kept> kept_;                         // of each near
   std::vector<double> springs_before_;             // tangential, as the last step left them: x, y of each near, m
   std::vector<double> damped_, friction_, gained_; // so far, by agglomerate, J: see LedgerColumn
   std::vector<double> deepest_;  // largest depth over radius so far, by agglomerate; on this rank
 
   void move_into_frame_of_plate(std::vector<NearSphere> &);
+  Vec from_plate(const NearSphere &) const;
   void move_back(std::vector<NearSphere> &);
-  void measure_friction(std::vector<NearSphere> &);
+  void measure_friction(NearSphere &, const double *spring_before);
   bool has_springs() const { return wall_.history_size() > 0; }
   double tangential_stiffness(int i, double overlap) const;
+  Vec velocity_over_plate(const NearSphere &) const;
   Vec surface_velocity(const NearSphere &) const;
   double modulus(int i) const;
   int agglomerate_of(int i) const;

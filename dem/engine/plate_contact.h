@@ -3,6 +3,7 @@
 
 #include "agglomerates.h"
 #include "sphere_memory.h"
+#include "vec.h"
 
 namespace LAMMPS_NS {
 
@@ -14,15 +15,15 @@ class LedgerRows;
 // the contact law what the plate does to it.
 struct NearSphere {
   int i = -1;                         // local index
-  bool is_above = false;              // over the outline of the plate, beside which nothing touches
-  double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it
+  double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it, or at its nearest edge
   bool touches = false;               // does the plate act on it?
   bool in_patch = false;              // together with others of its stone
+  Vec normal;                         // of a contact alone: from the nearest point of the plate to its centre
   double push = 0;                    // of the force on the plate, what acts beneath it, N
   double force[3], torque[3];         // of the plate on it, N and N m; only where it touches
   double depth = 0;                   // how far it reaches below the surface of the plate, m
   double overlap = 0;                 // of the elastic contact with the same force, m
-  double rubbed[2] = {0, 0};          // of the force, what its tangential dashpot has part in, N
+  Vec rubbed;                         // of the force, its tangential dashpot's part, N
 };
 
 // The contact law between sub-spheres and the plate. A law sees all sub-spheres of this rank that are near the plate,

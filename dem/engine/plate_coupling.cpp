@@ -47,9 +47,10 @@ void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
   site.is_active = x[2] - atom->radius[p.i] < reach + outside_ + CLEARANCE_M;
   site.w0 = site.w1 = site.rate0 = site.rate1 = 0;
   if (!site.is_active) return;
-  if (!site.has_shape || std::hypot(x[0] - site.x, x[1] - site.y) > SHAPE_TOLERANCE_M) {
-    shapes_.at(x[0], x[1], shape);
-    site.x = x[0], site.y = x[1], site.has_shape = true;
+  const double foot_x = std::clamp(x[0], extent_[0], extent_[1]), foot_y = std::clamp(x[1], extent_[2], extent_[3]);
+  if (!site.has_shape || std::hypot(foot_x - site.x, foot_y - site.y) > SHAPE_TOLERANCE_M) {
+    shapes_.at(foot_x, foot_y, shape);
+    site.x = foot_x, site.y = foot_y, site.has_shape = true;
   }
   for (int m = 0; m < shapes_.modes(); m++) {
     site.w0 += shape[m] * amplitude0_[m];

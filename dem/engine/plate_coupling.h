@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -29,7 +30,8 @@ class PlateCoupling {
                 int co_step, const WeakContact &);
 
   void setup() { extrapolated_co_steps_ = 1; }
-  void set_outside(double m) { outside_ = m; }  // what touches may reach so far below the sub-spheres
+  // XMIN XMAX YMIN YMAX of the plate, and how far what touches may reach below the sub-spheres, m.
+  void set_surface(const double *extent, double outside) { std::copy_n(extent, 4, extent_), outside_ = outside; }
   void list(const std::vector<NearSphere> &);                    // is a new list of what is near
   void place(std::vector<NearSphere> &, int step_in_co_step);    // finds the plate beneath each now
   void add_forces(const std::vector<NearSphere> &, double share);  // of the mean over this co-step
@@ -61,7 +63,7 @@ class PlateCoupling {
   PlateLink link_;  // holds the predicted amplitudes and their rates
   const int co_step_;
   const WeakContact weak_;
-  double outside_ = 0;
+  double extent_[4], outside_ = 0;
   std::vector<Site> sites_;
   std::vector<double> site_shapes_;  // modes() numbers of each site
   std::vector<double> amplitude0_, rate0_;  // at the last message

@@ -24,12 +24,13 @@ const double LEAST_SHARE = 0.5;     // of a patch's surface that must belong to 
 const double OUT_OF_PLACE = 0.1;    // of its radius: further off, one that lost half its bonds leaves the patch
 const double TURN_rad = 0.02;       // of the axis in the stone, after which a pressing patch gets new weights
 const double FIRST_AXIS_rad = 0.1;  // about the lowest point at the start, whose own compliance is known
+const double BEYOND = 0.1;          // of its radius: with an axis further beyond the outline a patch dissolves
 const double HEADROOM = 1e-3;       // of the radius: a patch is found before it comes so near
 }  // namespace
 
 SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall, double yield_pressure_Pa,
                              const std::string &surface_file)
-    : lmp_(lmp), agglomerates_(agglomerates), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
+    : lmp_(lmp), agglomerates_(agglomerates), wall_(wall), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
       surfaces_(lmp, surface_file, agglomerates), patch_of_tag_(agglomerates.tags() + 1, -1),
       near_of_tag_(agglomerates.tags() + 1, -1), offset_(agglomerates.tags() + 1, 0),
       damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), friction_(damped_),
@@ -135,7 +136,7 @@ void SmoothContact::find_patches(int agglomerate, double reach) {
   const SmoothStone &s = surfaces_.stones()[agglomerate];
   const double span = 2 * LOOK_STEPS * lmp_->update->dt;
   for (const auto &[piece, motion] : pieces_->motions(s)) {
-    if (!motion.is_here) continue;
+    if (!motion.is_here || beyond_outline(motion.center) > 0) continue;
     Patch p;
     p.agglomerate = agglomerate;
     p.piece = piece;
@@ -191,7 +192,20 @@ void SmoothContact::renew(Patch &p) {
     const Vec off = pieces_->position(tag) - motion.turned(surfaces_.place(tag)) - motion.center;
     if (pieces_->is_free(tag) || norm(off) > OUT_OF_PLACE * surfaces_.radius(tag)) leave(p, k);
   }
-  follow_axis(p, motion);
+  if (beyond_outline(motion.center) > BEYOND * stone(p).patch_radius) dissolve(p);
+  else follow_axis(p, motion);
+}
+
+void SmoothContact::dissolve(Patch &p) {
+  if (is_first_rank()) released_[p.agglomerate] += 0.5 * p.spring * dot(p.slip, p.slip);
+  p.spring = 0;
+  while (!p.members.empty()) leave(p, p.members.size() - 1);
+}
+
+// How far the axis of a patch is beside the plate, m.
+double SmoothContact::beyond_outline(const Vec &center) const {
+  const double *e = wall_.extent();
+  return std::hypot(center.x - std::clamp(center.x, e[0], e[1]), center.y - std::clamp(center.y, e[2], e[3]));
 }
 
 void SmoothContact::follow_axis(Patch &p, const StonePieces::Motion &motion) {
@@ -235,6 +249,7 @@ void SmoothContact::leave(Patch &p, size_t member) {
   // The others keep q, and share the rest of the force.
   p.share *= 1 - m.weight;
   p.members.erase(p.members.begin() + member);
+  if (p.members.empty()) return;
   for (Weight &other : p.members) other.weight /= 1 - m.weight;
   p.base = p.q - p.w + height_of_members(p);
 }
@@ -313,21 +328,20 @@ void SmoothContact::place_on_plate(const std::vector<NearSphere> &near) {
 // Members of patches do not touch alone; an offset lowers the plate under those that left one, and goes as they rise.
 void SmoothContact::meet_alone(std::vector<NearSphere> &near, int vflag) {
   const Atom *atom = lmp_->atom;
-  std::vector<std::pair<bool, double>> kept(near.size());
+  std::vector<double> kept(near.size());
   for (size_t k = 0; k < near.size(); k++) {
     NearSphere &p = near[k];
-    kept[k] = {p.is_above, p.plate_z};
-    p.in_patch = false;
+    kept[k] = p.plate_z;
     const int tag = atom->tag[p.i];
-    if (patch_of_tag_[tag] >= 0) p.is_above = false;
+    p.in_patch = patch_of_tag_[tag] >= 0;
     double &offset = offset_[tag];
-    if (offset == 0 || !p.is_above) continue;
+    if (offset == 0 || p.in_patch) continue;
     const double depth = atom->radius[p.i] - (atom->x[p.i][2] - p.plate_z);
     if (depth < offset) offset = std::max(0.0, depth);
     p.plate_z -= offset;
   }
   alone_.add_forces(near, 0, vflag);
-  for (size_t k = 0; k < near.size(); k++) near[k].is_above = kept[k].first, near[k].plate_z = kept[k].second;
+  for (size_t k = 0; k < near.size(); k++) near[k].plate_z = kept[k];
 }
 
 void SmoothContact::measure() {

@@ -63,6 +63,7 @@ class SmoothContact : public PlateContact {
 
   LAMMPS *lmp_;
   const Agglomerates &agglomerates_;
+  const StockWall &wall_;
   GranularContact alone_;
   StoneSurfaces surfaces_;
   BondNetwork *bonds_ = nullptr;
@@ -92,11 +93,13 @@ class SmoothContact : public PlateContact {
   void place_on_plate(const std::vector<NearSphere> &);
   void drop_idle_patches();
   bool is_taken(int tag) const;
+  double beyond_outline(const Vec &center) const;
   double height_of_members(const Patch &) const;
   bool is_near(const Patch &) const;
   void renew(Patch &);
   void follow_axis(Patch &, const StonePieces::Motion &);
   void leave(Patch &, size_t member);
+  void dissolve(Patch &);
   void stand_alone(int tag);
   double depth_of(int tag) const;
   void release_half_a_step(const std::vector<NearSphere> &);

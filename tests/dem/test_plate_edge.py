@@ -1,0 +1,62 @@
+"""A sub-sphere that reaches over the edge of the plate touches the edge line: elastic, continuous, and with friction."""
+
+import numpy as np
+import pytest
+from decks import Body, deck, frames, ledger, run_engine, write_files
+
+RADIUS_m, HALF_m = 3e-3, 0.01
+
+
+def fall(directory, x_m, y_m=0.0, velocity=(0.0, -1.0), restitution=1.0, friction=0.0, steps=10000):
+    """One sphere falls on a rigid square plate, its centre over (x, y); `velocity` along x and z. Returns its velocities
+    and forces (k, 3), and the ledger in shares of its kinetic energy at the start."""
+    body = Body(np.array([[x_m, y_m, RADIUS_m]]), np.full(1, RADIUS_m), np.zeros((0, 2), int), np.zeros(0))
+    write_files(directory, body)
+    wall = (f"fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin "
+            f"extent {-HALF_m} {HALF_m} {-HALF_m} {HALF_m} co_step 1 contact model hertz tangential history "
+            f"primitive type 2 zplane 0.0\n")
+    text = deck(2e-7, steps, 10, lines=wall, velocity=f"velocity all set {velocity[0]} 0 {velocity[1]} units box\n")
+    text = text.replace("0.5 0.5 0.5 0.5", " ".join([str(friction)] * 4))
+    run_engine(directory, text.replace("0.9 0.9 0.9 0.9", " ".join([str(restitution)] * 4)))
+    seen = frames(directory)
+    start = 0.5 * body.mass_kg[0] * (velocity[0] ** 2 + velocity[1] ** 2)
+    return seen.v[:, 0], seen.force[:, 0], {name: rows[:, 0] / start for name, rows in ledger(directory).column.items()}
+
+
+def unexplained(c):
+    return -c["wall_work_J"] - c["wall_elastic_J"] - c["wall_damped_J"] - c["friction_J"] + c["springs_gained_J"]
+
+
+@pytest.mark.parametrize("beside_m", [1e-4, 1.5e-3, 2.5e-3])
+def test_an_elastic_sphere_is_reflected_by_the_edge(tmp_path, beside_m):
+    """The normal goes from the edge to the centre: a sphere that falls beside it turns its velocity about that normal.
+    The overlap is small against the radius, so the normal hardly turns in the contact."""
+    v, _, c = fall(tmp_path, HALF_m + beside_m)
+    sine = beside_m / RADIUS_m
+    cosine = np.sqrt(1 - sine**2)
+    assert v[-1] == pytest.approx([2 * sine * cosine, 0, 2 * cosine**2 - 1], abs=0.02)
+    assert c["kinetic_J"][-1] == pytest.approx(1, abs=1e-4)
+
+
+def test_a_corner_pushes_both_ways(tmp_path):
+    v, _, c = fall(tmp_path, HALF_m + 1.5e-3, HALF_m + 1.5e-3)
+    assert v[-1][0] == pytest.approx(v[-1][1], rel=1e-9) and v[-1][0] > 0.6
+    assert c["kinetic_J"][-1] == pytest.approx(1, abs=1e-4)
+
+
+def test_the_force_is_continuous_where_the_centre_leaves_the_plate(tmp_path):
+    """A sphere that crosses the outline in the middle of its contact is as one far from the edge."""
+    (tmp_path / "edge").mkdir(), (tmp_path / "inside").mkdir()
+    edge, inside = (fall(tmp_path / name, x, velocity=(1.0, -1.0), steps=2000)
+                    for name, x in (("edge", HALF_m - 2e-5), ("inside", 0.0)))
+    assert edge[1][:, 2].max() == pytest.approx(inside[1][:, 2].max(), rel=1e-3)
+    assert np.abs(np.diff(edge[1][:, 2])).max() == pytest.approx(np.abs(np.diff(inside[1][:, 2])).max(), rel=0.02)
+    assert np.abs(unexplained(edge[2])).max() < 2e-4
+
+
+@pytest.mark.parametrize(("friction", "restitution"), [(0.0, 1.0), (0.4, 1.0), (0.4, 0.5)])
+def test_the_ledger_explains_what_the_edge_took(tmp_path, friction, restitution):
+    _, _, c = fall(tmp_path, HALF_m + 1.5e-3, friction=friction, restitution=restitution)
+    assert abs(unexplained(c)[-1]) < 2e-4
+    assert 1 - c["kinetic_J"][-1] == pytest.approx(-c["wall_work_J"][-1], abs=1e-9)
+    assert friction > 0 or c["friction_J"][-1] == 0
