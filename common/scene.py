@@ -106,9 +106,6 @@ class BondTable(Table):
     # What the tensile strength gains with the mean pressure, per pressure above the threshold. 0: nothing.
     pressure_strengthening: NotNegative = 0.0
     pressure_threshold_Pa: NotNegative = 0.0
-    # Mean sub-sphere radius that the strengths belong to; other sizes get theirs by dem/stones/strength.py. Absent: as
-    # given.
-    reference_subsphere_radius_m: Positive | None = None
 
     @model_validator(mode="after")
     def _threshold_of_something(self) -> Self:

@@ -89,7 +89,8 @@ def _parser() -> argparse.ArgumentParser:
     sub = add("calibrate", "fit the bonds of a material in virtual tests", _calibrate)
     sub.add_argument("material", help="name of a material of the scene")
     sub.add_argument("--scene", type=Path, required=True, help="scene file (TOML)")
-    sub.add_argument("--out", type=Path, required=True, help="directory for MATERIAL.toml and MATERIAL_tests.csv")
+    sub.add_argument("--out", type=Path, required=True, help="directory for ROCK.toml and ROCK_tests.csv")
+    sub.add_argument("--rock", help="name in scenes/materials/targets.toml; default: MATERIAL")
     sub = add("build-engine", "build the engine, where Debian's libliggghts-dev is installed", lambda _: build_engine())
     sub.set_defaults(out="the engine")
     return parser
@@ -182,8 +183,8 @@ def _sweep(options: argparse.Namespace) -> int:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    calibrate(options.material, options.scene, options.out)
-    print(options.out / f"{options.material}.toml")
+    calibrate(options.material, options.scene, options.out, rock=options.rock)
+    print(options.out / f"{options.rock or options.material}.toml")
     return 0
 
 

@@ -60,7 +60,8 @@ def needed(scene):
 
 def small(name, changes=()):
     scene = changed(name, {})
-    few = {"stones.agglomerate.subspheres": 12} if scene.stones.agglomerate else {}
+    few = {"stones.agglomerate.subspheres": 12, "stones.agglomerate.contact": "sub_spheres"}
+    few = few if scene.stones.agglomerate else {}
     return changed(name, few | dict(changes))
 
 

@@ -15,7 +15,7 @@ from dem.run.run import run_scene
 
 STONE = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
                    "poisson_ratio": 0.3},
-         "stones.agglomerate.subspheres": 60, "stones.agglomerate.unbreakable": True, "output": None,
+         "stones.agglomerate.subspheres": 60, "stones.agglomerate.contact": "sub_spheres", "stones.agglomerate.unbreakable": True, "output": None,
          "time.duration_s": 6e-4}
 
 
