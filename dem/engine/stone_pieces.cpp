@@ -95,6 +95,7 @@ std::map<int, StonePieces::Motion> StonePieces::motions(const SmoothStone &s) co
     const double side = sum[0] * q[0] + sum[1] * q[1] + sum[2] * q[2] + sum[3] * q[3];
     for (int k = 0; k < 4; k++) sum[k] += (side < 0 ? -m : m) * q[k];
     b.mass += m;
+    b.count++;
   }
   for (auto &[piece, b] : found) {
     const std::array<double, 4> &q = sums[piece];

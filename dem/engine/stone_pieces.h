@@ -21,6 +21,7 @@ class StonePieces {
     Vec center;                // where the centre of the whole stone would be if it moved with the piece, m
     Vec velocity;              // of its mass, m/s
     double mass = 0;
+    int count = 0;             // of its sub-spheres
     bool is_here = true;       // and not in free flight
   };
 

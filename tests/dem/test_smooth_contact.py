@@ -3,11 +3,15 @@
 import numpy as np
 import pandas as pd
 import pytest
+from decks import run_engine
 from scenes_of_tests import changed, hertz
 
 from common.tables import Refused
+from dem.deck.render import write_deck
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
+from dem.run.energy_balance import read_ledger
 from dem.run.errors import Stopped
+from dem.run.prepare import prepare
 from dem.run.run import resume, run_scene
 from dem.stones.bonds import bond_network
 from dem.stones.contact_patch import PATCH_RADIUS, is_surface, patch_compliance, patch_weights
@@ -134,3 +138,24 @@ def test_too_few_sub_spheres_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"stones\.agglomerate\.subspheres = 20: must be more") as refused:
         run_scene(stone(20), "scene", tmp_path / "run")
     assert not isinstance(refused.value, Refused) and not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("unbreakable", [True, False])
+def test_two_ranks_find_the_same_contact(tmp_path, unbreakable):
+    """And explain it as well. Breakage lets rounding grow, so a stone that breaks is followed up to its turn only."""
+    scene = stone(friction=0.4, speed_m_s=6.0, **{
+        "stones.agglomerate.unbreakable": unbreakable, "time.duration_s": 3e-4 if unbreakable else 1e-4,
+        "time.sample_interval_s": 2e-5, "time.free_flight_tolerance": 0.0, "stones.seed": 20011})
+    prepared, found = prepare(scene, "scene", tmp_path), []
+    for ranks in (1, 2):
+        directory = tmp_path / str(ranks)
+        write_deck(directory, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+        run_engine(directory, (directory / "deck.liggghts").read_text(), ranks)
+        c = {name: rows[:, 0] for name, rows in read_ledger(directory / "ledger.bin", 1).column.items()}
+        energies = np.array([c[name] for name in ("kinetic_J", "wall_elastic_J", "friction_J", "broken")])
+        left = (c["wall_work_J"] + c["pair_work_J"] + c["wall_elastic_J"] + c["pair_elastic_J"] + c["wall_damped_J"]
+                + c["pair_damped_J"] + c["wall_released_J"] + c["friction_J"] - c["springs_gained_J"])
+        assert np.abs(left).max() < 1e-3 * c["kinetic_J"][0]
+        found.append(energies)
+    assert (found[0][3, -1] > 10) == (not unbreakable)
+    assert found[1] == pytest.approx(found[0], rel=1e-6, abs=1e-6)
