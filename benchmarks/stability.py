@@ -129,7 +129,8 @@ def _stones(s: dict) -> dict:
         "stones.count": count, "stones.circle_radius_m": None, "stones.positions": _places(s["place"], count),
         "stones.gangue_order": list(range(1, count + 1)), "stones.gangue_ratio": n_gangue / count,
         "stones.speed_m_s": speed, "stones.gap_m": 1e-7 if resting else 1e-6 * min(1.0, speed),
-        "stones.agglomerate.subspheres": s["subspheres"]}
+        "stones.agglomerate.subspheres": s["subspheres"],
+        "stones.agglomerate.contact": "smooth" if s["subspheres"] >= 200 else "sub_spheres"}
     if s["subspheres"] == 1:
         return {key: v for key, v in changes.items() if "agglomerate" not in key} | {"stones.agglomerate": None}
     if s.get("strength") == "unbreakable":

@@ -125,9 +125,11 @@ class BondTable(Table):
     tensile_strength_Pa: Annotated[Positive, about("tensile strength")]
     shear_strength_Pa: Annotated[NotNegative, about("shear strength, the cohesion")]
     friction_angle_deg: Annotated[float, Field(ge=0, lt=90), about("friction angle; 0: no Mohr-Coulomb")] = 0.0
-    reference_subsphere_radius_m: Annotated[Positive | None, about(
-        "mean sub-sphere radius that the strengths belong to; other sizes get theirs by docs/calibration.md; "
-        "absent: strengths as given")] = None
+    volumetric_ratio: Annotated[float, Field(ge=0, le=0.6), about(  # beyond, it would limit the time step
+        "modulus of the sub-spheres' dilatation over that of the bonds, which sets Poisson's ratio; 0: none")] = 0.0
+    pressure_strengthening: Annotated[NotNegative, about(
+        "gain of tensile strength per mean pressure above the threshold; 0: none")] = 0.0
+    pressure_threshold_Pa: Annotated[NotNegative, about("mean pressure from which the tensile strength rises")] = 0.0
 
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
@@ -135,6 +137,18 @@ class BondTable(Table):
             raise Refused("tensile_strength_Pa", self.tensile_strength_Pa, f"must be at least {LEAST_STRENGTH_Pa:g}, "
                           "the weight of half a centimetre of rock: anything less is loose already")
         return self
+
+    @model_validator(mode="after")
+    def _threshold_of_something(self) -> Self:
+        if self.pressure_threshold_Pa > 0 and self.pressure_strengthening == 0:
+            raise Refused("pressure_threshold_Pa", self.pressure_threshold_Pa,
+                          "must be left out where pressure_strengthening is 0")
+        return self
+
+    @property
+    def feels_dilatation(self) -> bool:
+        """Does the engine have to find the change of volume at each sub-sphere?"""
+        return self.volumetric_ratio > 0 or self.pressure_strengthening > 0
 
 
 class MaterialTable(Table):

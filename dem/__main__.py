@@ -90,7 +90,8 @@ def _parser() -> argparse.ArgumentParser:
     sub = add("calibrate", "fit the bonds of a material in virtual tests", _calibrate)
     sub.add_argument("material", help="name of a material of the scene")
     sub.add_argument("--scene", type=Path, required=True, help="scene file (TOML)")
-    sub.add_argument("--out", type=Path, required=True, help="directory for MATERIAL.toml and MATERIAL_tests.csv")
+    sub.add_argument("--out", type=Path, required=True, help="directory for ROCK.toml and ROCK_tests.csv")
+    sub.add_argument("--rock", help="name in scenes/materials/targets.toml; default: MATERIAL")
     sub = add("build-engine", "build the engine, where Debian's libliggghts-dev is installed", _build_engine)
     sub.set_defaults(out="the engine")
     return parser
@@ -237,9 +238,10 @@ def _build_engine(options: argparse.Namespace) -> int:
 def _calibrate(options: argparse.Namespace) -> int:
     from dem.calibration.calibrate import calibrate
 
-    _refuse_foreign_calibration(options.material, options.out)
-    calibrate(options.material, options.scene, options.out)
-    print(options.out / f"{options.material}.toml")
+    name = options.rock or options.material
+    _refuse_foreign_calibration(name, options.out)
+    calibrate(options.material, options.scene, options.out, rock=options.rock)
+    print(options.out / f"{name}.toml")
     return 0
 
 

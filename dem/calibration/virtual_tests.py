@@ -1,5 +1,5 @@
-"""Virtual laboratory tests in LIGGGHTS: uniaxial compression of a cylinder, and the Brazilian test, a disc that is
-pressed across its diameter until it splits.
+"""Virtual laboratory tests in LIGGGHTS: compression of a cylinder, also under a confining pressure, its direct tension,
+and the Brazilian test, a disc that is pressed across its diameter until it splits.
 
 Specimens are random dense packings with bonds as in a stone. The platens are frictionless: the sub-spheres at each
 one keep a constant speed along the axis and are free across it (fix setforce), as in
@@ -13,12 +13,16 @@ The second is the tension at the centre of a disc loaded over arcs of 2 alpha (G
 degrees only 13 sub-spheres of a disc of 1266 are held, these break off first, and strengths scatter by 15 % from seed
 to seed; with 30 degrees the disc splits from its middle (5 %).
 
+In direct tension the grips hold all sub-spheres within GRIP mean diameters of the ends. The confining pressure acts on
+the sub-spheres at the cylinder's side, each with a share that goes with its radius squared, as a constant force towards
+the axis after a ramp.
+
 The specimen starts in the motion of homogeneous strain, so that no wave starts at the platens.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import jinja2
@@ -35,8 +39,13 @@ from dem.stones.packing import CylinderContainer, Packing, pack_cylinder
 TRANSITS = 100          # of a sound wave through the specimen while it is strained by `failure_strain`
 AVERAGE_STEPS = 50      # over which a recorded load is averaged
 CHECKS = 200            # looks at the load, at most; 20 of them up to `failure_strain`
+CONFINED_CHECKS = 40    # where the load need not fall: up to twice that strain
 LOADED_HALF_ANGLE_rad = np.radians(15.0)  # alpha of the Brazilian test
 UNBREAKABLE_Pa = 1e30
+GRIP = 1.5              # mean diameters
+DROP = 0.15             # of the load at which a disc has split
+STARTED = 0.1           # of the largest load: below, it may tremble
+CONFINING_RAMP = 0.3    # of the time to the failure that is expected
 
 
 @dataclass(frozen=True)
@@ -54,6 +63,9 @@ class Rock:
     shear_strength_Pa: float
     tan_friction: float
     damping_ratio: float
+    volumetric_ratio: float = 0.0
+    pressure_strengthening: float = 0.0
+    pressure_threshold_Pa: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -85,15 +97,24 @@ class Specimen:
 
 @dataclass(frozen=True)
 class LoadHistory:
-    """`strain` (k,) of the platens' approach over the height, `stress_Pa` (k,), pressure positive."""
+    """`strain` (k,) of the platens' approach over the height, `stress_Pa` (k,), positive as loaded. `splits`: what
+    counts is the first peak, since the halves of a disc that has split may carry more."""
 
     strain: np.ndarray
     stress_Pa: np.ndarray
+    splits: bool = False
 
     @property
     def strength_Pa(self) -> float:
-        """The largest stress."""
-        return float(self.stress_Pa.max())
+        """The largest stress, or that before the first fall by DROP."""
+        peak = np.maximum.accumulate(self.stress_Pa)
+        fallen = (self.stress_Pa < (1 - DROP) * peak) & (peak > STARTED * peak[-1])
+        return float(peak[fallen.argmax()] if self.splits and fallen.any() else peak[-1])
+
+    @property
+    def has_failed(self) -> bool:
+        """Has the load fallen after its peak?"""
+        return bool(self.stress_Pa[-1] < 0.9 * self.stress_Pa.max())
 
 
 def compression_specimen(radius_m: float, count: int, seed: int) -> Specimen:
@@ -114,14 +135,24 @@ def brazilian_specimen(radius_m: float, count: int, seed: int) -> Specimen:
     return Specimen("Brazilian", packing, bond_network(packing), 0, near & (x < 0), near & (x > 0))
 
 
-def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float) -> LoadHistory:
-    """Press until the load has fallen to half of its peak.
+def tension_specimen(compressed: Specimen) -> Specimen:
+    """The cylinder of a compression test in grips."""
+    z, radius = compressed.packing.center_m[:, 2], compressed.packing.radius_m
+    reach = compressed.half_size_m - GRIP * 2 * radius.mean()
+    return replace(compressed, kind="tension", lower=z < -reach, upper=z > reach)
 
-    `failure_strain` is where that is expected; it sets the speed. Raises RuntimeError if the engine fails or the
-    specimen still holds at ten times that strain.
+
+def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float,
+                  confining_Pa: float = 0.0) -> LoadHistory:
+    """Press, or pull a specimen for tension, until the load has fallen to half of its peak.
+
+    `failure_strain` is where that is expected; it sets the speed. `confining_Pa` acts on the side of a cylinder, which
+    is pressed up to twice that strain. Raises RuntimeError if the engine fails or a specimen without it still holds at
+    ten times that strain.
     """
-    record = _run(directory, specimen, rock, Procedure(failure_strain, CHECKS))
-    if not record.stress_Pa[-1] < 0.9 * record.strength_Pa:
+    checks = CONFINED_CHECKS if confining_Pa else CHECKS
+    record = _run(directory, specimen, rock, Procedure(failure_strain, checks, confining_Pa=confining_Pa))
+    if not record.has_failed and not confining_Pa:  # a confined specimen may flow
         raise RuntimeError(f"{directory}: the specimen did not fail within 10 times the strain {failure_strain:g}")
     return record
 
@@ -150,6 +181,7 @@ class Procedure:
     checks: int
     breakable: bool = True
     dumped: bool = False
+    confining_Pa: float = 0.0
 
 
 def _run(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) -> LoadHistory:
@@ -160,14 +192,17 @@ def _run(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) 
     time = TRANSITS * height * np.sqrt(rock.density_kg_m3 / rock.bond_modulus_Pa)
     check_steps = AVERAGE_STEPS * int(np.ceil(time / (20 * AVERAGE_STEPS * BOND_FRACTION * bond_time)))
     dt = time / (20 * check_steps)
-    speed = 0.5 * procedure.strain * height / time  # of each platen
+    speed = (-0.5 if specimen.kind == "tension" else 0.5) * procedure.strain * height / time  # of each platen
     _write(directory, specimen, mass)
     values = dict(vars(rock))
     if not procedure.breakable:
-        values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa, "tan_friction": 0.0}
+        values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa, "tan_friction": 0.0,
+                   "pressure_strengthening": 0.0, "pressure_threshold_Pa": 0.0}
     axis = specimen.axis
     (directory / "deck.liggghts").write_text(_template().render(
-        **values, kind=specimen.kind, name=directory.name, dt_s=repr(float(dt)),
+        **values, volumetric_modulus_Pa=rock.volumetric_ratio * rock.bond_modulus_Pa,
+        confining=_confining(specimen, procedure, check_steps), pulled=specimen.kind == "tension",
+        kind=specimen.kind, name=directory.name, dt_s=repr(float(dt)),
         skin_m=0.9 * 2 * (1 / CONTACT_RADIUS_RATIO - 1) * CONTACT_RADIUS_RATIO * specimen.packing.radius_m.min(),
         youngs_modulus_Pa=rock.contact_modulus_Pa, poisson_ratio=rock.contact_poisson_ratio,
         damping_time_s=2 * rock.damping_ratio * bond_time,
@@ -178,7 +213,21 @@ def _run(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) 
     step, load = np.loadtxt(directory / "load.txt", ndmin=2).T
     middle = step - 0.5 * (AVERAGE_STEPS - 1)  # of the steps that were averaged
     _check(bool(np.all(np.isfinite(load))), f"{directory}: a load is no number")
-    return LoadHistory(middle * dt * 2 * speed / height, load / specimen.loaded_area_m2)
+    return LoadHistory(middle * dt * 2 * abs(speed) / height, load / specimen.loaded_area_m2,
+                       splits=specimen.kind == "Brazilian")
+
+
+def _confining(specimen: Specimen, procedure: Procedure, check_steps: int) -> dict[str, float] | None:
+    """Of the pressure on the side: the radius beyond which it finds centres, force over their radius squared, steps."""
+    if not procedure.confining_Pa:
+        return None
+    radius, cylinder = specimen.packing.radius_m, specimen.packing.container
+    assert isinstance(cylinder, CylinderContainer)
+    inner = cylinder.radius_m - (1 + PLATEN_GAP) * radius.max()
+    side = np.hypot(*specimen.packing.center_m[:, :2].T) > inner
+    force = procedure.confining_Pa * 2 * np.pi * cylinder.radius_m * cylinder.length_m
+    return {"inner_radius_m": float(inner), "steps": round(CONFINING_RAMP * 20 * check_steps),
+            "force_N_m2": float(force / ((CONTACT_RADIUS_RATIO * radius[side]) ** 2).sum())}
 
 
 def _engine(directory: Path) -> None:

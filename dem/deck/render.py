@@ -132,12 +132,16 @@ def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, Any]:
         bond = scene.bond_of(name)
         values = bond.model_dump()
         if table.unbreakable:
-            values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa}
+            values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa,
+                       "pressure_strengthening": 0.0, "pressure_threshold_Pa": 0.0}
         angle = 0.0 if table.unbreakable else bond.friction_angle_deg
-        materials.append(values | {"tan_friction": float(np.tan(np.radians(angle)))})
+        values["volumetric_modulus_Pa"] = bond.volumetric_ratio * bond.youngs_modulus_Pa
+        values["tan_friction"] = float(np.tan(np.radians(angle)))
+        materials.append(values)
     # Viscous damping proportional to stiffness, c = tau k, with c = 2 zeta sqrt(k m) in the stiffest bond.
     assert step.bond_time_s is not None
-    return {"damping_time_s": 2 * table.damping_ratio * step.bond_time_s, "materials": materials}
+    return {"damping_time_s": 2 * table.damping_ratio * step.bond_time_s, "materials": materials,
+            "feel_dilatation": any(m["volumetric_modulus_Pa"] or m["pressure_strengthening"] for m in materials)}
 
 
 def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:

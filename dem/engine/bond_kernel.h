@@ -11,7 +11,7 @@ namespace LAMMPS_NS {
 struct alignas(64) AtomRecord {
   double x[3];
   double q[4];  // rotation from the undeformed state, (w, x, y, z)
-  double unused;
+  double dilatation;  // relative change of volume at the sub-sphere, 0 where no material asks for it
 };
 struct alignas(64) ForceRecord {
   double f[3];
@@ -31,7 +31,7 @@ enum BreakMode { INTACT = 0, TENSION = 1, SHEAR = 2 };
 struct BondState {
   double force_j[3];   // on sub-sphere j; i gets the opposite
   double torque_i[3], torque_j[3];
-  double energy;       // J
+  double energy;       // of the beam, J; that of the dilatation belongs to the sub-spheres
   double tension;      // -F_n/A + |M_b| r/I written as pull: F_n/A + |M_b| r/I, Pa
   double shear;        // |F_s|/A + |M_t| r/J, Pa
   double normal;       // F_n/A, pull positive, Pa
@@ -45,6 +45,8 @@ class BondKernel {
   virtual ~BondKernel() {}
   // `spare` is the index of two records that exist only to fill the last pack.
   virtual void build(const std::vector<LocalBond> &bonds, int spare) = 0;
+  // Adds to both ends' `stretch` the area times elongation, in m^3, of each bond whose material feels the dilatation.
+  virtual void add_stretches(const AtomRecord *atom, double *stretch) = 0;
   // Writes the ids of bonds that break to `broken` (room for all of them) and returns how many. A plain array, since a
   // library template compiled here for a wide instruction set could be linked into code meant for every processor.
   virtual int add_forces(const AtomRecord *atom, ForceRecord *force, int *broken) = 0;

@@ -107,11 +107,13 @@ template <int W> class PackedKernel : public BondKernel {
     V x;
     R w;
     V q;
+    R dilatation;
   };
 
   std::vector<Pack<W>> packs_;
   std::vector<int> id_;  // of bond l of pack p at p W + l
   std::vector<Stretch> stretches_;
+  std::vector<R> distance_;  // of the two ends of the bonds of each pack, where add_stretches was asked
 
   static Ends load(const AtomRecord *atom, const int *index) {
     R m[8];
@@ -120,8 +122,21 @@ template <int W> class PackedKernel : public BondKernel {
         m[part * W + l] = *reinterpret_cast<const R *>(reinterpret_cast<const double *>(atom + index[l]) + part * W);
       transpose(m + part * W);
     }
-    return {{m[0], m[1], m[2]}, m[3], {m[4], m[5], m[6]}};
+    return {{m[0], m[1], m[2]}, m[3], {m[4], m[5], m[6]}, m[7]};
   }
+
+  // The positions alone.
+  static V load_place(const AtomRecord *atom, const int *index) {
+    R m[8];
+    for (int part = 0; part < PARTS && part * W < 3; part++) {
+      for (int l = 0; l < W; l++)
+        m[part * W + l] = *reinterpret_cast<const R *>(reinterpret_cast<const double *>(atom + index[l]) + part * W);
+      transpose(m + part * W);
+    }
+    return {m[0], m[1], m[2]};
+  }
+
+  static R area(const Pack<W> &b) { return M_PI * b.radius * b.radius; }
 
   static void add(ForceRecord *force, const int *index, const V &f, const V &torque) {
     R m[8] = {f.x, f.y, f.z, torque.x, torque.y, torque.z, R{}, R{}};
@@ -138,9 +153,9 @@ template <int W> class PackedKernel : public BondKernel {
 
   static R absolute(const R &a) { return a < 0 ? -a : a; }
 
-  // Broken bonds leave their lane without stiffness and out of reach of the criterion.
+  // Broken bonds leave their lane without stiffness and area, and out of reach of the criterion.
   static void retire(Pack<W> &b, int l) {
-    b.k_normal[l] = 0;
+    b.k_normal[l] = b.radius[l] = 0;
     b.tensile[l] = 1e150;
   }
 
@@ -149,7 +164,7 @@ template <int W> class PackedKernel : public BondKernel {
     Pack<W> p = Pack<W>();
     for (int l = 0; l < W; l++) {
       p.i[l] = spare, p.j[l] = spare + 1;
-      p.length[l] = p.dx[l] = p.radius[l] = 1;
+      p.length[l] = p.dx[l] = 1;
       retire(p, l);
     }
     return p;
@@ -175,30 +190,53 @@ template <int W> class PackedKernel : public BondKernel {
     }
   }
 
+  void add_stretches(const AtomRecord *atom, double *stretch) override {
+    distance_.resize(packs_.size());
+    size_t begin = 0;
+    for (const Stretch &s : stretches_) {
+      if (s.material->feels_dilatation()) add_stretches(begin, s.end, atom, stretch);
+      begin = s.end;
+    }
+  }
+
   int add_forces(const AtomRecord *atom, ForceRecord *force, int *broken) override {
     int n_broken = 0;
     size_t begin = 0;
     for (const Stretch &s : stretches_) {
-      n_broken += add_forces(*s.material, begin, s.end, atom, force, broken + n_broken);
+      int *const room = broken + n_broken;
+      n_broken += s.material->feels_dilatation() ? add_forces<true>(*s.material, begin, s.end, atom, force, room)
+                                                 : add_forces<false>(*s.material, begin, s.end, atom, force, room);
       begin = s.end;
     }
     return n_broken;
   }
 
  private:
-  int add_forces(const BondMaterial &material, size_t begin, size_t end, const AtomRecord *atom, ForceRecord *force,
+  void add_stretches(size_t begin, size_t end, const AtomRecord *atom, double *stretch) {
+    for (size_t k = begin; k < end; k++) {
+      const Pack<W> &b = packs_[k];
+      const V branch = load_place(atom, b.j) - load_place(atom, b.i);
+      const R r = Simd<W>::root(dot<W>(branch, branch)), own = area(b) * (r - b.length);
+      distance_[k] = r;
+      for (int l = 0; l < W; l++) stretch[b.i[l]] += own[l], stretch[b.j[l]] += own[l];
+    }
+  }
+
+  template <bool DILATES> int add_forces(const BondMaterial &material, size_t begin, size_t end, const AtomRecord *atom, ForceRecord *force,
                  int *broken) {
     const R half = R{} + 0.5, quarter = R{} + 0.25;
     const R shear_share = R{} + 1 / material.stiffness_ratio;
     const R cohesion = R{} + material.shear_strength / material.tensile_strength;
     const R tan_friction = R{} + material.tan_friction;
+    const R volumetric = R{} + material.volumetric_modulus, bulk = R{} + material.bulk_modulus();
+    const R strengthening = R{} + material.strengthening, threshold = R{} + material.threshold_share;
     int n_broken = 0;
     for (size_t k = begin; k < end; k++) {
       Pack<W> &b = packs_[k];
       const Ends i = load(atom, b.i), j = load(atom, b.j);
       const V d0{b.dx, b.dy, b.dz};
       const V branch = j.x - i.x;
-      const R r = Simd<W>::root(dot<W>(branch, branch)), r_inverse = 1 / r;
+      const R r = DILATES ? distance_[k] : Simd<W>::root(dot<W>(branch, branch)), r_inverse = 1 / r;
       const V n = r_inverse * branch;
 
       const V di = rotate(i.w, i.q, d0), dj = rotate(j.w, j.q, d0);
@@ -211,14 +249,20 @@ template <int W> class PackedKernel : public BondKernel {
       const R twist = dot<W>(turn, d0);
       const V bend = turn - twist * d0;
 
-      const R pull = b.k_normal * (r - b.length);
+      R pull = b.k_normal * (r - b.length), tensile = b.tensile;
+      if (DILATES) {
+        const R volume_force = half * (i.dilatation + j.dilatation) * area(b);  // over its modulus
+        const R over_threshold = R{} - bulk * volume_force - threshold * b.tensile;
+        pull += volumetric * volume_force;
+        tensile += strengthening * (over_threshold > 0 ? over_threshold : R{});
+      }
       const R kr = b.k_normal * b.radius, shear_kr = shear_share * kr;  // k_b = kr r/4, k_t = shear_kr r/2
       V moment = quarter * kr * b.radius * bend + half * shear_kr * b.radius * twist * d0;
       R shearing = shear_share * b.k_normal * b.length * b.length;
       R slope = shearing * cosine * r_inverse;
 
       // Tension: pull + |M_b| 4/r > limit. Shear: |F_s| + |M_t| 2/r > limit - tan(phi) pull. Squared, sign kept.
-      const R tension_margin = b.tensile - pull;
+      const R tension_margin = tensile - pull;
       const R shear_margin = cohesion * b.tensile - tan_friction * pull - shear_kr * absolute(twist);
       const R bending2 = kr * kr * dot<W>(bend, bend);
       const R excess = bending2 - tension_margin * absolute(tension_margin);

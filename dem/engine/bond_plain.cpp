@@ -1,5 +1,6 @@
 // One bond written as in the text books: the reference for the packed kernels, and the source of energies and events.
 
+#include <algorithm>
 #include <cmath>
 
 #include "bond_kernel.h"
@@ -31,8 +32,11 @@ BondState bond_state(const Bond &b, const AtomRecord &i, const AtomRecord &j) {
   const Vec bend = turn - twist * d0;
 
   // U = k_n (r - r0)^2/2 + k_s r0^2 |p|^2/2 + k_b |bend|^2/2 + k_t twist^2/2; forces and torques are its gradient.
+  // The pull has besides its part of the gradient of the sub-spheres' energy of dilatation.
   const double stretch = r - b.length, ks_r02 = b.k_shear * b.length * b.length;
-  const double pull = b.k_normal * stretch;
+  const BondMaterial &material = *b.material;
+  const double beam_pull = b.k_normal * stretch, dilatation = 0.5 * (i.dilatation + j.dilatation);
+  const double pull = beam_pull + material.volumetric_modulus * b.area * dilatation;
   const Vec moment = b.k_bend * bend + b.k_twist * twist * d0;
   const Vec torque = rotated(qi, relative.w * moment - cross(moment, relative.v));
 
@@ -40,7 +44,7 @@ BondState bond_state(const Bond &b, const AtomRecord &i, const AtomRecord &j) {
   (ks_r02 * cosine / r * p - pull * n).to(s.force_j);
   (torque - 0.5 * ks_r02 * cross(di, p)).to(s.torque_i);
   (-1.0 * torque - 0.5 * ks_r02 * cross(dj, p)).to(s.torque_j);
-  s.energy = 0.5 * (pull * stretch + ks_r02 * dot(p, p) + dot(moment, turn));
+  s.energy = 0.5 * (beam_pull * stretch + ks_r02 * dot(p, p) + dot(moment, turn));
 
   const double shear_force = std::fabs(ks_r02 * cosine / r) * norm(p);
   const double bending = b.k_bend * norm(bend), twisting = b.k_twist * std::fabs(twist);
@@ -49,7 +53,9 @@ BondState bond_state(const Bond &b, const AtomRecord &i, const AtomRecord &j) {
   s.shear = shear_force / b.area + twisting * 2 / (b.radius * b.area);
   s.mode = INTACT;
   if (s.shear * b.area + b.tan_friction * pull > b.shear_force) s.mode = SHEAR;
-  if (s.tension * b.area > b.tensile_force) s.mode = TENSION;
+  const double pressure_force = -material.bulk_modulus() * b.area * dilatation;
+  const double over_threshold = std::max(pressure_force - material.threshold_share * b.tensile_force, 0.0);
+  if (s.tension * b.area > b.tensile_force + material.strengthening * over_threshold) s.mode = TENSION;
   return s;
 }
 
@@ -58,6 +64,15 @@ namespace {
 class PlainKernel : public BondKernel {
  public:
   void build(const std::vector<LocalBond> &bonds, int) override { bonds_ = bonds; }
+
+  void add_stretches(const AtomRecord *atom, double *stretch) override {
+    for (const LocalBond &b : bonds_) {
+      if (!b.bond->material->feels_dilatation()) continue;
+      const double own = b.bond->area * (norm(Vec(atom[b.j].x) - Vec(atom[b.i].x)) - b.bond->length);
+      stretch[b.i] += own;
+      stretch[b.j] += own;
+    }
+  }
 
   int add_forces(const AtomRecord *atom, ForceRecord *force, int *broken) override {
     int n_broken = 0;

@@ -13,6 +13,13 @@ struct BondMaterial {
   double tensile_strength = 0;  // Pa
   double shear_strength = 0;    // Pa; the cohesion where Mohr-Coulomb is chosen
   double tan_friction = 0;      // 0: shear strength independent of the normal force
+  // Of the mean of both ends' dilatation. All 0: it is not found (docs/bonds.md).
+  double volumetric_modulus = 0;   // kappa, Pa: what a bond's normal stress gains
+  double strengthening = 0;        // alpha: tensile strength gained per pressure
+  double threshold_share = 0;      // of the tensile strength: the pressure from which on it gains
+
+  bool feels_dilatation() const { return volumetric_modulus > 0 || strengthening > 0; }
+  double bulk_modulus() const { return modulus / 3 + volumetric_modulus; }  // stress of all bonds over dilatation, Pa
 };
 
 // One parallel bond: a short round beam between two sub-spheres, in read-only numbers. It has no memory: its forces

@@ -26,7 +26,7 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   std::string bonds, agglomerates, events, kernel = "auto";
   for (int k = 3; k < narg;) {
     const std::string key = arg[k++];
-    const int needed = key == "material" ? 5 : 1;
+    const int needed = key == "material" ? 5 : key == "dilatation" ? 3 : 1;
     if (k + needed > narg) error->fix_error(FLERR, this, "a keyword lacks its value");
     if (key == "bonds") bonds = arg[k];
     else if (key == "agglomerates") agglomerates = arg[k];
@@ -42,6 +42,14 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
       m.tan_friction = force->numeric(FLERR, arg[k + 4]);
       if (m.tensile_strength <= 0) error->fix_error(FLERR, this, "the tensile strength must be above 0");
       materials_.push_back(m);
+    } else if (key == "dilatation") {
+      if (materials_.empty()) error->fix_error(FLERR, this, "dilatation must follow its material");
+      BondMaterial &m = materials_.back();
+      m.volumetric_modulus = force->numeric(FLERR, arg[k]);
+      m.strengthening = force->numeric(FLERR, arg[k + 1]);
+      m.threshold_share = force->numeric(FLERR, arg[k + 2]) / m.tensile_strength;
+      if (m.volumetric_modulus < 0 || m.strengthening < 0 || m.threshold_share < 0)
+        error->fix_error(FLERR, this, "the numbers of dilatation must not be below 0");
     } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
     k += needed;
   }
@@ -57,6 +65,7 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   intact_.assign(bonds_.size(), 1);
   broken_.resize(bonds_.size());
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  volumes_ = BondVolumes(bonds_, agglomerates_->tags());
   work_.assign(agglomerates_->count(), 0);
   released_ = broken_count_ = work_;
 
@@ -174,6 +183,7 @@ void FixBondParallel::share_broken() {
 
 AtomRecord FixBondParallel::record(int i) const {
   AtomRecord r;
+  r.dilatation = 0;
   for (int k = 0; k < 3; k++) r.x[k] = atom->x[i][k];
   for (int k = 0; k < 4; k++) r.q[k] = quaternion_[i][k];
   return r;
@@ -204,6 +214,7 @@ void FixBondParallel::fill_delayed_records(int nall) {
   double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
   for (int i = 0; i < nall; i++) {
     AtomRecord &r = atoms_[i];
+    r.dilatation = 0;
     for (int k = 0; k < 3; k++) r.x[k] = x[i][k] + tau * v[i][k];
     extrapolate(r.q, quaternion_[i], omega[i], half_tau);
   }
@@ -212,6 +223,7 @@ void FixBondParallel::fill_delayed_records(int nall) {
 void FixBondParallel::post_force(int) {
   if (comm->nprocs > 1) comm->forward_comm_fix(this);
   fill_records();
+  if (volumes_.needed()) find_dilatations();
   const int n_broken = kernel_->add_forces(atoms_.data(), forces_.data(), broken_.data());
   if (n_broken) note_broken(n_broken);
 
@@ -228,19 +240,65 @@ void FixBondParallel::post_force(int) {
   });
 }
 
+// Of all sub-spheres, into their records. Bonds of a ghost may be unknown here: its own rank says.
+void FixBondParallel::find_dilatations() {
+  stretches_.assign(atoms_.size(), 0.0);
+  kernel_->add_stretches(atoms_.data(), stretches_.data());
+  for (int i = 0; i < atom->nlocal; i++) atoms_[i].dilatation = volumes_.dilatation(atom->tag[i], stretches_[i]);
+  if (comm->nprocs == 1) return;
+  sends_dilatations_ = true;
+  comm->forward_comm_fix(this);
+  sends_dilatations_ = false;
+}
+
+// Without the share of the damping, of each sub-sphere of this rank, m^3.
+std::vector<double> FixBondParallel::stretches_now() const {
+  std::vector<double> sum(atom->nlocal + atom->nghost, 0.0);
+  for (const LocalBond &b : local_) {
+    if (!intact_[b.id] || !b.bond->material->feels_dilatation()) continue;
+    const double stretch = b.bond->area * (norm(Vec(atom->x[b.j]) - Vec(atom->x[b.i])) - b.bond->length);
+    sum[b.i] += stretch;
+    sum[b.j] += stretch;
+  }
+  return sum;
+}
+
+// What the dilatations of both ends lose of their energy, J, when this bond, which still counts, breaks. Of a ghost it
+// is taken from the stretch at which the bond was judged.
+double FixBondParallel::released_volume_energy(int broken, int i, int j) const {
+  auto stretch = [&](int bond) {
+    const Bond &b = bonds_[bond];
+    const AtomRecord from = half_a_step_ago(atom->map(b.tag_i)), to = half_a_step_ago(atom->map(b.tag_j));
+    return b.area * (norm(Vec(to.x) - Vec(from.x)) - b.length);
+  };
+  const double own = stretch(broken);
+  double energy = 0;
+  for (int end : {i, j}) {
+    const int tag = atom->tag[end];
+    double sum = 0;
+    if (end < atom->nlocal)
+      for (int bond : volumes_.bonds_of(tag)) sum += intact_[bond] ? stretch(bond) : 0;
+    else sum = volumes_.stretch(tag, atoms_[end].dilatation);
+    energy += volumes_.energy(tag, sum) - volumes_.energy(tag, sum - own);
+  }
+  return energy;
+}
+
 void FixBondParallel::note_broken(int n) {
   char line[256];
   for (int k = 0; k < n; k++) {
     const int b = broken_[k];
     const Bond &bond = bonds_[b];
     const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
+    const double of_volume =
+        bond.material->feels_dilatation() && i < atom->nlocal ? released_volume_energy(b, i, j) : 0;
     intact_[b] = 0;
     if (comm->nprocs > 1) newly_broken_.push_back(b);
     if (i >= atom->nlocal) continue;  // the rank that owns i reports
     // The kernel judges at x + tau v, damping included; so does the event. The energy is the one
     // stored half a step ago: the last work that the leapfrog scheme put in had the force of the step before.
     const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
-    const double energy = bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy;
+    const double energy = bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy + of_volume;
     const int a = agglomerates_->of_tag(bond.tag_i);
     const bool shear = judged.mode == SHEAR;
     released_[a] += energy;
@@ -253,12 +311,18 @@ void FixBondParallel::note_broken(int n) {
   }
 }
 
+// add(tag, J) of each bond that this rank counts, and of each of its sub-spheres where the dilatation has energy.
+template <class Add> void FixBondParallel::each_elastic_energy(Add add) const {
+  for (const LocalBond &b : local_)
+    if (intact_[b.id] && b.i < atom->nlocal) add(b.bond->tag_i, bond_state(*b.bond, record(b.i), record(b.j)).energy);
+  if (!volumes_.needed()) return;
+  const std::vector<double> stretch = stretches_now();
+  for (int i = 0; i < atom->nlocal; i++) add(atom->tag[i], volumes_.energy(atom->tag[i], stretch[i]));
+}
+
 void FixBondParallel::add_to(LedgerRows &rows) {
   std::vector<double> elastic(agglomerates_->count(), 0.0);
-  for (const LocalBond &b : local_) {
-    if (!intact_[b.id] || b.i >= atom->nlocal) continue;
-    elastic[agglomerates_->of_tag(b.bond->tag_i)] += bond_state(*b.bond, record(b.i), record(b.j)).energy;
-  }
+  each_elastic_energy([&](int tag, double energy) { elastic[agglomerates_->of_tag(tag)] += energy; });
   rows.add(BOND_ELASTIC, elastic);
   rows.add(BOND_WORK, work_);
   rows.add(RELEASED, released_);
@@ -278,8 +342,7 @@ const std::vector<int> &FixBondParallel::body_of_tag() {
 
 void FixBondParallel::add_elastic_energy_by_body(double *energy) {
   const std::vector<int> &body = body_of_tag();
-  for (const LocalBond &b : local_)
-    if (intact_[b.id]) energy[body[b.bond->tag_i]] += bond_state(*b.bond, record(b.i), record(b.j)).energy;
+  each_elastic_energy([&](int tag, double own) { energy[body[tag]] += own; });
 }
 
 void FixBondParallel::forget_forces(int i) { forces_[i] = ForceRecord(); }

@@ -47,11 +47,18 @@ int FixBondParallel::unpack_border(int n, int first, double *buf) {
 }
 
 int FixBondParallel::pack_comm(int n, int *list, double *buf, int, int *) {
+  if (sends_dilatations_) {
+    for (int k = 0; k < n; k++) buf[k] = atoms_[list[k]].dilatation;
+    return 1;
+  }
   pack_border(n, list, buf);
   return 4;
 }
 
-void FixBondParallel::unpack_comm(int n, int first, double *buf) { unpack_border(n, first, buf); }
+void FixBondParallel::unpack_comm(int n, int first, double *buf) {
+  if (!sends_dilatations_) unpack_border(n, first, buf);
+  else for (int k = 0; k < n; k++) atoms_[first + k].dilatation = buf[k];
+}
 
 int FixBondParallel::pack_restart(int i, double *buf) {
   buf[0] = 5;

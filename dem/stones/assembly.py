@@ -14,7 +14,6 @@ from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
 from dem.stones.library import packed_sphere, surface_of
 from dem.stones.packing import Packing, SphereContainer
-from dem.stones.strength import SIZE_EXPONENT, strength_scale
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
 # before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
@@ -90,7 +89,7 @@ def assemble(scene: Scene, arrangement: Arrangement, cache_dir: Path | None = No
         bonds = (network.first, network.second, network.vector_m, network.radius_m)
         mass = scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
         parts.append((center, radius, mass * radius**3 / (radius**3).sum(), materials.index(material), bonds,
-                      _strength_factor(scene, k, material, radius / CONTACT_RADIUS_RATIO)))
+                      scene.stones.strength_factor[k] if scene.stones.strength_factor else 1.0))
     first = np.cumsum([0, *(len(p[0]) for p in parts)])
     return Assembly(
         materials=materials,
@@ -112,14 +111,6 @@ def _height_m(scene: Scene, index: int) -> float:
     """Of the stone's lowest point: what it falls in its time of arrival on top of the gap."""
     later = scene.stones.arrival_s[index] if scene.stones.arrival_s else 0.0
     return scene.stones.gap_m + scene.stones.speed_m_s * later + 0.5 * scene.time.gravity_m_s2 * later**2
-
-
-def _strength_factor(scene: Scene, index: int, material: str, radius_m: np.ndarray) -> float:
-    own = scene.stones.strength_factor[index] if scene.stones.strength_factor else 1.0
-    bond = scene.materials[material].bond
-    if bond is None or bond.reference_subsphere_radius_m is None:
-        return own
-    return own * float(strength_scale(radius_m.mean(), bond.reference_subsphere_radius_m, SIZE_EXPONENT))
 
 
 def _stone(scene: Scene, index: int, cache_dir: Path | None) -> tuple[Packing, np.ndarray, Bonds]:

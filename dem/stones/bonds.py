@@ -4,7 +4,10 @@ A bond is a short round beam of radius r_b and length L = |v| between the centre
 
     k_n = E A/L,   k_s = k_n/stiffness_ratio (acting at mid-length),   k_b = k_n r_b^2/4,   k_t = k_s r_b^2/2
 
-(D. O. Potyondy and P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329), the same as in dem/engine.
+(D. O. Potyondy and P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329), the same as in dem/engine. Besides, the
+dilatation theta of each sub-sphere may have an energy (docs/bonds.md):
+
+    theta = 3 sum of A (r - L) / W,   W = sum of A L over its bonds,   U = kappa (W/6) theta^2/2,   kappa in shares of E
 """
 
 from __future__ import annotations
@@ -113,16 +116,35 @@ def bond_matrices(bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> np
     return (to_part.transpose(0, 2, 1) @ part @ to_part) + (to_turn.transpose(0, 2, 1) @ turn @ to_turn)
 
 
-def stiffness_matrix(count: int, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> csr_matrix:
+def stiffness_matrix(count: int, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float,
+                     volumetric_ratio: float = 0.0) -> csr_matrix:
     """Sparse stiffness (6 count, 6 count) of the network, (u, theta) of each sub-sphere in turn, SI units."""
     dof = np.concatenate([6 * bonds.first[:, None] + np.arange(6), 6 * bonds.second[:, None] + np.arange(6)], axis=1)
     rows, columns = np.repeat(dof, 12, axis=1), np.tile(dof, (1, 12))
     block = bond_matrices(bonds, modulus_Pa, stiffness_ratio)
-    return coo_matrix((block.ravel(), (rows.ravel(), columns.ravel())), shape=(6 * count, 6 * count)).tocsr()
+    matrix = coo_matrix((block.ravel(), (rows.ravel(), columns.ravel())), shape=(6 * count, 6 * count)).tocsr()
+    if volumetric_ratio == 0:
+        return matrix
+    volumes, strain = dilatations(count, bonds)
+    return (matrix + volumetric_ratio * modulus_Pa * strain.T @ diags(volumes) @ strain).tocsr()
+
+
+def dilatations(count: int, bonds: Bonds) -> tuple[np.ndarray, csr_matrix]:
+    """Volumes W/6 (count,) in m^3, and the matrix (count, 6 count) that gives each sub-sphere's dilatation for small
+    displacements (u, theta)."""
+    volume = bonds.area_m2 * bonds.length_m
+    weight = np.bincount(bonds.first, volume, count) + np.bincount(bonds.second, volume, count)
+    pull = 3 * bonds.area_m2[:, None] * bonds.vector_m / bonds.length_m[:, None]
+    ends = [(end, other, sign * pull / weight[end][:, None])
+            for end in (bonds.first, bonds.second) for other, sign in ((bonds.first, -1), (bonds.second, 1))]
+    rows = np.concatenate([np.repeat(end, 3) for end, _, _ in ends])
+    columns = np.concatenate([(6 * other[:, None] + np.arange(3)).ravel() for _, other, _ in ends])
+    values = np.concatenate([value.ravel() for _, _, value in ends])
+    return weight / 6, coo_matrix((values, (rows, columns)), shape=(count, 6 * count)).tocsr()
 
 
 def highest_frequency_rad_s(bonds: Bonds, modulus_Pa: float, stiffness_ratio: float, mass_kg: np.ndarray,
-                            radius_m: np.ndarray) -> float:
+                            radius_m: np.ndarray, volumetric_ratio: float = 0.0) -> float:
     """Of the network, sub-spheres with mass and radius (n,) and spin inertia 0.4 m R^2.
 
     The leapfrog scheme is stable below a time step of 2 over this frequency, where nothing damps.
@@ -130,7 +152,7 @@ def highest_frequency_rad_s(bonds: Bonds, modulus_Pa: float, stiffness_ratio: fl
     inertia = np.column_stack([np.repeat(mass_kg[:, None], 3, axis=1),
                                np.repeat(0.4 * (mass_kg * radius_m**2)[:, None], 3, axis=1)]).ravel()
     scale = diags(1 / np.sqrt(inertia))
-    matrix = stiffness_matrix(len(mass_kg), bonds, modulus_Pa, stiffness_ratio)
+    matrix = stiffness_matrix(len(mass_kg), bonds, modulus_Pa, stiffness_ratio, volumetric_ratio)
     largest = eigsh(scale @ matrix @ scale, k=1, which="LA", tol=1e-6, return_eigenvectors=False,
                     v0=np.random.default_rng(1).normal(size=matrix.shape[0]))
     return float(np.sqrt(largest[0]))
@@ -145,7 +167,8 @@ class NetworkStiffness:
     poisson_ratio: np.ndarray
 
 
-def network_stiffness(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float) -> NetworkStiffness:
+def network_stiffness(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float,
+                      volumetric_ratio: float = 0.0) -> NetworkStiffness:
     """Elastic constants of the network at rest (small strain, every sub-sphere in equilibrium).
 
     A cylinder is pressed between two rigid frictionless platens, which hold the sub-spheres that touch them:
@@ -153,7 +176,7 @@ def network_stiffness(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffne
     all sub-spheres. A sphere carries the body force rho A.x for three stretches A along the axes, three shears, and
     the dilatation, and its strain energy is compared with the closed solution of a homogeneous isotropic sphere.
     """
-    matrix = stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio)
+    matrix = stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio, volumetric_ratio)
     if isinstance(packing.container, SphereContainer):
         return _sphere_stiffness(packing, matrix)
     results = [_uniaxial_test(packing, matrix, axis) for axis in packing.container.pressed_axes]

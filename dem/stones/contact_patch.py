@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from common.scene import BondTable
 from dem.stones.bonds import Bonds, dof_scale, solve_static, stiffness_matrix
@@ -70,10 +71,10 @@ def patch_weights(packing: Packing, axis: np.ndarray) -> np.ndarray:
 
 
 def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float,
-                     axes: np.ndarray) -> list[PatchCompliance]:
-    """Of each of the `axes` (k, 3), unit vectors outwards; `modulus_Pa` and `stiffness_ratio` are those of the
-    bonds."""
-    network = _FreeNetwork(packing, bonds, modulus_Pa, stiffness_ratio)
+                     axes: np.ndarray, volumetric_ratio: float = 0.0) -> list[PatchCompliance]:
+    """Of each of the `axes` (k, 3), unit vectors outwards; modulus and ratios are those of the bonds."""
+    network = _FreeNetwork(packing, stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio,
+                                                     volumetric_ratio))
     found = []
     for axis in axes:
         weight = patch_weights(packing, axis)
@@ -100,7 +101,7 @@ class StoneSurface:
 def stone_surface(packing: Packing, bonds: Bonds, bond: BondTable) -> StoneSurface:
     """The surface of one stone. Raises ValueError where a patch has too few sub-spheres."""
     first, *others = patch_compliance(packing, bonds, bond.youngs_modulus_Pa, bond.stiffness_ratio,
-                                      np.vstack([FIRST_AXIS, OTHER_AXES]))
+                                      np.vstack([FIRST_AXIS, OTHER_AXES]), bond.volumetric_ratio)
     other = PatchCompliance(float(np.mean([c.normal_m_N for c in others])),
                             float(np.mean([c.tangential_m_N for c in others])))
     return StoneSurface(packing.center_m, is_surface(packing), first, other)
@@ -110,12 +111,12 @@ class _FreeNetwork:
     """Static compliance of a bond network that nothing holds: a load is balanced by the inertia of the body that it
     accelerates, and displacements count from the body's mean motion."""
 
-    def __init__(self, packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float):
+    def __init__(self, packing: Packing, matrix: csr_matrix):
         self._share = packing.radius_m**3 / (packing.radius_m**3).sum()  # of the mass
         self._arm = packing.center_m - self._share @ packing.center_m
         self._inertia = ((self._share * (self._arm**2).sum(axis=1)).sum() * np.eye(3)
                          - (self._share[:, None] * self._arm).T @ self._arm)
-        self._matrix = stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio)
+        self._matrix = matrix
         self._scale = dof_scale(packing)
 
     def compliance_m_N(self, weight: np.ndarray, direction: np.ndarray) -> float:

@@ -38,6 +38,7 @@ def surface_of(packing: Packing, bonds: Bonds, bond: BondTable, cache_dir: Path 
         return {"compliance_m_N": np.array([[c.normal_m_N, c.tangential_m_N] for c in (surface.first, surface.other)])}
 
     key = key_of(CODE, packing.center_m.tobytes(), packing.radius_m.tobytes(), bonds.first.tobytes(),
-                 bonds.second.tobytes(), bonds.radius_m.tobytes(), bond.youngs_modulus_Pa, bond.stiffness_ratio)
+                 bonds.second.tobytes(), bonds.radius_m.tobytes(), bond.youngs_modulus_Pa, bond.stiffness_ratio,
+                 bond.volumetric_ratio)
     first, other = cached(cache_dir, "surface", key, find)["compliance_m_N"].tolist()
     return StoneSurface(packing.center_m, is_surface(packing), PatchCompliance(*first), PatchCompliance(*other))

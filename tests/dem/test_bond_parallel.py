@@ -134,14 +134,14 @@ def test_energy_of_an_unbreakable_ball_closes_without_damping(tmp_path):
     assert abs(damped) < 1e-3 * impact
 
 
-def trembles_on(directory, body, dt):
+def trembles_on(directory, body, dt, ratio=RATIO, steps=2000, **bond):
     """Small random velocities and spins, which excite every mode: whether their energy stays what it was."""
     directory.mkdir()
     write_files(directory, body)
     v = np.random.default_rng(1).normal(size=(len(body.radius_m), 6)) * ([1e-4] * 3 + [0.1] * 3)
     lines = "".join(f"set atom {k + 1} vx {row[0]!r} vy {row[1]!r} vz {row[2]!r} "
                     f"omegax {row[3]!r} omegay {row[4]!r} omegaz {row[5]!r}\n" for k, row in enumerate(v.tolist()))
-    run_engine(directory, deck(dt, 2000, 500, bonds=bond_line(E, RATIO), velocity=lines))
+    run_engine(directory, deck(dt, steps, steps // 4, bonds=bond_line(E, ratio, **bond), velocity=lines))
     c = ledger(directory).column
     energy = (c["kinetic_J"] + c["bond_elastic_J"])[:, 0]
     return energy[-1] < 10 * energy[0]

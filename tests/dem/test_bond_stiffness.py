@@ -226,13 +226,13 @@ def test_table_of_the_documentation(count, modulus, nu):
     assert np.mean(found, axis=0) == pytest.approx([modulus, nu], rel=0.02)
 
 
-@pytest.mark.parametrize("ratio", [1.0, 2.17, 4.0])
-def test_default_step_is_below_the_limit_of_the_network(ratio):
+@pytest.mark.parametrize("ratio, volumetric", [(1.0, 0.0), (2.17, 0.0), (4.0, 0.0), (4.0, 0.6)])
+def test_default_step_is_below_the_limit_of_the_network(ratio, volumetric):
     """The undamped limit of the time step as fitted, against the highest frequency of a stone that had no part in it."""
     stone = pack_sphere(1.0, 300, seed=7)
     bonds = bond_network(stone)
     mass = stone.radius_m**3
-    frequency = highest_frequency_rad_s(bonds, 1.0, ratio, mass, CONTACT_RADIUS_RATIO * stone.radius_m)
+    frequency = highest_frequency_rad_s(bonds, 1.0, ratio, mass, CONTACT_RADIUS_RATIO * stone.radius_m, volumetric)
     t0 = np.sqrt(np.minimum(mass[bonds.first], mass[bonds.second]) * bonds.length_m / bonds.area_m2).min()
     assert undamped_limit(ratio) == pytest.approx(2 / frequency / t0, rel=0.1)
     assert bond_fraction(0.0, ratio) < 0.9 * 2 / frequency / t0

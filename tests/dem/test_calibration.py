@@ -9,7 +9,13 @@ from scenes_of_tests import SCENES
 from common.scene import BondTable, read_scene
 from common.tables import InputError, check, read_toml
 from dem.__main__ import main
-from dem.calibration.calibrate import CHECK_SEEDS, TARGETS, calibrate, fit_tensile_strength, read_target
+from dem.calibration.calibrate import (
+    CHECK_SEEDS,
+    TARGETS,
+    calibrate,
+    fit_strengths,
+    read_target,
+)
 from dem.calibration.virtual_tests import (
     Rock,
     brazilian_specimen,
@@ -18,17 +24,18 @@ from dem.calibration.virtual_tests import (
     strength_test,
 )
 from dem.stones.bonds import network_stiffness
-from dem.stones.strength import strength_scale
 
 ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=0.3, restitution=0.5, friction=0.6,
             bond_modulus_Pa=6e9, stiffness_ratio=3.0, tensile_strength_Pa=3e6, shear_strength_Pa=6e6,
             tan_friction=0.5, damping_ratio=0.05)
 
 
-def test_slow_compression_gives_the_elastic_constants_at_rest(tmp_path):
+@pytest.mark.parametrize("volumetric_ratio", [0.0, 0.3])
+def test_slow_compression_gives_the_elastic_constants_at_rest(tmp_path, volumetric_ratio):
     specimen = compression_specimen(0.025, 300, seed=11)
-    modulus, nu = elastic_test(tmp_path, specimen, ROCK)
-    at_rest = network_stiffness(specimen.packing, specimen.bonds, ROCK.bond_modulus_Pa, ROCK.stiffness_ratio)
+    modulus, nu = elastic_test(tmp_path, specimen, replace(ROCK, volumetric_ratio=volumetric_ratio))
+    at_rest = network_stiffness(specimen.packing, specimen.bonds, ROCK.bond_modulus_Pa, ROCK.stiffness_ratio,
+                                volumetric_ratio)
     assert modulus == pytest.approx(at_rest.youngs_modulus_Pa[0], rel=2e-3)
     assert nu == pytest.approx(at_rest.poisson_ratio[0], abs=2e-3)
 
@@ -61,22 +68,39 @@ def test_a_specimen_that_holds_is_refused(tmp_path):
 
 
 class FakeLaboratory:
-    """Stands for the virtual tests: strength is `law` of that of the bonds."""
+    """Stands for the virtual tests: `law` of the bonds' tensile and shear strength gives that of a kind of test."""
 
-    def __init__(self, law):
+    def __init__(self, **law):
         self.law = law
 
     def strengths(self, stage, kind, rock, seeds):
-        return self.law(rock.tensile_strength_Pa) * np.linspace(0.9, 1.1, len(seeds))
+        return self.law[kind](rock.tensile_strength_Pa, rock.shear_strength_Pa) * np.linspace(0.9, 1.1, len(seeds))
 
 
-def test_tensile_strength_is_fitted_and_the_ratio_of_strengths_kept():
+def test_both_strengths_are_fitted():
     target = read_target("coal")
-    rock = fit_tensile_strength(ROCK, target, FakeLaboratory(lambda s: 0.4 * s), range(5))
+    rock = fit_strengths(ROCK, target, FakeLaboratory(
+        Brazilian=lambda t, s: 0.4 * t, compression=lambda t, s: t**0.3 * s**0.7), range(8))
     assert rock.tensile_strength_Pa == pytest.approx(target.tensile_strength_Pa / 0.4, rel=0.01)
-    assert rock.shear_strength_Pa == pytest.approx(2 * rock.tensile_strength_Pa)
-    with pytest.raises(RuntimeError, match="the tensile strength reached"):
-        fit_tensile_strength(ROCK, target, FakeLaboratory(lambda s: 5e5), range(5))
+    reached = rock.tensile_strength_Pa**0.3 * rock.shear_strength_Pa**0.7
+    assert reached == pytest.approx(target.compressive_strength_Pa, rel=0.02)
+
+
+@pytest.mark.parametrize("deaf", ["Brazilian", "compression"])
+def test_a_strength_that_cannot_be_reached_is_named(deaf):
+    laws = {"Brazilian": lambda t, s: t, "compression": lambda t, s: s, deaf: lambda t, s: 5e5}
+    with pytest.raises(RuntimeError, match=f"the {deaf} strength reached"):
+        fit_strengths(ROCK, read_target("coal"), FakeLaboratory(**laws), range(8))
+
+
+def test_confining_pressure_in_closed_form(tmp_path):
+    """An elastic cylinder that is held at its ends and squeezed by p at its side pushes the platens by 2 nu p."""
+    specimen = compression_specimen(0.025, 1500, seed=11)
+    rock = replace(ROCK, tensile_strength_Pa=1e30, shear_strength_Pa=1e30, tan_friction=0.0)
+    nu = network_stiffness(specimen.packing, specimen.bonds, rock.bond_modulus_Pa, rock.stiffness_ratio).poisson_ratio[0]
+    pressure = 1e5
+    still = strength_test(tmp_path, specimen, rock, 1e-12, pressure)
+    assert still.stress_Pa[-1] == pytest.approx(2 * nu * pressure, rel=0.1)
 
 
 @pytest.mark.parametrize("material, scene, words", [
@@ -99,41 +123,34 @@ def test_a_material_without_targets_is_named(tmp_path):
         read_target("coal", file)
 
 
+def meets_its_targets(reached):
+    """E within 3 %, nu within 0.02, tensile strength within 5 %, UCS within 10 %. Strengths of single packings differ by
+    10 to 18 %, so the mean of so few may miss by two of its standard errors more."""
+    assert reached["youngs_modulus_Pa"]["mean"] == pytest.approx(reached["youngs_modulus_Pa"]["target"], rel=0.03)
+    for name, tolerance, packings in (("tensile_strength_Pa", 0.05, CHECK_SEEDS), ("compressive_strength_Pa", 0.1,
+                                                                                   CHECK_SEEDS // 2)):
+        found = reached[name]
+        allowed = tolerance * found["target"] + 2 * found["deviation"] / np.sqrt(packings)
+        assert abs(found["mean"] - found["target"]) < allowed, name
+    assert reached["poisson_ratio"]["mean"] == pytest.approx(reached["poisson_ratio"]["target"], abs=0.02)
+
+
 @pytest.mark.parametrize("material", ["coal", "gangue"])
-def test_fitted_materials_meet_modulus_and_tensile_strength(material):
+def test_fitted_materials_meet_their_targets_and_are_those_of_the_scene(material):
     file = SCENES / "materials" / f"{material}.toml"
     table = read_toml(file)
-    check(BondTable, table["bond"], file, where="bond")
     scene, target = read_scene(SCENES / "paper.toml"), read_target(material, TARGETS)
-    reached = table["reached"]
+    assert check(BondTable, table["bond"], file, where="bond") == scene.materials[material].bond
+    reached, beside = table["reached"], table["beside"]
     assert reached["youngs_modulus_Pa"]["target"] == scene.materials[material].youngs_modulus_Pa
     assert reached["tensile_strength_Pa"]["target"] == target.tensile_strength_Pa
-    assert abs(reached["youngs_modulus_Pa"]["mean"] / reached["youngs_modulus_Pa"]["target"] - 1) < 0.03
-    assert abs(reached["tensile_strength_Pa"]["mean"] / reached["tensile_strength_Pa"]["target"] - 1) < 0.05
+    assert reached["compressive_strength_Pa"]["target"] == target.compressive_strength_Pa
+    meets_its_targets(reached)
+    assert 0.7 < beside["direct_tension_Pa"]["mean"] / reached["tensile_strength_Pa"]["mean"] < 1.1
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("material", ["coal", "gangue"])
-def test_calibration_again_meets_the_targets_and_the_kept_values(tmp_path, material):
-    """E within 3 % and tensile strength within 5 % of the target, on packings without part in the fit.
-
-    Two calibrations have differed by 3 % in the tensile strength of coal; why was not traced. They are asked to differ by
-    less than three standard errors of the scatter of their packings.
-    """
+def test_calibration_again_meets_the_targets(tmp_path, material):
     calibrate(material, SCENES / "paper.toml", tmp_path, report=lambda line: None)
-    again, kept = (read_toml(folder / f"{material}.toml") for folder in (tmp_path, SCENES / "materials"))
-    for name, tolerance in (("youngs_modulus_Pa", 0.03), ("tensile_strength_Pa", 0.05)):
-        now, before = again["reached"][name], kept["reached"][name]
-        assert now["mean"] == pytest.approx(now["target"], rel=tolerance)
-        standard_error = np.hypot(now["deviation"], before["deviation"]) / np.sqrt(CHECK_SEEDS)
-        assert abs(now["mean"] - before["mean"]) < 3 * standard_error
-
-
-def test_strength_scale():
-    radius = np.array([1e-3, 2e-3, 4e-3])
-    assert strength_scale(radius, 2e-3, 0.5) == pytest.approx([np.sqrt(2), 1, np.sqrt(0.5)])
-    assert strength_scale(1e-3, 3e-3, 0.0) == 1
-    # toughness, sigma sqrt(R), is the same for every size
-    assert strength_scale(radius, 1e-3, 0.5) * np.sqrt(radius) == pytest.approx(np.sqrt(1e-3) * np.ones(3))
-    with pytest.raises(ValueError, match="positive"):
-        strength_scale(0.0, 1e-3, 0.5)
+    meets_its_targets(read_toml(tmp_path / f"{material}.toml")["reached"])

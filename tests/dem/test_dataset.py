@@ -12,10 +12,12 @@ from dem.batch.dataset import build, plan_dataset
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
 
+COARSE = {"stones.agglomerate.subspheres": 40, "stones.agglomerate.contact": "sub_spheres"}
 PLAN = """scene = "{scenes}/paper.toml"
 seed = 7
 [changes]
 "stones.agglomerate.subspheres" = 40
+"stones.agglomerate.contact" = "sub_spheres"
 [families.ring]
 groups = 3
 runs_per_group = 11
@@ -67,13 +69,13 @@ def test_ranges_are_kept_and_ratios_come_equally_often(tmp_path):
 
 
 def test_a_stone_that_arrives_later_lies_higher():
-    scene = changed("paper", {"stones.agglomerate.subspheres": 40, "stones.arrival_s": [0.0, 1e-3, *[2e-4] * 8],
-                              "stones.strength_factor": [1.0, 2.0, *[0.5] * 8]})
+    scene = changed("paper", COARSE | {"stones.arrival_s": [0.0, 1e-3, *[2e-4] * 8],
+                                       "stones.strength_factor": [1.0, 2.0, *[0.5] * 8]})
     one = assemble(scene, arrange(scene, ""))
     lowest = np.array([(one.center_m[:, 2] - one.radius_m)[one.agglomerate == k].min() for k in range(10)])
     t = np.array(scene.stones.arrival_s)
     assert lowest == pytest.approx(2e-5 + 3.0 * t + 0.5 * 9.8 * t**2, abs=1e-12)
-    plain = changed("paper", {"stones.agglomerate.subspheres": 40})
+    plain = changed("paper", COARSE)
     ratio = one.bond_strength_factor / assemble(plain, arrange(plain, "")).bond_strength_factor
     stone = one.agglomerate[one.bond_first]
     assert ratio == pytest.approx(np.array(scene.stones.strength_factor)[stone], rel=1e-12)
@@ -110,6 +112,7 @@ def test_a_build_goes_on_where_it_was_stopped(tmp_path, capsys):
 seed = 1
 [changes]
 "stones.agglomerate.subspheres" = 40
+"stones.agglomerate.contact" = "sub_spheres"
 "time.duration_s" = 3e-4
 [families.one]
 groups = {groups}

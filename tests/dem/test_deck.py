@@ -17,6 +17,7 @@ from plate_fem.motion import ModalMotion
 PARTS = {
     "bonds": r"^fix bonds .*bond/parallel",
     "bond damping": r"damping_time",
+    "dilatation": r"^ +dilatation ",
     "friction": r"coefficientFriction",
     "friction history": r"tangential history",
     "rolling": r"rolling",
@@ -45,6 +46,7 @@ def needed(scene):
     return {part for part, wanted in {
         "bonds": table is not None,
         "bond damping": table is not None and table.damping_ratio > 0,
+        "dilatation": table is not None and any(scene.bond_of(m).feels_dilatation for m in ("coal", "gangue")),
         "friction": rubs,
         "friction history": rubs,
         "gravity": scene.time.gravity_m_s2 > 0,
@@ -58,7 +60,8 @@ def needed(scene):
 
 def small(name, changes=()):
     scene = changed(name, {})
-    few = {"stones.agglomerate.subspheres": 12} if scene.stones.agglomerate else {}
+    few = {"stones.agglomerate.subspheres": 12, "stones.agglomerate.contact": "sub_spheres"}
+    few = few if scene.stones.agglomerate else {}
     return changed(name, few | dict(changes))
 
 
@@ -74,7 +77,9 @@ RIGID = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_k
                    "poisson_ratio": 0.3}}
 OMISSIONS = {
     # whole spheres press too little to yield, and a rigid plate does not yield at all
-    "bonds": ({"stones.agglomerate": None}, {"bonds", "bond damping", "weak contact", "plasticity"}),
+    "bonds": ({"stones.agglomerate": None}, {"bonds", "bond damping", "dilatation", "weak contact", "plasticity"}),
+    "dilatation": ({f"materials.{name}.bond.{key}": None for name in ("coal", "gangue") for key in (
+        "volumetric_ratio", "pressure_strengthening", "pressure_threshold_Pa")}, {"dilatation"}),
     "damping": ({"stones.agglomerate.damping_ratio": 0.0}, {"bond damping"}),
     "friction": (SMOOTH, {"friction", "friction history"}),
     "gravity": ({"time.gravity_m_s2": None}, {"gravity"}),
@@ -86,19 +91,19 @@ OMISSIONS = {
 }
 
 
-YIELDS = {"plate.yield_stress_Pa": 8e8}
+WHOLE = {"plate.yield_stress_Pa": 8e8, "materials.coal.bond.volumetric_ratio": 0.3}
 
 
 @pytest.fixture(scope="module")
 def whole():
-    return deck_of(small("paper", YIELDS))[0]
+    return deck_of(small("paper", WHOLE))[0]
 
 
 @pytest.mark.parametrize("omission", OMISSIONS)
 def test_what_the_scene_leaves_out_the_deck_leaves_out(omission, whole):
     changes, gone = OMISSIONS[omission]
     assert whole == set(PARTS) - {"rolling"}
-    assert whole - deck_of(small("paper", YIELDS | changes))[0] == gone
+    assert whole - deck_of(small("paper", WHOLE | changes))[0] == gone
 
 
 def test_a_plate_without_rods_has_none_in_its_modes_and_signals():

@@ -35,7 +35,8 @@ def test_the_committed_laws_ascend(knob):
     assert np.all(np.diff(law(knob).settings) > 0) and np.all(np.diff(law(knob).errors) > 0)
 
 
-WITHOUT_MODES = {"plate.max_frequency_Hz": None, "stones.agglomerate.subspheres": 30}
+WITHOUT_MODES = {"plate.max_frequency_Hz": None, "stones.agglomerate.subspheres": 30,
+                 "stones.agglomerate.contact": "sub_spheres"}
 
 
 def settings_of(tolerance):

@@ -28,7 +28,7 @@ def small_scene(name, plate):
     scene["contacts"] = {key: {"restitution": 0.5, "friction": 0.4} for key in (
         "coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}
     if name == "bonded":
-        scene["stones"]["agglomerate"]["subspheres"] = 8
+        scene["stones"]["agglomerate"] |= {"subspheres": 8, "contact": "sub_spheres"}
     else:
         del scene["stones"]["agglomerate"]
     if plate == "rigid":
