@@ -9,8 +9,8 @@ from tests.robustness.small import SCENES, run
 
 SCENE_FILES = {file.stem: file for file in sorted(SCENES.glob("*.toml")) if "[stones]" in file.read_text()}
 FAST = ("elastic_plate", "hertz_coal", "hertz_gangue")
-LIGHTER = {"paper": [("duration_s = 0.6 ", "duration_s = 0.01 "), ("subspheres = 500", "subspheres = 60")],
-           "single": [("subspheres = 500", "subspheres = 60")]}
+LIGHTER = {"paper": [("duration_s = 0.6 ", "duration_s = 0.01 "), ("subspheres = 500", "subspheres = 200")],
+           "single": [("subspheres = 500", "subspheres = 200")]}
 
 
 def sweeps_to_a_report(name, tmp_path):
