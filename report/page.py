@@ -179,7 +179,7 @@ def three_js() -> str:
 def numbers(results: SweepResults, counts: Counter[str]) -> list[Number]:
     """Return the three numbers of the first screen."""
     total = sum(counts.values())
-    peaks_kN = 1e-3 * results.response.peaks["force_N"]
+    peaks_kN = 1e-3 * results.sweep.peaks("force_N")
     return [
         _unseen(results),
         Number(f"{peaks_kN[0]:.0f} to {peaks_kN[-1]:.0f} kN", "largest force, from lowest to highest ratio"),

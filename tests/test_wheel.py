@@ -88,8 +88,13 @@ def test_every_package_comes_from_the_wheel_and_is_typed(installed, found):
 def test_the_files_beside_the_code_are_there(installed, found, name):
     inside = Path(found["data"]) / name
     assert installed.environment in inside.parents
-    files = {str(file.relative_to(ROOT / name)) for file in (ROOT / name).rglob("*") if file.is_file()}
-    assert {str(file.relative_to(inside)) for file in inside.rglob("*") if file.is_file()} == files
+    assert _files(inside) == _files(ROOT / name)
+
+
+def _files(directory):
+    """All below a directory but what Python compiles."""
+    files = (file for file in directory.rglob("*") if file.is_file() and file.parent.name != "__pycache__")
+    return {str(file.relative_to(directory)) for file in files}
 
 
 def test_the_wheel_has_one_command_for_everything(installed):

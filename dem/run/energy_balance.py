@@ -13,6 +13,7 @@ Nothing in these refers to the kinetic energies, to the plate's own energy or to
 all can miss the energy at the start; `closure` says by how much, relative to the energy supplied: the kinetic energy of
 the impact and what gravity did until the stones were lowest. `contacts_unexplained_J` is the part of it that a wrong
 contact law would have: what the contacts took from stones and plate (their work) less all that is known of it.
+`given_to_stones_J` is what passed through contacts from one stone to others; over all stones it is zero.
 """
 
 from __future__ import annotations
@@ -80,7 +81,10 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
     took = -(c["pair_work_J"] + c["wall_work_J"] + c["plate_work_J"])
     known = sum(parts[name] for name in ("contact_elastic_J", "contact_damping_J", "plastic_J", "friction_J",
                                          "contact_springs_J")) + c["wall_released_J"]
-    return parts | {UNEXPLAINED: took - known}
+    # What a contact between two stones keeps or takes counts half for each, yet its force does more work on one than on
+    # the other: the difference passes between them. Only the sum over the stones can see a wrong law.
+    unexplained = (took - known).mean(axis=1, keepdims=True)
+    return parts | {"given_to_stones_J": took - known - unexplained, UNEXPLAINED: unexplained + np.zeros_like(took)}
 
 
 def energy_table(parts: dict[str, np.ndarray], t_s: np.ndarray) -> pd.DataFrame:

@@ -16,7 +16,7 @@ from dem.run.run import run_scene
 from dem.stones.arrangement import arrange
 from dem.stones.assembly import assemble
 
-STONE = {"stones.agglomerate.subspheres": 60, "stones.agglomerate.unbreakable": True, "plate.max_frequency_Hz": 1000.0,
+STONE = {"stones.agglomerate.subspheres": 60, "stones.agglomerate.contact": "sub_spheres", "stones.agglomerate.unbreakable": True, "plate.max_frequency_Hz": 1000.0,
          "time.free_flight_tolerance": 1.0}  # it leaves the force loops as soon as it has rebounded
 TABLES = ("signals", "fast", "breakage", "energy", "contacts")
 
@@ -97,7 +97,8 @@ def test_two_rates_meet_in_one_schedule():
 @pytest.mark.parametrize("arrivals_s, impacts", [([0.0] * 10, 1), ([0.0] * 5 + [0.01] * 5, 2), ([0.01 * k for k in range(10)], None)])
 def test_each_impact_gets_its_pictures_and_all_together_are_bounded(arrivals_s, impacts):
     """A stone's lowest point falls h = v t + g t^2/2 in the time t."""
-    scene = changed("paper", {"stones.agglomerate.subspheres": 20, "time.duration_s": 10.0,
+    scene = changed("paper", {"stones.agglomerate.subspheres": 20,
+                              "stones.agglomerate.contact": "sub_spheres", "time.duration_s": 10.0,
                               "stones.arrival_s": arrivals_s})
     assembly = assemble(scene, arrange(scene, "scene"))
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
@@ -115,7 +116,8 @@ def test_each_impact_gets_its_pictures_and_all_together_are_bounded(arrivals_s, 
 
 
 def test_a_scene_without_pictures_has_no_schedule():
-    scene = changed("paper", {"output.view_interval_s": None, "stones.agglomerate.subspheres": 20})
+    scene = changed("paper", {"output.view_interval_s": None, "stones.agglomerate.subspheres": 20,
+                              "stones.agglomerate.contact": "sub_spheres"})
     assembly = assemble(scene, arrange(scene, "scene"))
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     assert picture_schedule(scene, assembly, step) is None

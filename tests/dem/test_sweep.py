@@ -64,7 +64,8 @@ def test_a_sweep_changes_keys_of_the_scene(tmp_path, capsys):
     and its engine's log is kept where the scene asks for it."""
     scene, out = SCENES / "paper.toml", tmp_path / "runs"
     changes = ["stones.count=3", "time.duration_s=3e-4", "output.engine_log=true", "time.free_flight_tolerance=0.0",
-               "plate.max_frequency_Hz=1500.0", "stones.agglomerate.subspheres=8"]
+               "plate.max_frequency_Hz=1500.0", "stones.agglomerate.subspheres=8",
+               "stones.agglomerate.contact='sub_spheres'"]
     settings = [word for change in changes for word in ("--set", change)]
     assert main(["sweep", str(scene), "--out", str(out), *settings]) == 0
     assert "4 ratios, 4 to run" in capsys.readouterr().out

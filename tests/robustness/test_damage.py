@@ -10,7 +10,7 @@ from dem.coupling.checkpoint import engine_file, last_whole, plate_file, steps_o
 from tests.robustness.small import run, small_stone, what_was_said
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
-STREAMS = ["ledger.bin", "forces.bin", "contacts.bin", "events.csv", "view.dump"]  # in the deck's order
+STREAMS = ["ledger.bin", "forces.bin", "contacts.bin", "events.csv", "pictures.bin"]  # in the deck's order
 
 
 @pytest.fixture(scope="module")
