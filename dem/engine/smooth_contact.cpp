@@ -273,9 +273,10 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   }
   for (size_t tag = 1; tag < offset_.size(); tag++)
     if (offset_[tag] != 0) left.insert(left.end(), {tag + 0.0, offset_[tag]});
-  out.common("patch_counts", {patches_.size() + 0.0, numbers.size() + 0.0, left.size() + 0.0});
+  out.common("patch_counts", {patches_.size() + 0.0, numbers.size() + 0.0, left.size() + 0.0, watched_.size() + 0.0});
   out.common("patches", numbers);
   out.common("patch_offsets", left);
+  out.common("patch_watched", std::vector<double>(watched_.begin(), watched_.end()));
   out.sum("patch_damped", damped_);
   out.sum("patch_released", released_);
   out.sum("patch_plastic", plastic_);
@@ -286,7 +287,7 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
 
 void SmoothContact::restore(const CheckpointReader &in) {
   alone_.restore(in);
-  const std::vector<double> counts = in.common("patch_counts", 3);
+  const std::vector<double> counts = in.common("patch_counts", 4);
   const std::vector<double> &numbers = in.common("patches", counts[1]), &left = in.common("patch_offsets", counts[2]);
   damped_ = in.sum("patch_damped", damped_.size());
   released_ = in.sum("patch_released", released_.size());
@@ -307,6 +308,8 @@ void SmoothContact::restore(const CheckpointReader &in) {
     for (const Weight &m : p.members) patch_of_tag_[m.tag] = k;
     patches_.push_back(p);
   }
+  const std::vector<double> &watched = in.common("patch_watched", counts[3]);
+  watched_.assign(watched.begin(), watched.end());
   for (size_t k = 0; k + 1 < left.size(); k += 2) offset_[static_cast<int>(left[k])] = left[k + 1];
   looked_ = true;
 }

@@ -42,7 +42,7 @@ def test_an_unbreakable_stone_pushes_as_the_elastic_sphere(tmp_path, subspheres,
     found = run_scene(stone(subspheres, material, speed_m_s), "scene", tmp_path / "run")
     assert found["peak_force_N"] == pytest.approx(hertz(material)["force_N"] * (speed_m_s / 3.0) ** 1.2, rel=within)
     assert found["rebound_speed_m_s"][0] == pytest.approx(speed_m_s, rel=0.003)
-    assert abs(found["energy"]["closure"]) < 1e-6
+    assert abs(found["energy"]["closure"]) < 1e-5
     assert abs(found["energy"]["contacts_unexplained_J"]) < 1e-5 * found["energy"]["impact_J"]
     assert found["energy"]["friction_J"] == 0
 
@@ -98,11 +98,12 @@ def test_a_stone_that_crushes_pushes_less_and_takes_the_energy(tmp_path):
     assert found["energy"]["plastic_J"] == pytest.approx((1 - 0.547**2) * found["energy"]["impact_J"], rel=0.03)
 
 
-def test_a_run_that_was_stopped_in_the_contact_goes_on_bit_by_bit(runs):
-    """Asked to stop at once, it does so at its first checkpoint, five samples in: with samples of 10 us in the contact."""
+@pytest.mark.parametrize("sample_s", [1e-5, 1.3e-5, 2e-5])
+def test_a_run_that_was_stopped_in_the_contact_goes_on_bit_by_bit(runs, sample_s):
+    """Asked to stop at once, it does so at its first checkpoint, five samples in, while bonds under the patch break."""
     scene = stone(restitution=0.5, friction=0.4, **{
-        "stones.agglomerate.unbreakable": False, "stones.speed_m_s": 6.0, "time.sample_interval_s": 1e-5})
-    whole, parted = runs / "smooth_whole", runs / "smooth_parted"
+        "stones.agglomerate.unbreakable": False, "stones.speed_m_s": 6.0, "time.sample_interval_s": sample_s})
+    whole, parted = runs / f"whole_{sample_s}", runs / f"parted_{sample_s}"
     run_scene(scene, "scene", whole)
     with pytest.raises(Stopped, match="at the checkpoint"):
         run_scene(scene, "scene", parted, walltime_s=0.0)

@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 import pytest
 from plates import STEEL, four_rods, plate, rod
+from scipy.integrate import trapezoid
 from solid import solid_modes, unlike_rods_modes
 
 from plate_fem.modes import plate_modes
@@ -81,6 +82,6 @@ def after_a_pulse(frequency_Hz, product):
     """Undamped deflection over 10 ms after a half sine of 1 N and 250 us; product: of the shapes at both places."""
     t, tau = np.linspace(0, 0.01, 2001)[:, None], np.linspace(0, 250e-6, 200)[None]
     force = np.sin(np.pi * tau / 250e-6)
-    response = [a / w * np.trapezoid(force * np.where(t > tau, np.sin(w * (t - tau)), 0), tau[0], axis=1)
+    response = [a / w * trapezoid(force * np.where(t > tau, np.sin(w * (t - tau)), 0), tau[0], axis=1)
                 for w, a in zip(2 * np.pi * frequency_Hz, product, strict=True)]
     return np.sum(response, axis=0)
