@@ -12,6 +12,7 @@ import hashlib
 import io
 import os
 import platform
+import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,6 +28,8 @@ from common.files import written_whole
 
 LARGEST_MB = 500
 HASH_BYTES = 32
+# Names of entries, with what a killed process left half written, which ages like the rest.
+ENTRY = re.compile(r"[a-z]+-[0-9a-f]{32}\.cache(\.\d+\.part)?")
 LOCKS = 16  # of each kind of entry; keys that share one wait for each other now and then
 
 Arrays = dict[str, np.ndarray]
@@ -142,7 +145,9 @@ def _write(file: Path, arrays: Arrays) -> None:
 def _make_room(directory: Path) -> None:
     """Remove what was not used for longest until the entries are small enough together."""
     entries = []
-    for file in directory.glob("*.cache*"):  # with what a killed process left half written, which ages like the rest
+    for file in directory.iterdir():
+        if not ENTRY.fullmatch(file.name):  # the directory may be one in which the user keeps other files
+            continue
         try:
             status = file.stat()
         except FileNotFoundError:  # another process makes room, too

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -43,10 +44,10 @@ def refuse_place(out: Path) -> None:
         raise InputError(f"--out = {out}: is a file; must be a directory or absent")
 
 
-def write_contents(directory: Path, kind: str, listed: bool = False) -> None:
-    """Say in a directory that this program wrote it; with `listed`, which files there are."""
-    files = {"files": sorted(files_in(directory))} if listed else {}
-    write_json(directory / CONTENTS, {"written_by": WRITER, "kind": kind, **files})
+def write_contents(directory: Path, kind: str, files: Iterable[str] | None = None) -> None:
+    """Say in a directory that this program wrote it, and which `files` in it where it is replaced as a whole."""
+    listed = {} if files is None else {"files": sorted(files)}
+    write_json(directory / CONTENTS, {"written_by": WRITER, "kind": kind, **listed})
 
 
 def files_in(directory: Path) -> Iterator[str]:
@@ -90,7 +91,7 @@ def at_work_in(out: Path, kind: str) -> Iterator[None]:
     Raises InputError for a directory with anything else in it, Busy where another process is at work.
     """
     refuse_place(out)
-    strange = out.is_dir() and any(out.iterdir()) and kind_of(out) != kind
+    strange = out.is_dir() and any(map(_is_strange, out.iterdir())) and kind_of(out) != kind
     if strange and not (kind in RUNS_IN and next(out.glob(RUNS_IN[kind]), None)):
         raise InputError(f"--out = {out}: holds files and no {CONTENTS} of a {kind}; must be absent, empty or a {kind} "
                          "that this program wrote")
@@ -102,6 +103,11 @@ def at_work_in(out: Path, kind: str) -> Iterator[None]:
         yield
     finally:
         os.close(lock)
+
+
+def _is_strange(entry: Path) -> bool:
+    """Is an entry none of what a process that is just beginning, or was killed then, has before `contents.json`?"""
+    return entry.name != LOCK and not re.fullmatch(re.escape(CONTENTS) + r"\.\d+\.part", entry.name)
 
 
 def locked(file: Path, wait_s: float = 0.0) -> int:

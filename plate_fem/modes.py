@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -145,7 +146,7 @@ def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | Sequence[Se
     The damping ratio does not belong to it: frequencies and shapes are those without damping.
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio"})
-    return key_of(Path(__file__).parent, table, np.asarray(residual_points_m, float).tolist())
+    return key_of(Path(__file__).parent, version("scikit-fem"), table, np.asarray(residual_points_m, float).tolist())
 
 
 def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, np.ndarray]:

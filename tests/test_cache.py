@@ -92,9 +92,11 @@ def test_what_was_not_used_for_longest_makes_room(tmp_path, monkeypatch):
     keys = [key_of(tmp_path, number) for number in range(4)]
     cached(tmp_path, "test", keys[0], lambda: ARRAYS)
     monkeypatch.setattr(cache, "LARGEST_MB", 3.5e-6 * entry_file(tmp_path, "test", keys[0]).stat().st_size)
-    half_written = tmp_path / "test-0.cache.99.part"
-    half_written.write_bytes(b"x")
-    os.utime(half_written, (0, 0))
+    half_written = entry_file(tmp_path, "test", keys[0]).with_suffix(".cache.99.part")
+    others = [tmp_path / name for name in ("thesis.cache", "notes.cache.txt", "modes-1.cache", f"x-{KEY}.cache.bak")]
+    for file in (half_written, *others):
+        file.write_bytes(b"x")
+        os.utime(file, (0, 0))
     for number, key in enumerate(keys[:3]):
         cached(tmp_path, "test", key, lambda: ARRAYS)
         os.utime(entry_file(tmp_path, "test", key), (number, number))
@@ -102,6 +104,7 @@ def test_what_was_not_used_for_longest_makes_room(tmp_path, monkeypatch):
     cached(tmp_path, "test", keys[3], lambda: ARRAYS)
     assert [entry_file(tmp_path, "test", key).exists() for key in keys] == [True, False, True, True]
     assert not half_written.exists()
+    assert all(file.exists() for file in others)  # of the user's, who shares the directory
 
 
 def test_without_a_place_to_write_results_are_found_and_a_warning_tells(tmp_path):

@@ -156,7 +156,7 @@ def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int
     check_engine()
     planned = plan_dataset(plan_file)
     with at_work_in(out, "dataset"):
-        missing = [run for run in planned if not is_finished(out / run.directory, run.scene)]
+        missing = [run for run in planned if not is_finished(out / run.directory, run.scene, overwrite)]
         for run in missing:
             RunDirectory(out / run.directory).refuse(scene_hash(run.scene), overwrite)
         _log.info("%s: %d runs, %d to run", plan_file, len(planned), len(missing))

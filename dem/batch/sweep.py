@@ -34,7 +34,8 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
     for scene in scenes.values():
         arrange(scene, str(scene_file))
     with at_work_in(out, "sweep"):
-        missing = [ratio for ratio, scene in scenes.items() if not is_finished(out / ratio_name(ratio), scene)]
+        missing = [ratio for ratio, scene in scenes.items()
+                   if not is_finished(out / ratio_name(ratio), scene, overwrite)]
         for ratio in missing:
             RunDirectory(out / ratio_name(ratio)).refuse(scene_hash(scenes[ratio]), overwrite)
         _log.info("%s: %d ratios, %d to run", scene_file, len(scenes), len(missing))
@@ -49,7 +50,13 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
     return 1 if failed else 0
 
 
-def is_finished(directory: Path, scene: Scene) -> bool:
-    """Does a directory hold a finished run of this very scene? Raises InputError for a run.json that cannot be read."""
-    summary = read_summary(directory / "run.json")
+def is_finished(directory: Path, scene: Scene, overwrite: bool = False) -> bool:
+    """Does a directory hold a finished run of this very scene? Raises InputError for a run.json that cannot be read;
+    with `overwrite` such a run counts as not finished, since it will be replaced."""
+    try:
+        summary = read_summary(directory / "run.json")
+    except InputError:
+        if not overwrite:
+            raise
+        return False
     return summary is not None and summary.status == "finished" and summary.scene_hash == scene_hash(scene)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import zlib
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from common.files import is_sealed, read_json, read_sealed_json, seal, write_json
-from common.output_directory import files_in, locked, refuse_replacing, write_contents
+from common.output_directory import CONTENTS, files_in, locked, refuse_replacing, write_contents
 from common.run_summary import RunSummary, read_summary
 from common.tables import InputError
 
@@ -21,6 +22,9 @@ STARTED, RESULTS = "started.json", "results.json"
 LOCK = "lock"  # the first file in OUT.partial; what it holds says who made the directory
 MARK = "a run of coal-gangue-impact is in progress here\n"
 WORKING = (STARTED, RESULTS, LOCK)  # what only a run in progress has
+# Everything that a run writes directly into its directory, under these names or those of files half written.
+TABLES = ("signals.parquet", "fast.parquet", "breakage.parquet", "contacts.parquet", "energy.parquet")
+OWN = {*WORKING, *TABLES, "run.json", CONTENTS, "deck", "deck.fresh", "view", "view.pvd", "view.py"}
 KIND = "run"
 
 Identity = dict[str, str]
@@ -44,13 +48,15 @@ class RunDirectory:
         self._refuse_foreign_partial()
         if overwrite:
             return
-        finished = read_summary(self.out / "run.json")
-        if finished is not None and finished.scene_hash != scene_hash:
-            raise InputError(f"--out = {self.out}: holds a run of another scene; --overwrite replaces it")
         begun = self._begun()
         if begun is not None and begun["identity"].get("scene") != scene_hash:
             raise InputError(f"--out = {self.out}: a run of another scene was begun in {self.path}; --overwrite "
                              "discards it")
+        if begun is not None:  # whoever began it agreed that it takes the place of what is in OUT
+            return
+        finished = read_summary(self.out / "run.json")
+        if finished is not None and finished.scene_hash != scene_hash:
+            raise InputError(f"--out = {self.out}: holds a run of another scene; --overwrite replaces it")
 
     def _refuse_foreign_partial(self) -> None:
         if not self.path.exists() and not self.path.is_symlink():
@@ -59,6 +65,9 @@ class RunDirectory:
         mark = (self.path / LOCK).read_text(errors="replace") if (self.path / LOCK).is_file() else ""
         if mark != MARK and not (names <= {LOCK} and mark == ""):  # killed before it wrote the mark
             raise InputError(f"{self.path}: is there, and no run of this program was begun in it; move it away")
+        foreign = min((name for name in names if not _is_own(name)), default=None)
+        if foreign is not None:
+            raise InputError(f"{self.path}: holds {foreign}, which this program did not write; move it away")
 
     def _begun(self) -> dict[str, Any] | None:
         """What `start` wrote. Raises InputError if that is damaged, with what to do."""
@@ -104,16 +113,19 @@ class RunDirectory:
         return started["resumed_at_s"]
 
     def clear(self, keep: tuple[str, ...] = ()) -> None:
-        """Remove all but the lock and `keep`."""
+        """Remove what a run writes, but not the lock and `keep`."""
         for entry in self.path.iterdir():
-            if entry.name not in (LOCK, *keep):
+            if _is_own(entry.name) and entry.name not in (LOCK, *keep):
                 shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
 
     def note_finished(self) -> None:
         """Say of which files the results consist, when they are all there, with length and CRC-32 of each. The deck is
         not among them: whoever goes on writes it anew."""
-        names = [name for name in files_in(self.path) if not name.startswith("deck/") and name not in WORKING]
+        names = [name for name in self._own_files() if not name.startswith("deck/") and name not in WORKING]
         write_json(self.results_file, seal({"files": {name: fingerprint(self.path / name) for name in names}}))
+
+    def _own_files(self) -> list[str]:
+        return [name for name in files_in(self.path) if _is_own(Path(name).parts[0])]
 
     def finished(self, identity: Identity) -> RunSummary | None:
         """The summary of a run that was stopped between its last file and its new name, if all its results are as they
@@ -131,7 +143,7 @@ class RunDirectory:
             if entry.is_file():
                 with open(entry, "rb") as file:
                     os.fsync(file.fileno())
-        write_contents(self.path, KIND, listed=True)
+        write_contents(self.path, KIND, self._own_files())
         earlier = self.out.with_name(self.out.name + EARLIER)
         refuse_replacing(self.out, KIND)  # it may have come since the run began
         if self.out.exists():
@@ -141,6 +153,11 @@ class RunDirectory:
         for name in WORKING:
             (self.out / name).unlink(missing_ok=True)
         shutil.rmtree(earlier, ignore_errors=True)
+
+
+def _is_own(name: str) -> bool:
+    """Is this the name of something that a run writes directly into its directory?"""
+    return re.sub(r"\.\d+\.part$", "", name) in OWN
 
 
 def fingerprint(file: Path) -> list[int]:

@@ -37,7 +37,7 @@ def surface_of(packing: Packing, bonds: Bonds, bond: BondTable, cache_dir: Path 
         surface = stone_surface(packing, bonds, bond)
         return {"compliance_m_N": np.array([[c.normal_m_N, c.tangential_m_N] for c in (surface.first, surface.other)])}
 
-    key = key_of(CODE, packing.center_m.tobytes(), packing.radius_m.tobytes(), bonds.first.tobytes(),
+    key = key_of(CODE, packing.container, packing.center_m.tobytes(), packing.radius_m.tobytes(), bonds.first.tobytes(),
                  bonds.second.tobytes(), bonds.radius_m.tobytes(), bond.youngs_modulus_Pa, bond.stiffness_ratio,
                  bond.volumetric_ratio)
     first, other = cached(cache_dir, "surface", key, find)["compliance_m_N"].tolist()

@@ -1,5 +1,7 @@
 """Packings and surfaces from the library are those that are found, bit by bit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes_of_tests import SCENES
@@ -9,7 +11,7 @@ from dem.stones import library
 from dem.stones.bonds import bond_network
 from dem.stones.contact_patch import stone_surface
 from dem.stones.library import packed_sphere, surface_of
-from dem.stones.packing import pack_sphere
+from dem.stones.packing import SphereContainer, pack_sphere
 
 
 def test_a_packing_from_the_library_is_the_packing(tmp_path, monkeypatch):
@@ -38,3 +40,14 @@ def test_a_surface_from_the_library_is_the_surface(tmp_path, monkeypatch):
     kept = surface_of(packing, bonds, scene.bond_of("coal"), tmp_path)
     assert (kept.first, kept.other) == (expected.first, expected.other) != (other.first, other.other)
     assert np.array_equal(kept.is_surface, expected.is_surface)
+
+
+def test_a_surface_of_another_container_is_another_surface(tmp_path):
+    """The same sub-spheres in a larger sphere: fewer of them reach its surface."""
+    packing = pack_sphere(0.025, 200, 7)
+    larger = replace(packing, container=SphereContainer(0.0255))
+    bonds, bond = bond_network(packing), read_scene(SCENES / "paper.toml").bond_of("coal")
+    surface_of(packing, bonds, bond, tmp_path)
+    kept, expected = surface_of(larger, bonds, bond, tmp_path), stone_surface(larger, bonds, bond)
+    assert (kept.first, kept.other) == (expected.first, expected.other)
+    assert len(list(tmp_path.glob("surface-*.cache"))) == 2

@@ -1,13 +1,16 @@
 """No command replaces or mixes with what this program did not write, and none loses a run of another scene."""
 
 import json
+import os
 
 import pandas as pd
 import pytest
 
-from common.output_directory import at_work_in, write_contents
+import dem.run.run
+from common.output_directory import Busy, at_work_in, locked, write_contents
 from common.tables import InputError
 from dem.__main__ import main
+from dem.run.errors import RunError
 from report.page import write_report
 from tests.analysis.synthetic import write_sweep
 from tests.robustness.small import HERTZ, SCENES
@@ -107,6 +110,86 @@ def test_neighbours_with_the_names_that_a_run_uses_are_left_alone(tmp_path, caps
         assert everything(place) == {"mine.txt": b"mine"}
         (place / "mine.txt").unlink()
         place.rmdir()
+
+
+def begun(out, *arguments):
+    """A run that `main` stops before the engine starts, as far as its started.json."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dem.run.run._run_in", lambda *_: (_ for _ in ()).throw(RunError("stopped")))
+        assert main([*RUN, str(out), *arguments]) == 1
+    return out.with_name(f"{out.name}.partial")
+
+
+def test_a_run_that_replaces_another_is_gone_on_with(tmp_path, capsys):
+    """Consent to the replacement was given when it was begun."""
+    out, other = tmp_path / "run", ["--set", "stones.speed_m_s=2.0"]
+    assert main([*RUN, str(out)]) == 0
+    begun(out, *other, "--overwrite")
+    capsys.readouterr()
+    assert "another scene was begun" in refused(capsys, [*RUN, out])
+    assert main(["resume", str(out)]) == 0
+    assert json.loads((out / "run.json").read_text())["scene"]["stones"]["speed_m_s"] == 2.0
+    assert "another scene" in refused(capsys, [*RUN, out])
+
+
+def test_a_foreign_file_in_a_run_in_progress_is_neither_deleted_nor_taken_for_its_own(tmp_path, capsys, monkeypatch):
+    out = tmp_path / "run"
+    partial = begun(out)
+    capsys.readouterr()
+    (partial / "mine.txt").write_text("mine")
+    for command in ([*RUN, out], [*RUN, out, "--overwrite"], ["resume", out]):
+        assert "mine.txt" in refused(capsys, command)
+    (partial / "mine.txt").unlink()
+    simulate = dem.run.run._run_in
+
+    def put_while_it_runs(*arguments):
+        (partial / "mine.txt").write_text("mine")
+        return simulate(*arguments)
+
+    monkeypatch.setattr("dem.run.run._run_in", put_while_it_runs)
+    assert main(["resume", str(out)]) == 0
+    files = json.loads((out / "contents.json").read_text())["files"]
+    assert "run.json" in files and "mine.txt" not in files
+    assert {"mine.txt", "contents.json"} == set(everything(out)) - set(files)
+    assert "mine.txt" in refused(capsys, [*RUN, out, "--overwrite"])
+    assert (out / "mine.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("kind", ["sweep", "dataset"])
+@pytest.mark.parametrize("damaged", ["", '{"status": "fini'])
+def test_a_damaged_run_is_replaced_with_overwrite(commands, tmp_path, capsys, monkeypatch, kind, damaged):
+    """What would be run is looked at, and the runs are left out."""
+    out = tmp_path / kind
+    monkeypatch.setattr("dem.batch.sweep.run_all", lambda commands, jobs: [(0, "")] * len(commands))
+    monkeypatch.setattr("dem.batch.dataset._run_missing", lambda missing, *_: 0)
+    where = out / ("ratio_000" if kind == "sweep" else "one/000/ratio_000")
+    for ratio in ("ratio_000", "ratio_100"):  # of the data set there is one of the two
+        directory = where.with_name(ratio)
+        directory.mkdir(parents=True)
+        (directory / "run.json").write_text(damaged)
+        write_contents(directory, "run", ["run.json"])
+    write_contents(out, kind)
+    assert "run.json" in refused(capsys, [*commands[kind], out])
+    assert main([*commands[kind], str(out), "--overwrite"]) == 0
+    to_run = capsys.readouterr().out
+    assert ("2 ratios, 2 to run" if kind == "sweep" else "1 runs, 1 to run") in to_run
+
+
+@pytest.mark.parametrize("left", [".lock", "contents.json.123.part"])
+def test_a_directory_that_was_only_just_begun_is_taken_up(tmp_path, left):
+    """Killed before it wrote contents.json, or another process still does."""
+    out = tmp_path / "sweep"
+    out.mkdir()
+    lock = locked(out / ".lock")
+    (out / left).touch()
+    with pytest.raises(Busy), at_work_in(out, "sweep"):
+        pass
+    os.close(lock)
+    with at_work_in(out, "sweep"):
+        assert (out / "contents.json").is_file()
+    (tmp_path / "mine" / "contents.json.part").mkdir(parents=True)
+    with pytest.raises(InputError, match="mine"), at_work_in(tmp_path / "mine", "sweep"):
+        pass
 
 
 def test_two_commands_do_not_work_in_one_directory(commands, tmp_path, capsys):
