@@ -145,6 +145,13 @@ def test_what_ends_a_result_is_told_in_one_line(tmp_path, capsys, monkeypatch, r
     assert (captured.out, captured.err) == ("", f"{said}\n")
 
 
+def test_an_interrupt_before_the_command_begins_gives_one_line():
+    code = ("import os, signal, gangue.__main__ as line\n"
+            "line.run_command = lambda *_: os.kill(os.getpid(), signal.SIGINT)\nline.main()")
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (130, 1) and done.stderr.startswith("interrupted")
+
+
 @pytest.mark.parametrize("words", [["--json", "doctor"], ["completion", "bash"], ["features", "--help"]])
 def test_a_closed_pipe_and_a_full_disk_give_no_traceback(words):
     reading, writing = os.pipe()
