@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from typing import Any, cast
 
+from common.command import listen_for_interrupt, run_command, say
 from gangue.commands import COMMANDS, OWN, Command
 from gangue.parsers import DESCRIPTION, PROGRAM, examples_of, parser_of
 
@@ -22,7 +23,13 @@ SWITCHES = ("--quiet", "--json")  # may stand before or behind the command
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command line and return the exit code of its command; 2 for bad input."""
+    if argv is None:
+        listen_for_interrupt()
     words = list(sys.argv[1:] if argv is None else argv)
+    return run_command(PROGRAM, lambda: _command(words))
+
+
+def _command(words: list[str]) -> int:
     options = _top_parser().parse_args(words[:_start_of_command(words) + 1])
     rest = [word for word in words[_start_of_command(words) + 1:] if word not in SWITCHES]
     quiet, as_json = (getattr(options, switch[2:]) or switch in words for switch in SWITCHES)
@@ -58,16 +65,28 @@ def _carry_out(name: str, command: Command, rest: list[str], quiet: bool, as_jso
         print(f"--json: {name} has no result but the files that it writes; allowed are "
               f"{', '.join(n for n, c in COMMANDS.items() if c.json)}, doctor", file=sys.stderr)
         return 2
+    options = parser_of(name, command).parse_args(rest)
     words = [command.word, *rest] if command.word else rest
     line = importlib.import_module(f"{command.package}.__main__")
     aside = sys.stderr if as_json else sys.stdout
     with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere if quiet else aside):
         code = cast(int, line.main(words))
     if as_json and code in GIVES_RESULT:
-        from gangue.results import RESULTS
+        return _print_result(name, options, code)
+    return code
 
-        found = RESULTS[name](line._parser().parse_args(words), code)
-        print(json.dumps(found, indent=1, allow_nan=False))
+
+def _print_result(name: str, options: argparse.Namespace, code: int) -> int:
+    """Read again what the command wrote, which may be gone or damaged by now."""
+    from common.tables import InputError
+    from gangue.results import RESULTS
+
+    try:
+        found = RESULTS[name](options, code)
+    except InputError as error:
+        say(str(error))
+        return 2
+    print(json.dumps(found, indent=1, allow_nan=False))
     return code
 
 

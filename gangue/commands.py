@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Command:
-    """`package` carries out the command by its own command line, under the name `word`; empty where it has but one
-    command. `examples` follow the help. `json`: can it give its result as JSON?"""
+    """`package` carries out the command by its own command line, under the name `word`; empty where it needs none.
+    `examples` follow the help. `json`: can it give its result as JSON? `parser`: the function of the package's command
+    line that returns the parser."""
 
     package: str
     word: str
     help: str
     examples: tuple[str, ...]
     json: bool = True
+    parser: str = "_parser"
 
 
 COMMANDS = {
@@ -54,6 +56,9 @@ COMMANDS = {
         "gangue evaluate runs/dataset",), json=False),
     "report": Command("report", "", "write report.html of a sweep", (
         "gangue report runs/paper",)),
+    "compare": Command("report", "compare", "write a page of what differs between two runs or two sweeps", (
+        "gangue compare runs/before runs/after",
+        "gangue compare runs/before/ratio_030 runs/after/ratio_030 --out thirty.html"), parser="_compare_parser"),
 }
 
 #: Those of `gangue` itself.

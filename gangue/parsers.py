@@ -13,10 +13,11 @@ DESCRIPTION = "Coal and gangue on a steel plate: simulate impacts, analyse recor
 
 def parser_of(name: str, command: Command) -> argparse.ArgumentParser:
     """The parser of a command, as its package has it, under the name that it has here."""
-    parser: argparse.ArgumentParser = importlib.import_module(f"{command.package}.__main__")._parser()
-    if command.word:
-        (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-        parser = commands.choices[command.word]
+    line = importlib.import_module(f"{command.package}.__main__")
+    parser: argparse.ArgumentParser = getattr(line, command.parser)()
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            parser = action.choices[command.word]
     parser.prog = f"{PROGRAM} {name}"
     parser.description = parser.description or command.help
     parser.epilog = examples_of(command.examples)

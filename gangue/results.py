@@ -44,12 +44,13 @@ def _features(options: Options, _code: int) -> Any:
 
 
 def _modes(options: Options, _code: int) -> Any:
+    from common.cache import user_cache
     from common.plate import FlexiblePlate, read_plate
     from plate_fem.modes import plate_modes
 
     plate = read_plate(options.scene)
     assert isinstance(plate, FlexiblePlate)  # the command has refused others
-    modes = plate_modes(plate)
+    modes = plate_modes(plate, user_cache())
     return {"theory": modes.theory, "mass_kg": float(modes.mass_kg), "frequency_Hz": modes.frequency_Hz.tolist(),
             "damping_ratio": modes.damping_ratio.tolist()}
 
@@ -70,6 +71,12 @@ def _recognise(options: Options, code: int) -> Any:
     return {"out_of_distribution": code != 0, "best": None if best is None else best[0], "methods": found}
 
 
+def _compare(options: Options, _code: int) -> Any:
+    from report.compare_page import page_of
+
+    return {"page": str(options.out or page_of(options.a, options.b))}
+
+
 def _number(value: float | None) -> float | None:
     """A number of JSON, which has no NaN: null."""
     return None if value is None or value != value or abs(value) == float("inf") else float(value)
@@ -80,10 +87,11 @@ RESULTS: dict[str, Callable[[Options, int], Any]] = {
     "resume": _run,
     "sweep": _sweep,
     "deck": lambda options, _: {"deck": str(options.out / "deck" / "deck.liggghts")},
-    "calibrate": lambda options, _: read_toml(options.out / f"{options.material}.toml"),
+    "calibrate": lambda options, _: read_toml(options.out / f"{options.rock or options.material}.toml"),
     "modes": _modes,
     "features": _features,
     "fit": lambda options, _: {"model": str(options.out)},
     "recognise": _recognise,
     "report": lambda options, _: {"report": str(Path(options.directory) / "report.html")},
+    "compare": _compare,
 }

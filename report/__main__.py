@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 from common.command import Parser, listen_for_interrupt, run_command, say
 
@@ -21,9 +22,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run a command line and return its exit code."""
     arguments = sys.argv[1:] if argv is None else argv
     if arguments[:1] == ["compare"]:
-        from report.compare_page import main as compare  # late, as below
-
-        return run_command("report compare", lambda: compare(arguments[1:]))
+        return run_command("report compare", lambda: _compare(_compare_parser().parse_args(arguments[1:])))
     return run_command("report", lambda: _report(_parser().parse_args(arguments).directory))
 
 
@@ -31,6 +30,15 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="python -m report", description="Write report.html and claims.csv into a directory of runs; "
                     "`python -m report compare A B` puts two runs or sweeps side by side.")
     parser.add_argument("directory", help="directory of runs ratio_*")
+    return parser
+
+
+def _compare_parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m report compare",
+                    description="Write a page of what differs between two runs or two sweeps.")
+    parser.add_argument("a", type=Path, metavar="A", help="run directory, or directory of runs ratio_*")
+    parser.add_argument("b", type=Path, metavar="B", help="another one of the same kind")
+    parser.add_argument("--out", type=Path, help="the page (default: compare_A_B.html beside B)")
     return parser
 
 
@@ -43,6 +51,19 @@ def _report(directory: str) -> int:
     except (InputError, *MISSING_RESULT) as error:
         say(f"report: {error}")
         return 2
+    return 0
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from analysis import RecordError
+    from report.compare_page import write_comparison  # late, as above
+
+    try:
+        page = write_comparison(options.a, options.b, options.out)
+    except (RecordError, OSError) as error:
+        say(f"report: {error}")
+        return 2 if isinstance(error, RecordError) else 1
+    print(f"comparison written to {page}")
     return 0
 
 

@@ -1,9 +1,7 @@
-"""The page of two runs or sweeps side by side, and its command line: `python -m report compare A B`."""
+"""The page of two runs or sweeps side by side."""
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,34 +9,25 @@ import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis import RecordError
 from common.files import write_text
 from common.resources import resource
 from report.compare import MAIN_NUMBERS, Comparison, Curve, Pair, compare
 from report.figures.style import ACCENT, GANGUE, PALE, RATIO_LABEL, canvas, styled, to_uri
 
 
-def main(argv: list[str]) -> int:
-    """Compare, write the page, and return the exit code: 2 for directories that cannot be compared, 1 where a file
-    cannot be read or written."""
-    parser = argparse.ArgumentParser(prog="python -m report compare",
-                                     description="Write a page of what differs between two runs or two sweeps.")
-    parser.add_argument("a", type=Path, metavar="A", help="run directory, or directory of runs ratio_*")
-    parser.add_argument("b", type=Path, metavar="B", help="another one of the same kind")
-    parser.add_argument("--out", type=Path, help="the page (default: compare_A_B.html beside B)")
-    options = parser.parse_args(argv)
-    out = options.out or options.b.parent / f"compare_{options.a.name}_{options.b.name}.html"
-    try:
-        comparison = compare(options.a, options.b)
-        write_text(out, render(comparison))
-    except RecordError as error:
-        print(f"report: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"report: {error}", file=sys.stderr)
-        return 1
-    print(f"comparison written to {out}")
-    return 0
+def write_comparison(a: Path, b: Path, out: Path | None = None) -> Path:
+    """Compare two run directories or two directories of runs, and return the page that was written.
+
+    Raises RecordError for directories that cannot be compared, OSError where a file cannot be read or written.
+    """
+    out = out or page_of(a, b)
+    write_text(out, render(compare(a, b)))
+    return out
+
+
+def page_of(a: Path, b: Path) -> Path:
+    """Where the page is written unless another place is named."""
+    return b.parent / f"compare_{a.name}_{b.name}.html"
 
 
 def render(comparison: Comparison) -> str:

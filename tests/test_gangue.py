@@ -1,5 +1,6 @@
 """One command for everything: it does what the packages' own command lines do."""
 
+import errno
 import json
 import os
 import shlex
@@ -11,13 +12,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import plate_fem.modes
 from analysis import read_record, signal_features
-from common.tables import read_toml
+from common.tables import InputError, read_toml
 from gangue.__main__ import main
 from gangue.commands import COMMANDS
 from gangue.completion import whole_parser
 from gangue.parsers import parser_of
-from tests.analysis.synthetic import write_sweep
+from gangue.results import RESULTS
+from tests.analysis.synthetic import write_run, write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -49,7 +52,8 @@ def test_help_imports_no_library_that_is_slow():
 @pytest.mark.parametrize("words, said", [
     ([], "command"), (["recognize"], "recognize"), (["--json", "campaign", "x.toml", "--out", "y"], "no result"),
     (["--json", "features", "nothing.csv"], "no such file"), (["--json", "modes", "nothing.toml"], "cannot be read"),
-    (["completion", "fish"], "fish"),
+    (["completion", "fish"], "fish"), (["--json", "report", "compare", "a", "b"], "gangue report: unrecognized"),
+    (["--json", "compare", "nowhere", "nothing"], "nowhere"),
 ])
 def test_bad_input_ends_with_2_and_no_output(words, said, capsys):
     try:
@@ -90,7 +94,7 @@ def test_recognition_as_json(tmp_path, capsys):
     assert found["out_of_distribution"] and found["best"] is None
 
 
-def test_modes_as_json(tmp_path, capsys):
+def test_modes_as_json(tmp_path, capsys, monkeypatch):
     """A free square plate: omega a^2 sqrt(rho h/D) = 13.468 and 19.596 above three motions as a rigid body."""
     plate = {**read_toml(ROOT / "scenes" / "paper.toml")["plate"], "rods": [], "sensors": [], "thickness_m": 0.005,
              "max_frequency_Hz": 200.0}
@@ -100,7 +104,64 @@ def test_modes_as_json(tmp_path, capsys):
     frequency_Hz = json.loads(capsys.readouterr().out)["frequency_Hz"]
     stiffness = 2.07e11 * 0.005**3 / 12 / (1 - 0.3**2)
     unit_Hz = np.sqrt(stiffness / (7830.0 * 0.005)) / 0.5**2 / (2 * np.pi)
+    # The cache has what the command found: the result does not find it again.
+    monkeypatch.setattr(plate_fem.modes, "_compute", None)
+    assert main(["--json", "modes", str(tmp_path / "free.toml")]) == 0
+    assert json.loads(capsys.readouterr().out)["frequency_Hz"] == frequency_Hz
     assert frequency_Hz[3:5] == pytest.approx([13.468 * unit_Hz, 19.596 * unit_Hz], rel=5e-3)
+
+
+def test_a_comparison_as_json(tmp_path, capsys):
+    """The page is where the result says it is."""
+    a, b = (write_run(tmp_path / name, 0.5) for name in ("first", "second"))
+    for words in ([], ["--out", str(tmp_path / "page.html")]):
+        assert main(["--json", "compare", str(a), str(b), *words]) == 0
+        page = Path(json.loads(capsys.readouterr().out)["page"])
+        assert page.parent == tmp_path and "</html>" in page.read_text()
+    assert page.name == "page.html"
+
+
+def test_the_result_of_a_calibration_is_the_file_of_the_rock(tmp_path):
+    for rock, words in (("roof", ["--rock", "roof"]), ("coal", [])):
+        (tmp_path / f"{rock}.toml").write_text(f'name = "{rock}"\n')
+        words = ["coal", "--scene", "scenes/paper.toml", "--out", str(tmp_path), *words]
+        options = parser_of("calibrate", COMMANDS["calibrate"]).parse_args(words)
+        assert RESULTS["calibrate"](options, 0) == {"name": rock}
+
+
+@pytest.mark.parametrize("raised, code, said", [
+    (InputError("x.toml: speed = 'fast': must be a number"), 2, "x.toml: speed = 'fast': must be a number"),
+    (KeyboardInterrupt(), 130, "interrupted; what is finished stays, the same command goes on"),
+    (OSError(errno.ENOSPC, "No space left on device"), 1, "gangue: No space left on device"),
+])
+def test_what_ends_a_result_is_told_in_one_line(tmp_path, capsys, monkeypatch, raised, code, said):
+    def result(*_):
+        raise raised
+
+    (tmp_path / "x.csv").write_text("t_s,a_m_s2\n" + "".join(f"{k / 1000},{k % 7}\n" for k in range(100)))
+    monkeypatch.setitem(RESULTS, "features", result)
+    assert main(["--json", "--quiet", "features", str(tmp_path / "x.csv")]) == code
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", f"{said}\n")
+
+
+def test_an_interrupt_before_the_command_begins_gives_one_line():
+    code = ("import os, signal, gangue.__main__ as line\n"
+            "line.run_command = lambda *_: os.kill(os.getpid(), signal.SIGINT)\nline.main()")
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (130, 1) and done.stderr.startswith("interrupted")
+
+
+@pytest.mark.parametrize("words", [["--json", "doctor"], ["completion", "bash"], ["features", "--help"]])
+def test_a_closed_pipe_and_a_full_disk_give_no_traceback(words):
+    reading, writing = os.pipe()
+    os.close(reading)
+    full = os.open("/dev/full", os.O_WRONLY)
+    for output, code, said in ((writing, 141, ""), (full, 1, "gangue: No space left on device\n")):
+        done = subprocess.run([sys.executable, "-m", "gangue", *words], cwd=ROOT, stdout=output,
+                              stderr=subprocess.PIPE, text=True, check=False)
+        os.close(output)
+        assert (done.returncode, done.stderr) == (code, said)
 
 
 def test_a_quiet_sweep_and_its_json(tmp_path):

@@ -56,6 +56,8 @@ CONFINING_Pa = (2e6, 5e6)  # of the checks
 DISC_RADIUS_RATIO = 1.5    # disc against stone: 14 sub-spheres across, as laboratories want ten grains at least
 STEP = 0.12                # of a strength: so near the law of proportion holds
 STRENGTH_ROUNDS = 5
+# Directories in ROCK.partial, one a kind of test; "elastic" was one of earlier versions.
+TESTS_AT_WORK = frozenset({"elastic", "Brazilian", "compression", "tension"})
 FITTED = ("bond_modulus_Pa", "stiffness_ratio", "volumetric_ratio", "tensile_strength_Pa", "shear_strength_Pa")
 
 

@@ -17,6 +17,7 @@ from dem.calibration.calibrate import (
     read_target,
 )
 from dem.calibration.virtual_tests import (
+    LoadHistory,
     Rock,
     brazilian_specimen,
     compression_specimen,
@@ -112,6 +113,32 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, material, sc
     line = capsys.readouterr().err
     assert line.count("\n") == 1 and all(word in line for word in words)
     assert not out.exists()
+
+
+def test_a_calibration_that_was_killed_can_be_repeated(tmp_path, capsys, monkeypatch):
+    """Every test of a calibration leaves its directory, and none of them is taken for somebody else's."""
+    def strength(directory, *_):
+        directory.mkdir(parents=True, exist_ok=True)
+        target = read_target("coal")
+        wanted_Pa = target.compressive_strength_Pa if "compression" in directory.name else target.tensile_strength_Pa
+        return LoadHistory(np.array([1.0]), np.array([wanted_Pa]))
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    text = (SCENES / "paper.toml").read_text()
+    assert "subspheres = 500" in text
+    (tmp_path / "small.toml").write_text(text.replace("subspheres = 500", "subspheres = 60"))
+    arguments = ["calibrate", "coal", "--scene", str(tmp_path / "small.toml"), "--out", str(tmp_path)]
+    monkeypatch.setattr("dem.calibration.calibrate.strength_test", strength)
+    monkeypatch.setattr("dem.calibration.calibrate.FIT_SEEDS", 4)
+    monkeypatch.setattr("dem.calibration.calibrate.CHECK_SEEDS", 2)
+    with monkeypatch.context() as patched:
+        patched.setattr("dem.calibration.calibrate.calibration_toml", killed)
+        assert main(arguments) == 130
+    made = {directory.name for directory in (tmp_path / "coal.partial").iterdir()}
+    assert {"Brazilian", "compression", "tension"} <= made
+    assert main(arguments) == 0 and (tmp_path / "coal.toml").exists(), capsys.readouterr().err
 
 
 def test_a_material_without_targets_is_named(tmp_path):

@@ -11,7 +11,8 @@ from tests.robustness.small import SCENES, below, is_alive, small_stone, start, 
 
 LINE = "interrupted; what is finished stays, the same command goes on"
 PROGRAMS = {"dem": ["deck", "SCENE", "--out", "OUT"], "plate_fem": ["modes", "SCENE"],
-            "analysis": ["features", "nothing.csv"], "recognition": ["evaluate", "nowhere"], "report": ["nowhere"]}
+            "analysis": ["features", "nothing.csv"], "recognition": ["evaluate", "nowhere"], "report": ["nowhere"],
+            "gangue": ["features", "nothing.csv"]}
 
 
 def numpy_is_loading(pid):
