@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES, changed
 
+from common.messages import show_messages
 from common.scene import read_scene
 from common.tables import InputError
 from dem.batch.dataset import build, plan_dataset
@@ -121,6 +122,7 @@ packing = true
 """
     file, out = tmp_path / "plan.toml", tmp_path / "out"
     file.write_text(text.format(groups=1))
+    show_messages()
     assert build(file, out, jobs=2) == 0
     runs = sorted(out.glob("*/*/ratio_*"))
     assert [run.name for run in runs] == ["ratio_000", "ratio_100"]
