@@ -20,7 +20,7 @@ QUANTUM_M = 2e-5  # of positions: a hundredth of a sub-sphere; the box of 16-bit
 CURVE_POINTS = 900  # about the pixels of a curve's width
 
 #: No page above 15 MB: the film takes at most this much; what did not fit is named in the page.
-BUDGET_BYTES = 7_500_000
+BUDGET_BYTES = 6_500_000
 
 
 @dataclass(frozen=True)
