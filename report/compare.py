@@ -23,7 +23,7 @@ GROUPS = {
 }
 #: What a sweep is compared by at every ratio: (title, unit, key of run.json).
 MAIN_NUMBERS = (("peak force", "N", "peak_force_N"), ("bonds broken", "", "n_bonds_broken"),
-                ("peak acceleration of the centre of mass", "m/s²", "plate.max_a_m_s2"),
+                ("peak acceleration of the plate", "m/s²", "plate.max_a_m_s2"),
                 ("peak energy of the plate", "J", "plate.max_total_J"))
 IMPACT_s = 1e-3  # the curves of the fast stream
 
