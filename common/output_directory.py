@@ -91,8 +91,8 @@ def at_work_in(out: Path, kind: str) -> Iterator[None]:
     Raises InputError for a directory with anything else in it, Busy where another process is at work.
     """
     refuse_place(out)
-    strange = out.is_dir() and any(map(_is_strange, out.iterdir())) and kind_of(out) != kind
-    if strange and not (kind in RUNS_IN and next(out.glob(RUNS_IN[kind]), None)):
+    foreign = out.is_dir() and any(map(_is_foreign, out.iterdir())) and kind_of(out) != kind
+    if foreign and not (kind in RUNS_IN and next(out.glob(RUNS_IN[kind]), None)):
         raise InputError(f"--out = {out}: holds files and no {CONTENTS} of a {kind}; must be absent, empty or a {kind} "
                          "that this program wrote")
     out.mkdir(parents=True, exist_ok=True)
@@ -105,7 +105,7 @@ def at_work_in(out: Path, kind: str) -> Iterator[None]:
         os.close(lock)
 
 
-def _is_strange(entry: Path) -> bool:
+def _is_foreign(entry: Path) -> bool:
     """Is an entry none of what a process that is just beginning, or was killed then, has before `contents.json`?"""
     return entry.name != LOCK and not re.fullmatch(re.escape(CONTENTS) + r"\.\d+\.part", entry.name)
 

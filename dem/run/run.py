@@ -139,7 +139,7 @@ def _identity_of(work: RunDirectory) -> Identity | None:
 
 
 def note(line: str) -> None:
-    """Say what was found and mended."""
+    """Say what was found and put right."""
     print(f"note: {line}", file=sys.stderr)
 
 
