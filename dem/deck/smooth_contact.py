@@ -10,7 +10,6 @@ import numpy as np
 from common.hertz import contact_modulus_Pa
 from common.scene import PLATE, Scene, contact_key
 from dem.deck.restitution import damping_ratio
-from dem.deck.time_step import impact_speed_m_s
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS
 from plate_fem.contact_stress import YIELD_PRESSURE
@@ -33,32 +32,22 @@ class SmoothLaw:
     yield_pressure_Pa: float
 
 
-def smooth_law(scene: Scene, material: str, mass_kg: float, compliance_m_N: float) -> SmoothLaw:
-    """The law of a stone of one material, with the compliance of its patch."""
+def smooth_law(scene: Scene, material: str) -> SmoothLaw:
+    """The law of a stone of one material."""
     bodies, contact = (scene.materials[material], scene.plate), scene.contacts[contact_key(material, PLATE)]
     shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
     modulus = contact_modulus_Pa(*bodies)
-    damping = damping_ratio(contact.restitution, 4 / 3 * modulus * scene.stones.radius_m**0.5, mass_kg,
-                            impact_speed_m_s(scene), compliance_m_N)
     plate_limit = None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
     limits = [limit for limit in (scene.materials[material].contact_strength_Pa, plate_limit) if limit is not None]
-    return SmoothLaw(modulus, 1 / shear_compliance, damping, contact.friction, min(limits, default=0.0))
-
-
-def _law_of_first(scene: Scene, assembly: Assembly, material: str) -> SmoothLaw:
-    """Of the first stone of a material, which serves for all: their masses are the same, and the compliance of a patch
-    hardly changes the damping."""
-    k = assembly.stone_materials.index(material)
-    start = sum(assembly.sizes[:k])
-    mass = float(assembly.mass_kg[start:start + assembly.sizes[k]].sum())
-    return smooth_law(scene, material, mass, assembly.surfaces[k].first.normal_m_N)
+    return SmoothLaw(modulus, 1 / shear_compliance, damping_ratio(contact.restitution), contact.friction,
+                     min(limits, default=0.0))
 
 
 def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
     """Write the file that dem/engine/stone_surface.h describes."""
     radius = scene.stones.radius_m
     start = np.cumsum([0, *assembly.sizes])
-    laws = {name: _law_of_first(scene, assembly, name) for name in assembly.stone_materials}
+    laws = {name: smooth_law(scene, name) for name in set(assembly.stone_materials)}
     with open(file, "w") as out:
         out.write(f"{OUTSIDE * radius!r}\n")
         for k, (surface, material) in enumerate(zip(assembly.surfaces, assembly.stone_materials, strict=True)):

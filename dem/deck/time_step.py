@@ -10,6 +10,7 @@ import numpy as np
 from common import hertz
 from common.scene import PLATE, Scene, contact_key
 from common.tables import InputError
+from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
 from plate_fem.modes import PlateModes
@@ -284,8 +285,9 @@ def coupling_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:
         mass = _stone_mass_kg(scene, name)
         contact, depth = _hertz(scene, name, stones.radius_m, mass, max(stones.speed_m_s, 1e-3))
         stiffness = 1.5 * contact * np.sqrt(depth)
-        log_e = np.log(scene.contacts[contact_key(name, PLATE)].restitution)
-        dashpot = 2 * np.sqrt(5 / 6) * -log_e / np.hypot(log_e, np.pi) * np.sqrt(4 / 3 * stiffness * mass)
+        restitution = scene.contacts[contact_key(name, PLATE)].restitution
+        ratio = damping_ratio(restitution) if scene.has_smooth_contact else elastic_damping_ratio(restitution)
+        dashpot = 2 * np.sqrt(5 / 6) * ratio * np.sqrt(4 / 3 * stiffness * mass)
         limits["coupling_stiffness"] = min(limits["coupling_stiffness"],
                                            STIFFNESS_SHARE / np.sqrt(stiffness * mobility_1_kg))
         if dashpot > 0:
