@@ -109,7 +109,11 @@ void SmoothContact::meet_alone(std::vector<NearSphere> &near, int vflag) {
     p.plate_z -= offset;
   }
   alone_.add_forces(near, 0, vflag);
-  for (size_t k = 0; k < near.size(); k++) near[k].plate_z = kept_[k];
+  alone_now_.clear();
+  for (size_t k = 0; k < near.size(); k++) {
+    near[k].plate_z = kept_[k];
+    if (near[k].touches) alone_now_.push_back(atom->tag[near[k].i]);
+  }
 }
 
 void SmoothContact::measure() {
@@ -300,6 +304,7 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   out.common("patch_counts", {patches_.size() + 0.0, numbers.size() + 0.0, left.size() + 0.0, watched_.size() + 0.0});
   out.common("patches", numbers);
   out.common("patch_offsets", left);
+  out.rows("patch_alone", std::vector<double>(alone_now_.begin(), alone_now_.end()));
   out.common("patch_watched", std::vector<double>(watched_.begin(), watched_.end()));
   out.sum("patch_damped", damped_);
   out.sum("patch_released", released_);
@@ -334,6 +339,9 @@ void SmoothContact::restore(const CheckpointReader &in) {
     for (const Weight &m : p.members) patch_of_tag_[m.tag] = k;
     patches_.push_back(p);
   }
+  alone_now_.clear();
+  for (const double tag : in.rows("patch_alone", 1))
+    if (here(static_cast<int>(tag)) >= 0) alone_now_.push_back(static_cast<int>(tag));
   const std::vector<double> &watched = in.common("patch_watched", counts[3]);
   watched_.assign(watched.begin(), watched.end());
   for (size_t k = 0; k + 1 < left.size(); k += 2) offset_[static_cast<int>(left[k])] = left[k + 1];

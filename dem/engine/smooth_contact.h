@@ -76,6 +76,7 @@ class SmoothContact : public PlateContact {
   std::unique_ptr<StonePieces> pieces_;
   std::vector<Patch> patches_;
   std::vector<int> patch_of_tag_, near_of_tag_, indexed_;  // the last one: tags in near_of_tag_
+  std::vector<int> alone_now_;                       // tags that touch the plate alone, since the last step
   std::vector<double> kept_;                         // height of the plate beneath each near, m
   std::vector<double> offset_;                       // of the contact of a sub-sphere that left a patch, by tag, m
   std::vector<double> damped_, plastic_, released_, friction_, gained_;  // so far, by agglomerate, J

@@ -52,10 +52,8 @@ void SmoothContact::watch() {
 void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
   std::vector<double> wanted(surfaces_.stones().size(), 0);
   std::vector<char> touching(near_of_tag_.size(), 0);
-  for (const NearSphere &p : near) {
-    wanted[agglomerates_.of_tag(lmp_->atom->tag[p.i])] = 1;
-    touching[lmp_->atom->tag[p.i]] = p.touches && !p.in_patch;
-  }
+  for (const NearSphere &p : near) wanted[agglomerates_.of_tag(lmp_->atom->tag[p.i])] = 1;
+  for (const int tag : alone_now_) touching[tag] = 1;  // a list of what is near may be new and know nothing
   sum(wanted);
   for (const Patch &p : patches_) wanted[p.agglomerate] = 1;
   std::vector<char> stones(wanted.size());

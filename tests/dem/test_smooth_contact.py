@@ -133,6 +133,23 @@ def test_a_run_that_was_stopped_in_the_contact_goes_on_bit_by_bit(runs, sample_s
         pd.testing.assert_frame_equal(one, other, check_exact=True)
 
 
+def test_a_new_list_of_what_is_near_forgets_no_contact(tmp_path):
+    """A stone comes in over the edge of the plate, which it touches with single sub-spheres, while the list is made anew
+    at every step. They must be free before a patch takes them, or the energy of their contacts is lost."""
+    prepared = prepare(stone(**{"stones.positions": [{"x_m": 0.2499, "y_m": 0.0}], "time.free_flight_tolerance": 0.0}),
+                       "scene", tmp_path)
+    write_deck(tmp_path / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+    deck = (tmp_path / "deck" / "deck.liggghts").read_text()
+    for old, new in (("all set 0 0 -3", "all set -2.1213 0 -2.1213"), ("extent -0.25 0.25", "extent -0.25 0.2496"),
+                     ("neigh_modify    delay 0", "neigh_modify    delay 0 every 1 check no")):
+        assert old in deck
+        deck = deck.replace(old, new)
+    run_engine(tmp_path / "deck", deck, 1)
+    c = {name: rows[:, 0] for name, rows in read_ledger(tmp_path / "deck" / "ledger.bin", 1).column.items()}
+    assert c["wall_elastic_J"].max() > 0.1 * c["kinetic_J"][0]
+    assert np.abs(c["wall_work_J"] + c["wall_elastic_J"]).max() < 1e-4 * c["kinetic_J"][0]
+
+
 def test_weights_of_a_patch_are_centred_and_of_the_surface():
     packing = pack_sphere(RADIUS_m, 500, seed=7)
     axis = np.array([0.6, 0.0, 0.8])
