@@ -21,8 +21,8 @@ StoneSurfaces::StoneSurfaces(LAMMPS *lmp, const std::string &file, const Agglome
   for (int a = 0; a < agglomerates.count() && in; a++) {
     SmoothStone s;
     s.first_tag = tag;
-    in >> s.count >> s.radius >> s.patch_radius >> s.modulus >> s.shear_modulus >> s.damping_ratio >> s.friction >>
-        s.yield_pressure >> s.compliance_first >> s.compliance >> s.across_first >> s.across;
+    in >> s.count >> s.radius >> s.patch_radius >> s.modulus >> s.shear_modulus >> s.damping_ratio >>
+        s.damping_ratio_across >> s.friction >> s.yield_pressure >> s.compliance_first >> s.compliance >> s.across_first >> s.across;
     stones_.push_back(s);
     for (int k = 0; k < s.count && in && tag <= agglomerates.tags(); k++, tag++) {
       int is_surface = 0;

@@ -15,7 +15,8 @@ struct SmoothStone {
   int first_tag, count;           // of its sub-spheres
   double radius, patch_radius;    // R, b
   double modulus, shear_modulus;  // E*, G*
-  double damping_ratio, friction, yield_pressure;  // the last one 0 where nothing yields
+  double damping_ratio, damping_ratio_across;      // of the dashpots along the contact axis and across it
+  double friction, yield_pressure;                 // the last one 0 where nothing yields
   // Compression of the bond network per force on the patch, along its axis and across it: about the axis that points
   // down at the start, and about others.
   double compliance_first, compliance, across_first, across;
