@@ -10,7 +10,6 @@ import numpy as np
 from common.hertz import contact_modulus_Pa
 from common.scene import PLATE, Scene, contact_key
 from dem.deck.restitution import damping_ratio
-from dem.deck.time_step import Body, body_of
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS
 from plate_fem.contact_stress import YIELD_PRESSURE
@@ -33,47 +32,25 @@ class SmoothLaw:
     yield_pressure_Pa: float
 
 
-def smooth_law(scene: Scene, body: Body, mass_kg: float, compliance_m_N: float) -> SmoothLaw:
-    """The law of one stone, with the compliance of its patch."""
-    material = body.material
+def smooth_law(scene: Scene, material: str) -> SmoothLaw:
+    """The law of a stone of one material."""
     bodies, contact = (scene.materials[material], scene.plate), scene.contacts[contact_key(material, PLATE)]
     shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
     modulus = contact_modulus_Pa(*bodies)
-    damping = damping_ratio(contact.restitution, 4 / 3 * modulus * body.radius_m**0.5, mass_kg, body.speed_m_s,
-                            compliance_m_N)
     plate_limit = None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
     limits = [limit for limit in (scene.materials[material].contact_strength_Pa, plate_limit) if limit is not None]
-    return SmoothLaw(modulus, 1 / shear_compliance, damping, contact.friction, min(limits, default=0.0))
-
-
-class _Laws:
-    """The laws of the stones of a scene. The damping ratio, which takes a while to find, is the same for stones of one
-    material and impact speed whatever their size, and the compliance of a patch hardly changes it: the first stone of a
-    material and a speed, to 1 %, serves for all."""
-
-    def __init__(self, scene: Scene, assembly: Assembly):
-        self._scene, self._assembly, self._start = scene, assembly, np.cumsum([0, *assembly.sizes])
-        self._known: dict[tuple[str, str], SmoothLaw] = {}
-
-    def of(self, index: int) -> SmoothLaw:
-        """The law of the stone `index`."""
-        body = body_of(self._assembly.stones[index], self._assembly.gravity_m_s2)
-        key = (body.material, f"{body.speed_m_s:.2e}")
-        if key not in self._known:
-            compliance = self._assembly.surfaces[index].first.normal_m_N
-            here = slice(self._start[index], self._start[index + 1])
-            mass = float(self._assembly.mass_kg[here].sum())
-            self._known[key] = smooth_law(self._scene, body, mass, compliance)
-        return self._known[key]
+    return SmoothLaw(modulus, 1 / shear_compliance, damping_ratio(contact.restitution), contact.friction,
+                     min(limits, default=0.0))
 
 
 def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
     """Write the file that dem/engine/stone_surface.h describes."""
-    start, laws = np.cumsum([0, *assembly.sizes]), _Laws(scene, assembly)
+    start = np.cumsum([0, *assembly.sizes])
+    laws = {name: smooth_law(scene, name) for name in set(assembly.stone_materials)}
     with open(file, "w") as out:
         out.write(f"{OUTSIDE * max(stone.radius_m for stone in assembly.stones)!r}\n")
         for k, (surface, stone) in enumerate(zip(assembly.surfaces, assembly.stones, strict=True)):
-            here, law, radius = slice(start[k], start[k + 1]), laws.of(k), stone.radius_m
+            here, law, radius = slice(start[k], start[k + 1]), laws[stone.material], stone.radius_m
             numbers = [radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio,
                        law.friction, law.yield_pressure_Pa, surface.first.normal_m_N, surface.other.normal_m_N,
                        surface.first.tangential_m_N, surface.other.tangential_m_N]

@@ -11,6 +11,7 @@ import numpy as np
 from common import hertz
 from common.scene import PLATE, Scene, contact_key
 from common.tables import InputError
+from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
 from dem.stones.stone import Stone, impact_speed_m_s
@@ -303,8 +304,9 @@ def coupling_limits_s(scene: Scene, stones: Sequence[Stone], mobility_1_kg: floa
         mass = _body_mass_kg(scene, body)
         contact, depth = _hertz(scene, body.material, body.radius_m, mass, body.speed_m_s)
         stiffness = 1.5 * contact * np.sqrt(depth)
-        log_e = np.log(scene.contacts[contact_key(body.material, PLATE)].restitution)
-        dashpot = 2 * np.sqrt(5 / 6) * -log_e / np.hypot(log_e, np.pi) * np.sqrt(4 / 3 * stiffness * mass)
+        restitution = scene.contacts[contact_key(body.material, PLATE)].restitution
+        ratio = damping_ratio(restitution) if scene.has_smooth_contact else elastic_damping_ratio(restitution)
+        dashpot = 2 * np.sqrt(5 / 6) * ratio * np.sqrt(4 / 3 * stiffness * mass)
         limits["coupling_stiffness"] = min(limits["coupling_stiffness"],
                                            STIFFNESS_SHARE / np.sqrt(stiffness * mobility_1_kg))
         if dashpot > 0:

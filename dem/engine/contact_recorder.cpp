@@ -38,7 +38,7 @@ FILE *ContactRecorder::opened(const std::string &file) const {
 
 void ContactRecorder::add_forces(const std::vector<NearSphere> &near, double share) {
   for (const NearSphere &p : near)
-    if (p.touches) push_[agglomerates_.of_tag(lmp_->atom->tag[p.i])] += share * p.force[2];
+    if (p.touches) push_[agglomerates_.of_tag(lmp_->atom->tag[p.i])] += share * p.push;
 }
 
 void ContactRecorder::end_co_step() {

@@ -203,7 +203,7 @@ void FixWallPlate::end_co_step(bool first) {
 }
 
 void FixWallPlate::end_of_step() {
-  contact_->end_of_step(near_);
+  contact_->end_of_step(near_, work_on_stone_);
   if (update->ntimestep % contacts_every_ == 0) recorder_->record_contacts(near_, *contact_);
 }
 

@@ -151,7 +151,7 @@ Vec GranularContact::surface_velocity(const NearSphere &p) const {
   return v - dot(v, p.normal) * p.normal - arm * cross(Vec(lmp_->atom->omega[p.i]), p.normal);
 }
 
-void GranularContact::end_of_step(const std::vector<NearSphere> &near) {
+void GranularContact::end_of_step(const std::vector<NearSphere> &near, std::vector<double> &) {
   const Atom *atom = lmp_->atom;
   const double dt = lmp_->update->dt;
   for (const NearSphere &p : near) {

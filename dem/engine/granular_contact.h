@@ -34,7 +34,7 @@ class GranularContact : public PlateContact {
   GranularContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa);
   void setup() override;
   void add_forces(std::vector<NearSphere> &, double reach, int vflag) override;
-  void end_of_step(const std::vector<NearSphere> &) override;
+  void end_of_step(const std::vector<NearSphere> &, std::vector<double> &work_on_stone) override;
   void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;
   Pressing pressing(const NearSphere &) const override;
   SphereMemory *memory() override { return indentation_ ? &indentation_->memory() : nullptr; }

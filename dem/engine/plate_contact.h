@@ -46,8 +46,9 @@ class PlateContact {
   // Once a step, when the other forces of the step are known. The plate stays within `reach` (m) of z = 0 until the
   // next message. `vflag` asks LIGGGHTS for the virial.
   virtual void add_forces(std::vector<NearSphere> &, double reach, int vflag) = 0;
-  // When the velocities at the end of the step are known, with which damping does its work.
-  virtual void end_of_step(const std::vector<NearSphere> &) = 0;
+  // When the velocities at the end of the step are known, with which damping does its work. Adds the work (J, by
+  // agglomerate) of what the law gave to sub-spheres beside the forces noted in each NearSphere.
+  virtual void end_of_step(const std::vector<NearSphere> &, std::vector<double> &work_on_stone) = 0;
   virtual void add_to(LedgerRows &, const std::vector<NearSphere> &) const = 0;  // see EnergyHolder
   // Elastic normal force, N, and the radius of the sphere that presses, m: what bending and yielding are judged by.
   struct Pressing {

@@ -72,6 +72,9 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   meet_alone(near, vflag);
   measure();
   for (Patch &p : patches_) press(p);
+  dampen();
+  for (Patch &p : patches_)
+    if (p.elastic > 0 && stone(p).friction > 0) rub(p);
   if (looks) release_half_a_step(near);
   hand_out(near);
 }
@@ -106,7 +109,11 @@ void SmoothContact::meet_alone(std::vector<NearSphere> &near, int vflag) {
     p.plate_z -= offset;
   }
   alone_.add_forces(near, 0, vflag);
-  for (size_t k = 0; k < near.size(); k++) near[k].plate_z = kept_[k];
+  alone_now_.clear();
+  for (size_t k = 0; k < near.size(); k++) {
+    near[k].plate_z = kept_[k];
+    if (near[k].touches) alone_now_.push_back(atom->tag[near[k].i]);
+  }
 }
 
 void SmoothContact::measure() {
@@ -140,7 +147,7 @@ Vec SmoothContact::surface_velocity(int i, double plate_z) const {
 void SmoothContact::press(Patch &p) {
   if (p.is_new && p.q > 2 * std::fabs(p.q_rate) * lmp_->update->dt) p.base -= p.q, p.q = 0;  // no force from nothing
   p.is_new = false;
-  p.force = p.across[0] = p.across[1] = p.damping = p.rubbing = 0;
+  p.elastic = p.dashpot = p.across[0] = p.across[1] = p.rubbing = 0;
   p.state = SmoothLaw::State();
   p.presses = p.q > 0;
   if (!p.presses) {
@@ -152,13 +159,29 @@ void SmoothContact::press(Patch &p) {
   if (p.state.force <= 0) return stretch(p, 0, Vec());
   const SmoothStone &s = stone(p);
   deepest_[p.agglomerate] = std::max(deepest_[p.agglomerate], p.state.approach / s.radius);
-  // Hertz' dashpot 2 sqrt(5/6) zeta sqrt(S m) acts on the whole approach, of which q is all but the compression of the
-  // bonds.
-  const double part = 1 - p.compliance * p.state.stiffness;
-  const double dashpot = 2 * std::sqrt(5. / 6.) * s.damping_ratio * std::sqrt(p.state.stiffness * p.mass);
-  p.damping = p.share * dashpot / (part * part);
-  p.force = p.share * p.state.force + p.damping * p.q_rate;
-  if (s.friction > 0) rub(p);
+  p.elastic = p.share * p.state.force;
+}
+
+// Hertz' dashpot 2 sqrt(5/6) zeta sqrt(S m) on the speed at which the piece as a whole comes down. It never pulls more
+// than the patch pushes.
+void SmoothContact::dampen() {
+  std::vector<double> speeds;
+  for (const Patch &p : patches_) speeds.push_back(p.elastic > 0 ? body_speed(p) : 0);
+  sum(speeds);
+  for (size_t k = 0; k < patches_.size(); k++) {
+    Patch &p = patches_[k];
+    if (p.elastic <= 0) continue;
+    const double c = 2 * std::sqrt(5. / 6.) * stone(p).damping_ratio * std::sqrt(p.share * p.state.stiffness * p.mass);
+    p.dashpot = std::max(-p.elastic, c * (p.plate_v - speeds[k]));
+  }
+}
+
+// Upwards, of what is on this rank.
+double SmoothContact::body_speed(const Patch &p) const {
+  double speed = 0;
+  for (const Weight &m : p.body)
+    if (const int i = here(m.tag); i >= 0) speed += m.weight * lmp_->atom->v[i][2];
+  return speed;
 }
 
 // The law at the present q.
@@ -176,7 +199,7 @@ void SmoothContact::rub(Patch &p) {
   const double mindlin = 4 * s.shear_modulus / s.modulus * p.state.stiffness;
   const double spring = p.share * mindlin / (1 - p.compliance_across * mindlin);
   const Vec slip = p.slip + lmp_->update->dt * p.sliding;
-  const double pull = spring * norm(slip), limit = s.friction * std::fabs(p.force);
+  const double pull = spring * norm(slip), limit = s.friction * p.force();
   const bool slides = pull > limit;
   stretch(p, spring, (slides ? limit / pull : 1) * slip);
   if (!slides) p.rubbing = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio * std::sqrt(mindlin * p.mass);
@@ -198,6 +221,8 @@ void SmoothContact::hand_out(std::vector<NearSphere> &near) {
   Atom *atom = lmp_->atom;
   for (const Patch &p : patches_) {
     if (!p.presses) continue;
+    for (const Weight &m : p.body)
+      if (const int i = here(m.tag); i >= 0) atom->f[i][2] += m.weight * p.dashpot;
     const int central = p.central();
     for (const Weight &m : p.members) {
       const int i = here(m.tag);
@@ -205,10 +230,10 @@ void SmoothContact::hand_out(std::vector<NearSphere> &near) {
       if (near_of_tag_[m.tag] < 0) lmp_->error->one(FLERR, "A patch of a stone's surface is not near the plate");
       NearSphere &n = near[near_of_tag_[m.tag]];
       const double height = atom->x[i][2] - p.w;
-      const double f[3] = {m.weight * p.across[0], m.weight * p.across[1], m.weight * p.force};
+      const double f[3] = {m.weight * p.across[0], m.weight * p.across[1], m.weight * p.elastic};
       const double torque[3] = {height * f[1], -height * f[0], 0};
       n.touches = n.in_patch = true;
-      n.push = m.tag == central ? p.force : 0;
+      n.push = m.tag == central ? p.force() : 0;
       n.depth = n.overlap = 0;
       for (int d = 0; d < 3; d++) {
         n.force[d] = f[d], n.torque[d] = torque[d];
@@ -219,21 +244,22 @@ void SmoothContact::hand_out(std::vector<NearSphere> &near) {
 }
 
 // The force had the rate of half a step ago, the integrator does its work with the present one.
-void SmoothContact::end_of_step(const std::vector<NearSphere> &near) {
-  alone_.end_of_step(near);
-  const Atom *atom = lmp_->atom;
+void SmoothContact::end_of_step(const std::vector<NearSphere> &near, std::vector<double> &work_on_stone) {
+  alone_.end_of_step(near, work_on_stone);
+  const double dt = lmp_->update->dt;
   for (const Patch &p : patches_) {
-    if (p.damping == 0 && p.rubbing == 0) continue;
-    double rate = is_first_rank() ? p.plate_v : 0;
+    if (p.dashpot != 0) {
+      const double speed = body_speed(p), plate_v = is_first_rank() ? p.plate_v : 0;
+      work_on_stone[p.agglomerate] += dt * p.dashpot * speed;
+      damped_[p.agglomerate] += dt * p.dashpot * (plate_v - speed);
+    }
+    if (p.rubbing == 0) continue;
     Vec sliding;
     for (const Weight &m : p.members) {
       const int i = here(m.tag);
-      if (i < 0) continue;
-      rate -= m.weight * atom->v[i][2];
-      sliding += m.weight * surface_velocity(i, p.w);
+      if (i >= 0) sliding += m.weight * surface_velocity(i, p.w);
     }
-    damped_[p.agglomerate] +=
-        lmp_->update->dt * (p.damping * p.q_rate * rate + p.rubbing * dot(p.sliding, sliding));
+    damped_[p.agglomerate] += dt * p.rubbing * dot(p.sliding, sliding);
   }
 }
 
@@ -268,14 +294,17 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   for (const Patch &p : patches_) {
     numbers.insert(numbers.end(), {p.agglomerate + 0.0, p.piece + 0.0, p.share, p.base, p.axis.x, p.axis.y, p.axis.z,
                                    p.compliance, p.compliance_across, p.mass, p.presses + 0.0, p.is_new + 0.0,
-                                   p.largest, p.slip.x, p.slip.y, p.spring, p.members.size() + 0.0});
+                                   p.largest, p.slip.x, p.slip.y, p.spring, p.members.size() + 0.0,
+                                   p.body.size() + 0.0});
     for (const Weight &m : p.members) numbers.insert(numbers.end(), {m.tag + 0.0, m.weight});
+    for (const Weight &m : p.body) numbers.insert(numbers.end(), {m.tag + 0.0, m.weight});
   }
   for (size_t tag = 1; tag < offset_.size(); tag++)
     if (offset_[tag] != 0) left.insert(left.end(), {tag + 0.0, offset_[tag]});
   out.common("patch_counts", {patches_.size() + 0.0, numbers.size() + 0.0, left.size() + 0.0, watched_.size() + 0.0});
   out.common("patches", numbers);
   out.common("patch_offsets", left);
+  out.rows("patch_alone", std::vector<double>(alone_now_.begin(), alone_now_.end()));
   out.common("patch_watched", std::vector<double>(watched_.begin(), watched_.end()));
   out.sum("patch_damped", damped_);
   out.sum("patch_released", released_);
@@ -304,10 +333,15 @@ void SmoothContact::restore(const CheckpointReader &in) {
     p.compliance = *n++, p.compliance_across = *n++, p.mass = *n++;
     p.presses = *n++ != 0, p.is_new = *n++ != 0, p.largest = *n++;
     p.slip.x = *n++, p.slip.y = *n++, p.spring = *n++;
-    for (int members = *n++; members > 0; members--, n += 2) p.members.push_back({static_cast<int>(n[0]), n[1]});
+    const int members = *n++, body = *n++;
+    for (int m = 0; m < members; m++, n += 2) p.members.push_back({static_cast<int>(n[0]), n[1]});
+    for (int m = 0; m < body; m++, n += 2) p.body.push_back({static_cast<int>(n[0]), n[1]});
     for (const Weight &m : p.members) patch_of_tag_[m.tag] = k;
     patches_.push_back(p);
   }
+  alone_now_.clear();
+  for (const double tag : in.rows("patch_alone", 1))
+    if (here(static_cast<int>(tag)) >= 0) alone_now_.push_back(static_cast<int>(tag));
   const std::vector<double> &watched = in.common("patch_watched", counts[3]);
   watched_.assign(watched.begin(), watched.end());
   for (size_t k = 0; k + 1 < left.size(); k += 2) offset_[static_cast<int>(left[k])] = left[k + 1];

@@ -23,12 +23,15 @@ namespace LAMMPS_NS {
 // A piece of a stone has a patch while at least half of the patch's surface belongs to it. A sub-sphere that has lost
 // half its bonds and its place leaves the patch with its share of the force, as a contact of its own that begins at an
 // offset, and never with more energy than its share; the difference counts as released.
+//
+// What the patch gives to its members is elastic. The dashpot acts between the plate and the whole piece, on each
+// sub-sphere by its mass, so that bonds do not feel it and the force on the plate follows from the law of one mass.
 class SmoothContact : public PlateContact {
  public:
   SmoothContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa, const std::string &surface_file);
   void setup() override;
   void add_forces(std::vector<NearSphere> &, double reach, int vflag) override;
-  void end_of_step(const std::vector<NearSphere> &) override;
+  void end_of_step(const std::vector<NearSphere> &, std::vector<double> &work_on_stone) override;
   void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;
   Pressing pressing(const NearSphere &) const override;
   double outside() const override { return surfaces_.outside(); }
@@ -42,6 +45,7 @@ class SmoothContact : public PlateContact {
   struct Patch {
     int agglomerate = 0, piece = 0;
     std::vector<Weight> members;
+    std::vector<Weight> body;  // how the dashpot's force is shared by the piece
     double share = 1;          // of the patch's surface that is there
     double base = 0;           // q = base - sum w_i z_i + w
     Vec axis;                  // in the frame of the undeformed stone
@@ -52,12 +56,14 @@ class SmoothContact : public PlateContact {
     double spring = 0;         // its stiffness, N/m
     // Of the present step.
     double w = 0, plate_v = 0;             // the plate beneath it
-    double q = 0, q_rate = 0, damping = 0; // m, m/s, N s/m
-    double force = 0, across[2] = {0, 0};  // on the stone, N
+    double q = 0, q_rate = 0;              // m, m/s
+    double elastic = 0, dashpot = 0;       // force on the stone, N
+    double across[2] = {0, 0};             // N
     Vec sliding;                           // velocity of the surface over the plate, m/s
     double rubbing = 0;                    // tangential dashpot, N s/m
     SmoothLaw::State state;
 
+    double force() const { return elastic + dashpot; }
     int central() const;                   // tag of the member with the largest weight
   };
 
@@ -70,6 +76,7 @@ class SmoothContact : public PlateContact {
   std::unique_ptr<StonePieces> pieces_;
   std::vector<Patch> patches_;
   std::vector<int> patch_of_tag_, near_of_tag_, indexed_;  // the last one: tags in near_of_tag_
+  std::vector<int> alone_now_;                       // tags that touch the plate alone, since the last step
   std::vector<double> kept_;                         // height of the plate beneath each near, m
   std::vector<double> offset_;                       // of the contact of a sub-sphere that left a patch, by tag, m
   std::vector<double> damped_, plastic_, released_, friction_, gained_;  // so far, by agglomerate, J
@@ -99,6 +106,7 @@ class SmoothContact : public PlateContact {
   bool is_near(const Patch &) const;
   void renew(Patch &);
   void follow_axis(Patch &, const StonePieces::Motion &);
+  void spread_over_body(Patch &, const StonePieces::Motion &);
   void leave(Patch &, size_t member);
   void dissolve(Patch &);
   void stand_alone(int tag);
@@ -111,6 +119,8 @@ class SmoothContact : public PlateContact {
   void press(Patch &);
   Vec surface_velocity(int i, double plate_z) const;
   void press_to_q(Patch &);
+  void dampen();
+  double body_speed(const Patch &) const;
   void rub(Patch &);
   void stretch(Patch &, double spring, const Vec &slip);
   void hand_out(std::vector<NearSphere> &);

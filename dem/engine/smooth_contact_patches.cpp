@@ -52,10 +52,8 @@ void SmoothContact::watch() {
 void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
   std::vector<double> wanted(surfaces_.stones().size(), 0);
   std::vector<char> touching(near_of_tag_.size(), 0);
-  for (const NearSphere &p : near) {
-    wanted[agglomerates_.of_tag(lmp_->atom->tag[p.i])] = 1;
-    touching[lmp_->atom->tag[p.i]] = p.touches && !p.in_patch;
-  }
+  for (const NearSphere &p : near) wanted[agglomerates_.of_tag(lmp_->atom->tag[p.i])] = 1;
+  for (const int tag : alone_now_) touching[tag] = 1;  // a list of what is near may be new and know nothing
   sum(wanted);
   for (const Patch &p : patches_) wanted[p.agglomerate] = 1;
   std::vector<char> stones(wanted.size());
@@ -119,6 +117,7 @@ void SmoothContact::find_patches(int agglomerate, double reach) {
     const bool first = -p.axis.z > std::cos(FIRST_AXIS_rad);
     p.compliance = first ? s.compliance_first : s.compliance;
     p.compliance_across = first ? s.across_first : s.across;
+    spread_over_body(p, motion);
     patches_.push_back(p);
   }
 }
@@ -156,8 +155,33 @@ void SmoothContact::renew(Patch &p) {
     const Vec off = pieces_->position(tag) - motion.turned(surfaces_.place(tag)) - motion.center;
     if (pieces_->is_free(tag) || norm(off) > OUT_OF_PLACE * surfaces_.radius(tag)) leave(p, k);
   }
-  if (beyond_outline(motion.center) > BEYOND * stone(p).patch_radius) dissolve(p);
-  else follow_axis(p, motion);
+  if (beyond_outline(motion.center) > BEYOND * stone(p).patch_radius) return dissolve(p);
+  follow_axis(p, motion);
+  spread_over_body(p, motion);
+}
+
+// A vertical force along the contact axis moves a rigid piece as weights m_i (1 + g . rho_i) do, whose mean place is on
+// the axis.
+void SmoothContact::spread_over_body(Patch &p, const StonePieces::Motion &motion) {
+  p.body.clear();
+  p.mass = motion.mass;
+  const SmoothStone &s = stone(p);
+  if (s.damping_ratio == 0) return;
+  double u = 0, v = 0, uu = 0, uv = 0, vv = 0;
+  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
+    if (pieces_->piece_of(tag) != p.piece) continue;
+    const double m = surfaces_.mass(tag) / motion.mass;
+    const Vec off = pieces_->position(tag) - motion.center;
+    u += m * off.x, v += m * off.y, uu += m * off.x * off.x, uv += m * off.x * off.y, vv += m * off.y * off.y;
+    p.body.push_back({tag, m});
+  }
+  const double det = uu * vv - uv * uv, d = det - vv * u * u + 2 * uv * u * v - uu * v * v;
+  if (!(d > 1e-6 * uu * vv)) return;  // nearly a line, or all in one place beside the axis
+  const double g = -(vv * u - uv * v) / det, h = -(uu * v - uv * u) / det;
+  for (Weight &m : p.body) {
+    const Vec off = pieces_->position(m.tag) - motion.center;
+    m.weight *= (1 + g * off.x + h * off.y) * det / d;
+  }
 }
 
 void SmoothContact::dissolve(Patch &p) {

@@ -37,13 +37,13 @@ void StonePieces::gather(const std::vector<char> &wanted, const std::vector<char
     const SmoothStone &s = surfaces_.stones()[a];
     for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
       found.resize(found.size() + NUMBERS, 0);
+      double *row = found.data() + found.size() - NUMBERS;
+      row[10] = touching[tag];  // where it was at the last step, which may be another rank
       const int i = lmp_->atom->map(tag);
       if (i < 0 || i >= atom->nlocal) continue;
-      double *row = found.data() + found.size() - NUMBERS;
       std::copy_n(atom->x[i], 3, row);
       std::copy_n(atom->v[i], 3, row + 3);
       std::copy_n(bonds_.quaternion(i), 4, row + 6);
-      row[10] = touching[tag];
       row[11] = 1;
     }
   }
