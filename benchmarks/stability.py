@@ -34,7 +34,7 @@ from dem.coupling.monitor import ENERGY_SHARE
 from dem.deck.time_step import step_limits, stone_contact_time_s, time_step
 from dem.run.errors import RunError
 from dem.run.run import run_scene
-from dem.stones.arrangement import arrange
+from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from dem.stones.packing import pack_sphere
 
@@ -116,7 +116,7 @@ def build(settings: dict) -> Scene:
 
 
 def _assembled(scene: Scene) -> tuple[Scene, Assembly]:
-    return scene, assemble(scene, arrange(scene, "scene"))
+    return scene, assemble(scene, stones_of(scene, "scene"))
 
 
 def _stones(s: dict) -> dict:

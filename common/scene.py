@@ -85,7 +85,8 @@ class StonesTable(Table):
     gangue_ratio: Annotated[float, Field(ge=0, le=1), about(
         "mixing ratio, the share of gangue among the stones; a multiple of 1/count", paper="0 to 1 in steps of 0.1")]
     arrival_s: Annotated[tuple[NotNegative, ...] | None, about(
-        "how much later than at once each stone arrives, by lying higher")] = None
+        "when each stone touches, with the speed asked whatever flew before; 0: it starts gap_m above the "
+        "plate")] = None
     strength_factor: Annotated[tuple[Positive, ...] | None, about(
         "factor on the strengths of each stone's bonds")] = None
     seed: Annotated[int, Field(ge=0, lt=2**63), about("seed of the packings; stone k has seed + k - 1")]
@@ -255,6 +256,16 @@ class Scene(Table):
         return bond
 
     @property
+    def falling_materials(self) -> list[str]:
+        """Names of the materials that may fall, in alphabetic order."""
+        return sorted({self.stones.coal, self.stones.gangue})
+
+    @property
+    def gravity_vector_m_s2(self) -> tuple[float, float, float]:
+        """Gravity in the frame of the plate."""
+        return (0.0, 0.0, -self.time.gravity_m_s2)
+
+    @property
     def has_smooth_contact(self) -> bool:
         """Do stones touch the plate as the smooth spheres that they stand for?"""
         table = self.stones.agglomerate
@@ -288,7 +299,7 @@ class Scene(Table):
         return self
 
     def _check_contacts(self) -> None:
-        names = sorted({self.stones.coal, self.stones.gangue})
+        names = self.falling_materials
         needed = {contact_key(a, b) for a in names for b in [*names, PLATE]}
         known = {contact_key(a, b) for a in self.materials for b in [*self.materials, PLATE]}
         for key in self.contacts:

@@ -31,7 +31,8 @@ from dem.run.directory import RunDirectory
 from dem.run.errors import RunError
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
-from dem.stones.arrangement import arrange
+from dem.stones.arrangement import stones_of
+from dem.stones.stone import places_m
 
 NOT_KEPT = ("deck", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
 POSITION_TRIES = 10_000
@@ -93,7 +94,7 @@ def plan_dataset(path: Path) -> list[DatasetRun]:
         for ratio in _ratios(name, family, base.stones.count, group, plan.seed):
             directory = Path(name) / f"{group:03d}" / ratio_name(ratio)
             scene = changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
-            arrange(scene, f"{path}: {directory}")
+            stones_of(scene, f"{path}: {directory}")
             planned.append(DatasetRun(directory, scene, f"{path}: {directory}"))
     return planned
 
@@ -123,7 +124,7 @@ def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, An
 
 def _moved_positions(scene: Scene, family: Family, rng: np.random.Generator) -> np.ndarray:
     """Each stone somewhere in a disc about its own position."""
-    position = arrange(scene, "").position_m
+    position = places_m(stones_of(scene, ""))
     angle = rng.uniform(0, 2 * np.pi, len(position))
     distance = family.position_scatter_m * np.sqrt(rng.uniform(size=len(position)))
     return position + distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])

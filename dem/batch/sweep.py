@@ -14,7 +14,7 @@ from common.tables import InputError, inline_toml
 from dem.batch.children import run_all
 from dem.coupling.launch import check_engine
 from dem.run.directory import RunDirectory
-from dem.stones.arrangement import arrange
+from dem.stones.arrangement import stones_of
 
 RATIO = "stones.gangue_ratio"
 _log = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
     count = changed_scene(scene_file, changes).stones.count
     scenes = {k / count: changed_scene(scene_file, changes | {RATIO: k / count}) for k in range(count + 1)}
     for scene in scenes.values():
-        arrange(scene, str(scene_file))
+        stones_of(scene, str(scene_file))
     with at_work_in(out, "sweep"):
         missing = [ratio for ratio, scene in scenes.items()
                    if not is_finished(out / ratio_name(ratio), scene, overwrite)]

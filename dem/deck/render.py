@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import jinja2
 import numpy as np
@@ -14,7 +15,7 @@ from common.scene import PLATE, Scene, contact_key
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
 from dem.deck.smooth_contact import write_surfaces
-from dem.deck.time_step import TimeStep, impact_speed_m_s, weak_contact
+from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from plate_fem.modes import PlateModes
 
@@ -81,12 +82,12 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         steps=step.steps,
         surface=bool(assembly.surfaces),
         extent_m=[-half[0], half[0], -half[1], half[1]],
-        speed_m_s=scene.stones.speed_m_s,
-        impact_J=float(0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2),
+        velocity_m_s=_common_velocity(assembly),
+        impact_J=_impact_J(assembly),
         mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
         pictures=picture_schedule(scene, assembly, step),
         dumps=scene.output.dumps,
-        free_flight=_free_flight(scene, step),
+        free_flight=_free_flight(scene, assembly, step),
         checkpoint_steps=CHECKPOINT_SAMPLES * step.sample_steps,
         streams=streams(scene, assembly),
     )
@@ -98,18 +99,31 @@ def streams(scene: Scene, assembly: Assembly) -> list[str]:
             *(["pictures.bin"] if scene.output.view_interval_s is not None else [])]
 
 
+def _common_velocity(assembly: Assembly) -> str | None:
+    """Of all stones when they enter, or None where they differ, and atoms.data says each."""
+    velocities = {entry.velocity_m_s for entry in assembly.entries}
+    return " ".join("0" if v == 0 else repr(v) for v in velocities.pop()) if len(velocities) == 1 else None
+
+
+def _impact_J(assembly: Assembly) -> float:
+    """Kinetic energy of all stones when they enter."""
+    if _common_velocity(assembly) is not None:
+        return float(0.5 * assembly.mass_kg.sum() * math.hypot(*assembly.entries[0].velocity_m_s) ** 2)
+    return float(assembly.kinetic_start_J.sum())
+
+
 def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
     """Can a sub-sphere touch another one? Not where there is one stone that holds together."""
     table = scene.stones.agglomerate
     return len(assembly.sizes) > 1 or (table is not None and not table.unbreakable)
 
 
-def _free_flight(scene: Scene, step: TimeStep) -> dict[str, float] | None:
+def _free_flight(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float] | None:
     """Arguments of fix free_flight (docs/free_flight.md); None where the scene wants brute force or several ranks."""
     if scene.time.free_flight_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
         return None
     every = step.co_step * max(1, round(FREE_FLIGHT_EVERY / step.co_step))
-    return {"speed_m_s": impact_speed_m_s(scene), "tolerance": scene.time.free_flight_tolerance, "every": every}
+    return {"speed_m_s": assembly.impact_speed_m_s, "tolerance": scene.time.free_flight_tolerance, "every": every}
 
 
 def skin_m(assembly: Assembly) -> float:
@@ -158,6 +172,16 @@ def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
             x, y, z = assembly.center_m[k]
             out.write(f"{k + 1} {assembly.material[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "
                       f"{x:.17g} {y:.17g} {z:.17g}\n")
+        if _common_velocity(assembly) is None:
+            _write_velocities(out, assembly)
+
+
+def _write_velocities(out: TextIO, assembly: Assembly) -> None:
+    """Of every sub-sphere when its stone enters: velocity and spin."""
+    velocity = np.array([entry.velocity_m_s for entry in assembly.entries])[assembly.agglomerate]
+    out.write("\nVelocities\n\n")
+    for k, (vx, vy, vz) in enumerate(velocity.tolist()):
+        out.write(f"{k + 1} {vx:.17g} {vy:.17g} {vz:.17g} 0 0 0\n")
 
 
 def _write_bonds(file: Path, assembly: Assembly) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from common.hertz import contact_modulus_Pa
 from common.scene import PLATE, Scene, contact_key
 from dem.deck.restitution import damping_ratio
-from dem.deck.time_step import impact_speed_m_s
+from dem.deck.time_step import Body, body_of
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS
 from plate_fem.contact_stress import YIELD_PRESSURE
@@ -33,36 +33,47 @@ class SmoothLaw:
     yield_pressure_Pa: float
 
 
-def smooth_law(scene: Scene, material: str, mass_kg: float, compliance_m_N: float) -> SmoothLaw:
-    """The law of a stone of one material, with the compliance of its patch."""
+def smooth_law(scene: Scene, body: Body, mass_kg: float, compliance_m_N: float) -> SmoothLaw:
+    """The law of one stone, with the compliance of its patch."""
+    material = body.material
     bodies, contact = (scene.materials[material], scene.plate), scene.contacts[contact_key(material, PLATE)]
     shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
     modulus = contact_modulus_Pa(*bodies)
-    damping = damping_ratio(contact.restitution, 4 / 3 * modulus * scene.stones.radius_m**0.5, mass_kg,
-                            impact_speed_m_s(scene), compliance_m_N)
+    damping = damping_ratio(contact.restitution, 4 / 3 * modulus * body.radius_m**0.5, mass_kg, body.speed_m_s,
+                            compliance_m_N)
     plate_limit = None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
     limits = [limit for limit in (scene.materials[material].contact_strength_Pa, plate_limit) if limit is not None]
     return SmoothLaw(modulus, 1 / shear_compliance, damping, contact.friction, min(limits, default=0.0))
 
 
-def _law_of_first(scene: Scene, assembly: Assembly, material: str) -> SmoothLaw:
-    """Of the first stone of a material, which serves for all: their masses are the same, and the compliance of a patch
-    hardly changes the damping."""
-    k = assembly.stone_materials.index(material)
-    start = sum(assembly.sizes[:k])
-    mass = float(assembly.mass_kg[start:start + assembly.sizes[k]].sum())
-    return smooth_law(scene, material, mass, assembly.surfaces[k].first.normal_m_N)
+class _Laws:
+    """The laws of the stones of a scene. The damping ratio, which takes a while to find, is the same for stones of one
+    material and impact speed whatever their size, and the compliance of a patch hardly changes it: the first stone of a
+    material and a speed, to 1 %, serves for all."""
+
+    def __init__(self, scene: Scene, assembly: Assembly):
+        self._scene, self._assembly, self._start = scene, assembly, np.cumsum([0, *assembly.sizes])
+        self._known: dict[tuple[str, str], SmoothLaw] = {}
+
+    def of(self, index: int) -> SmoothLaw:
+        """The law of the stone `index`."""
+        body = body_of(self._assembly.stones[index], self._assembly.gravity_m_s2)
+        key = (body.material, f"{body.speed_m_s:.2e}")
+        if key not in self._known:
+            compliance = self._assembly.surfaces[index].first.normal_m_N
+            here = slice(self._start[index], self._start[index + 1])
+            mass = float(self._assembly.mass_kg[here].sum())
+            self._known[key] = smooth_law(self._scene, body, mass, compliance)
+        return self._known[key]
 
 
 def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
     """Write the file that dem/engine/stone_surface.h describes."""
-    radius = scene.stones.radius_m
-    start = np.cumsum([0, *assembly.sizes])
-    laws = {name: _law_of_first(scene, assembly, name) for name in assembly.stone_materials}
+    start, laws = np.cumsum([0, *assembly.sizes]), _Laws(scene, assembly)
     with open(file, "w") as out:
-        out.write(f"{OUTSIDE * radius!r}\n")
-        for k, (surface, material) in enumerate(zip(assembly.surfaces, assembly.stone_materials, strict=True)):
-            here, law = slice(start[k], start[k + 1]), laws[material]
+        out.write(f"{OUTSIDE * max(stone.radius_m for stone in assembly.stones)!r}\n")
+        for k, (surface, stone) in enumerate(zip(assembly.surfaces, assembly.stones, strict=True)):
+            here, law, radius = slice(start[k], start[k + 1]), laws.of(k), stone.radius_m
             numbers = [radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio,
                        law.friction, law.yield_pressure_Pa, surface.first.normal_m_N, surface.other.normal_m_N,
                        surface.first.tangential_m_N, surface.other.tangential_m_N]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from common.scene import PLATE, Scene, contact_key
 from common.tables import InputError
 from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
+from dem.stones.stone import Stone, impact_speed_m_s
 from plate_fem.modes import PlateModes
 
 BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it
@@ -60,10 +62,11 @@ class WeakContact:
 
 @dataclass(frozen=True)
 class StepLimits:
-    """The limits of the time step by name, as far as the plate's motion has no part in them, and the times that they
-    come from: t0 of the bonds, and the shortest contact of a sub-sphere and of a whole stone with the plate."""
+    """The limits of the time step by name, as far as the plate's motion has no part in them, the stones, and the times
+    that they come from: t0 of the bonds, and the shortest contact of a sub-sphere and of a whole stone."""
 
     limits_s: dict[str, float]
+    stones: tuple[Stone, ...]
     bond_time_s: float | None
     subsphere_contact_time_s: float
     stone_contact_time_s: float
@@ -84,7 +87,7 @@ def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
         setting, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
         limits["tolerance"] = setting_for(setting, scene.tolerance) * unit
     _counted_steps(scene, _largest_step_s(scene, limits, file), scene.time.co_step or 1, file)
-    return StepLimits(limits, bond_time, contact, stone_contact)
+    return StepLimits(limits, assembly.stones, bond_time, contact, stone_contact)
 
 
 def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float | None = None) -> TimeStep:
@@ -92,7 +95,7 @@ def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float 
 
     Raises InputError if the scene's own `time.time_step_s` or `time.co_step` is above a limit.
     """
-    mutual = {} if mobility_1_kg is None else coupling_limits_s(scene, mobility_1_kg)
+    mutual = {} if mobility_1_kg is None else coupling_limits_s(scene, limits.stones, mobility_1_kg)
     limits_s = limits.limits_s | mutual
     wanted = _largest_step_s(scene, limits_s, file)
     resolved = min(limits.stone_contact_time_s / CO_STEPS_IN_CONTACT,
@@ -173,8 +176,8 @@ def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContac
     if not limits or not assembly.n_bonds or scene.time.co_step is not None:
         return None
     co_steps = int(min(limits) * WEAK_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
-    peak_N = min(_stone_peak_force_N(scene, name) for name in assembly.materials)
-    return WeakContact(WEAK_FORCE_SHARE * peak_N, WEAK_SPEED_SHARE * impact_speed_m_s(scene),
+    peak_N = min(_peak_force_N(scene, body) for body in bodies_of(assembly))
+    return WeakContact(WEAK_FORCE_SHARE * peak_N, WEAK_SPEED_SHARE * assembly.impact_speed_m_s,
                         min(max(1, co_steps), MOST_CO_STEPS), MOST_CO_STEPS)
 
 
@@ -236,19 +239,34 @@ def subsphere_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     times = []
     for k, name in enumerate(assembly.materials):
         here = assembly.material == k
-        times.append(_hertz_time_s(scene, name, assembly.radius_m[here], assembly.mass_kg[here]).min())
+        times.append(_hertz_time_s(scene, name, assembly.radius_m[here], assembly.mass_kg[here],
+                                   assembly.impact_speed_m_s).min())
     return float(min(times))
 
 
 def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a whole stone with the plate."""
-    return float(min(_hertz_time_s(scene, name, scene.stones.radius_m, _stone_mass_kg(scene, name))
-                     for name in assembly.materials))
+    return float(min(_hertz_time_s(scene, body.material, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
+                     for body in bodies_of(assembly)))
 
 
-def impact_speed_m_s(scene: Scene) -> float:
-    """Speed at which the stones arrive. Those that start at rest are taken to arrive by gravity."""
-    return float(max(scene.stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * scene.stones.gap_m), 1e-3))
+@dataclass(frozen=True)
+class Body:
+    """What the contact of a whole stone with the plate goes by."""
+
+    material: str
+    radius_m: float
+    speed_m_s: float
+
+
+def bodies_of(assembly: Assembly) -> set[Body]:
+    """The stones as far as they differ in contact with the plate."""
+    return {body_of(stone, assembly.gravity_m_s2) for stone in assembly.stones}
+
+
+def body_of(stone: Stone, gravity_m_s2: Sequence[float]) -> Body:
+    """A stone as it hits the plate."""
+    return Body(stone.material, stone.radius_m, impact_speed_m_s(stone, gravity_m_s2))
 
 
 def _hertz(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
@@ -259,32 +277,33 @@ def _hertz(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: f
     return stiffness, hertz.largest_approach_m(stiffness, mass_kg, speed_m_s)
 
 
-def _stone_mass_kg(scene: Scene, material: str) -> float:
-    return scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * scene.stones.radius_m**3
+def _body_mass_kg(scene: Scene, body: Body) -> float:
+    return scene.materials[body.material].density_kg_m3 * 4 / 3 * np.pi * body.radius_m**3
 
 
-def _hertz_time_s(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray) -> Any:
-    speed = impact_speed_m_s(scene)
-    return hertz.contact_time_s(_hertz(scene, material, radius_m, mass_kg, speed)[1], speed)
+def _hertz_time_s(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
+                  speed_m_s: float) -> Any:
+    return hertz.contact_time_s(_hertz(scene, material, radius_m, mass_kg, speed_m_s)[1], speed_m_s)
 
 
-def _stone_peak_force_N(scene: Scene, material: str) -> float:
+def _peak_force_N(scene: Scene, body: Body) -> float:
     """Of a whole stone on the rigid plate."""
-    mass = _stone_mass_kg(scene, material)
-    stiffness, depth = _hertz(scene, material, scene.stones.radius_m, mass, impact_speed_m_s(scene))
+    stiffness, depth = _hertz(scene, body.material, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
     return float(stiffness * depth**1.5)
 
 
-def coupling_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:
+def coupling_limits_s(scene: Scene, stones: Sequence[Stone], mobility_1_kg: float) -> dict[str, float]:
     """Limits of the co-step from the mutual reaction of plate and contact, each stone taken as one Hertz sphere at its
-    largest approach, which is stiffer than the agglomerate."""
-    stones = scene.stones
+    largest approach, which is stiffer than the agglomerate. Each could be of any material of the scene, so that the
+    ratios of a sweep have one co-step."""
     limits = {"coupling_stiffness": np.inf, "coupling_dashpot": np.inf}
-    for name in {stones.coal, stones.gangue}:
-        mass = _stone_mass_kg(scene, name)
-        contact, depth = _hertz(scene, name, stones.radius_m, mass, max(stones.speed_m_s, 1e-3))
+    bodies = {Body(name, stone.radius_m, max(stone.speed_m_s, 1e-3)) for stone in stones
+              for name in {*scene.falling_materials}}
+    for body in bodies:
+        mass = _body_mass_kg(scene, body)
+        contact, depth = _hertz(scene, body.material, body.radius_m, mass, body.speed_m_s)
         stiffness = 1.5 * contact * np.sqrt(depth)
-        log_e = np.log(scene.contacts[contact_key(name, PLATE)].restitution)
+        log_e = np.log(scene.contacts[contact_key(body.material, PLATE)].restitution)
         dashpot = 2 * np.sqrt(5 / 6) * -log_e / np.hypot(log_e, np.pi) * np.sqrt(4 / 3 * stiffness * mass)
         limits["coupling_stiffness"] = min(limits["coupling_stiffness"],
                                            STIFFNESS_SHARE / np.sqrt(stiffness * mobility_1_kg))

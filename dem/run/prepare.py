@@ -14,8 +14,9 @@ from common.tables import refused_in
 from dem.deck.plausible import warnings_of
 from dem.deck.time_step import TimeStep, plate_mobility_1_kg, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import with_tolerance
-from dem.stones.arrangement import Arrangement, arrange
+from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
+from dem.stones.stone import places_m
 from plate_fem.modes import PlateModes, plate_modes
 
 
@@ -45,7 +46,6 @@ class PreparedRun:
     given: Scene  # as the file gives it
     scene: Scene  # with what the file left to be found filled in
     scene_hash: str  # of the scene as the file gives it
-    arrangement: Arrangement
     assembly: Assembly
     step: TimeStep
     modes: PlateModes | None
@@ -65,13 +65,13 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     can be refused without the plate is refused before its modes are sought. Raises InputError before anything is
     written.
     """
-    stages, warnings = Stages(), warnings_of(scene)
+    stages, stones = Stages(), stones_of(scene, source)
+    warnings = warnings_of(scene, stones)
     for line in warnings:
         print(f"warning: {source}: {line}", file=sys.stderr)
-    arrangement = arrange(scene, source)
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
-            assembly = assemble(scene, arrangement, cache)
+            assembly = assemble(scene, stones, cache)
     limits = step_limits(scene, assembly, source)
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":
@@ -81,8 +81,8 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
             resolved = scene.model_copy(update={"plate": plate})
             # The stones' places get the static compliance of the modes left out.
             with refused_in(source, "plate"):
-                modes = plate_modes(plate, cache, arrangement.position_m)
-        mobility = plate_mobility_1_kg(modes, arrangement.position_m)
+                modes = plate_modes(plate, cache, places_m(stones))
+        mobility = plate_mobility_1_kg(modes, places_m(stones))
     step = time_step(scene, limits, source, mobility)
-    return PreparedRun(source, scene, resolved, scene_hash(scene), arrangement, assembly, step, modes, stages,
+    return PreparedRun(source, scene, resolved, scene_hash(scene), assembly, step, modes, stages,
                        warnings)

@@ -61,13 +61,11 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> 
     if scene.output.view_interval_s is not None:
         write_view(directory, prepared, events, plate.meshes)
     ledger = read_ledger(deck / "ledger.bin", n)
-    mass = np.bincount(assembly.agglomerate, assembly.mass_kg)
-    height = np.bincount(assembly.agglomerate, assembly.mass_kg * assembly.center_m[:, 2])
-    parts = stone_energies(ledger, scene.time.gravity_m_s2, height)
+    parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
     write_parquet(energy_table(parts, ledger.step * step.dt_s), directory / "energy.parquet")
-    energy = energy_ledger(parts, plate.energy(), 0.5 * mass * scene.stones.speed_m_s**2)
+    energy = energy_ledger(parts, plate.energy(), assembly.kinetic_start_J)
     check_closure(energy)
-    return Results(events, fast, signals, forces[1], ledger, mass, energy)
+    return Results(events, fast, signals, forces[1], ledger, assembly.stone_mass_kg, energy)
 
 
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
@@ -85,9 +83,9 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "assumptions": list(scene.assumptions),
         "warnings": prepared.warnings,
         "gangue_ratio": scene.stones.gangue_ratio,
-        "materials": prepared.arrangement.material,
+        "materials": prepared.assembly.stone_materials,
         "versions": versions(),
-        "seeds": [scene.stones.seed + k for k in range(scene.stones.count)] if prepared.assembly.n_bonds else [],
+        "seeds": [stone.seed for stone in prepared.assembly.stones] if prepared.assembly.n_bonds else [],
     }
 
 
@@ -123,7 +121,7 @@ def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict
         "peak_force_N": float(force_N.sum(axis=1).max(initial=0.0)),
         "impulse_N_s": float(force_N.sum() * step.co_step * step.dt_s),
         "momentum_change_kg_m_s": float(end["momentum_z_kg_m_s"].sum()
-                                        + results.stone_mass_kg.sum() * scene.stones.speed_m_s),
+                                        - prepared.assembly.momentum_start_kg_m_s[:, 2].sum()),
         "plate": plate_maxima(results.fast),
         "yield_": YieldReport.model_validate(yielded),
         "energy": results.energy,

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from common.scene import Scene
 from common.tables import Refused
-from dem.stones.arrangement import Arrangement
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
 from dem.stones.library import packed_sphere, surface_of
 from dem.stones.packing import Packing, SphereContainer
+from dem.stones.stone import Entry, Stone, entry_of, impact_speed_m_s
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
 # before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
@@ -22,7 +25,8 @@ CONTACT_RADIUS_RATIO = 0.975
 
 @dataclass(frozen=True)
 class Assembly:
-    """n sub-spheres and m bonds.
+    """What falls: the `stones`, gravity (3,) in the frame of the plate, and their n sub-spheres and m bonds where each
+    stone enters.
 
     `center_m` (n, 3), `radius_m` (n,) of contact, `mass_kg` (n,), `material` (n,) index into `materials`,
     `agglomerate` (n,) 0-based and ascending; `bond_first`, `bond_second` (m,) 0-based sub-spheres, `bond_vector_m`
@@ -30,6 +34,8 @@ class Assembly:
     strengths of the material. `surfaces`: of each agglomerate where stones touch as smooth bodies, else empty.
     """
 
+    stones: tuple[Stone, ...]
+    gravity_m_s2: tuple[float, float, float]
     materials: list[str]
     center_m: np.ndarray
     radius_m: np.ndarray
@@ -65,63 +71,101 @@ class Assembly:
 
     @property
     def stone_materials(self) -> list[str]:
-        """Name of the material of each agglomerate."""
-        first = np.append(0, np.cumsum(self.sizes)[:-1])
-        return [self.materials[m] for m in self.material[first]]
+        """Name of the material of each stone."""
+        return [stone.material for stone in self.stones]
+
+    @property
+    def stone_mass_kg(self) -> np.ndarray:
+        """(stones,)."""
+        return np.bincount(self.agglomerate, self.mass_kg)
+
+    @property
+    def mass_height_kg_m(self) -> np.ndarray:
+        """(stones,) sum of mass times height of the sub-spheres where each stone enters."""
+        return np.bincount(self.agglomerate, self.mass_kg * self.center_m[:, 2])
+
+    @cached_property
+    def entries(self) -> tuple[Entry, ...]:
+        """When, where and how fast each stone enters."""
+        return tuple(entry_of(stone, self.gravity_m_s2) for stone in self.stones)
+
+    @property
+    def kinetic_start_J(self) -> np.ndarray:
+        """(stones,) when each enters."""
+        speed2 = np.array([math.hypot(*entry.velocity_m_s) ** 2 for entry in self.entries])
+        return 0.5 * self.stone_mass_kg * speed2
+
+    @property
+    def momentum_start_kg_m_s(self) -> np.ndarray:
+        """(stones, 3) when each enters."""
+        return self.stone_mass_kg[:, None] * np.array([entry.velocity_m_s for entry in self.entries])
+
+    @property
+    def impact_speed_m_s(self) -> float:
+        """The fastest with which a stone arrives."""
+        return max(impact_speed_m_s(stone, self.gravity_m_s2) for stone in self.stones)
 
 
-def assemble(scene: Scene, arrangement: Arrangement, cache_dir: Path | None = None) -> Assembly:
-    """Pack each stone and set it down above the plate, its lowest point `gap_m` up, or higher to arrive later.
+@dataclass(frozen=True)
+class StoneParts:
+    """One stone where it enters: its n sub-spheres and its bonds, as in `Assembly`, numbered from 0."""
+
+    center_m: np.ndarray
+    radius_m: np.ndarray
+    mass_kg: np.ndarray
+    bonds: Bonds
+    surface: StoneSurface | None
+
+
+def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> StoneParts:
+    """Pack a stone and set it where it enters, its lowest point on the plate when it has come down.
 
     Packings come from the library in `cache_dir`, if that is given. Raises Refused, a key of `stones.agglomerate`,
     where sub-spheres are too few for a smooth contact.
     """
-    stones = scene.stones
-    materials = sorted(set(arrangement.material))  # LIGGGHTS wants types without gaps
-    parts, surfaces = [], []
-    for k, (place, material) in enumerate(zip(arrangement.position_m, arrangement.material)):
-        packing, radius, network = _stone(scene, k, cache_dir)
-        lowest = (packing.center_m[:, 2] - radius).min()
-        if scene.has_smooth_contact:
-            lowest = -stones.radius_m
-            surfaces.append(_surface(scene, packing, network, material, cache_dir))
-        center = packing.center_m + [place[0], place[1], _height_m(scene, k) - lowest]
-        bonds = (network.first, network.second, network.vector_m, network.radius_m)
-        mass = scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
-        parts.append((center, radius, mass * radius**3 / (radius**3).sum(), materials.index(material), bonds,
-                      scene.stones.strength_factor[k] if scene.stones.strength_factor else 1.0))
-    first = np.cumsum([0, *(len(p[0]) for p in parts)])
+    packing, radius, network = _stone(scene, stone, cache_dir)
+    lowest, surface = (packing.center_m[:, 2] - radius).min(), None
+    if scene.has_smooth_contact:
+        lowest = -stone.radius_m
+        surface = _surface(scene, packing, network, stone.material, cache_dir)
+    x, y, height = entry_of(stone, scene.gravity_vector_m_s2).offset_m
+    center = packing.center_m + [stone.place_m[0] + x, stone.place_m[1] + y, height - lowest]
+    mass = scene.materials[stone.material].density_kg_m3 * 4 / 3 * np.pi * stone.radius_m**3
+    return StoneParts(center, radius, mass * radius**3 / (radius**3).sum(), network, surface)
+
+
+def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = None) -> Assembly:
+    """Pack each stone and set it where it enters. Raises Refused as `stone_parts` does."""
+    materials = sorted({stone.material for stone in stones})  # LIGGGHTS wants types without gaps
+    parts = [stone_parts(scene, stone, cache_dir) for stone in stones]
+    sizes, bonds = [len(p.radius_m) for p in parts], [len(p.bonds) for p in parts]
+    first = np.cumsum([0, *sizes])
     return Assembly(
+        stones=tuple(stones),
+        gravity_m_s2=scene.gravity_vector_m_s2,
         materials=materials,
-        center_m=np.vstack([p[0] for p in parts]),
-        radius_m=np.concatenate([p[1] for p in parts]),
-        mass_kg=np.concatenate([p[2] for p in parts]),
-        material=np.concatenate([np.full(len(p[0]), p[3]) for p in parts]),
-        agglomerate=np.concatenate([np.full(len(p[0]), k) for k, p in enumerate(parts)]),
-        bond_first=np.concatenate([p[4][0] + f for p, f in zip(parts, first)]),
-        bond_second=np.concatenate([p[4][1] + f for p, f in zip(parts, first)]),
-        bond_vector_m=np.vstack([p[4][2] for p in parts]),
-        bond_radius_m=np.concatenate([p[4][3] for p in parts]),
-        bond_strength_factor=np.concatenate([np.full(len(p[4][0]), p[5]) for p in parts]),
-        surfaces=tuple(surfaces),
+        center_m=np.vstack([p.center_m for p in parts]),
+        radius_m=np.concatenate([p.radius_m for p in parts]),
+        mass_kg=np.concatenate([p.mass_kg for p in parts]),
+        material=np.repeat([materials.index(stone.material) for stone in stones], sizes),
+        agglomerate=np.repeat(np.arange(len(parts)), sizes),
+        bond_first=np.concatenate([p.bonds.first + f for p, f in zip(parts, first)]),
+        bond_second=np.concatenate([p.bonds.second + f for p, f in zip(parts, first)]),
+        bond_vector_m=np.vstack([p.bonds.vector_m for p in parts]),
+        bond_radius_m=np.concatenate([p.bonds.radius_m for p in parts]),
+        bond_strength_factor=np.repeat([stone.strength_factor for stone in stones], bonds),
+        surfaces=tuple(p.surface for p in parts if p.surface is not None),
     )
 
 
-def _height_m(scene: Scene, index: int) -> float:
-    """Of the stone's lowest point: what it falls in its time of arrival on top of the gap."""
-    later = scene.stones.arrival_s[index] if scene.stones.arrival_s else 0.0
-    return scene.stones.gap_m + scene.stones.speed_m_s * later + 0.5 * scene.time.gravity_m_s2 * later**2
-
-
-def _stone(scene: Scene, index: int, cache_dir: Path | None) -> tuple[Packing, np.ndarray, Bonds]:
+def _stone(scene: Scene, stone: Stone, cache_dir: Path | None) -> tuple[Packing, np.ndarray, Bonds]:
     """Packing of one stone about its own centre, radii of contact (n,), and bonds; an unbonded sphere has none."""
-    stones = scene.stones
-    if stones.agglomerate is None:
+    table = scene.stones.agglomerate
+    if table is None:
         none = np.zeros(0, dtype=int)
-        one = Packing(np.zeros((1, 3)), np.array([stones.radius_m]), SphereContainer(stones.radius_m))
+        one = Packing(np.zeros((1, 3)), np.array([stone.radius_m]), SphereContainer(stone.radius_m))
         return one, one.radius_m, Bonds(none, none, np.zeros((0, 3)), np.zeros(0))
-    # A place keeps its packing whatever its material, so that a sweep changes the material alone.
-    packing = packed_sphere(stones.radius_m, stones.agglomerate.subspheres, stones.seed + index, cache_dir)
+    packing = packed_sphere(stone.radius_m, table.subspheres, stone.seed, cache_dir)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
     return packing, CONTACT_RADIUS_RATIO * packing.radius_m, bond_network(packing)
