@@ -175,7 +175,7 @@ void FixLedger::post_integrate() {
 
 void FixLedger::end_of_step() {
   add_damping();
-  if (update->ntimestep % every_ == 0) write();
+  if (update->ntimestep % every_ == 0 || update->ntimestep == update->laststep) write();
 }
 
 void FixLedger::write() {
@@ -193,12 +193,14 @@ void FixLedger::write() {
 }
 
 void FixLedger::write_rows(const LedgerRows &rows, const std::vector<double> &total) {
-  for (size_t k = 0; k < rows.near().size(); k++) {
-    const long long head[2] = {update->ntimestep, rows.near()[k] + 1};
-    if (std::fwrite(head, 8, 2, file_) != 2 ||
-        std::fwrite(&total[k * LEDGER_COLUMNS], 8, LEDGER_COLUMNS, file_) != LEDGER_COLUMNS)
+  auto write_row = [&](long long agglomerate, const double *row) {
+    const long long head[2] = {update->ntimestep, agglomerate};
+    if (std::fwrite(head, 8, 2, file_) != 2 || std::fwrite(row, 8, LEDGER_COLUMNS, file_) != LEDGER_COLUMNS)
       error->one(FLERR, "cannot write the ledger");
-  }
+  };
+  const double none[LEDGER_COLUMNS] = {};
+  if (rows.near().empty()) write_row(0, none);
+  for (size_t k = 0; k < rows.near().size(); k++) write_row(rows.near()[k] + 1, &total[k * LEDGER_COLUMNS]);
 }
 
 // Of a stone that has left this was the last row.

@@ -6,7 +6,7 @@ import numpy as np
 
 from common.scene import Scene
 from common.tables import InputError
-from dem.stones.stone import Entry, Stone, apex_s, entry_of
+from dem.stones.stone import Entry, Stone, entry_of
 
 
 def stones_of(scene: Scene, file: str) -> list[Stone]:
@@ -51,7 +51,6 @@ def _check_places(scene: Scene, stones: list[Stone], file: str) -> None:
         if np.any(np.abs(stone.place_m) > half):
             raise InputError(f"{file}: stones.{_place_key(scene, k, stone)}: stone {k + 1} misses the plate, which "
                              f"reaches to x = {half[0]:g} m and y = {half[1]:g} m")
-        _check_arrival(stone, k, gravity, file)
     entries = [entry_of(stone, gravity) for stone in stones]
     radius, entry_s, until = (np.array(column) for column in (
         [s.radius_m for s in stones], [e.entry_s for e in entries], [s.arrival_s for s in stones]))
@@ -77,14 +76,6 @@ def _place_key(scene: Scene, k: int, stone: Stone) -> str:
     if scene.stones.positions is None:
         return f"circle_radius_m = {scene.stones.circle_radius_m:g}"
     return f"positions.{k} = ({stone.place_m[0]:g}, {stone.place_m[1]:g})"
-
-
-def _check_arrival(stone: Stone, k: int, gravity: tuple[float, float, float], file: str) -> None:
-    """Until the engine takes in stones on their way, all are in it from the start, on the way down."""
-    latest = apex_s(stone, gravity)
-    if stone.arrival_s > latest:
-        raise InputError(f"{file}: stones.arrival_s.{k} = {stone.arrival_s:g}: must be at most the speed over gravity, "
-                         f"{latest:.4g} s: before, the stone was on its way up")
 
 
 def _center_m(stone: Stone, entry: Entry, gravity: tuple[float, float, float], t_s: float) -> np.ndarray:
