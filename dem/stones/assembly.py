@@ -82,8 +82,20 @@ class Assembly:
 
     @property
     def mass_height_kg_m(self) -> np.ndarray:
-        """(stones,) sum of mass times height of the sub-spheres where each stone enters."""
-        return np.bincount(self.agglomerate, self.mass_kg * self.center_m[:, 2])
+        """(stones,) sum of mass times height, against gravity, of the sub-spheres where each stone enters."""
+        return np.bincount(self.agglomerate, self.mass_kg * (self.center_m @ np.array(self.up)))
+
+    @property
+    def up(self) -> tuple[float, float, float]:
+        """Unit vector against gravity, that of z where there is none."""
+        size = math.hypot(*self.gravity_m_s2)
+        x, y, z = (-g / size for g in self.gravity_m_s2) if size > 0 else (0.0, 0.0, 1.0)
+        return x, y, z
+
+    @property
+    def is_stream(self) -> bool:
+        """Do stones enter later than at the start, so that the engine takes them in and lets them go?"""
+        return any(entry.entry_s > 0 for entry in self.entries)
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:
