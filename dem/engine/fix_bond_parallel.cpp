@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <numeric>
 
 #include "atom.h"
 #include "bonded_bodies.h"
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
+#include "fixes.h"
 #include "force.h"
 #include "memory.h"
 #include "quaternion.h"
@@ -60,12 +60,13 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   if (force->newton) error->fix_error(FLERR, this, "needs `newton off`");
   if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
 
-  bonds_ = read_bonds(lmp, bonds, materials_);
+  if (bonds != "none") bonds_ = read_bonds(lmp, bonds, materials_);
   for (const Bond &b : bonds_) longest_ = std::max(longest_, b.length);
   intact_.assign(bonds_.size(), 1);
   broken_.resize(bonds_.size());
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
-  volumes_ = BondVolumes(bonds_, agglomerates_->tags());
+  volumes_ = BondVolumes(agglomerates_->tags());
+  volumes_.enter(bonds_);
   work_.assign(agglomerates_->count(), 0);
   released_ = broken_count_ = work_;
 
@@ -91,6 +92,7 @@ FixBondParallel::~FixBondParallel() {
 int FixBondParallel::setmask() { return POST_INTEGRATE | PRE_NEIGHBOR | POST_FORCE; }
 
 void FixBondParallel::init() {
+  agglomerates_->follow(fix_that_is<StoneStream>(modify));
   if (comm->nprocs > 1 && !comm->ghost_velocity) error->fix_error(FLERR, this, "needs `communicate single vel yes`");
 }
 
@@ -152,15 +154,15 @@ void FixBondParallel::rebuild() {
   known_tags_.assign(atom->tag, atom->tag + nlocal);
 
   local_.clear();
-  for (int k = 0; k < static_cast<int>(bonds_.size()); k++) {
-    if (!intact_[k]) continue;
-    const int i = atom->map(bonds_[k].tag_i), j = atom->map(bonds_[k].tag_j);
+  for (const Bond &b : bonds_) {
+    if (!intact_[b.id]) continue;
+    const int i = atom->map(b.tag_i), j = atom->map(b.tag_j);
     const bool mine = (i >= 0 && i < nlocal) || (j >= 0 && j < nlocal);
     if (bodies_may_leave_ && i < 0 && j < 0) continue;
     if (comm->nprocs == 1 && (i < 0 || j < 0)) error->one(FLERR, "A bonded sub-sphere was lost");
     if (!mine) continue;
     if (i < 0 || j < 0) error->one(FLERR, "A bonded sub-sphere is beyond the ghost atoms of this rank");
-    local_.push_back({i, j, k, &bonds_[k]});
+    local_.push_back({i, j, b.id, &b});
   }
   kernel_->build(local_, nlocal + atom->nghost);
 }
@@ -177,7 +179,7 @@ void FixBondParallel::share_broken() {
   for (int p = 0; p < comm->nprocs; p++) offset[p] = total, total += count[p];
   std::vector<int> all(total);
   MPI_Allgatherv(newly_broken_.data(), mine, MPI_INT, all.data(), count.data(), offset.data(), MPI_INT, world);
-  for (int id : all) intact_[id] = 0;
+  for (int id : all) changes_ += intact_[id], intact_[id] = 0;
   newly_broken_.clear();
 }
 
@@ -267,7 +269,7 @@ std::vector<double> FixBondParallel::stretches_now() const {
 // is taken from the stretch at which the bond was judged.
 double FixBondParallel::released_volume_energy(int broken, int i, int j) const {
   auto stretch = [&](int bond) {
-    const Bond &b = bonds_[bond];
+    const Bond &b = bond_of(bond);
     const AtomRecord from = half_a_step_ago(atom->map(b.tag_i)), to = half_a_step_ago(atom->map(b.tag_j));
     return b.area * (norm(Vec(to.x) - Vec(from.x)) - b.length);
   };
@@ -288,11 +290,12 @@ void FixBondParallel::note_broken(int n) {
   char line[256];
   for (int k = 0; k < n; k++) {
     const int b = broken_[k];
-    const Bond &bond = bonds_[b];
+    const Bond &bond = bond_of(b);
     const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
     const double of_volume =
         bond.material->feels_dilatation() && i < atom->nlocal ? released_volume_energy(b, i, j) : 0;
     intact_[b] = 0;
+    changes_++;
     if (comm->nprocs > 1) newly_broken_.push_back(b);
     if (i >= atom->nlocal) continue;  // the rank that owns i reports
     // The kernel judges at x + tau v, damping included; so does the event. The energy is the one
@@ -329,13 +332,54 @@ void FixBondParallel::add_to(LedgerRows &rows) {
   rows.add(BROKEN, broken_count_);
 }
 
+/* --- stones that come and go --------------------------------------------------------------------------------- */
+
+// The bonds of each stone lie together, and the stones in ascending order, whenever each of them came.
+void FixBondParallel::enter(const EnteringStone &stone) {
+  const size_t count = stone.bonds.size() / EnteringStone::BOND_COLUMNS;
+  std::vector<Bond> added;
+  for (size_t k = 0; k < count; k++)
+    added.push_back(bond_of_row(lmp, &stone.bonds[k * EnteringStone::BOND_COLUMNS], stone.first_bond + k, materials_,
+                                "the stones"));
+  auto at = std::find_if(blocks_.begin(), blocks_.end(),
+                         [&](const Block &b) { return b.agglomerate > stone.agglomerate; });
+  const size_t start = at == blocks_.end() ? bonds_.size() : at->start;
+  bonds_.insert(bonds_.begin() + start, added.begin(), added.end());
+  at = blocks_.insert(at, {stone.agglomerate, stone.first_bond, start, count});
+  for (++at; at != blocks_.end(); ++at) at->start += count;
+  if (intact_.size() < stone.first_bond + count) intact_.resize(stone.first_bond + count, 0);
+  std::fill_n(intact_.begin() + stone.first_bond, count, 1);
+  volumes_.enter(added);
+  broken_.resize(bonds_.size());
+  listed_ = false;  // the list points into the bonds
+  changes_++;
+}
+
+void FixBondParallel::leave(int agglomerate) {
+  auto at = std::find_if(blocks_.begin(), blocks_.end(), [&](const Block &b) { return b.agglomerate == agglomerate; });
+  if (at == blocks_.end()) return;
+  const size_t count = at->count;
+  bonds_.erase(bonds_.begin() + at->start, bonds_.begin() + at->start + count);
+  at = blocks_.erase(at);
+  for (; at != blocks_.end(); ++at) at->start -= count;
+  volumes_.leave(agglomerates_->first_tag(agglomerate), agglomerates_->size(agglomerate));
+  listed_ = false;
+  changes_++;
+}
+
+const Bond &FixBondParallel::bond_of(int id) const {
+  if (blocks_.empty()) return bonds_[id];
+  auto after = std::upper_bound(blocks_.begin(), blocks_.end(), id,
+                                [](int number, const Block &b) { return number < b.first_id; });
+  return bonds_[std::prev(after)->start + (id - std::prev(after)->first_id)];
+}
+
 /* --- bodies in free flight ----------------------------------------------------------------------------------- */
 
 const std::vector<int> &FixBondParallel::body_of_tag() {
-  const double broken = std::accumulate(broken_count_.begin(), broken_count_.end(), 0.0);
-  if (broken != broken_at_bodies_) {
-    broken_at_bodies_ = broken;
-    body_of_tag_ = bodies_of_tags(bonds_, intact_, agglomerates_->tags());
+  if (changes_ != changes_at_bodies_) {
+    changes_at_bodies_ = changes_;
+    find_bodies_of_tags(body_of_tag_, bonds_, intact_, *agglomerates_);
   }
   return body_of_tag_;
 }
@@ -355,7 +399,8 @@ void FixBondParallel::rotate(int i, const Rotation &turned) {
 }
 
 double FixBondParallel::compute_scalar() {
-  if (comm->nprocs == 1) return std::count(intact_.begin(), intact_.end(), 1);
+  if (comm->nprocs == 1)
+    return std::count_if(bonds_.begin(), bonds_.end(), [&](const Bond &b) { return intact_[b.id]; });
   double mine = 0, all = 0;
   for (const LocalBond &b : local_) mine += intact_[b.id] && b.i < atom->nlocal;
   MPI_Allreduce(&mine, &all, 1, MPI_DOUBLE, MPI_SUM, world);

@@ -111,7 +111,9 @@ void FixBondParallel::save(CheckpointWriter &out) {
   out.sum("bond_work", work_);
   out.sum("bond_released", released_);
   out.sum("bond_broken", broken_count_);
-  out.common("bond_intact", std::vector<double>(intact_.begin(), intact_.end()));
+  std::vector<double> intact;
+  for (const Bond &b : bonds_) intact.push_back(intact_[b.id]);
+  out.common("bond_intact", intact);
   std::vector<double> rows;
   rows.reserve(11 * static_cast<size_t>(atom->nlocal));
   for (int i = 0; i < atom->nlocal; i++) {
@@ -129,7 +131,8 @@ void FixBondParallel::restore(const CheckpointReader &in) {
   released_ = in.sum("bond_released", n);
   broken_count_ = in.sum("bond_broken", n);
   const std::vector<double> &intact = in.common("bond_intact", bonds_.size());
-  for (size_t b = 0; b < intact_.size(); b++) intact_[b] = intact[b] != 0;
+  for (size_t b = 0; b < bonds_.size(); b++) intact_[bonds_[b].id] = intact[b] != 0;
+  changes_++;
   forces_.assign(atom->nlocal + atom->nghost + 2, ForceRecord{});
   const std::vector<double> &rows = in.rows("bond_atoms", 11);
   for (size_t k = 0; k < rows.size(); k += 11) {

@@ -14,13 +14,14 @@
 
 namespace LAMMPS_NS {
 
-// fix ID group free_flight agglomerates FILE [gravity G] speed V tolerance TOL every N
+// fix ID group free_flight agglomerates FILE [gravity G] [down X Y Z] speed V tolerance TOL every N
 //
 // Bodies (sub-spheres that intact bonds hold together) that touch nothing and do not vibrate leave LIGGGHTS's arrays
 // and fly as rigid bodies on their exact path until they could touch something. When all bodies are in free flight,
 // time jumps (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2,
-// V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along -z. It works on one
-// rank, and comes after all other fixes.
+// V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along `down`, a unit
+// vector with a Z below 0, or along -z. What has left the plate for good goes to fix stones, if there is one. It works on
+// one rank, and comes after all other fixes.
 class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl,
                       public FlyingSpheres {
  public:
@@ -53,7 +54,10 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   Obstacle *plate_ = nullptr;
   class FixContactHistory *history_ = nullptr;
   double gravity_ = 0, speed_ = 0, tolerance_ = 0;  // m/s^2, m/s, share of the energy of the impact
+  Vec down_ = Vec(0, 0, -1);   // unit vector
+  class StoneStream *stream_ = nullptr;
   std::vector<std::unique_ptr<FreeBody>> bodies_;
+  std::vector<double> bond_energy_, pair_energy_;  // room for the energies of bodies, by least tag, J
   std::vector<int> calm_;      // looks in a row at which a body was calm, by its least tag
   PlateOutline outline_;       // of the plate, with the reach that all safe_until hold for
   int shown_ = 0;              // sub-spheres appended by show
@@ -61,6 +65,10 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
 
   std::vector<FreeBody *> bodies_in_flight();
   int body_of(int tag) const;
+  Vec weight() const { return gravity_ * down_; }  // m/s^2
+  bool has_left(const Outline &) const;
+  bool have_left(const Outline &a, const Outline &b) const { return stream_ && has_left(a) && has_left(b); }
+  void take_out_those_that_left();
   void check_count() const;
   void update_reach();
   double free_time(FreeBody &);

@@ -27,18 +27,17 @@ template <class T> void take_bytes(const double *&row, T *to, size_t count) {
 
 }  // namespace
 
-FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, int agglomerate, double gravity, bigint step, double dt)
+FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, int agglomerate, const Vec &weight, bigint step, double dt)
     : start(step), dt(dt), agglomerate(agglomerate), mass(b.mass) {
-  const Vec down(0, 0, -gravity);
   radius = b.radius;
-  motion = RigidMotion(b.center, b.velocity, down, b.momentum, b.inertia, b.atoms.size() == 1);
+  motion = RigidMotion(b.center, b.velocity, weight, b.momentum, b.inertia, b.atoms.size() == 1);
   spin = motion.fastest_spin();
   kinetic_start = 0.5 * b.mass * dot(b.velocity, b.velocity) + motion.rotational_energy() + b.inner_energy;
   for (int i : b.atoms) {
     const double m = atom->rmass[i], r = atom->radius[i];
     const Vec arm = Vec(atom->x[i]) - b.center;
     parts.push_back({atom->tag[i], r, m, arm, Vec(atom->v[i]) - b.velocity - cross(b.omega, arm),
-                     Vec(atom->omega[i]) - b.omega, (1 / m) * Vec(atom->f[i]) - down,
+                     Vec(atom->omega[i]) - b.omega, (1 / m) * Vec(atom->f[i]) - weight,
                      (1 / (0.4 * m * r * r)) * Vec(atom->torque[i]), 0});
   }
   go_to(step);

@@ -131,10 +131,10 @@ def test_dumps_without_an_interval_are_refused():
 
 
 def test_pictures_that_are_cut_off_are_refused(tmp_path):
-    whole = np.array([7, 0], dtype="<i8").tobytes() + np.zeros(12, dtype="<f4").tobytes()
+    whole = np.array([7, 0, 1, 0], dtype="<i8").tobytes() + np.zeros(12, dtype="<f4").tobytes()
     for cut in (len(whole) - 1, 20, 8):
         (tmp_path / "pictures.bin").write_bytes(whole + whole[:cut])
         with pytest.raises(RuntimeError, match="cut off or damaged"):
-            list(read_pictures(tmp_path / "pictures.bin", 2))
+            list(read_pictures(tmp_path / "pictures.bin", np.array([2])))
     (tmp_path / "pictures.bin").write_bytes(whole + whole)
-    assert [step for step, _, _ in read_pictures(tmp_path / "pictures.bin", 2)] == [7, 7]
+    assert [step for step, *_ in read_pictures(tmp_path / "pictures.bin", np.array([2]))] == [7, 7]
