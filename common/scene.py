@@ -12,14 +12,13 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from common.error_laws import least_tolerance
 from common.plate import PlateTable, refuse_density
+from common.scene_stones import AgglomerateTable, NotNegative, Positive, StonesTable
 from common.tables import InputError, Refused, Table, about, check, read_toml
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
 LEAST_STRENGTH_Pa = 100.0
 MOST_FRICTION = 10.0
@@ -44,77 +43,6 @@ class TimeTable(Table):
         if self.duration_s < self.sample_interval_s:
             raise Refused("duration_s", self.duration_s,
                           f"must be at least sample_interval_s = {self.sample_interval_s:g}")
-        return self
-
-
-class AgglomerateTable(Table):
-    """How a stone is made of bonded sub-spheres."""
-
-    subspheres: Annotated[int, Field(ge=2, le=100_000), about("sub-spheres of a stone")]
-    damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
-    unbreakable: Annotated[bool, about("bonds never break")] = False
-    contact: Annotated[Literal["sub_spheres", "smooth"], about(
-        "how a stone touches the plate: with its sub-spheres, each alone, or as the smooth sphere that it stands for "
-        "(docs/contact.md)")] = "sub_spheres"
-
-
-class StonePosition(Table):
-    """Centre of a stone in the plane of the plate."""
-
-    x_m: Annotated[float, about("along the plate's length, from its centre")]
-    y_m: Annotated[float, about("along the plate's width, from its centre")]
-
-
-class StonesTable(Table):
-    """The stones, where they are, and how they arrive."""
-
-    count: Annotated[int, Field(ge=1, le=1000), about("number of stones", paper="10")]
-    radius_m: Annotated[Positive, about("radius of a stone", paper="0.025")]
-    circle_radius_m: Annotated[Positive | None, about(
-        "radius of the circle on which the stones lie at equal angles, stone 1 on the x axis; instead of positions",
-        paper="0.1")] = None
-    positions: Annotated[tuple[StonePosition, ...] | None, about(
-        "centre of each stone in the plane of the plate; instead of circle_radius_m")] = None
-    speed_m_s: Annotated[NotNegative, about("impact speed, downwards", paper="3.0")]
-    gap_m: Annotated[Positive, about("height of the stones' lowest points above the plate at the start")]
-    coal: Annotated[str, about("name of the coal's table in materials")]
-    gangue: Annotated[str, about("name of the gangue's table in materials")]
-    gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
-        "which stone turns into gangue first, each at most once; numbers above count are passed over, and stones that "
-        "are not named follow in ascending order")] = ()
-    gangue_ratio: Annotated[float, Field(ge=0, le=1), about(
-        "mixing ratio, the share of gangue among the stones; a multiple of 1/count", paper="0 to 1 in steps of 0.1")]
-    arrival_s: Annotated[tuple[NotNegative, ...] | None, about(
-        "when each stone touches, with the speed asked whatever flew before; 0: it starts gap_m above the "
-        "plate")] = None
-    strength_factor: Annotated[tuple[Positive, ...] | None, about(
-        "factor on the strengths of each stone's bonds")] = None
-    seed: Annotated[int, Field(ge=0, lt=2**63), about("seed of the packings; stone k has seed + k - 1")]
-    agglomerate: Annotated[AgglomerateTable | None, about(
-        "how a stone is made; absent: each stone is one unbonded sphere")] = None
-
-    @field_validator("gangue_order")
-    @classmethod
-    def _order_of_every_stone(cls, order: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
-        if len(set(order)) < len(order):
-            raise ValueError("must name each stone at most once")
-        if "count" not in info.data:  # refused itself
-            return order
-        stones = range(1, info.data["count"] + 1)
-        return (*(k for k in order if k in stones), *(k for k in stones if k not in order))
-
-    @model_validator(mode="after")
-    def _one_position_each(self) -> Self:
-        if (self.circle_radius_m is None) == (self.positions is None):
-            raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions must be given")
-        if self.positions is not None and len(self.positions) != self.count:
-            raise Refused("positions", f"{len(self.positions)} places", f"must be {self.count}, one a stone")
-        for key in ("arrival_s", "strength_factor"):
-            values = getattr(self, key)
-            if values is not None and len(values) != self.count:
-                raise Refused(key, f"{len(values)} values", f"must be {self.count}, one a stone")
-        if self.strength_factor is not None and self.agglomerate is None:
-            raise Refused("strength_factor", self.strength_factor, "needs stones.agglomerate, whose bonds it is for")
         return self
 
 
@@ -232,10 +160,9 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _names_agree(self) -> Self:
-        for part in ("coal", "gangue"):
-            name = getattr(self.stones, part)
+        for key, name in self._material_keys():
             if name not in self.materials:
-                raise Refused(f"stones.{part}", name, f"unknown material; materials here are {sorted(self.materials)}")
+                raise Refused(key, name, f"unknown material; materials here are {sorted(self.materials)}")
             if self.stones.agglomerate and self.materials[name].bond is None:
                 raise Refused(f"materials.{name}.bond", None, "must be given, as stones.agglomerate needs it")
         if self.plate.youngs_modulus_Pa < LEAST_MODULUS_Pa:
@@ -249,6 +176,12 @@ class Scene(Table):
         self._check_contacts()
         return self
 
+    def _material_keys(self) -> list[tuple[str, str]]:
+        """Keys that name materials of stones, with the names."""
+        if self.stones.each is not None:
+            return [(f"stones.each.{k}.material", one.material) for k, one in enumerate(self.stones.each)]
+        return [("stones.coal", self.stones.coal), ("stones.gangue", self.stones.gangue)]
+
     def bond_of(self, material: str) -> BondTable:
         """The bonds of a material. Where stones are agglomerates, the checks above see that there are any."""
         bond = self.materials[material].bond
@@ -258,12 +191,19 @@ class Scene(Table):
     @property
     def falling_materials(self) -> list[str]:
         """Names of the materials that may fall, in alphabetic order."""
-        return sorted({self.stones.coal, self.stones.gangue})
+        return self.stones.materials
 
     @property
     def gravity_vector_m_s2(self) -> tuple[float, float, float]:
         """Gravity in the frame of the plate."""
-        return (0.0, 0.0, -self.time.gravity_m_s2)
+        gravity, (x, y, z) = self.time.gravity_m_s2, self.down
+        return (gravity * x, gravity * y, gravity * z)
+
+    @property
+    def down(self) -> tuple[float, float, float]:
+        """Unit vector of the direction straight down, in the frame of the plate."""
+        tilt = math.radians(self.plate.tilt_deg)
+        return (math.sin(tilt), 0.0, -math.cos(tilt))
 
     @property
     def has_smooth_contact(self) -> bool:
@@ -298,6 +238,12 @@ class Scene(Table):
                 raise Refused(key, value, "must be left out where tolerance is given")
         return self
 
+    @property
+    def _one_stone(self) -> bool:
+        stones = self.stones
+        count = len(stones.each) if stones.each is not None else stones.drawn.count if stones.drawn else stones.count
+        return count == 1
+
     def _check_contacts(self) -> None:
         names = self.falling_materials
         needed = {contact_key(a, b) for a in names for b in [*names, PLATE]}
@@ -305,7 +251,7 @@ class Scene(Table):
         for key in self.contacts:
             if key not in known:
                 raise Refused(f"contacts.{key}", key, f"unknown pair of materials; possible are {sorted(known)}")
-        alone = self.stones.count == 1 and self.stones.agglomerate is None
+        alone = self._one_stone and self.stones.agglomerate is None
         for key in sorted(needed - set(self.contacts)):
             if key.endswith("_" + PLATE) or not alone:
                 raise Refused(f"contacts.{key}", None, "must be given with restitution and friction")

@@ -77,7 +77,7 @@ def plan_campaign(file: Path) -> tuple[Path, list[CampaignRun]]:
         scene = changed_scene(scene_file, changes)
         stones_of(scene, str(scene_file))
         group = scene_hash(scene.model_copy(update={"stones": scene.stones.model_copy(update={"gangue_ratio": 0.0})}))
-        directory = f"{group}/{ratio_name(scene.stones.gangue_ratio)}"
+        directory = f"{group}/{ratio_name(scene.stones.gangue_ratio or 0.0)}"
         if directory not in seen:  # a value given twice
             runs.append(CampaignRun(directory, changes, scene.engine.np))
         seen.add(directory)

@@ -120,9 +120,11 @@ def record_steps(assembly: Assembly, step: TimeStep) -> int:
 
 
 def _common_velocity(assembly: Assembly) -> str | None:
-    """Of all stones when they enter, or None where they differ, and atoms.data says each."""
+    """Of all stones when they enter, or None where they differ or spin, and atoms.data says each."""
     velocities = {entry.velocity_m_s for entry in assembly.entries}
-    return " ".join("0" if v == 0 else repr(v) for v in velocities.pop()) if len(velocities) == 1 else None
+    if len(velocities) > 1 or assembly.spins:
+        return None
+    return " ".join("0" if v == 0 else repr(v) for v in velocities.pop())
 
 
 def _impact_J(assembly: Assembly) -> float:
@@ -201,10 +203,10 @@ def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
 
 def _write_velocities(out: TextIO, assembly: Assembly) -> None:
     """Of every sub-sphere when its stone enters: velocity and spin."""
-    velocity = np.array([entry.velocity_m_s for entry in assembly.entries])[assembly.agglomerate]
+    rows = np.hstack(assembly.start_motion())
     out.write("\nVelocities\n\n")
-    for k, (vx, vy, vz) in enumerate(velocity.tolist()):
-        out.write(f"{k + 1} {vx:.17g} {vy:.17g} {vz:.17g} 0 0 0\n")
+    for k, row in enumerate(rows.tolist()):
+        out.write(f"{k + 1} " + " ".join(f"{number:.17g}" for number in row) + "\n")
 
 
 def _write_bonds(file: Path, assembly: Assembly) -> None:

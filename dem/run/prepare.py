@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from common.scene import Scene, scene_hash
-from common.tables import refused_in
+from common.tables import InputError, refused_in
 from dem.deck.plausible import warnings_of
 from dem.deck.time_step import TimeStep, plate_mobility_1_kg, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import with_tolerance
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
-from dem.stones.stone import places_m
+from dem.stones.stone import Stone, apex_s, entry_of, places_m
 from plate_fem.modes import PlateModes, plate_modes
 
 
@@ -58,6 +58,15 @@ class PreparedRun:
         return self.modes is not None
 
 
+def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
+    """Until the engine takes in stones on their way, all are in it from the start."""
+    for k, stone in enumerate(stones):
+        if entry_of(stone, scene.gravity_vector_m_s2).entry_s > 1e-12:
+            raise InputError(f"{file}: stones: arrival_s of stone {k + 1} = {stone.arrival_s:g}: must be at most the "
+                             f"speed over gravity, {apex_s(stone, scene.gravity_vector_m_s2):.4g} s: before, it was on "
+                             "its way up")
+
+
 def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     """Check, pack, find the modes and choose the time step.
 
@@ -66,6 +75,7 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     written.
     """
     stages, stones = Stages(), stones_of(scene, source)
+    _refuse_late(stones, scene, source)
     warnings = warnings_of(scene, stones)
     for line in warnings:
         print(f"warning: {source}: {line}", file=sys.stderr)

@@ -27,6 +27,7 @@ from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
 from dem.run.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
 from dem.run.stones_table import read_left, stones_table
+from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
 
@@ -85,7 +86,7 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "scene_hash": prepared.scene_hash,
         "assumptions": list(scene.assumptions),
         "warnings": prepared.warnings,
-        "gangue_ratio": scene.stones.gangue_ratio,
+        "gangue_ratio": gangue_ratio(scene, list(prepared.assembly.stones), prepared.assembly.stone_mass_kg),
         "materials": prepared.assembly.stone_materials,
         "versions": versions(),
         "seeds": [stone.seed for stone in prepared.assembly.stones] if prepared.assembly.n_bonds else [],

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from common.scene import Scene
+from common.scene_stones import EachStone
 from common.tables import InputError
-from dem.stones.stone import Entry, Stone, entry_of
+from dem.stones.drawn import drawn_stones
+from dem.stones.paths import Flying
+from dem.stones.stone import UPRIGHT, Stone
 
 
 def stones_of(scene: Scene, file: str) -> list[Stone]:
@@ -15,22 +18,54 @@ def stones_of(scene: Scene, file: str) -> list[Stone]:
     Raises InputError if the ratio asks for part of a stone, if stones overlap where they enter, or if one misses the
     plate.
     """
-    stones = _volley(scene, file)
-    _check_places(scene, stones, file)
+    table = scene.stones
+    if table.drawn is not None or table.stream is not None:
+        stones = drawn_stones(scene, file)
+    elif table.each is not None:
+        stones = [_one(scene, k, one) for k, one in enumerate(table.each)]
+    else:
+        stones = _volley(scene, file)
+    _check_motion(scene, stones, file)
+    if table.drawn is None and table.stream is None:  # whose places were drawn so
+        _check_places(scene, stones, file)
     return stones
+
+
+def gangue_ratio(scene: Scene, stones: list[Stone], mass_kg: np.ndarray) -> float:
+    """The share of gangue that falls, by what the scene's mixing ratio is a share of."""
+    table = scene.stones
+    if table.gangue_ratio is not None and table.count is not None:
+        return table.gangue_ratio
+    drawn = table.drawn or table.stream
+    weight = mass_kg if drawn is not None and drawn.gangue_by == "mass" else np.ones(len(stones))
+    return float(weight @ [stone.material == table.gangue for stone in stones] / weight.sum())
+
+
+def _one(scene: Scene, k: int, one: EachStone) -> Stone:
+    """One of stones that are given one by one."""
+    speed = one.speed_m_s
+    velocity = one.velocity_m_s if speed is None else tuple(speed * d for d in scene.down)
+    assert velocity is not None
+    return Stone(material=one.material, radius_m=one.radius_m, place_m=(one.x_m, one.y_m),
+                 velocity_m_s=velocity,  # type: ignore[arg-type]
+                 seed=scene.stones.seed + k if one.seed is None else one.seed, gap_m=scene.stones.gap_m,
+                 arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT,
+                 strength_factor=one.strength_factor, shape=one.shape)
 
 
 def _volley(scene: Scene, file: str) -> list[Stone]:
     """Equal stones on a circle or on given places."""
-    table = scene.stones
+    table, speed = scene.stones, scene.stones.speed_m_s
+    assert table.gangue_ratio is not None and table.count is not None and table.radius_m is not None
+    assert speed is not None
     n_gangue = table.gangue_ratio * table.count
     if abs(n_gangue - round(n_gangue)) > 1e-9:
         raise InputError(f"{file}: stones.gangue_ratio = {table.gangue_ratio}: with {table.count} stones it must be "
                          f"a multiple of 1/{table.count}")
-    chosen = set(table.gangue_order[:round(n_gangue)])
+    chosen, (dx, dy, dz) = set(table.gangue_order[:round(n_gangue)]), scene.down
     # A place keeps its seed whatever its material, so that a sweep changes the material alone.
     return [Stone(material=table.gangue if k + 1 in chosen else table.coal, radius_m=table.radius_m,
-                  place_m=(float(place[0]), float(place[1])), velocity_m_s=(0.0, 0.0, -table.speed_m_s),
+                  place_m=(float(place[0]), float(place[1])), velocity_m_s=(speed * dx, speed * dy, speed * dz),
                   seed=table.seed + k, gap_m=table.gap_m, arrival_s=table.arrival_s[k] if table.arrival_s else 0.0,
                   strength_factor=table.strength_factor[k] if table.strength_factor else 1.0)
             for k, place in enumerate(_positions(scene))]
@@ -40,46 +75,51 @@ def _positions(scene: Scene) -> np.ndarray:
     stones = scene.stones
     if stones.positions is not None:
         return np.array([[place.x_m, place.y_m] for place in stones.positions])
+    assert stones.count is not None and stones.circle_radius_m is not None
     angle = 2 * np.pi * np.arange(stones.count) / stones.count
     return stones.circle_radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
+def _check_motion(scene: Scene, stones: list[Stone], file: str) -> None:
+    """Every stone comes down, by its speed or by gravity."""
+    for k, stone in enumerate(stones):
+        slow = stone.velocity_m_s[2] == 0
+        if slow and (scene.time.gravity_m_s2 == 0 or stone.arrival_s > 0):
+            raise InputError(f"{file}: stones.{_speed_key(scene, k)} = {stone.speed_m_s:g}: must be above 0 towards "
+                             "the plate where there is no time.gravity_m_s2, or an arrival_s: the stone would not come")
+
+
+def _speed_key(scene: Scene, k: int) -> str:
+    table = scene.stones
+    if table.each is not None:
+        return f"each.{k}." + ("speed_m_s" if table.each[k].velocity_m_s is None else "velocity_m_s")
+    drawn, name = (table.drawn, "drawn.") if table.drawn is not None else (table.stream, "stream.")
+    if drawn is None:
+        return "speed_m_s"
+    return name + ("speed_m_s" if drawn.speed_m_s is not None else "drop_height_m")
+
+
 def _check_places(scene: Scene, stones: list[Stone], file: str) -> None:
     half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
-    gravity = scene.gravity_vector_m_s2
+    flying = Flying(scene)
     for k, stone in enumerate(stones):
         if np.any(np.abs(stone.place_m) > half):
             raise InputError(f"{file}: stones.{_place_key(scene, k, stone)}: stone {k + 1} misses the plate, which "
                              f"reaches to x = {half[0]:g} m and y = {half[1]:g} m")
-    entries = [entry_of(stone, gravity) for stone in stones]
-    radius, entry_s, until = (np.array(column) for column in (
-        [s.radius_m for s in stones], [e.entry_s for e in entries], [s.arrival_s for s in stones]))
-    for k, stone in enumerate(stones):
-        # Those that fly when it enters. Where they are after their touch is not known here.
-        there = np.flatnonzero((entry_s[:k] <= entry_s[k]) & ((until[:k] > entry_s[k]) | (entry_s[k] == 0)))
-        if not len(there):
-            continue
-        center = np.array([_center_m(stones[i], entries[i], gravity, entry_s[k]) for i in there])
-        distance = np.linalg.norm(center - _center_m(stone, entries[k], gravity, entry_s[k]), axis=1)
-        gap = distance - radius[there] - stone.radius_m
-        if gap.min() < 0:
-            other, least = there[gap.argmin()], radius[there[gap.argmin()]] + stone.radius_m
+        other, gap = flying.nearest(stone)
+        if gap < 0:
+            least = stones[other].radius_m + stone.radius_m
+            equal = len({stone.radius_m for stone in stones}) == 1
             raise InputError(f"{file}: stones.{_place_key(scene, k, stone)}: stones {other + 1} and {k + 1} overlap, "
-                             f"their centres must be at least {_sum_of_radii(stones)}{least:g} m apart")
-
-
-def _sum_of_radii(stones: list[Stone]) -> str:
-    return "2 radius_m = " if len({stone.radius_m for stone in stones}) == 1 else "the sum of their radii, "
+                             f"their centres must be at least {'2 radius_m' if equal else 'the sum of their radii'} = "
+                             f"{least:g} m apart")
+        flying.add(stone)
 
 
 def _place_key(scene: Scene, k: int, stone: Stone) -> str:
-    if scene.stones.positions is None:
+    place = f"({stone.place_m[0]:g}, {stone.place_m[1]:g})"
+    if scene.stones.positions is not None:
+        return f"positions.{k} = {place}"
+    if scene.stones.circle_radius_m is not None:
         return f"circle_radius_m = {scene.stones.circle_radius_m:g}"
-    return f"positions.{k} = ({stone.place_m[0]:g}, {stone.place_m[1]:g})"
-
-
-def _center_m(stone: Stone, entry: Entry, gravity: tuple[float, float, float], t_s: float) -> np.ndarray:
-    """(3,) centre of a stone on its path, above the plane in which the centres of touching stones of no size lie."""
-    flown = t_s - entry.entry_s
-    ahead = [v * flown + 0.5 * g * flown**2 for v, g in zip(entry.velocity_m_s, gravity)]
-    return np.array([*stone.place_m, stone.radius_m]) + entry.offset_m + ahead
+    return f"each.{k}.x_m, y_m = {place}"

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from common.scene import Scene
 from common.tables import Refused
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
-from dem.stones.library import packed_sphere, surface_of
+from dem.stones.library import REFERENCE_RADIUS_m, packed_sphere, scaled_packing, surface_of
 from dem.stones.packing import Packing, SphereContainer
-from dem.stones.stone import Entry, Stone, entry_of, impact_speed_m_s
+from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
 # before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
@@ -103,9 +104,27 @@ class Assembly:
 
     @property
     def kinetic_start_J(self) -> np.ndarray:
-        """(stones,) when each enters."""
+        """(stones,) when each enters: of its flight, and of its spin where it has one."""
         speed2 = np.array([math.hypot(*entry.velocity_m_s) ** 2 for entry in self.entries])
-        return 0.5 * self.stone_mass_kg * speed2
+        flight = 0.5 * self.stone_mass_kg * speed2
+        if not self.spins:
+            return flight
+        velocity, omega = self.start_motion()
+        speed2, spin2 = (velocity**2).sum(axis=1), (omega**2).sum(axis=1)
+        return np.bincount(self.agglomerate, self.mass_kg * (speed2 / 2 + self.radius_m**2 * spin2 / 5))
+
+    @property
+    def spins(self) -> bool:
+        """Does any stone spin when it enters?"""
+        return any(any(stone.spin_rad_s) for stone in self.stones)
+
+    def start_motion(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and spin (n, 3) of each sub-sphere when its stone enters."""
+        velocity = np.array([entry.velocity_m_s for entry in self.entries])[self.agglomerate]
+        omega = np.array([stone.spin_rad_s for stone in self.stones])[self.agglomerate]
+        center = np.column_stack([np.bincount(self.agglomerate, self.mass_kg * self.center_m[:, k]) for k in range(3)])
+        arm = self.center_m - (center / self.stone_mass_kg[:, None])[self.agglomerate]
+        return velocity + np.cross(omega, arm), omega
 
     @property
     def momentum_start_kg_m_s(self) -> np.ndarray:
@@ -135,15 +154,27 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
     Packings come from the library in `cache_dir`, if that is given. Raises Refused, a key of `stones.agglomerate`,
     where sub-spheres are too few for a smooth contact.
     """
-    packing, radius, network = _stone(scene, stone, cache_dir)
-    lowest, surface = (packing.center_m[:, 2] - radius).min(), None
-    if scene.has_smooth_contact:
-        lowest = -stone.radius_m
-        surface = _surface(scene, packing, network, stone.material, cache_dir)
+    one = _at_reference_size(scene, stone, cache_dir)
+    packing, network, surface = one.scaled(stone.radius_m)
+    if stone.attitude != UPRIGHT and len(network):
+        packing, network, surface = turned(stone.attitude, packing, network, surface)
+    radius = CONTACT_RADIUS_RATIO * packing.radius_m if len(network) else packing.radius_m
+    lowest = (packing.center_m[:, 2] - radius).min() if surface is None else -stone.radius_m
     x, y, height = entry_of(stone, scene.gravity_vector_m_s2).offset_m
     center = packing.center_m + [stone.place_m[0] + x, stone.place_m[1] + y, height - lowest]
     mass = scene.materials[stone.material].density_kg_m3 * 4 / 3 * np.pi * stone.radius_m**3
     return StoneParts(center, radius, mass * radius**3 / (radius**3).sum(), network, surface)
+
+
+def turned(attitude: tuple[float, float, float, float], packing: Packing, bonds: Bonds,
+           surface: StoneSurface | None) -> tuple[Packing, Bonds, StoneSurface | None]:
+    """The same stone turned by a quaternion (w, x, y, z). The patch about its new lowest point has the mean compliance
+    of patches elsewhere."""
+    turn = Rotation.from_quat(np.roll(attitude, -1)).as_matrix().T
+    packing, bonds = replace(packing, center_m=packing.center_m @ turn), replace(bonds, vector_m=bonds.vector_m @ turn)
+    if surface is not None:
+        surface = replace(surface, place_m=packing.center_m, first=surface.other)
+    return packing, bonds, surface
 
 
 def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = None) -> Assembly:
@@ -170,17 +201,42 @@ def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = Non
     )
 
 
-def _stone(scene: Scene, stone: Stone, cache_dir: Path | None) -> tuple[Packing, np.ndarray, Bonds]:
-    """Packing of one stone about its own centre, radii of contact (n,), and bonds; an unbonded sphere has none."""
+@dataclass(frozen=True)
+class _ReferenceStone:
+    """A stone of the library's size about its own centre: packing, bonds, and its surface where it touches smoothly."""
+
+    packing: Packing
+    bonds: Bonds
+    surface: StoneSurface | None
+
+    def scaled(self, radius_m: float) -> tuple[Packing, Bonds, StoneSurface | None]:
+        """The same at another size. A bond network of one material is the softer, the smaller it is."""
+        size, surface = radius_m / REFERENCE_RADIUS_m, self.surface
+        bonds = replace(self.bonds, vector_m=size * self.bonds.vector_m, radius_m=size * self.bonds.radius_m)
+        if surface is not None:
+            surface = replace(surface, place_m=size * surface.place_m,
+                              first=surface.first.scaled(1 / size), other=surface.other.scaled(1 / size))
+        return scaled_packing(self.packing, radius_m), bonds, surface
+
+
+def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _ReferenceStone:
+    """What the stone is made of; an unbonded sphere has no bonds."""
     table = scene.stones.agglomerate
     if table is None:
-        none = np.zeros(0, dtype=int)
-        one = Packing(np.zeros((1, 3)), np.array([stone.radius_m]), SphereContainer(stone.radius_m))
-        return one, one.radius_m, Bonds(none, none, np.zeros((0, 3)), np.zeros(0))
-    packing = packed_sphere(stone.radius_m, table.subspheres, stone.seed, cache_dir)
+        none, radius = np.zeros(0, dtype=int), REFERENCE_RADIUS_m
+        one = Packing(np.zeros((1, 3)), np.array([radius]), SphereContainer(radius))
+        return _ReferenceStone(one, Bonds(none, none, np.zeros((0, 3)), np.zeros(0)), None)
+    packing, network = _packed(table.subspheres, stone.seed, cache_dir)
+    surface = _surface(scene, packing, network, stone.material, cache_dir) if scene.has_smooth_contact else None
+    return _ReferenceStone(packing, network, surface)
+
+
+@lru_cache(maxsize=128)
+def _packed(subspheres: int, seed: int, cache_dir: Path | None) -> tuple[Packing, Bonds]:
+    packing = packed_sphere(REFERENCE_RADIUS_m, subspheres, seed, cache_dir)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
-    return packing, CONTACT_RADIUS_RATIO * packing.radius_m, bond_network(packing)
+    return packing, bond_network(packing)
 
 
 def _surface(scene: Scene, packing: Packing, network: Bonds, material: str,
