@@ -99,20 +99,12 @@ void FixStones::enter_until(bigint step, double half_step) {
 void FixStones::enter(int agglomerate, double half_step) {
   const EnteringStone stone = file_->read(agglomerate);
   for (StoneKeeper *keeper : fixes_that_are<StoneKeeper>(modify)) keeper->enter(stone);
-  double mass = 0;
-  Vec center;
-  for (int k = 0; k < stone.count(); k++) {
-    const double *row = &stone.atoms[k * EnteringStone::ATOM_COLUMNS], m = row[2] * row[1] * row[1] * row[1];
-    mass += m;
-    center += m * Vec(row + 3);
-  }
-  center = (1 / mass) * center;
-  for (int k = 0; k < stone.count(); k++) add_atom(stone, k, center, half_step);
+  for (int k = 0; k < stone.count(); k++) add_atom(stone, k, half_step);
   near_.insert(std::lower_bound(near_.begin(), near_.end(), agglomerate), agglomerate);
   tags_near_ += stone.count();
 }
 
-void FixStones::add_atom(const EnteringStone &stone, int k, const Vec &center, double half_step) {
+void FixStones::add_atom(const EnteringStone &stone, int k, double half_step) {
   const double *row = &stone.atoms[k * EnteringStone::ATOM_COLUMNS];
   double place[3] = {row[3], row[4], row[5]};
   atom->avec->create_atom(static_cast<int>(row[0]), place);
@@ -122,7 +114,7 @@ void FixStones::add_atom(const EnteringStone &stone, int k, const Vec &center, d
   atom->radius[i] = 0.5 * row[1];
   atom->density[i] = row[2];
   atom->rmass[i] = 4.0 * M_PI / 3.0 * atom->radius[i] * atom->radius[i] * atom->radius[i] * row[2];
-  const Vec v = stone.velocity + cross(stone.spin, Vec(place) - center);
+  const Vec v(row + 6);
   (v - half_step * weight_).to(atom->v[i]);
   stone.spin.to(atom->omega[i]);
   std::fill_n(atom->f[i], 3, 0.0);

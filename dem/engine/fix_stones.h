@@ -33,6 +33,9 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   void pre_exchange() override;
   void post_run() override;
   double max_rad(int type) override { return file_->greatest_radius(type); }
+  double min_rad(int type) override { return type <= file_->types() ? file_->least_radius() : 0; }
+  int min_type() override { return 1; }
+  int max_type() override { return file_->types(); }
   double compute_scalar() override { return static_cast<double>(near_.size()); }  // stones that are near
 
   void add_to(LedgerRows &) override;
@@ -69,7 +72,7 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   void make_room_for_tags();
   void enter_until(bigint step, double half_step);
   void enter(int agglomerate, double half_step);
-  void add_atom(const EnteringStone &, int k, const Vec &center, double half_step);
+  void add_atom(const EnteringStone &, int k, double half_step);
   void forget();
 };
 

@@ -16,7 +16,7 @@ from dem.deck.time_step import TimeStep, plate_mobility_1_kg, step_limits, stone
 from dem.deck.tolerance import with_tolerance
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
-from dem.stones.stone import Stone, apex_s, entry_of, places_m
+from dem.stones.stone import Stone, entry_of, places_m
 from plate_fem.modes import PlateModes, plate_modes
 
 
@@ -59,12 +59,15 @@ class PreparedRun:
 
 
 def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
-    """Until the engine takes in stones on their way, all are in it from the start."""
-    for k, stone in enumerate(stones):
-        if entry_of(stone, scene.gravity_vector_m_s2).entry_s > 1e-12:
-            raise InputError(f"{file}: stones: arrival_s of stone {k + 1} = {stone.arrival_s:g}: must be at most the "
-                             f"speed over gravity, {apex_s(stone, scene.gravity_vector_m_s2):.4g} s: before, it was on "
-                             "its way up")
+    """Stones that enter later need bodies in free flight, who say what has left, and those are known to one rank."""
+    late = [k for k, stone in enumerate(stones) if entry_of(stone, scene.gravity_vector_m_s2).is_late]
+    for key, value, allowed, refused in (
+            ("engine.np", scene.engine.np, "1", scene.engine.np > 1),
+            ("time.free_flight_tolerance", scene.time.free_flight_tolerance, "above 0",
+             scene.time.free_flight_tolerance == 0)):
+        if late and refused:
+            raise InputError(f"{file}: {key} = {value:g}: must be {allowed} where a stone enters later than at once, as "
+                             f"stone {late[0] + 1} does, since it takes bodies in free flight to let stones go")
 
 
 def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
