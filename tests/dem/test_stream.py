@@ -80,7 +80,7 @@ def left(tmp_path_factory):
     directory = tmp_path_factory.mktemp("left") / "deck"
     each = [FALLS_OFF, FALLS_OFF | {"arrival_s": 0.07}, {"x_m": 0.0, "y_m": 0.0, "speed_m_s": 3.0},
             {"x_m": 0.1, "y_m": 0.1, "speed_m_s": SPEED, "arrival_s": 1.0}]
-    scene = scene_of(each, 0.18, **{"stones.agglomerate.unbreakable": False})
+    scene = scene_of(each, 0.21, **{"stones.agglomerate.unbreakable": False})
     return engine_run(directory, scene), directory
 
 
