@@ -16,7 +16,8 @@ from pydantic import Field, model_validator
 
 from common.error_laws import least_tolerance
 from common.plate import PlateTable, refuse_density
-from common.scene_stones import AgglomerateTable, NotNegative, Positive, StonesTable
+from common.scene_shapes import ShapeTable
+from common.scene_stones import SPHERE, AgglomerateTable, NotNegative, Positive, StonesTable
 from common.tables import InputError, Refused, Table, about, check, read_toml
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
@@ -149,6 +150,9 @@ class Scene(Table):
         "time.co_step, plate.max_frequency_Hz and plate.truncation_tolerance (docs/accuracy.md)")] = None
     time: Annotated[TimeTable, about("how long the run is, and in which steps")]
     stones: Annotated[StonesTable, about("the stones, where they are, and how they arrive")]
+    shapes: Annotated[
+        dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)], ShapeTable],
+        about("shapes of stones that are no spheres, by name")] = {}
     materials: Annotated[
         dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable],
         about("materials of the stones, by name")]
@@ -173,6 +177,7 @@ class Scene(Table):
                           "must be above 0 where there is no time.gravity_m_s2: nothing would move")
         if PLATE in self.materials:
             raise Refused("materials", PLATE, "must be another name, this one is the plate's")
+        self._check_shapes()
         self._check_contacts()
         return self
 
@@ -237,6 +242,20 @@ class Scene(Table):
             if value is not None:
                 raise Refused(key, value, "must be left out where tolerance is given")
         return self
+
+    def _check_shapes(self) -> None:
+        if SPHERE in self.shapes:
+            raise Refused(f"shapes.{SPHERE}", SPHERE, "must have another name, this one is the sphere's")
+        for name in self.stones.shapes:
+            if name == SPHERE:
+                continue
+            if name not in self.shapes:
+                raise Refused("stones", name, f"unknown shape; shapes here are {sorted([SPHERE, *self.shapes])}")
+            if self.stones.agglomerate is None:
+                raise Refused("stones.agglomerate", None, f"must be given: {name} is made of sub-spheres")
+            if self.has_smooth_contact:
+                raise Refused("stones.agglomerate.contact", "smooth", "must be \"sub_spheres\" where stones are no "
+                              "spheres: flat faces, edges and corners have no smooth sphere to stand for")
 
     @property
     def _one_stone(self) -> bool:

@@ -96,7 +96,8 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         extent_m=[-half[0], half[0], -half[1], half[1]],
         velocity_m_s=_common_velocity(assembly),
         impact_J=0.0 if assembly.is_stream else _impact_J(assembly),  # those of a stream bring theirs
-        mass_height_kg_m=0.0 if assembly.is_stream else float(assembly.mass_kg @ (assembly.center_m @ np.array(assembly.up))),
+        mass_height_kg_m=0.0 if assembly.is_stream else float(
+            assembly.mass_kg @ (assembly.center_m @ np.array(assembly.up))),
         pictures=picture_schedule(scene, assembly, step),
         dumps=scene.output.dumps,
         free_flight=_free_flight(scene, assembly, step),

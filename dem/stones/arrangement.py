@@ -8,7 +8,7 @@ from common.scene import Scene
 from common.scene_stones import EachStone
 from common.tables import InputError
 from dem.stones.drawn import drawn_stones
-from dem.stones.paths import Flying
+from dem.stones.paths import Flying, reach_m
 from dem.stones.stone import UPRIGHT, Stone
 
 
@@ -108,7 +108,7 @@ def _check_places(scene: Scene, stones: list[Stone], file: str) -> None:
                              f"reaches to x = {half[0]:g} m and y = {half[1]:g} m")
         other, gap = flying.nearest(stone)
         if gap < 0:
-            least = stones[other].radius_m + stone.radius_m
+            least = reach_m(scene, stones[other]) + reach_m(scene, stone)
             equal = len({stone.radius_m for stone in stones}) == 1
             raise InputError(f"{file}: stones.{_place_key(scene, k, stone)}: stones {other + 1} and {k + 1} overlap, "
                              f"their centres must be at least {'2 radius_m' if equal else 'the sum of their radii'} = "

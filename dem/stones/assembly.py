@@ -12,16 +12,20 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from common.scene import Scene
+from common.scene_shapes import ShapeTable
+from common.scene_stones import SPHERE
 from common.tables import Refused
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
-from dem.stones.library import REFERENCE_RADIUS_m, packed_sphere, scaled_packing, surface_of
+from dem.stones.library import REFERENCE_RADIUS_m, packed_solid, packed_sphere, scaled_packing, surface_of
 from dem.stones.packing import Packing, SphereContainer
+from dem.stones.shapes import Solid, solid_of
 from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
 # before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
 CONTACT_RADIUS_RATIO = 0.975
+LEAST_SHARE = 0.2  # of a sub-sphere's mass over what its volume would give it, in a stone that is no sphere
 
 
 @dataclass(frozen=True)
@@ -163,7 +167,8 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
     x, y, height = entry_of(stone, scene.gravity_vector_m_s2).offset_m
     center = packing.center_m + [stone.place_m[0] + x, stone.place_m[1] + y, height - lowest]
     mass = scene.materials[stone.material].density_kg_m3 * 4 / 3 * np.pi * stone.radius_m**3
-    return StoneParts(center, radius, mass * radius**3 / (radius**3).sum(), network, surface)
+    share = mass * radius**3 / (radius**3).sum() if one.mass_share is None else mass * one.mass_share
+    return StoneParts(center, radius, share, network, surface)
 
 
 def turned(attitude: tuple[float, float, float, float], packing: Packing, bonds: Bonds,
@@ -208,6 +213,7 @@ class _ReferenceStone:
     packing: Packing
     bonds: Bonds
     surface: StoneSurface | None
+    mass_share: np.ndarray | None = None  # (n,) of the stone's mass; None: by volume
 
     def scaled(self, radius_m: float) -> tuple[Packing, Bonds, StoneSurface | None]:
         """The same at another size. A bond network of one material is the softer, the smaller it is."""
@@ -226,17 +232,39 @@ def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _R
         none, radius = np.zeros(0, dtype=int), REFERENCE_RADIUS_m
         one = Packing(np.zeros((1, 3)), np.array([radius]), SphereContainer(radius))
         return _ReferenceStone(one, Bonds(none, none, np.zeros((0, 3)), np.zeros(0)), None)
-    packing, network = _packed(table.subspheres, stone.seed, cache_dir)
+    if stone.shape != SPHERE:
+        shape = scene.shapes[stone.shape]
+        packing, network = _packed(table.subspheres, stone.seed, cache_dir, shape)
+        return _ReferenceStone(packing, network, None, mass_shares(packing, solid_of(shape, stone.seed)))
+    packing, network = _packed(table.subspheres, stone.seed, cache_dir, None)
     surface = _surface(scene, packing, network, stone.material, cache_dir) if scene.has_smooth_contact else None
     return _ReferenceStone(packing, network, surface)
 
 
 @lru_cache(maxsize=128)
-def _packed(subspheres: int, seed: int, cache_dir: Path | None) -> tuple[Packing, Bonds]:
-    packing = packed_sphere(REFERENCE_RADIUS_m, subspheres, seed, cache_dir)
+def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTable | None) -> tuple[Packing, Bonds]:
+    packing = packed_sphere(REFERENCE_RADIUS_m, subspheres, seed, cache_dir) if shape is None else packed_solid(
+        solid_of(shape, seed), subspheres, seed, cache_dir)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
     return packing, bond_network(packing)
+
+
+def mass_shares(packing: Packing, solid: Solid) -> np.ndarray:
+    """Shares (n,) of the mass such that a packing has the centre of mass and the inertia of its solid exactly: those
+    nearest to the sub-spheres' volumes, w_i = v_i (1 + sum of multipliers x moments). Raises Refused where the packing
+    is so coarse that a share would not be positive."""
+    x, r = packing.center_m / REFERENCE_RADIUS_m, CONTACT_RADIUS_RATIO * packing.radius_m / REFERENCE_RADIUS_m
+    volume = r**3 / (r**3).sum()
+    pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+    second = np.column_stack([x[:, i] * x[:, j] + (r**2 / 5 if i == j else 0) for i, j in pairs])
+    rows = np.column_stack([np.ones(len(r)), x, second])
+    wanted = np.array([1.0, 0.0, 0.0, 0.0, *(solid.second_moment[i, j] / solid.volume for i, j in pairs)])
+    multiplier = np.linalg.lstsq((rows * volume[:, None]).T @ rows, wanted - rows.T @ volume, rcond=None)[0]
+    share = volume * (1 + rows @ multiplier)
+    if not np.all(share > LEAST_SHARE * volume):
+        raise Refused("subspheres", len(r), "must be more, so that they can have the inertia of their shape")
+    return share
 
 
 def _surface(scene: Scene, packing: Packing, network: Bonds, material: str,

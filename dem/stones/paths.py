@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from common.scene import Scene
+from common.scene_stones import SPHERE
+from dem.stones.shapes import solid_of
 from dem.stones.stone import Entry, Stone, entry_of
 
 
@@ -12,7 +14,7 @@ class Flying:
     """Stones on their paths, one added after another. Where they are after their touch is not known here."""
 
     def __init__(self, scene: Scene):
-        self._gravity = scene.gravity_vector_m_s2
+        self._scene, self._gravity = scene, scene.gravity_vector_m_s2
         self._start: list[np.ndarray] = []  # centre where each enters
         self._rows: list[list[float]] = []  # entry_s, arrival_s, velocity (3), radius
         self._array = np.zeros((0, 9))
@@ -28,13 +30,13 @@ class Flying:
             return -1, float("inf")
         flown = (entry.entry_s - rows[there, 0])[:, None]
         center = rows[there, 6:9] + rows[there, 2:5] * flown + 0.5 * np.array(self._gravity) * flown**2
-        gap = np.linalg.norm(center - _center_m(stone, entry), axis=1) - rows[there, 5] - stone.radius_m
+        gap = np.linalg.norm(center - _center_m(stone, entry), axis=1) - rows[there, 5] - reach_m(self._scene, stone)
         return int(there[gap.argmin()]), float(gap.min())
 
     def add(self, stone: Stone) -> None:
         """A stone that flies from now on."""
         entry = entry_of(stone, self._gravity)
-        self._rows.append([entry.entry_s, stone.arrival_s, *entry.velocity_m_s, stone.radius_m,
+        self._rows.append([entry.entry_s, stone.arrival_s, *entry.velocity_m_s, reach_m(self._scene, stone),
                            *_center_m(stone, entry)])
 
     def _table(self) -> np.ndarray:
@@ -42,6 +44,11 @@ class Flying:
         if len(self._array) < len(self._rows):
             self._array = np.vstack([self._array, self._rows[len(self._array):]])
         return self._array
+
+
+def reach_m(scene: Scene, stone: Stone) -> float:
+    """Radius of the sphere about its centre that holds a stone."""
+    return stone.radius_m * (1.0 if stone.shape == SPHERE else solid_of(scene.shapes[stone.shape], stone.seed).reach)
 
 
 def _center_m(stone: Stone, entry: Entry) -> np.ndarray:

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SPHERE = "sphere"
+from common.scene_stones import SPHERE
+
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)  # the attitude of a stone that is not turned
 
 
