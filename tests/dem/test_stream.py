@@ -15,6 +15,7 @@ from dem.deck.render import write_deck
 from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
 from dem.run.prepare import prepare
 from dem.run.recorder import read_forces
+from dem.stones.paths import Flying
 
 GRAVITY = 9.8
 SPEED = 0.5
@@ -147,6 +148,24 @@ def test_a_stream_that_is_taken_up_in_the_middle_is_the_undisturbed_one(left, tm
     assert process.returncode == 0, output[-1500:]
     for name in STREAMS:
         assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
+
+
+def test_a_stone_waits_where_something_is_in_the_way(tmp_path, monkeypatch):
+    """The first one falls through the place where the second enters, which then enters later, further on its path."""
+    monkeypatch.setattr(Flying, "nearest", lambda *_: (-1, np.inf))  # which would refuse the scene
+    speed, first_speed, enters_s = 1.5, 2.5, 0.05
+    first_s = (first_speed - np.sqrt(first_speed**2 - speed**2)) / GRAVITY  # from the height of the second to its touch
+    at = {"x_m": 0.0, "y_m": 0.0}
+    model = engine_run(tmp_path / "deck", scene_of([
+        at | {"speed_m_s": first_speed, "arrival_s": enters_s + first_s},
+        at | {"speed_m_s": speed, "arrival_s": enters_s + speed / GRAVITY}], enters_s + 0.03))
+    ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 2)
+    row = np.argmax(ledger.is_near[:, 1])
+    flown_s = ledger.step[row] * model.step.dt_s - enters_s
+    assert 0.008 < flown_s < 0.015 and ledger.is_near[-1].all()  # 20 mm at 2 m/s
+    mass_height = model.assembly.mass_height_kg_m[1] - model.assembly.stone_mass_kg[1] * GRAVITY * flown_s**2 / 2
+    assert ledger.column["mass_height_kg_m"][row, 1] == pytest.approx(mass_height, rel=1e-9)
+    assert ledger.column["pair_work_J"][row, 1] == 0
 
 
 @pytest.mark.parametrize("key, value", [("engine.np", 2), ("time.free_flight_tolerance", 0.0)])
