@@ -35,6 +35,7 @@ WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
 TOGETHER_s = 0.1  # stones that arrive within this time are taken to touch at once
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
+MOST_FAST_ROWS = 1_000_000  # a long run has fewer a sample
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float 
     sample_steps, steps = _counted_steps(scene, wanted, co_step, file)
     return TimeStep(
         dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits_s, bond_time_s=limits.bond_time_s,
-        co_step=co_step, fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=steps)
+        co_step=co_step, fast_steps=sample_steps // fast_per_sample(scene), sample_steps=sample_steps, steps=steps)
 
 
 def _largest_step_s(scene: Scene, limits_s: dict[str, float], file: str) -> float:
@@ -139,9 +140,15 @@ def _counted_steps(scene: Scene, dt_s: float, co_step: int, file: str) -> tuple[
     return sample_steps, intervals * sample_steps
 
 
+def fast_per_sample(scene: Scene) -> int:
+    """Rows of the fast stream a sample: the usual number, or as many as keep the file of a long run in bounds."""
+    samples = scene.time.duration_s / scene.time.sample_interval_s
+    return max(1, min(FAST_PER_SAMPLE, int(MOST_FAST_ROWS / samples)))
+
+
 def _sample_steps(scene: Scene, dt_s: float, co_step: int) -> int:
     """DEM steps in a sample, a whole number of co-steps in each row of the fast stream."""
-    block = FAST_PER_SAMPLE * co_step
+    block = fast_per_sample(scene) * co_step
     return block * int(np.ceil(scene.time.sample_interval_s / dt_s / block - 1e-9))
 
 
