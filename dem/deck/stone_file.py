@@ -13,7 +13,7 @@ from dem.deck.time_step import TimeStep
 from dem.stones.assembly import Assembly
 from dem.stones.stone import Entry
 
-INDEX_NUMBERS = 5 + 6  # of a stone: whole numbers, velocity and spin
+INDEX_NUMBERS = 5 + 3  # of a stone: whole numbers, spin
 
 
 def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -> None:
@@ -26,9 +26,10 @@ def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -
     at = 8 * (3 + len(assembly.materials) + INDEX_NUMBERS * len(assembly.stones))
     for k, (stone, entry) in enumerate(zip(assembly.stones, assembly.entries, strict=True)):
         here, held = slice(atom_start[k], atom_start[k + 1]), slice(bond_start[k], bond_start[k + 1])
-        entry_step, ahead_m, velocity = at_step(entry, assembly.gravity_m_s2, step.dt_s)
+        entry_step, ahead_m, faster_m_s = at_step(entry, assembly.gravity_m_s2, step.dt_s)
         own = atoms[here].copy()
-        own[:, 3:] += ahead_m
+        own[:, 3:6] += ahead_m
+        own[:, 6:] += faster_m_s
         part = [own, bonds[held]]
         if contact is not None:
             surface = assembly.surfaces[k]
@@ -36,7 +37,7 @@ def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -
                                                   surface.is_surface])]
         parts += part
         index.append(np.concatenate([np.array([entry_step, at, len(own), held.stop - held.start, contact is not None],
-                                              dtype="<i8").view("<f8"), velocity, stone.spin_rad_s]))
+                                              dtype="<i8").view("<f8"), stone.spin_rad_s]))
         at += 8 * sum(values.size for values in part)
     greatest = [assembly.radius_m[assembly.material == m].max() for m in range(len(assembly.materials))]
     with open(file, "wb") as out:
@@ -47,16 +48,17 @@ def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -
 
 def at_step(entry: Entry, gravity_m_s2: tuple[float, float, float], dt_s: float) -> tuple[int, np.ndarray, np.ndarray]:
     """The DEM step at which a stone enters, the last one not after its entry; how far it is from its place of entry
-    then, (3,) m; and its velocity, (3,) m/s."""
+    then, (3,) m; and how much faster, (3,) m/s."""
     dem_step = math.floor(entry.entry_s / dt_s * (1 + 1e-12))
     ahead_s = dem_step * dt_s - entry.entry_s
     v, g = np.array(entry.velocity_m_s), np.array(gravity_m_s2)
-    return dem_step, ahead_s * v + 0.5 * ahead_s**2 * g, v + ahead_s * g
+    return dem_step, ahead_s * v + 0.5 * ahead_s**2 * g, ahead_s * g
 
 
 def _atoms(assembly: Assembly) -> np.ndarray:
     density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
-    return np.column_stack([assembly.material + 1, 2 * assembly.radius_m, density, assembly.center_m])
+    return np.column_stack([assembly.material + 1, 2 * assembly.radius_m, density, assembly.center_m,
+                            assembly.start_motion()[0]])
 
 
 def _bonds(assembly: Assembly) -> np.ndarray:

@@ -19,6 +19,7 @@ using namespace FixConst;
 namespace {
 const bigint NEVER = 1000000000000000;  // steps
 const size_t GONE_COLUMNS = 7;
+const int TRY_STEPS = 64;  // between two tries of a stone where something is in the way
 }  // namespace
 
 FixStones::FixStones(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
@@ -81,7 +82,13 @@ void FixStones::init() {
 /* --- stones enter -------------------------------------------------------------------------------------------- */
 
 bigint FixStones::next_entry() const {
-  return entered_ < order_.size() ? std::max(file_->entry(order_[entered_]), update->ntimestep + 1) : NEVER;
+  return entered_ < order_.size() ? next_try() : NEVER;
+}
+
+// Of the next stone: its step, or where that has passed, one of those at which it is tried again.
+bigint FixStones::next_try() const {
+  const bigint entry = file_->entry(order_[entered_]), now = update->ntimestep;
+  return entry > now ? entry : (now / TRY_STEPS + 1) * TRY_STEPS;
 }
 
 void FixStones::pre_exchange() {
@@ -90,29 +97,60 @@ void FixStones::pre_exchange() {
 }
 
 void FixStones::enter_until(bigint step, double half_step) {
-  for (; entered_ < order_.size() && file_->entry(order_[entered_]) <= step; entered_++)
-    enter(order_[entered_], half_step);
-  next_reneighbor = entered_ < order_.size() ? file_->entry(order_[entered_]) : -1;
+  for (; entered_ < order_.size() && file_->entry(order_[entered_]) <= step; entered_++) {
+    EnteringStone stone = file_->read(order_[entered_]);
+    move_on(stone, (step - file_->entry(stone.agglomerate)) * update->dt);
+    if (!is_free(stone)) break;
+    enter(stone, half_step);
+  }
+  next_reneighbor = entered_ < order_.size() ? next_try() : -1;
+}
+
+// Along its path, for one that could not enter at its step.
+void FixStones::move_on(EnteringStone &stone, double time) const {
+  for (int k = 0; time > 0 && k < stone.count(); k++) {
+    double *row = &stone.atoms[k * EnteringStone::ATOM_COLUMNS];
+    const Vec v(row + 6), ahead = time * v + 0.5 * time * time * weight_;
+    (Vec(row + 3) + ahead).to(row + 3);
+    (v + time * weight_).to(row + 6);
+    if (row[5] < 0.5 * row[1])
+      error->one(FLERR, ("something lies where stone " + std::to_string(stone.agglomerate + 1) +
+                         " enters, all the way to the plate").c_str());
+  }
+}
+
+bool FixStones::is_free(const EnteringStone &stone) const {
+  Vec low(1e30, 1e30, 1e30), high(-1e30, -1e30, -1e30);
+  double largest = 0;
+  for (int type = 1; type <= file_->types(); type++) largest = std::max(largest, file_->greatest_radius(type));
+  for (int k = 0; k < stone.count(); k++) {
+    const double *x = &stone.atoms[k * EnteringStone::ATOM_COLUMNS + 3];
+    low = {std::min(low.x, x[0]), std::min(low.y, x[1]), std::min(low.z, x[2])};
+    high = {std::max(high.x, x[0]), std::max(high.y, x[1]), std::max(high.z, x[2])};
+  }
+  bool is_free = true;
+  auto see = [&](int, const double *x, const double *) {
+    const double range = 2 * largest;
+    if (!is_free || x[0] < low.x - range || x[0] > high.x + range || x[1] < low.y - range || x[1] > high.y + range ||
+        x[2] < low.z - range || x[2] > high.z + range)
+      return;
+    for (int k = 0; is_free && k < stone.count(); k++)
+      is_free = norm(Vec(x) - Vec(&stone.atoms[k * EnteringStone::ATOM_COLUMNS + 3])) > range;
+  };
+  for (int i = 0; i < atom->nlocal; i++) see(atom->tag[i], atom->x[i], atom->v[i]);
+  if (const auto *flying = fix_that_is<FlyingSpheres>(modify)) flying->each_in_flight(see);
+  return is_free;
 }
 
 // Velocities are taken `half_step` seconds earlier, as they are within a step.
-void FixStones::enter(int agglomerate, double half_step) {
-  const EnteringStone stone = file_->read(agglomerate);
+void FixStones::enter(const EnteringStone &stone, double half_step) {
   for (StoneKeeper *keeper : fixes_that_are<StoneKeeper>(modify)) keeper->enter(stone);
-  double mass = 0;
-  Vec center;
-  for (int k = 0; k < stone.count(); k++) {
-    const double *row = &stone.atoms[k * EnteringStone::ATOM_COLUMNS], m = row[2] * row[1] * row[1] * row[1];
-    mass += m;
-    center += m * Vec(row + 3);
-  }
-  center = (1 / mass) * center;
-  for (int k = 0; k < stone.count(); k++) add_atom(stone, k, center, half_step);
-  near_.insert(std::lower_bound(near_.begin(), near_.end(), agglomerate), agglomerate);
+  for (int k = 0; k < stone.count(); k++) add_atom(stone, k, half_step);
+  near_.insert(std::lower_bound(near_.begin(), near_.end(), stone.agglomerate), stone.agglomerate);
   tags_near_ += stone.count();
 }
 
-void FixStones::add_atom(const EnteringStone &stone, int k, const Vec &center, double half_step) {
+void FixStones::add_atom(const EnteringStone &stone, int k, double half_step) {
   const double *row = &stone.atoms[k * EnteringStone::ATOM_COLUMNS];
   double place[3] = {row[3], row[4], row[5]};
   atom->avec->create_atom(static_cast<int>(row[0]), place);
@@ -122,7 +160,7 @@ void FixStones::add_atom(const EnteringStone &stone, int k, const Vec &center, d
   atom->radius[i] = 0.5 * row[1];
   atom->density[i] = row[2];
   atom->rmass[i] = 4.0 * M_PI / 3.0 * atom->radius[i] * atom->radius[i] * atom->radius[i] * row[2];
-  const Vec v = stone.velocity + cross(stone.spin, Vec(place) - center);
+  const Vec v(row + 6);
   (v - half_step * weight_).to(atom->v[i]);
   stone.spin.to(atom->omega[i]);
   std::fill_n(atom->f[i], 3, 0.0);
@@ -214,11 +252,11 @@ void FixStones::take_up(const CheckpointReader &in) {
   for (size_t k = 0; k < rows.size(); k += GONE_COLUMNS) {
     const double *row = &rows[k];
     const int a = static_cast<int>(row[0]);
-    enter(a, 0);
+    enter(file_->read(a), 0);
     gone_[a] = {static_cast<int>(row[1]), row[2], row[3], row[4], row[5], row[6]};
     tags_near_ -= gone_[a].tags;
   }
   entered_ = static_cast<size_t>(numbers[0]);
   entered_kinetic_ = numbers[1], entered_mass_height_ = numbers[2];
-  next_reneighbor = entered_ < order_.size() ? file_->entry(order_[entered_]) : -1;
+  next_reneighbor = entered_ < order_.size() ? next_try() : -1;
 }

@@ -19,7 +19,8 @@ namespace LAMMPS_NS {
 //
 // A stream of stones (docs/stream.md). Each enters the arrays at its step, with its bonds and its surface, and fix
 // free_flight hands over what has left the plate for good. What a stone held when its last piece has gone is forgotten
-// as soon as the ledger has its last row. So memory and cost follow the stones that are near. The deck's `read_data`
+// as soon as the ledger has its last row. Where a stone is to enter and something is in the way, it enters a little
+// later, further on its path. So memory and cost follow the stones that are near. The deck's `read_data`
 // has no sub-spheres. The fix comes after fixes bond/parallel and wall/plate and before free_flight. It works on one
 // rank, as bodies in free flight do.
 //
@@ -33,6 +34,9 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   void pre_exchange() override;
   void post_run() override;
   double max_rad(int type) override { return file_->greatest_radius(type); }
+  double min_rad(int type) override { return type <= file_->types() ? file_->least_radius() : 0; }
+  int min_type() override { return 1; }
+  int max_type() override { return file_->types(); }
   double compute_scalar() override { return static_cast<double>(near_.size()); }  // stones that are near
 
   void add_to(LedgerRows &) override;
@@ -68,8 +72,11 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
 
   void make_room_for_tags();
   void enter_until(bigint step, double half_step);
-  void enter(int agglomerate, double half_step);
-  void add_atom(const EnteringStone &, int k, const Vec &center, double half_step);
+  void enter(const EnteringStone &, double half_step);
+  void move_on(EnteringStone &, double time) const;
+  bool is_free(const EnteringStone &) const;
+  void add_atom(const EnteringStone &, int k, double half_step);
+  bigint next_try() const;
   void forget();
 };
 

@@ -40,7 +40,7 @@ EnteringStone StoneFile::read(int agglomerate) const {
   const Entry &e = index_[agglomerate];
   EnteringStone s;
   s.agglomerate = agglomerate, s.first_tag = first_tag_[agglomerate], s.first_bond = first_bond_[agglomerate];
-  s.velocity = Vec(e.velocity), s.spin = Vec(e.spin);
+  s.spin = Vec(e.spin);
   s.atoms.resize(e.atoms * EnteringStone::ATOM_COLUMNS);
   s.bonds.resize(e.bonds * EnteringStone::BOND_COLUMNS);
   if (e.smooth) s.contact.resize(EnteringStone::CONTACT_NUMBERS);

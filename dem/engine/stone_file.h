@@ -14,7 +14,7 @@ class LAMMPS;
 //
 //   int64 stones, int64 materials, double least radius of a sub-sphere, double greatest of each material
 //   of each stone, in the order of the agglomerates: int64 step at which it enters, where it begins in the file in
-//     bytes, sub-spheres, bonds, whether it has a smooth surface; double velocity[3], spin[3] at that step
+//     bytes, sub-spheres, bonds, whether it has a smooth surface; double spin[3]
 //   of each stone: its sub-spheres, bonds, numbers of the smooth contact, surface, as doubles (EnteringStone)
 class StoneFile {
  public:
@@ -25,6 +25,7 @@ class StoneFile {
 
   int count() const { return static_cast<int>(index_.size()); }
   bigint entry(int agglomerate) const { return index_[agglomerate].entry; }
+  int types() const { return static_cast<int>(greatest_radius_.size()); }
   double least_radius() const { return least_radius_; }
   double greatest_radius(int type) const;  // of a type of LIGGGHTS; 0 for one that no stone has
   EnteringStone read(int agglomerate) const;
@@ -32,7 +33,7 @@ class StoneFile {
  private:
   struct Entry {
     int64_t entry, at, atoms, bonds, smooth;
-    double velocity[3], spin[3];
+    double spin[3];
   };
   LAMMPS *lmp_;
   std::string file_;

@@ -10,9 +10,9 @@ namespace LAMMPS_NS {
 struct EnteringStone {
   int agglomerate = 0, first_tag = 0;
   int first_bond = 0;                // number of its first bond among those of all stones
-  Vec velocity, spin;                // of the whole stone
-  static const int ATOM_COLUMNS = 6, BOND_COLUMNS = 8, SURFACE_COLUMNS = 6, CONTACT_NUMBERS = 11;
-  std::vector<double> atoms;         // rows of type, diameter, density, x, y, z
+  Vec spin;                          // of each sub-sphere, rad/s
+  static const int ATOM_COLUMNS = 9, BOND_COLUMNS = 8, SURFACE_COLUMNS = 6, CONTACT_NUMBERS = 11;
+  std::vector<double> atoms;         // rows of type, diameter, density, place, velocity
   std::vector<double> bonds;         // rows of tag_i tag_j material dx dy dz radius strength_factor (bond_table.h)
   std::vector<double> contact;       // the numbers of SmoothStone from `radius` on; none where sub-spheres touch alone
   std::vector<double> surface;       // rows as in the file of surfaces (stone_surface.h)

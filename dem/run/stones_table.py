@@ -18,9 +18,10 @@ LEFT_COLUMNS = ["step", "agglomerate", "subspheres", "mass_kg", "x_m", "y_m", "z
 def read_left(file: Path) -> pd.DataFrame:
     """The bodies that were taken out when they had left the plate for good, in order of time; none where the file is
     missing, since all stones were there from the start to the end."""
+    types = {name: int if k < 3 else float for k, name in enumerate(LEFT_COLUMNS)}
     if not file.exists():
-        return pd.DataFrame({name: pd.Series(dtype=int if k < 3 else float) for k, name in enumerate(LEFT_COLUMNS)})
-    return pd.read_csv(file)
+        return pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in types.items()})
+    return pd.read_csv(file, dtype=types)
 
 
 def stones_table(assembly: Assembly, step: TimeStep, pushes: Pushes, events: pd.DataFrame,

@@ -99,7 +99,7 @@ class Assembly:
     @property
     def is_stream(self) -> bool:
         """Do stones enter later than at the start, so that the engine takes them in and lets them go?"""
-        return any(entry.entry_s > 0 for entry in self.entries)
+        return any(entry.is_late for entry in self.entries)
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:

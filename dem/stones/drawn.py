@@ -56,8 +56,8 @@ class _Draws:
         return self._table.size_m.draw(count, self.rng("size"))
 
     def gangue(self, size_m: np.ndarray) -> np.ndarray:
-        """(count,) bool: which stones are gangue, so many of a random order that their share is nearest to the mixing
-        ratio."""
+        """(count,) bool: which stones are gangue. In a random order, each one is where that brings the share nearer to
+        the mixing ratio."""
         stones, count = self._scene.stones, len(size_m)
         order = self.rng("material").permutation(count)
         if self._table.gangue_by == "number":
@@ -65,10 +65,13 @@ class _Draws:
         else:
             density = {name: self._scene.materials[name].density_kg_m3 for name in (stones.coal, stones.gangue)}
             gangue, coal = size_m**3 * density[stones.gangue], size_m**3 * density[stones.coal]
-        first = np.concatenate([[0.0], np.cumsum(gangue[order])])
-        share = first / (first + coal.sum() - np.concatenate([[0.0], np.cumsum(coal[order])]))
-        which = np.zeros(count, dtype=bool)
-        which[order[:np.abs(share - stones.gangue_ratio).argmin()]] = True
+        which, of_gangue, of_coal = np.zeros(count, dtype=bool), 0.0, float(coal.sum())
+        assert stones.gangue_ratio is not None
+        for k in order:
+            more, less = of_gangue + gangue[k], max(0.0, of_coal - coal[k])
+            now, then = of_gangue / (of_gangue + of_coal), more / (more + less)
+            if abs(then - stones.gangue_ratio) < abs(now - stones.gangue_ratio):
+                which[k], of_gangue, of_coal = True, more, less
         return which
 
     def arrivals_s(self, count: int) -> np.ndarray:

@@ -57,6 +57,11 @@ class Entry:
     offset_m: tuple[float, float, float]
     velocity_m_s: tuple[float, float, float]
 
+    @property
+    def is_late(self) -> bool:
+        """Does it enter later than at the start?"""
+        return self.entry_s > 1e-12
+
 
 def entry_of(stone: Stone, gravity_m_s2: Sequence[float], longest_s: float = math.inf) -> Entry:
     """Trace the path of a stone back from its touch, at most to its highest point, to the start of the simulation, and
