@@ -69,6 +69,7 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   volumes_.enter(bonds_);
   work_.assign(agglomerates_->count(), 0);
   released_ = broken_count_ = work_;
+  held_.assign(agglomerates_->tags() + 1, 0);
 
   restart_global = restart_peratom = 1;
   create_attribute = 1;
@@ -120,7 +121,7 @@ void FixBondParallel::post_integrate() {
     return g.f[0] * v[i][0] + g.f[1] * v[i][1] + g.f[2] * v[i][2] + g.torque[0] * omega[i][0] +
            g.torque[1] * omega[i][1] + g.torque[2] * omega[i][2];
   });
-  for (int i = 0; i < atom->nlocal; i++) turn(quaternion_[i], omega[i], 0.5 * update->dt);
+  for (int i : turned_) turn(quaternion_[i], omega[i], 0.5 * update->dt);
 }
 
 // Adds time x power(i) of every owned sub-sphere to the work of its agglomerate. Neighbours in memory mostly belong to
@@ -128,7 +129,8 @@ void FixBondParallel::post_integrate() {
 template <class Power> void FixBondParallel::add_work(double time, Power power) {
   int home = 0;
   double sum = 0;
-  for (int i = 0; i < atom->nlocal; i++) {
+  for (int i : computed_) {
+    if (i >= atom->nlocal) break;
     const int a = agglomerates_->of_tag(atom->tag[i]);
     if (a != home) work_[home] += time * sum, sum = 0, home = a;
     sum += power(i);
@@ -164,7 +166,23 @@ void FixBondParallel::rebuild() {
     if (i < 0 || j < 0) error->one(FLERR, "A bonded sub-sphere is beyond the ghost atoms of this rank");
     local_.push_back({i, j, b.id, &b});
   }
-  kernel_->build(local_, nlocal + atom->nghost);
+  std::vector<LocalBond> computed;
+  for (const LocalBond &b : local_)
+    if (!held_[b.bond->tag_i]) computed.push_back(b);
+  kernel_->build(computed, nlocal + atom->nghost);
+  list_sub_spheres(computed);
+}
+
+void FixBondParallel::list_sub_spheres(const std::vector<LocalBond> &computed) {
+  std::vector<char> is_computed(atom->nlocal + atom->nghost, 0), is_turned(is_computed);
+  for (const LocalBond &b : computed) is_computed[b.i] = is_computed[b.j] = 1;
+  for (const LocalBond &b : local_) is_turned[b.i] = is_turned[b.j] = 1;
+  computed_.clear();
+  turned_.clear();
+  for (int i = 0; i < atom->nlocal + atom->nghost; i++) {
+    if (is_computed[i]) computed_.push_back(i);
+    if (is_turned[i] && i < atom->nlocal) turned_.push_back(i);
+  }
 }
 
 void FixBondParallel::agree_on_broken() {
@@ -202,19 +220,20 @@ void FixBondParallel::fill_records() {
   const int nall = atom->nlocal + atom->nghost;
   atoms_.resize(nall + 2);
   forces_.resize(nall + 2);
-  if (damping_time_ > 0) fill_delayed_records(nall);
+  if (damping_time_ > 0) fill_delayed_records();
   else
-    for (int i = 0; i < nall; i++) atoms_[i] = record(i);
+    for (int i : computed_) atoms_[i] = record(i);
   atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
   atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
-  std::memset(static_cast<void *>(forces_.data()), 0, forces_.size() * sizeof(ForceRecord));
+  for (int i : computed_) forces_[i] = ForceRecord();
+  forces_[nall] = forces_[nall + 1] = ForceRecord();
 }
 
 // The sub-spheres at x + tau v and q + tau dq/dt, where the damped bonds are computed.
-void FixBondParallel::fill_delayed_records(int nall) {
+void FixBondParallel::fill_delayed_records() {
   const double tau = damping_time_, half_tau = 0.5 * tau;
   double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
-  for (int i = 0; i < nall; i++) {
+  for (int i : computed_) {
     AtomRecord &r = atoms_[i];
     r.dilatation = 0;
     for (int k = 0; k < 3; k++) r.x[k] = x[i][k] + tau * v[i][k];
@@ -244,9 +263,12 @@ void FixBondParallel::post_force(int) {
 
 // Of all sub-spheres, into their records. Bonds of a ghost may be unknown here: its own rank says.
 void FixBondParallel::find_dilatations() {
-  stretches_.assign(atoms_.size(), 0.0);
+  stretches_.resize(atoms_.size());
+  for (int i : computed_) stretches_[i] = 0;
+  std::fill(stretches_.end() - 2, stretches_.end(), 0.0);
   kernel_->add_stretches(atoms_.data(), stretches_.data());
-  for (int i = 0; i < atom->nlocal; i++) atoms_[i].dilatation = volumes_.dilatation(atom->tag[i], stretches_[i]);
+  for (int i : computed_)
+    if (i < atom->nlocal) atoms_[i].dilatation = volumes_.dilatation(atom->tag[i], stretches_[i]);
   if (comm->nprocs == 1) return;
   sends_dilatations_ = true;
   comm->forward_comm_fix(this);
@@ -388,6 +410,24 @@ void FixBondParallel::add_elastic_energy_by_body(double *energy) {
   const std::vector<int> &body = body_of_tag();
   each_elastic_energy([&](int tag, double own) { energy[body[tag]] += own; });
 }
+
+const std::vector<BodyMaker::Support> &FixBondParallel::supports_of_tags() {
+  if (changes_ == changes_at_supports_) return supports_;
+  changes_at_supports_ = changes_;
+  supports_.assign(agglomerates_->tags() + 1, Support());
+  for (const Bond &b : bonds_)
+    for (int tag : {b.tag_i, b.tag_j})
+      if (intact_[b.id])
+        supports_[tag].tensile_N += b.tensile_force, supports_[tag].stiffness_N_m += b.k_normal, supports_[tag].bonds++;
+  return supports_;
+}
+
+void FixBondParallel::hold(int tag, bool held) {
+  held_[tag] = held;
+  listed_ = false;
+}
+
+void FixBondParallel::take_energy(int tag, double energy) { work_[agglomerates_->of_tag(tag)] -= energy; }
 
 void FixBondParallel::forget_forces(int i) { forces_[i] = ForceRecord(); }
 

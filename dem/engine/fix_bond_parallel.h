@@ -69,6 +69,9 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void let_bodies_leave() override { bodies_may_leave_ = true; }
   const std::vector<int> &body_of_tag() override;
   void add_elastic_energy_by_body(double *energy) override;
+  const std::vector<Support> &supports_of_tags() override;
+  void hold(int tag, bool held) override;
+  void take_energy(int tag, double energy) override;
   void forget_forces(int i) override;
   void rotate(int i, const Rotation &) override;
 
@@ -113,6 +116,11 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   bool bodies_may_leave_ = false;
   std::vector<int> body_of_tag_;
   long long changes_at_bodies_ = -1;  // when the bodies were found
+  std::vector<Support> supports_;
+  long long changes_at_supports_ = -1;
+  std::vector<char> held_;         // by tag
+  std::vector<int> computed_;      // local indices of the sub-spheres with bonds that the kernel has, and
+  std::vector<int> turned_;        // those of this rank with any bond that holds, ascending
   BondEvents events_;
 
   const Bond &bond_of(int id) const;
@@ -120,7 +128,8 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void rebuild();
   void share_broken();
   void fill_records();
-  void fill_delayed_records(int nall);
+  void list_sub_spheres(const std::vector<LocalBond> &computed);
+  void fill_delayed_records();
   AtomRecord record(int i) const;
   AtomRecord half_a_step_ago(int i) const;
   void find_dilatations();

@@ -56,6 +56,7 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   calm_.assign(agglomerates_->tags() + 1, 0);
+  held_ = std::make_unique<HeldBodies>(lmp, weight(), speed_, tolerance_, agglomerates_->tags());
   force_reneighbor = 1;
   next_reneighbor = -1;
   scalar_flag = vector_flag = global_freq = 1;
@@ -64,7 +65,7 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   update->integrate = new VerletFreeFlight(lmp);
 }
 
-int FixFreeFlight::setmask() { return END_OF_STEP; }
+int FixFreeFlight::setmask() { return INITIAL_INTEGRATE | PRE_NEIGHBOR | FINAL_INTEGRATE | END_OF_STEP; }
 
 void FixFreeFlight::init() {
   if (!dynamic_cast<VerletFreeFlight *>(update->integrate))
@@ -77,6 +78,7 @@ void FixFreeFlight::init() {
   for (FixContactHistory *history : fixes_that_are<FixContactHistory>(modify))
     if (std::strcmp(history->style, "contacthistory") == 0) history_ = history;
   if (bonds_) bonds_->let_bodies_leave();
+  held_->set_bonds(bonds_);
   if (history_ && history_->get_dnum() != 3)
     error->fix_error(FLERR, this, "can turn the contact history of `tangential history` only");
   if (plate_ && nevery % plate_->co_step() != 0) error->fix_error(FLERR, this, "needs `every` in whole co-steps");
@@ -149,9 +151,32 @@ void FixFreeFlight::end_of_step() {
   update_reach();
   if (stream_) take_out_those_that_left();
   watch_bodies_in_flight(others);
+  held_->count_still(others);
   let_calm_bodies_depart(others);
+  if (held_->choose(others, [&](ArrayBody &b) { return is_gentle(b, others); }))
+    next_reneighbor = update->ntimestep + 1;
   for (auto &b : bodies_)
     if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
+}
+
+// Is the energy of every encounter ahead, that with the plate and that with another body, below the tolerance?
+bool FixFreeFlight::is_gentle(ArrayBody &b, std::vector<ArrayBody> &others) {
+  const double rest = LEAST_REST * nevery * update->dt, most = tolerance_ * b.mass * speed_ * speed_;
+  if (plate_ && b.mass * b.velocity.z * b.velocity.z > most && time_to_plate(b, outline_, weight()) <= rest) return false;
+  auto meets_hard = [&](Outline &other, double mass) {
+    const Vec apart = b.center - other.center;
+    const double closing = dot(b.velocity - other.velocity, apart) / norm(apart);
+    return closing < 0 && b.mass * mass / (b.mass + mass) * closing * closing > most && time_to_meet(b, other) <= rest;
+  };
+  for (ArrayBody &other : others)
+    if (&other != &b && meets_hard(other, other.mass)) return false;
+  for (auto &other : bodies_)
+    if (!other->is_leaving && meets_hard(*other, other->mass)) return false;
+  return true;
+}
+
+void FixFreeFlight::final_integrate() {
+  if (held_->push()) next_reneighbor = update->ntimestep + 1;
 }
 
 // The times found so far hold as long as the plate keeps within the reach with which they were found.
@@ -251,7 +276,10 @@ void FixFreeFlight::keep_those_that_meet(const std::vector<ArrayBody *> &all, st
   }
 }
 
-void FixFreeFlight::depart(const ArrayBody &b) {
+void FixFreeFlight::depart(ArrayBody &b) {
+  b.departs = true;
+  for (ArrayBody *fragment : b.trapped) fragment->departs = true, held_->let_go(fragment->label);
+  held_->let_go(b.label);
   const int agglomerate = agglomerates_->of_tag(b.label);
   bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, update->dt));
   if (bonds_)
@@ -429,6 +457,7 @@ void FixFreeFlight::save(CheckpointWriter &out) {
   });
   out.rows("free_flight_calm", calm);
   out.rows("free_flight_bodies", row);
+  held_->save(out);
 }
 
 void FixFreeFlight::restore(const CheckpointReader &in) {
@@ -438,6 +467,7 @@ void FixFreeFlight::restore(const CheckpointReader &in) {
   departures_ = static_cast<bigint>(numbers[3]);
   for (size_t k = 0; k < calm.size(); k += 2) calm_[static_cast<int>(calm[k])] = static_cast<int>(calm[k + 1]);
   bodies_.clear();
+  held_->restore(in);
   const double *row = in.rows("free_flight_bodies", 1).data();
   for (int k = 0; k < static_cast<int>(numbers[0]); k++) {
     bodies_.push_back(std::make_unique<FreeBody>(row));

@@ -10,6 +10,7 @@
 #include "fix.h"
 #include "free_body.h"
 #include "free_flight_partners.h"
+#include "held_bodies.h"
 #include "hertz_law.h"
 
 namespace LAMMPS_NS {
@@ -29,6 +30,9 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   int setmask() override;
   void init() override;
   void setup(int) override;
+  void initial_integrate(int) override { held_->move(); }
+  void pre_neighbor() override { held_->find(); }
+  void final_integrate() override;
   void end_of_step() override;
   double compute_scalar() override;        // sub-spheres in free flight
   double compute_vector(int) override;     // 1: steps jumped over; 2: departures
@@ -58,6 +62,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   class StoneStream *stream_ = nullptr;
   std::vector<std::unique_ptr<FreeBody>> bodies_;
   std::vector<double> bond_energy_, pair_energy_;  // room for the energies of bodies, by least tag, J
+  std::unique_ptr<HeldBodies> held_;
   std::vector<int> calm_;      // looks in a row at which a body was calm, by its least tag
   PlateOutline outline_;       // of the plate, with the reach that all safe_until hold for
   int shown_ = 0;              // sub-spheres appended by show
@@ -76,7 +81,8 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   bool is_calm(const ArrayBody &);
   void let_calm_bodies_depart(std::vector<ArrayBody> &);
   void keep_those_that_meet(const std::vector<ArrayBody *> &, std::vector<char> &leaves, double rest);
-  void depart(const ArrayBody &);
+  bool is_gentle(ArrayBody &, std::vector<ArrayBody> &);
+  void depart(ArrayBody &);
   void note_elastic_energies();
   void add_pair_energy_by_body(double *energy) const;
   void remove_leaving();

@@ -1,29 +1,16 @@
 #include "free_body.h"
 
 #include <algorithm>
-#include <cstring>
-#include <type_traits>
 
 #include "array_body.h"
 #include "atom.h"
+#include "flat_row.h"
 
 namespace LAMMPS_NS {
 
 namespace {
 
 const int NUMBERS = 14;  // before the arrays in a row
-
-template <class T> void append_bytes(std::vector<double> &row, const T *from, size_t count) {
-  static_assert(std::is_trivially_copyable<T>::value && sizeof(T) % sizeof(double) == 0, "kept as it lies in memory");
-  const size_t at = row.size();
-  row.resize(at + count * sizeof(T) / sizeof(double));
-  std::memcpy(static_cast<void *>(row.data() + at), from, count * sizeof(T));
-}
-
-template <class T> void take_bytes(const double *&row, T *to, size_t count) {
-  std::memcpy(static_cast<void *>(to), row, count * sizeof(T));
-  row += count * sizeof(T) / sizeof(double);
-}
 
 }  // namespace
 
