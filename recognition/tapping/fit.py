@@ -18,7 +18,7 @@ from recognition.plate.plate_model import PlateModel
 from recognition.tapping.force import Force, force_of
 from recognition.tapping.structure import Parameters, Structure
 from recognition.tapping.taps import Tap, check_taps
-from recognition.tapping.window import Spectra, band_power, noise_power, spectra
+from recognition.tapping.window import Spectra, band_power, noise_power, samples_of, spectra
 
 BEYOND = 1.25  # modes up to so many times the highest frequency of the fit are needed
 STAGES_1_s = (2000.0, 800.0, 300.0, 100.0)  # alpha of the windows before the last, which the record's length sets
@@ -110,18 +110,29 @@ class Fit:
     def __init__(self, structure: Structure, taps: Sequence[Tap], prior: Prior, alpha: float) -> None:
         self.structure, self.taps, self.prior, self.alpha = structure, taps, prior, alpha
         highest_Hz = structure.plate.max_frequency_Hz / BEYOND
-        self.spectra = [spectra(tap, alpha, highest_Hz, LEAD_S) for tap in taps]
-        self.noise = [noise_power(tap, alpha, LEAD_S) for tap in taps]
+        samples = samples_of(taps, LEAD_S)
+        self.spectra = [spectra(tap, alpha, highest_Hz, LEAD_S, samples) for tap in taps]
+        self.noise = [noise_power(tap, alpha, LEAD_S, samples) for tap in taps]
         self.shapes = [structure.plate.shape(*tap.place_m[:, None]) for tap in taps]
         self.slopes = [structure.slopes(tap.place_m[None])[0] for tap in taps]
+        self._last: tuple[State, tuple[np.ndarray, np.ndarray]] | None = None
         end_1_s = 2 * np.pi * structure.plate.max_frequency_Hz
         self.compliance = float(np.mean(structure.plate.rms_shape**2)) / end_1_s**2  # m/N, of a mode there
+
+    def motions(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """`Structure.motions` of the sensors and of every tap's shape and slopes (n, m, 3 taps), kept for the state."""
+        if self._last is None or self._last[0] is not state:
+            places = [np.concatenate([shape + place.shift_m @ slopes, slopes]) for shape, slopes, place in
+                      zip(self.shapes, self.slopes, state.places, strict=True)]
+            found = self.structure.motions(state.parameters, self.spectra[0].s, np.concatenate(places))
+            self._last = state, found
+        return self._last[1]
 
     def predicted(self, state: State, k: int, slopes: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Transform (s, n) of tap k, and its derivatives (s, n, size + local), empty without `slopes`."""
         found, place, structure = self.spectra[k], state.places[k], self.structure
-        shape = self.shapes[k] + place.shift_m @ self.slopes[k]
-        sensors, motion = structure.motions(state.parameters, found.s, np.concatenate([shape, self.slopes[k]]))
+        sensors, motions = self.motions(state)
+        motion = motions[:, :, 3 * k:3 * k + 3]
         through = structure.transfer(state.parameters, found.s, motion[:, :, 0])
         static = -self.compliance * found.s**2
         transfer = through + static * place.beyond[:, None]
@@ -182,8 +193,9 @@ class Fit:
             before, step = self.cost(state, weights, sd), right
             while damping < 1e6:
                 step = np.asarray(np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), right), float)
-                if self.cost(state.moved(step), weights, sd) <= before:
-                    state, damping = state.moved(step), damping / 10
+                moved = state.moved(step)
+                if self.cost(moved, weights, sd) <= before:
+                    state, damping = moved, damping / 10
                     break
                 damping *= 10
             else:

@@ -104,8 +104,10 @@ class Structure:
 
     def motions(self, parameters: Parameters, s: np.ndarray, places: Floats) -> tuple[np.ndarray, np.ndarray]:
         """Z^-1 phi of the sensors (n, m, sensors), and of places whose shapes are (k, m): (n, m, k)."""
-        z = self.stiffness(parameters.coupling) + s[:, None, None] ** 2 * np.eye(self.plate.frequency_Hz.size)
-        z = z + s[:, None, None] * np.diag(self.damping(parameters.log_damping))
+        own = np.arange(self.plate.frequency_Hz.size)
+        z = np.empty((s.size, own.size, own.size), complex)
+        z[:] = self.stiffness(parameters.coupling)
+        z[:, own, own] += s[:, None] ** 2 + s[:, None] * self.damping(parameters.log_damping)
         sensors = self.sensor_shape(parameters)
         loads = np.concatenate([sensors, places]).T.astype(complex)
         found = np.linalg.solve(z, np.broadcast_to(loads, (s.size, *loads.shape)))
