@@ -22,7 +22,9 @@ CLIPPED_RUN = 3  # samples on end at the very largest value
 DEAD_SHARE = 0.02  # of the median of the other channels' rms
 AFTER_s, STRETCH_s = (2.5e-3, 5e-3, 8e-3), 10e-3  # beginnings after the onset, and length, of free motion
 BAND = 0.75  # of the plate's highest frequency: what rings above is filtered off
-MISFIT_FACTOR, LEAST_LIMIT = 2.5, 0.15  # limit of the misfit: so many times what is expected, but no less than that
+#: Limit of the misfit: so many times what is expected, but within these bounds. A plate that is known so badly that
+#: more is expected cannot be checked against.
+MISFIT_FACTOR, LEAST_LIMIT, MOST_LIMIT = 2.5, 0.15, 0.35
 SWAP_GAIN = 0.6  # another order of sensors is believed if it leaves less than this of the misfit
 GAIN_SDS, GAIN_LIMITS = 4.0, (0.5, 2.0)
 MOST_GAIN = 0.1  # a gain farther off is told, if it is sure; nearer is within what the recognition allows for
@@ -117,7 +119,7 @@ def _ringing(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int) -> 
 
 
 def _judged(ringing: Ringing, names: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    limit = max(MISFIT_FACTOR * ringing.expected, LEAST_LIMIT)
+    limit = min(max(MISFIT_FACTOR * ringing.expected, LEAST_LIMIT), MOST_LIMIT)
     own = tuple(range(len(names)))
     if ringing.order != own and ringing.order_misfit < SWAP_GAIN * ringing.misfit:
         mixed = [f"{names[i]} shows what {names[k]} should" for i, k in zip(own, ringing.order, strict=True) if i != k]

@@ -25,8 +25,8 @@ RIDGE = 1e-6  # of the mean diagonal: modes that nothing shows stay still
 @dataclass(frozen=True)
 class Ringing:
     """What a stretch of free motion says. misfit: rms of what no motion of the modes explains, in shares of the record;
-    expected: what it should be by noise and by the plate's own standard deviations; gain (s,), their mean logarithm
-    being zero; gain_sd (s,); order: which sensor each channel is, by the best order; order_misfit: its misfit."""
+    expected: what it should be by noise and by the plate's own standard deviations; gain (s,), against their
+    median; gain_sd (s,); order: which sensor each channel is, by the best order; order_misfit: its misfit."""
 
     misfit: float
     expected: float
@@ -44,10 +44,8 @@ def ringing_of(signals: Floats, rate_Hz: float, plate: PlateModel, noise: Floats
     misfits = {order: _left(signals, plate.sensor_shape[list(order)], motion)[0] / total
                for order in _orders(len(signals))}
     order = min(misfits, key=lambda key: misfits[key])
-    gain, left, curvature = _gains(signals, plate.sensor_shape, motion)
-    error = max(left / signals.size, (LEAST_ERROR**2) * total / signals.size)
-    return Ringing(float(np.sqrt(left / total)), expected, gain, np.sqrt(error / curvature), order,
-                   float(np.sqrt(misfits[order])))
+    gain, left, sd = _gains(signals, plate.sensor_shape, motion)
+    return Ringing(float(np.sqrt(left / total)), expected, gain, sd, order, float(np.sqrt(misfits[order])))
 
 
 def _orders(sensors: int) -> list[tuple[int, ...]]:
@@ -86,13 +84,13 @@ def _left(signals: Floats, shape: Floats, motion: Floats) -> tuple[float, Floats
 
 
 def _gains(signals: Floats, shape: Floats, motion: Floats) -> tuple[Floats, float, Floats]:
-    """Gains (s,), the sum of squares left with them, and its curvature by the logarithm of each (s,), by Gauss-Newton
-    on what is left when the motion is eliminated."""
+    """Gains (s,), the sum of squares left with them, and the standard deviation of each (s,), by Gauss-Newton on what
+    is left when the motion is eliminated."""
     log_gain = np.zeros(len(signals))
     for _ in range(ROUNDS):
         gain = np.exp(log_gain)[:, None]
         design = _design(gain * shape, motion)
-        basis = np.linalg.qr(design + 0.0)[0]
+        basis = np.linalg.qr(design)[0]
         left, fitted = _left(signals, gain * shape, motion)
         slopes = np.zeros((len(signals), signals.size))
         for i, row in enumerate(fitted):
@@ -103,8 +101,10 @@ def _gains(signals: Floats, shape: Floats, motion: Floats) -> tuple[Floats, floa
         right = slopes @ (signals - fitted).ravel() / error - log_gain / PRIOR_GAIN**2
         log_gain = log_gain + np.linalg.solve(matrix, right)
         log_gain = log_gain - log_gain.mean()
-    curvature = 1 / np.diag(np.linalg.inv(matrix)) * error
-    return np.exp(log_gain), _left(signals, np.exp(log_gain)[:, None] * shape, motion)[0], curvature
+    apart = np.eye(len(signals)) - 1 / len(signals)  # a gain in common changes nothing
+    sd = np.sqrt(np.diag(apart @ np.linalg.inv(matrix) @ apart))
+    left = _left(signals, np.exp(log_gain)[:, None] * shape, motion)[0]
+    return np.exp(log_gain - np.median(log_gain)), left, sd
 
 
 def _expected(signals: Floats, plate: PlateModel, motion: Floats, rate_Hz: float, noise: Floats) -> float:

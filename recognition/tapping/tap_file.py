@@ -8,12 +8,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from analysis.readers import read_table
-from analysis.records import sample_rate_Hz
-from common.plate import Name
 from common.tables import Table, about, check, read_toml
-from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
+from recognition.plate.records import read_accelerations
 from recognition.tapping.fit import Prior
 from recognition.tapping.taps import Tap
 
@@ -55,18 +52,9 @@ def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
     return taps, Prior(**content.prior.model_dump())
 
 
-def sensor_columns(names: tuple[Name, ...]) -> list[str]:
-    return [f"acc_{name}_m_s2" for name in names]
-
-
 def _tap(file: Path, table: TapTable, plate: PlateModel) -> Tap:
-    found = read_table(file)
-    names = sensor_columns(plate.sensor_names)
-    for name in ("t_s", *names):
-        if name not in found.columns:
-            raise RecognitionError(f"{file}: no column {name!r}; needs t_s, {', '.join(names)}")
-    rate_Hz = sample_rate_Hz(found["t_s"].to_numpy(dtype=float), f"{file}: t_s")
+    found, acceleration, rate_Hz = read_accelerations(file, plate)
     force = None if table.unknown_force or "force_N" not in found.columns else found["force_N"].to_numpy(dtype=float)
     place = np.array([table.x_m, table.y_m])
     plate.shape(*place[:, None])  # refuses a place beside the plate
-    return Tap(place, found[names].to_numpy(dtype=float).T, rate_Hz, force, str(file))
+    return Tap(place, acceleration, rate_Hz, force, str(file))
