@@ -30,12 +30,13 @@ from benchmarks.cost import cpu_s, machine
 from benchmarks.error_laws import ERRORS, write_laws
 from benchmarks.stone import SCENES, SEEDS, strike
 from common.scene import Scene, changed_scene
-from common.tables import InputError, read_toml
+from common.scene_file import scene_tables
+from common.tables import InputError
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
 from dem.run.errors import RunError
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
-from dem.stones.arrangement import arrange
+from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from plate_fem.mesh import default_mesh_size
 from recognition.estimation.errors import RecognitionError
@@ -78,7 +79,7 @@ class NumericalSetting:
 def _rods(x_m: float, y_m: float) -> list[dict]:
     """The paper's, elsewhere."""
     return [rod | {"x_m": np.sign(rod["x_m"]) * x_m, "y_m": np.sign(rod["y_m"]) * y_m}
-            for rod in read_toml(PAPER)["plate"]["rods"]]
+            for rod in scene_tables(PAPER)["plate"]["rods"]]
 
 
 def scene_of(changes: dict) -> Scene:
@@ -115,7 +116,7 @@ SPHERES: dict = {"stones.agglomerate": None}
 
 def numerical_settings() -> list[NumericalSetting]:
     scene = scene_of({})
-    assembly = assemble(scene, arrange(scene, "scene"))
+    assembly = assemble(scene, stones_of(scene, "scene"))
     t0, stone_contact_s = bond_time_s(scene, assembly), stone_contact_time_s(scene, assembly)
     assert t0 is not None and scene.plate.model == "flexible"
     return [*step_settings(t0, stone_contact_s), *plate_settings(stone_contact_s, default_mesh_size(scene.plate)),
@@ -165,7 +166,7 @@ def plate_settings(stone_contact_s: float, cell_m: float) -> list[NumericalSetti
 
     def thin_modes(number: float, changes: dict) -> Setting:
         alone = scene_of(thin | changes)
-        contact_s = stone_contact_time_s(alone, assemble(alone, arrange(alone, "scene")))
+        contact_s = stone_contact_time_s(alone, assemble(alone, stones_of(alone, "scene")))
         return Setting(number, {"plate.max_frequency_Hz": number / contact_s} | thin | changes)
 
     def mesh(factor: float) -> Setting:

@@ -23,6 +23,7 @@ import pandas as pd
 from dem.coupling.launch import ENGINE
 from dem.deck.render import TEMPLATES
 from dem.run.energy_balance import read_ledger
+from dem.run.recorder import read_forces
 from dem.stones.packing import fcc_sphere, near_pairs
 
 ROUNDS = 5
@@ -139,7 +140,7 @@ class Liggghts:
         if self.kernel is None:
             return np.nan, np.nan, -1
         self.time_s(directory, ball, impact=True, steps=steps)
-        force = np.fromfile(directory / "forces.bin", dtype=[("step", "<i8"), ("force_N", "<f8")])["force_N"]
+        force = read_forces(directory / "forces.bin").mean_N
         last = read_ledger(directory / "ledger.bin", 1).column
         mass = ball.mass_kg * len(ball.center_m)
         return float(force.max()), float(last["momentum_z_kg_m_s"][-1, 0] / mass), int(last["broken"][-1, 0])

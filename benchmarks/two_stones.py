@@ -43,17 +43,18 @@ def meet(subspheres: int, seed: int, speed_m_s: float) -> dict[str, float]:
     directory = Path(tempfile.mkdtemp())
     try:
         prepared = prepare(scene, "two_stones", directory)
-        write_deck(directory / "deck", prepared.scene, _stacked(prepared.assembly, scene.stones.radius_m), prepared.step,
+        write_deck(directory / "deck", prepared.scene, _stacked(prepared.assembly), prepared.step,
                    prepared.modes)
         _run_towards_each_other(directory / "deck", prepared.assembly.sizes[0], speed_m_s)
         rows = read_ledger(directory / "deck" / "ledger.bin", 2)
     finally:
         shutil.rmtree(directory)
-    return _shares_of_hertz(rows, prepared.step.dt_s, scene, prepared.assembly.mass_kg.sum() / 2, speed_m_s)
+    return _shares_of_hertz(rows, prepared.step.dt_s, scene, prepared.assembly, speed_m_s)
 
 
-def _stacked(assembly: Assembly, radius_m: float) -> Assembly:
+def _stacked(assembly: Assembly) -> Assembly:
     """The second stone right above the first, and both far above the plate."""
+    radius_m = assembly.stones[0].radius_m
     center, second = assembly.center_m.copy(), assembly.agglomerate == 1
     center[:, 0] += np.where(second, -0.1, 0.1)
     center[:, 2] += np.where(second, (2 + GAP) * radius_m, 0) + radius_m
@@ -72,11 +73,11 @@ def _run_towards_each_other(deck: Path, subspheres: int, speed_m_s: float) -> No
         raise RuntimeError(done.stdout[-500:] + done.stderr[-500:])
 
 
-def _shares_of_hertz(rows: StoneLedger, dt_s: float, scene: Scene, mass_kg: float, speed_m_s: float) -> dict[str, float]:
+def _shares_of_hertz(rows: StoneLedger, dt_s: float, scene: Scene, stones: Assembly, speed_m_s: float) -> dict[str, float]:
     """Two equal spheres: half the mass, half the radius, twice the compliance of one."""
     coal, momentum = scene.materials["coal"], rows.column["momentum_z_kg_m_s"][:, 1]
-    stiffness = hertz.stiffness_N_m32(hertz.contact_modulus_Pa(coal, coal), scene.stones.radius_m / 2)
-    depth = hertz.largest_approach_m(stiffness, mass_kg / 2, speed_m_s)
+    stiffness = hertz.stiffness_N_m32(hertz.contact_modulus_Pa(coal, coal), stones.stones[0].radius_m / 2)
+    depth = hertz.largest_approach_m(stiffness, stones.mass_kg.sum() / 4, speed_m_s)
     time = rows.step * dt_s
     force = np.diff(momentum) / np.diff(time)
     pressing = np.flatnonzero(force > 1e-3 * force.max())

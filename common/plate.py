@@ -1,6 +1,7 @@
 """The `[plate]` table of a scene.
 
-The plate lies horizontally; the origin is its centre, z points up, and z = 0 is its undeformed top surface.
+The origin is the centre of the plate, z is normal to it and points up, and z = 0 is its undeformed top surface. Gravity
+turns with `tilt_deg`.
 """
 
 from pathlib import Path
@@ -8,7 +9,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from common.tables import InputError, Refused, Table, about, check, read_toml
+from common.scene_file import scene_tables
+from common.tables import InputError, Refused, Table, about, check
 
 Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
@@ -64,6 +66,8 @@ class Plate(Table):
     density_kg_m3: Annotated[Positive, about("density", paper="Table 1: 7830")]
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus", paper="Table 1: 2.07e11")]
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
+    tilt_deg: Annotated[float, Field(ge=0, lt=90), about(
+        "angle by which the plate is tilted: it falls off towards +x (docs/stones.md)")] = 0.0
     yield_stress_Pa: Annotated[Positive | None, about(
         "yield stress; where a contact may pass it the plate yields there (docs/plate.md); absent: it stays elastic",
     )] = None
@@ -153,7 +157,7 @@ PlateTable = Annotated[FlexiblePlate | RigidPlate, Field(discriminator="model")]
 
 def read_plate(path: str | Path) -> FlexiblePlate | RigidPlate:
     """Return the checked `[plate]` table of a scene file. Raises InputError on any mistake in it."""
-    data = read_toml(path)
+    data = scene_tables(path)
     if not isinstance(data.get("plate"), dict):
         raise InputError(f"{path}: plate is missing: a table [plate] must be given")
     plate: FlexiblePlate | RigidPlate = check(PlateTable, data["plate"], path, "plate")

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from common.files import read_json, write_json
-from common.scene import StonePosition
+from common.scene_stones import StonePosition
 from common.tables import check
 
 

@@ -12,14 +12,15 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from common.error_laws import least_tolerance
 from common.plate import PlateTable, refuse_density
-from common.tables import InputError, Refused, Table, about, check, read_toml
+from common.scene_file import scene_tables
+from common.scene_shapes import ShapeTable
+from common.scene_stones import SPHERE, AgglomerateTable, NotNegative, Positive, StonesTable
+from common.tables import InputError, Refused, Table, about, check
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
 LEAST_STRENGTH_Pa = 100.0
 MOST_FRICTION = 10.0
@@ -44,76 +45,6 @@ class TimeTable(Table):
         if self.duration_s < self.sample_interval_s:
             raise Refused("duration_s", self.duration_s,
                           f"must be at least sample_interval_s = {self.sample_interval_s:g}")
-        return self
-
-
-class AgglomerateTable(Table):
-    """How a stone is made of bonded sub-spheres."""
-
-    subspheres: Annotated[int, Field(ge=2, le=100_000), about("sub-spheres of a stone")]
-    damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
-    unbreakable: Annotated[bool, about("bonds never break")] = False
-    contact: Annotated[Literal["sub_spheres", "smooth"], about(
-        "how a stone touches the plate: with its sub-spheres, each alone, or as the smooth sphere that it stands for "
-        "(docs/contact.md)")] = "sub_spheres"
-
-
-class StonePosition(Table):
-    """Centre of a stone in the plane of the plate."""
-
-    x_m: Annotated[float, about("along the plate's length, from its centre")]
-    y_m: Annotated[float, about("along the plate's width, from its centre")]
-
-
-class StonesTable(Table):
-    """The stones, where they are, and how they arrive."""
-
-    count: Annotated[int, Field(ge=1, le=1000), about("number of stones", paper="10")]
-    radius_m: Annotated[Positive, about("radius of a stone", paper="0.025")]
-    circle_radius_m: Annotated[Positive | None, about(
-        "radius of the circle on which the stones lie at equal angles, stone 1 on the x axis; instead of positions",
-        paper="0.1")] = None
-    positions: Annotated[tuple[StonePosition, ...] | None, about(
-        "centre of each stone in the plane of the plate; instead of circle_radius_m")] = None
-    speed_m_s: Annotated[NotNegative, about("impact speed, downwards", paper="3.0")]
-    gap_m: Annotated[Positive, about("height of the stones' lowest points above the plate at the start")]
-    coal: Annotated[str, about("name of the coal's table in materials")]
-    gangue: Annotated[str, about("name of the gangue's table in materials")]
-    gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
-        "which stone turns into gangue first, each at most once; numbers above count are passed over, and stones that "
-        "are not named follow in ascending order")] = ()
-    gangue_ratio: Annotated[float, Field(ge=0, le=1), about(
-        "mixing ratio, the share of gangue among the stones; a multiple of 1/count", paper="0 to 1 in steps of 0.1")]
-    arrival_s: Annotated[tuple[NotNegative, ...] | None, about(
-        "how much later than at once each stone arrives, by lying higher")] = None
-    strength_factor: Annotated[tuple[Positive, ...] | None, about(
-        "factor on the strengths of each stone's bonds")] = None
-    seed: Annotated[int, Field(ge=0, lt=2**63), about("seed of the packings; stone k has seed + k - 1")]
-    agglomerate: Annotated[AgglomerateTable | None, about(
-        "how a stone is made; absent: each stone is one unbonded sphere")] = None
-
-    @field_validator("gangue_order")
-    @classmethod
-    def _order_of_every_stone(cls, order: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
-        if len(set(order)) < len(order):
-            raise ValueError("must name each stone at most once")
-        if "count" not in info.data:  # refused itself
-            return order
-        stones = range(1, info.data["count"] + 1)
-        return (*(k for k in order if k in stones), *(k for k in stones if k not in order))
-
-    @model_validator(mode="after")
-    def _one_position_each(self) -> Self:
-        if (self.circle_radius_m is None) == (self.positions is None):
-            raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions must be given")
-        if self.positions is not None and len(self.positions) != self.count:
-            raise Refused("positions", f"{len(self.positions)} places", f"must be {self.count}, one a stone")
-        for key in ("arrival_s", "strength_factor"):
-            values = getattr(self, key)
-            if values is not None and len(values) != self.count:
-                raise Refused(key, f"{len(values)} values", f"must be {self.count}, one a stone")
-        if self.strength_factor is not None and self.agglomerate is None:
-            raise Refused("strength_factor", self.strength_factor, "needs stones.agglomerate, whose bonds it is for")
         return self
 
 
@@ -213,6 +144,10 @@ class Scene(Table):
 
     # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64), about("name of the scene")]
+    base: Annotated[str | None, about(
+        "scene file that this one begins from, beside it or shipped: its keys count where this one has none, table by "
+        "table; run.json holds the whole")] = None
+    without: Annotated[tuple[str, ...], about("dotted keys of the base that are left out")] = ()
     assumptions: Annotated[tuple[str, ...], about(
         "keys whose values are assumed, for the reader; run.json repeats them")] = ()
     tolerance: Annotated[Annotated[float, Field(gt=0, le=0.1)] | None, about(
@@ -220,9 +155,13 @@ class Scene(Table):
         "time.co_step, plate.max_frequency_Hz and plate.truncation_tolerance (docs/accuracy.md)")] = None
     time: Annotated[TimeTable, about("how long the run is, and in which steps")]
     stones: Annotated[StonesTable, about("the stones, where they are, and how they arrive")]
+    shapes: Annotated[
+        dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)], ShapeTable],
+        about("shapes of stones that are no spheres, by name")] = {}
     materials: Annotated[
         dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable],
-        about("materials of the stones, by name")]
+        about(
+            "materials of the stones, by name; a text names a file in materials/, beside the scene or shipped")]
     contacts: Annotated[dict[str, ContactTable], about(
         "contacts by pair of materials in alphabetic order, the plate last: coal_gangue, coal_plate")]
     plate: Annotated[PlateTable, about("the plate")]
@@ -231,10 +170,9 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _names_agree(self) -> Self:
-        for part in ("coal", "gangue"):
-            name = getattr(self.stones, part)
+        for key, name in self._material_keys():
             if name not in self.materials:
-                raise Refused(f"stones.{part}", name, f"unknown material; materials here are {sorted(self.materials)}")
+                raise Refused(key, name, f"unknown material; materials here are {sorted(self.materials)}")
             if self.stones.agglomerate and self.materials[name].bond is None:
                 raise Refused(f"materials.{name}.bond", None, "must be given, as stones.agglomerate needs it")
         if self.plate.youngs_modulus_Pa < LEAST_MODULUS_Pa:
@@ -245,14 +183,38 @@ class Scene(Table):
                           "must be above 0 where there is no time.gravity_m_s2: nothing would move")
         if PLATE in self.materials:
             raise Refused("materials", PLATE, "must be another name, this one is the plate's")
+        self._check_shapes()
         self._check_contacts()
         return self
+
+    def _material_keys(self) -> list[tuple[str, str]]:
+        """Keys that name materials of stones, with the names."""
+        if self.stones.each is not None:
+            return [(f"stones.each.{k}.material", one.material) for k, one in enumerate(self.stones.each)]
+        return [("stones.coal", self.stones.coal), ("stones.gangue", self.stones.gangue)]
 
     def bond_of(self, material: str) -> BondTable:
         """The bonds of a material. Where stones are agglomerates, the checks above see that there are any."""
         bond = self.materials[material].bond
         assert bond is not None
         return bond
+
+    @property
+    def falling_materials(self) -> list[str]:
+        """Names of the materials that may fall, in alphabetic order."""
+        return self.stones.materials
+
+    @property
+    def gravity_vector_m_s2(self) -> tuple[float, float, float]:
+        """Gravity in the frame of the plate."""
+        gravity, (x, y, z) = self.time.gravity_m_s2, self.down
+        return (gravity * x, gravity * y, gravity * z)
+
+    @property
+    def down(self) -> tuple[float, float, float]:
+        """Unit vector of the direction straight down, in the frame of the plate."""
+        tilt = math.radians(self.plate.tilt_deg)
+        return (math.sin(tilt), 0.0, -math.cos(tilt))
 
     @property
     def has_smooth_contact(self) -> bool:
@@ -287,14 +249,34 @@ class Scene(Table):
                 raise Refused(key, value, "must be left out where tolerance is given")
         return self
 
+    def _check_shapes(self) -> None:
+        if SPHERE in self.shapes:
+            raise Refused(f"shapes.{SPHERE}", SPHERE, "must have another name, this one is the sphere's")
+        for name in self.stones.shapes:
+            if name == SPHERE:
+                continue
+            if name not in self.shapes:
+                raise Refused("stones", name, f"unknown shape; shapes here are {sorted([SPHERE, *self.shapes])}")
+            if self.stones.agglomerate is None:
+                raise Refused("stones.agglomerate", None, f"must be given: {name} is made of sub-spheres")
+            if self.has_smooth_contact:
+                raise Refused("stones.agglomerate.contact", "smooth", "must be \"sub_spheres\" where stones are no "
+                              "spheres: flat faces, edges and corners have no smooth sphere to stand for")
+
+    @property
+    def _one_stone(self) -> bool:
+        stones = self.stones
+        count = len(stones.each) if stones.each is not None else stones.drawn.count if stones.drawn else stones.count
+        return count == 1
+
     def _check_contacts(self) -> None:
-        names = sorted({self.stones.coal, self.stones.gangue})
+        names = self.falling_materials
         needed = {contact_key(a, b) for a in names for b in [*names, PLATE]}
         known = {contact_key(a, b) for a in self.materials for b in [*self.materials, PLATE]}
         for key in self.contacts:
             if key not in known:
                 raise Refused(f"contacts.{key}", key, f"unknown pair of materials; possible are {sorted(known)}")
-        alone = self.stones.count == 1 and self.stones.agglomerate is None
+        alone = self._one_stone and self.stones.agglomerate is None
         for key in sorted(needed - set(self.contacts)):
             if key.endswith("_" + PLATE) or not alone:
                 raise Refused(f"contacts.{key}", None, "must be given with restitution and friction")
@@ -311,7 +293,7 @@ def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
 
     Raises common.tables.InputError, one line with file, key, value and what is allowed.
     """
-    data = read_toml(path)
+    data = scene_tables(path)
     if gangue_ratio is not None and isinstance(data.get("stones"), dict):
         data["stones"]["gangue_ratio"] = gangue_ratio
     return check(Scene, data, path)
@@ -320,8 +302,10 @@ def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
 def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
     """The scene of a file with dotted keys changed ("stones.speed_m_s": 2.0; None leaves the key out), for studies that
     vary one. Raises InputError as `read_scene` does."""
-    data = read_toml(path)
+    data = scene_tables(path)
     for key, value in changes.items():
+        if key in ("base", "without"):
+            raise InputError(f"{path}: {key}: must stand in the file itself")
         *tables, last = key.split(".")
         table = data
         for name in tables:

@@ -20,6 +20,10 @@ SCHEMA = "scenes/scene.schema.json"
 PAGE = "docs/scene.md"
 DRAFT = "http://json-schema.org/draft-07/schema#"  # what editors know
 
+LAWS = {"A distribution": "Distribution", "`lognormal = {...}`": "LogNormal", "`rosin_rammler = {...}`": "RosinRammler"}
+
+WHOLE = ("Rod", "PointSupport", "Sensor", "StonePosition", "EachStone", "Footprint", "LogNormal", "RosinRammler")
+
 HEAD = """# Keys of a scene
 
 This page lists every key of a scene file, as `python -m common.scene_schema` writes it from `common/scene.py` and
@@ -43,6 +47,14 @@ def scene_schema() -> Node:
         table["description"] = table["description"].splitlines()[0]
         for name, key in table["properties"].items():
             table["properties"][name] = _for_editors(name, key)
+    schema["properties"]["materials"]["patternProperties"] = {
+        name: {"anyOf": [{"type": "string"}, table]}
+        for name, table in schema["properties"]["materials"]["patternProperties"].items()}
+    plate = schema["properties"]["plate"]
+    plate["anyOf"] = plate.pop("oneOf")  # a part of a plate, over a base, may be of either kind
+    for name, table in [("", schema), *definitions.items()]:
+        if name not in WHOLE:  # a scene with a base may have any part of a table
+            table["x-required"] = table.pop("required", [])
     return {"$schema": DRAFT, "title": "Scene of coal and gangue on a plate", **_referred(schema),
             "definitions": _referred(definitions)}
 
@@ -58,6 +70,12 @@ def _for_editors(name: str, key: Node) -> Node:
     key.pop("discriminator", None)
     if key.get("default", ...) is None:
         del key["default"]
+    if "prefixItems" in key:  # as draft 7 has it; all are alike
+        key["items"] = key.pop("prefixItems")[0]
+    if key.get("$ref", "").endswith("/Distribution"):
+        key["oneOf"] = [{"type": "number"}, {"$ref": key.pop("$ref")}]
+        if "default" in key:
+            key["default"] = key["default"]["value"]
     if "patternProperties" in key:
         key["additionalProperties"] = False
     unit = unit_of(name)
@@ -89,6 +107,9 @@ def scene_page() -> str:
 def _tables(schema: Node, table: Node, path: str, note: str = "") -> Iterator[tuple[str, Node]]:
     """A table with its title, and those inside it."""
     yield (f"`[{path}]`{note}" if path else "Top level"), table
+    if not path:
+        for name, law in LAWS.items():
+            yield name, schema["definitions"][law]
     for name, key in table["properties"].items():
         here = f"{path}.{name}" if path else name
         for kind, inner in _inside(key):
@@ -105,17 +126,25 @@ def _inside(key: Node) -> list[tuple[str, Node]]:
     """References to the tables in a key, each with what its path gets: nothing, `.NAME`, or "list"."""
     if "allOf" in key:
         return [("", key["allOf"][0])]
+    if "anyOf" in key:
+        return [("", choice) for choice in key["anyOf"]]
     if "oneOf" in key:
-        return [("", choice) for choice in key["oneOf"]]
+        return [("", choice) for choice in key["oneOf"] if "$ref" in choice and not _is_spread(key)]
     if "$ref" in key.get("items", {}):
         return [("list", key["items"])]
     named = [*key.get("patternProperties", {}).values(), key.get("additionalProperties")]
+    named = [table["anyOf"][-1] if isinstance(table, dict) and "anyOf" in table else table for table in named]
     return [(".NAME", table) for table in named if isinstance(table, dict)]
+
+
+def _is_spread(key: Node) -> bool:
+    """A number or a distribution, whose table stands once."""
+    return {"type": "number"} in key.get("oneOf", [])
 
 
 def _row(name: str, key: Node, table: Node) -> str:
     unit = key.get("x-unit", "1" if key.get("type") in ("number", "integer") else "")
-    default = "must be given" if name in table.get("required", []) else (
+    default = "must be given" if name in [*table.get("required", []), *table.get("x-required", [])] else (
         f"`{json.dumps(key['default'])}`" if "default" in key else "absent")
     cells = (f"`{name}`", unit, key["description"], default, _allowed(key), key.get("x-paper", ""))
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
@@ -123,6 +152,8 @@ def _row(name: str, key: Node, table: Node) -> str:
 
 def _allowed(key: Node) -> str:
     """Kind and bounds in a few words."""
+    if _is_spread(key):
+        return "number or distribution"
     if _inside(key):
         return "list of tables" if "items" in key else "table" if "allOf" in key or "oneOf" in key else "tables by name"
     if "const" in key:

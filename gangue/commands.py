@@ -54,6 +54,10 @@ COMMANDS = {
         "gangue recognise measured.csv --model model.json")),
     "evaluate": Command("recognition", "evaluate", "error of each method on runs it was not trained on", (
         "gangue evaluate runs/dataset",), json=False),
+    "tap": Command("recognition", "tap", "learn a plate's modes from taps at known places", (
+        "gangue tap scenes/paper.toml taps.toml --out plate.json",)),
+    "check": Command("recognition", "check", "look for faults in the channels of a record", (
+        "gangue check measured.csv --plate plate.json",), json=False),
     "report": Command("report", "", "write report.html of a sweep", (
         "gangue report runs/paper",)),
     "compare": Command("report", "compare", "write a page of what differs between two runs or two sweeps", (

@@ -71,6 +71,17 @@ def _recognise(options: Options, code: int) -> Any:
     return {"out_of_distribution": code != 0, "best": None if best is None else best[0], "methods": found}
 
 
+def _tap(options: Options, code: int) -> Any:
+    """The modes are null where the taps do not suit the plate."""
+    from recognition.plate.plate_model import PlateModel
+
+    if code != 0:
+        return {"plate": None, "modes": None}
+    plate = PlateModel.load(Path(options.out))
+    names = ("frequency_Hz", "frequency_sd", "damping_ratio", "damping_sd", "shape_sd")
+    return {"plate": str(options.out), "modes": {name: getattr(plate, name).tolist() for name in names}}
+
+
 def _compare(options: Options, _code: int) -> Any:
     from report.compare_page import page_of
 
@@ -92,6 +103,7 @@ RESULTS: dict[str, Callable[[Options, int], Any]] = {
     "features": _features,
     "fit": lambda options, _: {"model": str(options.out)},
     "recognise": _recognise,
+    "tap": _tap,
     "report": lambda options, _: {"report": str(Path(options.directory) / "report.html")},
     "compare": _compare,
 }

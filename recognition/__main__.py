@@ -1,4 +1,4 @@
-"""Command line: `python -m recognition fit | recognise | evaluate`."""
+"""Command line: `python -m recognition fit | recognise | evaluate | tap | check`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _command(arguments: argparse.Namespace) -> int:
     from common.tables import InputError
     from recognition.estimation.errors import RecognitionError
 
-    command = {"fit": fit, "recognise": recognise, "evaluate": evaluate}[arguments.command]
+    command = {"fit": fit, "recognise": recognise, "evaluate": evaluate, "tap": tap, "check": check}[arguments.command]
     try:
         return command(arguments) or 0
     except (RecordError, RecognitionError, InputError) as error:
@@ -113,6 +113,18 @@ def evaluate(arguments: argparse.Namespace) -> None:
     print(f"what no method can pass: {write_bounds(data, arguments.directory)}")
 
 
+def tap(arguments: argparse.Namespace) -> int:
+    from recognition.tapping.command import tap as learn
+
+    return learn(arguments)
+
+
+def check(arguments: argparse.Namespace) -> int:
+    from recognition.sensors.command import check as look
+
+    return look(arguments)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="python -m recognition", description="Recognise the gangue mixing ratio."
@@ -128,6 +140,15 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("directory",
                          help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")
     command.add_argument("--method", action="append", help="one method only; may be given several times")
+    command = commands.add_parser("tap", help="learn a plate's modes from taps at known places")
+    command.add_argument("scene", help="scene file whose plate it is thought to be")
+    command.add_argument("taps", help="file with a table [[taps]] a tap: record, x_m, y_m (docs/tapping.md)")
+    command.add_argument("--out", required=True, help="file to write the plate to (.json)")
+    command.add_argument("--max-frequency", type=float, default=6000.0, metavar="HZ",
+                         help="fit modes and records up to here (default: %(default)g)")
+    command = commands.add_parser("check", help="look for faults in the channels of a record")
+    command.add_argument("record", help="run directory, .parquet or .csv with t_s and acc_NAME_m_s2")
+    command.add_argument("--plate", required=True, help="plate that `tap` wrote")
     return parser
 
 

@@ -19,6 +19,7 @@ import pandas as pd
 from analysis.features import BASE_PARAMETERS
 from analysis.runs import Run
 from common.files import is_sealed, seal, write_text
+from common.processes import side_by_side
 from common.tables import InputError, refuse_unreadable
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
@@ -128,7 +129,7 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, Answer]]:
     the training ratios: the answer is an extrapolation.
     """
     prepared = _Prepared.of(runs)
-    return [prepared.answers_without(k) for k in range(len(runs))]
+    return side_by_side(prepared.answers_without, len(runs))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 from analysis import Sweep, read_sweep
 from common.files import write_text
 from common.output_directory import refuse_foreign_file
+from common.processes import side_by_side
 from common.resources import resource
 from report import tables
 from report.chapters.breakage import BREAKAGE_FIGURES
@@ -135,7 +136,7 @@ def render(results: SweepResults, claims: list[Claim]) -> str:
         rises=rises(results),
         claims=claims,
         verdicts=[(verdict, counts[verdict]) for verdict in VERDICTS],
-        chapters=[finish_chapter(results, *chapter) for chapter in CHAPTERS],
+        chapters=finish_chapters(results),
         runs=finish_table(tables.RUNS, results),
         assumptions=assumptions(results.sweep),
         **view_of(results),
@@ -200,12 +201,18 @@ def _unseen(results: SweepResults) -> Number:
     return Number(f"{chosen[0]['mean_abs_error_points']:.1f} points", words + kept)
 
 
-def finish_chapter(
-    results: SweepResults, title: str, figures: list[FigureSpec], chapter_tables: list[TableSpec]
-) -> Chapter:
-    """Draw the figures and build the tables of one chapter."""
-    finished = [finish_figure(spec, results) for spec in figures]
-    return Chapter(title, finished, [finish_table(spec, results) for spec in chapter_tables])
+def finish_chapters(results: SweepResults) -> list[Chapter]:
+    """Draw the figures and build the tables of all chapters."""
+    specs: list[FigureSpec | TableSpec] = []
+    for _, figures, chapter_tables in CHAPTERS:
+        specs += [*figures, *chapter_tables]
+    finished = iter(side_by_side(lambda k: _finish(specs[k], results), len(specs)))
+    return [Chapter(title, [next(finished) for _ in figures], [next(finished) for _ in chapter_tables])
+            for title, figures, chapter_tables in CHAPTERS]
+
+
+def _finish(spec: FigureSpec | TableSpec, results: SweepResults) -> Any:
+    return finish_figure(spec, results) if isinstance(spec, FigureSpec) else finish_table(spec, results)
 
 
 def rises(results: SweepResults) -> list[Rise]:

@@ -35,7 +35,7 @@ from common.resources import resource
 from common.scene import changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Table, check, inline_toml, read_toml
 from dem.coupling.launch import check_engine
-from dem.stones.arrangement import arrange
+from dem.stones.arrangement import stones_of
 
 WORKFLOW = resource("workflow")
 PLAN = "plan.csv"
@@ -75,9 +75,9 @@ def plan_campaign(file: Path) -> tuple[Path, list[CampaignRun]]:
     for values in itertools.product(*table.vary.values()):
         changes = dict(zip(keys, values))
         scene = changed_scene(scene_file, changes)
-        arrange(scene, str(scene_file))
+        stones_of(scene, str(scene_file))
         group = scene_hash(scene.model_copy(update={"stones": scene.stones.model_copy(update={"gangue_ratio": 0.0})}))
-        directory = f"{group}/{ratio_name(scene.stones.gangue_ratio)}"
+        directory = f"{group}/{ratio_name(scene.stones.gangue_ratio or 0.0)}"
         if directory not in seen:  # a value given twice
             runs.append(CampaignRun(directory, changes, scene.engine.np))
         seen.add(directory)

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 
-from dem.coupling.launch import die_with_parent
+from common.processes import die_with_parent
 
 POLL_s = 0.05
 

@@ -22,8 +22,9 @@ from pydantic import Field, model_validator
 
 from common.cache import user_cache
 from common.output_directory import at_work_in
-from common.scene import NotNegative, Positive, Scene, changed_scene, ratio_name, scene_hash
-from common.tables import InputError, Refused, Table, check, read_toml
+from common.scene import Scene, changed_scene, ratio_name, scene_hash
+from common.scene_stones import NotNegative, Positive
+from common.tables import InputError, Refused, Table, check, read_toml, refused_in
 from dem.batch.children import ignore_interrupt
 from dem.batch.sweep import is_finished
 from dem.coupling.launch import check_engine
@@ -31,7 +32,8 @@ from dem.run.directory import RunDirectory
 from dem.run.errors import RunError
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
-from dem.stones.arrangement import arrange
+from dem.stones.arrangement import stones_of
+from dem.stones.stone import places_m
 
 NOT_KEPT = ("deck", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
 POSITION_TRIES = 10_000
@@ -84,26 +86,28 @@ def plan_dataset(path: Path) -> list[DatasetRun]:
     plan = check(DatasetPlan, read_toml(path), path)
     scene_file = Path(path).parent / plan.scene
     base = changed_scene(scene_file, plan.changes)
+    with refused_in(scene_file, "stones"):
+        count, _ = base.stones.volley
     planned = []
     groups = [(group, name) for name, family in plan.families.items() for group in range(family.groups)]
     for group, name in sorted(groups, key=lambda g: (g[0] + 0.5) / plan.families[g[1]].groups):
         family = plan.families[name]
         rng = np.random.default_rng([plan.seed, zlib.crc32(name.encode()), group])
         drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
-        for ratio in _ratios(name, family, base.stones.count, group, plan.seed):
+        for ratio in _ratios(name, family, count, group, plan.seed):
             directory = Path(name) / f"{group:03d}" / ratio_name(ratio)
             scene = changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
-            arrange(scene, f"{path}: {directory}")
+            stones_of(scene, f"{path}: {directory}")
             planned.append(DatasetRun(directory, scene, f"{path}: {directory}"))
     return planned
 
 
 def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, Any]:
     """Draw the changes of one group, by dotted key of the scene. Raises InputError where free stones find no place."""
-    stones = scene.stones
+    count, _ = scene.stones.volley
     changes: dict[str, Any] = {}
     if family.arrangement:
-        changes["stones.gangue_order"] = (rng.permutation(stones.count) + 1).tolist()
+        changes["stones.gangue_order"] = (rng.permutation(count) + 1).tolist()
     if family.packing:
         changes["stones.seed"] = int(rng.integers(100_000, 1_000_000_000))
     if family.speed_m_s:
@@ -111,9 +115,9 @@ def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, An
     if family.damping_ratio:
         changes["plate.damping_ratio"] = float(rng.uniform(*family.damping_ratio))
     if family.arrival_spread_s:
-        changes["stones.arrival_s"] = rng.uniform(0, family.arrival_spread_s, stones.count).tolist()
+        changes["stones.arrival_s"] = rng.uniform(0, family.arrival_spread_s, count).tolist()
     if family.strength_scatter:
-        changes["stones.strength_factor"] = rng.lognormal(0, family.strength_scatter, stones.count).tolist()
+        changes["stones.strength_factor"] = rng.lognormal(0, family.strength_scatter, count).tolist()
     if family.free_positions or family.position_scatter_m:
         position = _free_positions(scene, rng) if family.free_positions else _moved_positions(scene, family, rng)
         changes["stones.positions"] = [{"x_m": float(x), "y_m": float(y)} for x, y in position]
@@ -123,7 +127,7 @@ def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, An
 
 def _moved_positions(scene: Scene, family: Family, rng: np.random.Generator) -> np.ndarray:
     """Each stone somewhere in a disc about its own position."""
-    position = arrange(scene, "").position_m
+    position = places_m(stones_of(scene, ""))
     angle = rng.uniform(0, 2 * np.pi, len(position))
     distance = family.position_scatter_m * np.sqrt(rng.uniform(size=len(position)))
     return position + distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -131,16 +135,16 @@ def _moved_positions(scene: Scene, family: Family, rng: np.random.Generator) -> 
 
 def _free_positions(scene: Scene, rng: np.random.Generator) -> np.ndarray:
     """Stones wholly above the plate, one after the other where no stone is yet."""
-    stones, plate = scene.stones, scene.plate
-    half = np.array([plate.length_m, plate.width_m]) / 2 - stones.radius_m
+    (count, radius_m), plate = scene.stones.volley, scene.plate
+    half = np.array([plate.length_m, plate.width_m]) / 2 - radius_m
     position = np.empty((0, 2))
     for _ in range(POSITION_TRIES):
-        if len(position) == stones.count:
+        if len(position) == count:
             return position
         one = rng.uniform(-half, half)
-        if np.all(np.linalg.norm(position - one, axis=1) > 2 * stones.radius_m):
+        if np.all(np.linalg.norm(position - one, axis=1) > 2 * radius_m):
             position = np.vstack([position, one])
-    raise InputError(f"free_positions: {stones.count} stones of {stones.radius_m:g} m find no place on the plate")
+    raise InputError(f"free_positions: {count} stones of {radius_m:g} m find no place on the plate")
 
 
 def _ratios(name: str, family: Family, count: int, group: int, seed: int) -> list[float]:

@@ -14,9 +14,10 @@ from common.tables import InputError, inline_toml
 from dem.batch.children import run_all
 from dem.coupling.launch import check_engine
 from dem.run.directory import RunDirectory
-from dem.stones.arrangement import arrange
+from dem.stones.arrangement import stones_of
 
 RATIO = "stones.gangue_ratio"
+RATIOS_OF_DRAWN = 10  # steps from none to all where stones are drawn
 _log = logging.getLogger(__name__)
 
 
@@ -29,10 +30,14 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
     changes = dict(changes or {})
     if RATIO in changes:
         raise InputError(f"--set {RATIO}: a sweep runs every ratio; allowed are other keys of the scene")
-    count = changed_scene(scene_file, changes).stones.count
+    stones = changed_scene(scene_file, changes).stones
+    if not stones.shares_gangue:
+        raise InputError(f"{scene_file}: stones.each: a sweep shares out the gangue; needs stones.count, drawn "
+                         "or stream")
+    count = stones.count or RATIOS_OF_DRAWN
     scenes = {k / count: changed_scene(scene_file, changes | {RATIO: k / count}) for k in range(count + 1)}
     for scene in scenes.values():
-        arrange(scene, str(scene_file))
+        stones_of(scene, str(scene_file))
     with at_work_in(out, "sweep"):
         missing = [ratio for ratio, scene in scenes.items()
                    if not is_finished(out / ratio_name(ratio), scene, overwrite)]

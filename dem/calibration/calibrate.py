@@ -29,8 +29,9 @@ from scipy.optimize import brentq
 
 from common.files import write_text, written_whole
 from common.resources import resource
-from common.scene import MaterialTable, Positive, Scene, contact_key, read_scene, scene_hash
-from common.tables import InputError, Table, check, read_toml
+from common.scene import MaterialTable, Scene, contact_key, read_scene, scene_hash
+from common.scene_stones import Positive
+from common.tables import InputError, Table, check, read_toml, refused_in
 from dem.calibration.virtual_tests import (
     Rock,
     Specimen,
@@ -105,7 +106,7 @@ class _Laboratory:
 
     def __init__(self, scene: Scene, target: TargetTable, work: Path, report: Callable[[str], None]):
         stones = scene.stones
-        self.radius_m, self.count = stones.radius_m, scene.agglomerate.subspheres
+        self.radius_m, self.count = stones.volley[1], scene.agglomerate.subspheres
         self._work, self._report = work, report
         self._target = target
         self._specimens: dict[tuple[str, int], Specimen] = {}
@@ -174,6 +175,8 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
                          f"{scene_file}")
     if scene.stones.agglomerate is None:
         raise InputError(f"{scene_file}: stones.agglomerate is missing: the size of sub-spheres follows from it")
+    with refused_in(scene_file, "stones"):
+        _ = scene.stones.volley  # the size of specimens follows from that of the stones
     if contact_key(material, material) not in scene.contacts:
         raise InputError(f"{scene_file}: contacts.{contact_key(material, material)} is missing: restitution and "
                          "friction of broken pieces must be given")
@@ -213,7 +216,7 @@ def _fit(scene: Scene, material: str, target: TargetTable, laboratory: _Laborato
         laboratory.strengths("check", kind, rock, seeds)
     for confining_Pa in CONFINING_Pa:
         laboratory.strengths("check", "compression", rock, few, confining_Pa)
-    stones = [pack_sphere(scene.stones.radius_m, scene.agglomerate.subspheres, seed) for seed in fit]
+    stones = [pack_sphere(scene.stones.volley[1], scene.agglomerate.subspheres, seed) for seed in fit]
     stiffness = [network_stiffness(stone, bond_network(stone), rock.bond_modulus_Pa, rock.stiffness_ratio,
                                    rock.volumetric_ratio) for stone in stones]
     radius = float(np.mean([stone.radius_m.mean() for stone in stones]))
@@ -275,9 +278,14 @@ def _rounded(value: float) -> float:
 
 def calibration_toml(found: Calibration, scene: Scene, material: str, name: str, target: TargetTable) -> str:
     """The file of a calibrated rock; `[bond]` is what a scene's materials.MATERIAL.bond takes."""
-    rock, tests = found.rock, found.tests
+    rock, tests, density_kg_m3 = found.rock, found.tests, scene.materials[material].density_kg_m3
+    modulus_Pa, nu = target.elastic(scene.materials[material])
     fit, held_out = (sorted(set(tests.seed[tests.stage == stage])) for stage in ("strength", "check"))
     head = f"""# Bonds of {name}, written by `python -m dem calibrate {material} --rock {name}`: docs/calibration.md.
+
+density_kg_m3 = {density_kg_m3:g}
+youngs_modulus_Pa = {modulus_Pa:g}
+poisson_ratio = {nu:g}
 
 [bond]
 youngs_modulus_Pa = {rock.bond_modulus_Pa:g}
@@ -292,7 +300,7 @@ pressure_strengthening = {rock.pressure_strengthening:g}
 scene = "{scene.name}"
 scene_hash = "{scene_hash(scene)}"
 liggghts = "{LIGGGHTS_VERSION}"
-stone_radius_m = {scene.stones.radius_m:g}
+stone_radius_m = {scene.stones.volley[1]:g}
 subspheres = {scene.agglomerate.subspheres}
 subsphere_radius_m = {found.subsphere_radius_m:.5g}  # mean
 damping_ratio = {rock.damping_ratio:g}

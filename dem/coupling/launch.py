@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import os
 import signal
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
+from common.processes import die_with_parent
 from common.resources import checkout
 from common.tables import InputError
 
@@ -49,14 +49,6 @@ def check_engine() -> None:
     check_library()
     if not os.access(ENGINE, os.X_OK):
         raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `python -m dem build-engine` builds it")
-
-
-PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
-
-
-def die_with_parent(by: int = signal.SIGKILL) -> None:
-    """Meant for `preexec_fn`: the kernel sends this process a signal when the one that started it is gone."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, by)
 
 
 def _before_engine() -> None:

@@ -25,9 +25,10 @@ class PlateMonitor:
     """Refuses a plate that holds more energy than the stones could bring, at any row of the fast stream."""
 
     def __init__(self, scene: Scene, assembly: Assembly):
-        stones, mass = scene.stones, float(assembly.mass_kg.sum())
-        fall = scene.time.gravity_m_s2 * (stones.gap_m + 2 * stones.radius_m)  # until all of a stone lies flat
-        self._limit_J = (1 + ENERGY_SHARE) * mass * (0.5 * stones.speed_m_s**2 + fall)
+        radius = np.array([stone.radius_m for stone in assembly.stones])
+        height = np.array([entry.offset_m[2] for entry in assembly.entries]) + 2 * radius  # until all of it lies flat
+        fall = scene.time.gravity_m_s2 * assembly.stone_mass_kg * height
+        self._limit_J = (1 + ENERGY_SHARE) * float((assembly.kinetic_start_J + fall).sum())
 
     def __call__(self, t_s: np.ndarray, total_J: np.ndarray) -> None:
         """Check the plate's energies `total_J` (k,) at the times `t_s` (k,). Raises Unstable."""

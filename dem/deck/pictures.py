@@ -58,20 +58,22 @@ def picture_schedule(scene: Scene, assembly: Assembly, step: TimeStep) -> Pictur
         return PictureSchedule(every, 0, ())
     rows = min(interval_s / (step.fast_steps * step.dt_s), step.steps // step.fast_steps + 1)
     impact_every = step.fast_steps * max(1, round(rows))
-    arrivals = arrival_s(scene, assembly) / step.dt_s
+    arrivals = arrival_s(assembly) / step.dt_s
     lasts = IMPACT_CONTACT_TIMES * stone_contact_time_s(scene, assembly) / (impact_every * step.dt_s)
     pictures = min(math.ceil(lasts), IMPACT_PICTURES)
     return PictureSchedule(every, impact_every, _impacts(arrivals, impact_every, pictures, step.steps))
 
 
-def arrival_s(scene: Scene, assembly: Assembly) -> np.ndarray:
+def arrival_s(assembly: Assembly) -> np.ndarray:
     """Time at which the lowest point of each stone reaches z = 0 in free fall, (stones,); infinite for one that does
     not fall."""
     lowest = np.full(len(assembly.sizes), np.inf)
     np.minimum.at(lowest, assembly.agglomerate, assembly.center_m[:, 2] - assembly.radius_m)
-    speed, gravity = scene.stones.speed_m_s, scene.time.gravity_m_s2
+    speed = np.array([-entry.velocity_m_s[2] for entry in assembly.entries])
+    entry_s = np.array([entry.entry_s for entry in assembly.entries])
+    gravity = -assembly.gravity_m_s2[2]
     with np.errstate(divide="ignore"):
-        return 2 * lowest / (speed + np.sqrt(speed**2 + 2 * gravity * lowest))
+        return entry_s + 2 * lowest / (speed + np.sqrt(speed**2 + 2 * gravity * lowest))
 
 
 def _impacts(arrivals: np.ndarray, every: int, pictures: int, steps: int) -> tuple[tuple[int, int], ...]:

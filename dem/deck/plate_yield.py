@@ -27,11 +27,12 @@ def modulus_on_plate_Pa(scene: Scene, material: str) -> float:
 def pressure_bound_Pa(scene: Scene, assembly: Assembly) -> float:
     """Largest peak pressure that an elastic contact could reach: all the energy of a stone in the normal contact of its
     smallest sub-sphere, 8/15 E* sqrt(r) d^(5/2)."""
-    stones, pressure = scene.stones, 0.0
-    speed2 = stones.speed_m_s**2 + 2 * scene.time.gravity_m_s2 * stones.gap_m
-    for k, name in enumerate(assembly.materials):
-        modulus, radius = modulus_on_plate_Pa(scene, name), assembly.radius_m[assembly.material == k].min()
-        energy = 0.5 * scene.materials[name].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3 * speed2
+    pressure, mass, start = 0.0, assembly.stone_mass_kg, np.cumsum([0, *assembly.sizes])
+    for k, stone in enumerate(assembly.stones):
+        modulus = modulus_on_plate_Pa(scene, stone.material)
+        radius = assembly.radius_m[start[k]:start[k + 1]].min()
+        speed2 = stone.speed_m_s**2 - 2 * assembly.gravity_m_s2[2] * stone.gap_m
+        energy = 0.5 * mass[k] * speed2
         depth = (energy / (8 / 15 * modulus * np.sqrt(radius))) ** 0.4
         pressure = max(pressure, float(hertz.peak_pressure_Pa(modulus, depth / radius)))
     return pressure
@@ -58,8 +59,8 @@ def yield_report(scene: Scene, assembly: Assembly, peak_force_N: np.ndarray, dee
     limit = yield_pressure_Pa(scene, assembly)
     if limit is not None:
         pressure = np.minimum(pressure, limit)
-    smooth = [HertzContact(0.0, 0.0, float(force), scene.stones.radius_m, float(e)).peak_pressure_Pa
-              for force, e in zip(peak_force_N, modulus)]
+    smooth = [HertzContact(0.0, 0.0, float(force), stone.radius_m, float(e)).peak_pressure_Pa
+              for force, stone, e in zip(peak_force_N, assembly.stones, modulus)]
     report: dict[str, Any] = {"yield_stress_Pa": scene.plate.yield_stress_Pa,
               "contact_law": "Hertz" if limit is None else "elastic, perfectly plastic (Thornton 1997)",
               "contact_pressure_Pa": pressure.tolist(), "smooth_stone_pressure_Pa": smooth}

@@ -5,10 +5,13 @@ What is refused outright stands with the keys in common/scene.py and common/plat
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from common import hertz
 from common.scene import Scene
+from dem.stones.stone import Stone
 
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
@@ -16,12 +19,15 @@ LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 
 
-def warnings_of(scene: Scene) -> list[str]:
-    """One line each, which names key, value, limit and the limit's reason."""
+def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
+    """One line each, which names key, value, limit and the limit's reason. The fastest and the largest stone count,
+    whichever they are made of: the ratios of a sweep have one answer."""
     stones, lines = scene.stones, []
-    speed = float(np.hypot(stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * stones.gap_m)))
-    radius = np.float64(stones.radius_m)  # whose powers may overflow to infinity
-    for name in sorted({stones.coal, stones.gangue}):
+    fastest = max(stone.speed_m_s for stone in falling)
+    speed = max(float(np.hypot(stone.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * stone.gap_m)))
+                for stone in falling)
+    radius = np.float64(max(stone.radius_m for stone in falling))  # whose powers may overflow to infinity
+    for name in scene.falling_materials:
         material = scene.materials[name]
         table = f"materials.{name}"
         if material.youngs_modulus_Pa > DIAMOND_Pa:
@@ -29,13 +35,13 @@ def warnings_of(scene: Scene) -> list[str]:
                          "diamond, the stiffest material")
         strain = speed / float(np.sqrt(material.youngs_modulus_Pa / material.density_kg_m3))
         if stones.agglomerate is not None and strain > LARGEST_STRAIN:
-            lines.append(f"stones.speed_m_s = {stones.speed_m_s:g}: strains {name} by about {strain:.2g}, the speed "
+            lines.append(f"stones.speed_m_s = {fastest:g}: strains {name} by about {strain:.2g}, the speed "
                          f"over that of sound in it; the bonds' law is for small strains, to {LARGEST_STRAIN:g}")
         stiffness = hertz.stiffness_N_m32(hertz.contact_modulus_Pa(material, scene.plate), radius)
         mass = material.density_kg_m3 * 4 / 3 * np.pi * radius**3
         approach = float(hertz.largest_approach_m(stiffness, mass, np.float64(speed))) / radius
         if approach > LARGEST_APPROACH:
-            lines.append(f"stones.speed_m_s = {stones.speed_m_s:g}: presses a stone of {name} by {approach:.2g} of "
+            lines.append(f"stones.speed_m_s = {fastest:g}: presses a stone of {name} by {approach:.2g} of "
                          f"its radius; Hertz' contact is for little, to {LARGEST_APPROACH:g}")
         weight_Pa = 2 * material.density_kg_m3 * GRAVITY_m_s2 * radius
         if stones.agglomerate is not None and not stones.agglomerate.unbreakable:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import jinja2
 import numpy as np
@@ -14,7 +15,8 @@ from common.scene import PLATE, Scene, contact_key
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
 from dem.deck.smooth_contact import write_surfaces
-from dem.deck.time_step import TimeStep, impact_speed_m_s, weak_contact
+from dem.deck.stone_file import write_stones
+from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from plate_fem.modes import PlateModes
 
@@ -24,6 +26,7 @@ SHAPE_GRID = 0.4
 UNBREAKABLE_Pa = 1e30
 CHECKPOINT_SAMPLES = 5  # between two steps that allow a checkpoint; each costs a build of lists (docs/runs.md)
 BOX_MARGIN_M = 0.005
+MOST_LEDGER_ROWS = 2_000_000  # of a stone at a time
 FREE_FLIGHT_EVERY = 64  # DEM steps between two looks at what flies freely: one costs as much as a tenth of a step
 
 
@@ -33,7 +36,9 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     (directory / "deck.liggghts").write_text(render(scene, assembly, step))
     _write_atoms(directory / "atoms.data", scene, assembly)
     np.savetxt(directory / "agglomerates.txt", assembly.sizes, fmt="%d")
-    if assembly.n_bonds:
+    if assembly.is_stream:
+        write_stones(directory / "stones.bin", scene, assembly, step)
+    elif assembly.n_bonds:
         _write_bonds(directory / "bonds.txt", assembly)
     if assembly.surfaces:
         write_surfaces(directory / "surface.txt", scene, assembly)
@@ -43,7 +48,10 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
         (directory / "dumps").mkdir()
     digest = hashlib.sha256()
     for file in sorted(file for file in directory.iterdir() if file.is_file()):
-        digest.update(file.name.encode() + file.read_bytes())
+        with open(file, "rb") as opened:
+            digest.update(file.name.encode())
+            while block := opened.read(1 << 22):
+                digest.update(block)
     return digest.hexdigest()[:16]
 
 
@@ -76,17 +84,23 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         bin_m=float(f"{1.2 * (2 * assembly.radius_m.max() + skin_m(assembly)):.3g}"),
         dt_s=repr(step.dt_s),
         sample_steps=step.sample_steps,
+        fast_steps=step.fast_steps,
+        record_steps=record_steps(assembly, step),
+        stream=assembly.is_stream,
+        up=" ".join(f"{c:.17g}" for c in assembly.up),
+        down=" ".join("0" if c == 0 else f"{-c:.17g}" for c in assembly.up),
         co_step=step.co_step,
         weak_contact=weak_contact(scene, assembly, step),
         steps=step.steps,
         surface=bool(assembly.surfaces),
         extent_m=[-half[0], half[0], -half[1], half[1]],
-        speed_m_s=scene.stones.speed_m_s,
-        impact_J=float(0.5 * assembly.mass_kg.sum() * scene.stones.speed_m_s**2),
-        mass_height_kg_m=float(assembly.mass_kg @ assembly.center_m[:, 2]),
+        velocity_m_s=_common_velocity(assembly),
+        impact_J=0.0 if assembly.is_stream else _impact_J(assembly),  # those of a stream bring theirs
+        mass_height_kg_m=0.0 if assembly.is_stream else float(
+            assembly.mass_kg @ (assembly.center_m @ np.array(assembly.up))),
         pictures=picture_schedule(scene, assembly, step),
         dumps=scene.output.dumps,
-        free_flight=_free_flight(scene, step),
+        free_flight=_free_flight(scene, assembly, step),
         checkpoint_steps=CHECKPOINT_SAMPLES * step.sample_steps,
         streams=streams(scene, assembly),
     )
@@ -95,7 +109,30 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
 def streams(scene: Scene, assembly: Assembly) -> list[str]:
     """Files in the deck's directory that the engine appends to."""
     return ["ledger.bin", "forces.bin", "contacts.bin", *(["events.csv"] if assembly.n_bonds else []),
+            *(["left.csv"] if assembly.is_stream else []),
             *(["pictures.bin"] if scene.output.view_interval_s is not None else [])]
+
+
+def record_steps(assembly: Assembly, step: TimeStep) -> int:
+    """DEM steps between two records of energies and contacts: a sample, or more where all stones at all samples would be
+    too many to keep."""
+    rows = step.steps // step.sample_steps * len(assembly.stones)
+    return step.sample_steps * math.ceil(rows / MOST_LEDGER_ROWS)
+
+
+def _common_velocity(assembly: Assembly) -> str | None:
+    """Of all stones when they enter, or None where they differ or spin, and atoms.data says each."""
+    velocities = {entry.velocity_m_s for entry in assembly.entries}
+    if len(velocities) > 1 or assembly.spins:
+        return None
+    return " ".join("0" if v == 0 else repr(v) for v in velocities.pop())
+
+
+def _impact_J(assembly: Assembly) -> float:
+    """Kinetic energy of all stones when they enter."""
+    if _common_velocity(assembly) is not None:
+        return float(0.5 * assembly.mass_kg.sum() * math.hypot(*assembly.entries[0].velocity_m_s) ** 2)
+    return float(assembly.kinetic_start_J.sum())
 
 
 def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
@@ -104,12 +141,12 @@ def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
     return len(assembly.sizes) > 1 or (table is not None and not table.unbreakable)
 
 
-def _free_flight(scene: Scene, step: TimeStep) -> dict[str, float] | None:
+def _free_flight(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float] | None:
     """Arguments of fix free_flight (docs/free_flight.md); None where the scene wants brute force or several ranks."""
     if scene.time.free_flight_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
         return None
     every = step.co_step * max(1, round(FREE_FLIGHT_EVERY / step.co_step))
-    return {"speed_m_s": impact_speed_m_s(scene), "tolerance": scene.time.free_flight_tolerance, "every": every}
+    return {"speed_m_s": assembly.impact_speed_m_s, "tolerance": scene.time.free_flight_tolerance, "every": every}
 
 
 def skin_m(assembly: Assembly) -> float:
@@ -150,14 +187,27 @@ def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
     low = (assembly.center_m - assembly.radius_m[:, None]).min(axis=0) - BOX_MARGIN_M
     high = (assembly.center_m + assembly.radius_m[:, None]).max(axis=0) + BOX_MARGIN_M
     with open(file, "w") as out:
-        out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(assembly.materials) + 1} atom types\n\n")
+        n_atoms = 0 if assembly.is_stream else assembly.n_particles
+        out.write(f"{scene.name}\n\n{n_atoms} atoms\n{len(assembly.materials) + 1} atom types\n\n")
         out.writelines(f"{a:.9g} {b:.9g} {axis}lo {axis}hi\n" for axis, a, b in zip("xyz", low, high))
         out.write("\n")
+        if assembly.is_stream:  # they are in stones.bin
+            return
         out.write("Atoms\n\n")
         for k in range(assembly.n_particles):
             x, y, z = assembly.center_m[k]
             out.write(f"{k + 1} {assembly.material[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "
                       f"{x:.17g} {y:.17g} {z:.17g}\n")
+        if _common_velocity(assembly) is None:
+            _write_velocities(out, assembly)
+
+
+def _write_velocities(out: TextIO, assembly: Assembly) -> None:
+    """Of every sub-sphere when its stone enters: velocity and spin."""
+    rows = np.hstack(assembly.start_motion())
+    out.write("\nVelocities\n\n")
+    for k, row in enumerate(rows.tolist()):
+        out.write(f"{k + 1} " + " ".join(f"{number:.17g}" for number in row) + "\n")
 
 
 def _write_bonds(file: Path, assembly: Assembly) -> None:

@@ -45,18 +45,28 @@ def smooth_law(scene: Scene, material: str) -> SmoothLaw:
                      elastic_damping_ratio(contact.restitution), contact.friction, min(limits, default=0.0))
 
 
+def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
+    """(stones, 12) numbers of the engine's SmoothStone, from the radius on."""
+    laws = {name: smooth_law(scene, name) for name in set(assembly.stone_materials)}
+    rows = []
+    for surface, stone in zip(assembly.surfaces, assembly.stones, strict=True):
+        law, radius = laws[stone.material], stone.radius_m
+        rows.append([radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio,
+                     law.damping_ratio_across, law.friction, law.yield_pressure_Pa, surface.first.normal_m_N,
+                     surface.other.normal_m_N, surface.first.tangential_m_N, surface.other.tangential_m_N])
+    return np.array(rows, dtype=float)
+
+
 def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
     """Write the file that dem/engine/stone_surface.h describes."""
-    radius = scene.stones.radius_m
-    start = np.cumsum([0, *assembly.sizes])
-    laws = {name: smooth_law(scene, name) for name in set(assembly.stone_materials)}
+    start, radius_m = np.cumsum([0, *assembly.sizes]), max(stone.radius_m for stone in assembly.stones)
     with open(file, "w") as out:
-        out.write(f"{OUTSIDE * radius!r}\n")
-        for k, (surface, material) in enumerate(zip(assembly.surfaces, assembly.stone_materials, strict=True)):
-            here, law = slice(start[k], start[k + 1]), laws[material]
-            numbers = [radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio,
-                       law.damping_ratio_across, law.friction, law.yield_pressure_Pa, surface.first.normal_m_N,
-                       surface.other.normal_m_N, surface.first.tangential_m_N, surface.other.tangential_m_N]
-            out.write(" ".join([str(assembly.sizes[k]), *(f"{float(number):.17g}" for number in numbers)]) + "\n")
+        out.write(f"{OUTSIDE * radius_m!r}\n")
+        if assembly.is_stream:  # each stone brings its own
+            out.write(f"stream {PATCH_RADIUS**2 * radius_m / 2!r}\n")
+            return
+        for k, (surface, numbers) in enumerate(zip(assembly.surfaces, contact_rows(scene, assembly), strict=True)):
+            here = slice(start[k], start[k + 1])
+            out.write(" ".join([str(assembly.sizes[k]), *(f"{number:.17g}" for number in numbers)]) + "\n")
             rows = [surface.place_m, assembly.radius_m[here], assembly.mass_kg[here], surface.is_surface]
             np.savetxt(out, np.column_stack(rows), fmt=["%.17g"] * 5 + ["%d"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from common.tables import InputError
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
+from dem.stones.stone import Stone, impact_speed_m_s, places_m
 from plate_fem.modes import PlateModes
 
 BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it
@@ -31,8 +33,10 @@ DASHPOT_SHARE = 0.15
 # the push is this share of a stone's peak force and nothing comes faster than this share of the impact; and never more
 # than.
 WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
+TOGETHER_s = 0.1  # stones that arrive within this time are taken to touch at once
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
+MOST_FAST_ROWS = 1_000_000  # a long run has fewer a sample
 
 
 @dataclass(frozen=True)
@@ -61,10 +65,11 @@ class WeakContact:
 
 @dataclass(frozen=True)
 class StepLimits:
-    """The limits of the time step by name, as far as the plate's motion has no part in them, and the times that they
-    come from: t0 of the bonds, and the shortest contact of a sub-sphere and of a whole stone with the plate."""
+    """The limits of the time step by name, as far as the plate's motion has no part in them, the stones, and the times
+    that they come from: t0 of the bonds, and the shortest contact of a sub-sphere and of a whole stone."""
 
     limits_s: dict[str, float]
+    stones: tuple[Stone, ...]
     bond_time_s: float | None
     subsphere_contact_time_s: float
     stone_contact_time_s: float
@@ -85,7 +90,7 @@ def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
         setting, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
         limits["tolerance"] = setting_for(setting, scene.tolerance) * unit
     _counted_steps(scene, _largest_step_s(scene, limits, file), scene.time.co_step or 1, file)
-    return StepLimits(limits, bond_time, contact, stone_contact)
+    return StepLimits(limits, assembly.stones, bond_time, contact, stone_contact)
 
 
 def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float | None = None) -> TimeStep:
@@ -93,7 +98,7 @@ def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float 
 
     Raises InputError if the scene's own `time.time_step_s` or `time.co_step` is above a limit.
     """
-    mutual = {} if mobility_1_kg is None else coupling_limits_s(scene, mobility_1_kg)
+    mutual = {} if mobility_1_kg is None else coupling_limits_s(scene, limits.stones, mobility_1_kg)
     limits_s = limits.limits_s | mutual
     wanted = _largest_step_s(scene, limits_s, file)
     resolved = min(limits.stone_contact_time_s / CO_STEPS_IN_CONTACT,
@@ -105,7 +110,7 @@ def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float 
     sample_steps, steps = _counted_steps(scene, wanted, co_step, file)
     return TimeStep(
         dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits_s, bond_time_s=limits.bond_time_s,
-        co_step=co_step, fast_steps=sample_steps // FAST_PER_SAMPLE, sample_steps=sample_steps, steps=steps)
+        co_step=co_step, fast_steps=sample_steps // fast_per_sample(scene), sample_steps=sample_steps, steps=steps)
 
 
 def _largest_step_s(scene: Scene, limits_s: dict[str, float], file: str) -> float:
@@ -136,9 +141,15 @@ def _counted_steps(scene: Scene, dt_s: float, co_step: int, file: str) -> tuple[
     return sample_steps, intervals * sample_steps
 
 
+def fast_per_sample(scene: Scene) -> int:
+    """Rows of the fast stream a sample: the usual number, or as many as keep the file of a long run in bounds."""
+    samples = scene.time.duration_s / scene.time.sample_interval_s
+    return max(1, min(FAST_PER_SAMPLE, int(MOST_FAST_ROWS / samples)))
+
+
 def _sample_steps(scene: Scene, dt_s: float, co_step: int) -> int:
     """DEM steps in a sample, a whole number of co-steps in each row of the fast stream."""
-    block = FAST_PER_SAMPLE * co_step
+    block = fast_per_sample(scene) * co_step
     return block * int(np.ceil(scene.time.sample_interval_s / dt_s / block - 1e-9))
 
 
@@ -174,8 +185,8 @@ def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContac
     if not limits or not assembly.n_bonds or scene.time.co_step is not None:
         return None
     co_steps = int(min(limits) * WEAK_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
-    peak_N = min(_stone_peak_force_N(scene, name) for name in assembly.materials)
-    return WeakContact(WEAK_FORCE_SHARE * peak_N, WEAK_SPEED_SHARE * impact_speed_m_s(scene),
+    peak_N = min(_peak_force_N(scene, body) for body in bodies_of(assembly))
+    return WeakContact(WEAK_FORCE_SHARE * peak_N, WEAK_SPEED_SHARE * assembly.impact_speed_m_s,
                         min(max(1, co_steps), MOST_CO_STEPS), MOST_CO_STEPS)
 
 
@@ -237,19 +248,34 @@ def subsphere_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     times = []
     for k, name in enumerate(assembly.materials):
         here = assembly.material == k
-        times.append(_hertz_time_s(scene, name, assembly.radius_m[here], assembly.mass_kg[here]).min())
+        times.append(_hertz_time_s(scene, name, assembly.radius_m[here], assembly.mass_kg[here],
+                                   assembly.impact_speed_m_s).min())
     return float(min(times))
 
 
 def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a whole stone with the plate."""
-    return float(min(_hertz_time_s(scene, name, scene.stones.radius_m, _stone_mass_kg(scene, name))
-                     for name in assembly.materials))
+    return float(min(_hertz_time_s(scene, body.material, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
+                     for body in bodies_of(assembly)))
 
 
-def impact_speed_m_s(scene: Scene) -> float:
-    """Speed at which the stones arrive. Those that start at rest are taken to arrive by gravity."""
-    return float(max(scene.stones.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * scene.stones.gap_m), 1e-3))
+@dataclass(frozen=True)
+class Body:
+    """What the contact of a whole stone with the plate goes by."""
+
+    material: str
+    radius_m: float
+    speed_m_s: float
+
+
+def bodies_of(assembly: Assembly) -> set[Body]:
+    """The stones as far as they differ in contact with the plate."""
+    return {body_of(stone, assembly.gravity_m_s2) for stone in assembly.stones}
+
+
+def body_of(stone: Stone, gravity_m_s2: Sequence[float]) -> Body:
+    """A stone as it hits the plate."""
+    return Body(stone.material, stone.radius_m, impact_speed_m_s(stone, gravity_m_s2))
 
 
 def _hertz(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
@@ -260,32 +286,33 @@ def _hertz(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: f
     return stiffness, hertz.largest_approach_m(stiffness, mass_kg, speed_m_s)
 
 
-def _stone_mass_kg(scene: Scene, material: str) -> float:
-    return scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * scene.stones.radius_m**3
+def _body_mass_kg(scene: Scene, body: Body) -> float:
+    return scene.materials[body.material].density_kg_m3 * 4 / 3 * np.pi * body.radius_m**3
 
 
-def _hertz_time_s(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray) -> Any:
-    speed = impact_speed_m_s(scene)
-    return hertz.contact_time_s(_hertz(scene, material, radius_m, mass_kg, speed)[1], speed)
+def _hertz_time_s(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
+                  speed_m_s: float) -> Any:
+    return hertz.contact_time_s(_hertz(scene, material, radius_m, mass_kg, speed_m_s)[1], speed_m_s)
 
 
-def _stone_peak_force_N(scene: Scene, material: str) -> float:
+def _peak_force_N(scene: Scene, body: Body) -> float:
     """Of a whole stone on the rigid plate."""
-    mass = _stone_mass_kg(scene, material)
-    stiffness, depth = _hertz(scene, material, scene.stones.radius_m, mass, impact_speed_m_s(scene))
+    stiffness, depth = _hertz(scene, body.material, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
     return float(stiffness * depth**1.5)
 
 
-def coupling_limits_s(scene: Scene, mobility_1_kg: float) -> dict[str, float]:
+def coupling_limits_s(scene: Scene, stones: Sequence[Stone], mobility_1_kg: float) -> dict[str, float]:
     """Limits of the co-step from the mutual reaction of plate and contact, each stone taken as one Hertz sphere at its
-    largest approach, which is stiffer than the agglomerate."""
-    stones = scene.stones
+    largest approach, which is stiffer than the agglomerate. Each could be of any material of the scene, so that the
+    ratios of a sweep have one co-step."""
     limits = {"coupling_stiffness": np.inf, "coupling_dashpot": np.inf}
-    for name in {stones.coal, stones.gangue}:
-        mass = _stone_mass_kg(scene, name)
-        contact, depth = _hertz(scene, name, stones.radius_m, mass, max(stones.speed_m_s, 1e-3))
+    bodies = {Body(name, stone.radius_m, max(stone.speed_m_s, 1e-3)) for stone in stones
+              for name in {*scene.falling_materials}}
+    for body in bodies:
+        mass = _body_mass_kg(scene, body)
+        contact, depth = _hertz(scene, body.material, body.radius_m, mass, body.speed_m_s)
         stiffness = 1.5 * contact * np.sqrt(depth)
-        restitution = scene.contacts[contact_key(name, PLATE)].restitution
+        restitution = scene.contacts[contact_key(body.material, PLATE)].restitution
         ratio = damping_ratio(restitution) if scene.has_smooth_contact else elastic_damping_ratio(restitution)
         dashpot = 2 * np.sqrt(5 / 6) * ratio * np.sqrt(4 / 3 * stiffness * mass)
         limits["coupling_stiffness"] = min(limits["coupling_stiffness"],
@@ -300,3 +327,13 @@ def plate_mobility_1_kg(modes: PlateModes, position_m: np.ndarray) -> float:
     sum of |phi phi^T| over the stones' places (k, 2)."""
     shape = modes.shape_at(position_m)
     return float(np.abs(shape @ shape.T).sum(axis=1).max())
+
+
+def mobility_of_stones_1_kg(modes: PlateModes, stones: Sequence[Stone]) -> float:
+    """`plate_mobility_1_kg` of the stones that arrive within TOGETHER_s of each other, at most. What fell long before
+    lies still or has left."""
+    order = sorted(range(len(stones)), key=lambda k: stones[k].arrival_s)
+    arrival, place = np.array([stones[k].arrival_s for k in order]), places_m(stones)[order]
+    ends = np.searchsorted(arrival, arrival + TOGETHER_s, side="right")
+    starts = np.flatnonzero(np.diff(ends, prepend=0) > 0)  # of windows that hold a stone that no one before does
+    return max(plate_mobility_1_kg(modes, place[k:ends[k]]) for k in starts)

@@ -59,7 +59,8 @@ double ArrayBody::energy_over(const ArrayBody &host) const {
 
 std::vector<ArrayBody> bodies_in_arrays(const Atom *atom, int tags, const std::function<int(int)> &label_of) {
   std::vector<ArrayBody> bodies;
-  std::vector<int> index(tags + 1, -1);
+  static std::vector<int> index;  // all -1 between two calls, so that a call costs nothing for what is not there
+  index.resize(tags + 1, -1);
   for (int i = 0; i < atom->nlocal; i++) {
     const int label = label_of(atom->tag[i]);
     if (index[label] < 0) {
@@ -68,7 +69,7 @@ std::vector<ArrayBody> bodies_in_arrays(const Atom *atom, int tags, const std::f
     }
     bodies[index[label]].atoms.push_back(i);
   }
-  for (ArrayBody &b : bodies) b.measure();
+  for (ArrayBody &b : bodies) index[b.label] = -1, b.measure();
   return bodies;
 }
 

@@ -17,6 +17,7 @@ class ArrayBody : public Outline {
   double mass, inner_energy;  // kg; kinetic energy relative to rigid motion, J
   Vec momentum, omega;     // angular momentum about the centre of mass, and the angular velocity that it means
   Tensor inertia;          // about the centre of mass
+  bool departs = false;                 // into free flight, at this look
   bool is_trapped = false;              // in the cracks of another one
   std::vector<ArrayBody *> trapped;     // fragments in the cracks of this one
 

@@ -9,8 +9,9 @@ namespace LAMMPS_NS {
 class BondNetwork {
  public:
   virtual ~BondNetwork() {}
-  virtual const std::vector<Bond> &bonds() const = 0;      // all that there ever were
-  virtual bool holds(size_t bond) const = 0;
+  virtual const std::vector<Bond> &bonds() const = 0;      // of the stones that are near, broken ones as well
+  virtual bool holds(size_t bond) const = 0;               // by its number, Bond::id
+  virtual long long changes() const = 0;                   // counts whatever changes `bonds` or `holds`
   virtual void agree_on_broken() = 0;                      // makes `holds` the same on all ranks; all call it
   virtual const double *quaternion(int i) const = 0;       // of sub-sphere i: rotation since the undeformed state
 };

@@ -25,6 +25,7 @@ struct BondMaterial {
 // One parallel bond: a short round beam between two sub-spheres, in read-only numbers. It has no memory: its forces
 // follow from where the two sub-spheres are and how they are turned (total form, after Wang 2009).
 struct Bond {
+  int id;                     // its number among those of all stones, from 0
   int tag_i, tag_j;
   double length;              // r0, m
   double direction[3];        // d0, from i to j in the undeformed agglomerate
@@ -39,6 +40,10 @@ struct Bond {
   double tan_friction;
   const BondMaterial *material;
 };
+
+// The bond of `row`, which has the numbers of a line of the file below. `source` is named where they are wrong.
+Bond bond_of_row(LAMMPS *lmp, const double *row, int id, const std::vector<BondMaterial> &materials,
+                 const std::string &source);
 
 // File: a line a bond: tag_i tag_j material dx dy dz radius strength_factor, where d is the undeformed vector from
 // i to j in m and material counts from 1. The bonds point into `materials`.

@@ -15,7 +15,9 @@ namespace LAMMPS_NS {
 class BondVolumes {
  public:
   BondVolumes() {}
-  BondVolumes(const std::vector<Bond> &bonds, int tags);
+  BondVolumes(int tags) : per_stretch_(tags + 1, 0.0), stiffness_(per_stretch_), bonds_of_(tags + 1) {}
+  void enter(const std::vector<Bond> &bonds);            // all those of the stones that they are of
+  void leave(int first_tag, int tags);
 
   bool needed() const { return needed_; }
   double dilatation(int tag, double stretch) const { return per_stretch_[tag] * stretch; }
@@ -24,9 +26,9 @@ class BondVolumes {
   const std::vector<int> &bonds_of(int tag) const { return bonds_of_[tag]; }
 
  private:
-  bool needed_ = false;
+  bool needed_ = false;        // does any bond so far feel it?
   std::vector<double> per_stretch_, stiffness_;  // by tag: 3/W, m^-3; 3 kappa/(4 W), J/m^6; 0 without such a material
-  std::vector<std::vector<int>> bonds_of_;       // by tag
+  std::vector<std::vector<int>> bonds_of_;       // by tag: their numbers
 };
 
 }  // namespace LAMMPS_NS

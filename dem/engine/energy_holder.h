@@ -27,17 +27,24 @@ enum LedgerColumn {
   LEDGER_COLUMNS
 };
 
-// What this rank knows of the rows of one step.
+// What this rank knows of the rows of one step, one for each agglomerate that is near.
 class LedgerRows {
  public:
-  explicit LedgerRows(int agglomerates) : values_(static_cast<size_t>(agglomerates) * LEDGER_COLUMNS, 0.0) {}
-  double &at(int agglomerate, LedgerColumn column) { return values_[agglomerate * LEDGER_COLUMNS + column]; }
-  void add(LedgerColumn column, const std::vector<double> &by_agglomerate) {
-    for (size_t a = 0; a < by_agglomerate.size(); a++) values_[a * LEDGER_COLUMNS + column] += by_agglomerate[a];
+  // `row` is room for a number of each agglomerate.
+  LedgerRows(const std::vector<int> &near, std::vector<int> &row)
+      : near_(near), row_(row), values_(near.size() * LEDGER_COLUMNS, 0.0) {
+    for (size_t k = 0; k < near.size(); k++) row_[near[k]] = static_cast<int>(k);
   }
-  const std::vector<double> &values() const { return values_; }  // [agglomerate][column]
+  const std::vector<int> &near() const { return near_; }  // agglomerates, ascending
+  double &at(int agglomerate, LedgerColumn column) { return values_[row_[agglomerate] * LEDGER_COLUMNS + column]; }
+  void add(LedgerColumn column, const std::vector<double> &by_agglomerate) {
+    for (size_t k = 0; k < near_.size(); k++) values_[k * LEDGER_COLUMNS + column] += by_agglomerate[near_[k]];
+  }
+  const std::vector<double> &values() const { return values_; }  // [agglomerate that is near][column]
 
  private:
+  const std::vector<int> &near_;
+  std::vector<int> &row_;
   std::vector<double> values_;
 };
 

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <numeric>
 
 #include "atom.h"
 #include "bonded_bodies.h"
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
+#include "fixes.h"
 #include "force.h"
 #include "memory.h"
 #include "quaternion.h"
@@ -60,14 +60,16 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   if (force->newton) error->fix_error(FLERR, this, "needs `newton off`");
   if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
 
-  bonds_ = read_bonds(lmp, bonds, materials_);
+  if (bonds != "none") bonds_ = read_bonds(lmp, bonds, materials_);
   for (const Bond &b : bonds_) longest_ = std::max(longest_, b.length);
   intact_.assign(bonds_.size(), 1);
   broken_.resize(bonds_.size());
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
-  volumes_ = BondVolumes(bonds_, agglomerates_->tags());
+  volumes_ = BondVolumes(agglomerates_->tags());
+  volumes_.enter(bonds_);
   work_.assign(agglomerates_->count(), 0);
   released_ = broken_count_ = work_;
+  held_.assign(agglomerates_->tags() + 1, 0);
 
   restart_global = restart_peratom = 1;
   create_attribute = 1;
@@ -91,6 +93,7 @@ FixBondParallel::~FixBondParallel() {
 int FixBondParallel::setmask() { return POST_INTEGRATE | PRE_NEIGHBOR | POST_FORCE; }
 
 void FixBondParallel::init() {
+  agglomerates_->follow(fix_that_is<StoneStream>(modify));
   if (comm->nprocs > 1 && !comm->ghost_velocity) error->fix_error(FLERR, this, "needs `communicate single vel yes`");
 }
 
@@ -118,7 +121,7 @@ void FixBondParallel::post_integrate() {
     return g.f[0] * v[i][0] + g.f[1] * v[i][1] + g.f[2] * v[i][2] + g.torque[0] * omega[i][0] +
            g.torque[1] * omega[i][1] + g.torque[2] * omega[i][2];
   });
-  for (int i = 0; i < atom->nlocal; i++) turn(quaternion_[i], omega[i], 0.5 * update->dt);
+  for (int i : turned_) turn(quaternion_[i], omega[i], 0.5 * update->dt);
 }
 
 // Adds time x power(i) of every owned sub-sphere to the work of its agglomerate. Neighbours in memory mostly belong to
@@ -126,7 +129,8 @@ void FixBondParallel::post_integrate() {
 template <class Power> void FixBondParallel::add_work(double time, Power power) {
   int home = 0;
   double sum = 0;
-  for (int i = 0; i < atom->nlocal; i++) {
+  for (int i : computed_) {
+    if (i >= atom->nlocal) break;
     const int a = agglomerates_->of_tag(atom->tag[i]);
     if (a != home) work_[home] += time * sum, sum = 0, home = a;
     sum += power(i);
@@ -152,17 +156,33 @@ void FixBondParallel::rebuild() {
   known_tags_.assign(atom->tag, atom->tag + nlocal);
 
   local_.clear();
-  for (int k = 0; k < static_cast<int>(bonds_.size()); k++) {
-    if (!intact_[k]) continue;
-    const int i = atom->map(bonds_[k].tag_i), j = atom->map(bonds_[k].tag_j);
+  for (const Bond &b : bonds_) {
+    if (!intact_[b.id]) continue;
+    const int i = atom->map(b.tag_i), j = atom->map(b.tag_j);
     const bool mine = (i >= 0 && i < nlocal) || (j >= 0 && j < nlocal);
     if (bodies_may_leave_ && i < 0 && j < 0) continue;
     if (comm->nprocs == 1 && (i < 0 || j < 0)) error->one(FLERR, "A bonded sub-sphere was lost");
     if (!mine) continue;
     if (i < 0 || j < 0) error->one(FLERR, "A bonded sub-sphere is beyond the ghost atoms of this rank");
-    local_.push_back({i, j, k, &bonds_[k]});
+    local_.push_back({i, j, b.id, &b});
   }
-  kernel_->build(local_, nlocal + atom->nghost);
+  std::vector<LocalBond> computed;
+  for (const LocalBond &b : local_)
+    if (!held_[b.bond->tag_i]) computed.push_back(b);
+  kernel_->build(computed, nlocal + atom->nghost);
+  list_sub_spheres(computed);
+}
+
+void FixBondParallel::list_sub_spheres(const std::vector<LocalBond> &computed) {
+  std::vector<char> is_computed(atom->nlocal + atom->nghost, 0), is_turned(is_computed);
+  for (const LocalBond &b : computed) is_computed[b.i] = is_computed[b.j] = 1;
+  for (const LocalBond &b : local_) is_turned[b.i] = is_turned[b.j] = 1;
+  computed_.clear();
+  turned_.clear();
+  for (int i = 0; i < atom->nlocal + atom->nghost; i++) {
+    if (is_computed[i]) computed_.push_back(i);
+    if (is_turned[i] && i < atom->nlocal) turned_.push_back(i);
+  }
 }
 
 void FixBondParallel::agree_on_broken() {
@@ -177,7 +197,7 @@ void FixBondParallel::share_broken() {
   for (int p = 0; p < comm->nprocs; p++) offset[p] = total, total += count[p];
   std::vector<int> all(total);
   MPI_Allgatherv(newly_broken_.data(), mine, MPI_INT, all.data(), count.data(), offset.data(), MPI_INT, world);
-  for (int id : all) intact_[id] = 0;
+  for (int id : all) changes_ += intact_[id], intact_[id] = 0;
   newly_broken_.clear();
 }
 
@@ -200,19 +220,20 @@ void FixBondParallel::fill_records() {
   const int nall = atom->nlocal + atom->nghost;
   atoms_.resize(nall + 2);
   forces_.resize(nall + 2);
-  if (damping_time_ > 0) fill_delayed_records(nall);
+  if (damping_time_ > 0) fill_delayed_records();
   else
-    for (int i = 0; i < nall; i++) atoms_[i] = record(i);
+    for (int i : computed_) atoms_[i] = record(i);
   atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
   atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
-  std::memset(static_cast<void *>(forces_.data()), 0, forces_.size() * sizeof(ForceRecord));
+  for (int i : computed_) forces_[i] = ForceRecord();
+  forces_[nall] = forces_[nall + 1] = ForceRecord();
 }
 
 // The sub-spheres at x + tau v and q + tau dq/dt, where the damped bonds are computed.
-void FixBondParallel::fill_delayed_records(int nall) {
+void FixBondParallel::fill_delayed_records() {
   const double tau = damping_time_, half_tau = 0.5 * tau;
   double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
-  for (int i = 0; i < nall; i++) {
+  for (int i : computed_) {
     AtomRecord &r = atoms_[i];
     r.dilatation = 0;
     for (int k = 0; k < 3; k++) r.x[k] = x[i][k] + tau * v[i][k];
@@ -242,9 +263,12 @@ void FixBondParallel::post_force(int) {
 
 // Of all sub-spheres, into their records. Bonds of a ghost may be unknown here: its own rank says.
 void FixBondParallel::find_dilatations() {
-  stretches_.assign(atoms_.size(), 0.0);
+  stretches_.resize(atoms_.size());
+  for (int i : computed_) stretches_[i] = 0;
+  std::fill(stretches_.end() - 2, stretches_.end(), 0.0);
   kernel_->add_stretches(atoms_.data(), stretches_.data());
-  for (int i = 0; i < atom->nlocal; i++) atoms_[i].dilatation = volumes_.dilatation(atom->tag[i], stretches_[i]);
+  for (int i : computed_)
+    if (i < atom->nlocal) atoms_[i].dilatation = volumes_.dilatation(atom->tag[i], stretches_[i]);
   if (comm->nprocs == 1) return;
   sends_dilatations_ = true;
   comm->forward_comm_fix(this);
@@ -267,7 +291,7 @@ std::vector<double> FixBondParallel::stretches_now() const {
 // is taken from the stretch at which the bond was judged.
 double FixBondParallel::released_volume_energy(int broken, int i, int j) const {
   auto stretch = [&](int bond) {
-    const Bond &b = bonds_[bond];
+    const Bond &b = bond_of(bond);
     const AtomRecord from = half_a_step_ago(atom->map(b.tag_i)), to = half_a_step_ago(atom->map(b.tag_j));
     return b.area * (norm(Vec(to.x) - Vec(from.x)) - b.length);
   };
@@ -288,11 +312,12 @@ void FixBondParallel::note_broken(int n) {
   char line[256];
   for (int k = 0; k < n; k++) {
     const int b = broken_[k];
-    const Bond &bond = bonds_[b];
+    const Bond &bond = bond_of(b);
     const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
     const double of_volume =
         bond.material->feels_dilatation() && i < atom->nlocal ? released_volume_energy(b, i, j) : 0;
     intact_[b] = 0;
+    changes_++;
     if (comm->nprocs > 1) newly_broken_.push_back(b);
     if (i >= atom->nlocal) continue;  // the rank that owns i reports
     // The kernel judges at x + tau v, damping included; so does the event. The energy is the one
@@ -329,13 +354,54 @@ void FixBondParallel::add_to(LedgerRows &rows) {
   rows.add(BROKEN, broken_count_);
 }
 
+/* --- stones that come and go --------------------------------------------------------------------------------- */
+
+// The bonds of each stone lie together, and the stones in ascending order, whenever each of them came.
+void FixBondParallel::enter(const EnteringStone &stone) {
+  const size_t count = stone.bonds.size() / EnteringStone::BOND_COLUMNS;
+  std::vector<Bond> added;
+  for (size_t k = 0; k < count; k++)
+    added.push_back(bond_of_row(lmp, &stone.bonds[k * EnteringStone::BOND_COLUMNS], stone.first_bond + k, materials_,
+                                "the stones"));
+  auto at = std::find_if(blocks_.begin(), blocks_.end(),
+                         [&](const Block &b) { return b.agglomerate > stone.agglomerate; });
+  const size_t start = at == blocks_.end() ? bonds_.size() : at->start;
+  bonds_.insert(bonds_.begin() + start, added.begin(), added.end());
+  at = blocks_.insert(at, {stone.agglomerate, stone.first_bond, start, count});
+  for (++at; at != blocks_.end(); ++at) at->start += count;
+  if (intact_.size() < stone.first_bond + count) intact_.resize(stone.first_bond + count, 0);
+  std::fill_n(intact_.begin() + stone.first_bond, count, 1);
+  volumes_.enter(added);
+  broken_.resize(bonds_.size());
+  listed_ = false;  // the list points into the bonds
+  changes_++;
+}
+
+void FixBondParallel::leave(int agglomerate) {
+  auto at = std::find_if(blocks_.begin(), blocks_.end(), [&](const Block &b) { return b.agglomerate == agglomerate; });
+  if (at == blocks_.end()) return;
+  const size_t count = at->count;
+  bonds_.erase(bonds_.begin() + at->start, bonds_.begin() + at->start + count);
+  at = blocks_.erase(at);
+  for (; at != blocks_.end(); ++at) at->start -= count;
+  volumes_.leave(agglomerates_->first_tag(agglomerate), agglomerates_->size(agglomerate));
+  listed_ = false;
+  changes_++;
+}
+
+const Bond &FixBondParallel::bond_of(int id) const {
+  if (blocks_.empty()) return bonds_[id];
+  auto after = std::upper_bound(blocks_.begin(), blocks_.end(), id,
+                                [](int number, const Block &b) { return number < b.first_id; });
+  return bonds_[std::prev(after)->start + (id - std::prev(after)->first_id)];
+}
+
 /* --- bodies in free flight ----------------------------------------------------------------------------------- */
 
 const std::vector<int> &FixBondParallel::body_of_tag() {
-  const double broken = std::accumulate(broken_count_.begin(), broken_count_.end(), 0.0);
-  if (broken != broken_at_bodies_) {
-    broken_at_bodies_ = broken;
-    body_of_tag_ = bodies_of_tags(bonds_, intact_, agglomerates_->tags());
+  if (changes_ != changes_at_bodies_) {
+    changes_at_bodies_ = changes_;
+    find_bodies_of_tags(body_of_tag_, bonds_, intact_, *agglomerates_);
   }
   return body_of_tag_;
 }
@@ -344,6 +410,24 @@ void FixBondParallel::add_elastic_energy_by_body(double *energy) {
   const std::vector<int> &body = body_of_tag();
   each_elastic_energy([&](int tag, double own) { energy[body[tag]] += own; });
 }
+
+const std::vector<BodyMaker::Support> &FixBondParallel::supports_of_tags() {
+  if (changes_ == changes_at_supports_) return supports_;
+  changes_at_supports_ = changes_;
+  supports_.assign(agglomerates_->tags() + 1, Support());
+  for (const Bond &b : bonds_)
+    for (int tag : {b.tag_i, b.tag_j})
+      if (intact_[b.id])
+        supports_[tag].tensile_N += b.tensile_force, supports_[tag].stiffness_N_m += b.k_normal, supports_[tag].bonds++;
+  return supports_;
+}
+
+void FixBondParallel::hold(int tag, bool held) {
+  held_[tag] = held;
+  listed_ = false;
+}
+
+void FixBondParallel::take_energy(int tag, double energy) { work_[agglomerates_->of_tag(tag)] -= energy; }
 
 void FixBondParallel::forget_forces(int i) { forces_[i] = ForceRecord(); }
 
@@ -355,7 +439,8 @@ void FixBondParallel::rotate(int i, const Rotation &turned) {
 }
 
 double FixBondParallel::compute_scalar() {
-  if (comm->nprocs == 1) return std::count(intact_.begin(), intact_.end(), 1);
+  if (comm->nprocs == 1)
+    return std::count_if(bonds_.begin(), bonds_.end(), [&](const Bond &b) { return intact_[b.id]; });
   double mine = 0, all = 0;
   for (const LocalBond &b : local_) mine += intact_[b.id] && b.i < atom->nlocal;
   MPI_Allreduce(&mine, &all, 1, MPI_DOUBLE, MPI_SUM, world);

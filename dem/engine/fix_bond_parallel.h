@@ -13,6 +13,7 @@
 #include "energy_holder.h"
 #include "fix.h"
 #include "free_flight_partners.h"
+#include "stone_stream.h"
 
 namespace LAMMPS_NS {
 
@@ -24,8 +25,9 @@ namespace LAMMPS_NS {
 // Geotech. 4:117): the fix turns a quaternion with each sub-sphere, and every force follows from positions and
 // quaternions alone. Damping is viscous and proportional to stiffness: the forces are taken at x + tau v, which to
 // first order is F + tau dF/dt. A bond whose stress passes its strength breaks, which is an event (bond_events.h), and
-// acts no more.
-class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, public BodyMaker, public BondNetwork {
+// acts no more. Where FILE of the bonds is `none`, they come with the stones (fix stones).
+class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, public BodyMaker, public BondNetwork,
+                        public StoneKeeper {
  public:
   FixBondParallel(class LAMMPS *, int, char **);
   ~FixBondParallel() override;
@@ -67,11 +69,19 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void let_bodies_leave() override { bodies_may_leave_ = true; }
   const std::vector<int> &body_of_tag() override;
   void add_elastic_energy_by_body(double *energy) override;
+  const std::vector<Support> &supports_of_tags() override;
+  void hold(int tag, bool held) override;
+  void take_energy(int tag, double energy) override;
   void forget_forces(int i) override;
   void rotate(int i, const Rotation &) override;
 
   const std::vector<Bond> &bonds() const override { return bonds_; }
   bool holds(size_t bond) const override { return intact_[bond]; }
+  long long changes() const override { return changes_; }
+
+  void enter(const EnteringStone &) override;
+  void leave(int agglomerate) override;
+
   void agree_on_broken() override;
   const double *quaternion(int i) const override { return quaternion_[i]; }
 
@@ -79,7 +89,13 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   std::unique_ptr<Agglomerates> agglomerates_;
   std::vector<BondMaterial> materials_;
   std::vector<Bond> bonds_;
-  std::vector<char> intact_;       // of every bond, the same on all ranks after each neighbour build
+  struct Block {                   // the bonds of a stone that came with it, in bonds_
+    int agglomerate, first_id;
+    size_t start, count;
+  };
+  std::vector<Block> blocks_;      // ascending; none where all stones are there from the start
+  std::vector<char> intact_;       // of every bond by its number, the same on all ranks after each neighbour build
+  long long changes_ = 0;
   std::vector<int> newly_broken_;  // since the last neighbour build, on this rank
   std::vector<LocalBond> local_;
   std::vector<int> broken_;        // room for the kernel's findings
@@ -99,14 +115,21 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   double longest_ = 0;  // of the bonds, m
   bool bodies_may_leave_ = false;
   std::vector<int> body_of_tag_;
-  double broken_at_bodies_ = -1;  // bonds broken when the bodies were found
+  long long changes_at_bodies_ = -1;  // when the bodies were found
+  std::vector<Support> supports_;
+  long long changes_at_supports_ = -1;
+  std::vector<char> held_;         // by tag
+  std::vector<int> computed_;      // local indices of the sub-spheres with bonds that the kernel has, and
+  std::vector<int> turned_;        // those of this rank with any bond that holds, ascending
   BondEvents events_;
 
+  const Bond &bond_of(int id) const;
   template <class Power> void add_work(double time, Power power);
   void rebuild();
   void share_broken();
   void fill_records();
-  void fill_delayed_records(int nall);
+  void list_sub_spheres(const std::vector<LocalBond> &computed);
+  void fill_delayed_records();
   AtomRecord record(int i) const;
   AtomRecord half_a_step_ago(int i) const;
   void find_dilatations();

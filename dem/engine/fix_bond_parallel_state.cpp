@@ -13,6 +13,10 @@
 
 using namespace LAMMPS_NS;
 
+namespace {
+const int STATE_COLUMNS = 13;  // of each sub-sphere in a checkpoint
+}
+
 /* --- the quaternion travels with its sub-sphere -------------------------------------------------------------- */
 
 void FixBondParallel::grow_arrays(int nmax) { memory->grow(quaternion_, nmax, 4, "bond/parallel:quaternion"); }
@@ -111,11 +115,18 @@ void FixBondParallel::save(CheckpointWriter &out) {
   out.sum("bond_work", work_);
   out.sum("bond_released", released_);
   out.sum("bond_broken", broken_count_);
-  out.common("bond_intact", std::vector<double>(intact_.begin(), intact_.end()));
+  std::vector<double> intact;
+  for (const Bond &b : bonds_) intact.push_back(intact_[b.id]);
+  out.common("bond_intact", intact);
   std::vector<double> rows;
-  rows.reserve(11 * static_cast<size_t>(atom->nlocal));
+  rows.reserve(STATE_COLUMNS * static_cast<size_t>(atom->nlocal));
+  std::vector<char> is_computed(atom->nlocal + atom->nghost, 0), is_turned(is_computed);
+  for (int i : computed_) is_computed[i] = 1;
+  for (int i : turned_) is_turned[i] = 1;
   for (int i = 0; i < atom->nlocal; i++) {
-    rows.push_back(atom->tag[i]);
+    if (!is_computed[i]) forces_[i] = ForceRecord();
+    rows.insert(rows.end(), {static_cast<double>(atom->tag[i]), static_cast<double>(is_computed[i]),
+                             static_cast<double>(is_turned[i])});
     rows.insert(rows.end(), quaternion_[i], quaternion_[i] + 4);
     rows.insert(rows.end(), forces_[i].f, forces_[i].f + 3);
     rows.insert(rows.end(), forces_[i].torque, forces_[i].torque + 3);
@@ -129,14 +140,21 @@ void FixBondParallel::restore(const CheckpointReader &in) {
   released_ = in.sum("bond_released", n);
   broken_count_ = in.sum("bond_broken", n);
   const std::vector<double> &intact = in.common("bond_intact", bonds_.size());
-  for (size_t b = 0; b < intact_.size(); b++) intact_[b] = intact[b] != 0;
+  for (size_t b = 0; b < bonds_.size(); b++) intact_[bonds_[b].id] = intact[b] != 0;
+  changes_++;
   forces_.assign(atom->nlocal + atom->nghost + 2, ForceRecord{});
-  const std::vector<double> &rows = in.rows("bond_atoms", 11);
-  for (size_t k = 0; k < rows.size(); k += 11) {
+  const std::vector<double> &rows = in.rows("bond_atoms", STATE_COLUMNS);
+  computed_.clear();
+  turned_.clear();
+  for (size_t k = 0; k < rows.size(); k += STATE_COLUMNS) {
     const int i = atom->map(static_cast<int>(rows[k]));
     if (i < 0 || i >= atom->nlocal) continue;
-    std::copy_n(&rows[k + 1], 4, quaternion_[i]);
-    std::copy_n(&rows[k + 5], 3, forces_[i].f);
-    std::copy_n(&rows[k + 8], 3, forces_[i].torque);
+    if (rows[k + 1] != 0) computed_.push_back(i);
+    if (rows[k + 2] != 0) turned_.push_back(i);
+    std::copy_n(&rows[k + 3], 4, quaternion_[i]);
+    std::copy_n(&rows[k + 7], 3, forces_[i].f);
+    std::copy_n(&rows[k + 10], 3, forces_[i].torque);
   }
+  std::sort(computed_.begin(), computed_.end());
+  std::sort(turned_.begin(), turned_.end());
 }

@@ -21,6 +21,7 @@
 #include "force.h"
 #include "neigh_list.h"
 #include "pair.h"
+#include "stone_stream.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -196,6 +197,7 @@ void FixCheckpoint::resume(long long step) {
   resumed_ = std::make_unique<CheckpointReader>(lmp, file(step));
   saved_ = {step};
   update->ntimestep = step;
+  if (auto *stream = fix_that_is<StoneStream>(modify)) stream->take_up(*resumed_);
   const std::vector<double> &rows = resumed_->rows("atoms", ATOM_COLUMNS);
   if (comm->nprocs == 1) put_in_order(rows);
   if (rows.size() != static_cast<size_t>(atom->natoms) * ATOM_COLUMNS)

@@ -15,6 +15,7 @@
 #include "neigh_list.h"
 #include "output.h"
 #include "pair.h"
+#include "stone_stream.h"
 #include "update.h"
 #include "verlet_free_flight.h"
 
@@ -40,7 +41,10 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
     const std::string key = arg[k];
     if (key == "agglomerates") agglomerates = arg[k + 1];
     else if (key == "gravity") gravity_ = force->numeric(FLERR, arg[k + 1]);
-    else if (key == "speed") speed_ = force->numeric(FLERR, arg[k + 1]);
+    else if (key == "down" && k + 3 < narg) {
+      for (int d = 0; d < 3; d++) (&down_.x)[d] = force->numeric(FLERR, arg[k + 1 + d]);
+      k += 2;
+    } else if (key == "speed") speed_ = force->numeric(FLERR, arg[k + 1]);
     else if (key == "tolerance") tolerance_ = force->numeric(FLERR, arg[k + 1]);
     else if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
     else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
@@ -52,6 +56,7 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   calm_.assign(agglomerates_->tags() + 1, 0);
+  held_ = std::make_unique<HeldBodies>(lmp, weight(), speed_, tolerance_, agglomerates_->tags());
   force_reneighbor = 1;
   next_reneighbor = -1;
   scalar_flag = vector_flag = global_freq = 1;
@@ -60,17 +65,20 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   update->integrate = new VerletFreeFlight(lmp);
 }
 
-int FixFreeFlight::setmask() { return END_OF_STEP; }
+int FixFreeFlight::setmask() { return INITIAL_INTEGRATE | PRE_NEIGHBOR | FINAL_INTEGRATE | END_OF_STEP; }
 
 void FixFreeFlight::init() {
   if (!dynamic_cast<VerletFreeFlight *>(update->integrate))
     error->fix_error(FLERR, this, "needs the run style that it sets");
   bonds_ = fix_that_is<BodyMaker>(modify);
   plate_ = fix_that_is<Obstacle>(modify);
+  stream_ = fix_that_is<StoneStream>(modify);
+  agglomerates_->follow(stream_);
   history_ = nullptr;
   for (FixContactHistory *history : fixes_that_are<FixContactHistory>(modify))
     if (std::strcmp(history->style, "contacthistory") == 0) history_ = history;
   if (bonds_) bonds_->let_bodies_leave();
+  held_->set_bonds(bonds_);
   if (history_ && history_->get_dnum() != 3)
     error->fix_error(FLERR, this, "can turn the contact history of `tangential history` only");
   if (plate_ && nevery % plate_->co_step() != 0) error->fix_error(FLERR, this, "needs `every` in whole co-steps");
@@ -119,7 +127,7 @@ void FixFreeFlight::check_count() const {
   int count = atom->nlocal;
   for (const auto &b : bodies_)
     if (!b->is_leaving) count += b->parts.size();
-  if (count != agglomerates_->tags()) error->one(FLERR, "Sub-spheres were lost");
+  if (count != (stream_ ? stream_->tags_near() : agglomerates_->tags())) error->one(FLERR, "Sub-spheres were lost");
 }
 
 void FixFreeFlight::add_to(LedgerRows &rows) {
@@ -127,7 +135,7 @@ void FixFreeFlight::add_to(LedgerRows &rows) {
     const int a = b->agglomerate;
     rows.at(a, KINETIC) += b->kinetic();
     rows.at(a, MOMENTUM_Z) += b->mass * b->velocity.z;
-    rows.at(a, MASS_HEIGHT) += b->mass * b->center.z;
+    rows.at(a, MASS_HEIGHT) -= b->mass * dot(down_, b->center);
     rows.at(a, BOND_ELASTIC) += b->bond_elastic;
     rows.at(a, PAIR_ELASTIC) += b->pair_elastic;
   }
@@ -141,10 +149,34 @@ void FixFreeFlight::end_of_step() {
   std::vector<ArrayBody> others =
       bodies_in_arrays(atom, agglomerates_->tags(), [this](int tag) { return body_of(tag); });
   update_reach();
+  if (stream_) take_out_those_that_left();
   watch_bodies_in_flight(others);
+  held_->count_still(others);
   let_calm_bodies_depart(others);
+  if (held_->choose(others, [&](ArrayBody &b) { return is_gentle(b, others); }))
+    next_reneighbor = update->ntimestep + 1;
   for (auto &b : bodies_)
     if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
+}
+
+// Is the energy of every encounter ahead, that with the plate and that with another body, below the tolerance?
+bool FixFreeFlight::is_gentle(ArrayBody &b, std::vector<ArrayBody> &others) {
+  const double rest = LEAST_REST * nevery * update->dt, most = tolerance_ * b.mass * speed_ * speed_;
+  if (plate_ && b.mass * b.velocity.z * b.velocity.z > most && time_to_plate(b, outline_, weight()) <= rest) return false;
+  auto meets_hard = [&](Outline &other, double mass) {
+    const Vec apart = b.center - other.center;
+    const double closing = dot(b.velocity - other.velocity, apart) / norm(apart);
+    return closing < 0 && b.mass * mass / (b.mass + mass) * closing * closing > most && time_to_meet(b, other) <= rest;
+  };
+  for (ArrayBody &other : others)
+    if (&other != &b && meets_hard(other, other.mass)) return false;
+  for (auto &other : bodies_)
+    if (!other->is_leaving && meets_hard(*other, other->mass)) return false;
+  return true;
+}
+
+void FixFreeFlight::final_integrate() {
+  if (held_->push()) next_reneighbor = update->ntimestep + 1;
 }
 
 // The times found so far hold as long as the plate keeps within the reach with which they were found.
@@ -157,7 +189,7 @@ void FixFreeFlight::update_reach() {
 
 // Time before it could touch the plate or another body in free flight, s.
 double FixFreeFlight::free_time(FreeBody &body) {
-  double time = plate_ ? time_to_plate(body, outline_, gravity_) : FAR_AHEAD;
+  double time = plate_ ? time_to_plate(body, outline_, weight()) : FAR_AHEAD;
   for (auto &other : bodies_)
     if (other.get() != &body && time > 0) time = std::min(time, time_to_meet(body, *other));
   return time;
@@ -169,7 +201,7 @@ void FixFreeFlight::watch_bodies_in_flight(std::vector<ArrayBody> &others) {
   bool asked = false;
   for (auto &b : bodies_) {
     if (b->safe_until < update->ntimestep + nevery + 2) {
-      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, gravity_) < horizon) {
+      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, weight()) < horizon) {
         plate_->ask_reach();
         update_reach();
         asked = true;
@@ -181,6 +213,24 @@ void FixFreeFlight::watch_bodies_in_flight(std::vector<ArrayBody> &others) {
     for (ArrayBody &other : others)
       if (!b->is_waking) b->is_waking = time_to_meet(*b, other, speed_) < 1.5 * horizon;
   }
+}
+
+// Is all of it below the plate's top face, and never rises to it again? The plate has no other face to touch.
+bool FixFreeFlight::has_left(const Outline &b) const {
+  const double fall = -weight().z, up = b.velocity.z;
+  if (up > 0 && fall <= 0) return false;
+  const double highest = b.center.z + b.radius + (up > 0 ? up * up / (2 * fall) : 0);
+  return highest < -outline_.reach;
+}
+
+void FixFreeFlight::take_out_those_that_left() {
+  auto left = [&](const std::unique_ptr<FreeBody> &b) {
+    if (b->is_leaving || b->is_waking || !has_left(*b)) return false;
+    stream_->take_out({b->agglomerate, static_cast<int>(b->parts.size()), b->mass, b->kinetic(), b->bond_elastic,
+                       b->pair_elastic, b->center, b->velocity});
+    return true;
+  };
+  bodies_.erase(std::remove_if(bodies_.begin(), bodies_.end(), left), bodies_.end());
 }
 
 // Is its inner motion, and that of the fragments trapped in it, so small that it may leave?
@@ -200,10 +250,10 @@ void FixFreeFlight::let_calm_bodies_depart(std::vector<ArrayBody> &others) {
   std::vector<char> leaves;
   for (ArrayBody &b : others) {
     if (b.is_trapped) continue;
-    const bool calm = is_calm(b);
+    const bool left = stream_ && has_left(b), calm = is_calm(b) || left;
     if (calm && !b.trapped.empty()) b.take_trapped();
     all.push_back(&b);
-    leaves.push_back(calm && (!plate_ || time_to_plate(b, outline_, gravity_) > rest));
+    leaves.push_back(left || (calm && (!plate_ || time_to_plate(b, outline_, weight()) > rest)));
     for (auto &other : bodies_)
       leaves.back() = leaves.back() && time_to_meet(b, *other, other->is_waking ? speed_ : 0) > rest;
     if (!calm)
@@ -221,14 +271,17 @@ void FixFreeFlight::keep_those_that_meet(const std::vector<ArrayBody *> &all, st
     changed = false;
     for (size_t k = 0; k < all.size(); k++)
       for (size_t l = 0; l < all.size() && leaves[k]; l++)
-        if (l != k && (leaves[l] ? time_to_meet(*all[k], *all[l]) : time_to_meet(*all[k], *all[l], speed_)) <= rest)
+        if (l != k && !(leaves[l] && have_left(*all[k], *all[l])) && (leaves[l] ? time_to_meet(*all[k], *all[l]) : time_to_meet(*all[k], *all[l], speed_)) <= rest)
           leaves[k] = false, changed = true;
   }
 }
 
-void FixFreeFlight::depart(const ArrayBody &b) {
+void FixFreeFlight::depart(ArrayBody &b) {
+  b.departs = true;
+  for (ArrayBody *fragment : b.trapped) fragment->departs = true, held_->let_go(fragment->label);
+  held_->let_go(b.label);
   const int agglomerate = agglomerates_->of_tag(b.label);
-  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, gravity_, update->ntimestep, update->dt));
+  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, update->dt));
   if (bonds_)
     for (int i : b.atoms) bonds_->forget_forces(i);
   calm_[b.label] = 0;
@@ -239,14 +292,15 @@ void FixFreeFlight::depart(const ArrayBody &b) {
 void FixFreeFlight::note_elastic_energies() {
   auto may_hold = [](auto &b) { return b->is_leaving && b->parts.size() > 1; };
   if (std::none_of(bodies_.begin(), bodies_.end(), may_hold)) return;
-  std::vector<double> bond(calm_.size(), 0.0), pair(calm_.size(), 0.0);
-  if (bonds_) bonds_->add_elastic_energy_by_body(bond.data());
-  add_pair_energy_by_body(pair.data());
+  bond_energy_.resize(calm_.size()), pair_energy_.resize(calm_.size());
+  for (int i = 0; i < atom->nlocal; i++) bond_energy_[body_of(atom->tag[i])] = pair_energy_[body_of(atom->tag[i])] = 0;
+  if (bonds_) bonds_->add_elastic_energy_by_body(bond_energy_.data());
+  add_pair_energy_by_body(pair_energy_.data());
   for (auto &b : bodies_) {
     if (!b->is_leaving) continue;
     std::set<int> labels;
     for (const FreeBody::Part &p : b->parts) labels.insert(body_of(p.tag));
-    for (int label : labels) b->bond_elastic += bond[label], b->pair_elastic += pair[label];
+    for (int label : labels) b->bond_elastic += bond_energy_[label], b->pair_elastic += pair_energy_[label];
   }
 }
 
@@ -303,7 +357,7 @@ void FixFreeFlight::remove_leaving() {
 
 // Appends the body as it is at its present step; velocities `half_step` seconds earlier, as they are within a step.
 int FixFreeFlight::insert(FreeBody &b, double half_step) {
-  const Vec down(0, 0, -gravity_);
+  const Vec down = weight();
   for (const FreeBody::Part &p : b.parts) {
     atom->avec->unpack_exchange(&b.packed[p.packed]);
     const int i = atom->nlocal - 1;
@@ -346,7 +400,7 @@ void FixFreeFlight::bring_back() {
 /* --- time jumps ---------------------------------------------------------------------------------------------- */
 
 void FixFreeFlight::jump() {
-  if (atom->nlocal > 0 || bodies_.empty() || (plate_ && !plate_->is_quiet())) return;
+  if (atom->nlocal > 0 || (bodies_.empty() && !stream_) || (plate_ && !plate_->is_quiet())) return;
   const bigint now = update->ntimestep;
   for (auto &b : bodies_)
     if (b->is_waking) return;
@@ -363,6 +417,7 @@ bigint FixFreeFlight::next_event() const {
   const bigint now = update->ntimestep;
   auto next_multiple = [&](int every) { return (now / every + 1) * every; };
   bigint event = std::min(update->laststep, output->next);
+  if (stream_) event = std::min(event, stream_->next_entry());
   bigint safe = FAR_AHEAD;
   for (auto &b : bodies_) safe = std::min(safe, b->safe_until);
   event = std::min(event, std::max(next_multiple(nevery), safe / nevery * nevery));
@@ -396,17 +451,23 @@ void FixFreeFlight::save(CheckpointWriter &out) {
   for (const auto &b : bodies_) b->append_to(row);
   out.common("free_flight", {static_cast<double>(bodies_.size()), outline_.reach, static_cast<double>(jumped_),
                              static_cast<double>(departures_)});
-  out.common("free_flight_calm", std::vector<double>(calm_.begin(), calm_.end()));
+  std::vector<double> calm;
+  agglomerates_->each_near_tag([&](int tag) {
+    if (calm_[tag] != 0) calm.insert(calm.end(), {tag + 0.0, calm_[tag] + 0.0});
+  });
+  out.rows("free_flight_calm", calm);
   out.rows("free_flight_bodies", row);
+  held_->save(out);
 }
 
 void FixFreeFlight::restore(const CheckpointReader &in) {
-  const std::vector<double> &numbers = in.common("free_flight", 4), &calm = in.common("free_flight_calm", calm_.size());
+  const std::vector<double> &numbers = in.common("free_flight", 4), &calm = in.rows("free_flight_calm", 2);
   outline_.reach = numbers[1];
   jumped_ = static_cast<bigint>(numbers[2]);
   departures_ = static_cast<bigint>(numbers[3]);
-  std::copy(calm.begin(), calm.end(), calm_.begin());
+  for (size_t k = 0; k < calm.size(); k += 2) calm_[static_cast<int>(calm[k])] = static_cast<int>(calm[k + 1]);
   bodies_.clear();
+  held_->restore(in);
   const double *row = in.rows("free_flight_bodies", 1).data();
   for (int k = 0; k < static_cast<int>(numbers[0]); k++) {
     bodies_.push_back(std::make_unique<FreeBody>(row));

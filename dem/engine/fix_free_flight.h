@@ -10,17 +10,19 @@
 #include "fix.h"
 #include "free_body.h"
 #include "free_flight_partners.h"
+#include "held_bodies.h"
 #include "hertz_law.h"
 
 namespace LAMMPS_NS {
 
-// fix ID group free_flight agglomerates FILE [gravity G] speed V tolerance TOL every N
+// fix ID group free_flight agglomerates FILE [gravity G] [down X Y Z] speed V tolerance TOL every N
 //
 // Bodies (sub-spheres that intact bonds hold together) that touch nothing and do not vibrate leave LIGGGHTS's arrays
 // and fly as rigid bodies on their exact path until they could touch something. When all bodies are in free flight,
 // time jumps (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2,
-// V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along -z. It works on one
-// rank, and comes after all other fixes.
+// V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along `down`, a unit
+// vector with a Z below 0, or along -z. What has left the plate for good goes to fix stones, if there is one. It works on
+// one rank, and comes after all other fixes.
 class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl,
                       public FlyingSpheres {
  public:
@@ -28,6 +30,9 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   int setmask() override;
   void init() override;
   void setup(int) override;
+  void initial_integrate(int) override { held_->move(); }
+  void pre_neighbor() override { held_->find(); }
+  void final_integrate() override;
   void end_of_step() override;
   double compute_scalar() override;        // sub-spheres in free flight
   double compute_vector(int) override;     // 1: steps jumped over; 2: departures
@@ -53,7 +58,11 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   Obstacle *plate_ = nullptr;
   class FixContactHistory *history_ = nullptr;
   double gravity_ = 0, speed_ = 0, tolerance_ = 0;  // m/s^2, m/s, share of the energy of the impact
+  Vec down_ = Vec(0, 0, -1);   // unit vector
+  class StoneStream *stream_ = nullptr;
   std::vector<std::unique_ptr<FreeBody>> bodies_;
+  std::vector<double> bond_energy_, pair_energy_;  // room for the energies of bodies, by least tag, J
+  std::unique_ptr<HeldBodies> held_;
   std::vector<int> calm_;      // looks in a row at which a body was calm, by its least tag
   PlateOutline outline_;       // of the plate, with the reach that all safe_until hold for
   int shown_ = 0;              // sub-spheres appended by show
@@ -61,6 +70,10 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
 
   std::vector<FreeBody *> bodies_in_flight();
   int body_of(int tag) const;
+  Vec weight() const { return gravity_ * down_; }  // m/s^2
+  bool has_left(const Outline &) const;
+  bool have_left(const Outline &a, const Outline &b) const { return stream_ && has_left(a) && has_left(b); }
+  void take_out_those_that_left();
   void check_count() const;
   void update_reach();
   double free_time(FreeBody &);
@@ -68,7 +81,8 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   bool is_calm(const ArrayBody &);
   void let_calm_bodies_depart(std::vector<ArrayBody> &);
   void keep_those_that_meet(const std::vector<ArrayBody *> &, std::vector<char> &leaves, double rest);
-  void depart(const ArrayBody &);
+  bool is_gentle(ArrayBody &, std::vector<ArrayBody> &);
+  void depart(ArrayBody &);
   void note_elastic_energies();
   void add_pair_energy_by_body(double *energy) const;
   void remove_leaving();

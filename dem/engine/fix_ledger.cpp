@@ -12,6 +12,7 @@
 #include "force.h"
 #include "neigh_list.h"
 #include "pair.h"
+#include "stone_stream.h"
 #include "tangential_law.h"
 #include "update.h"
 
@@ -24,18 +25,23 @@ const double STICKS = 1e-9;  // of its stretch: a tangential spring that was sho
 
 FixLedger::FixLedger(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   std::string agglomerates, file;
-  if (narg != 9) error->fix_error(FLERR, this, "needs agglomerates FILE every N file FILE");
+  if (narg != 9 && narg != 13) error->fix_error(FLERR, this, "needs agglomerates FILE every N file FILE [up X Y Z]");
   for (int k = 3; k < narg; k += 2) {
     const std::string key = arg[k];
     if (key == "agglomerates") agglomerates = arg[k + 1];
     else if (key == "every") every_ = force->inumeric(FLERR, arg[k + 1]);
     else if (key == "file") file = arg[k + 1];
+    else if (key == "up" && k + 3 < narg) {
+      up_ = Vec(force->numeric(FLERR, arg[k + 1]), force->numeric(FLERR, arg[k + 2]), force->numeric(FLERR, arg[k + 3]));
+      k += 2;
+    }
     else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
   }
   nevery = 1;
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   pair_work_.assign(agglomerates_->count(), 0);
   pair_damped_ = friction_ = gained_ = pair_work_;
+  row_of_.assign(agglomerates_->count(), 0);
   if (comm->me == 0) {
     file_ = std::fopen(file.c_str(), "ab");
     if (!file_) error->one(FLERR, ("cannot write " + file).c_str());
@@ -48,7 +54,11 @@ FixLedger::~FixLedger() {
 
 int FixLedger::setmask() { return POST_INTEGRATE | PRE_FORCE | POST_FORCE | END_OF_STEP; }
 
-void FixLedger::init() { holders_ = fixes_that_are<EnergyHolder>(modify); }
+void FixLedger::init() {
+  holders_ = fixes_that_are<EnergyHolder>(modify);
+  stream_ = fix_that_is<StoneStream>(modify);
+  agglomerates_->follow(stream_);
+}
 
 void FixLedger::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
@@ -165,22 +175,38 @@ void FixLedger::post_integrate() {
 
 void FixLedger::end_of_step() {
   add_damping();
-  if (update->ntimestep % every_ == 0) write();
+  if (update->ntimestep % every_ == 0 || update->ntimestep == update->laststep) write();
 }
 
 void FixLedger::write() {
-  LedgerRows rows(agglomerates_->count());
+  LedgerRows rows(agglomerates_->near(), row_of_);
   add_motion(rows);
   // From the last fix of the deck to the first: the order of a sum decides its last bit.
   for (auto holder = holders_.rbegin(); holder != holders_.rend(); ++holder) (*holder)->add_to(rows);
   add_contacts(rows);
   const std::vector<double> total = over_ranks(rows.values());
-  add_up(total);
-  if (comm->me != 0) return;
-  const long long step = update->ntimestep;
-  const bool written = std::fwrite(&step, 8, 1, file_) == 1 &&
-                       std::fwrite(total.data(), 8, total.size(), file_) == total.size();
-  if (!written) error->one(FLERR, "cannot write the ledger");
+  sum_ = closed_;
+  sum_.step = update->ntimestep;
+  for (const double *row = total.data(); row < total.data() + total.size(); row += LEDGER_COLUMNS) add_up(sum_, row);
+  if (comm->me == 0) write_rows(rows, total);
+  if (stream_) close_finished(total);
+}
+
+void FixLedger::write_rows(const LedgerRows &rows, const std::vector<double> &total) {
+  auto write_row = [&](long long agglomerate, const double *row) {
+    const long long head[2] = {update->ntimestep, agglomerate};
+    if (std::fwrite(head, 8, 2, file_) != 2 || std::fwrite(row, 8, LEDGER_COLUMNS, file_) != LEDGER_COLUMNS)
+      error->one(FLERR, "cannot write the ledger");
+  };
+  const double none[LEDGER_COLUMNS] = {};
+  if (rows.near().empty()) write_row(0, none);
+  for (size_t k = 0; k < rows.near().size(); k++) write_row(rows.near()[k] + 1, &total[k * LEDGER_COLUMNS]);
+}
+
+// Of a stone that has left this was the last row.
+void FixLedger::close_finished(const std::vector<double> &total) {
+  for (const int a : stream_->close_finished())
+    add_up(closed_, &total[row_of_[a] * LEDGER_COLUMNS]);
 }
 
 // Kinetic energy, momentum and height of the sub-spheres in the arrays.
@@ -191,7 +217,7 @@ void FixLedger::add_motion(LedgerRows &rows) const {
     rows.at(a, KINETIC) += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) +
                            0.2 * m * r * r * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
     rows.at(a, MOMENTUM_Z) += m * v[2];
-    rows.at(a, MASS_HEIGHT) += m * atom->x[i][2];
+    rows.at(a, MASS_HEIGHT) += m * dot(up_, Vec(atom->x[i]));
   }
 }
 
@@ -214,7 +240,7 @@ std::vector<double> FixLedger::over_ranks(const std::vector<double> &mine) const
   std::vector<double> total(mine.size());
   MPI_Allreduce(mine.data(), total.data(), total.size(), MPI_DOUBLE, MPI_SUM, world);
   if (comm->nprocs == 1) return total;
-  const int n = agglomerates_->count();
+  const int n = static_cast<int>(mine.size()) / LEDGER_COLUMNS;
   std::vector<double> deepest(n), column(n);
   for (int a = 0; a < n; a++) deepest[a] = mine[a * LEDGER_COLUMNS + WALL_DEEPEST];
   MPI_Reduce(deepest.data(), column.data(), n, MPI_DOUBLE, MPI_MAX, 0, world);
@@ -222,15 +248,12 @@ std::vector<double> FixLedger::over_ranks(const std::vector<double> &mine) const
   return total;
 }
 
-void FixLedger::add_up(const std::vector<double> &rows) {
-  sum_ = {update->ntimestep, 0, 0, 0, 0, 0};
-  for (const double *row = rows.data(); row < rows.data() + rows.size(); row += LEDGER_COLUMNS) {
-    sum_.kinetic_J += row[KINETIC];
-    sum_.mass_height_kg_m += row[MASS_HEIGHT];
-    sum_.work_on_stones_J += row[BOND_WORK] + row[PAIR_WORK] + row[WALL_WORK];
-    sum_.bonds_took_J -= row[BOND_WORK] + row[BOND_ELASTIC] + row[RELEASED];
-    sum_.contacts_took_J -= row[PAIR_WORK] + row[WALL_WORK] + row[PLATE_WORK] + row[PAIR_ELASTIC] + row[WALL_ELASTIC];
-  }
+void FixLedger::add_up(Sum &sum, const double *row) {
+  sum.kinetic_J += row[KINETIC];
+  sum.mass_height_kg_m += row[MASS_HEIGHT];
+  sum.work_on_stones_J += row[BOND_WORK] + row[PAIR_WORK] + row[WALL_WORK];
+  sum.bonds_took_J -= row[BOND_WORK] + row[BOND_ELASTIC] + row[RELEASED];
+  sum.contacts_took_J -= row[PAIR_WORK] + row[WALL_WORK] + row[PLATE_WORK] + row[PAIR_ELASTIC] + row[WALL_ELASTIC];
 }
 
 void FixLedger::post_run() {
@@ -250,6 +273,8 @@ void FixLedger::save(CheckpointWriter &out) {
     rows.insert(rows.end(), c.torque, c.torque + 3);
   }
   out.rows("pair_contacts", rows);
+  out.common("ledger_closed", {closed_.kinetic_J, closed_.mass_height_kg_m, closed_.work_on_stones_J,
+                               closed_.bonds_took_J, closed_.contacts_took_J});
 }
 
 void FixLedger::restore(const CheckpointReader &in) {
@@ -257,6 +282,8 @@ void FixLedger::restore(const CheckpointReader &in) {
   pair_damped_ = in.sum("pair_damped", agglomerates_->count());
   friction_ = in.sum("pair_friction", agglomerates_->count());
   gained_ = in.sum("pair_springs", agglomerates_->count());
+  const std::vector<double> &closed = in.common("ledger_closed", 5);
+  closed_ = {0, closed[0], closed[1], closed[2], closed[3], closed[4]};
   felt_.clear();
   const std::vector<double> &rows = in.rows("pair_contacts", 7);
   for (size_t k = 0; k < rows.size(); k += 7) {

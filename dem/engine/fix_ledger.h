@@ -14,13 +14,15 @@
 
 namespace LAMMPS_NS {
 
-// fix ID group ledger agglomerates FILE every N file FILE
+// fix ID group ledger agglomerates FILE every N file FILE [up X Y Z]
 //
 // Writes where the energy of each agglomerate is, every N steps. It must come before all other fixes that add forces:
 // what it finds in the force array then comes from the contacts between sub-spheres alone. Other fixes tell what they
-// hold by EnergyHolder.
+// hold by EnergyHolder. `up` is the direction against gravity, that of z if not given.
 //
-// File: for each row int64 step, then double[agglomerates][LEDGER_COLUMNS] (energy_holder.h).
+// File: at each such step, and the last one of the run, a row for each agglomerate that is near (fix stones; all of them without it): int64 step,
+// int64 agglomerate (from 1), double[LEDGER_COLUMNS] (energy_holder.h). The last row of a stone that has left is the
+// first one after that, and has what was in its pieces when they were taken out. Where none is near, there is a row of zeros of agglomerate 0.
 class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
  public:
   FixLedger(class LAMMPS *, int, char **);
@@ -37,7 +39,7 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   void restore(const CheckpointReader &) override;
   int acts_every() const override { return every_; }
 
-  // Of all agglomerates at the last row. What bonds and contacts took from the stones and the plate does not count what
+  // Of all agglomerates that ever were there, at the last row. What bonds and contacts took from the stones and the plate does not count what
   // they hold as elastic energy.
   struct Sum {
     long long step;
@@ -66,6 +68,10 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   std::vector<Contact> contacts_;  // of the present step; found only where some touch
   bool found_ = false;             // are contacts_ known before the forces?
   std::vector<EnergyHolder *> holders_;
+  class StoneStream *stream_ = nullptr;
+  std::vector<int> row_of_;        // see LedgerRows
+  Sum closed_ = {0, 0, 0, 0, 0, 0};  // of the stones that have left
+  Vec up_ = Vec(0, 0, 1);          // against gravity
   int every_ = 1;
   Sum sum_ = {0, 0, 0, 0, 0, 0};
   FILE *file_ = nullptr;
@@ -80,7 +86,9 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   void add_motion(LedgerRows &) const;
   void add_contacts(LedgerRows &) const;
   std::vector<double> over_ranks(const std::vector<double> &mine) const;
-  void add_up(const std::vector<double> &rows);
+  void write_rows(const LedgerRows &, const std::vector<double> &total);
+  static void add_up(Sum &, const double *row);
+  void close_finished(const std::vector<double> &total);
 };
 
 }  // namespace LAMMPS_NS

@@ -13,6 +13,7 @@
 #include "fix_ledger.h"
 #include "fixes.h"
 #include "force.h"
+#include "stone_stream.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -41,7 +42,8 @@ int FixMonitor::setmask() { return END_OF_STEP; }
 void FixMonitor::init() {
   ledger_ = fix_that_is<FixLedger>(modify);
   if (!ledger_) error->fix_error(FLERR, this, "needs a fix ledger before it");
-  double mine = HUGE_VAL;
+  stream_ = fix_that_is<StoneStream>(modify);
+  double mine = stream_ ? stream_->smallest_radius() : HUGE_VAL;
   for (int i = 0; i < atom->nlocal; i++) mine = std::min(mine, atom->radius[i]);
   MPI_Allreduce(&mine, &smallest_radius_, 1, MPI_DOUBLE, MPI_MIN, world);
 }
@@ -76,10 +78,14 @@ void FixMonitor::check_speed() const {
 void FixMonitor::check_energy() {
   const FixLedger::Sum sum = ledger_->sum();
   checked_ = sum.step;
-  const double gravity_J = weight_ * (height_kg_m_ - sum.mass_height_kg_m);
+  const double impact_J = impact_J_ + (stream_ ? stream_->entered_kinetic_J() : 0);
+  const double height_kg_m = height_kg_m_ + (stream_ ? stream_->entered_mass_height() : 0);
+  const double gravity_J = weight_ * (height_kg_m - sum.mass_height_kg_m);
   fallen_J_ = std::max(fallen_J_, gravity_J);
-  const double limit = ENERGY_SHARE * (impact_J_ + fallen_J_);
-  const double surplus = sum.kinetic_J - impact_J_ - gravity_J - sum.work_on_stones_J;
+  // Stones of a stream may enter at rest, high above the plate, to which they will fall.
+  const double to_fall_J = stream_ ? weight_ * stream_->entered_mass_height() : 0;
+  const double limit = ENERGY_SHARE * (impact_J + std::max(fallen_J_, to_fall_J));
+  const double surplus = sum.kinetic_J - impact_J - gravity_J - sum.work_on_stones_J;
   const struct {
     const char *of;
     double from_nothing_J;

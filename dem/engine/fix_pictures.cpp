@@ -11,6 +11,7 @@
 #include "error.h"
 #include "fixes.h"
 #include "force.h"
+#include "stone_stream.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -38,6 +39,7 @@ FixPictures::FixPictures(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg
     error->fix_error(FLERR, this, "needs agglomerates FILE file FILE every N [impact M FIRST LAST ...]");
   nevery = std::gcd(every_, impact_every_);
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  row_of_.resize(agglomerates_->count());
   if (comm->me != 0) return;
   file_ = std::fopen(file.c_str(), "ab");
   if (!file_) error->one(FLERR, ("cannot write " + file).c_str());
@@ -52,6 +54,7 @@ int FixPictures::setmask() { return END_OF_STEP; }
 void FixPictures::init() {
   plate_ = fix_that_is<Pushed>(modify);
   flying_ = fix_that_is<FlyingSpheres>(modify);
+  agglomerates_->follow(fix_that_is<StoneStream>(modify));
 }
 
 void FixPictures::setup(int) {
@@ -79,11 +82,14 @@ bool FixPictures::is_pushed() const {
 }
 
 // Each sub-sphere is known to one rank, and has zeros in the sum of all others.
-void FixPictures::write() const {
-  const int count = agglomerates_->tags();
-  std::vector<float> mine(static_cast<size_t>(count) * COLUMNS, 0.0f), all(comm->me == 0 ? mine.size() : 0);
+void FixPictures::write() {
+  const std::vector<int> &near = agglomerates_->near();
+  size_t count = 0;
+  for (const int a : near) row_of_[a] = static_cast<int>(count), count += agglomerates_->size(a);
+  std::vector<float> mine(count * COLUMNS, 0.0f), all(comm->me == 0 ? mine.size() : 0);
   auto note = [&](int tag, const double *x, const double *v) {
-    float *row = &mine[static_cast<size_t>(tag - 1) * COLUMNS];
+    const int a = agglomerates_->of_tag(tag);
+    float *row = &mine[static_cast<size_t>(row_of_[a] + tag - agglomerates_->first_tag(a)) * COLUMNS];
     std::copy_n(x, 3, row);
     std::copy_n(v, 3, row + 3);
   };
@@ -92,8 +98,11 @@ void FixPictures::write() const {
   MPI_Reduce(mine.data(), all.data(), mine.size(), MPI_FLOAT, MPI_SUM, 0, world);
   const std::vector<double> contacts = plate_ ? plate_->contacts_now() : std::vector<double>();
   if (comm->me != 0) return;
-  const long long head[2] = {update->ntimestep, static_cast<long long>(contacts.size() / CONTACT_COLUMNS)};
-  const bool written = std::fwrite(head, 8, 2, file_) == 2 &&
+  const long long head[3] = {update->ntimestep, static_cast<long long>(contacts.size() / CONTACT_COLUMNS),
+                             static_cast<long long>(near.size())};
+  const std::vector<long long> stones(near.begin(), near.end());
+  const bool written = std::fwrite(head, 8, 3, file_) == 3 &&
+                       std::fwrite(stones.data(), 8, stones.size(), file_) == stones.size() &&
                        std::fwrite(all.data(), sizeof(float), all.size(), file_) == all.size() &&
                        std::fwrite(contacts.data(), 8, contacts.size(), file_) == contacts.size();
   if (!written) error->one(FLERR, "cannot write the pictures");

@@ -8,6 +8,7 @@
 #include "comm.h"
 #include "error.h"
 #include "fix_property_atom.h"
+#include "fixes.h"
 #include "force.h"
 #include "neighbor.h"
 #include "primitive_wall.h"
@@ -50,6 +51,7 @@ double power(const NearSphere &p, const Atom *atom) {
 struct FixWallPlate::Options {
   std::string agglomerates, forces, contacts, shapes, to_plate, from_plate, surface;
   double yield_pressure_Pa = 0;  // 0: the plate stays elastic
+  int row_steps = 0;             // of a row of forces; 0: a co-step
   WeakContact weak;
 };
 
@@ -68,6 +70,7 @@ FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
     else if (key == "from_plate") o.from_plate = arg[k];
     else if (key == "contacts") o.contacts = arg[k];
     else if (key == "surface") o.surface = arg[k];
+    else if (key == "rows") o.row_steps = force->inumeric(FLERR, arg[k]);
     else if (key == "every") contacts_every_ = force->inumeric(FLERR, arg[k]);
     else if (key == "yield_pressure") {
       o.yield_pressure_Pa = force->numeric(FLERR, arg[k]);
@@ -86,6 +89,9 @@ FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
   if (o.agglomerates.empty() || o.forces.empty() || !has_extent || co_step_ < 1 || o.weak.co_steps < 1 ||
       o.weak.most_co_steps < 1)
     error->fix_error(FLERR, this, "needs agglomerates, forces, extent and numbers of co-steps of at least 1");
+  if (o.row_steps == 0) o.row_steps = co_step_;
+  if (o.row_steps < 1 || o.row_steps % co_step_ != 0)
+    error->fix_error(FLERR, this, "needs rows in whole co-steps");
   if (o.shapes.empty() != o.to_plate.empty() || o.shapes.empty() != o.from_plate.empty())
     error->fix_error(FLERR, this, "shapes, to_plate and from_plate go together");
   return o;
@@ -99,7 +105,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
   work_on_plate_ = work_on_stone_;
   if (!o.shapes.empty())
     coupling_ = std::make_unique<PlateCoupling>(lmp, o.shapes, o.to_plate, o.from_plate, co_step_, o.weak);
-  recorder_ = std::make_unique<ContactRecorder>(lmp, *agglomerates_, o.forces, o.contacts);
+  recorder_ = std::make_unique<ContactRecorder>(lmp, *agglomerates_, o.forces, o.contacts, co_step_, o.row_steps);
   if (o.surface.empty())
     contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa);
   else
@@ -120,6 +126,11 @@ FixWallPlate::~FixWallPlate() {
 /* --- the step ------------------------------------------------------------------------------------------------ */
 
 int FixWallPlate::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
+
+void FixWallPlate::init() {
+  FixWallGran::init();
+  agglomerates_->follow(fix_that_is<StoneStream>(modify));
+}
 
 void FixWallPlate::setup(int vflag) {
   contact_->setup();

@@ -16,26 +16,28 @@
 namespace LAMMPS_NS {
 
 // fix ID group wall/plate agglomerates FILE forces FILE extent XMIN XMAX YMIN YMAX co_step N
-//     [contacts FILE every N] [yield_pressure P] [surface FILE]
+//     [rows N] [contacts FILE every N] [yield_pressure P] [surface FILE]
 //     [shapes FILE to_plate FILE from_plate FILE [weak_contact FORCE SPEED CO_STEPS MOST_CO_STEPS]]
 //     contact (arguments of wall/gran with a zplane at 0)
 //
 // The top face of the plate. At each step the fix asks where the plate is under each sub-sphere near it (PlateCoupling;
 // a plate without mode shapes is rigid and gets no messages), lets the contact law act there (PlateContact), adds up
 // the works, and passes the forces on, their mean over each co-step of N steps counting (PlateCoupling,
-// ContactRecorder). With a `surface` file bonded stones touch as the smooth bodies that they stand for (SmoothContact).
+// ContactRecorder, whose rows of forces cover `rows` steps, or a co-step). With a `surface` file bonded stones touch as the smooth bodies that they stand for (SmoothContact).
 // Forces and lengths are in SI units.
 class FixWallPlate : public FixWallGran,
                      public Checkpointed,
                      public EnergyHolder,
                      public Obstacle,
                      public Pushed,
+                     public StoneKeeper,
                      public StockWall {
  public:
   FixWallPlate(class LAMMPS *, int, char **);
   ~FixWallPlate() override;
 
   int setmask() override;
+  void init() override;
   void setup(int) override;
   void post_integrate() override;
   void post_force(int) override;
@@ -49,6 +51,9 @@ class FixWallPlate : public FixWallGran,
   int unpack_exchange(int, double *) override;
 
   void add_to(LedgerRows &) override;
+
+  void enter(const EnteringStone &stone) override { contact_->enter(stone); }
+  void leave(int agglomerate) override { contact_->leave(agglomerate); }
 
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;

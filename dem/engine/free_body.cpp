@@ -1,11 +1,10 @@
 #include "free_body.h"
 
 #include <algorithm>
-#include <cstring>
-#include <type_traits>
 
 #include "array_body.h"
 #include "atom.h"
+#include "flat_row.h"
 
 namespace LAMMPS_NS {
 
@@ -13,32 +12,19 @@ namespace {
 
 const int NUMBERS = 14;  // before the arrays in a row
 
-template <class T> void append_bytes(std::vector<double> &row, const T *from, size_t count) {
-  static_assert(std::is_trivially_copyable<T>::value && sizeof(T) % sizeof(double) == 0, "kept as it lies in memory");
-  const size_t at = row.size();
-  row.resize(at + count * sizeof(T) / sizeof(double));
-  std::memcpy(static_cast<void *>(row.data() + at), from, count * sizeof(T));
-}
-
-template <class T> void take_bytes(const double *&row, T *to, size_t count) {
-  std::memcpy(static_cast<void *>(to), row, count * sizeof(T));
-  row += count * sizeof(T) / sizeof(double);
-}
-
 }  // namespace
 
-FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, int agglomerate, double gravity, bigint step, double dt)
+FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, int agglomerate, const Vec &weight, bigint step, double dt)
     : start(step), dt(dt), agglomerate(agglomerate), mass(b.mass) {
-  const Vec down(0, 0, -gravity);
   radius = b.radius;
-  motion = RigidMotion(b.center, b.velocity, down, b.momentum, b.inertia, b.atoms.size() == 1);
+  motion = RigidMotion(b.center, b.velocity, weight, b.momentum, b.inertia, b.atoms.size() == 1);
   spin = motion.fastest_spin();
   kinetic_start = 0.5 * b.mass * dot(b.velocity, b.velocity) + motion.rotational_energy() + b.inner_energy;
   for (int i : b.atoms) {
     const double m = atom->rmass[i], r = atom->radius[i];
     const Vec arm = Vec(atom->x[i]) - b.center;
     parts.push_back({atom->tag[i], r, m, arm, Vec(atom->v[i]) - b.velocity - cross(b.omega, arm),
-                     Vec(atom->omega[i]) - b.omega, (1 / m) * Vec(atom->f[i]) - down,
+                     Vec(atom->omega[i]) - b.omega, (1 / m) * Vec(atom->f[i]) - weight,
                      (1 / (0.4 * m * r * r)) * Vec(atom->torque[i]), 0});
   }
   go_to(step);

@@ -56,8 +56,8 @@ class FreeBody : public Outline {
   // Everything, appended to a row of numbers, and back from where it stands there (advanced).
   void append_to(std::vector<double> &row) const;
   explicit FreeBody(const double *&row);
-  // A body that leaves the arrays at this step. gravity in m/s^2, dt in s.
-  FreeBody(const Atom *, const ArrayBody &, int agglomerate, double gravity, bigint step, double dt);
+  // A body that leaves the arrays at this step. `weight` is that of 1 kg, N, dt in s.
+  FreeBody(const Atom *, const ArrayBody &, int agglomerate, const Vec &weight, bigint step, double dt);
 
   const Rotation &attitude() { return motion.attitude(time(step_)); }
   double kinetic() const {

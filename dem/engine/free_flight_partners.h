@@ -15,6 +15,14 @@ class BodyMaker {
   virtual void let_bodies_leave() = 0;                  // from now on a body that is not in the arrays is no error
   virtual const std::vector<int> &body_of_tag() = 0;    // the least tag of the body of each sub-sphere, by tag
   virtual void add_elastic_energy_by_body(double *energy) = 0;  // of bodies in the arrays, by least tag, J
+  // What the bonds of a sub-sphere that hold bear together.
+  struct Support {
+    double tensile_N = 0, stiffness_N_m = 0;
+    int bonds = 0;
+  };
+  virtual const std::vector<Support> &supports_of_tags() = 0;
+  virtual void hold(int tag, bool held) = 0;            // held: its bonds are not computed from the next build on
+  virtual void take_energy(int tag, double energy) = 0; // counts inner motion as damped by the bonds, J
   virtual void forget_forces(int i) = 0;                // does no work on sub-sphere i in the coming half step
   virtual void rotate(int i, const Rotation &turned) = 0;  // sub-sphere i has turned while it was away
 };

@@ -1,4 +1,4 @@
-// The engine: stock LIGGGHTS from libliggghts with seven fix styles added.
+// The engine: stock LIGGGHTS from libliggghts with eight fix styles added.
 //
 //   bond/parallel   bonds between the sub-spheres of an agglomerate (fix_bond_parallel.h)
 //   wall/plate      the granular wall that moves with the plate       (fix_wall_plate.h)
@@ -7,6 +7,7 @@
 //   pictures        where the sub-spheres are, for ParaView       (fix_pictures.h)
 //   checkpoint      keeps the state of a run and takes it up again    (fix_checkpoint.h)
 //   free_flight     bodies in free flight leave the force loops       (fix_free_flight.h)
+//   stones          stones come and go                                (fix_stones.h)
 //
 // It runs any LIGGGHTS deck: `liggghts-bonded -in deck`. The styles are added once, so a deck must not use `clear`.
 
@@ -23,6 +24,7 @@
 #include "fix_ledger.h"
 #include "fix_monitor.h"
 #include "fix_pictures.h"
+#include "fix_stones.h"
 #include "fix_wall_plate.h"
 #include "input.h"
 #include "lammps.h"
@@ -54,6 +56,7 @@ void add_styles(LAMMPS *lmp) {
   styles["pictures"] = &create<FixPictures>;
   styles["checkpoint"] = &create<FixCheckpoint>;
   styles["free_flight"] = &create<FixFreeFlight>;
+  styles["stones"] = &create<FixStones>;
 }
 
 }  // namespace

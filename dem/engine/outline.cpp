@@ -18,6 +18,12 @@ double time_to_fall(double z, double v, double g) {
   return v < 0 ? -z / v : NEVER_s;
 }
 
+// Time in which something with speed v and acceleration a comes no further than `way`, in whatever direction they are.
+double time_to_cross(double way, double v, double a) {
+  if (way <= 0) return 0;
+  return a > 0 ? (std::sqrt(v * v + 2 * a * way) - v) / a : way / v;
+}
+
 // Time until |d + v t| = distance, for |d| > distance.
 double time_to_approach(const Vec &d, const Vec &v, double distance) {
   const double b = dot(d, v), c = dot(d, d) - distance * distance, a = dot(v, v);
@@ -40,11 +46,12 @@ double gap(Outline &a, Outline &b) {
   return std::max(0.0, least);
 }
 
-double time_to_plate(Outline &body, const PlateOutline &plate, double gravity) {
+double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight) {
   const Vec &x = body.center, &v = body.velocity;
+  const double gravity = std::fabs(weight.z);
   const double *e = plate.extent;
   const double beside = std::hypot(std::max({e[0] - x.x, x.x - e[1], 0.0}), std::max({e[2] - x.y, x.y - e[3], 0.0}));
-  const double across = beside > body.radius ? (beside - body.radius) / std::hypot(v.x, v.y) : 0;
+  const double across = time_to_cross(beside - body.radius, std::hypot(v.x, v.y), std::hypot(weight.x, weight.y));
   double down = time_to_fall(x.z - body.radius - plate.reach, v.z, gravity);
   if (std::max(across, down) < LONG_s) {
     double lowest = NEVER_s;

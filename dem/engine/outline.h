@@ -38,7 +38,7 @@ double gap(Outline &, Outline &);  // between the nearest sub-spheres, never neg
 
 // Time during which nothing can touch, s. It is a lower bound and never negative. A body is taken to be a sphere as
 // long as that is enough; then each sub-sphere is looked at, which may be anywhere that the spin could bring it.
-double time_to_plate(Outline &, const PlateOutline &, double gravity_m_s2);
+double time_to_plate(Outline &, const PlateOutline &, const Vec &gravity_m_s2);
 // Between two bodies that both fly freely, so that their centres approach each other uniformly.
 double time_to_meet(Outline &, Outline &);
 // The same where one is not free and may gain the speed `unforeseen`, m/s.

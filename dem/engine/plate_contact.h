@@ -3,6 +3,7 @@
 
 #include "agglomerates.h"
 #include "sphere_memory.h"
+#include "stone_stream.h"
 #include "vec.h"
 
 namespace LAMMPS_NS {
@@ -44,6 +45,8 @@ struct NearSphere {
 class PlateContact {
  public:
   virtual ~PlateContact() {}
+  virtual void enter(const EnteringStone &) {}  // of a stream of stones
+  virtual void leave(int) {}                    // an agglomerate of which nothing is left
   virtual void setup() {}  // before the first step of each run
   // Once a step, when the other forces of the step are known. The plate stays within `reach` (m) of z = 0 until the
   // next message. `vflag` asks LIGGGHTS for the virial.

@@ -24,13 +24,25 @@ SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, Stoc
       surfaces_(lmp, surface_file, agglomerates), patch_of_tag_(agglomerates.tags() + 1, -1),
       near_of_tag_(agglomerates.tags() + 1, -1), offset_(agglomerates.tags() + 1, 0),
       damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), friction_(damped_),
-      gained_(damped_), half_work_(damped_), half_damped_(damped_), deepest_(damped_) {}
+      gained_(damped_), half_work_(damped_), half_damped_(damped_), deepest_(damped_) {
+  touching_.resize(near_of_tag_.size(), 0);
+}
 
 void SmoothContact::setup() {
   alone_.setup();
   bonds_ = fix_that_is<BondNetwork>(lmp_->modify);
   if (!bonds_) lmp_->error->all(FLERR, "The contact of smooth stones needs fix bond/parallel");
-  pieces_ = std::make_unique<StonePieces>(lmp_, surfaces_, *bonds_);
+  pieces_ = std::make_unique<StonePieces>(lmp_, agglomerates_, surfaces_, *bonds_);
+}
+
+void SmoothContact::enter(const EnteringStone &stone) {
+  surfaces_.enter(stone);
+  if (pieces_) pieces_->enter(stone);
+}
+
+void SmoothContact::leave(int agglomerate) {
+  std::fill_n(offset_.begin() + agglomerates_.first_tag(agglomerate), agglomerates_.size(agglomerate), 0.0);
+  if (pieces_) pieces_->leave(agglomerate);
 }
 
 int SmoothContact::Patch::central() const {
@@ -284,7 +296,7 @@ void SmoothContact::add_to(LedgerRows &rows, const std::vector<NearSphere> &near
   alone_.add_to(rows, near);
   rows.add(WALL_DAMPED, damped_);
   rows.add(WALL_RELEASED, released_);
-  for (size_t a = 0; a < deepest_.size(); a++) {
+  for (const int a : rows.near()) {
     double &deepest = rows.at(a, WALL_DEEPEST);
     deepest = std::max(deepest, deepest_[a]);
   }
@@ -351,9 +363,9 @@ void SmoothContact::restore(const CheckpointReader &in) {
     const int members = *n++, body = *n++;
     for (int m = 0; m < members; m++, n += 2) p.members.push_back({static_cast<int>(n[0]), n[1]});
     for (int m = 0; m < body; m++, n += 2) p.body.push_back({static_cast<int>(n[0]), n[1]});
-    for (const Weight &m : p.members) patch_of_tag_[m.tag] = k;
     patches_.push_back(p);
   }
+  index_patches();
   alone_now_.clear();
   for (const double tag : in.rows("patch_alone", 1))
     if (here(static_cast<int>(tag)) >= 0) alone_now_.push_back(static_cast<int>(tag));

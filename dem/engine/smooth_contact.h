@@ -30,6 +30,8 @@ class SmoothContact : public PlateContact {
  public:
   SmoothContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa, const std::string &surface_file);
   void setup() override;
+  void enter(const EnteringStone &) override;
+  void leave(int agglomerate) override;
   void add_forces(std::vector<NearSphere> &, double reach, int vflag) override;
   void end_of_step(const std::vector<NearSphere> &, std::vector<double> &work_on_stone) override;
   void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;
@@ -78,6 +80,8 @@ class SmoothContact : public PlateContact {
   std::vector<Patch> patches_;
   std::vector<int> patch_of_tag_, near_of_tag_, indexed_;  // the last one: tags in near_of_tag_
   std::vector<int> alone_now_;                       // tags that touch the plate alone, since the last step
+  std::vector<int> in_patches_;                      // tags in patch_of_tag_
+  std::vector<char> touching_;                       // by tag, at a look: does it touch by itself?
   std::vector<double> kept_;                         // height of the plate beneath each near, m
   std::vector<double> offset_;                       // of the contact of a sub-sphere that left a patch, by tag, m
   std::vector<double> damped_, plastic_, released_, friction_, gained_;  // so far, by agglomerate, J
@@ -98,6 +102,7 @@ class SmoothContact : public PlateContact {
   void index(const std::vector<NearSphere> &);
   bool must_look() const;
   void look(const std::vector<NearSphere> &, double reach);
+  void index_patches();
   void watch();
   void find_patches(int agglomerate, double reach);
   void place_on_plate(const std::vector<NearSphere> &);

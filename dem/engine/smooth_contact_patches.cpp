@@ -50,31 +50,41 @@ void SmoothContact::watch() {
 }
 
 void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
-  std::vector<double> wanted(surfaces_.stones().size(), 0);
-  std::vector<char> touching(near_of_tag_.size(), 0);
-  for (const NearSphere &p : near) wanted[agglomerates_.of_tag(lmp_->atom->tag[p.i])] = 1;
-  for (const int tag : alone_now_) touching[tag] = 1;  // a list of what is near may be new and know nothing
+  const std::vector<int> &there = agglomerates_.near();
+  std::vector<double> wanted(there.size(), 0);
+  auto want = [&](int a) { wanted[std::lower_bound(there.begin(), there.end(), a) - there.begin()] = 1; };
+  for (const NearSphere &p : near) want(agglomerates_.of_tag(lmp_->atom->tag[p.i]));
+  for (const int tag : alone_now_) touching_[tag] = 1;  // a list of what is near may be new and know nothing
   sum(wanted);
-  for (const Patch &p : patches_) wanted[p.agglomerate] = 1;
-  std::vector<char> stones(wanted.size());
-  for (size_t a = 0; a < wanted.size(); a++) stones[a] = wanted[a] > 0;
-  if (std::none_of(stones.begin(), stones.end(), [](char w) { return w; })) return;
-  pieces_->look(stones, touching);
+  for (const Patch &p : patches_) want(p.agglomerate);
+  std::vector<int> stones;
+  for (size_t k = 0; k < there.size(); k++)
+    if (wanted[k] > 0) stones.push_back(there[k]);
+  if (stones.empty()) return;
+  pieces_->look(stones, touching_);
+  for (const int tag : alone_now_) touching_[tag] = 0;
 
   before_look_.clear();
   for (Patch &p : patches_)
     if (p.presses) renew(p);
   const std::vector<Patch> before = patches_;
   drop_idle_patches();
-  for (size_t a = 0; a < stones.size(); a++)
-    if (stones[a]) find_patches(a, reach);
-  std::fill(patch_of_tag_.begin(), patch_of_tag_.end(), -1);
-  for (size_t k = 0; k < patches_.size(); k++)
-    for (const Weight &m : patches_[k].members) patch_of_tag_[m.tag] = k;
+  for (const int a : stones) find_patches(a, reach);
+  index_patches();
   for (const Patch &p : before)
     for (const Weight &m : p.members)
       if (patch_of_tag_[m.tag] < 0) stand_alone(m.tag);
   watch();
+}
+
+void SmoothContact::index_patches() {
+  for (const int tag : in_patches_) patch_of_tag_[tag] = -1;
+  in_patches_.clear();
+  for (size_t k = 0; k < patches_.size(); k++)
+    for (const Weight &m : patches_[k].members) {
+      patch_of_tag_[m.tag] = k;
+      in_patches_.push_back(m.tag);
+    }
 }
 
 // Those that do not press are found anew.

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 #include "atom.h"
 #include "comm.h"
@@ -13,27 +12,40 @@
 
 namespace LAMMPS_NS {
 
-StonePieces::StonePieces(LAMMPS *lmp, const StoneSurfaces &surfaces, BondNetwork &bonds)
-    : lmp_(lmp), surfaces_(surfaces), bonds_(bonds) {
-  int tags = 0;
-  for (const SmoothStone &s : surfaces.stones()) tags += s.count;
+StonePieces::StonePieces(LAMMPS *lmp, const Agglomerates &agglomerates, const StoneSurfaces &surfaces,
+                         BondNetwork &bonds)
+    : lmp_(lmp), agglomerates_(agglomerates), surfaces_(surfaces), bonds_(bonds) {
+  const size_t tags = agglomerates.tags();
   now_.assign(NUMBERS * (tags + 1), 0);
   bonds_first_.assign(tags + 1, 0);
   bonds_of_.resize(tags + 1);
-  for (size_t k = 0; k < bonds.bonds().size(); k++)
-    for (const int tag : {bonds.bonds()[k].tag_i, bonds.bonds()[k].tag_j}) bonds_first_[tag]++, bonds_of_[tag].push_back(k);
+  for (const Bond &b : bonds.bonds()) add_bond(b.id, b.tag_i, b.tag_j);
 }
 
-void StonePieces::look(const std::vector<char> &wanted, const std::vector<char> &touching) {
+void StonePieces::enter(const EnteringStone &stone) {
+  const double *row = stone.bonds.data();
+  for (int id = stone.first_bond; row < stone.bonds.data() + stone.bonds.size(); row += EnteringStone::BOND_COLUMNS)
+    add_bond(id++, static_cast<int>(row[0]), static_cast<int>(row[1]));
+}
+
+void StonePieces::add_bond(int id, int tag_i, int tag_j) {
+  for (const int tag : {tag_i, tag_j}) bonds_first_[tag]++, bonds_of_[tag].push_back(id);
+}
+
+void StonePieces::leave(int agglomerate) {
+  const int first = agglomerates_.first_tag(agglomerate);
+  for (int tag = first; tag < first + agglomerates_.size(agglomerate); tag++) bonds_of_[tag] = {};
+}
+
+void StonePieces::look(const std::vector<int> &wanted, const std::vector<char> &touching) {
   gather(wanted, touching);
   find_pieces();
 }
 
-void StonePieces::gather(const std::vector<char> &wanted, const std::vector<char> &touching) {
+void StonePieces::gather(const std::vector<int> &wanted, const std::vector<char> &touching) {
   const Atom *atom = lmp_->atom;
   std::vector<double> found;
-  for (size_t a = 0; a < wanted.size(); a++) {
-    if (!wanted[a]) continue;
+  for (const int a : wanted) {
     const SmoothStone &s = surfaces_.stones()[a];
     for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
       found.resize(found.size() + NUMBERS, 0);
@@ -52,8 +64,7 @@ void StonePieces::gather(const std::vector<char> &wanted, const std::vector<char
     MPI_Allreduce(mine.data(), found.data(), found.size(), MPI_DOUBLE, MPI_SUM, lmp_->world);
   }
   const double *row = found.data();
-  for (size_t a = 0; a < wanted.size(); a++) {
-    if (!wanted[a]) continue;
+  for (const int a : wanted) {
     const SmoothStone &s = surfaces_.stones()[a];
     std::copy_n(row, NUMBERS * s.count, &now_[NUMBERS * static_cast<size_t>(s.first_tag)]);
     row += NUMBERS * s.count;
@@ -62,25 +73,22 @@ void StonePieces::gather(const std::vector<char> &wanted, const std::vector<char
 
 void StonePieces::find_pieces() {
   bonds_.agree_on_broken();
-  const std::vector<Bond> &bonds = bonds_.bonds();
-  long long intact = 0;
-  for (size_t k = 0; k < bonds.size(); k++) intact += bonds_.holds(k);
-  if (intact == bonds_counted_) return;
-  bonds_counted_ = intact;
+  if (bonds_.changes() == changes_) return;
+  changes_ = bonds_.changes();
   piece_.resize(bonds_first_.size());
-  std::iota(piece_.begin(), piece_.end(), 0);
-  bonds_now_.assign(piece_.size(), 0);
+  bonds_now_.resize(piece_.size());
+  agglomerates_.each_near_tag([&](int tag) { piece_[tag] = tag, bonds_now_[tag] = 0; });
   auto root = [&](int tag) {
     while (piece_[tag] != tag) tag = piece_[tag] = piece_[piece_[tag]];
     return tag;
   };
-  for (size_t k = 0; k < bonds.size(); k++) {
-    if (!bonds_.holds(k)) continue;
-    bonds_now_[bonds[k].tag_i]++, bonds_now_[bonds[k].tag_j]++;
-    const int i = root(bonds[k].tag_i), j = root(bonds[k].tag_j);
+  for (const Bond &b : bonds_.bonds()) {
+    if (!bonds_.holds(b.id)) continue;
+    bonds_now_[b.tag_i]++, bonds_now_[b.tag_j]++;
+    const int i = root(b.tag_i), j = root(b.tag_j);
     piece_[std::max(i, j)] = std::min(i, j);
   }
-  for (size_t tag = 1; tag < piece_.size(); tag++) piece_[tag] = root(tag);
+  agglomerates_.each_near_tag([&](int tag) { piece_[tag] = root(tag); });
 }
 
 std::map<int, StonePieces::Motion> StonePieces::motions(const SmoothStone &s) const {

@@ -14,7 +14,10 @@ class LAMMPS;
 // state. All ranks find the same.
 class StonePieces {
  public:
-  StonePieces(LAMMPS *, const StoneSurfaces &, BondNetwork &);
+  StonePieces(LAMMPS *, const Agglomerates &, const StoneSurfaces &, BondNetwork &);
+
+  void enter(const EnteringStone &);
+  void leave(int agglomerate);
 
   struct Motion {
     Rotation turned;           // mean of the rotations of its sub-spheres
@@ -26,12 +29,12 @@ class StonePieces {
   };
 
   // Looks at the stones `wanted`; `touching` says which sub-spheres of this rank touch the plate by themselves, by tag.
-  void look(const std::vector<char> &wanted, const std::vector<char> &touching);
+  void look(const std::vector<int> &wanted, const std::vector<char> &touching);
 
   int piece_of(int tag) const { return piece_[tag]; }                      // least tag in the piece
   bool is_loose(int tag) const { return 2 * bonds_now_[tag] < bonds_first_[tag]; }  // has lost more than half its bonds
   bool is_free(int tag) const { return bonds_now_[tag] == 0; }
-  const std::vector<int> &bonds_of(int tag) const { return bonds_of_[tag]; }  // all that there ever were
+  const std::vector<int> &bonds_of(int tag) const { return bonds_of_[tag]; }  // their numbers, broken ones as well
   Vec position(int tag) const { return Vec(&now_[NUMBERS * static_cast<size_t>(tag)]); }
   bool touched_alone(int tag) const { return now_[NUMBERS * static_cast<size_t>(tag) + 10] != 0; }
   std::map<int, Motion> motions(const SmoothStone &) const;                // by piece
@@ -39,14 +42,16 @@ class StonePieces {
  private:
   static constexpr size_t NUMBERS = 12;  // of a sub-sphere: x, v, quaternion, does it touch alone, is it here
   LAMMPS *lmp_;
+  const Agglomerates &agglomerates_;
   const StoneSurfaces &surfaces_;
   BondNetwork &bonds_;
   std::vector<double> now_;              // by tag
   std::vector<int> piece_, bonds_now_, bonds_first_;
   std::vector<std::vector<int>> bonds_of_;  // by tag
-  long long bonds_counted_ = -1;         // when the pieces were found
+  long long changes_ = -1;               // of the bonds when the pieces were found
 
-  void gather(const std::vector<char> &wanted, const std::vector<char> &touching);
+  void add_bond(int id, int tag_i, int tag_j);
+  void gather(const std::vector<int> &wanted, const std::vector<char> &touching);
   void find_pieces();
 };
 

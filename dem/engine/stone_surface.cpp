@@ -16,28 +16,52 @@ const int LEAST_MEMBERS = 3;
 StoneSurfaces::StoneSurfaces(LAMMPS *lmp, const std::string &file, const Agglomerates &agglomerates)
     : place_(agglomerates.tags() + 1), radius_(place_.size(), 0), mass_(radius_), surface_(place_.size(), 0) {
   std::ifstream in(file);
+  std::string word;
   in >> outside_;
+  const auto stones = in.tellg();
+  if (in >> word && word == "stream") {
+    stones_.resize(agglomerates.count());
+    in >> height_;
+  } else {
+    in.seekg(stones);
+    read_stones(in, agglomerates);
+  }
+  if (!in) lmp->error->all(FLERR, ("Cannot read the surfaces of the stones from " + file).c_str());
+}
+
+void StoneSurfaces::read_stones(std::istream &in, const Agglomerates &agglomerates) {
   int tag = 1;
   for (int a = 0; a < agglomerates.count() && in; a++) {
     SmoothStone s;
     s.first_tag = tag;
     in >> s.count >> s.radius >> s.patch_radius >> s.modulus >> s.shear_modulus >> s.damping_ratio >>
-        s.damping_ratio_across >> s.friction >> s.yield_pressure >> s.compliance_first >> s.compliance >> s.across_first >> s.across;
+        s.damping_ratio_across >> s.friction >> s.yield_pressure >> s.compliance_first >> s.compliance >>
+        s.across_first >> s.across;
     stones_.push_back(s);
+    height_ = std::max(height_, s.patch_radius * s.patch_radius / (2 * s.radius));
     for (int k = 0; k < s.count && in && tag <= agglomerates.tags(); k++, tag++) {
-      int is_surface = 0;
-      in >> place_[tag].x >> place_[tag].y >> place_[tag].z >> radius_[tag] >> mass_[tag] >> is_surface;
-      surface_[tag] = is_surface != 0;
+      double row[EnteringStone::SURFACE_COLUMNS];
+      for (double &number : row) in >> number;
+      put(tag, row);
     }
   }
-  if (!in || tag != agglomerates.tags() + 1)
-    lmp->error->all(FLERR, ("Cannot read the surfaces of the stones from " + file).c_str());
+  if (tag != agglomerates.tags() + 1) in.setstate(std::ios::failbit);
 }
 
-double StoneSurfaces::height() const {
-  double highest = 0;
-  for (const SmoothStone &s : stones_) highest = std::max(highest, s.patch_radius * s.patch_radius / (2 * s.radius));
-  return highest;
+void StoneSurfaces::put(int tag, const double *row) {
+  place_[tag] = Vec(row);
+  radius_[tag] = row[3], mass_[tag] = row[4];
+  surface_[tag] = row[5] != 0;
+}
+
+void StoneSurfaces::enter(const EnteringStone &e) {
+  SmoothStone &s = stones_[e.agglomerate];
+  s.first_tag = e.first_tag, s.count = e.count();
+  double *const numbers[] = {&s.radius, &s.patch_radius, &s.modulus, &s.shear_modulus, &s.damping_ratio,
+                             &s.damping_ratio_across, &s.friction, &s.yield_pressure, &s.compliance_first,
+                             &s.compliance, &s.across_first, &s.across};
+  for (int k = 0; k < EnteringStone::CONTACT_NUMBERS; k++) *numbers[k] = e.contact[k];
+  for (int k = 0; k < s.count; k++) put(s.first_tag + k, &e.surface[k * EnteringStone::SURFACE_COLUMNS]);
 }
 
 std::vector<StoneSurfaces::Weight> StoneSurfaces::weights(const SmoothStone &s, const Vec &axis,

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "agglomerates.h"
+#include "stone_stream.h"
 #include "vec.h"
 
 namespace LAMMPS_NS {
@@ -12,14 +13,14 @@ class LAMMPS;
 
 // A stone as the smooth body that it stands for, and its contact with the plate. SI units.
 struct SmoothStone {
-  int first_tag, count;           // of its sub-spheres
-  double radius, patch_radius;    // R, b
-  double modulus, shear_modulus;  // E*, G*
-  double damping_ratio, damping_ratio_across;      // of the dashpots along the contact axis and across it
-  double friction, yield_pressure;                 // the last one 0 where nothing yields
+  int first_tag = 0, count = 0;   // of its sub-spheres
+  double radius = 0, patch_radius = 0;    // R, b
+  double modulus = 0, shear_modulus = 0;  // E*, G*
+  double damping_ratio = 0, damping_ratio_across = 0;  // of the dashpots along the contact axis and across it
+  double friction = 0, yield_pressure = 0;             // the last one 0 where nothing yields
   // Compression of the bond network per force on the patch, along its axis and across it: about the axis that points
   // down at the start, and about others.
-  double compliance_first, compliance, across_first, across;
+  double compliance_first = 0, compliance = 0, across_first = 0, across = 0;
 };
 
 // Which sub-spheres are of a stone's surface, and how those about a contact axis share a force on it: weights
@@ -30,7 +31,8 @@ struct SmoothStone {
 //
 // File: the most that a smooth surface lies outside its sub-spheres. Then of each agglomerate a line with the numbers
 // of SmoothStone from `count` on, and a line for each sub-sphere: its place X in the stone, radius of contact, mass,
-// and 1 if it is of the surface.
+// and 1 if it is of the surface. Where stones come with a stream (fix stones) the first line is followed by `stream` and
+// the greatest height of a patch's rim above its lowest point alone.
 class StoneSurfaces {
  public:
   StoneSurfaces(LAMMPS *, const std::string &file, const Agglomerates &);
@@ -44,19 +46,24 @@ class StoneSurfaces {
   std::vector<Weight> weights(const SmoothStone &, const Vec &axis, const std::function<bool(int)> &belong,
                               double &share) const;
 
+  void enter(const EnteringStone &);
+
   const std::vector<SmoothStone> &stones() const { return stones_; }
   const Vec &place(int tag) const { return place_[tag]; }       // X, m
   double radius(int tag) const { return radius_[tag]; }
   double mass(int tag) const { return mass_[tag]; }
   double outside() const { return outside_; }                   // of the sub-spheres lies the surface, at most, m
-  double height() const;                                        // of a patch's rim above its lowest point, at most, m
+  double height() const { return height_; }                     // of a patch's rim above its lowest point, at most, m
 
  private:
   std::vector<SmoothStone> stones_;
   std::vector<Vec> place_;
   std::vector<double> radius_, mass_;
   std::vector<char> surface_;
-  double outside_ = 0;
+  double outside_ = 0, height_ = 0;
+
+  void read_stones(std::istream &, const Agglomerates &);
+  void put(int tag, const double *row);
 };
 
 }  // namespace LAMMPS_NS

@@ -30,22 +30,45 @@ COLUMNS = ["kinetic_J", "momentum_z_kg_m_s", "mass_height_kg_m", "bond_elastic_J
            "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
            "pair_elastic_J", "pair_damped_J", "wall_plastic_J", "wall_released_J", "friction_J", "springs_gained_J",
            "wall_deepest"]
+LEAST_SUPPLIED_J = 1e-300  # of a stone that has not entered, whose closure is 0
 UNEXPLAINED = "contacts_unexplained_J"  # by a contact law, and so in no sum
 
 
 @dataclass(frozen=True)
 class StoneLedger:
-    """`step` (k,) and each column of COLUMNS as (k, agglomerates)."""
+    """`step` (k,) and each column of COLUMNS as (k, agglomerates), zero before a stone enters and as it was last when it
+    has left; `is_near` (k, agglomerates)."""
 
     step: np.ndarray
     column: dict[str, np.ndarray]
+    is_near: np.ndarray
+
+    @property
+    def has_entered(self) -> np.ndarray:
+        """(k, agglomerates)"""
+        return np.logical_or.accumulate(self.is_near, axis=0)
 
 
 def read_ledger(file: Path, n_agglomerates: int) -> StoneLedger:
     """Read the ledger that the engine wrote."""
-    record = np.dtype([("step", "<i8"), ("row", "<f8", (n_agglomerates, len(COLUMNS)))])
+    record = np.dtype([("step", "<i8"), ("agglomerate", "<i8"), ("row", "<f8", (len(COLUMNS),))])
     data = np.fromfile(file, dtype=record)
-    return StoneLedger(data["step"], {name: data["row"][:, :, k] for k, name in enumerate(COLUMNS)})
+    step, at = np.unique(data["step"], return_inverse=True)
+    of_stone = data["agglomerate"] > 0  # without a stone near there is a row of none
+    data, at = data[of_stone], at[of_stone]
+    shape, here = (len(step), n_agglomerates), (at, data["agglomerate"] - 1)
+    is_near = np.zeros(shape, dtype=bool)
+    is_near[here] = True
+    # Of each stone at each time the last row so far; 0 before the first.
+    last = np.maximum.accumulate(np.where(is_near, np.arange(len(step))[:, None], -1), axis=0)
+    column = {}
+    for k, name in enumerate(COLUMNS):
+        values = np.zeros(shape)
+        values[here] = data["row"][:, k]
+        if not is_near.all():
+            values = np.where(last >= 0, np.take_along_axis(values, np.maximum(last, 0), axis=0), 0.0)
+        column[name] = values
+    return StoneLedger(step, column, is_near)
 
 
 @dataclass(frozen=True)
@@ -61,13 +84,13 @@ class PlateEnergy:
 def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
                    mass_height_start_kg_m: np.ndarray) -> dict[str, np.ndarray]:
     """Energy parts by name, each (k, agglomerates) in J. `mass_height_start_kg_m` (agglomerates,) is the sum of m z at
-    the start, from where the potential energy counts."""
+    the start or at its entry, from where the potential energy counts."""
     c = ledger.column
     contact_elastic = c["wall_elastic_J"] + c["pair_elastic_J"]
     contact_damping = c["wall_damped_J"] + c["pair_damped_J"]
     parts = {
         "kinetic_J": c["kinetic_J"],
-        "potential_J": gravity_m_s2 * (c["mass_height_kg_m"] - mass_height_start_kg_m),
+        "potential_J": gravity_m_s2 * (c["mass_height_kg_m"] - ledger.has_entered * mass_height_start_kg_m),
         "bond_elastic_J": c["bond_elastic_J"],
         "contact_elastic_J": contact_elastic,
         "bond_damping_J": -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"],
@@ -87,18 +110,18 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
     return parts | {"given_to_stones_J": took - known - unexplained, UNEXPLAINED: unexplained + np.zeros_like(took)}
 
 
-def energy_table(parts: dict[str, np.ndarray], t_s: np.ndarray) -> pd.DataFrame:
-    """What `stone_energies` gave as a table, one row a time and agglomerate (1-based)."""
-    k, n = parts["kinetic_J"].shape
-    index = {"t_s": np.repeat(t_s, n), "agglomerate": np.tile(np.arange(1, n + 1), k)}
-    return pd.DataFrame(index | {name: values.ravel() for name, values in parts.items()})
+def energy_table(parts: dict[str, np.ndarray], ledger: StoneLedger, dt_s: float) -> pd.DataFrame:
+    """What `stone_energies` gave as a table, one row a time and agglomerate (1-based) that was near then."""
+    row, agglomerate = np.nonzero(ledger.is_near)
+    index = {"t_s": (ledger.step * dt_s)[row], "agglomerate": agglomerate + 1}
+    return pd.DataFrame(index | {name: values[ledger.is_near] for name, values in parts.items()})
 
 
 def energy_ledger(parts: dict[str, np.ndarray], plate: PlateEnergy, kinetic_start_J: np.ndarray) -> dict[str, Any]:
     """The ledger at the end of the run, J, with its closures: of all with the plate's own energies, and of each
-    agglomerate with what it gave to the plate. `kinetic_start_J` (agglomerates,)."""
+    agglomerate with what it gave to the plate. `kinetic_start_J` (agglomerates,), 0 of one that did not enter."""
     end = {name: values[-1] for name, values in parts.items()}
-    supplied = kinetic_start_J + np.maximum(0.0, -parts["potential_J"].min(axis=0))
+    supplied = np.maximum(kinetic_start_J + np.maximum(0.0, -parts["potential_J"].min(axis=0)), LEAST_SUPPLIED_J)
     stones = sum(values for name, values in end.items() if name != UNEXPLAINED) - kinetic_start_J
     plate_energy = plate.kinetic_J + plate.internal_J + plate.damped_J
     total = float(stones.sum()) - float(end["given_to_plate_J"].sum()) + plate_energy

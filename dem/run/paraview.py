@@ -49,10 +49,10 @@ def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, mes
     writers = {part: VtuWriter() for part in PARTS}
     stones = StoneMeshes(assembly)
     entries, dumps = [], []
-    pictures = read_pictures(directory / "deck" / "pictures.bin", assembly.n_particles)
-    for k, (dem_step, spheres, pushing) in enumerate(pictures):
+    pictures = read_pictures(directory / "deck" / "pictures.bin", assembly.sizes)
+    for k, (dem_step, near, spheres, pushing) in enumerate(pictures):
         t = dem_step * dt_s
-        meshes = stones.meshes(spheres, broken_at > t + 0.5 * dt_s)
+        meshes = stones.meshes(near, spheres, broken_at > t + 0.5 * dt_s)
         meshes |= meshes_of_plate(dem_step, shown_contacts(pushing, prepared.scene, assembly, prepared.step))
         for name, mesh in meshes.items():
             file = f"view/{name}_{k:04d}.vtu"
@@ -80,24 +80,34 @@ class StoneMeshes:
         self._broken: int | None = None  # bonds, when the fragments were found
         self._fragment = np.zeros(0, dtype="i4")
 
-    def meshes(self, spheres: np.ndarray, intact: np.ndarray) -> dict[str, Mesh]:
-        """Of sub-spheres at `spheres`[:, :3] m with the velocities `spheres`[:, 3:] m/s; `intact` (bonds,)."""
+    def meshes(self, near: np.ndarray, spheres: np.ndarray, intact: np.ndarray) -> dict[str, Mesh]:
+        """Of the sub-spheres of the stones `near`, 0-based, at `spheres`[:, :3] m with the velocities `spheres`[:, 3:]
+        m/s, zeros of one that has left the plate for good; `intact` (bonds,)."""
         assembly = self._assembly
         if np.count_nonzero(~intact) != self._broken:
             self._broken = int(np.count_nonzero(~intact))
             self._fragment = fragments(assembly.n_particles, assembly.bond_first, assembly.bond_second, intact) + 1
+        start = np.cumsum([0, *assembly.sizes])
+        known = np.concatenate([np.arange(0), *(np.arange(start[a], start[a + 1]) for a in near)])
+        there = spheres.any(axis=1)
+        shown, spheres = known[there], spheres[there]
         points = rounded(spheres[:, :3], PLACE_BITS)
         particles = Mesh(points, np.arange(len(points)).reshape(-1, 1), {
-            "radius_m": assembly.radius_m, "velocity_m_s": rounded(spheres[:, 3:], VELOCITY_BITS),
-            "material": (assembly.material + 1).astype("u1"), "agglomerate": (assembly.agglomerate + 1).astype("u2"),
-            "fragment": self._fragment.astype("i4")})
+            "radius_m": assembly.radius_m[shown], "velocity_m_s": rounded(spheres[:, 3:], VELOCITY_BITS),
+            "material": (assembly.material[shown] + 1).astype("u1"),
+            "agglomerate": (assembly.agglomerate[shown] + 1).astype("u2"),
+            "fragment": self._fragment[shown].astype("i4")})
         if not assembly.n_bonds:
             return {"particles": particles}
-        ends = self._ends[intact]
+        index = np.full(assembly.n_particles, -1)
+        index[shown] = np.arange(len(shown))
+        ends = index[self._ends]
+        held = intact & (ends >= 0).all(axis=1)
+        ends = ends[held]
         length = np.linalg.norm(spheres[ends[:, 1], :3] - spheres[ends[:, 0], :3], axis=1)
         return {"particles": particles, "bonds": Mesh(rounded(points, END_BITS), ends, cell_data={
-            "strain": rounded(length / self._length_m[intact] - 1, STRAIN_BITS),
-            "agglomerate": (assembly.agglomerate[ends[:, 0]] + 1).astype("u2")})}
+            "strain": rounded(length / self._length_m[held] - 1, STRAIN_BITS),
+            "agglomerate": (assembly.agglomerate[shown[ends[:, 0]]] + 1).astype("u2")})}
 
 
 class PlateMeshes:
@@ -178,19 +188,24 @@ def _upwards(w: np.ndarray) -> np.ndarray:
     return np.column_stack([np.zeros((len(w), 2)), w])
 
 
-def read_pictures(file: Path, n_particles: int) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """Yield of each picture of the engine (fix_pictures.h) the DEM step; place (m) and velocity (m/s) of the
-    sub-spheres, (n_particles, 6); and the contacts with the plate, (k, 5): stone (from 1), x, y (m), force (N), radius
-    (m). Raises RuntimeError for a file that is cut off or damaged."""
+def read_pictures(file: Path, sizes: np.ndarray) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield of each picture of the engine (fix_pictures.h) the DEM step; the stones that are near, 0-based; place (m)
+    and velocity (m/s) of their sub-spheres, (n, 6); and the contacts with the plate, (k, 5): stone (from 1), x, y (m),
+    force (N), radius (m). `sizes` are the stones' numbers of sub-spheres. Raises RuntimeError for a file that is cut off
+    or damaged."""
     with open(file, "rb") as pictures:
-        while head := pictures.read(16):
-            spheres = np.fromfile(pictures, dtype="<f4", count=6 * n_particles)
-            dem_step, n_contacts = np.frombuffer(head, dtype="<i8") if len(head) == 16 else (-1, 0)
+        while head := pictures.read(24):
+            whole = len(head) == 24
+            dem_step, n_contacts, n_near = np.frombuffer(head, dtype="<i8") if whole else (-1, 0, 0)
+            near = np.fromfile(pictures, dtype="<i8", count=max(0, n_near))
+            whole = whole and len(near) == n_near and bool(np.all((near >= 0) & (near < len(sizes))))
+            n = int(sizes[near].sum()) if whole else 0
+            spheres = np.fromfile(pictures, dtype="<f4", count=6 * n)
             contacts = np.fromfile(pictures, dtype="<f8", count=5 * max(0, n_contacts))
-            if len(spheres) != 6 * n_particles or len(contacts) != 5 * n_contacts or not (
+            if not whole or len(spheres) != 6 * n or len(contacts) != 5 * n_contacts or not (
                     np.all(np.isfinite(spheres)) and np.all(np.isfinite(contacts))):
                 raise RuntimeError(f"{file}: cut off or damaged")
-            yield int(dem_step), spheres.reshape(n_particles, 6), contacts.reshape(n_contacts, 5)
+            yield int(dem_step), near, spheres.reshape(n, 6), contacts.reshape(n_contacts, 5)
 
 
 def read_dump(file: Path) -> Iterator[tuple[int, np.ndarray]]:

@@ -10,13 +10,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from common.scene import Scene, scene_hash
-from common.tables import refused_in
+from common.tables import InputError, refused_in
 from dem.deck.plausible import warnings_of
-from dem.deck.time_step import TimeStep, plate_mobility_1_kg, step_limits, stone_contact_time_s, time_step
+from dem.deck.time_step import TimeStep, mobility_of_stones_1_kg, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import with_tolerance
-from dem.stones.arrangement import Arrangement, arrange
+from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
+from dem.stones.stone import Stone, entry_of, places_m
 from plate_fem.modes import PlateModes, plate_modes
+
+MOST_RESIDUAL_POINTS = 32  # each adds a mode; a stream falls everywhere, and has none
 
 
 @dataclass
@@ -45,7 +48,6 @@ class PreparedRun:
     given: Scene  # as the file gives it
     scene: Scene  # with what the file left to be found filled in
     scene_hash: str  # of the scene as the file gives it
-    arrangement: Arrangement
     assembly: Assembly
     step: TimeStep
     modes: PlateModes | None
@@ -58,6 +60,18 @@ class PreparedRun:
         return self.modes is not None
 
 
+def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
+    """Stones that enter later need bodies in free flight, who say what has left, and those are known to one rank."""
+    late = [k for k, stone in enumerate(stones) if entry_of(stone, scene.gravity_vector_m_s2).is_late]
+    for key, value, allowed, refused in (
+            ("engine.np", scene.engine.np, "1", scene.engine.np > 1),
+            ("time.free_flight_tolerance", scene.time.free_flight_tolerance, "above 0",
+             scene.time.free_flight_tolerance == 0)):
+        if late and refused:
+            raise InputError(f"{file}: {key} = {value:g}: must be {allowed} where a stone enters later than at once, as "
+                             f"stone {late[0] + 1} does, since it takes bodies in free flight to let stones go")
+
+
 def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     """Check, pack, find the modes and choose the time step.
 
@@ -65,13 +79,14 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     can be refused without the plate is refused before its modes are sought. Raises InputError before anything is
     written.
     """
-    stages, warnings = Stages(), warnings_of(scene)
+    stages, stones = Stages(), stones_of(scene, source)
+    _refuse_late(stones, scene, source)
+    warnings = warnings_of(scene, stones)
     for line in warnings:
         print(f"warning: {source}: {line}", file=sys.stderr)
-    arrangement = arrange(scene, source)
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
-            assembly = assemble(scene, arrangement, cache)
+            assembly = assemble(scene, stones, cache)
     limits = step_limits(scene, assembly, source)
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":
@@ -81,8 +96,8 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
             resolved = scene.model_copy(update={"plate": plate})
             # The stones' places get the static compliance of the modes left out.
             with refused_in(source, "plate"):
-                modes = plate_modes(plate, cache, arrangement.position_m)
-        mobility = plate_mobility_1_kg(modes, arrangement.position_m)
+                modes = plate_modes(plate, cache, places_m(stones) if len(stones) <= MOST_RESIDUAL_POINTS else None)
+        mobility = mobility_of_stones_1_kg(modes, stones)
     step = time_step(scene, limits, source, mobility)
-    return PreparedRun(source, scene, resolved, scene_hash(scene), arrangement, assembly, step, modes, stages,
+    return PreparedRun(source, scene, resolved, scene_hash(scene), assembly, step, modes, stages,
                        warnings)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -99,29 +100,52 @@ class PlateRecorder:
         return pd.DataFrame(self._rows(), columns=self.columns)
 
 
-def read_forces(file: Path, n_agglomerates: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the DEM step (k,) at the end of each co-step with contact, and the mean push on the plate (k, n) over it
-    in N."""
-    record = np.dtype([("step", "<i8"), ("force_N", "<f8", (n_agglomerates,))])
-    data = np.fromfile(file, dtype=record)
-    return data["step"], data["force_N"]
+@dataclass(frozen=True)
+class Pushes:
+    """Rows of the push on the plate over an interval that ends at the DEM step `step` (k,): of the stone `stone` (k,),
+    0-based, its mean `mean_N`, the largest mean over a co-step `largest_N`, and where, `place_m` (k, 2). `all_step`,
+    `all_mean_N`, `all_largest_N` are those of all stones together."""
+
+    step: np.ndarray
+    stone: np.ndarray
+    mean_N: np.ndarray
+    largest_N: np.ndarray
+    place_m: np.ndarray
+    all_step: np.ndarray
+    all_mean_N: np.ndarray
+    all_largest_N: np.ndarray
+
+    def of_stones(self, n_stones: int) -> np.ndarray:
+        """(n_stones,) the largest push of each."""
+        largest = np.zeros(n_stones)
+        np.maximum.at(largest, self.stone, self.largest_N)
+        return largest
 
 
-def fast_stream(step: TimeStep, forces: tuple[np.ndarray, np.ndarray], plate_signals: pd.DataFrame) -> pd.DataFrame:
+def read_forces(file: Path) -> Pushes:
+    """Read the forces that the engine wrote (contact_recorder.h)."""
+    data = np.fromfile(file, dtype=[("step", "<i8"), ("agglomerate", "<i8"), ("number", "<f8", (4,))])
+    of_all = data["agglomerate"] == 0
+    one, all_ = data[~of_all], data[of_all]
+    return Pushes(one["step"], one["agglomerate"] - 1, one["number"][:, 0], one["number"][:, 1], one["number"][:, 2:],
+                  all_["step"], all_["number"][:, 0], all_["number"][:, 1])
+
+
+def fast_stream(step: TimeStep, pushes: Pushes, plate_signals: pd.DataFrame, columns_of: int) -> pd.DataFrame:
     """All rows at the fast rate. A force is the mean over the row's interval; the plate's state is at its end.
 
-    `forces` is what `read_forces` gives, `plate_signals` has a row for each of the fast stream. Raises RuntimeError if
-    a signal holds a value that is no number.
+    `plate_signals` has a row for each of the fast stream; the first `columns_of` stones have a column each. Raises
+    RuntimeError if a signal holds a value that is no number.
     """
     n_rows = step.steps // step.fast_steps + 1
     time = np.arange(n_rows) * step.fast_steps * step.dt_s
     table = pd.concat([pd.DataFrame({"t_s": time}), plate_signals], axis=1)
-    steps, force = forces
-    row = -(-steps // step.fast_steps)
-    mean = np.zeros((n_rows, force.shape[1]))
-    np.add.at(mean, row, force * (step.co_step / step.fast_steps))
-    table["force_N"] = mean.sum(axis=1)
-    for k in range(force.shape[1]):
+    total, mean = np.zeros(n_rows), np.zeros((n_rows, columns_of))
+    total[pushes.all_step // step.fast_steps] = pushes.all_mean_N
+    own = pushes.stone < columns_of
+    mean[pushes.step[own] // step.fast_steps, pushes.stone[own]] = pushes.mean_N[own]
+    table["force_N"] = total
+    for k in range(columns_of):
         table[f"force_{k + 1:02d}_N"] = mean[:, k]
     if not np.all(np.isfinite(table.to_numpy())):
         raise RuntimeError("a signal holds a value that is no number")

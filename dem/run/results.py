@@ -25,7 +25,9 @@ from dem.run.energy_balance import StoneLedger, energy_ledger, energy_table, rea
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
-from dem.run.recorder import fast_stream, read_events, read_forces, write_streams
+from dem.run.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
+from dem.run.stones_table import read_left, stones_table
+from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
 
@@ -34,13 +36,12 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Results:
-    """The tables of a run. `force_N` (k, stones) is the mean push on the plate over each co-step with contact;
-    `stone_mass_kg` (stones,); `energy` is that of dem.run.energy_balance.energy_ledger."""
+    """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,); `energy` is that of dem.run.energy_balance.energy_ledger."""
 
     events: pd.DataFrame
     fast: pd.DataFrame
     signals: pd.DataFrame
-    force_N: np.ndarray
+    pushes: Pushes
     ledger: StoneLedger
     stone_mass_kg: np.ndarray
     energy: dict[str, Any]
@@ -52,8 +53,9 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> 
     deck, scene, step, assembly = directory / "deck", prepared.scene, prepared.step, prepared.assembly
     n = len(assembly.sizes)
     events = read_events(deck / "events.csv", step)
-    forces = read_forces(deck / "forces.bin", n)
-    fast = fast_stream(step, forces, plate.signals(range(0, step.steps + 1, step.fast_steps)))
+    pushes = read_forces(deck / "forces.bin")
+    fast = fast_stream(step, pushes, plate.signals(range(0, step.steps + 1, step.fast_steps)),
+                       0 if assembly.is_stream else n)
     signals = write_streams(directory, fast, step)
     write_parquet(events, directory / "breakage.parquet")
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
@@ -61,13 +63,13 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> 
     if scene.output.view_interval_s is not None:
         write_view(directory, prepared, events, plate.meshes)
     ledger = read_ledger(deck / "ledger.bin", n)
-    mass = np.bincount(assembly.agglomerate, assembly.mass_kg)
-    height = np.bincount(assembly.agglomerate, assembly.mass_kg * assembly.center_m[:, 2])
-    parts = stone_energies(ledger, scene.time.gravity_m_s2, height)
-    write_parquet(energy_table(parts, ledger.step * step.dt_s), directory / "energy.parquet")
-    energy = energy_ledger(parts, plate.energy(), 0.5 * mass * scene.stones.speed_m_s**2)
+    left = read_left(deck / "left.csv")
+    write_parquet(stones_table(assembly, step, pushes, events, left), directory / "stones.parquet")
+    parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
+    write_parquet(energy_table(parts, ledger, step.dt_s), directory / "energy.parquet")
+    energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
     check_closure(energy)
-    return Results(events, fast, signals, forces[1], ledger, mass, energy)
+    return Results(events, fast, signals, pushes, ledger, assembly.stone_mass_kg, energy)
 
 
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
@@ -84,10 +86,10 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "scene_hash": prepared.scene_hash,
         "assumptions": list(scene.assumptions),
         "warnings": prepared.warnings,
-        "gangue_ratio": scene.stones.gangue_ratio,
-        "materials": prepared.arrangement.material,
+        "gangue_ratio": gangue_ratio(scene, list(prepared.assembly.stones), prepared.assembly.stone_mass_kg),
+        "materials": prepared.assembly.stone_materials,
         "versions": versions(),
-        "seeds": [scene.stones.seed + k for k in range(scene.stones.count)] if prepared.assembly.n_bonds else [],
+        "seeds": [stone.seed for stone in prepared.assembly.stones] if prepared.assembly.n_bonds else [],
     }
 
 
@@ -111,19 +113,20 @@ def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dic
 
 def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """What the stones and the plate did."""
-    scene, step, force_N = prepared.scene, prepared.step, results.force_N
+    scene, step, pushes = prepared.scene, prepared.step, results.pushes
     end = {name: values[-1] for name, values in results.ledger.column.items()}
     stones = range(1, len(results.stone_mass_kg) + 1)
     broken = results.events.groupby("agglomerate").size().reindex(stones, fill_value=0)
-    yielded = yield_report(scene, prepared.assembly, force_N.max(axis=0, initial=0.0), end["wall_deepest"],
+    momentum_start = results.ledger.has_entered[-1] * prepared.assembly.momentum_start_kg_m_s[:, 2]
+    yielded = yield_report(scene, prepared.assembly, pushes.of_stones(len(stones)), end["wall_deepest"],
                            plate.bending())
     return {
         "n_bonds_broken": len(results.events),
         "n_bonds_broken_by_agglomerate": broken.tolist(),
-        "peak_force_N": float(force_N.sum(axis=1).max(initial=0.0)),
-        "impulse_N_s": float(force_N.sum() * step.co_step * step.dt_s),
+        "peak_force_N": float(pushes.all_largest_N.max(initial=0.0)),
+        "impulse_N_s": float(pushes.all_mean_N.sum() * step.fast_steps * step.dt_s),
         "momentum_change_kg_m_s": float(end["momentum_z_kg_m_s"].sum()
-                                        + results.stone_mass_kg.sum() * scene.stones.speed_m_s),
+                                        - momentum_start.sum()),
         "plate": plate_maxima(results.fast),
         "yield_": YieldReport.model_validate(yielded),
         "energy": results.energy,

@@ -29,6 +29,7 @@ from dem.run.prepare import PreparedRun, prepare
 from dem.run.progress import Progress
 from dem.run.results import own_version, summary_of, write_results
 from dem.run.simulate import EngineStart, simulate
+from dem.stones.arrangement import gangue_ratio as ratio_of
 
 
 def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None,
@@ -159,13 +160,18 @@ def _run_in(work: RunDirectory, deck_hash: str, start: EngineStart, prepared: Pr
     if start.resume_step:
         resumed_at_s = work.note_resumed(start.resume_step * prepared.step.dt_s)
         plate.restore(start.deck, start.resume_step)
-    progress = Progress(f"{scene.name} {scene.stones.gangue_ratio:4.0%}", scene.time.duration_s, show_progress)
+    progress = Progress(f"{scene.name} {_ratio(prepared):4.0%}", scene.time.duration_s, show_progress)
     with stages("engine and plate"):
         simulate(prepared, start, plate, progress)
     with stages("output"):
         results = write_results(work.path, prepared, plate)
     return RunSummary(**summary_of(prepared, plate, results), deck_hash=deck_hash, wall_time_s=stages.wall_time_s,
                       resumed_at_s=resumed_at_s)
+
+
+def _ratio(prepared: PreparedRun) -> float:
+    assembly = prepared.assembly
+    return ratio_of(prepared.scene, list(assembly.stones), assembly.stone_mass_kg)
 
 
 def _remove_working_files(deck: Path, prepared: PreparedRun) -> None:

@@ -1,58 +1,125 @@
-"""Which stone lies where and of what it is made."""
+"""The list of what falls, from every way in which a scene can say it."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from common.scene import Scene
+from common.scene_stones import EachStone
 from common.tables import InputError
+from dem.stones.drawn import drawn_stones
+from dem.stones.paths import Flying, reach_m
+from dem.stones.stone import UPRIGHT, Stone
 
 
-@dataclass(frozen=True)
-class Arrangement:
-    """`position_m` (count, 2) of the stones' centres in the plane of the plate, `material` (count,) their names."""
+def stones_of(scene: Scene, file: str) -> list[Stone]:
+    """Resolve what falls. Everything downstream goes by this list.
 
-    position_m: np.ndarray
-    material: list[str]
-
-
-def arrange(scene: Scene, file: str) -> Arrangement:
-    """Place the stones and share out the gangue.
-
-    Raises InputError if the ratio asks for part of a stone, if stones overlap, or if one misses the plate.
+    Raises InputError if the ratio asks for part of a stone, if stones overlap where they enter, or if one misses the
+    plate.
     """
-    position = _positions(scene)
-    _check_places(scene, position, file)
-    stones = scene.stones
-    n_gangue = stones.gangue_ratio * stones.count
+    table = scene.stones
+    if table.drawn is not None or table.stream is not None:
+        stones = drawn_stones(scene, file)
+    elif table.each is not None:
+        stones = [_one(scene, k, one) for k, one in enumerate(table.each)]
+    else:
+        stones = _volley(scene, file)
+    _check_motion(scene, stones, file)
+    if table.drawn is None and table.stream is None:  # whose places were drawn so
+        _check_places(scene, stones, file)
+    return stones
+
+
+def gangue_ratio(scene: Scene, stones: list[Stone], mass_kg: np.ndarray) -> float:
+    """The share of gangue that falls, by what the scene's mixing ratio is a share of."""
+    table = scene.stones
+    if table.gangue_ratio is not None and table.count is not None:
+        return table.gangue_ratio
+    drawn = table.drawn or table.stream
+    weight = mass_kg if drawn is not None and drawn.gangue_by == "mass" else np.ones(len(stones))
+    return float(weight @ [stone.material == table.gangue for stone in stones] / weight.sum())
+
+
+def _one(scene: Scene, k: int, one: EachStone) -> Stone:
+    """One of stones that are given one by one."""
+    speed = one.speed_m_s
+    velocity = one.velocity_m_s if speed is None else tuple(speed * d for d in scene.down)
+    assert velocity is not None
+    return Stone(material=one.material, radius_m=one.radius_m, place_m=(one.x_m, one.y_m),
+                 velocity_m_s=velocity,  # type: ignore[arg-type]
+                 seed=scene.stones.seed + k if one.seed is None else one.seed, gap_m=scene.stones.gap_m,
+                 arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT,
+                 strength_factor=one.strength_factor, shape=one.shape)
+
+
+def _volley(scene: Scene, file: str) -> list[Stone]:
+    """Equal stones on a circle or on given places."""
+    table, speed = scene.stones, scene.stones.speed_m_s
+    assert table.gangue_ratio is not None and table.count is not None and table.radius_m is not None
+    assert speed is not None
+    n_gangue = table.gangue_ratio * table.count
     if abs(n_gangue - round(n_gangue)) > 1e-9:
-        raise InputError(f"{file}: stones.gangue_ratio = {stones.gangue_ratio}: with {stones.count} stones it must be "
-                         f"a multiple of 1/{stones.count}")
-    chosen = set(stones.gangue_order[:round(n_gangue)])
-    material = [stones.gangue if k + 1 in chosen else stones.coal for k in range(stones.count)]
-    return Arrangement(position, material)
+        raise InputError(f"{file}: stones.gangue_ratio = {table.gangue_ratio}: with {table.count} stones it must be "
+                         f"a multiple of 1/{table.count}")
+    chosen, (dx, dy, dz) = set(table.gangue_order[:round(n_gangue)]), scene.down
+    # A place keeps its seed whatever its material, so that a sweep changes the material alone.
+    return [Stone(material=table.gangue if k + 1 in chosen else table.coal, radius_m=table.radius_m,
+                  place_m=(float(place[0]), float(place[1])), velocity_m_s=(speed * dx, speed * dy, speed * dz),
+                  seed=table.seed + k, gap_m=table.gap_m, arrival_s=table.arrival_s[k] if table.arrival_s else 0.0,
+                  strength_factor=table.strength_factor[k] if table.strength_factor else 1.0)
+            for k, place in enumerate(_positions(scene))]
 
 
 def _positions(scene: Scene) -> np.ndarray:
     stones = scene.stones
     if stones.positions is not None:
         return np.array([[place.x_m, place.y_m] for place in stones.positions])
+    assert stones.count is not None and stones.circle_radius_m is not None
     angle = 2 * np.pi * np.arange(stones.count) / stones.count
     return stones.circle_radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def _check_places(scene: Scene, position: np.ndarray, file: str) -> None:
-    circle = scene.stones.positions is None
+def _check_motion(scene: Scene, stones: list[Stone], file: str) -> None:
+    """Every stone comes down, by its speed or by gravity."""
+    for k, stone in enumerate(stones):
+        slow = stone.velocity_m_s[2] == 0
+        if slow and (scene.time.gravity_m_s2 == 0 or stone.arrival_s > 0):
+            raise InputError(f"{file}: stones.{_speed_key(scene, k)} = {stone.speed_m_s:g}: must be above 0 towards "
+                             "the plate where there is no time.gravity_m_s2, or an arrival_s: the stone would not come")
+
+
+def _speed_key(scene: Scene, k: int) -> str:
+    table = scene.stones
+    if table.each is not None:
+        return f"each.{k}." + ("speed_m_s" if table.each[k].velocity_m_s is None else "velocity_m_s")
+    drawn, name = (table.drawn, "drawn.") if table.drawn is not None else (table.stream, "stream.")
+    if drawn is None:
+        return "speed_m_s"
+    return name + ("speed_m_s" if drawn.speed_m_s is not None else "drop_height_m")
+
+
+def _check_places(scene: Scene, stones: list[Stone], file: str) -> None:
     half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
-    for k, place in enumerate(position):
-        key = (f"circle_radius_m = {scene.stones.circle_radius_m:g}" if circle else
-               f"positions.{k} = ({place[0]:g}, {place[1]:g})")
-        if np.any(np.abs(place) > half):
-            raise InputError(f"{file}: stones.{key}: stone {k + 1} misses the plate, which reaches to "
-                             f"x = {half[0]:g} m and y = {half[1]:g} m")
-        distance = np.linalg.norm(position[:k] - place, axis=1)
-        if k and distance.min() < 2 * scene.stones.radius_m:
-            raise InputError(f"{file}: stones.{key}: stones {distance.argmin() + 1} and {k + 1} overlap, "
-                             f"their centres must be at least 2 radius_m = {2 * scene.stones.radius_m:g} m apart")
+    flying = Flying(scene)
+    for k, stone in enumerate(stones):
+        if np.any(np.abs(stone.place_m) > half):
+            raise InputError(f"{file}: stones.{_place_key(scene, k, stone)}: stone {k + 1} misses the plate, which "
+                             f"reaches to x = {half[0]:g} m and y = {half[1]:g} m")
+        other, gap = flying.nearest(stone)
+        if gap < 0:
+            least = reach_m(scene, stones[other]) + reach_m(scene, stone)
+            equal = len({stone.radius_m for stone in stones}) == 1
+            raise InputError(f"{file}: stones.{_place_key(scene, k, stone)}: stones {other + 1} and {k + 1} overlap, "
+                             f"their centres must be at least {'2 radius_m' if equal else 'the sum of their radii'} = "
+                             f"{least:g} m apart")
+        flying.add(stone)
+
+
+def _place_key(scene: Scene, k: int, stone: Stone) -> str:
+    place = f"({stone.place_m[0]:g}, {stone.place_m[1]:g})"
+    if scene.stones.positions is not None:
+        return f"positions.{k} = {place}"
+    if scene.stones.circle_radius_m is not None:
+        return f"circle_radius_m = {scene.stones.circle_radius_m:g}"
+    return f"each.{k}.x_m, y_m = {place}"

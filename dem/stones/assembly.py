@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from common.scene import Scene
+from common.scene_shapes import ShapeTable
+from common.scene_stones import SPHERE
 from common.tables import Refused
-from dem.stones.arrangement import Arrangement
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
-from dem.stones.library import packed_sphere, surface_of
+from dem.stones.library import REFERENCE_RADIUS_m, packed_solid, packed_sphere, scaled_packing, surface_of
 from dem.stones.packing import Packing, SphereContainer
+from dem.stones.shapes import Solid, solid_of
+from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
 # before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
 CONTACT_RADIUS_RATIO = 0.975
+LEAST_SHARE = 0.2  # of a sub-sphere's mass over what its volume would give it, in a stone that is no sphere
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """n sub-spheres and m bonds.
+    """What falls: the `stones`, gravity (3,) in the frame of the plate, and their n sub-spheres and m bonds where each
+    stone enters.
 
     `center_m` (n, 3), `radius_m` (n,) of contact, `mass_kg` (n,), `material` (n,) index into `materials`,
     `agglomerate` (n,) 0-based and ascending; `bond_first`, `bond_second` (m,) 0-based sub-spheres, `bond_vector_m`
@@ -30,6 +39,8 @@ class Assembly:
     strengths of the material. `surfaces`: of each agglomerate where stones touch as smooth bodies, else empty.
     """
 
+    stones: tuple[Stone, ...]
+    gravity_m_s2: tuple[float, float, float]
     materials: list[str]
     center_m: np.ndarray
     radius_m: np.ndarray
@@ -65,66 +76,195 @@ class Assembly:
 
     @property
     def stone_materials(self) -> list[str]:
-        """Name of the material of each agglomerate."""
-        first = np.append(0, np.cumsum(self.sizes)[:-1])
-        return [self.materials[m] for m in self.material[first]]
+        """Name of the material of each stone."""
+        return [stone.material for stone in self.stones]
+
+    @property
+    def stone_mass_kg(self) -> np.ndarray:
+        """(stones,)."""
+        return np.bincount(self.agglomerate, self.mass_kg)
+
+    @property
+    def mass_height_kg_m(self) -> np.ndarray:
+        """(stones,) sum of mass times height, against gravity, of the sub-spheres where each stone enters."""
+        return np.bincount(self.agglomerate, self.mass_kg * (self.center_m @ np.array(self.up)))
+
+    @property
+    def up(self) -> tuple[float, float, float]:
+        """Unit vector against gravity, that of z where there is none."""
+        size = math.hypot(*self.gravity_m_s2)
+        x, y, z = (-g / size for g in self.gravity_m_s2) if size > 0 else (0.0, 0.0, 1.0)
+        return x, y, z
+
+    @property
+    def is_stream(self) -> bool:
+        """Do stones enter later than at the start, so that the engine takes them in and lets them go?"""
+        return any(entry.is_late for entry in self.entries)
+
+    @cached_property
+    def entries(self) -> tuple[Entry, ...]:
+        """When, where and how fast each stone enters."""
+        return tuple(entry_of(stone, self.gravity_m_s2) for stone in self.stones)
+
+    @property
+    def kinetic_start_J(self) -> np.ndarray:
+        """(stones,) when each enters: of its flight, and of its spin where it has one."""
+        speed2 = np.array([math.hypot(*entry.velocity_m_s) ** 2 for entry in self.entries])
+        flight = 0.5 * self.stone_mass_kg * speed2
+        if not self.spins:
+            return flight
+        velocity, omega = self.start_motion()
+        speed2, spin2 = (velocity**2).sum(axis=1), (omega**2).sum(axis=1)
+        return np.bincount(self.agglomerate, self.mass_kg * (speed2 / 2 + self.radius_m**2 * spin2 / 5))
+
+    @property
+    def spins(self) -> bool:
+        """Does any stone spin when it enters?"""
+        return any(any(stone.spin_rad_s) for stone in self.stones)
+
+    def start_motion(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and spin (n, 3) of each sub-sphere when its stone enters."""
+        velocity = np.array([entry.velocity_m_s for entry in self.entries])[self.agglomerate]
+        omega = np.array([stone.spin_rad_s for stone in self.stones])[self.agglomerate]
+        center = np.column_stack([np.bincount(self.agglomerate, self.mass_kg * self.center_m[:, k]) for k in range(3)])
+        arm = self.center_m - (center / self.stone_mass_kg[:, None])[self.agglomerate]
+        return velocity + np.cross(omega, arm), omega
+
+    @property
+    def momentum_start_kg_m_s(self) -> np.ndarray:
+        """(stones, 3) when each enters."""
+        return self.stone_mass_kg[:, None] * np.array([entry.velocity_m_s for entry in self.entries])
+
+    @property
+    def impact_speed_m_s(self) -> float:
+        """The fastest with which a stone arrives."""
+        return max(impact_speed_m_s(stone, self.gravity_m_s2) for stone in self.stones)
 
 
-def assemble(scene: Scene, arrangement: Arrangement, cache_dir: Path | None = None) -> Assembly:
-    """Pack each stone and set it down above the plate, its lowest point `gap_m` up, or higher to arrive later.
+@dataclass(frozen=True)
+class StoneParts:
+    """One stone where it enters: its n sub-spheres and its bonds, as in `Assembly`, numbered from 0."""
+
+    center_m: np.ndarray
+    radius_m: np.ndarray
+    mass_kg: np.ndarray
+    bonds: Bonds
+    surface: StoneSurface | None
+
+
+def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> StoneParts:
+    """Pack a stone and set it where it enters, its lowest point on the plate when it has come down.
 
     Packings come from the library in `cache_dir`, if that is given. Raises Refused, a key of `stones.agglomerate`,
     where sub-spheres are too few for a smooth contact.
     """
-    stones = scene.stones
-    materials = sorted(set(arrangement.material))  # LIGGGHTS wants types without gaps
-    parts, surfaces = [], []
-    for k, (place, material) in enumerate(zip(arrangement.position_m, arrangement.material)):
-        packing, radius, network = _stone(scene, k, cache_dir)
-        lowest = (packing.center_m[:, 2] - radius).min()
-        if scene.has_smooth_contact:
-            lowest = -stones.radius_m
-            surfaces.append(_surface(scene, packing, network, material, cache_dir))
-        center = packing.center_m + [place[0], place[1], _height_m(scene, k) - lowest]
-        bonds = (network.first, network.second, network.vector_m, network.radius_m)
-        mass = scene.materials[material].density_kg_m3 * 4 / 3 * np.pi * stones.radius_m**3
-        parts.append((center, radius, mass * radius**3 / (radius**3).sum(), materials.index(material), bonds,
-                      scene.stones.strength_factor[k] if scene.stones.strength_factor else 1.0))
-    first = np.cumsum([0, *(len(p[0]) for p in parts)])
+    one = _at_reference_size(scene, stone, cache_dir)
+    packing, network, surface = one.scaled(stone.radius_m)
+    if stone.attitude != UPRIGHT and len(network):
+        packing, network, surface = turned(stone.attitude, packing, network, surface)
+    radius = CONTACT_RADIUS_RATIO * packing.radius_m if len(network) else packing.radius_m
+    lowest = (packing.center_m[:, 2] - radius).min() if surface is None else -stone.radius_m
+    x, y, height = entry_of(stone, scene.gravity_vector_m_s2).offset_m
+    center = packing.center_m + [stone.place_m[0] + x, stone.place_m[1] + y, height - lowest]
+    mass = scene.materials[stone.material].density_kg_m3 * 4 / 3 * np.pi * stone.radius_m**3
+    share = mass * radius**3 / (radius**3).sum() if one.mass_share is None else mass * one.mass_share
+    return StoneParts(center, radius, share, network, surface)
+
+
+def turned(attitude: tuple[float, float, float, float], packing: Packing, bonds: Bonds,
+           surface: StoneSurface | None) -> tuple[Packing, Bonds, StoneSurface | None]:
+    """The same stone turned by a quaternion (w, x, y, z). The patch about its new lowest point has the mean compliance
+    of patches elsewhere."""
+    turn = Rotation.from_quat(np.roll(attitude, -1)).as_matrix().T
+    packing, bonds = replace(packing, center_m=packing.center_m @ turn), replace(bonds, vector_m=bonds.vector_m @ turn)
+    if surface is not None:
+        surface = replace(surface, place_m=packing.center_m, first=surface.other)
+    return packing, bonds, surface
+
+
+def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = None) -> Assembly:
+    """Pack each stone and set it where it enters. Raises Refused as `stone_parts` does."""
+    materials = sorted({stone.material for stone in stones})  # LIGGGHTS wants types without gaps
+    parts = [stone_parts(scene, stone, cache_dir) for stone in stones]
+    sizes, bonds = [len(p.radius_m) for p in parts], [len(p.bonds) for p in parts]
+    first = np.cumsum([0, *sizes])
     return Assembly(
+        stones=tuple(stones),
+        gravity_m_s2=scene.gravity_vector_m_s2,
         materials=materials,
-        center_m=np.vstack([p[0] for p in parts]),
-        radius_m=np.concatenate([p[1] for p in parts]),
-        mass_kg=np.concatenate([p[2] for p in parts]),
-        material=np.concatenate([np.full(len(p[0]), p[3]) for p in parts]),
-        agglomerate=np.concatenate([np.full(len(p[0]), k) for k, p in enumerate(parts)]),
-        bond_first=np.concatenate([p[4][0] + f for p, f in zip(parts, first)]),
-        bond_second=np.concatenate([p[4][1] + f for p, f in zip(parts, first)]),
-        bond_vector_m=np.vstack([p[4][2] for p in parts]),
-        bond_radius_m=np.concatenate([p[4][3] for p in parts]),
-        bond_strength_factor=np.concatenate([np.full(len(p[4][0]), p[5]) for p in parts]),
-        surfaces=tuple(surfaces),
+        center_m=np.vstack([p.center_m for p in parts]),
+        radius_m=np.concatenate([p.radius_m for p in parts]),
+        mass_kg=np.concatenate([p.mass_kg for p in parts]),
+        material=np.repeat([materials.index(stone.material) for stone in stones], sizes),
+        agglomerate=np.repeat(np.arange(len(parts)), sizes),
+        bond_first=np.concatenate([p.bonds.first + f for p, f in zip(parts, first)]),
+        bond_second=np.concatenate([p.bonds.second + f for p, f in zip(parts, first)]),
+        bond_vector_m=np.vstack([p.bonds.vector_m for p in parts]),
+        bond_radius_m=np.concatenate([p.bonds.radius_m for p in parts]),
+        bond_strength_factor=np.repeat([stone.strength_factor for stone in stones], bonds),
+        surfaces=tuple(p.surface for p in parts if p.surface is not None),
     )
 
 
-def _height_m(scene: Scene, index: int) -> float:
-    """Of the stone's lowest point: what it falls in its time of arrival on top of the gap."""
-    later = scene.stones.arrival_s[index] if scene.stones.arrival_s else 0.0
-    return scene.stones.gap_m + scene.stones.speed_m_s * later + 0.5 * scene.time.gravity_m_s2 * later**2
+@dataclass(frozen=True)
+class _ReferenceStone:
+    """A stone of the library's size about its own centre: packing, bonds, and its surface where it touches smoothly."""
+
+    packing: Packing
+    bonds: Bonds
+    surface: StoneSurface | None
+    mass_share: np.ndarray | None = None  # (n,) of the stone's mass; None: by volume
+
+    def scaled(self, radius_m: float) -> tuple[Packing, Bonds, StoneSurface | None]:
+        """The same at another size. A bond network of one material is the softer, the smaller it is."""
+        size, surface = radius_m / REFERENCE_RADIUS_m, self.surface
+        bonds = replace(self.bonds, vector_m=size * self.bonds.vector_m, radius_m=size * self.bonds.radius_m)
+        if surface is not None:
+            surface = replace(surface, place_m=size * surface.place_m,
+                              first=surface.first.scaled(1 / size), other=surface.other.scaled(1 / size))
+        return scaled_packing(self.packing, radius_m), bonds, surface
 
 
-def _stone(scene: Scene, index: int, cache_dir: Path | None) -> tuple[Packing, np.ndarray, Bonds]:
-    """Packing of one stone about its own centre, radii of contact (n,), and bonds; an unbonded sphere has none."""
-    stones = scene.stones
-    if stones.agglomerate is None:
-        none = np.zeros(0, dtype=int)
-        one = Packing(np.zeros((1, 3)), np.array([stones.radius_m]), SphereContainer(stones.radius_m))
-        return one, one.radius_m, Bonds(none, none, np.zeros((0, 3)), np.zeros(0))
-    # A place keeps its packing whatever its material, so that a sweep changes the material alone.
-    packing = packed_sphere(stones.radius_m, stones.agglomerate.subspheres, stones.seed + index, cache_dir)
+def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _ReferenceStone:
+    """What the stone is made of; an unbonded sphere has no bonds."""
+    table = scene.stones.agglomerate
+    if table is None:
+        none, radius = np.zeros(0, dtype=int), REFERENCE_RADIUS_m
+        one = Packing(np.zeros((1, 3)), np.array([radius]), SphereContainer(radius))
+        return _ReferenceStone(one, Bonds(none, none, np.zeros((0, 3)), np.zeros(0)), None)
+    if stone.shape != SPHERE:
+        shape = scene.shapes[stone.shape]
+        packing, network = _packed(table.subspheres, stone.seed, cache_dir, shape)
+        return _ReferenceStone(packing, network, None, mass_shares(packing, solid_of(shape, stone.seed)))
+    packing, network = _packed(table.subspheres, stone.seed, cache_dir, None)
+    surface = _surface(scene, packing, network, stone.material, cache_dir) if scene.has_smooth_contact else None
+    return _ReferenceStone(packing, network, surface)
+
+
+@lru_cache(maxsize=128)
+def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTable | None) -> tuple[Packing, Bonds]:
+    packing = packed_sphere(REFERENCE_RADIUS_m, subspheres, seed, cache_dir) if shape is None else packed_solid(
+        solid_of(shape, seed), subspheres, seed, cache_dir)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
-    return packing, CONTACT_RADIUS_RATIO * packing.radius_m, bond_network(packing)
+    return packing, bond_network(packing)
+
+
+def mass_shares(packing: Packing, solid: Solid) -> np.ndarray:
+    """Shares (n,) of the mass such that a packing has the centre of mass and the inertia of its solid exactly: those
+    nearest to the sub-spheres' volumes, w_i = v_i (1 + sum of multipliers x moments). Raises Refused where the packing
+    is so coarse that a share would not be positive."""
+    x, r = packing.center_m / REFERENCE_RADIUS_m, CONTACT_RADIUS_RATIO * packing.radius_m / REFERENCE_RADIUS_m
+    volume = r**3 / (r**3).sum()
+    pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+    second = np.column_stack([x[:, i] * x[:, j] + (r**2 / 5 if i == j else 0) for i, j in pairs])
+    rows = np.column_stack([np.ones(len(r)), x, second])
+    wanted = np.array([1.0, 0.0, 0.0, 0.0, *(solid.second_moment[i, j] / solid.volume for i, j in pairs)])
+    multiplier = np.linalg.lstsq((rows * volume[:, None]).T @ rows, wanted - rows.T @ volume, rcond=None)[0]
+    share = volume * (1 + rows @ multiplier)
+    if not np.all(share > LEAST_SHARE * volume):
+        raise Refused("subspheres", len(r), "must be more, so that they can have the inertia of their shape")
+    return share
 
 
 def _surface(scene: Scene, packing: Packing, network: Bonds, material: str,

@@ -219,6 +219,7 @@ def _sphere_stiffness(packing: Packing, matrix: csr_matrix) -> NetworkStiffness:
         of_deviator, of_dilatation = sphere_energies(nu)
         return of_deviator / of_dilatation - deviator / dilatation
 
+    assert isinstance(packing.container, SphereContainer)
     nu = brentq(excess, -0.99, 0.4999)
     # Energy goes with (load per volume)^2 R^7/E, and the load here is one per volume.
     modulus = sphere_energies(nu)[0] * packing.container.radius_m**7 / stretch
@@ -255,6 +256,7 @@ def _inertial_energy(packing: Packing, matrix: csr_matrix, load: np.ndarray) -> 
     inertia = (share * (x**2).sum(1)).sum() * np.eye(3) - (share[:, None] * x).T @ x
     moment = np.cross(x, force[:, :3]).sum(0)
     force[:, :3] -= share[:, None] * np.cross(np.linalg.solve(inertia, moment), x)
+    assert isinstance(packing.container, SphereContainer)
     # The same mean stress as in the homogeneous sphere, whose mass reaches nearer to the surface.
     virial = (force[:, :3] * pull).sum()
     force = force.ravel() * (4 * np.pi * packing.container.radius_m**5 / 15 / virial)

@@ -43,6 +43,10 @@ class PatchCompliance:
     normal_m_N: float
     tangential_m_N: float
 
+    def scaled(self, factor: float) -> PatchCompliance:
+        """Both times a factor."""
+        return PatchCompliance(factor * self.normal_m_N, factor * self.tangential_m_N)
+
 
 def _sphere_radius_m(packing: Packing) -> float:
     assert isinstance(packing.container, SphereContainer)

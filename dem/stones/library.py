@@ -14,20 +14,48 @@ from common.cache import cached, key_of
 from common.scene import BondTable
 from dem.stones.bonds import Bonds
 from dem.stones.contact_patch import PatchCompliance, StoneSurface, is_surface, stone_surface
-from dem.stones.packing import Packing, SphereContainer, pack_sphere
+from dem.stones.packing import ConvexContainer, Packing, SphereContainer, pack, pack_sphere
+from dem.stones.shapes import Solid
 
 CODE = Path(__file__).parent
+SIZE_RATIO = 1.5  # of the sub-spheres, as in a sphere
+REFERENCE_RADIUS_m = 0.025  # with which a packing is kept; all sizes are alike
 
 
 def packed_sphere(radius_m: float, count: int, seed: int, cache_dir: Path | None) -> Packing:
     """As `pack_sphere`, from the library in `cache_dir` if it is there; without a directory it is packed."""
 
     def find() -> dict[str, np.ndarray]:
-        packing = pack_sphere(radius_m, count, seed)
+        packing = pack_sphere(REFERENCE_RADIUS_m, count, seed)
         return {"center_m": packing.center_m, "radius_m": packing.radius_m}
 
-    kept = cached(cache_dir, "packing", key_of(CODE, "sphere", float(radius_m), count, seed), find)
-    return Packing(kept["center_m"], kept["radius_m"], SphereContainer(radius_m))
+    kept = cached(cache_dir, "packing", key_of(CODE, "sphere", REFERENCE_RADIUS_m, count, seed), find)
+    return scaled_packing(Packing(kept["center_m"], kept["radius_m"], SphereContainer(REFERENCE_RADIUS_m)), radius_m)
+
+
+def packed_solid(solid: Solid, count: int, seed: int, cache_dir: Path | None) -> Packing:
+    """A packing in a convex solid of the volume of the reference sphere, see `packed_sphere`."""
+    container = container_of(solid).in_units(1 / REFERENCE_RADIUS_m)
+
+    def find() -> dict[str, np.ndarray]:
+        packing = pack(container, count, seed, SIZE_RATIO)
+        return {"center_m": packing.center_m, "radius_m": packing.radius_m}
+
+    kept = cached(cache_dir, "packing", key_of(CODE, container, count, seed), find)
+    return Packing(kept["center_m"], kept["radius_m"], container)
+
+
+def container_of(solid: Solid) -> ConvexContainer:
+    """The faces of a solid, those that its triangles share once."""
+    planes = np.unique(np.round(np.column_stack([solid.normal, solid.offset]), 9), axis=0)
+    x, y, z = np.abs(solid.corner).max(axis=0).tolist()
+    return ConvexContainer(tuple(map(tuple, planes.tolist())), (x, y, z), solid.volume)
+
+
+def scaled_packing(packing: Packing, radius_m: float) -> Packing:
+    """A packing of the reference size at another one."""
+    size = radius_m / REFERENCE_RADIUS_m
+    return Packing(size * packing.center_m, size * packing.radius_m, packing.container.in_units(1 / size))
 
 
 def surface_of(packing: Packing, bonds: Bonds, bond: BondTable, cache_dir: Path | None) -> StoneSurface:

@@ -93,7 +93,33 @@ class CylinderContainer:
         return CylinderContainer(self.radius_m / length_m, self.length_m / length_m)
 
 
-Container = SphereContainer | CylinderContainer
+@dataclass(frozen=True)
+class ConvexContainer:
+    """A convex solid about the origin: rows of outward normal (3) and distance from the origin of its faces, and its
+    volume."""
+
+    faces: tuple[tuple[float, float, float, float], ...]
+    extent_m: tuple[float, float, float]  # largest |x|, |y|, |z|
+    volume_m3: float
+    pressed_axes = ()
+
+    @property
+    def half_size_m(self) -> np.ndarray:
+        """(3,) half of the extent of a box about the origin that holds it."""
+        return np.array(self.extent_m)
+
+    def walls(self, x: np.ndarray) -> Walls:
+        """The walls as seen from points x (n, 3)."""
+        return [(face[3] - x @ np.array(face[:3]), np.tile(-np.array(face[:3]), (len(x), 1))) for face in self.faces]
+
+    def in_units(self, length_m: float) -> ConvexContainer:
+        """The same in units of `length_m`."""
+        faces = tuple((a, b, c, d / length_m) for a, b, c, d in self.faces)
+        x, y, z = self.extent_m
+        return ConvexContainer(faces, (x / length_m, y / length_m, z / length_m), self.volume_m3 / length_m**3)
+
+
+Container = SphereContainer | CylinderContainer | ConvexContainer
 
 
 @dataclass(frozen=True)

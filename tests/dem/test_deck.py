@@ -8,7 +8,7 @@ from scenes_of_tests import SCENES, changed
 from dem.deck.render import render
 from dem.deck.time_step import step_limits, time_step
 from dem.run.recorder import PlateRecorder
-from dem.stones.arrangement import arrange
+from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
@@ -32,7 +32,7 @@ NAMES = sorted(file.stem for file in SCENES.glob("*.toml") if "[stones]" in file
 
 
 def deck_of(scene):
-    assembly = assemble(scene, arrange(scene, "scene"))
+    assembly = assemble(scene, stones_of(scene, "scene"))
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1 if scene.plate.model == "flexible" else None)
     text = render(scene, assembly, step)
     return {part for part, pattern in PARTS.items() if re.search(pattern, text, re.MULTILINE)}, text

@@ -10,7 +10,7 @@ from common.error_laws import Law, law, least_tolerance
 from common.tables import InputError
 from dem.deck.time_step import accuracy_settings, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import expected_error, with_tolerance
-from dem.stones.arrangement import arrange
+from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 
 POWER = Law(np.array([0.1, 0.2, 0.8]), 3 * np.array([0.1, 0.2, 0.8]) ** 2)
@@ -42,7 +42,7 @@ WITHOUT_MODES = {"plate.max_frequency_Hz": None, "stones.agglomerate.subspheres"
 def settings_of(tolerance):
     """What a tolerance picks for one bonded stone, and the error expected of it."""
     scene = changed("single", WITHOUT_MODES | {"tolerance": tolerance})
-    assembly = assemble(scene, arrange(scene, "scene"))
+    assembly = assemble(scene, stones_of(scene, "scene"))
     contact = stone_contact_time_s(scene, assembly)
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     plate = with_tolerance(scene.plate, scene.tolerance, contact, bonded=True)

@@ -1,0 +1,60 @@
+"""Makes recognition/evaluation/data/solid_plate.npz: modes of the paper's plate as a 3D solid, by CalculiX.
+
+    python benchmarks/solid_plate.py
+
+One quarter of plate and rods, meshed in 20-node bricks (tests/plate_fem/solid.py); the four combinations of even and
+odd about the two mirror planes give all modes. Deflections of the mid-plane, on a regular grid over the plate.
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CloughTocher2DInterpolator
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests/plate_fem"))
+from solid import solid_modes  # type: ignore[import-not-found]  # noqa: E402
+
+STEEL = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11, "poisson_ratio": 0.3}
+HALF_m, THICKNESS_m, ROD_m, DIAMETER_m, LENGTH_m = 0.25, 0.02, 0.2, 0.02, 0.1  # as in scenes/paper.toml
+HIGHEST_Hz, COUNT, CELLS, FINE = 8000.0, 26, 64, 1
+OUT = ROOT / "recognition/evaluation/data/solid_plate.npz"
+
+
+def quarter(folder: Path, symmetry: str) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (n,) and deflections (k, k, n) on the grid's quarter x, y >= 0, mass-normalised for the whole."""
+    frequency, node_m, motion = solid_modes(folder, HALF_m, THICKNESS_m, ROD_m, DIAMETER_m, LENGTH_m, STEEL, symmetry,
+                                            COUNT, FINE)
+    if frequency[-1] < HIGHEST_Hz:
+        raise RuntimeError(f"{COUNT} modes of symmetry {symmetry!r} end at {frequency[-1]:.0f} Hz")
+    kept = frequency < HIGHEST_Hz
+    x, y = np.meshgrid(*2 * [np.linspace(0, HALF_m, CELLS // 2 + 1)], indexing="ij")
+    return frequency[kept], CloughTocher2DInterpolator(node_m, motion[kept, :, 2].T)(x, y) / 2
+
+
+def whole(part: np.ndarray, symmetry: str) -> np.ndarray:
+    """The quarter (k, k, n), mirrored to the whole grid (2 k - 1, 2 k - 1, n)."""
+    for axis, kind in enumerate(symmetry):
+        mirrored = np.flip(part, axis) * (1 if kind == "s" else -1)
+        part = np.concatenate([np.delete(mirrored, -1, axis), part], axis)
+    return part
+
+
+def main() -> None:
+    frequencies, shapes = [], []
+    for symmetry in ("ss", "sa", "as", "aa"):
+        with tempfile.TemporaryDirectory() as folder:
+            found, part = quarter(Path(folder), symmetry)
+        frequencies.append(found)
+        shapes.append(whole(part, symmetry))
+    frequency, shape = np.concatenate(frequencies), np.concatenate(shapes, axis=2)
+    order = np.argsort(frequency)
+    lines_m = np.linspace(-HALF_m, HALF_m, CELLS + 1)
+    np.savez_compressed(OUT, frequency_Hz=frequency[order], lines_m=lines_m,
+                        grid_shape=shape[..., order].astype(np.float32))
+
+
+if __name__ == "__main__":
+    main()

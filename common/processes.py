@@ -1,0 +1,50 @@
+"""Processes that this one starts: they end with it, and may share its work."""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
+_work: Callable[[int], Any]
+
+
+def die_with_parent(by: int = signal.SIGKILL) -> None:
+    """Called in a new process: the kernel sends it a signal when the one that started it is gone."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, by)
+
+
+def side_by_side(work: Callable[[int], Result], count: int) -> list[Result]:
+    """Return work(0), ..., work(count - 1), done by as many processes as this one may use processors.
+
+    Each process is a copy of this one, so `work` finds all that is in memory here; its results must be picklable. What
+    it raises is raised here. The processes end with that, and after Ctrl-C. Where a copy is not safe, outside Linux,
+    this process does it all.
+    """
+    processes = min(count, len(os.sched_getaffinity(0))) if sys.platform == "linux" else 1
+    if processes <= 1:
+        return [work(number) for number in range(count)]
+    pool = ProcessPoolExecutor(processes, multiprocessing.get_context("fork"), _begin, (work,))
+    try:
+        return list(pool.map(_do, range(count)))
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin(work: Callable[[int], Any]) -> None:
+    """In a new process, which leaves the answer to Ctrl-C to the one that it came from."""
+    global _work  # noqa: PLW0603 - found again by name in the copy
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent()
+    _work = work
+
+
+def _do(number: int) -> Any:
+    return _work(number)

@@ -1,0 +1,66 @@
+"""The file of a stream of stones, from which the engine reads each one when it enters (dem/engine/stone_file.h)."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from common.scene import Scene
+from dem.deck.smooth_contact import contact_rows
+from dem.deck.time_step import TimeStep
+from dem.stones.assembly import Assembly
+from dem.stones.stone import Entry
+
+INDEX_NUMBERS = 5 + 3  # of a stone: whole numbers, spin
+
+
+def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -> None:
+    """Write all stones, each as it is at its step of entry."""
+    atoms, bonds = _atoms(assembly), _bonds(assembly)
+    atom_start = np.cumsum([0, *assembly.sizes])
+    bond_start = np.searchsorted(assembly.bond_first, atom_start)
+    contact = contact_rows(scene, assembly) if assembly.surfaces else None
+    index, parts = [], []
+    at = 8 * (3 + len(assembly.materials) + INDEX_NUMBERS * len(assembly.stones))
+    for k, (stone, entry) in enumerate(zip(assembly.stones, assembly.entries, strict=True)):
+        here, held = slice(atom_start[k], atom_start[k + 1]), slice(bond_start[k], bond_start[k + 1])
+        entry_step, ahead_m, faster_m_s = at_step(entry, assembly.gravity_m_s2, step.dt_s)
+        own = atoms[here].copy()
+        own[:, 3:6] += ahead_m
+        own[:, 6:] += faster_m_s
+        part = [own, bonds[held]]
+        if contact is not None:
+            surface = assembly.surfaces[k]
+            part += [contact[k], np.column_stack([surface.place_m, assembly.radius_m[here], assembly.mass_kg[here],
+                                                  surface.is_surface])]
+        parts += part
+        index.append(np.concatenate([np.array([entry_step, at, len(own), held.stop - held.start, contact is not None],
+                                              dtype="<i8").view("<f8"), stone.spin_rad_s]))
+        at += 8 * sum(values.size for values in part)
+    greatest = [assembly.radius_m[assembly.material == m].max() for m in range(len(assembly.materials))]
+    with open(file, "wb") as out:
+        np.array([len(index), len(greatest)], dtype="<i8").tofile(out)
+        for values in ([assembly.radius_m.min(), *greatest], *index, *parts):
+            np.ascontiguousarray(values, dtype="<f8").tofile(out)
+
+
+def at_step(entry: Entry, gravity_m_s2: tuple[float, float, float], dt_s: float) -> tuple[int, np.ndarray, np.ndarray]:
+    """The DEM step at which a stone enters, the last one not after its entry; how far it is from its place of entry
+    then, (3,) m; and how much faster, (3,) m/s."""
+    dem_step = math.floor(entry.entry_s / dt_s * (1 + 1e-12))
+    ahead_s = dem_step * dt_s - entry.entry_s
+    v, g = np.array(entry.velocity_m_s), np.array(gravity_m_s2)
+    return dem_step, ahead_s * v + 0.5 * ahead_s**2 * g, ahead_s * g
+
+
+def _atoms(assembly: Assembly) -> np.ndarray:
+    density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
+    return np.column_stack([assembly.material + 1, 2 * assembly.radius_m, density, assembly.center_m,
+                            assembly.start_motion()[0]])
+
+
+def _bonds(assembly: Assembly) -> np.ndarray:
+    return np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_material + 1,
+                            assembly.bond_vector_m, assembly.bond_radius_m, assembly.bond_strength_factor])

@@ -1,0 +1,172 @@
+"""Stones drawn from distributions: how many, how large, of what, when, how fast and where.
+
+Each quantity has a random stream of its own, so that a change of one leaves the others as they are: at another mixing
+ratio the same stones fall at the same places, and only their material changes.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from common.scene import Scene
+from common.scene_stones import MOST_STONES, DrawnStones, StreamTable
+from common.tables import InputError
+from dem.stones.paths import Flying
+from dem.stones.stone import UPRIGHT, Stone
+
+PLACE_TRIES = 1000
+
+
+def drawn_stones(scene: Scene, file: str) -> list[Stone]:
+    """The stones of `stones.drawn` or `stones.stream`. Raises InputError where they find no place, or are too many."""
+    table = scene.stones.drawn or scene.stones.stream
+    assert table is not None
+    draw = _Draws(scene, table)
+    size_m = draw.sizes_m(_count(scene, table, file, draw))
+    gangue = draw.gangue(size_m)
+    count = len(size_m)
+    arrival_s, speed, spin, strength = (
+        draw.arrivals_s(count), draw.speeds_m_s(count), draw.spins_rad_s(count), draw.strengths(count))
+    attitude, shape, packing = draw.attitudes(count), draw.shapes(count), draw.packings(count)
+    down = scene.down
+    stones = [Stone(material=scene.stones.gangue if gangue[k] else scene.stones.coal, radius_m=float(size_m[k]) / 2,
+                    place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in down),  # type: ignore[arg-type]
+                    seed=scene.stones.seed + int(packing[k]), gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
+                    spin_rad_s=tuple(spin[k].tolist()), attitude=tuple(attitude[k].tolist()),
+                    strength_factor=float(strength[k]), shape=shape[k]) for k in range(count)]
+    return _placed(scene, stones, table, draw.rng("place"), file)
+
+
+class _Draws:
+    """Draws each quantity from its own random stream."""
+
+    def __init__(self, scene: Scene, table: DrawnStones):
+        self._scene, self._table = scene, table
+
+    def rng(self, quantity: str) -> np.random.Generator:
+        """Random numbers of one quantity alone."""
+        return np.random.default_rng([self._scene.stones.seed, zlib.crc32(quantity.encode())])
+
+    def sizes_m(self, count: int) -> np.ndarray:
+        """(count,) diameters."""
+        return self._table.size_m.draw(count, self.rng("size"))
+
+    def gangue(self, size_m: np.ndarray) -> np.ndarray:
+        """(count,) bool: which stones are gangue. In a random order, each one is where that brings the share nearer to
+        the mixing ratio."""
+        stones, count = self._scene.stones, len(size_m)
+        order = self.rng("material").permutation(count)
+        if self._table.gangue_by == "number":
+            gangue = coal = np.ones(count)
+        else:
+            density = {name: self._scene.materials[name].density_kg_m3 for name in (stones.coal, stones.gangue)}
+            gangue, coal = size_m**3 * density[stones.gangue], size_m**3 * density[stones.coal]
+        which, of_gangue, of_coal = np.zeros(count, dtype=bool), 0.0, float(coal.sum())
+        assert stones.gangue_ratio is not None
+        for k in order:
+            more, less = of_gangue + gangue[k], max(0.0, of_coal - coal[k])
+            now, then = of_gangue / (of_gangue + of_coal), more / (more + less)
+            if abs(then - stones.gangue_ratio) < abs(now - stones.gangue_ratio):
+                which[k], of_gangue, of_coal = True, more, less
+        return which
+
+    def arrivals_s(self, count: int) -> np.ndarray:
+        """(count,); those of a stream ascend: as many random times in its duration."""
+        if isinstance(self._table, StreamTable):
+            share = np.sort(self.rng("arrival").uniform(size=count))
+            return self._table.begin_s + self._table.duration_s * share
+        assert self._scene.stones.drawn is not None
+        return self._scene.stones.drawn.arrival_s.draw(count, self.rng("arrival"))
+
+    def speeds_m_s(self, count: int) -> np.ndarray:
+        """(count,) at the touch."""
+        if self._table.speed_m_s is not None:
+            return self._table.speed_m_s.draw(count, self.rng("speed"))
+        assert self._table.drop_height_m is not None
+        return np.sqrt(2 * self._scene.time.gravity_m_s2 * self._table.drop_height_m.draw(count, self.rng("speed")))
+
+    def spins_rad_s(self, count: int) -> np.ndarray:
+        """(count, 3), axes evenly spread."""
+        rng = self.rng("spin")
+        axis = rng.normal(size=(count, 3))
+        return self._table.spin_rad_s.draw(count, rng)[:, None] * axis / np.linalg.norm(axis, axis=1)[:, None]
+
+    def strengths(self, count: int) -> np.ndarray:
+        """(count,) factors."""
+        return self._table.strength_factor.draw(count, self.rng("strength"))
+
+    def attitudes(self, count: int) -> np.ndarray:
+        """(count, 4) quaternions (w, x, y, z)."""
+        if self._table.attitude == "fixed":
+            return np.tile(UPRIGHT, (count, 1))
+        return np.roll(Rotation.random(count, random_state=self.rng("attitude")).as_quat(), 1, axis=1)
+
+    def shapes(self, count: int) -> list[str]:
+        """(count,) names."""
+        names = self._table.shapes
+        return [names[k] for k in self.rng("shape").integers(len(names), size=count)]
+
+    def packings(self, count: int) -> np.ndarray:
+        """(count,) which of the packings."""
+        return self.rng("packing").integers(self._table.packings, size=count)
+
+
+def _count(scene: Scene, table: DrawnStones, file: str, draw: _Draws) -> int:
+    """How many stones. A stream by mass goes on until its mass has been drawn."""
+    if not isinstance(table, StreamTable):
+        assert scene.stones.drawn is not None
+        return scene.stones.drawn.count
+    ratio, materials = scene.stones.gangue_ratio, scene.materials
+    assert ratio is not None
+    if table.rate_1_s is not None:
+        count = round(table.rate_1_s * table.duration_s)
+        key = f"rate_1_s = {table.rate_1_s:g}"
+    else:
+        assert table.rate_kg_s is not None
+        coal, gangue = (materials[name].density_kg_m3 for name in (scene.stones.coal, scene.stones.gangue))
+        density = 1 / (ratio / gangue + (1 - ratio) / coal) if table.gangue_by == "mass" else (
+            ratio * gangue + (1 - ratio) * coal)
+        mass = np.cumsum(density * np.pi / 6 * draw.sizes_m(MOST_STONES + 1) ** 3)
+        count = int(np.abs(mass - table.rate_kg_s * table.duration_s).argmin()) + 1
+        key = f"rate_kg_s = {table.rate_kg_s:g}"
+    if not 1 <= count <= MOST_STONES:
+        raise InputError(f"{file}: stones.stream.{key}: leads to {count} stones in {table.duration_s:g} s; must be "
+                         f"from 1 to {MOST_STONES}")
+    return count
+
+
+def _placed(scene: Scene, stones: list[Stone], table: DrawnStones, rng: np.random.Generator,
+            file: str) -> list[Stone]:
+    """Each stone on a random place where it meets none that flies when it enters. Raises InputError."""
+    way = "drawn" if scene.stones.drawn is not None else "stream"
+    low, high = _footprint(scene, stones, table, f"{file}: stones.{way}")
+    flying, placed = Flying(scene), []
+    for k in np.argsort([stone.arrival_s for stone in stones], kind="stable"):
+        for _ in range(PLACE_TRIES):
+            one = replace(stones[k], place_m=tuple(rng.uniform(low, high).tolist()))
+            if flying.nearest(one)[1] >= 0:
+                break
+        else:
+            raise InputError(f"{file}: stones.{way}.footprint: {len(stones)} stones find no place on it; must be "
+                             "larger, or the stones fewer, smaller or further apart in time")
+        flying.add(one)
+        placed.append((k, one))
+    return [one for _, one in sorted(placed, key=lambda pair: pair[0])]
+
+
+def _footprint(scene: Scene, stones: list[Stone], table: DrawnStones, where: str) -> tuple[np.ndarray, np.ndarray]:
+    half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
+    if table.footprint is not None:
+        x, y = table.footprint.x_m, table.footprint.y_m
+        if max(map(abs, x)) > half[0] or max(map(abs, y)) > half[1]:
+            raise InputError(f"{where}.footprint = {x}, {y}: must lie on the plate, which reaches to x = {half[0]:g} m "
+                             f"and y = {half[1]:g} m")
+        return np.array([x[0], y[0]]), np.array([x[1], y[1]])
+    half = half - max(stone.radius_m for stone in stones)
+    if half.min() <= 0:
+        raise InputError(f"{where}.size_m = {table.size_m.bounds[1]:g}: must be smaller than the plate")
+    return -half, half

@@ -1,0 +1,145 @@
+"""Convex solids: random polyhedra, and the surface in a mesh file; their volume, area, centre and moments.
+
+A polyhedron is the convex hull of points on a sphere that repel each other a little, stretched so that its extents
+along three axes are as 1 : elongation : elongation x flatness. All solids are kept with the volume of the unit sphere
+and their centre of mass at the origin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import meshio
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from common.scene_shapes import ShapeTable
+from common.tables import InputError
+
+USUAL_CORNERS = 16
+CORNERS = (6, 7, 8, 9, 10, 12, 14, 16, 20, 24, 32, 48, 64, 100, 150, 200)  # tried for a sphericity
+SPHERICITY_TOLERANCE = 0.03
+SPREAD_TURNS = 5          # of the repulsion between the corners
+CONVEX_TOLERANCE = 0.01   # of the volume between a surface and its convex hull
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A convex solid of the volume of the unit sphere about its centre of mass: `corner` (c, 3), `triangle` (t, 3) of
+    corners, outward `normal` (t, 3) and distance `offset` (t,) of each triangle's plane."""
+
+    corner: np.ndarray
+    triangle: np.ndarray
+    normal: np.ndarray
+    offset: np.ndarray
+
+    @property
+    def reach(self) -> float:
+        """Radius of the sphere about the centre that holds it."""
+        return float(np.linalg.norm(self.corner, axis=1).max())
+
+    @property
+    def volume(self) -> float:
+        """By the divergence theorem."""
+        return float(moments(self.corner, self.triangle)[0])
+
+    @property
+    def area(self) -> float:
+        """Of the surface."""
+        a, b, c = (self.corner[self.triangle[:, k]] for k in range(3))
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+    @property
+    def sphericity(self) -> float:
+        """Area of the sphere of equal volume over that of the solid."""
+        return float((36 * np.pi * self.volume**2) ** (1 / 3) / self.area)
+
+    @property
+    def second_moment(self) -> np.ndarray:
+        """(3, 3) integral of x x^T over the volume."""
+        return moments(self.corner, self.triangle)[2]
+
+
+def moments(corner: np.ndarray, triangle: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Volume, first (3,) and second (3, 3) moment about the origin of a closed surface of triangles with outward
+    normals. Each spans a tetrahedron with the origin, of volume det/6 and moments det/24 s and det/120 (sum x x^T +
+    s s^T), s the sum of its corners."""
+    points = corner[triangle]
+    det = np.linalg.det(points)
+    total = points.sum(axis=1)
+    second = np.einsum("t,tki,tkj->ij", det, points, points) + np.einsum("t,ti,tj->ij", det, total, total)
+    return float(det.sum() / 6), det @ total / 24, second / 120
+
+
+@lru_cache(maxsize=4096)
+def solid_of(shape: ShapeTable, seed: int) -> Solid:
+    """The solid of one stone. A file has one, whatever the seed. Raises InputError, which names the file."""
+    return _from_file(Path(shape.file)) if shape.file is not None else polyhedron(shape, seed)
+
+
+def polyhedron(shape: ShapeTable, seed: int) -> Solid:
+    """A random polyhedron. Raises InputError where its sphericity cannot be met."""
+    if shape.sphericity is None:
+        return _with_corners(shape, shape.corners or USUAL_CORNERS, seed)
+    found = [_with_corners(shape, corners, seed) for corners in CORNERS]
+    best = min(found, key=lambda solid: abs(solid.sphericity - shape.sphericity))  # type: ignore[operator]
+    if abs(best.sphericity - shape.sphericity) > SPHERICITY_TOLERANCE:
+        least, most = min(s.sphericity for s in found), max(s.sphericity for s in found)
+        raise InputError(f"shapes: sphericity = {shape.sphericity:g}: must be from {least:.3f} to {most:.3f} with this "
+                         "elongation and flatness")
+    return best
+
+
+def _with_corners(shape: ShapeTable, corners: int, seed: int) -> Solid:
+    rng = np.random.default_rng([seed, corners])
+    point = rng.normal(size=(corners, 3))
+    point /= np.linalg.norm(point, axis=1)[:, None]
+    for _ in range(SPREAD_TURNS):  # else slivers
+        away = point[:, None] - point[None]
+        distance2 = (away**2).sum(axis=2) + np.eye(corners)
+        point += 0.3 / corners**0.5 * (away / distance2[..., None] ** 1.5).sum(axis=1) / corners
+        point /= np.linalg.norm(point, axis=1)[:, None]
+    point *= np.array([1.0, shape.elongation, shape.elongation * shape.flatness]) / np.ptp(point, axis=0)
+    return _centred(point)
+
+
+def _centred(point: np.ndarray) -> Solid:
+    """The convex hull of points (n, 3), moved and scaled."""
+    hull = ConvexHull(point)
+    index = np.full(len(point), -1)
+    index[hull.vertices] = np.arange(len(hull.vertices))
+    corner, triangle = point[hull.vertices], index[hull.simplices]
+    normal = hull.equations[:, :3]
+    inward = np.einsum("ti,ti->t", np.cross(corner[triangle[:, 1]] - corner[triangle[:, 0]],
+                                            corner[triangle[:, 2]] - corner[triangle[:, 0]]), normal) < 0
+    triangle[inward] = triangle[inward][:, ::-1]
+    volume, first, _ = moments(corner, triangle)
+    size = (4 / 3 * np.pi / volume) ** (1 / 3)
+    corner = size * (corner - first / volume)
+    return Solid(corner, triangle, normal, np.einsum("ti,ti->t", normal, corner[triangle[:, 0]]))
+
+
+def _from_file(file: Path) -> Solid:
+    """Raises InputError for a file that cannot be read, holds no closed surface of triangles, or one that is not
+    convex."""
+    try:
+        with np.errstate(over="ignore"):  # meshio's test of whether an STL file is text
+            mesh = meshio.read(file)
+    except (Exception, SystemExit) as error:  # meshio ends the process for what it cannot read
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{file}: cannot be read as a mesh: {said}") from None
+    triangle = mesh.cells_dict.get("triangle")
+    if triangle is None or len(triangle) < 4 or not np.all(np.isfinite(mesh.points)):
+        raise InputError(f"{file}: must hold a closed surface of triangles")
+    point, same = np.unique(np.round(mesh.points, 12), axis=0, return_inverse=True)
+    triangle = same.ravel()[triangle]
+    edges = np.sort(np.vstack([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]]), axis=1)
+    if np.any(np.unique(edges, axis=0, return_counts=True)[1] != 2):
+        raise InputError(f"{file}: must hold a closed surface: an edge does not belong to two triangles")
+    volume, hull = abs(moments(point, triangle)[0]), ConvexHull(point)
+    if not volume > 0 or hull.volume > (1 + CONVEX_TOLERANCE) * volume:
+        ratio = hull.volume / max(volume, 1e-300)
+        raise InputError(f"{file}: must be convex: its hull has {ratio:.3g} times its volume")
+    return _centred(point)

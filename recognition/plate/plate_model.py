@@ -1,0 +1,177 @@
+"""A plate as its sensors know it: its modes, what each sensor sees of them, and how sure all that is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from common.cache import user_cache
+from common.files import read_sealed_json, seal, write_text
+from common.plate import FlexiblePlate, read_plate
+from common.tables import InputError
+from plate_fem.mesh import bending_wavenumber, choose_theory
+from plate_fem.modes import plate_modes
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import RecognitionError
+from recognition.plate.modal_steps import modal_steps
+
+LINES_PER_WAVELENGTH = 20  # of the grid of shapes; its cubic splines then err by at most 1e-3 of the largest shape
+FORMAT = "plate model 1"
+WITHOUT_SIGN = ("frequency_Hz", "damping_ratio", "frequency_sd", "damping_sd", "shape_sd")
+
+
+@dataclass(frozen=True)
+class PlateModel:
+    """m modes of a plate, mass-normalised, in ascending frequency, as s accelerometers and r rods see them.
+
+    frequency_Hz, damping_ratio (m,); a rigid-body mode has frequency zero.
+    sensor_names (s,); sensor_m (s, 2): where they are; sensor_shape (s, m), kg^-1/2: acceleration at a sensor per modal
+    acceleration. rod_force_N_m (r, m): force of a rod (tension positive) per modal amplitude, N/(kg^1/2 m).
+    lines_x_m (nx,), lines_y_m (ny,), grid_shape (nx, ny, m): shapes on a regular grid over the plate.
+    frequency_sd, damping_sd, shape_sd (m,): standard deviations of each mode, relative to its frequency, to its damping
+    ratio and to the rms of its shape over the plate. Zero: taken to be exact.
+    max_frequency_Hz: no mode up to here is missing.
+    Raises RecognitionError for arrays that do not fit each other, are not finite or have the wrong sign.
+    """
+
+    frequency_Hz: Floats
+    damping_ratio: Floats
+    sensor_names: tuple[str, ...]
+    sensor_m: Floats
+    sensor_shape: Floats
+    rod_force_N_m: Floats
+    lines_x_m: Floats
+    lines_y_m: Floats
+    grid_shape: Floats
+    frequency_sd: Floats
+    damping_sd: Floats
+    shape_sd: Floats
+    max_frequency_Hz: float
+
+    def __post_init__(self) -> None:
+        m, s = len(self.frequency_Hz), len(self.sensor_names)
+        expected: dict[str, tuple[int, ...]] = {name: (m,) for name in WITHOUT_SIGN}
+        expected |= {"sensor_m": (s, 2), "sensor_shape": (s, m), "rod_force_N_m": (len(self.rod_force_N_m), m),
+                     "grid_shape": (len(self.lines_x_m), len(self.lines_y_m), m)}
+        for name, shape in expected.items():
+            values = getattr(self, name)
+            if values.shape != shape:
+                raise RecognitionError(f"{name} has shape {values.shape}; needs {shape}")
+            if not np.isfinite(values).all() or name in WITHOUT_SIGN and (values < 0).any():
+                raise RecognitionError(f"{name} must be finite" + ", and not negative" * (name in WITHOUT_SIGN))
+        if (self.damping_ratio >= 1).any():
+            raise RecognitionError("damping_ratio must be below 1")
+
+    @classmethod
+    def from_scene(cls, scene: str | Path | FlexiblePlate, max_frequency_Hz: float, *, frequency_sd: float = 0.0,
+                   damping_sd: float = 0.0, shape_sd: float = 0.0) -> Self:
+        """The plate of a scene file, or a `[plate]` table, by finite elements.
+
+        The standard deviations hold for every mode; with zero the plate is believed to be as the scene says.
+        Raises InputError for a scene that cannot be read, RecognitionError for a plate without modes or sensors.
+        """
+        plate = scene if isinstance(scene, FlexiblePlate) else read_plate(scene)
+        if not isinstance(plate, FlexiblePlate):
+            raise RecognitionError(f"{scene}: plate.model = {plate.model!r}; needs 'flexible'")
+        if not plate.sensors:
+            raise RecognitionError("plate.sensors is empty; needs at least one accelerometer")
+        plate = plate.model_copy(update={"max_frequency_Hz": float(max_frequency_Hz), "truncation_tolerance": None})
+        modes = plate_modes(plate, user_cache())
+        m = len(modes.frequency_Hz)
+        if m == 0:
+            raise RecognitionError(f"no mode below {max_frequency_Hz:g} Hz")
+        wavenumber = bending_wavenumber(plate, max_frequency_Hz, choose_theory(plate))
+        lines_x, lines_y = (_lines(side, wavenumber) for side in (plate.length_m, plate.width_m))
+        sensor_m = np.array([[sensor.x_m, sensor.y_m] for sensor in plate.sensors])
+        grid = modes.shape_at(_points(lines_x, lines_y)).reshape(len(lines_x), len(lines_y), m)
+        return cls(modes.frequency_Hz, modes.damping_ratio, tuple(sensor.name for sensor in plate.sensors), sensor_m,
+                   modes.shape_at(sensor_m), modes.rod_force, lines_x, lines_y, grid, np.full(m, frequency_sd),
+                   np.full(m, damping_sd), np.full(m, shape_sd), float(max_frequency_Hz))
+
+    def shape(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Shapes (n, m) at points x_m, y_m (n,), by cubic splines between the grid lines. RecognitionError for a point
+        that is not on the plate."""
+        x, y = np.atleast_1d(np.asarray(x_m, float)), np.atleast_1d(np.asarray(y_m, float))
+        for name, values, lines in (("x_m", x, self.lines_x_m), ("y_m", y, self.lines_y_m)):
+            off = ~((values >= lines[0] - 1e-9) & (values <= lines[-1] + 1e-9))
+            if off.any():
+                raise RecognitionError(f"{name} = {values[off][0]:g}; must lie on the plate, between {lines[0]:g} and "
+                                       f"{lines[-1]:g}")
+        along_x, along_y = self._splines
+        return np.asarray(np.einsum("ni,nj,ijm->nm", along_x(x), along_y(y), self.grid_shape, optimize=True), float)
+
+    @cached_property
+    def _splines(self) -> tuple[Any, Any]:
+        """For either axis, the weights of the grid lines at a coordinate."""
+        x, y = (make_interp_spline(lines, np.eye(len(lines)), k=3) for lines in (self.lines_x_m, self.lines_y_m))
+        return x, y
+
+    @property
+    def rms_shape(self) -> Floats:
+        """(m,): rms of each shape over the grid."""
+        return np.asarray(np.sqrt(np.mean(self.grid_shape**2, axis=(0, 1))), float)
+
+    def response(self, force_N: Floats, places_m: Floats, sample_rate_Hz: float) -> Floats:
+        """Accelerations (s, t), m/s^2 upwards, under forces (n, t) in N downwards at places (n, 2).
+
+        Force k lasts from k to k + 1 sample intervals, and acceleration k belongs to k intervals, where a jump counts
+        half. The plate is at rest before. Exact for such forces.
+        """
+        acceleration = modal_steps(self, self._modal_force(force_N, places_m), sample_rate_Hz)[2]
+        return np.asarray(self.sensor_shape @ acceleration, float)
+
+    def rod_forces(self, force_N: Floats, places_m: Floats, sample_rate_Hz: float) -> Floats:
+        """Rod forces (r, t), N, under the same forces as `response`."""
+        amplitude = modal_steps(self, self._modal_force(force_N, places_m), sample_rate_Hz)[0]
+        return np.asarray(self.rod_force_N_m @ amplitude, float)
+
+    def _modal_force(self, force_N: Floats, places_m: Floats) -> Floats:
+        places, force = np.atleast_2d(np.asarray(places_m, float)), np.atleast_2d(np.asarray(force_N, float))
+        if len(places) != len(force):
+            raise RecognitionError(f"{len(force)} forces for {len(places)} places; needs one each")
+        return np.asarray(-self.shape(places[:, 0], places[:, 1]).T @ force, float)
+
+    def save(self, file: Path) -> None:
+        """Write a JSON file, sealed by its hash."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        lists = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+        write_text(file, json.dumps(seal({"format": FORMAT, **lists, "sensor_names": list(self.sensor_names)})))
+
+    @classmethod
+    def load(cls, file: Path) -> Self:
+        """Read what `save` wrote. RecognitionError, one line, for anything else."""
+        try:
+            content = read_sealed_json(file)
+        except InputError as error:
+            raise RecognitionError(str(error)) from None
+        if content is None:
+            raise RecognitionError(f"{file}: no such file")
+        return _decoded(cls, content, file)
+
+
+def _decoded(cls: Any, content: dict[str, Any], file: Path) -> Any:
+    names = {field.name for field in fields(PlateModel)}
+    if content.pop("format", None) != FORMAT or set(content) - {"sha256"} != names:
+        raise RecognitionError(f"{file}: not a plate model of this version; `python -m recognition tap` writes one")
+    m = len(content["frequency_Hz"])
+    kept = {"sensor_names": tuple(content["sensor_names"]), "max_frequency_Hz": float(content["max_frequency_Hz"])}
+    arrays = {name: np.array(content[name], float) for name in names - set(kept)}
+    return cls(**arrays | kept | {"rod_force_N_m": arrays["rod_force_N_m"].reshape(-1, m)})
+
+
+def _lines(side_m: float, wavenumber_1_m: float) -> Floats:
+    """Grid lines over a side, at least so many that a spline has its four."""
+    cells = max(8, int(np.ceil(side_m * wavenumber_1_m / (2 * np.pi) * LINES_PER_WAVELENGTH)))
+    return np.linspace(-side_m / 2, side_m / 2, cells + 1)
+
+
+def _points(x_m: Floats | Sequence[float], y_m: Floats | Sequence[float]) -> Floats:
+    x, y = np.meshgrid(x_m, y_m, indexing="ij")
+    return np.column_stack([x.ravel(), y.ravel()])

@@ -1,0 +1,1 @@
+"""Sensors as they are: offset, hum, clipping, dead and swapped channels, gains."""

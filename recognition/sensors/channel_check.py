@@ -1,0 +1,135 @@
+"""Check of a record's channels before anything is read from them.
+
+What can be told is taken away (offset, hum) or told (gains); what cannot be explained is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.plate.plate_model import PlateModel
+from recognition.sensors.free_ringing import Ringing, ringing_of
+from recognition.sensors.hum import Hum, hum_of
+
+ONSET_SHARE = 0.2  # of the largest sample
+LEAST_HUM = 0.01  # of the peak: less is not told
+CLIPPED_RUN = 3  # samples on end at the very largest value
+DEAD_SHARE = 0.02  # of the median of the other channels' rms
+AFTER_s, STRETCH_s = (2.5e-3, 5e-3, 8e-3), 10e-3  # beginnings after the onset, and length, of free motion
+BAND = 0.75  # of the plate's highest frequency: what rings above is filtered off
+#: Limit of the misfit: so many times what is expected, but within these bounds. A plate that is known so badly that
+#: more is expected cannot be checked against.
+MISFIT_FACTOR, LEAST_LIMIT, MOST_LIMIT = 2.5, 0.15, 0.35
+SWAP_GAIN = 0.6  # another order of sensors is believed if it leaves less than this of the misfit
+GAIN_SDS, GAIN_LIMITS = 4.0, (0.5, 2.0)
+MOST_GAIN = 0.1  # a gain farther off is told, if it is sure; nearer is within what the recognition allows for
+
+
+@dataclass(frozen=True)
+class ChannelReport:
+    """signals (s, n): without offset and hum. ringing: None where no free motion could be looked at. told: what was
+    taken away or is worth knowing, one line each; refused: why the record cannot be used, one line each."""
+
+    signals: Floats
+    hum: Hum
+    ringing: Ringing | None
+    told: tuple[str, ...]
+    refused: tuple[str, ...]
+
+    def check(self) -> None:
+        """Raises NotRecognised, with its reasons on one line, for a record that is refused."""
+        if self.refused:
+            raise NotRecognised("; ".join(self.refused))
+
+
+def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> ChannelReport:
+    """Check accelerations (s, n), m/s^2, of a record in which the plate is struck at once or for a while and then
+    rings. Raises RecognitionError for another number of channels than the plate has, or for values that are not
+    finite."""
+    if signals.ndim != 2 or len(signals) != len(plate.sensor_names):
+        raise RecognitionError(f"signals of shape {signals.shape}; needs {len(plate.sensor_names)} channels")
+    if not np.isfinite(signals).all():
+        raise RecognitionError("a sample is not finite")
+    names = plate.sensor_names
+    refused = [f"{names[i]}: {why}" for i in range(len(names)) if (why := _dead_or_clipped(signals, i))]
+    onset = _onset(signals)
+    bends = plate.rms_shape > 0.3 * plate.rms_shape.max()
+    hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
+    peak = abs(signals).max(axis=1)
+    told = _told_of_hum(hum, peak, names)
+    clean = signals - hum.sum if told else signals
+    if refused:
+        return ChannelReport(clean, hum, None, tuple(told), tuple(refused))
+    ringing = _ringing(clean, rate_Hz, plate, onset)
+    if ringing is not None:
+        more_told, more_refused = _judged(ringing, names)
+        told, refused = told + more_told, refused + more_refused
+    return ChannelReport(clean, hum, ringing, tuple(told), tuple(refused))
+
+
+def _dead_or_clipped(signals: Floats, i: int) -> str:
+    """Why channel i cannot be used by itself, "" if it can."""
+    x = signals[i]
+    others = np.delete(signals, i, axis=0)
+    rms = x.std()
+    if rms == 0 or len(others) and rms < DEAD_SHARE * np.median(others.std(axis=1)):
+        return "dead: it hardly moves"
+    for end in (x.max(), x.min()):
+        runs = np.diff(np.flatnonzero(np.concatenate([[True], x != end, [True]]))) - 1
+        if runs.max() >= CLIPPED_RUN:
+            return f"clipped at {end:.4g} m/s^2 for {runs.max()} samples"
+    return ""
+
+
+def _onset(signals: Floats) -> int:
+    """First sample at which any channel, less its median, exceeds a share of its largest."""
+    size = abs(signals - np.median(signals, axis=1, keepdims=True))
+    return int((size > ONSET_SHARE * size.max(axis=1, keepdims=True)).any(axis=0).argmax())
+
+
+def _told_of_hum(hum: Hum, peak: Floats, names: tuple[str, ...]) -> list[str]:
+    told = []
+    for name, offset, amplitude, most in zip(names, hum.offset, hum.amplitude, peak, strict=True):
+        if abs(offset) > LEAST_HUM * most:
+            told.append(f"{name}: offset {offset:.4g} m/s^2 taken away")
+        if amplitude > LEAST_HUM * most:
+            told.append(f"{name}: hum at {hum.mains_Hz:g} Hz of {amplitude:.4g} m/s^2 taken away")
+    return told
+
+
+def _ringing(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int) -> Ringing | None:
+    """Of the stretch after the onset that fits best; None where the record is too short for any."""
+    band_Hz = BAND * plate.max_frequency_Hz
+    filtered = signals
+    if band_Hz < 0.45 * rate_Hz:
+        filtered = sosfiltfilt(butter(8, band_Hz, fs=rate_Hz, output="sos"), signals, axis=1)
+    silence = filtered[:, : onset * 4 // 5]
+    noise = silence.std(axis=1) if silence.shape[1] > 30 else np.zeros(len(signals))
+    length, found = round(STRETCH_s * rate_Hz), []
+    for after_s in AFTER_s:
+        start = onset + round(after_s * rate_Hz)
+        if start + length <= signals.shape[1]:
+            found.append(ringing_of(filtered[:, start:start + length], rate_Hz, plate, noise))
+    return min(found, key=lambda one: min(one.misfit, one.order_misfit) / one.expected, default=None)
+
+
+def _judged(ringing: Ringing, names: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    limit = min(max(MISFIT_FACTOR * ringing.expected, LEAST_LIMIT), MOST_LIMIT)
+    own = tuple(range(len(names)))
+    if ringing.order != own and ringing.order_misfit < SWAP_GAIN * ringing.misfit:
+        mixed = [f"{names[i]} shows what {names[k]} should" for i, k in zip(own, ringing.order, strict=True) if i != k]
+        return [], ["sensors swapped: " + ", ".join(mixed)]
+    if ringing.misfit > limit:
+        return [], [f"{ringing.misfit:.0%} of the ringing is no motion of this plate, limit {limit:.0%}"]
+    told, refused = [], []
+    for name, gain, sd in zip(names, ringing.gain, ringing.gain_sd, strict=True):
+        if not GAIN_LIMITS[0] < gain < GAIN_LIMITS[1]:
+            refused.append(f"{name}: gain {gain:.2f}; a sensor has {GAIN_LIMITS[0]:g} to {GAIN_LIMITS[1]:g}")
+        elif abs(gain - 1) > MOST_GAIN and abs(gain - 1) > GAIN_SDS * sd:
+            told.append(f"{name}: gain {gain:.3f} +- {sd:.3f} against the others")
+    return told, refused

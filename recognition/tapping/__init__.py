@@ -1,0 +1,1 @@
+"""The plate learnt by tapping: its modes from records of taps at known places."""

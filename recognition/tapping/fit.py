@@ -1,0 +1,254 @@
+"""Fit of a plate to its taps: the most probable structure, by Gauss-Newton, and how sure each mode then is.
+
+What is known beforehand are standard deviations: of the frequencies and damping of the starting plate, of gains, and of
+where sensors and taps are. What the starting modes cannot explain is an error of the model, which is taken as noise of
+the power that is left in the band of each frequency.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from recognition.estimation.arrays import Floats
+from recognition.plate.plate_model import PlateModel
+from recognition.tapping.force import Force, force_of
+from recognition.tapping.structure import Parameters, Structure
+from recognition.tapping.taps import Tap, check_taps
+from recognition.tapping.window import Spectra, band_power, noise_power, samples_of, spectra
+
+BEYOND = 1.25  # modes up to so many times the highest frequency of the fit are needed
+STAGES_1_s = (2000.0, 800.0, 300.0, 100.0)  # alpha of the windows before the last, which the record's length sets
+LAST_DECAY = 5.0  # alpha times the duration of the record, in the last window
+STEPS, LAST_STEPS = 4, 8  # of Gauss-Newton, in each window
+ROUGH = 0.3  # error of the model as a share of the record, in all windows but the last
+LEAST_ERROR = 1e-3
+LEAD_S = 1e-3  # before the onset
+MODES_BEYOND = 3.0  # standard deviation of `Place.beyond`
+CONVERGED = 1e-3  # largest step, in standard deviations, with which a window ends
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Standard deviations of what is not known beforehand.
+
+    frequency: relative, of each mode by itself and, divided by the root of 2, of the mixing of two modes; damping: of
+    its logarithm; gain: relative, of a sensor; place_m: of sensors and taps along x and y.
+    """
+
+    frequency: float = 0.03
+    damping: float = 0.5
+    gain: float = 0.03
+    place_m: float = 1.5e-3
+
+    def of(self, structure: Structure) -> Floats:
+        """Standard deviations (size,) of a structure's vector of parameters."""
+        first, second = structure.pairs
+        start = structure.start
+        coupling = np.where(first == second, 1.0, np.sqrt(0.5)) * self.frequency
+        return np.concatenate([coupling, np.full(start.log_damping.size, self.damping),
+                               np.full(start.log_gain.size, self.gain),
+                               np.full(start.sensor_shift_m.size, self.place_m)])
+
+
+@dataclass(frozen=True)
+class Place:
+    """What is fitted of one tap: its shift_m (2,), the compliance (s,) that modes beyond the model give at each sensor,
+    in units of `Fit.compliance`, and its force."""
+
+    shift_m: Floats
+    beyond: Floats
+    force: Force
+
+    @property
+    def vector(self) -> Floats:
+        return np.concatenate([self.shift_m, self.beyond, self.force.coefficients])
+
+    def moved(self, step: Floats) -> Place:
+        start = 2 + self.beyond.size
+        return Place(self.shift_m + step[:2], self.beyond + step[2:start], self.force.moved(step[start:]))
+
+
+@dataclass(frozen=True)
+class State:
+    parameters: Parameters
+    places: tuple[Place, ...]
+
+    def moved(self, step: Floats) -> State:
+        start, places = self.parameters.vector.size, []
+        for place in self.places:
+            places.append(place.moved(step[start:start + place.vector.size]))
+            start += place.vector.size
+        return State(self.parameters.moved(step), tuple(places))
+
+    @property
+    def vector(self) -> Floats:
+        return np.concatenate([self.parameters.vector, *(place.vector for place in self.places)])
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """state: the most probable; covariance (size, size): of the shared parameters about it; residual, record, noise:
+    for each tap (s, n), transforms of what is left and of the record, and the power (s,) of noise; frequency_Hz (n,)
+    of each."""
+
+    structure: Structure
+    state: State
+    covariance: Floats
+    residual: list[np.ndarray]
+    record: list[np.ndarray]
+    noise: list[Floats]
+    frequency_Hz: list[Floats]
+
+
+class Fit:
+    """The cost of a state in one window, and its steps."""
+
+    def __init__(self, structure: Structure, taps: Sequence[Tap], prior: Prior, alpha: float) -> None:
+        self.structure, self.taps, self.prior, self.alpha = structure, taps, prior, alpha
+        highest_Hz = structure.plate.max_frequency_Hz / BEYOND
+        samples = samples_of(taps, LEAD_S)
+        self.spectra = [spectra(tap, alpha, highest_Hz, LEAD_S, samples) for tap in taps]
+        self.noise = [noise_power(tap, alpha, LEAD_S, samples) for tap in taps]
+        self.shapes = [structure.plate.shape(*tap.place_m[:, None]) for tap in taps]
+        self.slopes = [structure.slopes(tap.place_m[None])[0] for tap in taps]
+        self._last: tuple[State, tuple[np.ndarray, np.ndarray]] | None = None
+        end_1_s = 2 * np.pi * structure.plate.max_frequency_Hz
+        self.compliance = float(np.mean(structure.plate.rms_shape**2)) / end_1_s**2  # m/N, of a mode there
+
+    def motions(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """`Structure.motions` of the sensors and of every tap's shape and slopes (n, m, 3 taps), kept for the state."""
+        if self._last is None or self._last[0] is not state:
+            places = [np.concatenate([shape + place.shift_m @ slopes, slopes]) for shape, slopes, place in
+                      zip(self.shapes, self.slopes, state.places, strict=True)]
+            found = self.structure.motions(state.parameters, self.spectra[0].s, np.concatenate(places))
+            self._last = state, found
+        return self._last[1]
+
+    def predicted(self, state: State, k: int, slopes: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Transform (s, n) of tap k, and its derivatives (s, n, size + local), empty without `slopes`."""
+        found, place, structure = self.spectra[k], state.places[k], self.structure
+        sensors, motions = self.motions(state)
+        motion = motions[:, :, 3 * k:3 * k + 3]
+        through = structure.transfer(state.parameters, found.s, motion[:, :, 0])
+        static = -self.compliance * found.s**2
+        transfer = through + static * place.beyond[:, None]
+        force = place.force.at(found)
+        if not slopes:
+            return transfer * force, np.empty(0)
+        shared = structure.derivatives(state.parameters, found.s, sensors, motion[:, :, 0]) * force[:, None]
+        moved = [structure.transfer(state.parameters, found.s, motion[:, :, 1 + axis]) * force for axis in range(2)]
+        beyond = np.eye(len(transfer))[:, None] * (static * force)[:, None]
+        by_force = transfer[:, :, None] * place.force.basis(found)
+        return transfer * force, np.concatenate([shared, np.stack(moved, axis=2), beyond, by_force], axis=2)
+
+    def residuals(self, state: State) -> list[np.ndarray]:
+        return [found.acceleration - self.predicted(state, k)[0] for k, found in enumerate(self.spectra)]
+
+    def weights(self, state: State, rough: bool) -> list[Floats]:
+        """One over the power of errors (s, n) of each tap, for a complex normal distribution."""
+        weights = []
+        for found, noise, left in zip(self.spectra, self.noise, self.residuals(state), strict=True):
+            power, frequency_Hz = band_power(found.acceleration, _frequency(found)), _frequency(found)
+            error = ROUGH**2 * power if rough else np.maximum(band_power(left, frequency_Hz), LEAST_ERROR**2 * power)
+            weights.append(found.independent / (error + (noise[:, None] if rough else 0.0)))
+        return weights
+
+    def prior_sd(self, state: State) -> Floats:
+        local = [np.concatenate([np.full(2, self.prior.place_m), np.full(place.beyond.size, MODES_BEYOND),
+                                 place.force.deviation]) for place in state.places]
+        return np.concatenate([self.prior.of(self.structure), *local])
+
+    def cost(self, state: State, weights: list[Floats], sd: Floats) -> float:
+        """Minus the logarithm of the posterior."""
+        left = self.residuals(state)
+        misfit = sum(float(np.sum(w * abs(r) ** 2)) for w, r in zip(weights, left, strict=True))
+        return misfit + 0.5 * float(np.sum((state.vector / sd) ** 2))
+
+    def normal(self, state: State, weights: list[Floats], sd: Floats) -> tuple[Floats, Floats]:
+        """Matrix and right side of the step: half the curvature, and the slope, of twice the cost."""
+        shared = state.parameters.vector.size
+        matrix, right, start = np.diag(1 / sd**2), -state.vector / sd**2, shared
+        for k, found in enumerate(self.spectra):
+            value, slope = self.predicted(state, k, slopes=True)
+            root = np.sqrt(2 * weights[k])
+            own = np.concatenate([np.arange(shared), np.arange(start, start + state.places[k].vector.size)])
+            j = (slope * root[:, :, None]).reshape(-1, own.size)
+            r = ((found.acceleration - value) * root).ravel()
+            j, r = np.concatenate([j.real, j.imag]), np.concatenate([r.real, r.imag])
+            matrix[np.ix_(own, own)] += j.T @ j
+            right[own] += j.T @ r
+            start += state.places[k].vector.size
+        return matrix, right
+
+    def improved(self, state: State, rough: bool, steps: int) -> State:
+        """By some steps of Gauss-Newton (Levenberg and Marquardt)."""
+        damping = 1e-3
+        for _ in range(steps):
+            sd, weights = self.prior_sd(state), self.weights(state, rough)
+            matrix, right = self.normal(state, weights, sd)
+            before, step = self.cost(state, weights, sd), right
+            while damping < 1e6:
+                step = np.asarray(np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), right), float)
+                moved = state.moved(step)
+                if self.cost(moved, weights, sd) <= before:
+                    state, damping = moved, damping / 10
+                    break
+                damping *= 10
+            else:
+                return state
+            if np.max(abs(step) / sd) < CONVERGED:
+                return state
+        return state
+
+
+def fit_plate(plate: PlateModel, taps: Sequence[Tap], prior: Prior | None = None) -> Fitted:
+    """The most probable plate about a starting one. Raises RecognitionError for taps that do not fit each other."""
+    check_taps(taps, len(plate.sensor_names))
+    structure, prior = Structure(plate), prior or Prior()
+    last = LAST_DECAY / min(tap.duration_s for tap in taps)
+    stages = [alpha for alpha in STAGES_1_s if alpha > 1.5 * last] + [last]
+    state: State | None = None
+    for alpha in stages:
+        fit = Fit(structure, taps, prior, alpha)
+        if state is None:
+            state = start_of(structure, taps)
+            state = with_forces(fit, state)
+        state = fit.improved(state, rough=True, steps=STEPS)
+    assert state is not None
+    state = fit.improved(state, rough=False, steps=LAST_STEPS)
+    matrix, _ = fit.normal(state, fit.weights(state, rough=False), fit.prior_sd(state))
+    shared = state.parameters.vector.size
+    covariance = cho_solve(cho_factor(matrix), np.eye(len(matrix)))[:shared, :shared]
+    return Fitted(structure, state, covariance, fit.residuals(state), [one.acceleration for one in fit.spectra],
+                  fit.noise, [_frequency(one) for one in fit.spectra])
+
+
+def start_of(structure: Structure, taps: Sequence[Tap]) -> State:
+    beyond = np.zeros(len(structure.plate.sensor_names))
+    return State(structure.start, tuple(Place(np.zeros(2), beyond, force_of(tap, LEAD_S)) for tap in taps))
+
+
+def with_forces(fit: Fit, state: State) -> State:
+    """The state with the forces that suit it best, where they are not known. They enter linearly."""
+    places = []
+    weights = fit.weights(state, rough=True)
+    for k, place in enumerate(state.places):
+        if place.force.coefficients.size:
+            found = fit.spectra[k]
+            columns = fit.predicted(state, k, slopes=True)[1][:, :, -place.force.coefficients.size:]
+            root = np.sqrt(weights[k])
+            j = (columns * root[:, :, None]).reshape(-1, columns.shape[2])
+            r = (found.acceleration * root).ravel()
+            j, r = np.concatenate([j.real, j.imag]), np.concatenate([r.real, r.imag])
+            matrix = j.T @ j + np.diag(1 / place.force.deviation**2)
+            place = replace(place, force=place.force.moved(np.linalg.solve(matrix, j.T @ r)))
+        places.append(place)
+    return State(state.parameters, tuple(places))
+
+
+def _frequency(found: Spectra) -> Floats:
+    return np.asarray(found.s.imag / (2 * np.pi), float)

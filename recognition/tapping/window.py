@@ -1,0 +1,76 @@
+"""Laplace transforms of records: Fourier transforms under a decaying exponential.
+
+At s = alpha + i omega a decaying window exp(-alpha t) is exact for both a record and its model, so that a record may
+end before the plate is still. A large alpha broadens every resonance, which lets a fit find frequencies that begin far
+off; a small one gives the finest resolution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from recognition.estimation.arrays import Floats
+from recognition.tapping.taps import Tap
+
+BINS_PER_WIDTH = 1.0  # bins kept for the width alpha / pi of the window
+BAND = 0.05  # half width of the band over which power is averaged, as a share of the frequency
+LEAST_BAND_BINS = 8
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """s (n,): points of the Laplace plane, 1/s; acceleration (s, n), force (n,) or None: transforms of a tap, whose
+    onset is the origin of time; independent: share of the bins that are independent of each other in noise."""
+
+    s: np.ndarray
+    acceleration: np.ndarray
+    force: np.ndarray | None
+    independent: float
+
+
+def samples_of(taps: Sequence[Tap], lead_s: float) -> int:
+    """How many samples all taps have from lead_s before their onset on."""
+    return min(tap.acceleration.shape[1] - _start(tap, lead_s) for tap in taps)
+
+
+def spectra(tap: Tap, alpha: float, highest_Hz: float, lead_s: float, samples: int) -> Spectra:
+    """Transforms of a tap's `samples` from lead_s before its onset on, up to highest_Hz."""
+    start = _start(tap, lead_s)
+    part, t_s = slice(start, start + samples), (np.arange(start, start + samples) - tap.onset) / tap.rate_Hz
+    duration_s = samples / tap.rate_Hz
+    step = max(1, round(alpha * duration_s / np.pi / BINS_PER_WIDTH))
+    bins = np.arange(1, int(highest_Hz * duration_s) + 1, step)
+    s = alpha + 2j * np.pi * bins / duration_s
+    shift = np.exp(-1j * s.imag * t_s[0]) / tap.rate_Hz
+
+    def transform(values: Floats) -> np.ndarray:
+        return np.asarray(np.fft.rfft(values[..., part] * np.exp(-alpha * t_s))[..., bins] * shift)
+
+    lags = np.arange(-1000, 1001) * step
+    correlation = 1 / (1 + (np.pi * lags / (alpha * duration_s)) ** 2)  # squared, of two bins so far apart
+    force = None if tap.force_N is None else transform(tap.force_N)
+    return Spectra(s, transform(tap.acceleration), force, 1 / float(correlation.sum()))
+
+
+def noise_power(tap: Tap, alpha: float, lead_s: float, samples: int) -> Floats:
+    """(s,): expected |transform|^2 of the sensors' noise under the window."""
+    t_s = (np.arange(samples) + _start(tap, lead_s) - tap.onset) / tap.rate_Hz
+    return np.asarray(tap.noise**2 * np.sum(np.exp(-2 * alpha * t_s)) / tap.rate_Hz**2, float)
+
+
+def _start(tap: Tap, lead_s: float) -> int:
+    return max(0, tap.onset - round(lead_s * tap.rate_Hz))
+
+
+def band_power(values: np.ndarray, frequency_Hz: Floats) -> Floats:
+    """Mean of |values|^2 (..., n) over a band about each frequency (n,)."""
+    low = np.searchsorted(frequency_Hz, (1 - BAND) * frequency_Hz)
+    high = np.searchsorted(frequency_Hz, (1 + BAND) * frequency_Hz)
+    middle = np.arange(frequency_Hz.size)
+    low = np.maximum(np.minimum(low, middle - LEAST_BAND_BINS // 2), 0)
+    high = np.minimum(np.maximum(high, middle + LEAST_BAND_BINS // 2), frequency_Hz.size)
+    total = np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(abs(values) ** 2, axis=-1)], axis=-1)
+    return np.asarray((total[..., high] - total[..., low]) / (high - low), float)

@@ -1,0 +1,153 @@
+"""Stones drawn from distributions: what is drawn has the law that was asked for, and the list is what falls."""
+
+import numpy as np
+import pytest
+from scenes_of_tests import SCENES
+from scipy import stats
+
+from common.distribution import Distribution, LogNormal, RosinRammler
+from common.scene import changed_scene
+from common.tables import InputError
+from dem.run.prepare import prepare
+from dem.run.run import run_scene
+from dem.stones.arrangement import gangue_ratio, stones_of
+from dem.stones.assembly import assemble
+
+NO_VOLLEY = {f"stones.{key}": None for key in (
+    "count", "radius_m", "speed_m_s", "positions", "circle_radius_m", "gangue_order", "arrival_s")}
+DRAWN = {"count": 40, "size_m": {"uniform": [0.01, 0.03]}, "speed_m_s": {"uniform": [1.0, 3.0]}}
+SIZE = np.pi / 6  # volume over the cube of the diameter
+N = 20_000
+
+
+def scene_of(base="small", way="drawn", table=None, **changes):
+    keys = NO_VOLLEY | ({"stones.gangue_ratio": None} if way == "each" else {}) | {f"stones.{way}": table or DRAWN}
+    return changed_scene(SCENES / f"{base}.toml", keys | changes)
+
+
+def test_a_lognormal_law_by_its_closed_form():
+    law = Distribution(lognormal=LogNormal(median=0.03, sigma=0.4, least=0.02, most=0.06))
+    a, b = (np.log(x / 0.03) / 0.4 for x in (0.02, 0.06))
+    expected = stats.truncnorm(a, b, loc=np.log(0.03), scale=0.4)
+    assert stats.kstest(np.log(law.draw(N, np.random.default_rng(1))), expected.cdf).pvalue > 0.01
+
+
+def test_rosin_rammler_is_a_law_by_mass():
+    """The mass above a size, drawn by number, against exp(-(d/size)^n) between the bounds."""
+    law = Distribution(rosin_rammler=RosinRammler(size_m=0.04, exponent=1.5, least=0.02, most=0.08))
+    d = law.draw(N, np.random.default_rng(1))
+    assert 0.02 <= d.min() and d.max() <= 0.08
+    retained = lambda x: np.exp(-(x / 0.04) ** 1.5)  # noqa: E731
+    for x in (0.03, 0.04, 0.05, 0.065):
+        above = (d[d > x] ** 3).sum() / (d**3).sum()
+        assert above == pytest.approx((retained(x) - retained(0.08)) / (retained(0.02) - retained(0.08)), abs=0.012)
+
+
+@pytest.mark.parametrize("by", ["mass", "number"])
+def test_the_share_of_gangue_is_the_nearest_that_whole_stones_allow(by):
+    scenes = [scene_of(table=DRAWN | {"gangue_by": by, "footprint": {"x_m": [-0.2, 0.2], "y_m": [-0.2, 0.2]}},
+                       **{"stones.gangue_ratio": ratio, "stones.drawn.arrival_s": {"uniform": [0.0, 0.1]}})
+              for ratio in (0.0, 0.3, 0.6, 1.0)]
+    lists = [stones_of(scene, "scene") for scene in scenes]
+    for scene, stones in zip(scenes, lists):
+        mass = np.array([s.radius_m**3 * scene.materials[s.material].density_kg_m3 for s in stones])
+        assert gangue_ratio(scene, stones, mass) == pytest.approx(scene.stones.gangue_ratio, abs=1 / 80)
+    for less, more in zip(lists, lists[1:]):  # the same stones; only materials change
+        assert [(s.radius_m, s.place_m, s.seed) for s in less] == [(s.radius_m, s.place_m, s.seed) for s in more]
+
+
+def test_a_stream_has_its_rate_and_its_mass():
+    stream = {"size_m": {"uniform": [0.02, 0.04]}, "speed_m_s": 3.0, "duration_s": 2.0, "begin_s": 0.5}
+    stones = stones_of(scene_of(way="stream", table=stream | {"rate_1_s": 50.0}), "scene")
+    arrival = np.array([s.arrival_s for s in stones])
+    assert len(stones) == 100 and np.all(np.diff(arrival) > 0) and 0.5 <= arrival[0] and arrival[-1] <= 2.5
+    scene = scene_of(way="stream", table=stream | {"rate_kg_s": 2.0}, **{"stones.gangue_ratio": 0.3})
+    stones = stones_of(scene, "scene")
+    mass = np.array([SIZE * (2 * s.radius_m) ** 3 * scene.materials[s.material].density_kg_m3 for s in stones])
+    assert mass.sum() == pytest.approx(4.0, abs=1.5 * mass.max())
+    assert gangue_ratio(scene, stones, mass) == pytest.approx(0.3, abs=mass.max() / mass.sum())
+
+
+def test_a_drop_height_is_a_speed():
+    scene = scene_of(table={"count": 5, "size_m": 0.02, "drop_height_m": 0.5})
+    assert stones_of(scene, "scene")[0].velocity_m_s == pytest.approx((0, 0, -np.sqrt(2 * 9.8 * 0.5)))
+
+
+EACH = [{"material": "coal", "radius_m": 0.02, "x_m": 0.1, "y_m": 0.0, "speed_m_s": 2.0},
+        {"material": "gangue", "radius_m": 0.01, "x_m": -0.1, "y_m": 0.0, "velocity_m_s": [0.5, 0.0, -1.0],
+         "spin_rad_s": [0.0, 30.0, 0.0], "arrival_s": 1e-3, "attitude": [0.6, 0.8, 0.0, 0.0], "strength_factor": 2.0},
+        {"material": "shale", "radius_m": 0.015, "x_m": 0.0, "y_m": 0.1, "velocity_m_s": [0.0, 0.3, -3.0]}]
+
+
+def each_scene():
+    base = changed_scene(SCENES / "small.toml", {})
+    shale = base.materials["coal"].model_dump() | {"density_kg_m3": 2000.0}
+    pair = {"restitution": 0.4, "friction": 0.3}
+    contacts = {f"contacts.{key}": pair for key in ("shale_plate", "coal_shale", "gangue_shale", "shale_shale")}
+    return scene_of(way="each", table=EACH, **{"materials.shale": shale, "time.duration_s": 3e-3}, **contacts)
+
+
+def test_stones_one_by_one_are_as_they_were_given(tmp_path):
+    """Mass, size, velocity, kinetic energy and momentum at the start, and three materials in one run whose ledger
+    closes."""
+    scene = each_scene()
+    one = assemble(scene, stones_of(scene, "scene"))
+    assert one.stone_materials == ["coal", "gangue", "shale"] and one.materials == ["coal", "gangue", "shale"]
+    mass = [density * 4 / 3 * np.pi * e["radius_m"] ** 3 for density, e in zip((1380.0, 2400.0, 2000.0), EACH)]
+    assert one.stone_mass_kg == pytest.approx(mass)
+    velocity, omega = one.start_motion()
+    momentum = np.array([(one.mass_kg[:, None] * velocity)[one.agglomerate == k].sum(axis=0) for k in range(3)])
+    assert momentum[1] == pytest.approx(mass[1] * np.array([0.5, 0.0, -1.0 + 9.8e-3]), abs=1e-12)
+    assert np.allclose(omega[one.agglomerate == 1], [0, 30, 0]) and np.allclose(omega[one.agglomerate != 1], 0)
+    m, r, x = (values[one.agglomerate == 1] for values in (one.mass_kg, one.radius_m, one.center_m))
+    arm = x - m @ x / m.sum()
+    inertia = m @ (arm[:, 0] ** 2 + arm[:, 2] ** 2 + 0.4 * r**2)  # about y
+    spun = one.kinetic_start_J[1] - 0.5 * mass[1] * (0.5**2 + (1 - 9.8e-3) ** 2)
+    assert spun == pytest.approx(0.5 * inertia * 30**2, rel=1e-6)
+    summary = run_scene(scene, "scene", tmp_path / "run")
+    assert abs(summary["energy"]["closure"]) < 0.01
+    assert summary["materials"] == ["coal", "gangue", "shale"] and summary["gangue_ratio"] == pytest.approx(1 / 3)
+
+
+def test_a_turned_stone_is_the_same_stone_turned():
+    scene = each_scene()
+    stones = stones_of(scene, "scene")
+    upright = assemble(scene, [stones[0]])
+    half_turn = assemble(scene, [type(stones[0])(**{**vars(stones[0]), "attitude": (0.0, 0.0, 0.0, 1.0)})])
+    about = np.array([0.1, 0.0, 0.0])
+    assert np.allclose((half_turn.center_m - about)[:, :2], -(upright.center_m - about)[:, :2], atol=1e-12)
+    assert np.allclose(half_turn.bond_vector_m[:, :2], -upright.bond_vector_m[:, :2])
+
+
+def test_a_smaller_stone_is_the_larger_one_to_scale():
+    """By similarity: sub-spheres and bonds go with the size, the compliance of the surface with its inverse."""
+    smooth = {"stones.agglomerate.contact": "smooth", "stones.agglomerate.subspheres": 100, "stones.count": 1,
+              "stones.positions": [{"x_m": 0.0, "y_m": 0.0}], "stones.gangue_ratio": 0.0}
+    scenes = [changed_scene(SCENES / "small.toml", smooth | {"stones.radius_m": r}) for r in (0.02, 0.04)]
+    small, large = (assemble(s, stones_of(s, "scene")) for s in scenes)
+    assert np.allclose(2 * small.bond_vector_m, large.bond_vector_m)
+    assert np.allclose(8 * small.mass_kg, large.mass_kg)
+    assert small.surfaces[0].first.normal_m_N == pytest.approx(2 * large.surfaces[0].first.normal_m_N)
+
+
+@pytest.mark.parametrize("way, table, changes, said", [
+    ("drawn", DRAWN | {"size_m": {"uniform": [0.03, 0.01]}}, {}, "stones.drawn.size_m.uniform"),
+    ("drawn", DRAWN | {"size_m": "large"}, {}, "stones.drawn.size_m"),
+    ("drawn", DRAWN | {"speed": 1.0}, {}, "stones.drawn.speed = 1.0: unknown key"),
+    ("drawn", DRAWN | {"size_m": {"lognormal": {"median": 0.02, "sigma": 0.3, "least": 0.0, "most": 1.0}}}, {}, "least"),
+    ("drawn", DRAWN, {"stones.radius_m": 0.02}, "stones.radius_m = 0.02: must be left out where stones.drawn"),
+    ("drawn", DRAWN, {"stones.gangue_ratio": None}, "stones.gangue_ratio"),
+    ("drawn", DRAWN | {"size_m": 0.2}, {}, "find no place"),
+    ("stream", {"size_m": 0.02, "speed_m_s": 3.0, "duration_s": 1.0}, {}, "stones.stream.rate_1_s"),
+    ("stream", {"size_m": 0.02, "speed_m_s": 3.0, "duration_s": 1.0, "rate_1_s": 1e6}, {}, "1000000 stones"),
+    ("each", [EACH[0] | {"material": "slate"}], {}, "stones.each.0.material = 'slate': unknown material"),
+    ("each", [EACH[0], EACH[0]], {}, "stones 1 and 2 overlap"),
+    ("each", [EACH[0] | {"x_m": 0.3}], {}, "stones.each.0.x_m, y_m = .*misses the plate"),
+    ("each", [EACH[0] | {"velocity_m_s": [0.0, 0.0, 1.0], "speed_m_s": None}], {}, "stones.each.0.velocity_m_s"),
+    ("each", [EACH[0] | {"attitude": [1.0, 1.0, 0.0, 0.0]}], {}, "stones.each.0.attitude"),
+])
+def test_bad_input_is_refused_in_one_line(way, table, changes, said):
+    table = [{k: v for k, v in one.items() if v is not None} for one in table] if way == "each" else table
+    with pytest.raises(InputError, match=said) as refused:
+        prepare(scene_of(way=way, table=table, **changes), "scene", None)
+    assert "\n" not in str(refused.value)

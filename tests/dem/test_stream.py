@@ -1,0 +1,175 @@
+"""Stones that come and go: each as if it were alone, nothing lost, and a run that is taken up in the middle."""
+
+import re
+import signal
+
+import numpy as np
+import pandas as pd
+import pytest
+from scenes_of_tests import changed
+from test_checkpoint_engine import engine
+
+from common.tables import InputError
+from dem.coupling.checkpoint import steps_of
+from dem.deck.render import write_deck
+from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
+from dem.run.prepare import prepare
+from dem.run.recorder import read_forces
+from dem.stones.paths import Flying
+
+GRAVITY = 9.8
+SPEED = 0.5
+APEX_s = SPEED / GRAVITY
+PLATE = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+         "poisson_ratio": 0.3}
+FALLS_OFF = {"x_m": 0.24, "y_m": 0.0, "velocity_m_s": (1.0, 0.1, -SPEED)}
+
+
+def scene_of(each, duration_s, **changes):
+    """Equal stones one by one on a rigid plate."""
+    one = {"material": "coal", "radius_m": 0.01, "seed": 20011}
+    old = ("count", "radius_m", "positions", "speed_m_s", "gangue_order", "gangue_ratio")
+    return changed("single", {
+        **{f"stones.{key}": None for key in old}, "stones.each": [one | stone for stone in each], "plate": PLATE,
+        "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres", "unbreakable": True},
+        "time.duration_s": duration_s, "output.view_interval_s": None, "assumptions": None, **changes})
+
+
+def written(directory, scene):
+    """The deck of a scene, and what `prepare` made."""
+    model = prepare(scene, "stream", None)
+    write_deck(directory, scene, model.assembly, model.step, None)
+    return model
+
+
+def engine_run(directory, scene):
+    """The engine alone, with a rigid plate."""
+    model = written(directory, scene)
+    process = engine(directory, 1)
+    output = process.communicate(timeout=300)[0]
+    assert process.returncode == 0, output[-1500:]
+    return model
+
+
+def pushes_of(directory, stone):
+    """Steps and mean pushes of the rows of one stone."""
+    pushes = read_forces(directory / "forces.bin")
+    own = pushes.stone == stone
+    return pushes.step[own], pushes.mean_N[own], pushes.largest_N[own]
+
+
+def test_a_stone_of_a_stream_pushes_as_alone_and_as_at_the_start(tmp_path):
+    """The same stone at three times, once while another one bounces: the same pushes, shifted in time."""
+    sample_s, at = 1.5e-4, {"x_m": 0.1, "y_m": 0.0, "speed_m_s": SPEED}
+    other = {"x_m": -0.1, "y_m": 0.1, "speed_m_s": SPEED}
+    found = []
+    for name, later, others in (("start", 0, []), ("alone", 40, []), ("with", 40, [other, other | {"y_m": -0.1, "arrival_s": 0.02}])):
+        each = [at | {"arrival_s": APEX_s + later * sample_s}, *others]
+        model = engine_run(tmp_path / name, scene_of(each, 0.0585 + later * sample_s))
+        step, mean, largest = pushes_of(tmp_path / name, 0)
+        assert len(step) > 20 and (tmp_path / name / "stones.bin").exists() == bool(later)
+        found.append((step - later * model.step.sample_steps, mean, largest))
+    for step, mean, largest in found[1:]:
+        assert np.array_equal(step, found[0][0])
+        assert np.abs(mean - found[0][1]).max() < 1e-6 * found[0][1].max()
+        assert largest.max() == pytest.approx(found[0][2].max(), rel=1e-7)
+
+
+@pytest.fixture(scope="module")
+def left(tmp_path_factory):
+    """Two stones fall off the plate, one breaks on it and one is still to come at the end."""
+    directory = tmp_path_factory.mktemp("left") / "deck"
+    each = [FALLS_OFF, FALLS_OFF | {"arrival_s": 0.07}, {"x_m": 0.0, "y_m": 0.0, "speed_m_s": 3.0},
+            {"x_m": 0.1, "y_m": 0.1, "speed_m_s": SPEED, "arrival_s": 1.0}]
+    scene = scene_of(each, 0.21, **{"stones.agglomerate.unbreakable": False})
+    return engine_run(directory, scene), directory
+
+
+def test_what_has_left_the_plate_is_taken_out_and_counted(left):
+    model, directory = left
+    gone = pd.read_csv(directory / "left.csv")
+    mass, sizes = model.assembly.stone_mass_kg, model.assembly.sizes
+    for stone in (0, 1):
+        pieces = gone[gone.agglomerate == stone + 1]
+        assert pieces.mass_kg.sum() == pytest.approx(mass[stone], rel=1e-9) and pieces.subspheres.sum() == sizes[stone]
+    assert (gone.z_m < 0).all() and (gone.vz_m_s < 0).all()
+    near = read_ledger(directory / "ledger.bin", 4).is_near
+    assert near[0].tolist() == [True, False, True, False] and near[-1].tolist() == [False, False, True, False]
+
+
+def test_momentum_and_energy_close_with_stones_that_left(left):
+    """Impulse of plate and weight over each body's own time; what was taken out is in the ledger as it was then."""
+    model, directory = left
+    ledger, dt = read_ledger(directory / "ledger.bin", 4), model.step.dt_s
+    gone = pd.read_csv(directory / "left.csv")
+    entered = ledger.has_entered[-1]
+    start, mass = model.assembly.momentum_start_kg_m_s[:, 2], model.assembly.stone_mass_kg
+    at_entry = (start - mass * -GRAVITY * np.array([e.entry_s for e in model.assembly.entries]))[entered].sum()
+    there = mass[entered].sum() - gone.mass_kg.sum()
+    momentum_gone = (gone.mass_kg * gone.vz_m_s).sum()
+    now = ledger.column["momentum_z_kg_m_s"][-1].sum() - momentum_gone
+    weight = GRAVITY * dt
+    at_end = now + there * weight * model.step.steps + momentum_gone + (gone.mass_kg * weight * gone.step).sum()
+    pushes = read_forces(directory / "forces.bin")
+    impulse = pushes.all_mean_N.sum() * model.step.fast_steps * dt
+    assert at_end - at_entry == pytest.approx(impulse, rel=1e-3)
+    parts = stone_energies(ledger, GRAVITY, model.assembly.mass_height_kg_m)
+    energy = energy_ledger(parts, PlateEnergy(), entered * model.assembly.kinetic_start_J)
+    assert abs(energy["closure"]) < 0.01
+    assert ledger.column["broken"][-1, 2] > 0
+
+
+STREAMS = ("ledger.bin", "forces.bin", "contacts.bin", "events.csv", "left.csv")
+
+
+def stopped_after(directory, dem_step, resume):
+    """Run the engine until it says a step from `dem_step` on, ask it for a checkpoint, and return where it stopped."""
+    process = engine(directory, 1, resume)
+    for line in process.stdout:
+        word = line.split()[:1]
+        if word and word[0].isdigit() and int(word[0]) >= dem_step:
+            process.send_signal(signal.SIGUSR1)
+            break
+    output = process.communicate(timeout=300)[0]
+    assert process.returncode == 75, output[-1500:]
+    return int(re.search(r"Stopped at the checkpoint of step (\d+)", output)[1])
+
+
+def test_a_stream_that_is_taken_up_in_the_middle_is_the_undisturbed_one(left, tmp_path):
+    model, whole = left
+    parts = tmp_path / "parts"
+    written(parts, model.given)
+    step = 0
+    for share in (0.2, 0.45, 0.7):  # before the second stone enters, while it flies, when the first has left
+        step = stopped_after(parts, int(share * model.step.steps), step)
+        assert step == steps_of(parts / "checkpoint")[0]
+    process = engine(parts, 1, step)
+    output = process.communicate(timeout=300)[0]
+    assert process.returncode == 0, output[-1500:]
+    for name in STREAMS:
+        assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
+
+
+def test_a_stone_waits_where_something_is_in_the_way(tmp_path, monkeypatch):
+    """The first one falls through the place where the second enters, which then enters later, further on its path."""
+    monkeypatch.setattr(Flying, "nearest", lambda *_: (-1, np.inf))  # which would refuse the scene
+    speed, first_speed, enters_s = 1.5, 2.5, 0.05
+    first_s = (first_speed - np.sqrt(first_speed**2 - speed**2)) / GRAVITY  # from the height of the second to its touch
+    at = {"x_m": 0.0, "y_m": 0.0}
+    model = engine_run(tmp_path / "deck", scene_of([
+        at | {"speed_m_s": first_speed, "arrival_s": enters_s + first_s},
+        at | {"speed_m_s": speed, "arrival_s": enters_s + speed / GRAVITY}], enters_s + 0.03))
+    ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 2)
+    row = np.argmax(ledger.is_near[:, 1])
+    flown_s = ledger.step[row] * model.step.dt_s - enters_s
+    assert 0.008 < flown_s < 0.015 and ledger.is_near[-1].all()  # 20 mm at 2 m/s
+    mass_height = model.assembly.mass_height_kg_m[1] - model.assembly.stone_mass_kg[1] * GRAVITY * flown_s**2 / 2
+    assert ledger.column["mass_height_kg_m"][row, 1] == pytest.approx(mass_height, rel=1e-9)
+    assert ledger.column["pair_work_J"][row, 1] == 0
+
+
+@pytest.mark.parametrize("key, value", [("engine.np", 2), ("time.free_flight_tolerance", 0.0)])
+def test_a_stream_without_bodies_in_free_flight_is_refused(key, value):
+    scene = scene_of([FALLS_OFF, FALLS_OFF | {"arrival_s": 1.0}], 0.01, **{key: value})
+    with pytest.raises(InputError, match=f"{key} = {value:g}: must be .* as stone 2 does"):
+        prepare(scene, "scene", None)

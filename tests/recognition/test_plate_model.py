@@ -1,0 +1,81 @@
+"""The plate as its sensors know it, against the finite elements and against an integrator of scipy."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from common.cache import user_cache
+from common.plate import read_plate
+from common.resources import resource
+from plate_fem.modes import plate_modes
+from recognition.estimation.errors import RecognitionError
+from recognition.plate.plate_model import PlateModel
+
+SCENE = resource("scenes") / "paper.toml"
+
+
+@pytest.fixture(scope="module")
+def model():
+    return PlateModel.from_scene(SCENE, 3000.0)
+
+
+def test_shapes_and_sensors_are_those_of_the_finite_elements(model):
+    plate = read_plate(SCENE).model_copy(update={"max_frequency_Hz": 3000.0})
+    modes = plate_modes(plate, user_cache())
+    points = np.random.default_rng(1).uniform(-0.25, 0.25, (200, 2))
+    assert model.frequency_Hz == pytest.approx(modes.frequency_Hz)
+    assert model.shape(*points.T) == pytest.approx(modes.shape_at(points), abs=1e-3 * abs(modes.shape).max())
+    assert model.sensor_names == ("north", "west", "south", "east")
+    assert model.sensor_shape[1] == pytest.approx(modes.shape_at(np.array([[-0.15, 0.05]]))[0])
+
+
+def test_response_is_that_of_an_integrator(model):
+    """DOP853, restarted where a force jumps, which is at every sample."""
+    rng, rate_Hz = np.random.default_rng(2), 20e3
+    force, places = rng.uniform(0, 1000, (2, 40)), np.array([[0.1, 0.0], [-0.07, 0.11]])
+    omega, zeta, down = 2 * np.pi * model.frequency_Hz, model.damping_ratio, -model.shape(*places.T)
+    state, before, expected, rods = np.zeros(2 * len(omega)), np.zeros(len(omega)), [], []
+    for column in force.T:
+        push = column @ down
+        amplitude, speed = np.split(state, 2)
+        free = -2 * zeta * omega * speed - omega**2 * amplitude
+        expected.append(model.sensor_shape @ ((push + before) / 2 + free))
+        rods.append(model.rod_force_N_m @ amplitude)
+        state = solve_ivp(lambda t, y, f=push: np.concatenate(
+            [y[len(f):], f - 2 * zeta * omega * y[len(f):] - omega**2 * y[:len(f)]]),
+            (0, 1 / rate_Hz), state, method="DOP853", rtol=1e-10, atol=1e-14).y[:, -1]
+        before = push
+    assert model.response(force, places, rate_Hz) == pytest.approx(np.array(expected).T, rel=1e-7, abs=1e-6)
+    assert model.rod_forces(force, places, rate_Hz) == pytest.approx(np.array(rods).T, rel=1e-7, abs=1e-6)
+
+
+def test_a_free_plate_keeps_its_momentum():
+    plate = read_plate(SCENE).model_copy(update={"rods": ()})
+    model = PlateModel.from_scene(plate, 1000.0)
+    force = np.zeros((1, 2000))
+    force[0, :10] = 500.0
+    rate_Hz = 20e3
+    assert (model.frequency_Hz == 0).sum() == 3 and model.rod_force_N_m.shape[0] == 0
+    velocity = np.cumsum(model.response(force, [[0.0, 0.0]], rate_Hz)[:, :], axis=1) / rate_Hz
+    mass_kg = plate.density_kg_m3 * 0.02 * 0.25
+    rigid = -force.sum() / rate_Hz / mass_kg  # about which the bending modes ring
+    assert velocity[:, 100:].mean(axis=1) == pytest.approx(rigid, rel=0.02)
+
+
+def test_a_file_comes_back_and_a_damaged_one_is_refused(model, tmp_path):
+    file = tmp_path / "plate.json"
+    model.save(file)
+    again = PlateModel.load(file)
+    assert np.array_equal(again.grid_shape, model.grid_shape) and again.sensor_names == model.sensor_names
+    content = json.loads(file.read_text())
+    content["frequency_Hz"][0] *= 1.01
+    file.write_text(json.dumps(content))
+    with pytest.raises(RecognitionError, match="plate.json"):
+        PlateModel.load(file)
+
+
+def test_a_place_beside_the_plate_is_refused(model):
+    with pytest.raises(RecognitionError, match="x_m = 0.3"):
+        model.shape(np.array([0.3]), np.array([0.0]))

@@ -1,0 +1,106 @@
+"""A plate learnt by tapping: plates whose modes are known, tapped."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from common.resources import resource
+from recognition.__main__ import main
+from recognition.evaluation.other_plates import scattered
+from recognition.evaluation.tap_records import hammer_taps
+from recognition.plate.plate_model import PlateModel
+from recognition.tapping.fit import Fit, Prior, fit_plate, start_of
+from recognition.tapping.learnt import learnt
+from recognition.tapping.structure import Structure
+
+SCENE = resource("scenes") / "paper.toml"
+PLACES = np.array([[0.11, 0.07], [-0.16, 0.13]])
+
+
+@pytest.fixture(scope="module")
+def start():
+    return PlateModel.from_scene(SCENE, 1500.0)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """2 % off in its frequencies, 20 % in its damping, 2 % in its shapes; with modes above those of the fit."""
+    return scattered(PlateModel.from_scene(SCENE, 2500.0), 0.02, np.random.default_rng(5))
+
+
+def errors(found, truth):
+    """Errors of frequency and damping (relative) of the modes that are called identified, each over its standard
+    deviation as well."""
+    k = np.flatnonzero(found.identified)
+    nearest = abs(truth.frequency_Hz[:, None] - found.plate.frequency_Hz[k]).argmin(axis=0)
+    frequency = found.plate.frequency_Hz[k] / truth.frequency_Hz[nearest] - 1
+    damping = np.log(found.plate.damping_ratio[k] / truth.damping_ratio[nearest])
+    return frequency, frequency / found.plate.frequency_sd[k], damping
+
+
+@pytest.mark.parametrize("force_known", [True, False])
+def test_modes_are_found(start, truth, force_known):
+    rng = np.random.default_rng(7)
+    taps = hammer_taps(truth, PLACES, rng, rate_Hz=8e3, force_known=force_known)
+    found = learnt(fit_plate(start, taps))
+    frequency, over_sd, damping = errors(found, truth)
+    assert found.identified[3:8].all()  # all below 1200 Hz but those of the next line
+    assert not found.identified[:3].any()  # sway and yaw, which no tap on the top excites
+    assert abs(frequency).max() < 2e-3 and abs(damping).max() < 0.2
+    assert np.sqrt(np.mean(over_sd**2)) < 3
+    assert found.unexplained.max() < 0.1
+
+
+def test_slopes_are_differences(start):
+    """Of every parameter's derivative."""
+    rng = np.random.default_rng(3)
+    taps = hammer_taps(start, PLACES[:1], rng, rate_Hz=8e3, force_known=False)
+    fit = Fit(Structure(start), taps, Prior(), 200.0)
+    state = start_of(fit.structure, taps)
+    scale = fit.prior_sd(state)
+    state = state.moved(0.1 * scale * rng.standard_normal(scale.size))
+    value, slope = fit.predicted(state, 0, slopes=True)
+    for _ in range(5):
+        step = 1e-4 * scale * rng.standard_normal(scale.size)
+        change = (fit.predicted(state.moved(step), 0)[0] - fit.predicted(state.moved(-step), 0)[0]) / 2
+        assert np.linalg.norm(slope @ step - change) < 1e-5 * np.linalg.norm(change)
+
+
+def write_taps(directory, taps, names):
+    lines = []
+    for k, tap in enumerate(taps):
+        columns = {"t_s": np.arange(tap.acceleration.shape[1]) / tap.rate_Hz, "force_N": tap.force_N}
+        columns |= {f"acc_{name}_m_s2": row for name, row in zip(names, tap.acceleration, strict=True)}
+        pd.DataFrame(columns).to_csv(directory / f"tap{k}.csv", index=False)
+        lines.append(f'[[taps]]\nrecord = "tap{k}.csv"\nx_m = {tap.place_m[0]}\ny_m = {tap.place_m[1]}\n')
+    (directory / "taps.toml").write_text("".join(lines))
+    return [str(SCENE), str(directory / "taps.toml"), "--out", str(directory / "plate.json"), "--max-frequency", "1200"]
+
+
+def test_command_writes_the_plate(truth, tmp_path, capsys):
+    taps = hammer_taps(truth, PLACES, np.random.default_rng(7), rate_Hz=8e3)
+    assert main(["tap", *write_taps(tmp_path, taps, truth.sensor_names)]) == 0
+    plate = PlateModel.load(tmp_path / "plate.json")
+    assert np.min(abs(plate.frequency_Hz[:, None] / truth.frequency_Hz[3:8] - 1), axis=0).max() < 2e-3
+    assert "not identified" in capsys.readouterr().out
+
+
+def test_swapped_sensors_are_refused(truth, tmp_path, capsys):
+    swapped = [replace(tap, acceleration=tap.acceleration[[1, 0, 2, 3]])
+               for tap in hammer_taps(truth, PLACES, np.random.default_rng(7), rate_Hz=8e3)]
+    assert main(["tap", *write_taps(tmp_path, swapped, truth.sensor_names)]) == 3
+    assert "NOT EXPLAINED" in capsys.readouterr().out
+    assert not (tmp_path / "plate.json").exists()
+
+
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ("x_m = 0.11", "x_m = 0.31", "x_m = 0.31"), ("tap0.csv", "none.csv", "none.csv"), ("x_m", "z_m", "z_m")])
+def test_bad_files_end_in_one_line(truth, tmp_path, capsys, old, new, said):
+    words = write_taps(tmp_path, hammer_taps(truth, PLACES, np.random.default_rng(7), rate_Hz=8e3), truth.sensor_names)
+    file = tmp_path / "taps.toml"
+    file.write_text(file.read_text().replace(old, new, 1))
+    assert main(["tap", *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and not (tmp_path / "plate.json").exists()
