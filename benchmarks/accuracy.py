@@ -30,7 +30,8 @@ from benchmarks.cost import cpu_s, machine
 from benchmarks.error_laws import ERRORS, write_laws
 from benchmarks.stone import SCENES, SEEDS, strike
 from common.scene import Scene, changed_scene
-from common.tables import InputError, read_toml
+from common.scene_file import scene_tables
+from common.tables import InputError
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
 from dem.run.errors import RunError
 from dem.run.prepare import prepare
@@ -78,7 +79,7 @@ class NumericalSetting:
 def _rods(x_m: float, y_m: float) -> list[dict]:
     """The paper's, elsewhere."""
     return [rod | {"x_m": np.sign(rod["x_m"]) * x_m, "y_m": np.sign(rod["y_m"]) * y_m}
-            for rod in read_toml(PAPER)["plate"]["rods"]]
+            for rod in scene_tables(PAPER)["plate"]["rods"]]
 
 
 def scene_of(changes: dict) -> Scene:

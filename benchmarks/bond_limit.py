@@ -16,7 +16,8 @@ import pandas as pd
 
 from benchmarks.stone import SCENES, SEEDS
 from common.scene import Scene
-from common.tables import check, read_toml
+from common.scene_file import scene_tables
+from common.tables import check
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
 from dem.run.energy_balance import read_ledger
@@ -65,8 +66,8 @@ def is_stable(directory: Path, dt_s: float) -> bool:
 
 def engine_limit(damping_ratio: float, seed: int) -> float:
     """The largest step over t0 that is_stable, by bisection."""
-    data = read_toml(SCENES / "single.toml")
-    data["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
+    data = scene_tables(SCENES / "single.toml")
+    data["plate"] = scene_tables(SCENES / "hertz_coal.toml")["plate"]
     del data["output"]
     data["stones"] |= {"agglomerate": {"subspheres": COUNT, "unbreakable": True, "damping_ratio": damping_ratio},
                        "gap_m": 0.05, "seed": seed}
@@ -84,7 +85,7 @@ def engine_limit(damping_ratio: float, seed: int) -> float:
 
 
 def main() -> None:
-    ratio = read_toml(SCENES / "single.toml")["materials"]["coal"]["bond"]["stiffness_ratio"]
+    ratio = scene_tables(SCENES / "single.toml")["materials"]["coal"]["bond"]["stiffness_ratio"]
     rows = [{"packing": "fcc", "stiffness_ratio": k, "method": "stiffness matrix", "damping_ratio": 0.0,
              "step_over_t0": undamped_limit(fcc_sphere(0.025), k)} for k in (2.17, ratio)]
     for seed in SEEDS:

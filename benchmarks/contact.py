@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.stone import SCENES
 from common.scene import changed_scene
-from common.tables import read_toml
+from common.scene_file import scene_tables
 from dem.run.run import run_scene
 from dem.stones import assembly
 from dem.stones.packing import Packing, pack_sphere
@@ -58,7 +58,7 @@ def strike(case: Case, seed: int, agglomerate: dict[str, Any] | None) -> dict[st
         "stones.seed": seed, "stones.speed_m_s": case.speed_m_s, "stones.gangue_ratio": float(case.material == "gangue"),
         "stones.agglomerate": agglomerate, **{f"contacts.{pair}": {"restitution": 1.0, "friction": 0.0} for pair in PAIRS}}
     if not case.on_paper_plate:
-        changes["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
+        changes["plate"] = scene_tables(SCENES / "hertz_coal.toml")["plate"]
     directory = Path(tempfile.mkdtemp())
     try:
         summary = run_scene(changed_scene(SCENES / "single.toml", changes), "single.toml", directory / "run")

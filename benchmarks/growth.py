@@ -19,7 +19,8 @@ from scipy.optimize import nnls
 
 from benchmarks.stone import SCENES
 from common.scene import Scene
-from common.tables import check, read_toml
+from common.scene_file import scene_tables
+from common.tables import check
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
 from dem.run.prepare import PreparedRun, prepare
@@ -71,8 +72,8 @@ def measure(directory: Path, count: int) -> tuple[float, float]:
 
 
 def main() -> None:
-    data = read_toml(SCENES / "single.toml")
-    data["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
+    data = scene_tables(SCENES / "single.toml")
+    data["plate"] = scene_tables(SCENES / "hertz_coal.toml")["plate"]
     del data["output"]
     data["time"]["free_flight_tolerance"] = 0.0  # the stone is to be computed while it flies
     with tempfile.TemporaryDirectory() as scratch:

@@ -22,7 +22,7 @@ import dem.deck.render
 from benchmarks.cost import cpu_s
 from benchmarks.stone import SCENES
 from common.scene import changed_scene
-from common.tables import read_toml
+from common.scene_file import scene_tables
 from dem.run.prepare import PreparedRun, prepare
 from dem.run.run import run_prepared
 
@@ -38,7 +38,7 @@ WITHOUT: dict[str, dict] = {
     "breakage": {"stones.agglomerate.unbreakable": True},
     "pictures (VTK)": {"output": None},
     "rods": {"plate.rods": None, "plate.edges": "simply_supported"},
-    "coupling (rigid plate)": {"plate": read_toml(SCENES / "hertz_coal.toml")["plate"]},
+    "coupling (rigid plate)": {"plate": scene_tables(SCENES / "hertz_coal.toml")["plate"]},
     "bonds (one sphere)": {"stones.agglomerate": None},
 }
 MONITOR = "monitor"

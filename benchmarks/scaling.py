@@ -26,7 +26,7 @@ import dem.stones.assembly
 from benchmarks.growth import engine_run
 from benchmarks.stone import SCENES
 from common.scene import changed_scene
-from common.tables import read_toml
+from common.scene_file import scene_tables
 from dem.coupling.launch import mpirun
 from dem.deck.render import write_deck
 from dem.run.prepare import prepare
@@ -45,7 +45,7 @@ def scene(stones: int, subspheres: int):
     places = [{"x_m": (k % side - (side - 1) / 2) * SPACING_m, "y_m": (k // side - (side - 1) / 2) * SPACING_m}
               for k in range(stones)]
     return changed_scene(SCENES / "paper.toml", {
-        "plate": read_toml(SCENES / "hertz_coal.toml")["plate"], "output": None, "stones.circle_radius_m": None,
+        "plate": scene_tables(SCENES / "hertz_coal.toml")["plate"], "output": None, "stones.circle_radius_m": None,
         "stones.positions": places, "stones.count": stones, "stones.gangue_order": list(range(1, stones + 1)),
         "stones.gangue_ratio": 0.0, "stones.agglomerate.subspheres": subspheres,
         "time.free_flight_tolerance": 0.0})  # which one rank alone could use

@@ -29,7 +29,8 @@ import pandas as pd
 import dem.stones.assembly
 from benchmarks.stone import SCENES
 from common.scene import Scene, changed_scene
-from common.tables import InputError, read_toml
+from common.scene_file import scene_tables
+from common.tables import InputError
 from dem.coupling.monitor import ENERGY_SHARE
 from dem.deck.time_step import step_limits, stone_contact_time_s, time_step
 from dem.run.errors import RunError
@@ -153,7 +154,7 @@ def _places(place: str, count: int) -> list[dict]:
 
 
 def _materials(s: dict) -> dict:
-    materials = read_toml(PAPER)["materials"]
+    materials = scene_tables(PAPER)["materials"]
     changes = {}
     for name, table in materials.items():
         bond = table["bond"]
@@ -173,7 +174,7 @@ def _materials(s: dict) -> dict:
 
 def _plate(s: dict) -> dict:
     if s.get("rigid"):
-        return {"plate": read_toml(SCENES / "hertz_coal.toml")["plate"]}
+        return {"plate": scene_tables(SCENES / "hertz_coal.toml")["plate"]}
     changes: dict = {"plate.max_frequency_Hz": 2000.0, "plate.mesh_size_m": 0.12}
     for key, name in (("thickness_m", "thickness_m"), ("plate_density_kg_m3", "density_kg_m3"),
                       ("plate_damping", "damping_ratio")):
@@ -182,7 +183,7 @@ def _plate(s: dict) -> dict:
     if s.get("thickness_m", 1.0) < 0.005:  # as many modes as in a thick one, or nearly
         changes["plate.max_frequency_Hz"] = 1000.0
     if "rod_stiffness" in s:
-        rods = read_toml(PAPER)["plate"]["rods"]
+        rods = scene_tables(PAPER)["plate"]["rods"]
         changes["plate.rods"] = [rod | {"youngs_modulus_Pa": s["rod_stiffness"] * rod["youngs_modulus_Pa"]} for rod in rods]
     return changes
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from common.scene import changed_scene
-from common.tables import read_toml
+from common.scene_file import scene_tables
 from dem.run.run import run_scene
 from dem.stones.bonds import fragments
 
@@ -22,7 +22,7 @@ def strike(material: str, changes: dict, duration_s: float = 2.4e-3) -> dict:
     """Run scenes/single.toml on a rigid plate with dotted keys changed (None: left out); returns run.json with
     `broken_area_m2` and `largest_fragment`, its share of the stone's mass."""
     scene = changed_scene(SCENES / "single.toml", {
-        "plate": read_toml(SCENES / "hertz_coal.toml")["plate"], "output": None, "time.duration_s": duration_s,
+        "plate": scene_tables(SCENES / "hertz_coal.toml")["plate"], "output": None, "time.duration_s": duration_s,
         "stones.gangue_ratio": float(material == "gangue")} | changes)
     directory = Path(tempfile.mkdtemp())
     try:

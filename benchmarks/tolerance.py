@@ -21,7 +21,7 @@ from benchmarks.cost import cpu_s
 from benchmarks.error_laws import ERRORS
 from benchmarks.stone import SCENES
 from common.scene import Scene, changed_scene
-from common.tables import read_toml
+from common.scene_file import scene_tables
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 
@@ -33,7 +33,7 @@ REFERENCE_Hz = 25e3
 
 def scene_of(stone: str, changes: dict) -> Scene:
     rods = [rod | {"x_m": np.sign(rod["x_m"]) * 0.16, "y_m": np.sign(rod["y_m"]) * 0.12}
-            for rod in read_toml(SCENES / "single.toml")["plate"]["rods"]]
+            for rod in scene_tables(SCENES / "single.toml")["plate"]["rods"]]
     return changed_scene(SCENES / "single.toml", {
         "time.duration_s": 1.8e-3, "output": None, "stones.gangue_ratio": 0.0, "plate.thickness_m": 0.015,
         "plate.length_m": 0.4, "plate.width_m": 0.3, "plate.rods": rods,

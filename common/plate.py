@@ -9,7 +9,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from common.tables import InputError, Refused, Table, about, check, read_toml
+from common.scene_file import scene_tables
+from common.tables import InputError, Refused, Table, about, check
 
 Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
@@ -156,7 +157,7 @@ PlateTable = Annotated[FlexiblePlate | RigidPlate, Field(discriminator="model")]
 
 def read_plate(path: str | Path) -> FlexiblePlate | RigidPlate:
     """Return the checked `[plate]` table of a scene file. Raises InputError on any mistake in it."""
-    data = read_toml(path)
+    data = scene_tables(path)
     if not isinstance(data.get("plate"), dict):
         raise InputError(f"{path}: plate is missing: a table [plate] must be given")
     plate: FlexiblePlate | RigidPlate = check(PlateTable, data["plate"], path, "plate")

@@ -16,9 +16,10 @@ from pydantic import Field, model_validator
 
 from common.error_laws import least_tolerance
 from common.plate import PlateTable, refuse_density
+from common.scene_file import scene_tables
 from common.scene_shapes import ShapeTable
 from common.scene_stones import SPHERE, AgglomerateTable, NotNegative, Positive, StonesTable
-from common.tables import InputError, Refused, Table, about, check, read_toml
+from common.tables import InputError, Refused, Table, about, check
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
 LEAST_STRENGTH_Pa = 100.0
@@ -143,6 +144,10 @@ class Scene(Table):
 
     # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64), about("name of the scene")]
+    base: Annotated[str | None, about(
+        "scene file that this one begins from, beside it or shipped: its keys count where this one has none, table by "
+        "table; run.json holds the whole")] = None
+    without: Annotated[tuple[str, ...], about("dotted keys of the base that are left out")] = ()
     assumptions: Annotated[tuple[str, ...], about(
         "keys whose values are assumed, for the reader; run.json repeats them")] = ()
     tolerance: Annotated[Annotated[float, Field(gt=0, le=0.1)] | None, about(
@@ -155,7 +160,8 @@ class Scene(Table):
         about("shapes of stones that are no spheres, by name")] = {}
     materials: Annotated[
         dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable],
-        about("materials of the stones, by name")]
+        about(
+            "materials of the stones, by name; a text names a file in materials/, beside the scene or shipped")]
     contacts: Annotated[dict[str, ContactTable], about(
         "contacts by pair of materials in alphabetic order, the plate last: coal_gangue, coal_plate")]
     plate: Annotated[PlateTable, about("the plate")]
@@ -287,7 +293,7 @@ def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
 
     Raises common.tables.InputError, one line with file, key, value and what is allowed.
     """
-    data = read_toml(path)
+    data = scene_tables(path)
     if gangue_ratio is not None and isinstance(data.get("stones"), dict):
         data["stones"]["gangue_ratio"] = gangue_ratio
     return check(Scene, data, path)
@@ -296,8 +302,10 @@ def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
 def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
     """The scene of a file with dotted keys changed ("stones.speed_m_s": 2.0; None leaves the key out), for studies that
     vary one. Raises InputError as `read_scene` does."""
-    data = read_toml(path)
+    data = scene_tables(path)
     for key, value in changes.items():
+        if key in ("base", "without"):
+            raise InputError(f"{path}: {key}: must stand in the file itself")
         *tables, last = key.split(".")
         table = data
         for name in tables:

@@ -22,6 +22,8 @@ DRAFT = "http://json-schema.org/draft-07/schema#"  # what editors know
 
 LAWS = {"A distribution": "Distribution", "`lognormal = {...}`": "LogNormal", "`rosin_rammler = {...}`": "RosinRammler"}
 
+WHOLE = ("Rod", "PointSupport", "Sensor", "StonePosition", "EachStone", "Footprint", "LogNormal", "RosinRammler")
+
 HEAD = """# Keys of a scene
 
 This page lists every key of a scene file, as `python -m common.scene_schema` writes it from `common/scene.py` and
@@ -45,6 +47,14 @@ def scene_schema() -> Node:
         table["description"] = table["description"].splitlines()[0]
         for name, key in table["properties"].items():
             table["properties"][name] = _for_editors(name, key)
+    schema["properties"]["materials"]["patternProperties"] = {
+        name: {"anyOf": [{"type": "string"}, table]}
+        for name, table in schema["properties"]["materials"]["patternProperties"].items()}
+    plate = schema["properties"]["plate"]
+    plate["anyOf"] = plate.pop("oneOf")  # a part of a plate, over a base, may be of either kind
+    for name, table in [("", schema), *definitions.items()]:
+        if name not in WHOLE:  # a scene with a base may have any part of a table
+            table["x-required"] = table.pop("required", [])
     return {"$schema": DRAFT, "title": "Scene of coal and gangue on a plate", **_referred(schema),
             "definitions": _referred(definitions)}
 
@@ -116,11 +126,14 @@ def _inside(key: Node) -> list[tuple[str, Node]]:
     """References to the tables in a key, each with what its path gets: nothing, `.NAME`, or "list"."""
     if "allOf" in key:
         return [("", key["allOf"][0])]
+    if "anyOf" in key:
+        return [("", choice) for choice in key["anyOf"]]
     if "oneOf" in key:
         return [("", choice) for choice in key["oneOf"] if "$ref" in choice and not _is_spread(key)]
     if "$ref" in key.get("items", {}):
         return [("list", key["items"])]
     named = [*key.get("patternProperties", {}).values(), key.get("additionalProperties")]
+    named = [table["anyOf"][-1] if isinstance(table, dict) and "anyOf" in table else table for table in named]
     return [(".NAME", table) for table in named if isinstance(table, dict)]
 
 
@@ -131,7 +144,7 @@ def _is_spread(key: Node) -> bool:
 
 def _row(name: str, key: Node, table: Node) -> str:
     unit = key.get("x-unit", "1" if key.get("type") in ("number", "integer") else "")
-    default = "must be given" if name in table.get("required", []) else (
+    default = "must be given" if name in [*table.get("required", []), *table.get("x-required", [])] else (
         f"`{json.dumps(key['default'])}`" if "default" in key else "absent")
     cells = (f"`{name}`", unit, key["description"], default, _allowed(key), key.get("x-paper", ""))
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"

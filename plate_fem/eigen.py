@@ -11,8 +11,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 
 from common.tables import Refused
-
-MODES_AT_MOST = 400  # three times those of the default scene; finding more takes minutes and gigabytes
+from plate_fem.mode_count import MODES_AT_MOST
 
 
 @dataclass(frozen=True)

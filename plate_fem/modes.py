@@ -16,6 +16,7 @@ from common.cache import cached, entry_file, key_of
 from common.plate import FlexiblePlate
 from plate_fem import hermite
 from plate_fem.mesh import highest_frequency_Hz
+from plate_fem.mode_count import MODES_AT_MOST, refuse_too_many_modes
 
 if TYPE_CHECKING:
     from plate_fem.model import PlateModel
@@ -118,7 +119,7 @@ def plate_modes(
     Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
     table with too many cells or modes.
     """
-    highest_frequency_Hz(plate)
+    refuse_too_many_modes(plate, MODES_AT_MOST)
     points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
     names = [field.name for field in fields(PlateModes)]
 
@@ -145,7 +146,7 @@ def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | Sequence[Se
 
     The damping ratio does not belong to it: frequencies and shapes are those without damping.
     """
-    table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio"})
+    table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg"})
     return key_of(Path(__file__).parent, version("scikit-fem"), table, np.asarray(residual_points_m, float).tolist())
 
 

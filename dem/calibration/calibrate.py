@@ -278,9 +278,14 @@ def _rounded(value: float) -> float:
 
 def calibration_toml(found: Calibration, scene: Scene, material: str, name: str, target: TargetTable) -> str:
     """The file of a calibrated rock; `[bond]` is what a scene's materials.MATERIAL.bond takes."""
-    rock, tests = found.rock, found.tests
+    rock, tests, density_kg_m3 = found.rock, found.tests, scene.materials[material].density_kg_m3
+    modulus_Pa, nu = target.elastic(scene.materials[material])
     fit, held_out = (sorted(set(tests.seed[tests.stage == stage])) for stage in ("strength", "check"))
     head = f"""# Bonds of {name}, written by `python -m dem calibrate {material} --rock {name}`: docs/calibration.md.
+
+density_kg_m3 = {density_kg_m3:g}
+youngs_modulus_Pa = {modulus_Pa:g}
+poisson_ratio = {nu:g}
 
 [bond]
 youngs_modulus_Pa = {rock.bond_modulus_Pa:g}

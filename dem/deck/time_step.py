@@ -13,7 +13,7 @@ from common.scene import PLATE, Scene, contact_key
 from common.tables import InputError
 from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
-from dem.stones.stone import Stone, impact_speed_m_s
+from dem.stones.stone import Stone, impact_speed_m_s, places_m
 from plate_fem.modes import PlateModes
 
 BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it
@@ -32,6 +32,7 @@ DASHPOT_SHARE = 0.15
 # the push is this share of a stone's peak force and nothing comes faster than this share of the impact; and never more
 # than.
 WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
+TOGETHER_s = 0.1  # stones that arrive within this time are taken to touch at once
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
 MOST_FAST_ROWS = 1_000_000  # a long run has fewer a sample
@@ -324,3 +325,13 @@ def plate_mobility_1_kg(modes: PlateModes, position_m: np.ndarray) -> float:
     sum of |phi phi^T| over the stones' places (k, 2)."""
     shape = modes.shape_at(position_m)
     return float(np.abs(shape @ shape.T).sum(axis=1).max())
+
+
+def mobility_of_stones_1_kg(modes: PlateModes, stones: Sequence[Stone]) -> float:
+    """`plate_mobility_1_kg` of the stones that arrive within TOGETHER_s of each other, at most. What fell long before
+    lies still or has left."""
+    order = sorted(range(len(stones)), key=lambda k: stones[k].arrival_s)
+    arrival, place = np.array([stones[k].arrival_s for k in order]), places_m(stones)[order]
+    ends = np.searchsorted(arrival, arrival + TOGETHER_s, side="right")
+    starts = np.flatnonzero(np.diff(ends, prepend=0) > 0)  # of windows that hold a stone that no one before does
+    return max(plate_mobility_1_kg(modes, place[k:ends[k]]) for k in starts)

@@ -56,8 +56,8 @@ class _Draws:
         return self._table.size_m.draw(count, self.rng("size"))
 
     def gangue(self, size_m: np.ndarray) -> np.ndarray:
-        """(count,) bool: which stones are gangue, so many of a random order that their share is nearest to the mixing
-        ratio."""
+        """(count,) bool: which stones are gangue. In a random order, each one is that fits below the mixing
+        ratio, and then the one more that brings the share nearest to it, if any does."""
         stones, count = self._scene.stones, len(size_m)
         order = self.rng("material").permutation(count)
         if self._table.gangue_by == "number":
@@ -65,10 +65,21 @@ class _Draws:
         else:
             density = {name: self._scene.materials[name].density_kg_m3 for name in (stones.coal, stones.gangue)}
             gangue, coal = size_m**3 * density[stones.gangue], size_m**3 * density[stones.coal]
-        first = np.concatenate([[0.0], np.cumsum(gangue[order])])
-        share = first / (first + coal.sum() - np.concatenate([[0.0], np.cumsum(coal[order])]))
-        which = np.zeros(count, dtype=bool)
-        which[order[:np.abs(share - stones.gangue_ratio).argmin()]] = True
+        which, of_gangue, of_coal = np.zeros(count, dtype=bool), 0.0, float(coal.sum())
+        assert stones.gangue_ratio is not None
+
+        def share_with(k: int) -> float:
+            more = of_gangue + float(gangue[k])
+            return more / (more + max(0.0, of_coal - float(coal[k])))
+
+        for k in order:
+            if share_with(k) <= stones.gangue_ratio + 1e-12:
+                which[k], of_gangue, of_coal = True, of_gangue + float(gangue[k]), max(0.0, of_coal - float(coal[k]))
+        left, ratio = [k for k in order if not which[k]], stones.gangue_ratio
+        if left:
+            best = min(left, key=lambda k: abs(share_with(k) - ratio))
+            now = of_gangue / (of_gangue + of_coal)
+            which[best] = abs(share_with(best) - ratio) < abs(now - ratio)
         return which
 
     def arrivals_s(self, count: int) -> np.ndarray:

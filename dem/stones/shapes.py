@@ -125,7 +125,8 @@ def _from_file(file: Path) -> Solid:
     """Raises InputError for a file that cannot be read, holds no closed surface of triangles, or one that is not
     convex."""
     try:
-        mesh = meshio.read(file)
+        with np.errstate(over="ignore"):  # meshio's test of whether an STL file is text
+            mesh = meshio.read(file)
     except (Exception, SystemExit) as error:  # meshio ends the process for what it cannot read
         said = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{file}: cannot be read as a mesh: {said}") from None

@@ -107,7 +107,7 @@ def test_values_of_single_stones_are_checked(key, values, word):
 
 def test_a_build_goes_on_where_it_was_stopped(tmp_path, capsys):
     rigid = (SCENES / "hertz_coal.toml").read_text()
-    single = (SCENES / "single.toml").read_text()
+    single = (SCENES.parent / "tests" / "single.toml").read_text()
     scene = single[:single.index("[plate]")] + rigid[rigid.index("[plate]"):]
     (tmp_path / "small.toml").write_text(scene)
     text = """scene = "small.toml"

@@ -18,7 +18,7 @@ from plate_fem.modes import modes_file, plate_modes
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     """A small stone on a rigid plate with many pictures, which fill a disk."""
-    text = (SCENES / "single.toml").read_text()
+    text = (SCENES.parent / "tests" / "single.toml").read_text()
     rigid = (SCENES / "hertz_coal.toml").read_text()
     text = text[:text.index("[plate]")] + rigid[rigid.index("[plate]"):] + "[output]\nview_interval_s = 1.5e-4\n"
     assert "subspheres = 500" in text

@@ -11,7 +11,7 @@ from scenes_of_tests import SCENES
 
 from dem.run.run import run
 
-SINGLE = (SCENES / "single.toml").read_text()
+SINGLE = (SCENES.parent / "tests" / "single.toml").read_text()
 
 
 def run_single(directory, gangue_ratio=0.0, replace=("", "")):

@@ -28,7 +28,7 @@ SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     """One breaking stone on the flexible plate, friction and dampers on: a few seconds of the engine."""
-    text = (SCENES / "single.toml").read_text()
+    text = (SCENES.parent / "tests" / "single.toml").read_text()
     for old, new in [("max_frequency_Hz = 20000.0", "max_frequency_Hz = 1000.0"), ("subspheres = 500", "subspheres = 300"),
                      ("view_interval_s = 1.5e-4", "view_interval_s = 1.5e-3")]:
         assert old in text

@@ -18,7 +18,7 @@ from dem.batch.sweep import is_finished, sweep
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     """Two small stones on a rigid plate: three ratios of a few seconds."""
-    text = (SCENES / "single.toml").read_text()
+    text = (SCENES.parent / "tests" / "single.toml").read_text()
     rigid = (SCENES / "hertz_coal.toml").read_text()
     text = text[:text.index("[plate]")] + rigid[rigid.index("[plate]"):]
     for old, new in [("count = 1\n", "count = 2\n"), ("gangue_order = [1]", "gangue_order = [2, 1]"),

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from common.scene import read_scene
+from common.scene_file import scene_tables
 from common.tables import InputError, read_toml
 from dem.__main__ import main
 from dem.calibration.calibrate import TARGETS, read_target
@@ -21,7 +22,7 @@ MOST_STEPS = 200_000  # that a fuzzed scene is run for; beyond, its deck is writ
 
 def small_scene(name, plate):
     """Two stones of eight sub-spheres, or two spheres, on a rigid or a coarse flexible plate."""
-    scene = read_toml(SCENES / "single.toml")
+    scene = scene_tables(SCENES / "single.toml")
     scene["time"] |= {"duration_s": 3e-4}
     scene["stones"] |= {"count": 2, "positions": [{"x_m": 0.1, "y_m": 0.0}, {"x_m": -0.1, "y_m": 0.0}],
                         "gangue_order": [1, 2], "gangue_ratio": 0.5}

@@ -13,7 +13,7 @@ HERTZ = SCENES / "hertz_coal.toml"
 
 def small_stone(directory, **changes):
     """One breaking stone on a coarse flexible plate; `changes` are further replacements, old text by new."""
-    text = (SCENES / "single.toml").read_text()
+    text = (ROOT / "tests" / "single.toml").read_text()
     coarse = {"max_frequency_Hz = 20000.0": "max_frequency_Hz = 1000.0", "subspheres = 500": "subspheres = 60",
               'contact = "smooth"': 'contact = "sub_spheres"',
               "view_interval_s = 1.5e-4": "view_interval_s = 1.5e-3"}

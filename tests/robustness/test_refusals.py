@@ -16,6 +16,7 @@ from common.scene import changed_scene
 from common.tables import InputError
 from dem.__main__ import main
 from dem.deck.plausible import warnings_of
+from dem.stones.arrangement import stones_of
 from tests.analysis.synthetic import write_run, write_sweep
 from tests.fuzz.mutations import outcome
 from tests.robustness.small import HERTZ, ROOT, SCENES, run
@@ -92,7 +93,8 @@ def test_physics_that_cannot_be_is_refused_with_its_reason(key, value, words):
     ({"stones.speed_m_s": 1e300, "stones.radius_m": 1e200}, ["small strains"]),  # no OverflowError
 ])
 def test_physics_beyond_the_laws_is_warned_of(changes, words):
-    said = "\n".join(warnings_of(changed_scene(SCENES / "single.toml", changes)))
+    scene = changed_scene(SCENES / "single.toml", changes)
+    said = "\n".join(warnings_of(scene, stones_of(scene, "scene")))
     assert all(word in said for word in words), said
 
 
