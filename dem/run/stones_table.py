@@ -24,6 +24,11 @@ def read_left(file: Path) -> pd.DataFrame:
     return pd.read_csv(file, dtype=types)
 
 
+def left_table(left: pd.DataFrame, step: TimeStep) -> pd.DataFrame:
+    """What `read_left` gives, with the time t_s in place of the DEM step."""
+    return pd.concat([(left["step"] * step.dt_s).rename("t_s"), left.drop(columns="step")], axis=1)
+
+
 def stones_table(assembly: Assembly, step: TimeStep, pushes: Pushes, events: pd.DataFrame,
                  left: pd.DataFrame) -> pd.DataFrame:
     """A row a stone, in order, with what each is (dem.stones.stone.Stone), and:
