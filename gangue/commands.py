@@ -56,6 +56,8 @@ COMMANDS = {
         "gangue evaluate runs/dataset",), json=False),
     "tap": Command("recognition", "tap", "learn a plate's modes from taps at known places", (
         "gangue tap scenes/paper.toml taps.toml --out plate.json",)),
+    "listen": Command("recognition", "listen", "stones one by one, and the mixing ratio over time, from a stream", (
+        "gangue listen stream.parquet --plate plate.json --out runs/heard",)),
     "report": Command("report", "", "write report.html of a sweep", (
         "gangue report runs/paper",)),
     "compare": Command("report", "compare", "write a page of what differs between two runs or two sweeps", (
