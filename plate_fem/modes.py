@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.interpolate import make_interp_spline
 
 from common.cache import cached, entry_file, key_of
 from common.plate import FlexiblePlate
@@ -20,6 +21,7 @@ from plate_fem.mode_count import MODES_AT_MOST, refuse_too_many_modes
 
 if TYPE_CHECKING:
     from plate_fem.model import PlateModel
+    from plate_fem.system import PlateSystem
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,8 @@ class PlateModes:
     mass_kg: mass of the plate without rods.
     theory: "kirchhoff" or "mindlin".
     n_residual: how many modes, the last ones, stand for the compliance of those left out (plate_fem/residual.py).
+    lateral (n_nodes, 2, n): displacement of the top surface along x and y at the nodes, of a plate that can sway; no
+        rows of one that cannot.
     """
 
     frequency_Hz: np.ndarray
@@ -50,6 +54,7 @@ class PlateModes:
     mass_kg: float
     theory: str
     n_residual: int
+    lateral: np.ndarray = field(default_factory=lambda: np.empty((0, 2, 0)))
 
     @property
     def shape(self) -> np.ndarray:
@@ -101,6 +106,12 @@ class PlateModes:
         shape = self.shape_at(np.column_stack([x.ravel(), y.ravel()]))
         return axes[0], axes[1], shape.reshape(*x.shape, -1)
 
+    def lateral_grid(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Return `lateral` on a grid, (nx, ny, 2, n), by cubic splines that continue beyond the edges."""
+        nodes = self.lateral.reshape(len(self.lines_x_m), len(self.lines_y_m), 2, -1)
+        along_x = make_interp_spline(self.lines_x_m, nodes, k=3)(x_m)
+        return np.asarray(make_interp_spline(self.lines_y_m, along_x, k=3, axis=1)(y_m))
+
 
 def _refined(lines: np.ndarray, times: int) -> np.ndarray:
     return np.interp(np.arange(times * (len(lines) - 1) + 1) / times, np.arange(len(lines)), lines)
@@ -121,7 +132,7 @@ def plate_modes(
     """
     refuse_too_many_modes(plate, MODES_AT_MOST)
     points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
-    names = [field.name for field in fields(PlateModes)]
+    names = [one.name for one in fields(PlateModes)]
 
     def find() -> dict[str, object]:
         modes = _compute(plate, points, cache_dir)
@@ -172,6 +183,7 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray, cache_dir: Pat
     from plate_fem.model import build_model  # late: scikit-fem is slow to import, and most modes are in the cache
     from plate_fem.residual import residual_modes
     from plate_fem.stress_recovery import modal_surface_stress
+    from plate_fem.system import sways
 
     model = build_model(plate)
     omega_squared, vectors = _kept_modes(plate, model, cache_dir)
@@ -197,7 +209,15 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray, cache_dir: Pat
         mass_kg=plate.density_kg_m3 * plate.thickness_m * area,
         theory=system.theory,
         n_residual=n_residual,
+        lateral=_of_top_surface(system, u) if sways(plate) else np.empty((0, 2, u.shape[1])),
     )
+
+
+def _of_top_surface(system: PlateSystem, u: np.ndarray) -> np.ndarray:
+    """Return the displacement (n_nodes, 2, n) along x and y at the nodes, for columns of unknowns (system.size, n)."""
+    x, y = np.meshgrid(system.lines_x_m, system.lines_y_m, indexing="ij")
+    nodes, top = np.column_stack([x.ravel(), y.ravel()]), system.plate.thickness_m / 2
+    return np.stack([system.lateral(nodes, axis, top) @ u for axis in (0, 1)], axis=1)
 
 
 def _sign(shape: np.ndarray) -> np.ndarray:

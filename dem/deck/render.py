@@ -43,7 +43,7 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     if assembly.surfaces:
         write_surfaces(directory / "surface.txt", scene, assembly)
     if modes is not None:
-        _write_shapes(directory / "shapes.bin", modes)
+        _write_shapes(directory / "shapes.bin", modes, _drags_plate(scene, assembly))
     if scene.output.dumps:
         (directory / "dumps").mkdir()
     digest = hashlib.sha256()
@@ -216,9 +216,17 @@ def _write_bonds(file: Path, assembly: Assembly) -> None:
     np.savetxt(file, columns, fmt=["%d"] * 3 + ["%.17g"] * 5)
 
 
-def _write_shapes(file: Path, modes: PlateModes) -> None:
+def _drags_plate(scene: Scene, assembly: Assembly) -> bool:
+    return any(scene.contacts[contact_key(name, PLATE)].friction for name in assembly.materials)
+
+
+def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
+    """Write the file that dem/engine/plate_shapes.h describes."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
-    x, y, shape = modes.grid(SHAPE_GRID * cell)
+    x, y, upwards = modes.grid(SHAPE_GRID * cell)
+    shape = upwards[:, :, None]
+    if with_lateral and len(modes.lateral):
+        shape = np.concatenate([shape, modes.lateral_grid(x, y)], axis=2)
     with open(file, "wb") as out:
         np.array(shape.shape, dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)

@@ -9,7 +9,7 @@ import numpy as np
 
 from common.hertz import contact_modulus_Pa
 from common.scene import PLATE, Scene, contact_key
-from dem.deck.restitution import damping_ratio
+from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS
 from plate_fem.contact_stress import YIELD_PRESSURE
@@ -21,13 +21,15 @@ OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside
 class SmoothLaw:
     """Contact of a smooth sphere with the plate (docs/contact.md).
 
-    E* and G* in Pa; the damping ratio of the dashpot that gives the restitution; friction; the pressure in the middle
+    E* and G* in Pa; the damping ratio of the dashpot that gives the restitution, and that of the one across, which is
+    LIGGGHTS' own; friction; the pressure in the middle
     of the contact at which stone or plate gives way, Pa, 0 where neither does.
     """
 
     modulus_Pa: float
     shear_modulus_Pa: float
     damping_ratio: float
+    damping_ratio_across: float
     friction: float
     yield_pressure_Pa: float
 
@@ -39,19 +41,19 @@ def smooth_law(scene: Scene, material: str) -> SmoothLaw:
     modulus = contact_modulus_Pa(*bodies)
     plate_limit = None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
     limits = [limit for limit in (scene.materials[material].contact_strength_Pa, plate_limit) if limit is not None]
-    return SmoothLaw(modulus, 1 / shear_compliance, damping_ratio(contact.restitution), contact.friction,
-                     min(limits, default=0.0))
+    return SmoothLaw(modulus, 1 / shear_compliance, damping_ratio(contact.restitution),
+                     elastic_damping_ratio(contact.restitution), contact.friction, min(limits, default=0.0))
 
 
 def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
-    """(stones, 11) numbers of the engine's SmoothStone, from the radius on."""
+    """(stones, 12) numbers of the engine's SmoothStone, from the radius on."""
     laws = {name: smooth_law(scene, name) for name in set(assembly.stone_materials)}
     rows = []
     for surface, stone in zip(assembly.surfaces, assembly.stones, strict=True):
         law, radius = laws[stone.material], stone.radius_m
         rows.append([radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio,
-                     law.friction, law.yield_pressure_Pa, surface.first.normal_m_N, surface.other.normal_m_N,
-                     surface.first.tangential_m_N, surface.other.tangential_m_N])
+                     law.damping_ratio_across, law.friction, law.yield_pressure_Pa, surface.first.normal_m_N,
+                     surface.other.normal_m_N, surface.first.tangential_m_N, surface.other.tangential_m_N])
     return np.array(rows, dtype=float)
 
 

@@ -193,7 +193,7 @@ void FixWallPlate::add_work() {
     if (!p.touches) continue;
     const int a = agglomerates_->of_tag(atom->tag[p.i]);
     work_on_stone_[a] += 0.5 * dt * power(p, atom);
-    work_on_plate_[a] -= dt * p.push * p.plate_v;
+    work_on_plate_[a] -= dt * (p.push * p.plate_v + p.drag[0] * p.plate_drift[0] + p.drag[1] * p.plate_drift[1]);
   }
 }
 

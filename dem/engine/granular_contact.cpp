@@ -117,6 +117,7 @@ void GranularContact::move_back(std::vector<NearSphere> &near) {
     torque.to(p.torque);
     p.rubbed = back(p.rubbed);
     p.push = p.force[2];
+    std::copy_n(p.force, 2, p.drag);
     double &deepest = deepest_[agglomerate_of(i)];
     deepest = std::max(deepest, p.depth / atom->radius[i]);
   }
@@ -141,7 +142,7 @@ double GranularContact::tangential_stiffness(int i, double overlap) const {
 }
 
 Vec GranularContact::velocity_over_plate(const NearSphere &p) const {
-  return Vec(lmp_->atom->v[p.i]) - Vec(0, 0, p.plate_v);
+  return Vec(lmp_->atom->v[p.i]) - Vec(p.plate_drift[0], p.plate_drift[1], p.plate_v);
 }
 
 // Of the sub-sphere over the plate, where they touch, across the normal.

@@ -17,10 +17,12 @@ class LedgerRows;
 struct NearSphere {
   int i = -1;                         // local index
   double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it, or at its nearest edge
+  double plate_drift[2] = {0, 0};     // velocity of the plate's top face there along x and y, m/s
   bool touches = false;               // does the plate act on it?
   bool in_patch = false;              // together with others of its stone
   Vec normal;                         // of a contact alone: from the nearest point of the plate to its centre
   double push = 0;                    // of the force on the plate, what acts beneath it, N
+  double drag[2] = {0, 0};            // and of that on the stones across, along x and y, N
   double force[3], torque[3];         // of the plate on it, N and N m; only where it touches
   double depth = 0;                   // how far it reaches below the surface of the plate, m
   double overlap = 0;                 // of the elastic contact with the same force, m

@@ -29,13 +29,13 @@ double PlateCoupling::interval_s() const { return extrapolated_co_steps_ * co_st
 
 void PlateCoupling::list(const std::vector<NearSphere> &near) {
   sites_.assign(near.size(), Site());
-  site_shapes_.resize(near.size() * shapes_.modes());
+  site_shapes_.resize(near.size() * shapes_.numbers());
   // Within a co-step the place of the plate must be known at once for what was not listed before.
   if (engaged_) predict(near);
 }
 
 void PlateCoupling::predict(const std::vector<NearSphere> &near) {
-  for (size_t k = 0; k < near.size(); k++) predict(near[k], sites_[k], &site_shapes_[k * shapes_.modes()]);
+  for (size_t k = 0; k < near.size(); k++) predict(near[k], sites_[k], &site_shapes_[k * shapes_.numbers()]);
 }
 
 // Takes the mode shapes at the place of a near sub-sphere, and the plate there at both ends of the time between
@@ -45,23 +45,35 @@ void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
   const double *x = atom->x[p.i];
   const double reach = link_.reach + 2 * std::fabs(atom->v[p.i][2]) * interval_s();
   site.is_active = x[2] - atom->radius[p.i] < reach + outside_ + CLEARANCE_M;
-  site.w0 = site.w1 = site.rate0 = site.rate1 = 0;
+  std::fill_n(site.way, 3, Site::Way());
   if (!site.is_active) return;
   const double foot_x = std::clamp(x[0], extent_[0], extent_[1]), foot_y = std::clamp(x[1], extent_[2], extent_[3]);
   if (!site.has_shape || std::hypot(foot_x - site.x, foot_y - site.y) > SHAPE_TOLERANCE_M) {
     shapes_.at(foot_x, foot_y, shape);
     site.x = foot_x, site.y = foot_y, site.has_shape = true;
   }
-  for (int m = 0; m < shapes_.modes(); m++) {
-    site.w0 += shape[m] * amplitude0_[m];
-    site.rate0 += shape[m] * rate0_[m];
-    site.w1 += shape[m] * link_.amplitude[m];
-    site.rate1 += shape[m] * link_.rate[m];
+  for (int d = 0; d < shapes_.directions(); d++, shape += shapes_.modes()) {
+    Site::Way &way = site.way[d];
+    for (int m = 0; m < shapes_.modes(); m++) {
+      way.w0 += shape[m] * amplitude0_[m];
+      way.rate0 += shape[m] * rate0_[m];
+      way.w1 += shape[m] * link_.amplitude[m];
+      way.rate1 += shape[m] * link_.rate[m];
+    }
   }
 }
 
-// With s from 0 at the last message to 1 at the next: w = w0 + s dw + s (1 - s) ((1 - s) a + s b), dw = w1 - w0,
-// a = T w0' - dw, b = dw - T w1', the cubic of Hermite.
+// The cubic of Hermite: w = w0 + s dw + s (1 - s) ((1 - s) a + s b), dw = w1 - w0, a = T w0' - dw, b = dw - T w1'.
+double PlateCoupling::Site::Way::displacement(double s, double T) const {
+  const double dw = w1 - w0, a = T * rate0 - dw, b = dw - T * rate1;
+  return w0 + s * dw + s * (1 - s) * ((1 - s) * a + s * b);
+}
+
+double PlateCoupling::Site::Way::velocity(double s, double T) const {
+  const double dw = w1 - w0, a = T * rate0 - dw, b = dw - T * rate1;
+  return (dw + (1 - 2 * s) * ((1 - s) * a + s * b) + s * (1 - s) * (b - a)) / T;
+}
+
 void PlateCoupling::place(std::vector<NearSphere> &near, int step_in_co_step) {
   const double T = interval_s();
   const long long steps_passed = co_steps_passed_ * co_step_ + step_in_co_step;
@@ -69,12 +81,12 @@ void PlateCoupling::place(std::vector<NearSphere> &near, int step_in_co_step) {
   for (size_t k = 0; k < near.size(); k++) {
     const Site &site = sites_[k];
     if (!site.is_active || !engaged_) {
-      near[k].plate_z = near[k].plate_v = 0;
+      near[k].plate_z = near[k].plate_v = near[k].plate_drift[0] = near[k].plate_drift[1] = 0;
       continue;
     }
-    const double rise = site.w1 - site.w0, a = T * site.rate0 - rise, b = rise - T * site.rate1;
-    near[k].plate_z = site.w0 + s * rise + s * (1 - s) * ((1 - s) * a + s * b);
-    near[k].plate_v = (rise + (1 - 2 * s) * ((1 - s) * a + s * b) + s * (1 - s) * (b - a)) / T;
+    near[k].plate_z = site.way[0].displacement(s, T);
+    near[k].plate_v = site.way[0].velocity(s, T);
+    for (int d = 1; d < shapes_.directions(); d++) near[k].plate_drift[d - 1] = site.way[d].velocity(s, T);
   }
 }
 
@@ -82,8 +94,10 @@ void PlateCoupling::add_forces(const std::vector<NearSphere> &near, double share
   const int modes = shapes_.modes();
   for (size_t k = 0; k < near.size(); k++) {
     if (!near[k].touches || near[k].push == 0) continue;
-    const double *shape = &site_shapes_[k * modes];
-    for (int m = 0; m < modes; m++) modal_force_[m] -= share * near[k].push * shape[m];
+    const double *shape = &site_shapes_[k * shapes_.numbers()];
+    const double force[3] = {near[k].push, near[k].drag[0], near[k].drag[1]};
+    for (int d = 0; d < shapes_.directions(); d++, shape += modes)
+      for (int m = 0; m < modes; m++) modal_force_[m] -= share * force[d] * shape[m];
   }
 }
 

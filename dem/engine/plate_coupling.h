@@ -54,8 +54,13 @@ class PlateCoupling {
     bool is_active = false;      // may it touch the plate before the next message?
     bool has_shape = false;
     double x, y;                 // where the mode shapes were taken, m
-    double w0 = 0, w1 = 0;       // height of the plate at the last and at the next message, m
-    double rate0 = 0, rate1 = 0; // and its velocity, m/s
+    struct Way {
+      double w0 = 0, w1 = 0;       // displacement of the plate at the last and at the next message, m
+      double rate0 = 0, rate1 = 0; // and its velocity, m/s
+      // With s from 0 at the last message to 1 at the next.
+      double displacement(double s, double interval_s) const;
+      double velocity(double s, double interval_s) const;
+    } way[3];                      // upwards, and along x and y where friction moves the plate
   };
 
   LAMMPS *lmp_;
@@ -65,7 +70,7 @@ class PlateCoupling {
   const WeakContact weak_;
   double extent_[4], outside_ = 0;
   std::vector<Site> sites_;
-  std::vector<double> site_shapes_;  // modes() numbers of each site
+  std::vector<double> site_shapes_;  // PlateShapes::numbers() of each site
   std::vector<double> amplitude0_, rate0_;  // at the last message
   std::vector<double> modal_force_;  // sum over the co-steps passed of the mean of each, N kg^-1/2
   long long co_steps_passed_ = 0;    // since the last message

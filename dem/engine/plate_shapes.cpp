@@ -11,14 +11,17 @@ namespace LAMMPS_NS {
 
 PlateShapes::PlateShapes(LAMMPS *lmp, const std::string &file) {
   FILE *in = std::fopen(file.c_str(), "rb");
-  long long size[3];
+  long long size[4];
   double geometry[4];
-  bool whole = in && std::fread(size, 8, 3, in) == 3 && std::fread(geometry, 8, 4, in) == 4;
+  bool whole = in && std::fread(size, 8, 4, in) == 4 && std::fread(geometry, 8, 4, in) == 4;
   if (whole) {
-    nx_ = size[0], ny_ = size[1], modes_ = size[2];
+    nx_ = size[0], ny_ = size[1], directions_ = size[2], modes_ = size[3];
     x0_ = geometry[0], y0_ = geometry[1], dx_ = geometry[2], dy_ = geometry[3];
-    shape_.resize(nx_ * ny_ * modes_);
-    whole = std::fread(shape_.data(), 8, shape_.size(), in) == shape_.size() && nx_ >= 4 && ny_ >= 4;
+    whole = nx_ >= 4 && ny_ >= 4 && (directions_ == 1 || directions_ == 3);
+  }
+  if (whole) {
+    shape_.resize(nx_ * ny_ * numbers());
+    whole = std::fread(shape_.data(), 8, shape_.size(), in) == shape_.size();
   }
   if (in) std::fclose(in);
   if (!whole) lmp->error->all(FLERR, ("Cannot read the mode shapes from " + file).c_str());
@@ -41,12 +44,12 @@ void PlateShapes::at(double x, double y, double *shape) const {
   double wu[4], wv[4];
   lagrange(u - iu, wu);
   lagrange(v - iv, wv);
-  std::fill(shape, shape + modes_, 0.0);
+  std::fill(shape, shape + numbers(), 0.0);
   for (int a = 0; a < 4; a++)
     for (int b = 0; b < 4; b++) {
       const double w = wu[a] * wv[b];
-      const double *node = &shape_[((iu - 1 + a) * ny_ + iv - 1 + b) * modes_];
-      for (long long m = 0; m < modes_; m++) shape[m] += w * node[m];
+      const double *node = &shape_[((iu - 1 + a) * ny_ + iv - 1 + b) * numbers()];
+      for (int m = 0; m < numbers(); m++) shape[m] += w * node[m];
     }
 }
 

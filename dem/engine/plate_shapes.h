@@ -9,16 +9,19 @@ class LAMMPS;
 // Mode shapes of the plate on a regular grid, kg^-1/2. Between the nodes: the cubic through four nodes in each
 // direction (error of fourth order in the spacing).
 //
-// File, little endian: int64 nx, ny, modes; double x0, y0, dx, dy (of the grid, which reaches beyond the plate so that
-// four nodes surround every point of it); then the shapes as double[nx][ny][modes].
+// File, little endian: int64 nx, ny, directions, modes; double x0, y0, dx, dy (of the grid, which reaches beyond the
+// plate so that four nodes surround every point of it); then the shapes as double[nx][ny][directions][modes]. The first
+// direction is upwards. A plate that friction can move in its plane has two more, x and y, of its top surface.
 class PlateShapes {
  public:
   PlateShapes(LAMMPS *lmp, const std::string &file);
   int modes() const { return static_cast<int>(modes_); }
+  int directions() const { return static_cast<int>(directions_); }
+  int numbers() const { return directions() * modes(); }  // at a point: [directions][modes]
   void at(double x, double y, double *shape) const;
 
  private:
-  long long nx_, ny_, modes_;
+  long long nx_, ny_, directions_, modes_;
   double x0_, y0_, dx_, dy_;
   std::vector<double> shape_;
 };

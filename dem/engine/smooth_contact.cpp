@@ -24,7 +24,7 @@ SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, Stoc
       surfaces_(lmp, surface_file, agglomerates), patch_of_tag_(agglomerates.tags() + 1, -1),
       near_of_tag_(agglomerates.tags() + 1, -1), offset_(agglomerates.tags() + 1, 0),
       damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), friction_(damped_),
-      gained_(damped_), deepest_(damped_) {
+      gained_(damped_), half_work_(damped_), half_damped_(damped_), deepest_(damped_) {
   touching_.resize(near_of_tag_.size(), 0);
 }
 
@@ -105,16 +105,20 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
 
 // The plate under each patch is that under its central member.
 void SmoothContact::place_on_plate(const std::vector<NearSphere> &near) {
-  std::vector<double> found(2 * patches_.size(), 0);
+  std::vector<double> found(4 * patches_.size(), 0);
   for (size_t k = 0; k < patches_.size(); k++) {
     const int tag = patches_[k].central();
     if (here(tag) < 0) continue;
     if (near_of_tag_[tag] < 0) lmp_->error->one(FLERR, "A patch of a stone's surface is not near the plate");
-    found[2 * k] = near[near_of_tag_[tag]].plate_z;
-    found[2 * k + 1] = near[near_of_tag_[tag]].plate_v;
+    const NearSphere &n = near[near_of_tag_[tag]];
+    found[4 * k] = n.plate_z, found[4 * k + 1] = n.plate_v;
+    std::copy_n(n.plate_drift, 2, &found[4 * k + 2]);
   }
   sum(found);
-  for (size_t k = 0; k < patches_.size(); k++) patches_[k].w = found[2 * k], patches_[k].plate_v = found[2 * k + 1];
+  for (size_t k = 0; k < patches_.size(); k++) {
+    patches_[k].w = found[4 * k], patches_[k].plate_v = found[4 * k + 1];
+    patches_[k].drift = Vec(found[4 * k + 2], found[4 * k + 3], 0);
+  }
 }
 
 // Members of patches do not touch alone; an offset lowers the plate under those that left one, and goes as they rise.
@@ -158,7 +162,7 @@ void SmoothContact::measure() {
     Patch &p = patches_[k];
     p.q = p.base - sums[4 * k] + p.w;
     p.q_rate = p.plate_v - sums[4 * k + 1];
-    p.sliding = Vec(sums[4 * k + 2], sums[4 * k + 3], 0);
+    p.sliding = Vec(sums[4 * k + 2], sums[4 * k + 3], 0) - p.drift;
   }
 }
 
@@ -226,7 +230,7 @@ void SmoothContact::rub(Patch &p) {
   const double pull = spring * norm(slip), limit = s.friction * p.force();
   const bool slides = pull > limit;
   stretch(p, spring, (slides ? limit / pull : 1) * slip);
-  if (!slides) p.rubbing = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio * std::sqrt(mindlin * p.mass);
+  if (!slides) p.rubbing = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio_across * std::sqrt(mindlin * p.mass);
   const Vec across = -spring * p.slip - p.rubbing * p.sliding;
   p.across[0] = across.x, p.across[1] = across.y;
 }
@@ -258,6 +262,7 @@ void SmoothContact::hand_out(std::vector<NearSphere> &near) {
       const double torque[3] = {height * f[1], -height * f[0], 0};
       n.touches = n.in_patch = true;
       n.push = m.tag == central ? p.force() : 0;
+      for (int d = 0; d < 2; d++) n.drag[d] = m.tag == central ? p.across[d] : 0;
       n.depth = n.overlap = 0;
       for (int d = 0; d < 3; d++) {
         n.force[d] = f[d], n.torque[d] = torque[d];
@@ -267,24 +272,30 @@ void SmoothContact::hand_out(std::vector<NearSphere> &near) {
   }
 }
 
-// The force had the rate of half a step ago, the integrator does its work with the present one.
+// The force had the rate of half a step ago. The integrator does its work with the present one, half of it in this step
+// and half in the next.
 void SmoothContact::end_of_step(const std::vector<NearSphere> &near, std::vector<double> &work_on_stone) {
   alone_.end_of_step(near, work_on_stone);
-  const double dt = lmp_->update->dt;
+  const double half_dt = 0.5 * lmp_->update->dt;
+  for (const int a : agglomerates_.near()) {
+    work_on_stone[a] += half_work_[a], damped_[a] += half_damped_[a];
+    half_work_[a] = half_damped_[a] = 0;
+  }
   for (const Patch &p : patches_) {
     if (p.dashpot != 0) {
       const double speed = body_speed(p), plate_v = is_first_rank() ? p.plate_v : 0;
-      work_on_stone[p.agglomerate] += dt * p.dashpot * speed;
-      damped_[p.agglomerate] += dt * p.dashpot * (plate_v - speed);
+      half_work_[p.agglomerate] += half_dt * p.dashpot * speed;
+      half_damped_[p.agglomerate] += half_dt * p.dashpot * (plate_v - speed);
     }
     if (p.rubbing == 0) continue;
-    Vec sliding;
+    Vec sliding = is_first_rank() ? -1 * p.drift : Vec();
     for (const Weight &m : p.members) {
       const int i = here(m.tag);
       if (i >= 0) sliding += m.weight * surface_velocity(i, p.w);
     }
-    damped_[p.agglomerate] += dt * p.rubbing * dot(p.sliding, sliding);
+    half_damped_[p.agglomerate] += half_dt * p.rubbing * dot(p.sliding, sliding);
   }
+  for (const int a : agglomerates_.near()) work_on_stone[a] += half_work_[a], damped_[a] += half_damped_[a];
 }
 
 PlateContact::Pressing SmoothContact::pressing(const NearSphere &n) const {
@@ -331,6 +342,8 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   out.rows("patch_alone", std::vector<double>(alone_now_.begin(), alone_now_.end()));
   out.common("patch_watched", std::vector<double>(watched_.begin(), watched_.end()));
   out.sum("patch_damped", damped_);
+  out.sum("patch_half_work", half_work_);
+  out.sum("patch_half_damped", half_damped_);
   out.sum("patch_released", released_);
   out.sum("patch_plastic", plastic_);
   out.sum("patch_friction", friction_);
@@ -343,6 +356,8 @@ void SmoothContact::restore(const CheckpointReader &in) {
   const std::vector<double> counts = in.common("patch_counts", 4);
   const std::vector<double> &numbers = in.common("patches", counts[1]), &left = in.common("patch_offsets", counts[2]);
   damped_ = in.sum("patch_damped", damped_.size());
+  half_work_ = in.sum("patch_half_work", half_work_.size());
+  half_damped_ = in.sum("patch_half_damped", half_damped_.size());
   released_ = in.sum("patch_released", released_.size());
   plastic_ = in.sum("patch_plastic", plastic_.size());
   friction_ = in.sum("patch_friction", friction_.size());

@@ -59,6 +59,7 @@ class SmoothContact : public PlateContact {
     double spring = 0;         // its stiffness, N/m
     // Of the present step.
     double w = 0, plate_v = 0;             // the plate beneath it
+    Vec drift;                             // of its top face in its plane, m/s
     double q = 0, q_rate = 0;              // m, m/s
     double elastic = 0, dashpot = 0;       // force on the stone, N
     double across[2] = {0, 0};             // N
@@ -85,6 +86,7 @@ class SmoothContact : public PlateContact {
   std::vector<double> kept_;                         // height of the plate beneath each near, m
   std::vector<double> offset_;                       // of the contact of a sub-sphere that left a patch, by tag, m
   std::vector<double> damped_, plastic_, released_, friction_, gained_;  // so far, by agglomerate, J
+  std::vector<double> half_work_, half_damped_;      // of this step's dashpots, which the next one does, J
   std::vector<double> deepest_;                      // largest approach over radius so far, by agglomerate
   bool looked_ = false;
   std::vector<int> watched_;                         // bonds of members of pressing patches, which hold

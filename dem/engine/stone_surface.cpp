@@ -34,8 +34,9 @@ void StoneSurfaces::read_stones(std::istream &in, const Agglomerates &agglomerat
   for (int a = 0; a < agglomerates.count() && in; a++) {
     SmoothStone s;
     s.first_tag = tag;
-    in >> s.count >> s.radius >> s.patch_radius >> s.modulus >> s.shear_modulus >> s.damping_ratio >> s.friction >>
-        s.yield_pressure >> s.compliance_first >> s.compliance >> s.across_first >> s.across;
+    in >> s.count >> s.radius >> s.patch_radius >> s.modulus >> s.shear_modulus >> s.damping_ratio >>
+        s.damping_ratio_across >> s.friction >> s.yield_pressure >> s.compliance_first >> s.compliance >>
+        s.across_first >> s.across;
     stones_.push_back(s);
     height_ = std::max(height_, s.patch_radius * s.patch_radius / (2 * s.radius));
     for (int k = 0; k < s.count && in && tag <= agglomerates.tags(); k++, tag++) {
@@ -56,8 +57,9 @@ void StoneSurfaces::put(int tag, const double *row) {
 void StoneSurfaces::enter(const EnteringStone &e) {
   SmoothStone &s = stones_[e.agglomerate];
   s.first_tag = e.first_tag, s.count = e.count();
-  double *const numbers[] = {&s.radius, &s.patch_radius, &s.modulus, &s.shear_modulus, &s.damping_ratio, &s.friction,
-                             &s.yield_pressure, &s.compliance_first, &s.compliance, &s.across_first, &s.across};
+  double *const numbers[] = {&s.radius, &s.patch_radius, &s.modulus, &s.shear_modulus, &s.damping_ratio,
+                             &s.damping_ratio_across, &s.friction, &s.yield_pressure, &s.compliance_first,
+                             &s.compliance, &s.across_first, &s.across};
   for (int k = 0; k < EnteringStone::CONTACT_NUMBERS; k++) *numbers[k] = e.contact[k];
   for (int k = 0; k < s.count; k++) put(s.first_tag + k, &e.surface[k * EnteringStone::SURFACE_COLUMNS]);
 }

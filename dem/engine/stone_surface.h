@@ -16,7 +16,8 @@ struct SmoothStone {
   int first_tag = 0, count = 0;   // of its sub-spheres
   double radius = 0, patch_radius = 0;    // R, b
   double modulus = 0, shear_modulus = 0;  // E*, G*
-  double damping_ratio = 0, friction = 0, yield_pressure = 0;  // the last one 0 where nothing yields
+  double damping_ratio = 0, damping_ratio_across = 0;  // of the dashpots along the contact axis and across it
+  double friction = 0, yield_pressure = 0;             // the last one 0 where nothing yields
   // Compression of the bond network per force on the patch, along its axis and across it: about the axis that points
   // down at the start, and about others.
   double compliance_first = 0, compliance = 0, across_first = 0, across = 0;

@@ -1,0 +1,103 @@
+"""Friction moves the plate in its plane: a sphere that strikes a swaying plate aslant, beside a naive integration."""
+
+import numpy as np
+import pytest
+from scenes_of_tests import changed, hertz
+from test_smooth_contact import stone
+
+import dem.deck.render
+from common.cache import user_cache
+from dem.run.prepare import prepare
+from dem.run.run import run_prepared
+from plate_fem.eigen import eigenmodes
+from plate_fem.model import build_model
+from plate_fem.modes import PlateModes, plate_modes
+
+SWAYING_kg, SWAY_Hz = 0.5, 500.0
+LENGTH_m = 0.5
+
+
+def swaying():
+    """A plate that sways along x and does nothing else: every place of its top face moves alike."""
+    lines = np.linspace(-LENGTH_m / 2, LENGTH_m / 2, 5)
+    lateral = np.zeros((25, 2, 1))
+    lateral[:, 0] = 1 / np.sqrt(SWAYING_kg)
+    return PlateModes(
+        frequency_Hz=np.array([SWAY_Hz]), damping_ratio=np.zeros(1), lines_x_m=lines, lines_y_m=lines,
+        nodal=np.zeros((4, 25, 1)), mean_shape=np.zeros(1), rod_force=np.zeros((0, 1)),
+        surface_stress=np.zeros((25, 3, 1)), mass_kg=SWAYING_kg, theory="mindlin", n_residual=0, lateral=lateral)
+
+
+def strike_aslant(monkeypatch, directory, scene, velocity_m_s, modes=None):
+    """Run a scene whose stones come along x too; their speed is that of the scene."""
+    render = dem.deck.render.render
+
+    def aslant(*given):
+        text, straight = render(*given), f"all set 0 0 {-scene.stones.speed_m_s}"
+        assert straight in text
+        return text.replace(straight, f"all set {velocity_m_s[0]} 0 {velocity_m_s[1]}")
+    monkeypatch.setattr(dem.deck.render, "render", aslant)
+    model = prepare(scene, "aslant", user_cache())
+    if modes is not None:
+        model.modes = modes
+    return run_prepared(model, directory)
+
+
+def naive(friction, velocity_m_s, duration_s, dt_s=2e-8):
+    """Sphere on Hertz' spring with Mindlin's spring across it, 8 G* sqrt(R d), up to Coulomb's limit; the plate is an
+    oscillator. Returns its energy, and the sphere's, J."""
+    sphere, radius = hertz("coal"), 0.025
+    bodies = changed("hertz_coal", {})
+    shear = 1 / sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa
+                    for b in (bodies.materials["coal"], bodies.plate))
+    mass, omega = sphere["mass_kg"], 2 * np.pi * SWAY_Hz
+    z, (v_x, v_z), spin, stretch, sway, rate = 2e-5, velocity_m_s, 0.0, 0.0, 0.0, 0.0
+    for _ in range(int(duration_s / dt_s)):
+        z += dt_s * v_z
+        sway += dt_s * rate
+        push = drag = 0.0
+        if z < 0:
+            arm = radius + z / 2
+            push = sphere["stiffness"] * (-z) ** 1.5
+            spring = 8 * shear * np.sqrt(radius * -z)
+            stretch += dt_s * (v_x - spin * arm - rate)
+            stretch = np.clip(stretch, -friction * push / spring, friction * push / spring)
+            drag = -spring * stretch
+            spin -= dt_s * drag * arm / (0.4 * mass * radius**2)
+        v_z += dt_s * push / mass
+        v_x += dt_s * drag / mass
+        rate -= dt_s * (drag / SWAYING_kg + omega**2 * sway)
+    return (0.5 * SWAYING_kg * (rate**2 + (omega * sway) ** 2),
+            0.5 * mass * (v_x**2 + v_z**2) + 0.2 * mass * (radius * spin) ** 2)
+
+
+@pytest.mark.parametrize(("friction", "velocity_m_s", "smooth"), [
+    (0.1, (3.0, -3.0), False), (0.5, (0.4, -3.0), False), (0.1, (3.0, -3.0), True)],
+    ids=["slides", "sticks", "bonded stone slides"])
+def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velocity_m_s, smooth):
+    plate = changed("single", {}).plate.model_copy(update={"max_frequency_Hz": 2000.0}).model_dump(mode="json")
+    spheres = {} if smooth else {"stones.agglomerate": None}
+    scene = stone(speed_m_s=float(np.hypot(*velocity_m_s)), friction=friction, plate=plate,
+                  **{"time.duration_s": 4e-4, "time.sample_interval_s": 4e-5} | spheres)
+    found = strike_aslant(monkeypatch, tmp_path / "run", scene, velocity_m_s, swaying())
+    of_plate, of_sphere = naive(friction, velocity_m_s, 4e-4)
+    energy = found["energy"]
+    assert energy["plate_work_J"] == pytest.approx(of_plate, rel=0.02 if smooth else 0.003)
+    assert energy["kinetic_J"] == pytest.approx(of_sphere, rel=5e-3 if smooth else 1e-4)
+    assert abs(energy["closure"]) < 1e-4
+
+
+@pytest.mark.validate
+def test_top_face_moves_as_sway_yaw_and_rotation_say():
+    """At places between the nodes of a plate on unlike rods, beside the finite elements' own displacement."""
+    plate = changed("single", {}).plate
+    thicker = plate.rods[0].model_copy(update={"diameter_m": 0.03})
+    plate = plate.model_copy(update={"max_frequency_Hz": 600.0, "rods": (thicker, *plate.rods[1:])})
+    modes, model = plate_modes(plate), build_model(plate)
+    x, y = np.linspace(-0.24, 0.24, 5), np.linspace(-0.2, 0.23, 4)
+    vectors = model.expansion @ eigenmodes(model.parts, 600.0)[1]
+    places = np.array([(a, b) for a in x for b in y])
+    for axis in (0, 1):
+        exact = (model.system.lateral(places, axis, plate.thickness_m / 2) @ vectors).reshape(5, 4, -1)
+        found = modes.lateral_grid(x, y)[:, :, axis]
+        assert np.abs(np.abs(found) - np.abs(exact)).max() < 1e-3 * np.abs(exact).max()
