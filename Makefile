@@ -17,7 +17,8 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep stream campaign dataset report test validate bench accuracy stability pictures engine setup lint docs clean
+.PHONY: help sweep stream campaign dataset report test validate bench accuracy listening stability pictures engine setup lint \
+        docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -55,6 +56,10 @@ accuracy: setup  ## error against run time, and what each part of a scene costs,
 	$(PYTHON) -m benchmarks.tolerance
 	$(PYTHON) -m benchmarks.omissions
 	$(PYTHON) -m benchmarks.free_flight
+
+listening: setup  ## streams of known truth, and what is heard of them, into runs/listening
+	$(PYTHON) -m benchmarks.stone_forces
+	$(PYTHON) -m benchmarks.listening
 
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability
 	$(PYTHON) -m benchmarks.stability --jobs $(JOBS)

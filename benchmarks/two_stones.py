@@ -35,7 +35,8 @@ def meet(subspheres: int, seed: int, speed_m_s: float) -> dict[str, float]:
     """One pair: packing `seed` below and the next above it, far from the plate, each at half the speed."""
     scene = changed_scene(SCENES / "single.toml", {
         "time.gravity_m_s2": 0.0, "time.duration_s": 8e-4, "time.sample_interval_s": 3e-5, "output": None,
-        "time.free_flight_tolerance": 0.0, "stones.speed_m_s": speed_m_s / 2, "stones.count": 2, "stones.gangue_order": [1, 2], "stones.seed": seed,
+        "time.free_flight_tolerance": 0.0, "stones.speed_m_s": speed_m_s / 2, "stones.count": 2,
+        "stones.gangue_order": [1, 2], "stones.seed": seed,
         "stones.positions": [{"x_m": -0.1, "y_m": 0.0}, {"x_m": 0.1, "y_m": 0.0}],
         "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": "sub_spheres"},
         "plate": read_toml(SCENES / "hertz_coal.toml")["plate"],
@@ -43,17 +44,18 @@ def meet(subspheres: int, seed: int, speed_m_s: float) -> dict[str, float]:
     directory = Path(tempfile.mkdtemp())
     try:
         prepared = prepare(scene, "two_stones", directory)
-        write_deck(directory / "deck", prepared.scene, _stacked(prepared.assembly, scene.stones.radius_m), prepared.step,
+        write_deck(directory / "deck", prepared.scene, _stacked(prepared.assembly), prepared.step,
                    prepared.modes)
         _run_towards_each_other(directory / "deck", prepared.assembly.sizes[0], speed_m_s)
         rows = read_ledger(directory / "deck" / "ledger.bin", 2)
     finally:
         shutil.rmtree(directory)
-    return _shares_of_hertz(rows, prepared.step.dt_s, scene, prepared.assembly.mass_kg.sum() / 2, speed_m_s)
+    return _shares_of_hertz(rows, prepared.step.dt_s, scene, prepared.assembly, speed_m_s)
 
 
-def _stacked(assembly: Assembly, radius_m: float) -> Assembly:
+def _stacked(assembly: Assembly) -> Assembly:
     """The second stone right above the first, and both far above the plate."""
+    radius_m = assembly.stones[0].radius_m
     center, second = assembly.center_m.copy(), assembly.agglomerate == 1
     center[:, 0] += np.where(second, -0.1, 0.1)
     center[:, 2] += np.where(second, (2 + GAP) * radius_m, 0) + radius_m
@@ -72,11 +74,12 @@ def _run_towards_each_other(deck: Path, subspheres: int, speed_m_s: float) -> No
         raise RuntimeError(done.stdout[-500:] + done.stderr[-500:])
 
 
-def _shares_of_hertz(rows: StoneLedger, dt_s: float, scene: Scene, mass_kg: float, speed_m_s: float) -> dict[str, float]:
+def _shares_of_hertz(rows: StoneLedger, dt_s: float, scene: Scene, assembly: Assembly,
+                     speed_m_s: float) -> dict[str, float]:
     """Two equal spheres: half the mass, half the radius, twice the compliance of one."""
     coal, momentum = scene.materials["coal"], rows.column["momentum_z_kg_m_s"][:, 1]
-    stiffness = hertz.stiffness_N_m32(hertz.contact_modulus_Pa(coal, coal), scene.stones.radius_m / 2)
-    depth = hertz.largest_approach_m(stiffness, mass_kg / 2, speed_m_s)
+    stiffness = hertz.stiffness_N_m32(hertz.contact_modulus_Pa(coal, coal), assembly.stones[0].radius_m / 2)
+    depth = hertz.largest_approach_m(stiffness, assembly.mass_kg.sum() / 4, speed_m_s)
     time = rows.step * dt_s
     force = np.diff(momentum) / np.diff(time)
     pressing = np.flatnonzero(force > 1e-3 * force.max())

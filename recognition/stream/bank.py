@@ -51,18 +51,21 @@ class Bank:
 
     def shape_at(self, x_m: float, y_m: float) -> Floats32:
         """(3, n): shapes at a place, and their slopes."""
-        nearest = np.clip(np.rint((np.array([x_m, y_m]) + self.half_m) / SHAPE_STEP_M), 0,
-                          np.array(self.shapes.shape[:2]) - 1).astype(int)
-        here = self.shapes[nearest[0], nearest[1]]
-        dx, dy = np.array([x_m, y_m]) - (nearest * SHAPE_STEP_M - self.half_m)
-        return np.vstack([here[0] + dx * here[1] + dy * here[2], here[1:]])
+        nodes, far = [], []
+        for at, half, count in zip((x_m, y_m), self.half_m.tolist(), self.shapes.shape[:2], strict=True):
+            nodes.append(min(max(round((at + half) / SHAPE_STEP_M), 0), count - 1))
+            far.append(np.float32(at + half - nodes[-1] * SHAPE_STEP_M))
+        found = self.shapes[nodes[0], nodes[1]].copy()
+        found[0] += far[0] * found[1] + far[1] * found[2]
+        return found
 
     def signature(self, material: int, stone: Floats, lags: int = FIT_LAGS) -> tuple[int, Floats]:
         """First sample, and the signature with its derivatives by the parameters (6, lags c)."""
-        k, beta = _node((stone[DURATION] - np.log(DURATIONS_S[0])) / _LOG_STEP, len(DURATIONS_S))
-        first = int(np.floor(stone[TIME]))
-        p, alpha = _node((stone[TIME] - first) * self.phases, self.phases + 1)
-        shape, columns = self.shape_at(stone[X], stone[Y]), lags * self.channels
+        time, log_duration, x_m, y_m, log_impulse = stone.tolist()
+        k, beta = _node((log_duration - _LOG_FIRST) / _LOG_STEP, len(DURATIONS_S))
+        first = int(np.floor(time))
+        p, alpha = _node((time - first) * self.phases, self.phases + 1)
+        shape, columns = self.shape_at(x_m, y_m), lags * self.channels
         table = self.fitted if lags == FIT_LAGS else self.table
         at = [[shape @ table[material, k + i, p + j] for j in (0, 1)] for i in (0, 1)]  # (3, columns) each
         early, late = ((1 - beta) * at[0][j] + beta * at[1][j] for j in (0, 1))
@@ -72,11 +75,12 @@ class Bank:
         out[1 + TIME] = (late[0] - early[0]) * self.phases
         slope = [at[1][j][0] - at[0][j][0] for j in (0, 1)]
         out[1 + DURATION] = ((1 - alpha) * slope[0] + alpha * slope[1]) / _LOG_STEP
-        out *= np.exp(stone[IMPULSE])
+        out *= np.exp(log_impulse)
         out[1 + IMPULSE] = out[0]
         return first - LEAD, out
 
 
+_LOG_FIRST = float(np.log(DURATIONS_S[0]))
 _LOG_STEP = float(np.log(DURATIONS_S[1] / DURATIONS_S[0]))
 
 

@@ -16,7 +16,7 @@ HUM_Hz = (50.0, 60.0)
 class Limits:
     """The most that a record may have, docs/listening.md says from which records."""
 
-    unexplained: float = 0.25
+    unexplained: float = 0.15
     gain: float = 0.15
 
 
@@ -31,11 +31,9 @@ class Checks:
     @classmethod
     def of(cls, listener: Listener) -> Checks:
         whole, left = (values[:, :listener.end] for values in (listener.whole, listener.left))
-        noise = whole.size
-        energy = max(float(np.sum(whole**2)) - noise, 1.0)
         explained = whole - left
         gain = np.sum(whole * explained, axis=1) / np.maximum(np.sum(explained**2, axis=1), 1e-300)
-        return cls(max(float(np.sum(left**2)) - noise, 0.0) / energy, gain)
+        return cls(listener.unexplained(listener.end), gain)
 
     def reason(self, limits: Limits = Limits()) -> str:
         """Which limits are exceeded, "" if none is."""

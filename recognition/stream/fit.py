@@ -10,7 +10,8 @@ from recognition.estimation.arrays import Floats
 from recognition.stream.bank import DURATION, FIT_LAGS, IMPULSE, TIME, Bank, X, Y
 from recognition.stream.prior import StonePrior
 
-STEPS, ENOUGH = 10, 0.05  # Gauss-Newton steps at most; they end when the cost falls by less
+STEPS = 10  # Gauss-Newton steps at most
+ENOUGH, ENOUGH_SHARE = 0.05, 3e-4  # they end when the cost falls by less, and less than this share of it
 LARGEST_STEP = np.array([3.0, 0.4, 0.02, 0.02, 0.7])  # of the parameters at once
 FARTHEST = 3.0  # of log duration and log impulse from those of a typical stone
 FIRST_DAMPING, LAST_DAMPING = 1e-4, 1e2
@@ -57,7 +58,7 @@ class Window:
                     break
                 continue
             gained, now, damping = now.cost - trial.cost, trial, damping / 5
-            if gained < ENOUGH:
+            if gained < ENOUGH + ENOUGH_SHARE * now.cost:
                 break
         return now
 
@@ -85,10 +86,10 @@ class Window:
                 curvature[a, 5 * j:5 * j + 5] = block
                 curvature[5 * j:5 * j + 5, a] = block.T
             value, by_pair, precision = self.prior.gaussian(stones[i].material, stones[i].stone)
-            pair = [5 * i + DURATION, 5 * i + IMPULSE]
+            pair = slice(5 * i + DURATION, 5 * i + IMPULSE + 1, IMPULSE - DURATION)
             cost += value
             slope[pair] += by_pair
-            curvature[np.ix_(pair, pair)] += precision
+            curvature[pair, pair] += precision
         return Fit(stones, cost, slope, curvature, chi_square)
 
     def _moved(self, now: Fit, damping: float) -> tuple[Found, ...]:

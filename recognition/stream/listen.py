@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 
 import numpy as np
 
@@ -22,6 +23,7 @@ LEAST_GAIN = 15.0  # of the log posterior, for a stone to be believed
 BAD_MISFIT = 4.0  # of a window, from which its stones are sought anew one by one
 LEAST_EVIDENCE = 20.0  # of the log, for a stone of the sizes and speeds that there are
 LEAST_SHARE = 0.05  # of a window's chi-square that a further stone must explain: a plate's model is never exact
+CHECKED, HOPELESS = 40, 0.4  # after so many windows each: the share unexplained with which it is given up
 WINDOW = LEAD + LOOK_BACK + FIT_LAGS + 30  # samples in which stones are fitted together
 SURE = WINDOW - 50  # a stone that is found later in a window may be the beginning of another, which is not yet in it
 LEAST_IMPULSE = 0.8  # of the smallest that a stone is expected to have
@@ -63,7 +65,10 @@ class Listener:
     dictionary: Dictionary
 
     def hear(self, innovations: Floats) -> list[Heard]:
-        """All stones, in the order of arrival. A stone is final FIT_LAGS samples after its arrival at the latest."""
+        """All stones, in the order of arrival, or those up to where it is hopeless: this is not the plate.
+
+        A stone is final WINDOW samples after its arrival.
+        """
         self.left = np.pad(innovations, ((0, 0), (0, LAGS + FIT_LAGS)))
         self.whole, self.end = self.left.copy(), innovations.shape[1]
         before = np.cumsum(np.pad(np.sum(self.whole**2, axis=0), (FIT_LAGS, 0)))
@@ -71,12 +76,14 @@ class Listener:
         heard: list[Heard] = []
         waiting: tuple[Found, ...] = ()
         at = LEAD + LOOK_BACK
-        while True:
+        for window_number in count(1):
+            if window_number % CHECKED == 0 and self.unexplained(at) > HOPELESS:
+                break
             trigger = self._trigger(at)
             if waiting:
                 trigger = min(trigger, int(time_of(waiting[0])) - LEAD // 2)
             if trigger >= self.end - BLOCK:
-                return heard
+                break
             first = max(trigger - LEAD - LOOK_BACK, 0)
             fit, window = self._window(first, waiting)
             if not fit.stones:
@@ -95,6 +102,13 @@ class Listener:
                 at = max(at, centre - LOOK_BACK)
             else:
                 at = max(at, centre) + LOOK_BACK
+        return heard
+
+    def unexplained(self, until: int) -> float:
+        """Share of the innovations' energy before a sample, above that of noise, that no stone explains."""
+        noise = self.bank.channels * until
+        energy, left = (float(np.sum(values[:, :until] ** 2)) - noise for values in (self.whole, self.left))
+        return max(left, 0.0) / max(energy, 1.0)
 
     @cached_property
     def least_impulse(self) -> float:

@@ -40,12 +40,13 @@ class StonePrior:
         return np.array([self.forces.mean_log(m, *self.grid.T).T for m in range(len(MATERIALS))])
 
     @cached_property
-    def _gaussians(self) -> list[tuple[Floats, Floats]]:
-        """Mean and precision of (log s, log J) of each material, widened so that the limits' ends are not far off."""
+    def _gaussians(self) -> list[tuple[Floats, Floats, float]]:
+        """Mean, precision and its log determinant of (log s, log J) of each material, wider than the limits say."""
         spread = [np.atleast_2d(np.cov(mean.T, bias=True)) if len(mean) > 1 else np.zeros((2, 2))
                   for mean in self.means]
-        return [(mean.mean(axis=0), np.linalg.inv(2 * cov + self.forces.scatter[m]))
-                for m, (mean, cov) in enumerate(zip(self.means, spread, strict=True))]
+        precision = [np.linalg.inv(2 * cov + scatter) for cov, scatter in zip(spread, self.forces.scatter, strict=True)]
+        return [(mean.mean(axis=0), p, float(np.linalg.slogdet(p)[1]))
+                for mean, p in zip(self.means, precision, strict=True)]
 
     def typical(self, material: int) -> Floats:
         """(2,): mean of log s and log J."""
@@ -53,10 +54,10 @@ class StonePrior:
 
     def gaussian(self, material: int, stone: Floats) -> tuple[float, Floats, Floats]:
         """Minus the log of the wide Gaussian prior at a stone's log s and log J, its slope (2,), and precision."""
-        mean, precision = self._gaussians[material]
+        mean, precision, log_determinant = self._gaussians[material]
         off = stone[[DURATION, IMPULSE]] - mean
         slope = precision @ off
-        return 0.5 * float(off @ slope) - 0.5 * float(np.linalg.slogdet(precision)[1]), slope, precision
+        return 0.5 * (float(off @ slope) - log_determinant), slope, precision
 
     def evidence(self, material: int, estimate: Floats, covariance: Floats) -> tuple[float, Floats]:
         """Logarithm of the factor by which the true prior changes the evidence of a fit made with the wide one, and the
@@ -65,7 +66,7 @@ class StonePrior:
         estimate (2,), covariance (2, 2): of log s and log J with the wide prior. The likelihood alone is the quotient
         of that Gaussian and the wide prior.
         """
-        wide_mean, wide = self._gaussians[material]
+        wide_mean, wide, log_wide_precision = self._gaussians[material]
         posterior = np.linalg.inv(covariance)
         likelihood = posterior - wide  # precision; may be singular, never below zero but for rounding
         information = posterior @ estimate - wide @ wide_mean
@@ -77,7 +78,7 @@ class StonePrior:
                     - 0.5 * np.einsum("ni,ij,nj->n", means, inner, means)
                     + 0.5 * np.linalg.slogdet(inner)[1] - 0.5 * np.linalg.slogdet(total)[1])
         log_wide = (0.5 * (posterior @ estimate) @ estimate - 0.5 * (wide @ wide_mean) @ wide_mean
-                    + 0.5 * np.linalg.slogdet(wide)[1] - 0.5 * np.linalg.slogdet(posterior)[1])
+                    + 0.5 * log_wide_precision - 0.5 * np.linalg.slogdet(posterior)[1])
         top = log_node.max()
         weight = np.exp(log_node - top)
         return float(top + np.log(weight.mean()) - log_wide), weight / weight.sum()

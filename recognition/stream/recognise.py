@@ -10,9 +10,9 @@ import pandas as pd
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.bank import FIT_LAGS, Bank
+from recognition.stream.bank import Bank
 from recognition.stream.checks import Checks, without_offset_and_hum
-from recognition.stream.listen import Heard, Listener
+from recognition.stream.listen import WINDOW, Heard, Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.retuning import retuned
 from recognition.stream.search import Dictionary
@@ -85,4 +85,4 @@ def _noise_of(values: Floats) -> Floats:
 
 def latency_s() -> float:
     """From the arrival of a stone to its answer, without the time of computing."""
-    return 2 * FIT_LAGS / RATE_Hz
+    return WINDOW / RATE_Hz

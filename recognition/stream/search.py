@@ -12,7 +12,7 @@ from recognition.stream.fit import Found
 from recognition.stream.prior import StonePrior
 from recognition.stream.signatures import DURATIONS_S, LEAD
 
-SPACING_M = 0.02
+SPACING_M = 0.03
 STARTS, APART_M = 2, 0.04  # places from which a fit starts, and how far they are apart
 
 

@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import binom
 
 from common.plate import read_plate
+from recognition.__main__ import main
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import LAGS, Bank
@@ -185,3 +186,22 @@ def test_times_are_those_of_the_centres(heard):
     stream, found = heard
     centres = np.array([time_of(h.best) for h in found.heard]) / RATE_Hz
     assert np.abs(np.sort(centres) - stream.truth["centre_s"]).max() < 20e-6
+
+
+@pytest.mark.parametrize(("change", "options", "said"), [
+    (lambda t: t.iloc[::2], (), "needs at least 20000"),
+    (lambda t: t.drop(columns="acc_north_m_s2"), (), "at least one of acc_north_m_s2"),
+    (lambda t: t.assign(acc_north_m_s2=np.nan), (), "every sample must be finite"),
+    (lambda t: t, ("--radius", "0.03", "0.02"), "the lower first"),
+    (lambda t: t, ("--step", "0"), "must be a time above 0 s"),
+])
+def test_bad_input_of_the_command(plate, tmp_path, capsys, change, options, said):
+    table = pd.DataFrame({"t_s": np.arange(4000) / RATE_Hz, "acc_north_m_s2": np.sin(np.arange(4000.0))})
+    change(table).to_parquet(tmp_path / "record.parquet")
+    plate.save(tmp_path / "plate.json")
+    words = ["listen", str(tmp_path / "record.parquet"), "--plate", str(tmp_path / "plate.json"), "--out",
+             str(tmp_path / "out"), *options]
+    assert main(words) == 2
+    told = capsys.readouterr().err
+    assert said in told and told.count("\n") == 1
+    assert not (tmp_path / "out").exists()
