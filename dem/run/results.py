@@ -36,7 +36,8 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Results:
-    """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,); `energy` is that of dem.run.energy_balance.energy_ledger."""
+    """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,);
+    `energy` is that of dem.run.energy_balance.energy_ledger."""
 
     events: pd.DataFrame
     fast: pd.DataFrame
