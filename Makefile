@@ -17,7 +17,8 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep campaign dataset report test validate bench accuracy stability pictures engine setup lint docs clean
+.PHONY: help sweep stream campaign dataset report test validate bench accuracy listening stability pictures engine setup lint \
+        docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -32,6 +33,10 @@ dataset: setup  ## hundreds of runs into runs/dataset, and every method of recog
 
 campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/campaign, by Snakemake
 	$(PYTHON) -m dem campaign scenes/campaign.toml --out runs/campaign --jobs $(JOBS)
+
+stream: setup  ## scenes/stream.toml, a hundred stones on a tilted plate, and its report in runs/stream
+	$(PYTHON) -m dem run scenes/stream.toml --out runs/stream/ratio_030
+	$(PYTHON) -m report runs/stream
 
 report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m report '$(OUT)'
@@ -51,6 +56,10 @@ accuracy: setup  ## error against run time, and what each part of a scene costs,
 	$(PYTHON) -m benchmarks.tolerance
 	$(PYTHON) -m benchmarks.omissions
 	$(PYTHON) -m benchmarks.free_flight
+
+listening: setup  ## streams of known truth, and what is heard of them, into runs/listening
+	$(PYTHON) -m benchmarks.stone_forces
+	$(PYTHON) -m benchmarks.listening
 
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability
 	$(PYTHON) -m benchmarks.stability --jobs $(JOBS)

@@ -2,8 +2,8 @@
 
     python benchmarks/pulse_library.py DIRECTORY
 
-Runs scenes/single.toml for both rocks, five radii, three speeds and two packings, keeps the runs in DIRECTORY, passes
-over those that are there, and stores each force over its first 2.5 ms as means over 10 us.
+Runs scenes/single.toml for both rocks, five radii and three speeds, keeps the runs in DIRECTORY, passes over those that
+are there, and stores each force over its first 2.5 ms as means over 10 us.
 """
 
 import itertools
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-RADII_m, SPEEDS_m_s, SEEDS = (0.015, 0.02, 0.025, 0.03, 0.035), (2.0, 3.0, 4.0), (20011, 30011)
+RADII_m, SPEEDS_m_s, SEEDS = (0.015, 0.02, 0.025, 0.03, 0.035), (2.0, 3.0, 4.0), (20011,)
 STEP_s, DURATION_s = 1e-5, 2.5e-3
 OUT = Path(__file__).parents[1] / "recognition/evaluation/data/force_pulses.npz"
 

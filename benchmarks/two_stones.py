@@ -35,7 +35,8 @@ def meet(subspheres: int, seed: int, speed_m_s: float) -> dict[str, float]:
     """One pair: packing `seed` below and the next above it, far from the plate, each at half the speed."""
     scene = changed_scene(SCENES / "single.toml", {
         "time.gravity_m_s2": 0.0, "time.duration_s": 8e-4, "time.sample_interval_s": 3e-5, "output": None,
-        "time.free_flight_tolerance": 0.0, "stones.speed_m_s": speed_m_s / 2, "stones.count": 2, "stones.gangue_order": [1, 2], "stones.seed": seed,
+        "time.free_flight_tolerance": 0.0, "stones.speed_m_s": speed_m_s / 2, "stones.count": 2,
+        "stones.gangue_order": [1, 2], "stones.seed": seed,
         "stones.positions": [{"x_m": -0.1, "y_m": 0.0}, {"x_m": 0.1, "y_m": 0.0}],
         "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": "sub_spheres"},
         "plate": read_toml(SCENES / "hertz_coal.toml")["plate"],
@@ -73,11 +74,12 @@ def _run_towards_each_other(deck: Path, subspheres: int, speed_m_s: float) -> No
         raise RuntimeError(done.stdout[-500:] + done.stderr[-500:])
 
 
-def _shares_of_hertz(rows: StoneLedger, dt_s: float, scene: Scene, stones: Assembly, speed_m_s: float) -> dict[str, float]:
+def _shares_of_hertz(rows: StoneLedger, dt_s: float, scene: Scene, assembly: Assembly,
+                     speed_m_s: float) -> dict[str, float]:
     """Two equal spheres: half the mass, half the radius, twice the compliance of one."""
     coal, momentum = scene.materials["coal"], rows.column["momentum_z_kg_m_s"][:, 1]
-    stiffness = hertz.stiffness_N_m32(hertz.contact_modulus_Pa(coal, coal), stones.stones[0].radius_m / 2)
-    depth = hertz.largest_approach_m(stiffness, stones.mass_kg.sum() / 4, speed_m_s)
+    stiffness = hertz.stiffness_N_m32(hertz.contact_modulus_Pa(coal, coal), assembly.stones[0].radius_m / 2)
+    depth = hertz.largest_approach_m(stiffness, assembly.mass_kg.sum() / 4, speed_m_s)
     time = rows.step * dt_s
     force = np.diff(momentum) / np.diff(time)
     pressing = np.flatnonzero(force > 1e-3 * force.max())

@@ -58,6 +58,8 @@ COMMANDS = {
         "gangue tap scenes/paper.toml taps.toml --out plate.json",)),
     "check": Command("recognition", "check", "look for faults in the channels of a record", (
         "gangue check measured.csv --plate plate.json",), json=False),
+    "listen": Command("recognition", "listen", "stones one by one, and the mixing ratio over time, from a stream", (
+        "gangue listen stream.parquet --plate plate.json --out runs/heard",)),
     "report": Command("report", "", "write report.html of a sweep", (
         "gangue report runs/paper",)),
     "compare": Command("report", "compare", "write a page of what differs between two runs or two sweeps", (

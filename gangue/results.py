@@ -82,6 +82,15 @@ def _tap(options: Options, code: int) -> Any:
     return {"plate": str(options.out), "modes": {name: getattr(plate, name).tolist() for name in names}}
 
 
+def _listen(options: Options, code: int) -> Any:
+    """The ratio is that at the end of the record; null where it cannot be trusted."""
+    from common.parquet import read_parquet
+
+    last = read_parquet(Path(options.out) / "ratio.parquet").iloc[-1]
+    return {"stones": str(Path(options.out) / "stones.parquet"), "explained": code == 0,
+            "last": {name: _number(value) for name, value in last.items()}}
+
+
 def _compare(options: Options, _code: int) -> Any:
     from report.compare_page import page_of
 
@@ -104,6 +113,7 @@ RESULTS: dict[str, Callable[[Options, int], Any]] = {
     "fit": lambda options, _: {"model": str(options.out)},
     "recognise": _recognise,
     "tap": _tap,
+    "listen": _listen,
     "report": lambda options, _: {"report": str(Path(options.directory) / "report.html")},
     "compare": _compare,
 }

@@ -8,7 +8,7 @@ from common.plate import FlexiblePlate
 from common.tables import Refused
 from plate_fem.mesh import bending_wavenumber, choose_theory, highest_frequency_Hz
 
-MODES_AT_MOST = 800  # six times those of the default scene
+MODES_AT_MOST = 600  # four times those of the default scene; 538 take 72 s and 2.8 GB (docs/plate.md)
 
 
 def refuse_too_many_modes(plate: FlexiblePlate, most: int) -> None:

@@ -1,4 +1,4 @@
-"""Command line: `python -m recognition fit | recognise | evaluate | tap | check`."""
+"""Command line: `python -m recognition fit | recognise | evaluate | tap | check | listen`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ def _command(arguments: argparse.Namespace) -> int:
     from common.tables import InputError
     from recognition.estimation.errors import RecognitionError
 
-    command = {"fit": fit, "recognise": recognise, "evaluate": evaluate, "tap": tap, "check": check}[arguments.command]
+    command = {"fit": fit, "recognise": recognise, "evaluate": evaluate, "tap": tap, "check": check,
+               "listen": listen}[arguments.command]
     try:
         return command(arguments) or 0
     except (RecordError, RecognitionError, InputError) as error:
@@ -125,6 +126,12 @@ def check(arguments: argparse.Namespace) -> int:
     return look(arguments)
 
 
+def listen(arguments: argparse.Namespace) -> int:
+    from recognition.stream.command import listen as hear
+
+    return hear(arguments)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="python -m recognition", description="Recognise the gangue mixing ratio."
@@ -149,7 +156,20 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("check", help="look for faults in the channels of a record")
     command.add_argument("record", help="run directory, .parquet or .csv with t_s and acc_NAME_m_s2")
     command.add_argument("--plate", required=True, help="plate that `tap` wrote")
+    _add_listen(commands.add_parser("listen", help="stones one by one, and the mixing ratio over time, from a stream"))
     return parser
+
+
+def _add_listen(command: argparse.ArgumentParser) -> None:
+    command.add_argument("record", help="run directory, .parquet or .csv with t_s and acc_NAME_m_s2, from 20 kHz on")
+    command.add_argument("--plate", required=True, help="plate, from `tap` (.json)")
+    command.add_argument("--out", required=True, help="directory for stones.parquet and ratio.parquet")
+    command.add_argument("--radius", type=float, nargs=2, default=(0.025, 0.025), metavar=("LOW", "HIGH"),
+                         help="between which the stones' radii lie, in m (default: 0.025 0.025)")
+    command.add_argument("--speed", type=float, nargs=2, default=(2.0, 4.0), metavar=("LOW", "HIGH"),
+                         help="between which their speeds lie, in m/s (default: 2 4)")
+    command.add_argument("--window", type=float, default=1.0, metavar="S", help="of the ratio (default: %(default)g s)")
+    command.add_argument("--step", type=float, default=0.1, metavar="S", help="between ratios (default: %(default)g s)")
 
 
 if __name__ == "__main__":

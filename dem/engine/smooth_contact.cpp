@@ -68,6 +68,18 @@ int SmoothContact::here(int tag) const {
 
 void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int vflag) {
   near_ = &near;
+  // A body that has left the plate for good is taken out with a patch that it may have, below the plate's edge.
+  const auto gone = std::remove_if(patches_.begin(), patches_.end(), [&](const Patch &p) {
+    const bool left = lmp_->comm->nprocs == 1 && std::any_of(p.members.begin(), p.members.end(), [&](const Weight &m) {
+                        return here(m.tag) < 0;
+                      });
+    if (left) released_[p.agglomerate] += p.share * p.state.stored + 0.5 * p.spring * dot(p.slip, p.slip);
+    return left;
+  });
+  if (gone != patches_.end()) {
+    patches_.erase(gone, patches_.end());
+    index_patches();
+  }
   index(near);
   place_on_plate(near);
   const bool looks = must_look();
@@ -265,7 +277,7 @@ void SmoothContact::hand_out(std::vector<NearSphere> &near) {
 void SmoothContact::end_of_step(const std::vector<NearSphere> &near, std::vector<double> &work_on_stone) {
   alone_.end_of_step(near, work_on_stone);
   const double half_dt = 0.5 * lmp_->update->dt;
-  for (size_t a = 0; a < damped_.size(); a++) {
+  for (const int a : agglomerates_.near()) {
     work_on_stone[a] += half_work_[a], damped_[a] += half_damped_[a];
     half_work_[a] = half_damped_[a] = 0;
   }
@@ -283,7 +295,7 @@ void SmoothContact::end_of_step(const std::vector<NearSphere> &near, std::vector
     }
     half_damped_[p.agglomerate] += half_dt * p.rubbing * dot(p.sliding, sliding);
   }
-  for (size_t a = 0; a < damped_.size(); a++) work_on_stone[a] += half_work_[a], damped_[a] += half_damped_[a];
+  for (const int a : agglomerates_.near()) work_on_stone[a] += half_work_[a], damped_[a] += half_damped_[a];
 }
 
 PlateContact::Pressing SmoothContact::pressing(const NearSphere &n) const {

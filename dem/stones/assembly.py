@@ -251,18 +251,23 @@ def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTabl
 
 
 def mass_shares(packing: Packing, solid: Solid) -> np.ndarray:
-    """Shares (n,) of the mass such that a packing has the centre of mass and the inertia of its solid exactly: those
-    nearest to the sub-spheres' volumes, w_i = v_i (1 + sum of multipliers x moments). Raises Refused where the packing
-    is so coarse that a share would not be positive."""
+    """Shares (n,) of the mass such that a packing has the centre of mass and the inertia of its solid exactly. Of all
+    that have, they are nearest to the volumes v_i by entropy: w_i = v_i exp(sum of multipliers x moments), with the
+    multipliers by Newton's method. Raises Refused where the packing is so coarse that a share would be very small."""
     x, r = packing.center_m / REFERENCE_RADIUS_m, CONTACT_RADIUS_RATIO * packing.radius_m / REFERENCE_RADIUS_m
     volume = r**3 / (r**3).sum()
     pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
     second = np.column_stack([x[:, i] * x[:, j] + (r**2 / 5 if i == j else 0) for i, j in pairs])
     rows = np.column_stack([np.ones(len(r)), x, second])
     wanted = np.array([1.0, 0.0, 0.0, 0.0, *(solid.second_moment[i, j] / solid.volume for i, j in pairs)])
-    multiplier = np.linalg.lstsq((rows * volume[:, None]).T @ rows, wanted - rows.T @ volume, rcond=None)[0]
-    share = volume * (1 + rows @ multiplier)
-    if not np.all(share > LEAST_SHARE * volume):
+    multiplier, share = np.zeros(rows.shape[1]), volume
+    for _ in range(50):
+        miss = wanted - rows.T @ share
+        if np.abs(miss).max() < 1e-13:
+            break
+        multiplier = multiplier + np.linalg.solve((rows * share[:, None]).T @ rows, miss)
+        share = volume * np.exp(np.clip(rows @ multiplier, -20, 20))
+    if not (np.abs(miss).max() < 1e-9 and np.all(share > LEAST_SHARE * volume)):
         raise Refused("subspheres", len(r), "must be more, so that they can have the inertia of their shape")
     return share
 

@@ -56,8 +56,8 @@ class _Draws:
         return self._table.size_m.draw(count, self.rng("size"))
 
     def gangue(self, size_m: np.ndarray) -> np.ndarray:
-        """(count,) bool: which stones are gangue. In a random order, each one is where that brings the share nearer to
-        the mixing ratio."""
+        """(count,) bool: which stones are gangue. In a random order, each one is that fits below the mixing
+        ratio, and then the one more that brings the share nearest to it, if any does."""
         stones, count = self._scene.stones, len(size_m)
         order = self.rng("material").permutation(count)
         if self._table.gangue_by == "number":
@@ -67,11 +67,19 @@ class _Draws:
             gangue, coal = size_m**3 * density[stones.gangue], size_m**3 * density[stones.coal]
         which, of_gangue, of_coal = np.zeros(count, dtype=bool), 0.0, float(coal.sum())
         assert stones.gangue_ratio is not None
+
+        def share_with(k: int) -> float:
+            more = of_gangue + float(gangue[k])
+            return more / (more + max(0.0, of_coal - float(coal[k])))
+
         for k in order:
-            more, less = of_gangue + gangue[k], max(0.0, of_coal - coal[k])
-            now, then = of_gangue / (of_gangue + of_coal), more / (more + less)
-            if abs(then - stones.gangue_ratio) < abs(now - stones.gangue_ratio):
-                which[k], of_gangue, of_coal = True, more, less
+            if share_with(k) <= stones.gangue_ratio + 1e-12:
+                which[k], of_gangue, of_coal = True, of_gangue + float(gangue[k]), max(0.0, of_coal - float(coal[k]))
+        left, ratio = [k for k in order if not which[k]], stones.gangue_ratio
+        if left:
+            best = min(left, key=lambda k: abs(share_with(k) - ratio))
+            now = of_gangue / (of_gangue + of_coal)
+            which[best] = abs(share_with(best) - ratio) < abs(now - ratio)
         return which
 
     def arrivals_s(self, count: int) -> np.ndarray:

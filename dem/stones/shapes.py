@@ -13,7 +13,7 @@ from pathlib import Path
 
 import meshio
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from common.scene_shapes import ShapeTable
 from common.tables import InputError
@@ -22,7 +22,7 @@ USUAL_CORNERS = 16
 CORNERS = (6, 7, 8, 9, 10, 12, 14, 16, 20, 24, 32, 48, 64, 100, 150, 200)  # tried for a sphericity
 SPHERICITY_TOLERANCE = 0.03
 SPREAD_TURNS = 5          # of the repulsion between the corners
-CONVEX_TOLERANCE = 0.01   # of the volume between a surface and its convex hull
+CONVEX_TOLERANCE = 0.01   # of the size: the deepest dent
 
 
 @dataclass(frozen=True)
@@ -138,8 +138,13 @@ def _from_file(file: Path) -> Solid:
     edges = np.sort(np.vstack([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]]), axis=1)
     if np.any(np.unique(edges, axis=0, return_counts=True)[1] != 2):
         raise InputError(f"{file}: must hold a closed surface: an edge does not belong to two triangles")
-    volume, hull = abs(moments(point, triangle)[0]), ConvexHull(point)
-    if not volume > 0 or hull.volume > (1 + CONVEX_TOLERANCE) * volume:
-        ratio = hull.volume / max(volume, 1e-300)
-        raise InputError(f"{file}: must be convex: its hull has {ratio:.3g} times its volume")
+    try:
+        hull = ConvexHull(point)
+    except QhullError:
+        raise InputError(f"{file}: must hold a solid: its points lie in a plane") from None
+    # Wherever the triangles' normals point: those of a convex surface lie on its hull.
+    centres = np.vstack([point, point[triangle].mean(axis=1)])
+    inside_m = -(centres @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1).min()
+    if inside_m > CONVEX_TOLERANCE * np.ptp(point, axis=0).max():
+        raise InputError(f"{file}: must be convex: it lies up to {inside_m:.3g} inside its hull")
     return _centred(point)

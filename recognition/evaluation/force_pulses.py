@@ -16,7 +16,7 @@ from recognition.estimation.arrays import Booleans, Floats
 from recognition.plate.plate_model import PlateModel
 
 LIBRARY = Path(__file__).with_name("data") / "force_pulses.npz"  # benchmarks/pulse_library.py
-HERTZ_POWER = 1.5  # a Hertz pulse is close to sin(pi t / T) to this power
+HERTZ_POWER = 1.6  # sin(pi t / T) to this power has a Hertz pulse's impulse and its peak
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,8 @@ def hertz_pulse(stone: Stone, plate: ElasticBody, radius_m: float, speed_m_s: fl
     approach_m = hertz.largest_approach_m(stiffness, mass_kg, speed_m_s)
     contact_s = stretch * float(hertz.contact_time_s(approach_m, speed_m_s))
     t_s = (np.arange(round(duration_s * rate_Hz)) + 0.5) / rate_Hz - arrival_s
-    pulse = np.sin(np.pi * np.clip(t_s / contact_s, 0, 1)) ** HERTZ_POWER
+    touches = (t_s > 0) & (t_s < contact_s)
+    pulse = np.where(touches, np.sin(np.pi * np.where(touches, t_s / contact_s, 0.5)) ** HERTZ_POWER, 0.0)
     return np.asarray(pulse / (pulse.sum() / rate_Hz) * 2 * mass_kg * speed_m_s, float)
 
 

@@ -18,7 +18,7 @@ from recognition.sensors.hum import Hum, hum_of
 
 ONSET_SHARE = 0.2  # of the largest sample
 LEAST_HUM = 0.01  # of the peak: less is not told
-CLIPPED_RUN = 3  # samples on end at the very largest value
+CLIPPED_RUN, CLIPPED_COUNT = 3, 4  # samples at the very largest value, on end and in all
 DEAD_SHARE = 0.02  # of the median of the other channels' rms
 AFTER_s, STRETCH_s = (2.5e-3, 5e-3, 8e-3), 10e-3  # beginnings after the onset, and length, of free motion
 BAND = 0.75  # of the plate's highest frequency: what rings above is filtered off
@@ -81,8 +81,8 @@ def _dead_or_clipped(signals: Floats, i: int) -> str:
         return "dead: it hardly moves"
     for end in (x.max(), x.min()):
         runs = np.diff(np.flatnonzero(np.concatenate([[True], x != end, [True]]))) - 1
-        if runs.max() >= CLIPPED_RUN:
-            return f"clipped at {end:.4g} m/s^2 for {runs.max()} samples"
+        if runs.max() >= CLIPPED_RUN or runs.sum() >= CLIPPED_COUNT:
+            return f"clipped: {runs.sum()} samples at {end:.4g} m/s^2"
     return ""
 
 

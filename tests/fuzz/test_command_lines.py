@@ -15,7 +15,8 @@ from tests.fuzz.mutations import HOSTILE, fuzz, many, outcome
 ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = {
     "dem": ["run", "deck", "plate", "sweep", "campaign", "dataset", "resume", "calibrate"],
-    "plate_fem": ["modes"], "analysis": ["features"], "recognition": ["fit", "recognise", "evaluate", "tap", "check"], "report": [],
+    "plate_fem": ["modes"], "analysis": ["features"],
+    "recognition": ["fit", "recognise", "evaluate", "tap", "check", "listen"], "report": [],
 }
 OPTIONS = ["--out", "--gangue", "--set", "--jobs", "--overwrite", "--walltime", "--profile", "--scene", "--model",
            "--method", "--column", "--rate", "--scale", "--unit", "--resample", "--no-filter"]

@@ -1,0 +1,229 @@
+"""Stones one by one from the innovations, in the order of their arrival."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import count
+
+import numpy as np
+
+from recognition.estimation.arrays import Floats
+from recognition.stream.bank import DURATION, FIT_LAGS, IMPULSE, LAGS, Bank
+from recognition.stream.fit import Fit, Found, Window, time_of
+from recognition.stream.prior import StonePrior
+from recognition.stream.search import Dictionary
+from recognition.stream.signatures import LEAD
+
+SCANNED = 1000  # samples at once
+BLOCK = 8  # samples whose energy tells that something fell
+LOOK_BACK = 4  # samples before that moment that belong to the window
+MOST_AT_ONCE = 8  # stones of one window
+LEAST_GAIN = 15.0  # of the log posterior, for a stone to be believed
+BAD_MISFIT = 4.0  # of a window, from which its stones are sought anew one by one
+LEAST_EVIDENCE = 20.0  # of the log, for a stone of the sizes and speeds that there are
+LEAST_SHARE = 0.05  # of a window's chi-square that a further stone must explain: a plate's model is never exact
+CHECKED, HOPELESS = 40, 0.4  # after so many windows each: the share unexplained with which it is given up
+WINDOW = LEAD + LOOK_BACK + FIT_LAGS + 30  # samples in which stones are fitted together
+SURE = WINDOW - 50  # a stone that is found later in a window may be the beginning of another, which is not yet in it
+LEAST_IMPULSE = 0.8  # of the smallest that a stone is expected to have
+HEARD_SHARE = 0.1  # of the energy of that impulse on a place where it is hardly heard: less is not searched for
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A stone with both of its materials fitted.
+
+    found (2): parameters as coal and as gangue; log_evidence (2,); covariance (2, 5, 5); weights (2, nodes) of the
+    prior's radii and speeds; misfit: chi-square of its window per sample; gain: of the log likelihood of the window by
+    this stone; evidence: the same with the misfit as noise, and with what is known of sizes and speeds.
+    """
+
+    found: tuple[Found, Found]
+    log_evidence: Floats
+    covariance: Floats
+    weights: tuple[Floats, Floats]
+    misfit: float
+    gain: float
+    evidence: float
+
+    @property
+    def best(self) -> Found:
+        return self.found[int(self.log_evidence[1] > self.log_evidence[0])]
+
+
+@dataclass
+class Listener:
+    """Follows innovations (c, samples) from their beginning; `hear` gives all stones of a record.
+
+    `hear` leaves behind the innovations (`whole`), what no stone explains of them (`left`), both with `end` samples and
+    more of zeros.
+    """
+
+    bank: Bank
+    prior: StonePrior
+    dictionary: Dictionary
+
+    def hear(self, innovations: Floats) -> list[Heard]:
+        """All stones, in the order of arrival, or those up to where it is hopeless: this is not the plate.
+
+        A stone is final WINDOW samples after its arrival.
+        """
+        self.left = np.pad(innovations, ((0, 0), (0, LAGS + FIT_LAGS)))
+        self.whole, self.end = self.left.copy(), innovations.shape[1]
+        before = np.cumsum(np.pad(np.sum(self.whole**2, axis=0), (FIT_LAGS, 0)))
+        self.around = LEAST_SHARE / 2 * (before[FIT_LAGS:] - before[:-FIT_LAGS])
+        heard: list[Heard] = []
+        waiting: tuple[Found, ...] = ()
+        at = LEAD + LOOK_BACK
+        for window_number in count(1):
+            if window_number % CHECKED == 0 and self.unexplained(at) > HOPELESS:
+                break
+            trigger = self._trigger(at)
+            if waiting:
+                trigger = min(trigger, int(time_of(waiting[0])) - LEAD // 2)
+            if trigger >= self.end - BLOCK:
+                break
+            first = max(trigger - LEAD - LOOK_BACK, 0)
+            fit, window = self._window(first, waiting)
+            if not fit.stones:
+                at, waiting = trigger + BLOCK, ()
+                continue
+            if time_of(fit.stones[0]) >= first + SURE:
+                at, waiting = max(trigger + BLOCK // 2, int(time_of(fit.stones[0])) - LEAD - BLOCK), ()
+                continue
+            fit, window = _before_late(fit, window)
+            fit, stone = self._judged(window, fit)
+            centre = int(time_of(fit.stones[0]))
+            waiting = fit.stones[1:]
+            if stone.evidence > LEAST_EVIDENCE and stone.gain > self._needed(window):
+                heard.append(stone)
+                self._subtract(stone.best)
+                at = max(at, centre - LOOK_BACK)
+            else:
+                at = max(at, centre) + LOOK_BACK
+        return heard
+
+    def unexplained(self, until: int) -> float:
+        """Share of the innovations' energy before a sample, above that of noise, that no stone explains."""
+        noise = self.bank.channels * until
+        energy, left = (float(np.sum(values[:, :until] ** 2)) - noise for values in (self.whole, self.left))
+        return max(left, 0.0) / max(energy, 1.0)
+
+    @cached_property
+    def least_impulse(self) -> float:
+        """Logarithm of the impulse that a stone has at least."""
+        return float(self.prior.means[..., 1].min() + np.log(LEAST_IMPULSE))
+
+    @cached_property
+    def limit(self) -> float:
+        """Energy of a block that is worth a search: more than noise gives, and what a weak stone gives at least."""
+        c, d = self.bank.channels, self.dictionary
+        noise = c * BLOCK + 6 * np.sqrt(2 * c * BLOCK)
+        block = np.sum(d.signatures[:, (LEAD - 2) * c:(LEAD - 2 + BLOCK) * c] ** 2, axis=1) * d.length**2
+        return float(max(noise, HEARD_SHARE * np.quantile(block, 0.1) * np.exp(2 * self.least_impulse)))
+
+    def _trigger(self, at: int) -> int:
+        """First sample from `at` on where the energy of a block passes the limit; the end if it does nowhere."""
+        while at < self.end:
+            part = (self.left[:, at:at + SCANNED + BLOCK] ** 2).sum(axis=0)
+            energy = np.convolve(part, np.ones(BLOCK), "valid")
+            over = np.flatnonzero(energy > np.maximum(self.limit, self.around[at:at + len(energy)]))
+            if len(over):
+                return at + int(over[0])
+            at += SCANNED
+        return self.end
+
+    def _window(self, first: int, waiting: tuple[Found, ...]) -> tuple[Fit, Window]:
+        """The stones of the window that begins at `first`, by adding one after the other."""
+        window = Window(self.bank, self.prior, self.left[:, first:first + WINDOW], first)
+        fit = window.fit(waiting) if waiting else window.at(())
+        tried = first + LEAD
+        while len(fit.stones) < MOST_AT_ONCE:
+            better = self._one_more(window, fit, tried)
+            if better is None:
+                break
+            fit = better
+        if len(fit.stones) > 1 and fit.chi_square > BAD_MISFIT * window.values.size:
+            fit = self._sought_anew(window, fit, tried)
+        return fit, window
+
+    def _sought_anew(self, window: Window, fit: Fit, after: int) -> Fit:
+        """The fit with each stone in turn taken out and found again where that is better: the first places of stones
+        that overlap are between them."""
+        for i in range(len(fit.stones)):
+            others = window.at(fit.stones[:i] + fit.stones[i + 1:])
+            again = self._one_more(window, others, after)
+            if again is not None and again.cost < fit.cost - LEAST_GAIN:
+                fit = again
+        return fit
+
+    def _one_more(self, window: Window, fit: Fit, after: int) -> Fit | None:
+        """The fit with the stone that explains most of what is left; None where none is worth it."""
+        left = window.residual(fit.stones)
+        padded = np.pad(left, ((0, 0), (0, FIT_LAGS)))
+        until = window.first + window.values.shape[1] - 24
+        gain, starts = self.dictionary.starts(padded, window.first, range(after, until))
+        needed = self._needed(window)
+        if gain < needed:
+            return None
+        best = min((window.fit(fit.stones + (s,), 4) for s in starts), key=lambda f: f.cost)
+        if fit.cost - best.cost < needed:
+            return None
+        best = min((window.fit(stones) for stones in (best.stones, _flipped(best.stones, len(fit.stones)))),
+                   key=lambda f: f.cost)
+        if min(s.stone[IMPULSE] for s in best.stones) < self.least_impulse:
+            return None
+        order = np.argsort([time_of(s) for s in best.stones])
+        return window.at(tuple(best.stones[k] for k in order))
+
+    def _needed(self, window: Window) -> float:
+        """Gain that a stone must bring: some of the energy about it, also of what was heard and taken away before."""
+        energy = np.sum(self.whole[:, window.first:window.first + window.values.shape[1]] ** 2)
+        return max(LEAST_GAIN, LEAST_SHARE * float(energy) / 2)
+
+    def _judged(self, window: Window, fit: Fit) -> tuple[Fit, Heard]:
+        """Both materials of the first stone, and the better fit."""
+        misfit = fit.chi_square / window.values.size
+        window = replace(window, temper=max(1.0, misfit))
+        fit, other = window.fit(fit.stones), window.fit(_flipped(fit.stones, 0))
+        both = (fit, other) if fit.stones[0].material == 0 else (other, fit)
+        best = min(both, key=lambda f: f.cost)
+        gain = window.at(best.stones[1:]).cost - best.cost
+        return best, heard_of(both, self.prior, window, gain)
+
+    def _subtract(self, found: Found) -> None:
+        start, rows = self.bank.signature(found.material, found.stone, LAGS)
+        signature = rows[0].reshape(-1, self.bank.channels).T
+        low = max(start, 0)
+        self.left[:, low:start + LAGS] -= signature[:, low - start:]
+
+
+def _before_late(fit: Fit, window: Window) -> tuple[Fit, Window]:
+    """The same up to where the first stone begins that may not be in the window as a whole."""
+    late = [int(time_of(s)) for s in fit.stones if time_of(s) >= window.first + SURE]
+    if not late:
+        return fit, window
+    shorter = replace(window, values=window.values[:, :late[0] - LEAD - window.first])
+    return shorter.fit(fit.stones[:-len(late)]), shorter
+
+
+def _flipped(stones: tuple[Found, ...], i: int) -> tuple[Found, ...]:
+    return stones[:i] + (replace(stones[i], material=1 - stones[i].material),) + stones[i + 1:]
+
+
+def heard_of(both: tuple[Fit, Fit], prior: StonePrior, window: Window, gain: float) -> Heard:
+    """The first stone of two fits that differ in its material."""
+    log_evidence, covariance, corrections, weights = np.empty(2), np.empty((2, 5, 5)), np.empty(2), []
+    pair = [DURATION, IMPULSE]
+    for m, fit in enumerate(both):
+        inverse = np.linalg.inv(fit.curvature + 1e-9 * np.eye(len(fit.curvature)))
+        covariance[m] = inverse[:5, :5]
+        more, weight = prior.evidence(m, fit.stones[0].stone[pair], covariance[m][np.ix_(pair, pair)])
+        corrections[m] = more
+        log_evidence[m] = -fit.cost - 0.5 * np.linalg.slogdet(fit.curvature)[1] + more
+        weights.append(weight)
+    best = min(both, key=lambda f: f.cost)
+    return Heard((both[0].stones[0], both[1].stones[0]), log_evidence, covariance, (weights[0], weights[1]),
+                 best.chi_square / window.values.size, gain * window.temper,
+                 gain + float(corrections[best.stones[0].material]))

@@ -1,0 +1,88 @@
+"""From a record to stones: noise, the plate's ringing, innovations, stones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import RecognitionError
+from recognition.plate.plate_model import PlateModel
+from recognition.stream.bank import Bank
+from recognition.stream.checks import Checks, without_offset_and_hum
+from recognition.stream.listen import WINDOW, Heard, Listener
+from recognition.stream.prior import StonePrior
+from recognition.stream.retuning import retuned
+from recognition.stream.search import Dictionary
+from recognition.stream.signatures import Channels
+from recognition.stream.stones import stone_table
+from recognition.stream.whitening import Whitening
+
+RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
+SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
+#: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
+LEAST_DOUBT = 0.02
+#: Of the rate at which a mode loses its phase if its frequency is off by a standard deviation: an error that stays is
+#: less harmful than a phase that walks.
+PHASE_LOSS = 0.1
+#: Of the modes after they were corrected by the record. A filter that believed in less would ring on for longer than
+#: the signatures are.
+LEAST_FREQUENCY_SD = 0.003
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """Stones of a record (columns of `recognition.stream.stones`), how each was heard, and the plate as it rang."""
+
+    stones: pd.DataFrame
+    heard: list[Heard]
+    plate: PlateModel
+    noise: Floats
+    checks: Checks
+
+    @property
+    def refused(self) -> str:
+        """Why no ratio can be trusted, "" if it can."""
+        return self.checks.reason()
+
+
+def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,
+                     noise: Floats | None = None) -> Recognised:
+    """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods.
+
+    noise (c,): standard deviation of the sensors' white noise; None: that of the first SILENCE_S.
+    RecognitionError for a channel without noise, or without a signal.
+    """
+    values = without_offset_and_hum(values, RATE_Hz)
+    if plate.max_frequency_Hz < RATE_Hz / 2:
+        raise RecognitionError(f"the plate has modes up to {plate.max_frequency_Hz:g} Hz; needs {RATE_Hz / 2:g}")
+    noise = _noise_of(values) if noise is None else noise
+    rms = np.sqrt(np.mean(values**2, axis=1))
+    if not np.all(noise > 0) or not np.all(rms > noise):
+        raise RecognitionError("a channel has no noise at all, or nothing but noise")
+    if plate.frequency_sd.max() > LEAST_FREQUENCY_SD:
+        plate = retuned(plate, channels, values, RATE_Hz, noise)
+    plate = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
+    listener, whitening = listener_of(plate, channels, prior, noise, rms)
+    heard = listener.hear(whitening(values))
+    return Recognised(stone_table(heard, prior, RATE_Hz, LEAST_DOUBT), heard, plate, noise,
+                      Checks.of(listener))
+
+
+def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise: Floats,
+                rms: Floats) -> tuple[Listener, Whitening]:
+    """What hears the stones, and what whitens the record for it."""
+    whitening = Whitening.of(plate, channels, RATE_Hz, noise, rms, PHASE_LOSS)
+    bank = Bank.of(plate, channels, prior.forces, whitening, RATE_Hz)
+    return Listener(bank, prior, Dictionary.of(bank, prior)), whitening
+
+
+def _noise_of(values: Floats) -> Floats:
+    return np.asarray(values[:, :round(SILENCE_S * RATE_Hz)].std(axis=1))
+
+
+def latency_s() -> float:
+    """From the arrival of a stone to its answer, without the time of computing."""
+    return WINDOW / RATE_Hz

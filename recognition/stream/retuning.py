@@ -1,0 +1,132 @@
+"""Frequencies and damping of the plate's modes, corrected by the ringing in the record itself.
+
+Stones on random places excite all modes alike and independently, since the modes are orthogonal over the plate. The
+expected spectrum of the channels is then a sum over the modes,
+
+    S(f) = g(f) sum_j a_j(f) c_j c_j' + noise,    a_j = f^4/((f_j^2 - f^2)^2 + 4 zeta_j^2 f_j^2 f^2),
+
+with c_j the shape of mode j at the sensors and g the smooth spectrum of the forces. Frequencies, damping ratios and
+g maximise Whittle's likelihood of the record's spectrum times the prior of the plate model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from scipy.optimize import minimize
+
+from recognition.estimation.arrays import Floats
+from recognition.plate.plate_model import PlateModel
+from recognition.stream.signatures import Channels
+
+HIGHEST_SHARE = 0.42  # of the sample rate: above it the low pass of the record bends the spectrum
+SEGMENT_S = 1.0
+FORCE_DEGREE = 6  # of log g in the frequency
+DAMPING_SD = 0.05  # of log zeta, where the plate model is sure of it
+
+
+@dataclass
+class _Spectrum:
+    """Whittle's likelihood of a spectrum (bins, c, c) averaged over `count` segments."""
+
+    f_Hz: Floats
+    spectrum: Floats
+    count: float
+    shape: Floats  # (c, n)
+    noise: Floats  # (c,), per bin
+    smooth: Floats  # (bins, FORCE_DEGREE + 1)
+    start: tuple[Floats, Floats]
+    sd: tuple[Floats, Floats]
+
+    def cost(self, x: Floats) -> tuple[float, Floats]:
+        """Minus the logarithm of the posterior, and its gradient; x: deviations of log f and log zeta in their
+        standard deviations, then the coefficients of log g."""
+        n = self.shape.shape[1]
+        u, d, level = x[:n], x[n:2 * n], x[2 * n:]
+        f_j, zeta = self.start[0] * np.exp(self.sd[0] * u), self.start[1] * np.exp(self.sd[1] * d)
+        f2, b = self.f_Hz[:, None] ** 2, f_j**2
+        apart, width = b - f2, 4 * zeta**2 * b * f2
+        a = f2**2 / (apart**2 + width)
+        g = np.exp(self.smooth @ level)
+        pairs = np.einsum("cj,dj->jcd", self.shape, self.shape)
+        modes = np.tensordot(a, pairs, 1)
+        model = g[:, None, None] * modes + np.diag(self.noise)
+        inverse = np.linalg.inv(model)
+        slope = self.count * (inverse - inverse @ self.spectrum @ inverse)  # of the cost, by the model's entries
+        value = self.count * float(np.linalg.slogdet(model)[1].sum() + np.einsum("kcd,kdc->", inverse, self.spectrum))
+        by_mode = g[:, None] * np.tensordot(slope, pairs, ((1, 2), (1, 2))) * (a * a / f2**2)
+        by_f = -(by_mode * (4 * apart * b + 2 * width)).sum(axis=0)
+        by_zeta = -(by_mode * 2 * width).sum(axis=0)
+        by_level = self.smooth.T @ (g * np.einsum("kcd,kdc->k", slope, modes))
+        gradient = np.concatenate([by_f * self.sd[0] + u, by_zeta * self.sd[1] + d, by_level])
+        return value + 0.5 * float(u @ u + d @ d), gradient
+
+
+def retuned(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: float, noise: Floats) -> PlateModel:
+    """The plate with the frequencies and damping ratios that a record (c, samples) of accelerometers shows, and the
+    standard deviations that are left. noise (c,): standard deviation of white sensor noise.
+
+    A mode that the record does not show keeps its value and its standard deviation.
+    """
+    kept = np.flatnonzero((plate.frequency_Hz > 0) & (plate.frequency_Hz < 0.5 * rate_Hz))
+    problem = _problem(plate, channels, kept, values, rate_Hz, noise)
+    n = len(kept)
+    x = np.concatenate([np.zeros(2 * n), _first_level(problem)])
+    found = minimize(problem.cost, x, jac=True, method="L-BFGS-B", options={"maxiter": 150, "maxcor": 20})
+    left = _left(problem, found.x)
+    frequency, damping, sd = plate.frequency_Hz.copy(), plate.damping_ratio.copy(), plate.frequency_sd.copy()
+    frequency[kept] *= np.exp(problem.sd[0] * found.x[:n])
+    damping[kept] *= np.exp(problem.sd[1] * found.x[n:2 * n])
+    sd[kept] = problem.sd[0] * left
+    return replace(plate, frequency_Hz=frequency, damping_ratio=damping, frequency_sd=sd)
+
+
+def _problem(plate: PlateModel, channels: Channels, kept: np.ndarray, values: Floats, rate_Hz: float,
+             noise: Floats) -> _Spectrum:
+    f_Hz, spectrum, count = _spectrum(values[: len(channels.accelerometers)], rate_Hz)
+    inside = (f_Hz > 60) & (f_Hz < HIGHEST_SHARE * rate_Hz)
+    f_Hz, spectrum = f_Hz[inside], spectrum[inside]
+    shape = plate.sensor_shape[list(channels.accelerometers)][:, kept]
+    smooth = legvander(2 * f_Hz / f_Hz[-1] - 1, FORCE_DEGREE)
+    damping_sd = np.where(plate.damping_sd[kept] > 0, plate.damping_sd[kept], DAMPING_SD)
+    frequency_sd = np.maximum(plate.frequency_sd[kept], 1e-4)
+    floor = noise[: len(shape)] ** 2 / (rate_Hz / 2)
+    return _Spectrum(f_Hz, spectrum, count, shape, floor, smooth,
+                     (plate.frequency_Hz[kept], plate.damping_ratio[kept]), (frequency_sd, damping_sd))
+
+
+def _spectrum(values: Floats, rate_Hz: float) -> tuple[Floats, Floats, float]:
+    """Frequencies, real parts of one-sided cross spectra (bins, c, c) per Hz, and how many they average."""
+    size = min(values.shape[1], round(SEGMENT_S * rate_Hz))
+    count = 2 * values.shape[1] // size - 1
+    starts = np.linspace(0, values.shape[1] - size, count).astype(int)
+    window = np.hanning(size) if count > 1 else np.ones(size)
+    total = np.zeros((size // 2 + 1, len(values), len(values)))
+    for first in starts:
+        z = np.fft.rfft(values[:, first:first + size] * window)
+        total += np.real(np.einsum("ck,dk->kcd", z, z.conj()))
+    total *= 2 / (rate_Hz * float(window @ window) * count)
+    f_Hz = np.arange(size // 2 + 1) * (rate_Hz / size)
+    return f_Hz, total, float(count if count == 1 else count / 1.9)
+
+
+def _first_level(problem: _Spectrum) -> Floats:
+    """Coefficients of log g with which the trace of the model is about that of the spectrum."""
+    f2, b = problem.f_Hz[:, None] ** 2, problem.start[0] ** 2
+    a = f2**2 / ((b - f2) ** 2 + 4 * (3 * problem.start[1]) ** 2 * b * f2)
+    model = a @ (problem.shape**2).sum(axis=0)
+    signal = np.maximum(np.einsum("kcc->k", problem.spectrum), 1e-3 * problem.noise.sum())
+    return np.asarray(np.linalg.lstsq(problem.smooth, np.log(signal / model), rcond=None)[0])
+
+
+def _left(problem: _Spectrum, x: Floats) -> Floats:
+    """Standard deviation (n,) of each log f in units of its prior, from the curvature of the cost by differences."""
+    n, left = problem.shape.shape[1], np.empty(problem.shape.shape[1])
+    for j in range(n):
+        step = np.zeros_like(x)
+        step[j] = 0.05
+        curvature = (problem.cost(x + step)[1][j] - problem.cost(x - step)[1][j]) / 0.1
+        left[j] = 1 / np.sqrt(max(curvature, 1.0))
+    return left

@@ -1,0 +1,85 @@
+"""The list of stones that were heard, and the mixing ratio in a window that slides over it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from recognition.estimation.arrays import Floats
+from recognition.stream.bank import DURATION, IMPULSE, TIME, X, Y
+from recognition.stream.listen import Heard
+from recognition.stream.prior import StonePrior
+
+DRAWS = 1000
+LEVELS = (0.05, 0.5, 0.95)
+
+
+def stone_table(heard: Sequence[Heard], prior: StonePrior, rate_Hz: float, least_doubt: float) -> pd.DataFrame:
+    """One row for each stone, in order of arrival: first touch t_s, place, probability of gangue, and mean and standard
+    deviation of mass, radius and speed over both materials.
+
+    least_doubt: no material is surer than 1 - least_doubt, the share of stones whose material is wrong in a stream of
+    known truth.
+    """
+    rows = [_row(h, prior, rate_Hz, least_doubt) for h in heard]
+    return pd.DataFrame(rows, columns=COLUMNS).sort_values("t_s", ignore_index=True)
+
+
+COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s", "duration_s", "radius_m",
+           "radius_sd_m", "speed_m_s", "speed_sd_m_s", "mass_coal_kg", "mass_gangue_kg", "mass_coal_sd_kg",
+           "mass_gangue_sd_kg",
+           "misfit"]
+
+
+def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> list[float]:
+    odds = h.log_evidence[1] - h.log_evidence[0] + np.log(prior.gangue_ratio / (1 - prior.gangue_ratio))
+    gangue = least_doubt + (1 - 2 * least_doubt) / (1 + np.exp(-np.clip(odds, -50, 50)))
+    m = int(gangue > 0.5)
+    stone, cov = h.found[m].stone, h.covariance[m]
+    t_s = stone[TIME] / rate_Hz - prior.forces.start[m] * np.exp(stone[DURATION])
+    share = np.array([1 - gangue, gangue])
+    size = [prior.grid[:, k] for k in (0, 1)]
+    (radius, radius_sd), (speed, speed_sd) = (_moments(share, h.weights, (v, v)) for v in size)
+    mass = [4 / 3 * np.pi * size[0] ** 3 * density for density in prior.forces.density_kg_m3]
+    (coal, coal_sd), (rock, rock_sd) = (_moments(np.array([1.0]), (h.weights[k],), (mass[k],)) for k in (0, 1))
+    return [t_s, np.sqrt(cov[TIME, TIME]) / rate_Hz, stone[X], stone[Y], np.sqrt((cov[X, X] + cov[Y, Y]) / 2), gangue,
+            np.exp(stone[IMPULSE]), np.exp(stone[DURATION]), radius, radius_sd, speed, speed_sd, coal, rock, coal_sd,
+            rock_sd, h.misfit]
+
+
+def _moments(share: Floats, weights: Sequence[Floats], values: Sequence[Floats]) -> tuple[float, float]:
+    mean = sum(s * float(w @ v) for s, w, v in zip(share, weights, values, strict=True))
+    square = sum(s * float(w @ v**2) for s, w, v in zip(share, weights, values, strict=True))
+    return mean, float(np.sqrt(max(square - mean**2, 0.0)))
+
+
+def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float, float]:
+    """Low end, median and high end of the 90 % interval of the mixing ratio of some stones, NaN for none.
+
+    The materials of different stones are independent, and so are their masses; the distribution is drawn from, always
+    with the same seed.
+    """
+    if len(stones) == 0:
+        return (np.nan, np.nan, np.nan)
+    rng = np.random.default_rng(1)
+    gangue = rng.random((DRAWS, len(stones))) < stones["gangue"].to_numpy()
+    weight = np.ones_like(gangue, dtype=float)
+    if by_mass:
+        mean = np.where(gangue, stones["mass_gangue_kg"].to_numpy(), stones["mass_coal_kg"].to_numpy())
+        sd = np.where(gangue, stones["mass_gangue_sd_kg"].to_numpy(), stones["mass_coal_sd_kg"].to_numpy())
+        shape = np.log1p((sd / mean) ** 2)  # log-normal of that mean and deviation
+        weight = mean * np.exp(np.sqrt(shape) * rng.standard_normal(mean.shape) - shape / 2)
+    share = (weight * gangue).sum(axis=1) / weight.sum(axis=1)
+    low, middle, high = np.quantile(share, LEVELS)
+    return float(low), float(middle), float(high)
+
+
+def sliding_ratio(stones: pd.DataFrame, window_s: float, step_s: float, end_s: float) -> pd.DataFrame:
+    """The ratio by number and by mass of the stones of the last window_s, every step_s up to end_s."""
+    rows = []
+    for t_s in np.arange(step_s, end_s + step_s / 2, step_s):
+        inside = stones[(stones["t_s"] > t_s - window_s) & (stones["t_s"] <= t_s)]
+        rows.append([t_s, len(inside), *ratio_of(inside), *ratio_of(inside, by_mass=True)])
+    return pd.DataFrame(rows, columns=["t_s", "stones", "low", "ratio", "high", "mass_low", "mass_ratio", "mass_high"])

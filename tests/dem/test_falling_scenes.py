@@ -1,0 +1,45 @@
+"""The shipped scenes of what falls, each at small size: they run, and their ledger closes."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scenes_of_tests import SCENES
+
+from common.scene import changed_scene, read_scene
+from dem.run.run import run_scene
+from dem.stones.arrangement import gangue_ratio, stones_of
+
+COARSE = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "sub_spheres",
+          "plate.max_frequency_Hz": 800.0, "output": None, "plate.sensors": []}
+SMALL = {
+    "sizes": {"time.duration_s": 0.023},
+    "polyhedra": {"time.duration_s": 2e-3, "stones.drawn.count": 4, "stones.agglomerate.subspheres": 100},
+    "stream": {"time.duration_s": 0.06, "stones.stream.duration_s": 0.05, "stones.stream.rate_1_s": 100.0},
+    "caving": {"time.duration_s": 0.05, "stones.stream.duration_s": 0.04, "stones.stream.rate_kg_s": 50.0,
+               "stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 300.0},
+}
+
+
+@pytest.mark.parametrize("name", sorted(SMALL))
+def test_a_shipped_scene_runs_at_small_size(tmp_path, name):
+    scene = changed_scene(SCENES / f"{name}.toml", COARSE | SMALL[name])
+    summary = run_scene(scene, f"{name}.toml", tmp_path / "run")
+    stones = pd.read_parquet(tmp_path / "run" / "stones.parquet")
+    listed = stones_of(scene, name)
+    assert abs(summary["energy"]["closure"]) < 0.01
+    assert len(stones) == len(listed) >= (2 if name == "caving" else 4)
+    hit = stones["first_contact_s"].notna()
+    assert hit.all() or name in ("stream", "caving")  # a stone may be held up in the air by another
+    spins = np.array([any(one.spin_rad_s) or one.shape != "sphere" for one in listed])
+    late = (stones["first_contact_s"] - stones["arrival_s"])[hit & ~spins]
+    assert np.all(late.abs() < 2e-3)  # coarse packings reach the plate later than their sphere
+
+
+def test_the_stream_is_what_was_asked_for():
+    scene = read_scene(SCENES / "stream.toml")
+    stones = stones_of(scene, "stream")
+    size = 2 * np.array([one.radius_m for one in stones])
+    mass = np.array([np.pi / 6 * d**3 * scene.materials[one.material].density_kg_m3 for d, one in zip(size, stones)])
+    assert len(stones) == 100 and 0.02 <= size.min() and size.max() <= 0.06 and scene.plate.tilt_deg == 20.0
+    assert max(one.arrival_s for one in stones) <= 2.0
+    assert gangue_ratio(scene, stones, mass) == pytest.approx(0.3, abs=0.005)

@@ -1,0 +1,207 @@
+"""Stones one by one from a stream: the parts against independent references, and the whole on a plate known exactly."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.stats import binom
+
+from common.plate import read_plate
+from recognition.__main__ import main
+from recognition.estimation.errors import RecognitionError
+from recognition.plate.plate_model import PlateModel
+from recognition.stream.bank import LAGS, Bank
+from recognition.stream.checks import without_offset_and_hum
+from recognition.stream.fit import time_of
+from recognition.stream.forces import PULSE_S, History, StoneForces
+from recognition.stream.law_file import load_forces, save_forces
+from recognition.stream.prior import StonePrior
+from recognition.stream.recognise import RATE_Hz, recognise_stream
+from recognition.stream.retuning import retuned
+from recognition.stream.signatures import FINE_S, LEAD, Channels, low_passed
+from recognition.stream.simulated import draw_stones, scattered, stream_of
+from recognition.stream.stones import ratio_of
+from recognition.stream.whitening import Whitening
+
+CHANNELS = Channels((0, 1, 2, 3))
+#: Contact modulus with the steel plate, Pa, and density of coal and gangue as in scenes/paper.toml.
+ELASTIC = {False: (5.49e9, 1380.0), True: (10.32e9, 2400.0)}
+
+
+def elastic_stone(gangue, radius_m, speed_m_s):
+    """Force of an elastic sphere on a rigid half-space, by integration of its motion."""
+    modulus, density = ELASTIC[gangue]
+    stiffness, mass = 4 / 3 * modulus * np.sqrt(radius_m), 4 / 3 * np.pi * radius_m**3 * density
+
+    def motion(_, y):
+        return [y[1], -stiffness * max(y[0], 0.0) ** 1.5 / mass]
+
+    t_s = (np.arange(round(PULSE_S / FINE_S)) + 0.5) * FINE_S
+    found = solve_ivp(motion, (0, t_s[-1]), [0.0, speed_m_s], t_eval=t_s, rtol=1e-8, atol=1e-12)
+    return History(stiffness * np.maximum(found.y[0], 0) ** 1.5, FINE_S, gangue, radius_m, density, speed_m_s)
+
+
+@pytest.fixture(scope="module")
+def histories():
+    return [elastic_stone(g, 0.025, v) for g in (False, True) for v in (2.2, 2.6, 3.0, 3.4, 3.8)]
+
+
+@pytest.fixture(scope="module")
+def forces(histories):
+    return StoneForces.fit(histories)
+
+
+@pytest.fixture(scope="module")
+def plate():
+    return PlateModel.from_scene("scenes/single.toml", 12000.0)
+
+
+def test_law_of_elastic_spheres(forces):
+    """Other sizes and speeds than those of the fit follow Hertz' law: the impulse is 2 m v."""
+    for gangue in (False, True):
+        stone = elastic_stone(gangue, 0.018, 2.9)
+        impulse, _, duration = stone.moments()
+        mean = forces.mean_log(int(gangue), 0.018, 2.9)
+        assert np.exp(mean) == pytest.approx([duration, impulse], rel=0.01)
+        assert impulse == pytest.approx(2 * stone.mass_kg * 2.9, rel=0.01)
+
+
+def test_file_of_the_law(forces, tmp_path):
+    save_forces(forces, tmp_path / "law.json")
+    again = load_forces(tmp_path / "law.json")
+    assert all(np.array_equal(getattr(again, name), getattr(forces, name)) for name in ("form", "offset", "scatter"))
+    (tmp_path / "law.json").write_text("{}")
+    with pytest.raises(RecognitionError, match="law.json"):
+        load_forces(tmp_path / "law.json")
+    with pytest.raises(RecognitionError, match="no law"):
+        load_forces(tmp_path / "none.json")
+    assert load_forces().density_kg_m3 == pytest.approx([1380, 2400])
+
+
+@pytest.fixture(scope="module")
+def heard(plate, histories, forces):
+    """Twelve stones at 60 a second, and what was made of them with the plate known exactly."""
+    rng = np.random.default_rng(5)
+    truth = draw_stones(histories, 12, 60.0, 0.2, 0.5, rng)
+    stream = stream_of(plate, CHANNELS, histories, truth, RATE_Hz, 20.0, rng)
+    return stream, recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), stream.values)
+
+
+def test_stones_of_a_stream(heard):
+    stream, found = heard
+    truth, stones = stream.truth, found.stones
+    assert len(stones) == len(truth)
+    assert np.abs(stones["t_s"] - truth["t_s"]).max() < 50e-6
+    assert np.hypot(stones["x_m"] - truth["x_m"], stones["y_m"] - truth["y_m"]).max() < 0.01
+    assert ((stones["gangue"] > 0.5) == truth["gangue"]).all()
+    assert stones["impulse_N_s"].to_numpy() == pytest.approx(truth["impulse_N_s"].to_numpy(), rel=0.1)
+    low, _, high = ratio_of(stones)
+    assert low <= truth["gangue"].mean() <= high
+    assert found.refused == ""
+
+
+def test_another_plate_is_refused(heard, plate, forces):
+    """The record of one plate, heard with sensors that are not where they are said to be."""
+    stream, _ = heard
+    swapped = Channels((2, 3, 0, 1))
+    found = recognise_stream(plate, swapped, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), stream.values)
+    assert "unexplained" in found.refused
+
+
+def test_signature_is_the_whitened_response(plate, forces):
+    """Against the plate model's own exact response to the force, low-passed and whitened as a record is."""
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, np.full(4, 1.0), np.full(4, 10.0))
+    bank = Bank.of(plate, CHANNELS, forces, whitening, RATE_Hz)
+    stone = np.array([30.3, np.log(40e-6), 0.0525, -0.0775, np.log(0.7)])
+    first, rows = bank.signature(1, stone, LAGS)
+    t_s = (np.arange(4000) + 0.5) * FINE_S
+    force = 0.7 * forces.pulse(1, 40e-6, t_s - stone[0] / RATE_Hz)
+    record = low_passed(plate.response(force, np.array([[stone[2], stone[3]]]), 1 / FINE_S), 10)
+    expected = whitening(record)[:, first:first + LAGS]
+    assert first == 30 - LEAD
+    error = rows[0].reshape(LAGS, 4).T - expected
+    assert np.sqrt(np.mean(error**2)) < 0.02 * np.sqrt(np.mean(expected**2))
+
+
+def test_derivatives_of_a_signature(plate, forces):
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, np.full(4, 1.0), np.full(4, 10.0))
+    bank = Bank.of(plate, CHANNELS, forces, whitening, RATE_Hz)
+    stone = np.array([30.32, np.log(40e-6), 0.0531, -0.0771, np.log(0.7)])
+    rows = bank.signature(0, stone)[1]
+    for k, step in enumerate([1e-4, 1e-4, 1e-5, 1e-5, 1e-5]):
+        up, down = (bank.signature(0, stone + s * step * np.eye(5)[k])[1][0] for s in (1, -1))
+        slope = (up - down) / (2 * step)
+        assert np.abs(slope - rows[1 + k]).max() < 0.02 * np.abs(slope).max()
+
+
+def test_innovations_of_free_ringing_are_noise(plate):
+    """Ringing that began long before is predicted, and what is left is white with the sensors' noise."""
+    rng = np.random.default_rng(2)
+    truth = pd.DataFrame({"t_s": [0.001], "x_m": [0.05], "y_m": [0.08], "history": [0]})
+    stone = elastic_stone(True, 0.025, 3.0)
+    stream = stream_of(plate, CHANNELS, [stone], truth, RATE_Hz, None, rng, after_s=0.3)
+    noise = 0.1 * stream.values[:, :2000].std(axis=1)
+    values = stream.values + noise[:, None] * rng.standard_normal(stream.values.shape)
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, noise, stream.values.std(axis=1))
+    late = whitening(values)[:, 1000:]
+    assert np.std(late) < 1.1
+    assert np.std(whitening(values)[:, 15:60]) > 5 * np.std(late)
+
+
+def test_frequencies_from_the_ringing(plate, histories):
+    rng = np.random.default_rng(3)
+    truth = draw_stones(histories, 40, 60.0, 0.24, 0.5, rng)
+    stream = stream_of(plate, CHANNELS, histories, truth, RATE_Hz, 20.0, rng)
+    wrong = scattered(plate, 0.005, rng)
+    right = retuned(wrong, CHANNELS, stream.values, RATE_Hz, stream.values[:, :800].std(axis=1))
+    kept = plate.frequency_Hz < 6000
+    before, after = (np.median(np.abs(p.frequency_Hz / plate.frequency_Hz - 1)[kept]) for p in (wrong, right))
+    assert after < 0.6 * before
+
+
+def test_interval_of_equal_stones():
+    """For stones that are gangue with probability 0.3 each, the quantiles of the binomial distribution."""
+    stones = pd.DataFrame({"gangue": np.full(60, 0.3), "mass_gangue_kg": 0.1, "mass_coal_kg": 0.1,
+                           "mass_gangue_sd_kg": 0.0, "mass_coal_sd_kg": 0.0})
+    expected = binom.ppf([0.05, 0.5, 0.95], 60, 0.3) / 60
+    assert ratio_of(stones) == pytest.approx(expected, abs=1.01 / 60)
+    assert ratio_of(stones, by_mass=True) == pytest.approx(expected, abs=1.01 / 60)
+    assert np.isnan(ratio_of(stones.iloc[:0])).all()
+
+
+def test_offset_and_hum_are_taken_away():
+    t_s = np.arange(20000) / RATE_Hz
+    ringing = np.array([np.sin(2 * np.pi * 300 * t_s), np.cos(2 * np.pi * 700 * t_s)])
+    dirty = ringing + 3.0 + 0.5 * np.sin(2 * np.pi * 50 * t_s + 0.4)
+    assert np.abs(without_offset_and_hum(dirty, RATE_Hz) - ringing).max() < 1e-3
+
+
+def test_a_plate_known_too_low_is_refused(heard, forces):
+    low = PlateModel.from_scene(read_plate("scenes/single.toml"), 6000.0)
+    with pytest.raises(RecognitionError, match="modes up to 6000"):
+        recognise_stream(low, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), heard[0].values)
+
+
+def test_times_are_those_of_the_centres(heard):
+    stream, found = heard
+    centres = np.array([time_of(h.best) for h in found.heard]) / RATE_Hz
+    assert np.abs(np.sort(centres) - stream.truth["centre_s"]).max() < 20e-6
+
+
+@pytest.mark.parametrize(("change", "options", "said"), [
+    (lambda t: t.iloc[::2], (), "needs at least 20000"),
+    (lambda t: t.drop(columns="acc_north_m_s2"), (), "at least one of acc_north_m_s2"),
+    (lambda t: t.assign(acc_north_m_s2=np.nan), (), "every sample must be finite"),
+    (lambda t: t, ("--radius", "0.03", "0.02"), "the lower first"),
+    (lambda t: t, ("--step", "0"), "must be a time above 0 s"),
+])
+def test_bad_input_of_the_command(plate, tmp_path, capsys, change, options, said):
+    table = pd.DataFrame({"t_s": np.arange(4000) / RATE_Hz, "acc_north_m_s2": np.sin(np.arange(4000.0))})
+    change(table).to_parquet(tmp_path / "record.parquet")
+    plate.save(tmp_path / "plate.json")
+    words = ["listen", str(tmp_path / "record.parquet"), "--plate", str(tmp_path / "plate.json"), "--out",
+             str(tmp_path / "out"), *options]
+    assert main(words) == 2
+    told = capsys.readouterr().err
+    assert said in told and told.count("\n") == 1
+    assert not (tmp_path / "out").exists()
