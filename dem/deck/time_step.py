@@ -35,7 +35,7 @@ WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
 TOGETHER_s = 0.1  # stones that arrive within this time are taken to touch at once
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
-MOST_FAST_ROWS = 1_000_000  # a long run has fewer a sample
+MOST_FAST_ROWS = 2_000_000  # a long run has fewer a sample
 
 
 @dataclass(frozen=True)
