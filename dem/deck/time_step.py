@@ -143,7 +143,7 @@ def _counted_steps(scene: Scene, dt_s: float, co_step: int, file: str) -> tuple[
 def fast_per_sample(scene: Scene) -> int:
     """Rows of the fast stream a sample: the usual number, or as many as keep the file of a long run in bounds."""
     samples = scene.time.duration_s / scene.time.sample_interval_s
-    return max(1, min(FAST_PER_SAMPLE, int(MOST_FAST_ROWS / samples)))
+    return max(1, min(FAST_PER_SAMPLE, int(MOST_FAST_ROWS / samples + 1e-9)))
 
 
 def _sample_steps(scene: Scene, dt_s: float, co_step: int) -> int:
