@@ -66,12 +66,15 @@ FixStones::~FixStones() {
 
 int FixStones::setmask() { return PRE_EXCHANGE; }
 
-// LIGGGHTS makes its map for the largest tag that there is.
+// LIGGGHTS makes its map for the largest tag that there is, and its list of equal tags, which it clears before it makes
+// it larger, for as many sub-spheres as there are with ghosts.
 void FixStones::make_room_for_tags() {
   double origin[3] = {0, 0, 0};
   atom->avec->create_atom(1, origin);
   atom->tag[atom->nlocal - 1] = agglomerates_->tags();
+  atom->nghost = agglomerates_->tags();
   atom->map_init();
+  atom->nghost = 0;
   atom->nlocal--;
 }
 
