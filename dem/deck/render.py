@@ -114,8 +114,8 @@ def streams(scene: Scene, assembly: Assembly) -> list[str]:
 
 
 def record_steps(assembly: Assembly, step: TimeStep) -> int:
-    """DEM steps between two records of energies and contacts: a sample, or more where all stones at all samples would be
-    too many to keep."""
+    """DEM steps between two records of energies and contacts: a sample, or more where all stones at all samples would
+    be too many to keep."""
     rows = step.steps // step.sample_steps * len(assembly.stones)
     return step.sample_steps * math.ceil(rows / MOST_LEDGER_ROWS)
 

@@ -162,6 +162,12 @@ void FixWallPlate::list_near() {
   const int n = primitiveWall_->getNeighbors(list);
   near_.assign(n, NearSphere());
   for (int k = 0; k < n; k++) near_[k].i = list[k];
+  for (const int tag : contact_->always_listed()) {
+    const int i = atom->map(tag);
+    if (i < 0 || i >= atom->nlocal || std::find(list, list + n, i) != list + n) continue;
+    near_.emplace_back();
+    near_.back().i = i;
+  }
   if (coupling_) coupling_->list(near_);
 }
 

@@ -62,6 +62,11 @@ class PlateContact {
   // sub-spheres, m.
   virtual double outside() const { return 0; }
   virtual double listed_height() const { return 0; }
+  // Tags of sub-spheres that the law needs to see wherever they are.
+  virtual const std::vector<int> &always_listed() const {
+    static const std::vector<int> none;
+    return none;
+  }
 
   virtual SphereMemory *memory() { return nullptr; }
   virtual void save(CheckpointWriter &, const std::vector<NearSphere> &) const = 0;

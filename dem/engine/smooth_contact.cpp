@@ -68,6 +68,18 @@ int SmoothContact::here(int tag) const {
 
 void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int vflag) {
   near_ = &near;
+  // A body that has left the plate for good is taken out with a patch that it may have, below the plate's edge.
+  const auto gone = std::remove_if(patches_.begin(), patches_.end(), [&](const Patch &p) {
+    const bool left = lmp_->comm->nprocs == 1 && std::any_of(p.members.begin(), p.members.end(), [&](const Weight &m) {
+                        return here(m.tag) < 0;
+                      });
+    if (left) released_[p.agglomerate] += p.share * p.state.stored + 0.5 * p.spring * dot(p.slip, p.slip);
+    return left;
+  });
+  if (gone != patches_.end()) {
+    patches_.erase(gone, patches_.end());
+    index_patches();
+  }
   index(near);
   place_on_plate(near);
   const bool looks = must_look();

@@ -35,6 +35,7 @@ class SmoothContact : public PlateContact {
   Pressing pressing(const NearSphere &) const override;
   double outside() const override { return surfaces_.outside(); }
   double listed_height() const override { return surfaces_.height() + surfaces_.outside(); }
+  const std::vector<int> &always_listed() const override { return in_patches_; }  // a chip may turn one far up
   SphereMemory *memory() override { return alone_.memory(); }
   void save(CheckpointWriter &, const std::vector<NearSphere> &) const override;
   void restore(const CheckpointReader &) override;

@@ -36,8 +36,8 @@ UNEXPLAINED = "contacts_unexplained_J"  # by a contact law, and so in no sum
 
 @dataclass(frozen=True)
 class StoneLedger:
-    """`step` (k,) and each column of COLUMNS as (k, agglomerates), zero before a stone enters and as it was last when it
-    has left; `is_near` (k, agglomerates)."""
+    """`step` (k,) and each column of COLUMNS as (k, agglomerates), zero before a stone enters and as it was last when
+    it has left; `is_near` (k, agglomerates)."""
 
     step: np.ndarray
     column: dict[str, np.ndarray]

@@ -191,8 +191,8 @@ def _upwards(w: np.ndarray) -> np.ndarray:
 def read_pictures(file: Path, sizes: np.ndarray) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
     """Yield of each picture of the engine (fix_pictures.h) the DEM step; the stones that are near, 0-based; place (m)
     and velocity (m/s) of their sub-spheres, (n, 6); and the contacts with the plate, (k, 5): stone (from 1), x, y (m),
-    force (N), radius (m). `sizes` are the stones' numbers of sub-spheres. Raises RuntimeError for a file that is cut off
-    or damaged."""
+    force (N), radius (m). `sizes` are the stones' numbers of sub-spheres. Raises RuntimeError for a file that is cut
+    off or damaged."""
     with open(file, "rb") as pictures:
         while head := pictures.read(24):
             whole = len(head) == 24

@@ -68,8 +68,8 @@ def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
             ("time.free_flight_tolerance", scene.time.free_flight_tolerance, "above 0",
              scene.time.free_flight_tolerance == 0)):
         if late and refused:
-            raise InputError(f"{file}: {key} = {value:g}: must be {allowed} where a stone enters later than at once, as "
-                             f"stone {late[0] + 1} does, since it takes bodies in free flight to let stones go")
+            raise InputError(f"{file}: {key} = {value:g}: must be {allowed} where a stone enters later than at once, "
+                             f"as stone {late[0] + 1} does, since it takes bodies in free flight to let stones go")
 
 
 def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:

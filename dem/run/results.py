@@ -26,7 +26,7 @@ from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
 from dem.run.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
-from dem.run.stones_table import read_left, stones_table
+from dem.run.stones_table import left_table, read_left, stones_table
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
@@ -36,7 +36,8 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Results:
-    """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,); `energy` is that of dem.run.energy_balance.energy_ledger."""
+    """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,);
+    `energy` is that of dem.run.energy_balance.energy_ledger."""
 
     events: pd.DataFrame
     fast: pd.DataFrame
@@ -64,6 +65,8 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> 
         write_view(directory, prepared, events, plate.meshes)
     ledger = read_ledger(deck / "ledger.bin", n)
     left = read_left(deck / "left.csv")
+    if assembly.is_stream:
+        write_parquet(left_table(left, step), directory / "left.parquet")
     write_parquet(stones_table(assembly, step, pushes, events, left), directory / "stones.parquet")
     parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
     write_parquet(energy_table(parts, ledger, step.dt_s), directory / "energy.parquet")

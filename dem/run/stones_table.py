@@ -24,13 +24,18 @@ def read_left(file: Path) -> pd.DataFrame:
     return pd.read_csv(file, dtype=types)
 
 
+def left_table(left: pd.DataFrame, step: TimeStep) -> pd.DataFrame:
+    """What `read_left` gives, with the time t_s in place of the DEM step."""
+    return pd.concat([(left["step"] * step.dt_s).rename("t_s"), left.drop(columns="step")], axis=1)
+
+
 def stones_table(assembly: Assembly, step: TimeStep, pushes: Pushes, events: pd.DataFrame,
                  left: pd.DataFrame) -> pd.DataFrame:
     """A row a stone, in order, with what each is (dem.stones.stone.Stone), and:
 
     first_contact_s (to the end of a row of the fast stream), first_x_m, first_y_m, peak_force_N (mean over a co-step),
-    impulse_Ns on the plate, broken_area_m2, left_mass_kg of its pieces that have left the plate for good, left_s when the
-    last of them did, and where then, left_x_m, left_y_m. What did not happen is not a number.
+    impulse_Ns on the plate, broken_area_m2, left_mass_kg of its pieces that have left the plate for good, left_s when
+    the last of them did, and where then, left_x_m, left_y_m. What did not happen is not a number.
     """
     n = len(assembly.stones)
     first = pd.DataFrame({"stone": pushes.stone, "row": np.arange(len(pushes.stone))}).groupby("stone")["row"].first()
