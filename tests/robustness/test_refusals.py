@@ -101,7 +101,8 @@ def test_physics_beyond_the_laws_is_warned_of(changes, words):
 @pytest.mark.parametrize("scene", sorted(file.stem for file in SCENES.glob("*.toml")
                                          if "stones" in tomllib.loads(file.read_text())))
 def test_no_shipped_scene_is_warned_of(scene):
-    assert warnings_of(changed_scene(SCENES / f"{scene}.toml", {})) == []
+    whole = changed_scene(SCENES / f"{scene}.toml", {})
+    assert warnings_of(whole, stones_of(whole, scene)) == []
 
 
 def test_a_warning_is_on_screen_and_in_run_json(tmp_path):
