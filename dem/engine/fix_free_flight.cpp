@@ -86,6 +86,10 @@ void FixFreeFlight::init() {
 
 void FixFreeFlight::setup(int) {
   law_ = std::make_unique<HertzLaw>(lmp);
+  dt_ = update->dt;
+  largest_modulus_ = law_->largest_modulus(atom);
+  stride_ = 1;
+  longest_stride_ = std::make_unique<Stride>(plate_ ? plate_->co_step() : 1, dt_, speed_, tolerance_, largest_modulus_);
   std::fill(calm_.begin(), calm_.end(), 0);
   if (plate_) std::copy(plate_->extent(), plate_->extent() + 4, outline_.extent);
   outline_.reach = -1;  // none known
@@ -153,30 +157,60 @@ void FixFreeFlight::end_of_step() {
   watch_bodies_in_flight(others);
   held_->count_still(others);
   let_calm_bodies_depart(others);
-  if (held_->choose(others, [&](ArrayBody &b) { return is_gentle(b, others); }))
+  if (held_->choose(others, [&](ArrayBody &b, double limit_N) { return is_gentle(b, limit_N, others); }))
     next_reneighbor = update->ntimestep + 1;
   for (auto &b : bodies_)
     if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
+  choose_stride(others);
 }
 
-// Is the energy of every encounter ahead, that with the plate and that with another body, below the tolerance?
-bool FixFreeFlight::is_gentle(ArrayBody &b, std::vector<ArrayBody> &others) {
-  const double rest = LEAST_REST * nevery * update->dt, most = tolerance_ * b.mass * speed_ * speed_;
-  if (plate_ && b.mass * b.velocity.z * b.velocity.z > most && time_to_plate(b, outline_, weight()) <= rest) return false;
+// As long as no bonds are computed, until the next look.
+void FixFreeFlight::choose_stride(const std::vector<ArrayBody> &others) {
+  stride_ = 1;
+  if (update->ntimestep + nevery > update->laststep) return;
+  for (auto &b : bodies_)
+    if (b->is_waking) return;
+  if (stream_ && stream_->next_entry() <= update->ntimestep + nevery) return;
+  for (const ArrayBody &b : others)
+    if (b.atoms.size() > 1 && !b.departs && !held_->holds(b.label)) return;
+  stride_ = longest_stride_->longest(lmp, plate_ ? plate_->speed() : 0);
+  listed_anew_ = false;
+}
+
+// Does no encounter ahead, with the plate or with another body, push with more than `limit_N`? Of each the peak force
+// is that of Hertz.
+bool FixFreeFlight::is_gentle(ArrayBody &b, double limit_N, std::vector<ArrayBody> &others) {
+  const double rest = LEAST_REST * nevery * dt_;
+  double radius = 0;
+  for (int i : b.atoms) radius = std::max(radius, atom->radius[i]);
+  auto is_hard = [&](double mass, double closing) {
+    const double peak = std::pow(4. / 3. * largest_modulus_ * std::sqrt(radius), 0.4) *
+                        std::pow(1.25 * mass * closing * closing, 0.6);
+    return closing > 0 && peak > limit_N;
+  };
+  if (plate_ && is_hard(b.mass, -b.velocity.z) && time_to_plate(b, outline_, weight()) <= rest)
+    return false;
   auto meets_hard = [&](Outline &other, double mass) {
     const Vec apart = b.center - other.center;
-    const double closing = dot(b.velocity - other.velocity, apart) / norm(apart);
-    return closing < 0 && b.mass * mass / (b.mass + mass) * closing * closing > most && time_to_meet(b, other) <= rest;
+    const double closing = dot(other.velocity - b.velocity, apart) / norm(apart);
+    return is_hard(b.mass * mass / (b.mass + mass), closing) && time_to_meet(b, other) <= rest;
   };
   for (ArrayBody &other : others)
-    if (&other != &b && meets_hard(other, other.mass)) return false;
+    if (&other != &b && !other.is_trapped && meets_hard(other, other.mass)) return false;
   for (auto &other : bodies_)
     if (!other->is_leaving && meets_hard(*other, other->mass)) return false;
   return true;
 }
 
 void FixFreeFlight::final_integrate() {
-  if (held_->push()) next_reneighbor = update->ntimestep + 1;
+  const int unit = plate_ ? plate_->co_step() : 1;
+  if (stride_ > 1 && listed_anew_ && update->ntimestep % unit == 0) {
+    stride_ = std::min(stride_, longest_stride_->longest(lmp, plate_ ? plate_->speed() : 0));
+    listed_anew_ = false;
+  }
+  if (!held_->push(stride_ == 1 || update->ntimestep % unit == 0)) return;
+  next_reneighbor = update->ntimestep + 1;
+  stride_ = 1;
 }
 
 // The times found so far hold as long as the plate keeps within the reach with which they were found.
@@ -197,7 +231,7 @@ double FixFreeFlight::free_time(FreeBody &body) {
 
 // Finds the bodies in free flight that must come back before the next look.
 void FixFreeFlight::watch_bodies_in_flight(std::vector<ArrayBody> &others) {
-  const double dt = update->dt, horizon = (nevery + 2) * dt;
+  const double dt = dt_, horizon = (nevery + 2) * dt;
   bool asked = false;
   for (auto &b : bodies_) {
     if (b->safe_until < update->ntimestep + nevery + 2) {
@@ -244,7 +278,7 @@ bool FixFreeFlight::is_calm(const ArrayBody &b) {
 }
 
 void FixFreeFlight::let_calm_bodies_depart(std::vector<ArrayBody> &others) {
-  const double rest = LEAST_REST * nevery * update->dt;
+  const double rest = LEAST_REST * nevery * dt_;
   find_trapped(others, *agglomerates_);
   std::vector<ArrayBody *> all;
   std::vector<char> leaves;
@@ -281,7 +315,7 @@ void FixFreeFlight::depart(ArrayBody &b) {
   for (ArrayBody *fragment : b.trapped) fragment->departs = true, held_->let_go(fragment->label);
   held_->let_go(b.label);
   const int agglomerate = agglomerates_->of_tag(b.label);
-  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, update->dt));
+  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, dt_));
   if (bonds_)
     for (int i : b.atoms) bonds_->forget_forces(i);
   calm_[b.label] = 0;
@@ -450,7 +484,8 @@ void FixFreeFlight::save(CheckpointWriter &out) {
   std::vector<double> row;
   for (const auto &b : bodies_) b->append_to(row);
   out.common("free_flight", {static_cast<double>(bodies_.size()), outline_.reach, static_cast<double>(jumped_),
-                             static_cast<double>(departures_)});
+                             static_cast<double>(departures_), static_cast<double>(stride_),
+                             static_cast<double>(listed_anew_)});
   std::vector<double> calm;
   agglomerates_->each_near_tag([&](int tag) {
     if (calm_[tag] != 0) calm.insert(calm.end(), {tag + 0.0, calm_[tag] + 0.0});
@@ -461,11 +496,13 @@ void FixFreeFlight::save(CheckpointWriter &out) {
 }
 
 void FixFreeFlight::restore(const CheckpointReader &in) {
-  const std::vector<double> &numbers = in.common("free_flight", 4), &calm = in.rows("free_flight_calm", 2);
+  const std::vector<double> &numbers = in.common("free_flight", 6), &calm = in.rows("free_flight_calm", 2);
   outline_.reach = numbers[1];
   jumped_ = static_cast<bigint>(numbers[2]);
   departures_ = static_cast<bigint>(numbers[3]);
   for (size_t k = 0; k < calm.size(); k += 2) calm_[static_cast<int>(calm[k])] = static_cast<int>(calm[k + 1]);
+  stride_ = static_cast<int>(numbers[4]);
+  listed_anew_ = numbers[5] != 0;
   bodies_.clear();
   held_->restore(in);
   const double *row = in.rows("free_flight_bodies", 1).data();

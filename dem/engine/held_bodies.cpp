@@ -17,21 +17,23 @@ const double TAKEN_SHARE = 0.5;     // of the limit: a body that is pushed harde
 }  // namespace
 
 HeldBodies::HeldBodies(LAMMPS *lmp, const Vec &gravity_m_s2, double speed_m_s, double tolerance, int tags)
-    : lmp_(lmp), gravity_(gravity_m_s2), speed_(speed_m_s), tolerance_(tolerance), held_(tags + 1, 0),
-      still_(tags + 1, 0) {}
+    : lmp_(lmp), gravity_(gravity_m_s2), speed_(speed_m_s), tolerance_(tolerance), overloaded_(tags + 1, 0),
+      held_(tags + 1, 0), still_(tags + 1, 0) {}
 
 void HeldBodies::count_still(const std::vector<ArrayBody> &bodies) {
   for (const ArrayBody &b : bodies)
     still_[b.label] = b.inner_energy <= tolerance_ * energy_of_impact(b) ? still_[b.label] + 1 : 0;
 }
 
-bool HeldBodies::choose(std::vector<ArrayBody> &bodies, const std::function<bool(ArrayBody &)> &is_gentle) {
+bool HeldBodies::choose(std::vector<ArrayBody> &bodies, const std::function<bool(ArrayBody &, double)> &is_gentle) {
   bool changed = false;
   for (ArrayBody &b : bodies) {
     if (b.departs || b.atoms.size() == 1 || still_[b.label] < STILL_LOOKS) continue;
-    const bool gentle = is_gentle(b);
+    const ArrayBody own = alone(b);
+    const Limits most = limits(own);
+    const bool gentle = is_gentle(b, most.least_N);
     if (!gentle && held_[b.label]) let_go(b.label), changed = true;
-    if (gentle && !held_[b.label]) changed = take(alone(b)) || changed;
+    if (gentle && !held_[b.label]) changed = take(own, most) || changed;
   }
   return changed;
 }
@@ -46,24 +48,27 @@ ArrayBody HeldBodies::alone(const ArrayBody &b) const {
   return own;
 }
 
-bool HeldBodies::take(const ArrayBody &b) {
-  Atom *atom = lmp_->atom;
-  if (b.atoms.size() < 2) return false;
+HeldBodies::Limits HeldBodies::limits(const ArrayBody &b) const {
   const std::vector<BodyMaker::Support> &supports = bonds_->supports_of_tags();
-  std::vector<double> limits;
-  double stiffness = 0, bonds = 0, least = HUGE_VAL;
-  Vec push;
+  Limits most;
+  double stiffness = 0, bonds = 0;
   for (int i : b.atoms) {
-    const BodyMaker::Support &s = supports[atom->tag[i]];
-    limits.push_back(STRENGTH_SHARE * s.tensile_N);
-    least = std::min(least, limits.back());
+    const BodyMaker::Support &s = supports[lmp_->atom->tag[i]];
+    most.parts_N.push_back(STRENGTH_SHARE * s.tensile_N);
     stiffness += s.stiffness_N_m, bonds += s.bonds;
-    push += Vec(atom->f[i]) - atom->rmass[i] * gravity_;
   }
   const double k = stiffness / bonds * std::cbrt(b.atoms.size());
-  const double limit = std::sqrt(2 * k * tolerance_ * energy_of_impact(b));
-  if (norm(push) > TAKEN_SHARE * std::min(least, limit)) return false;
-  bodies_.push_back(std::make_unique<HeldBody>(atom, b, limits, limit));
+  most.all_N = std::sqrt(2 * k * tolerance_ * energy_of_impact(b));
+  most.least_N = std::min(most.all_N, *std::min_element(most.parts_N.begin(), most.parts_N.end()));
+  return most;
+}
+
+bool HeldBodies::take(const ArrayBody &b, const Limits &most) {
+  Atom *atom = lmp_->atom;
+  Vec push;
+  for (int i : b.atoms) push += Vec(atom->f[i]) - atom->rmass[i] * gravity_;
+  if (norm(push) > TAKEN_SHARE * most.least_N) return false;
+  bodies_.push_back(std::make_unique<HeldBody>(atom, b, most.parts_N, most.all_N));
   held_[b.label] = 1;
   for (int i : b.atoms) bonds_->hold(atom->tag[i], true);
   bonds_->take_energy(b.label, b.inner_energy);
@@ -72,7 +77,7 @@ bool HeldBodies::take(const ArrayBody &b) {
 
 void HeldBodies::erase(size_t k) {
   for (const HeldBody::Part &p : bodies_[k]->parts()) bonds_->hold(p.tag, false);
-  held_[bodies_[k]->label()] = 0;
+  held_[bodies_[k]->label()] = overloaded_[bodies_[k]->label()] = 0;
   still_[bodies_[k]->label()] = 0;
   bodies_.erase(bodies_.begin() + k);
 }
@@ -90,11 +95,13 @@ void HeldBodies::move() {
   for (auto &b : bodies_) b->move(lmp_->atom, lmp_->update->dt);
 }
 
-bool HeldBodies::push() {
+bool HeldBodies::push(bool may_let_go) {
   const size_t before = bodies_.size();
   for (size_t k = bodies_.size(); k-- > 0;) {
     bodies_[k]->push(lmp_->atom, lmp_->update->dt);
-    if (bodies_[k]->is_overloaded(lmp_->atom, gravity_)) erase(k);
+    char &overloaded = overloaded_[bodies_[k]->label()];
+    overloaded |= bodies_[k]->is_overloaded(lmp_->atom, gravity_);
+    if (overloaded && may_let_go) erase(k);
   }
   return bodies_.size() < before;
 }
@@ -112,6 +119,7 @@ void HeldBodies::restore(const CheckpointReader &in) {
   std::copy(still.begin(), still.end(), still_.begin());
   bodies_.clear();
   std::fill(held_.begin(), held_.end(), 0);
+  std::fill(overloaded_.begin(), overloaded_.end(), 0);
   const double *row = in.rows("held_bodies", 1).data();
   for (int k = 0; k < static_cast<int>(in.common("held_count", 1)[0]); k++) {
     bodies_.push_back(std::make_unique<HeldBody>(row));

@@ -26,15 +26,17 @@ class HeldBodies {
   void set_bonds(BodyMaker *bonds) { bonds_ = bonds; }
 
   // At a look: counts looks at which each body was still, and takes those that stay in the arrays although they were
-  // still for long enough, where `is_gentle` says that nothing hard is ahead; of others it lets go. True if any changed.
+  // still for long enough, where `is_gentle` says that no encounter ahead
+  // pushes with more than the limit (N); of others it lets go. True if any changed.
   void count_still(const std::vector<ArrayBody> &);
-  bool choose(std::vector<ArrayBody> &, const std::function<bool(ArrayBody &)> &is_gentle);
+  bool choose(std::vector<ArrayBody> &, const std::function<bool(ArrayBody &, double)> &is_gentle);
   void let_go(int label);           // if it is held
   bool holds(int label) const { return held_[label]; }
 
   void find();                      // after a change of the arrays
   void move();                      // the first half of a step
-  bool push();                      // the second half; true if a body was let go
+  // The second half. True if a body was let go, which is where the deck's own steps can begin.
+  bool push(bool may_let_go);
 
   void save(CheckpointWriter &) const;
   void restore(const CheckpointReader &);
@@ -45,12 +47,18 @@ class HeldBodies {
   const Vec gravity_;
   const double speed_, tolerance_;
   std::vector<std::unique_ptr<HeldBody>> bodies_;
+  std::vector<char> overloaded_;  // by label
   std::vector<char> held_;   // by label
   std::vector<int> still_;   // looks in a row, by label
 
   double energy_of_impact(const ArrayBody &b) const { return 0.5 * speed_ * speed_ * b.mass; }
   ArrayBody alone(const ArrayBody &) const;
-  bool take(const ArrayBody &);
+  struct Limits {
+    std::vector<double> parts_N;
+    double all_N, least_N;
+  };
+  Limits limits(const ArrayBody &) const;
+  bool take(const ArrayBody &, const Limits &);
   void erase(size_t k);
 };
 

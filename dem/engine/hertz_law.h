@@ -1,8 +1,11 @@
 #pragma once
+#include <algorithm>
 #include <cmath>
 
+#include "atom.h"
 #include "force.h"
 #include "lammps.h"
+#include "properties.h"
 #include "property_registry.h"
 
 namespace LAMMPS_NS {
@@ -17,6 +20,14 @@ class HertzLaw {
     lmp->force->registry.connect("betaeff", beta_, "ledger");
   }
   double modulus(int type_i, int type_j) const { return modulus_[type_i][type_j]; }
+  // Of all pairs of types.
+  double largest_modulus(Atom *atom) const {
+    const int types = atom->get_properties()->max_type();
+    double largest = 0;
+    for (int i = 1; i <= types; i++)
+      for (int j = 1; j <= types; j++) largest = std::max(largest, modulus_[i][j]);
+    return largest;
+  }
   static double normal_force(double modulus, double radius, double overlap) {
     return 4. / 3. * modulus * std::sqrt(radius * overlap) * overlap;
   }
