@@ -86,10 +86,7 @@ void FixFreeFlight::init() {
 
 void FixFreeFlight::setup(int) {
   law_ = std::make_unique<HertzLaw>(lmp);
-  dt_ = update->dt;
   largest_modulus_ = law_->largest_modulus(atom);
-  stride_ = 1;
-  longest_stride_ = std::make_unique<Stride>(plate_ ? plate_->co_step() : 1, dt_, speed_, tolerance_, largest_modulus_);
   std::fill(calm_.begin(), calm_.end(), 0);
   if (plate_) std::copy(plate_->extent(), plate_->extent() + 4, outline_.extent);
   outline_.reach = -1;  // none known
@@ -161,26 +158,12 @@ void FixFreeFlight::end_of_step() {
     next_reneighbor = update->ntimestep + 1;
   for (auto &b : bodies_)
     if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
-  choose_stride(others);
-}
-
-// As long as no bonds are computed, until the next look.
-void FixFreeFlight::choose_stride(const std::vector<ArrayBody> &others) {
-  stride_ = 1;
-  if (update->ntimestep + nevery > update->laststep) return;
-  for (auto &b : bodies_)
-    if (b->is_waking) return;
-  if (stream_ && stream_->next_entry() <= update->ntimestep + nevery) return;
-  for (const ArrayBody &b : others)
-    if (b.atoms.size() > 1 && !b.departs && !held_->holds(b.label)) return;
-  stride_ = longest_stride_->longest(lmp, plate_ ? plate_->speed() : 0);
-  listed_anew_ = false;
 }
 
 // Does no encounter ahead, with the plate or with another body, push with more than `limit_N`? Of each the peak force
 // is that of Hertz.
 bool FixFreeFlight::is_gentle(ArrayBody &b, double limit_N, std::vector<ArrayBody> &others) {
-  const double rest = LEAST_REST * nevery * dt_;
+  const double rest = LEAST_REST * nevery * update->dt;
   double radius = 0;
   for (int i : b.atoms) radius = std::max(radius, atom->radius[i]);
   auto is_hard = [&](double mass, double closing) {
@@ -203,14 +186,7 @@ bool FixFreeFlight::is_gentle(ArrayBody &b, double limit_N, std::vector<ArrayBod
 }
 
 void FixFreeFlight::final_integrate() {
-  const int unit = plate_ ? plate_->co_step() : 1;
-  if (stride_ > 1 && listed_anew_ && update->ntimestep % unit == 0) {
-    stride_ = std::min(stride_, longest_stride_->longest(lmp, plate_ ? plate_->speed() : 0));
-    listed_anew_ = false;
-  }
-  if (!held_->push(stride_ == 1 || update->ntimestep % unit == 0)) return;
-  next_reneighbor = update->ntimestep + 1;
-  stride_ = 1;
+  if (held_->push()) next_reneighbor = update->ntimestep + 1;
 }
 
 // The times found so far hold as long as the plate keeps within the reach with which they were found.
@@ -221,17 +197,24 @@ void FixFreeFlight::update_reach() {
   for (auto &b : bodies_) b->safe_until = 0;
 }
 
-// Time before it could touch the plate or another body in free flight, s.
-double FixFreeFlight::free_time(FreeBody &body) {
-  double time = plate_ ? time_to_plate(body, outline_, weight()) : FAR_AHEAD;
-  for (auto &other : bodies_)
-    if (other.get() != &body && time > 0) time = std::min(time, time_to_meet(body, *other));
-  return time;
+// Finds until when it touches neither the plate nor another body in free flight. The other one may not have known of
+// this body, which left the arrays after it.
+void FixFreeFlight::find_safe_until(FreeBody &body) {
+  auto step_after = [this](double time) {
+    return update->ntimestep + static_cast<bigint>(std::min(time / update->dt, double(FAR_AHEAD)));
+  };
+  body.safe_until = step_after(plate_ ? time_to_plate(body, outline_, weight()) : FAR_AHEAD);
+  for (auto &other : bodies_) {
+    if (other.get() == &body) continue;
+    const bigint meeting = step_after(time_to_meet(body, *other));
+    body.safe_until = std::min(body.safe_until, meeting);
+    other->safe_until = std::min(other->safe_until, meeting);
+  }
 }
 
 // Finds the bodies in free flight that must come back before the next look.
 void FixFreeFlight::watch_bodies_in_flight(std::vector<ArrayBody> &others) {
-  const double dt = dt_, horizon = (nevery + 2) * dt;
+  const double horizon = (nevery + 2) * update->dt;
   bool asked = false;
   for (auto &b : bodies_) {
     if (b->safe_until < update->ntimestep + nevery + 2) {
@@ -240,9 +223,8 @@ void FixFreeFlight::watch_bodies_in_flight(std::vector<ArrayBody> &others) {
         update_reach();
         asked = true;
       }
-      const double time = free_time(*b);
-      b->is_waking = time < horizon;
-      b->safe_until = update->ntimestep + static_cast<bigint>(std::min(time / dt, double(FAR_AHEAD)));
+      find_safe_until(*b);
+      b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
     }
     for (ArrayBody &other : others)
       if (!b->is_waking) b->is_waking = time_to_meet(*b, other, speed_) < 1.5 * horizon;
@@ -278,7 +260,7 @@ bool FixFreeFlight::is_calm(const ArrayBody &b) {
 }
 
 void FixFreeFlight::let_calm_bodies_depart(std::vector<ArrayBody> &others) {
-  const double rest = LEAST_REST * nevery * dt_;
+  const double rest = LEAST_REST * nevery * update->dt;
   find_trapped(others, *agglomerates_);
   std::vector<ArrayBody *> all;
   std::vector<char> leaves;
@@ -315,7 +297,7 @@ void FixFreeFlight::depart(ArrayBody &b) {
   for (ArrayBody *fragment : b.trapped) fragment->departs = true, held_->let_go(fragment->label);
   held_->let_go(b.label);
   const int agglomerate = agglomerates_->of_tag(b.label);
-  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, dt_));
+  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, update->dt));
   if (bonds_)
     for (int i : b.atoms) bonds_->forget_forces(i);
   calm_[b.label] = 0;
@@ -484,8 +466,7 @@ void FixFreeFlight::save(CheckpointWriter &out) {
   std::vector<double> row;
   for (const auto &b : bodies_) b->append_to(row);
   out.common("free_flight", {static_cast<double>(bodies_.size()), outline_.reach, static_cast<double>(jumped_),
-                             static_cast<double>(departures_), static_cast<double>(stride_),
-                             static_cast<double>(listed_anew_)});
+                             static_cast<double>(departures_)});
   std::vector<double> calm;
   agglomerates_->each_near_tag([&](int tag) {
     if (calm_[tag] != 0) calm.insert(calm.end(), {tag + 0.0, calm_[tag] + 0.0});
@@ -496,13 +477,11 @@ void FixFreeFlight::save(CheckpointWriter &out) {
 }
 
 void FixFreeFlight::restore(const CheckpointReader &in) {
-  const std::vector<double> &numbers = in.common("free_flight", 6), &calm = in.rows("free_flight_calm", 2);
+  const std::vector<double> &numbers = in.common("free_flight", 4), &calm = in.rows("free_flight_calm", 2);
   outline_.reach = numbers[1];
   jumped_ = static_cast<bigint>(numbers[2]);
   departures_ = static_cast<bigint>(numbers[3]);
   for (size_t k = 0; k < calm.size(); k += 2) calm_[static_cast<int>(calm[k])] = static_cast<int>(calm[k + 1]);
-  stride_ = static_cast<int>(numbers[4]);
-  listed_anew_ = numbers[5] != 0;
   bodies_.clear();
   held_->restore(in);
   const double *row = in.rows("free_flight_bodies", 1).data();

@@ -11,7 +11,6 @@
 #include "free_body.h"
 #include "free_flight_partners.h"
 #include "held_bodies.h"
-#include "stride.h"
 #include "hertz_law.h"
 
 namespace LAMMPS_NS {
@@ -32,7 +31,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void init() override;
   void setup(int) override;
   void initial_integrate(int) override { held_->move(); }
-  void pre_neighbor() override { held_->find(), listed_anew_ = true; }
+  void pre_neighbor() override { held_->find(); }
   void final_integrate() override;
   void end_of_step() override;
   double compute_scalar() override;        // sub-spheres in free flight
@@ -46,7 +45,6 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
 
   void each_in_flight(const std::function<void(int, const double *, const double *)> &) const override;
 
-  int stride() const override { return stride_; }
   void jump() override;
   void change_arrays() override;
   void show() override;
@@ -67,11 +65,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   std::unique_ptr<HeldBodies> held_;
   std::vector<int> calm_;      // looks in a row at which a body was calm, by its least tag
   PlateOutline outline_;       // of the plate, with the reach that all safe_until hold for
-  double dt_ = 0;              // the step of the deck, s
   double largest_modulus_ = 0;  // E* of all pairs of types, Pa
-  std::unique_ptr<Stride> longest_stride_;
-  int stride_ = 1;
-  bool listed_anew_ = false;   // neighbours, since the stride was chosen
   int shown_ = 0;              // sub-spheres appended by show
   bigint jumped_ = 0, departures_ = 0;
 
@@ -83,12 +77,11 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void take_out_those_that_left();
   void check_count() const;
   void update_reach();
-  double free_time(FreeBody &);
+  void find_safe_until(FreeBody &);
   void watch_bodies_in_flight(std::vector<ArrayBody> &);
   bool is_calm(const ArrayBody &);
   void let_calm_bodies_depart(std::vector<ArrayBody> &);
   void keep_those_that_meet(const std::vector<ArrayBody *> &, std::vector<char> &leaves, double rest);
-  void choose_stride(const std::vector<ArrayBody> &);
   bool is_gentle(ArrayBody &, double limit_N, std::vector<ArrayBody> &);
   void depart(ArrayBody &);
   void note_elastic_energies();

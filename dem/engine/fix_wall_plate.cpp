@@ -1,7 +1,6 @@
 #include "fix_wall_plate.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 
 #include "atom.h"
@@ -137,8 +136,6 @@ void FixWallPlate::setup(int vflag) {
   contact_->setup();
   if (coupling_) coupling_->setup();
   step_in_co_step_ = 0;
-  step_s_ = update->dt;
-  stride_ = 1;
   rebuildPrimitiveNeighlist_ = true;
   if (resuming) return;
   pre_force(vflag);
@@ -181,10 +178,10 @@ void FixWallPlate::post_force(int vflag) {
 
   // The mean over a co-step is the trapezoidal one, which is the impulse that the integrator gives to the stones.
   const bool at_end = step_in_co_step_ == co_step_;
-  add_forces(at_end || step_in_co_step_ == 0 ? 0.5 * stride_ : stride_);
+  add_forces(at_end || step_in_co_step_ == 0 ? 0.5 : 1.0);
   if (at_end) {
     end_co_step(false);
-    add_forces(0.5 * stride_);
+    add_forces(0.5);
   }
 }
 
@@ -205,10 +202,7 @@ void FixWallPlate::post_integrate() {
   for (const NearSphere &p : near_) {
     if (p.touches) work_on_stone_[agglomerates_->of_tag(atom->tag[p.i])] += half_dt * power(p, atom);
   }
-  const int stride = static_cast<int>(std::lround(update->dt / step_s_));
-  if (stride != stride_) add_forces(0.5 * (stride - stride_));  // a new co-step begins: it has its share already
-  stride_ = stride;
-  step_in_co_step_ += stride;
+  step_in_co_step_++;
 }
 
 void FixWallPlate::add_forces(double weight) {
@@ -251,12 +245,6 @@ bool FixWallPlate::is_pushed() const {
 
 std::vector<double> FixWallPlate::contacts_now() const { return recorder_->contacts(near_, *contact_); }
 
-double FixWallPlate::speed() const {
-  double most = 0;
-  for (const NearSphere &p : near_) most = std::max(most, std::fabs(p.plate_v));
-  return most;
-}
-
 void FixWallPlate::skip(long long co_steps) {
   if (coupling_) coupling_->skip(co_steps);
 }
@@ -285,7 +273,7 @@ void FixWallPlate::save(CheckpointWriter &out) {
   contact_->save(out, near_);
   out.sum("wall_work_on_stone", work_on_stone_);
   out.sum("wall_work_on_plate", work_on_plate_);
-  out.common("wall_step_in_co_step", {static_cast<double>(step_in_co_step_), static_cast<double>(stride_)});
+  out.common("wall_step_in_co_step", {static_cast<double>(step_in_co_step_)});
   save_near(out);
 }
 
@@ -295,9 +283,7 @@ void FixWallPlate::restore(const CheckpointReader &in) {
   contact_->restore(in);
   work_on_stone_ = in.sum("wall_work_on_stone", work_on_stone_.size());
   work_on_plate_ = in.sum("wall_work_on_plate", work_on_plate_.size());
-  const std::vector<double> &numbers = in.common("wall_step_in_co_step", 2);
-  step_in_co_step_ = static_cast<int>(numbers[0]);
-  stride_ = static_cast<int>(numbers[1]);
+  step_in_co_step_ = static_cast<int>(in.common("wall_step_in_co_step", 1)[0]);
   restore_near(in);
 }
 

@@ -62,7 +62,6 @@ class FixWallPlate : public FixWallGran,
   const double *extent() const override { return extent_; }
   double reach() const override { return plate_reach() + contact_->outside(); }
   int co_step() const override { return co_step_; }
-  double speed() const override;
   bool is_pushed() const override;
   std::vector<double> contacts_now() const override;
   bool is_quiet() const override { return step_in_co_step_ == 0 && !(coupling_ && coupling_->is_engaged()); }
@@ -80,8 +79,6 @@ class FixWallPlate : public FixWallGran,
   std::vector<NearSphere> near_;
   double extent_[4];           // XMIN XMAX YMIN YMAX, m
   int co_step_ = 1, step_in_co_step_ = 0;
-  int stride_ = 1;             // steps of the deck that the present one takes together
-  double step_s_ = 0;          // of the deck
   int contacts_every_ = 1;     // steps between two records of all contacts
   double listed_reach_ = 0;    // of the plate, with which near_ was listed, m
   std::vector<double> work_on_stone_, work_on_plate_;  // of the contact so far, by agglomerate, J

@@ -42,7 +42,6 @@ class Obstacle {
   virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX, m
   virtual double reach() const = 0;          // bound for its |z| until the next message, m
   virtual int co_step() const = 0;           // steps; time may be skipped in multiples of this
-  virtual double speed() const = 0;          // the fastest that it moves beneath what is near it, m/s
   virtual bool is_quiet() const = 0;         // nothing is near it, and no co-step is open
   virtual void skip(long long co_steps) = 0; // so much time has passed without contact; only while it is quiet
   virtual void ask_reach() = 0;              // finds the reach anew; only while it is quiet, at the end of a step
@@ -67,7 +66,6 @@ class FlyingSpheres {
 class FlightControl {
  public:
   virtual ~FlightControl() {}
-  virtual int stride() const = 0;    // steps that the next one takes together
   virtual void jump() = 0;           // advances time to just before the next step at which something happens
   virtual void change_arrays() = 0;  // between pre_exchange and the build of neighbour lists
   virtual void show() = 0;           // appends bodies in free flight to the arrays if a dump or a restart is due

@@ -17,8 +17,8 @@ const double TAKEN_SHARE = 0.5;     // of the limit: a body that is pushed harde
 }  // namespace
 
 HeldBodies::HeldBodies(LAMMPS *lmp, const Vec &gravity_m_s2, double speed_m_s, double tolerance, int tags)
-    : lmp_(lmp), gravity_(gravity_m_s2), speed_(speed_m_s), tolerance_(tolerance), overloaded_(tags + 1, 0),
-      held_(tags + 1, 0), still_(tags + 1, 0) {}
+    : lmp_(lmp), gravity_(gravity_m_s2), speed_(speed_m_s), tolerance_(tolerance), held_(tags + 1, 0),
+      still_(tags + 1, 0) {}
 
 void HeldBodies::count_still(const std::vector<ArrayBody> &bodies) {
   for (const ArrayBody &b : bodies)
@@ -77,7 +77,7 @@ bool HeldBodies::take(const ArrayBody &b, const Limits &most) {
 
 void HeldBodies::erase(size_t k) {
   for (const HeldBody::Part &p : bodies_[k]->parts()) bonds_->hold(p.tag, false);
-  held_[bodies_[k]->label()] = overloaded_[bodies_[k]->label()] = 0;
+  held_[bodies_[k]->label()] = 0;
   still_[bodies_[k]->label()] = 0;
   bodies_.erase(bodies_.begin() + k);
 }
@@ -95,13 +95,11 @@ void HeldBodies::move() {
   for (auto &b : bodies_) b->move(lmp_->atom, lmp_->update->dt);
 }
 
-bool HeldBodies::push(bool may_let_go) {
+bool HeldBodies::push() {
   const size_t before = bodies_.size();
   for (size_t k = bodies_.size(); k-- > 0;) {
     bodies_[k]->push(lmp_->atom, lmp_->update->dt);
-    char &overloaded = overloaded_[bodies_[k]->label()];
-    overloaded |= bodies_[k]->is_overloaded(lmp_->atom, gravity_);
-    if (overloaded && may_let_go) erase(k);
+    if (bodies_[k]->is_overloaded(lmp_->atom, gravity_)) erase(k);
   }
   return bodies_.size() < before;
 }
@@ -119,7 +117,6 @@ void HeldBodies::restore(const CheckpointReader &in) {
   std::copy(still.begin(), still.end(), still_.begin());
   bodies_.clear();
   std::fill(held_.begin(), held_.end(), 0);
-  std::fill(overloaded_.begin(), overloaded_.end(), 0);
   const double *row = in.rows("held_bodies", 1).data();
   for (int k = 0; k < static_cast<int>(in.common("held_count", 1)[0]); k++) {
     bodies_.push_back(std::make_unique<HeldBody>(row));

@@ -36,7 +36,7 @@ class HeldBodies {
   void find();                      // after a change of the arrays
   void move();                      // the first half of a step
   // The second half. True if a body was let go, which is where the deck's own steps can begin.
-  bool push(bool may_let_go);
+  bool push();
 
   void save(CheckpointWriter &) const;
   void restore(const CheckpointReader &);
@@ -47,7 +47,6 @@ class HeldBodies {
   const Vec gravity_;
   const double speed_, tolerance_;
   std::vector<std::unique_ptr<HeldBody>> bodies_;
-  std::vector<char> overloaded_;  // by label
   std::vector<char> held_;   // by label
   std::vector<int> still_;   // looks in a row, by label
 

@@ -23,12 +23,7 @@ PlateCoupling::PlateCoupling(LAMMPS *lmp, const std::string &shapes_file, const 
     : lmp_(lmp), shapes_(lmp, shapes_file), link_(lmp, to_plate, from_plate, shapes_.modes()), co_step_(co_step),
       weak_(weak), modal_force_(shapes_.modes(), 0.0) {}
 
-void PlateCoupling::setup() {
-  extrapolated_co_steps_ = 1;
-  step_s_ = lmp_->update->dt;
-}
-
-double PlateCoupling::interval_s() const { return extrapolated_co_steps_ * co_step_ * step_s_; }
+double PlateCoupling::interval_s() const { return extrapolated_co_steps_ * co_step_ * lmp_->update->dt; }
 
 /* --- where the plate is -------------------------------------------------------------------------------------- */
 
@@ -143,7 +138,7 @@ int PlateCoupling::co_steps_to_extrapolate(const std::vector<NearSphere> &near) 
   for (const NearSphere &p : near) {
     if (p.touches) push += std::fabs(p.force[2]);
     const double clearance = atom->x[p.i][2] - atom->radius[p.i], speed = std::fabs(atom->v[p.i][2]);
-    const double way = 2 * co_step_ * step_s_ * speed;
+    const double way = 2 * co_step_ * update->dt * speed;
     while (mine > 1 && speed * mine > weak_.speed_m_s * weak_.co_steps &&
            clearance < link_.reach + mine * way + outside_ + CLEARANCE_M)
       mine--;

@@ -29,7 +29,7 @@ class PlateCoupling {
   PlateCoupling(LAMMPS *, const std::string &shapes_file, const std::string &to_plate, const std::string &from_plate,
                 int co_step, const WeakContact &);
 
-  void setup();
+  void setup() { extrapolated_co_steps_ = 1; }
   // XMIN XMAX YMIN YMAX of the plate, and how far what touches may reach below the sub-spheres, m.
   void set_surface(const double *extent, double outside) { std::copy_n(extent, 4, extent_), outside_ = outside; }
   void list(const std::vector<NearSphere> &);                    // is a new list of what is near
@@ -75,7 +75,6 @@ class PlateCoupling {
   std::vector<double> modal_force_;  // sum over the co-steps passed of the mean of each, N kg^-1/2
   long long co_steps_passed_ = 0;    // since the last message
   int extrapolated_co_steps_ = 1;    // from the last message to the next
-  double step_s_ = 0;                // of the deck
   bool engaged_ = false;             // was anything near the plate at the last message?
 
   double interval_s() const;         // between messages

@@ -20,7 +20,6 @@ void VerletFreeFlight::init() {
 }
 
 void VerletFreeFlight::setup() {
-  step_s_ = update->dt;
   Verlet::setup();
   if (flight_) flight_->hide();  // what a resumed run shows to the first dump
 }
@@ -33,38 +32,17 @@ void VerletFreeFlight::run(int steps) {
     if (SignalHandler::request_quit && !SignalHandler::request_write_restart) break;
   }
   if (flight_) flight_->bring_back();
-  set_stride(1);
-}
-
-// The length of the step is that of `steps` of the deck's.
-void VerletFreeFlight::set_stride(int steps) {
-  if (steps == stride_) return;
-  stride_ = steps;
-  update->dt = steps * step_s_;
-  force->pair->reset_dt();
-  for (int k = 0; k < modify->nfix; k++) modify->fix[k]->reset_dt();
-}
-
-// As Neighbor::decide does, of a step that may pass over the one that a fix waits for.
-bool VerletFreeFlight::is_due() const {
-  const bigint now = update->ntimestep;
-  for (int k = 0; k < modify->nfix; k++) {
-    const bigint next = modify->fix[k]->force_reneighbor ? modify->fix[k]->next_reneighbor : -1;
-    if (now - stride_ < next && next <= now) return true;
-  }
-  return false;
 }
 
 // One step, in the order of Verlet::run.
 void VerletFreeFlight::step() {
-  if (flight_) set_stride(flight_->stride());
-  const bigint now = update->ntimestep += stride_;
+  const bigint now = ++update->ntimestep;
   ev_set(now);
   if (modify->n_pre_initial_integrate) modify->pre_initial_integrate();
   modify->initial_integrate(vflag);
   if (modify->n_post_integrate) modify->post_integrate();
 
-  if (is_due() || neighbor->decide()) rebuild();
+  if (neighbor->decide()) rebuild();
   else comm->forward_comm();
 
   force_clear();

@@ -4,8 +4,8 @@
 
 namespace LAMMPS_NS {
 
-// The stock velocity Verlet loop with three additions: sub-spheres may leave and enter the arrays before neighbour lists
-// are built, several steps may be taken as one, and time jumps while none are there. Fix free_flight installs it.
+// The stock velocity Verlet loop with two additions: sub-spheres may leave and enter the arrays before neighbour lists
+// are built, and time jumps while none are there. Fix free_flight installs it.
 class VerletFreeFlight : public Verlet {
  public:
   VerletFreeFlight(class LAMMPS *lmp) : Verlet(lmp, 0, nullptr) {}
@@ -15,10 +15,6 @@ class VerletFreeFlight : public Verlet {
 
  private:
   FlightControl *flight_ = nullptr;
-  int stride_ = 1;      // steps of the deck that one step takes together
-  double step_s_ = 0;   // of the deck
-  void set_stride(int steps);
-  bool is_due() const;
   void step();
   void rebuild();
 };

@@ -176,6 +176,23 @@ def test_two_balls_that_meet_in_the_air(tmp_path):
     assert free.x[-1] == pytest.approx(brute.x[-1], abs=1e-6)
 
 
+def test_one_that_left_later_meets_one_that_flew_before(tmp_path):
+    """A sphere bounces off the plate, leaves the arrays after that, and rises into one that left them at the start."""
+    ends = {}
+    for name, fix in (("brute", ""), ("free", FREE.format(1e-4))):
+        (tmp_path / name).mkdir()
+        two = Body(np.array([[0, 0, 0.02], [0.2e-3, 0, 1.5e-3]]), np.full(2, 1e-3), np.zeros((0, 2), dtype=int), np.zeros(0))
+        write_files(tmp_path / name, two)
+        velocity = ("group low id 2\nvelocity all set 0 0 0.1 units box\nvelocity low set 0 0 -3 units box\n"
+                    "thermo_modify lost ignore\n")
+        run_engine(tmp_path / name, deck(DT, 50_000, 5000, lines=WEIGHT + PLATE + fix, velocity=velocity))
+        ends[name] = frames(tmp_path / name)
+    brute, free = ends["brute"], ends["free"]
+    assert brute.v[-1, 0, 2] > 1.0 > brute.v[0, 0, 2]  # the upper one was hit
+    assert free.v[-1] == pytest.approx(brute.v[-1], abs=1e-6)
+    assert free.x[-1] == pytest.approx(brute.x[-1], abs=1e-8)
+
+
 def test_an_unknown_count_of_sub_spheres_is_an_error(tmp_path):
     """Each look counts them: here the agglomerates say that there is one more."""
     write_files(tmp_path, bracket())

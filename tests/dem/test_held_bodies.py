@@ -1,9 +1,10 @@
-"""Bodies that touch something gently move as rigid bodies, and longer steps are taken meanwhile: beside brute force and
-closed forms. docs/free_flight.md."""
+"""Bodies that touch something gently move as rigid bodies: beside brute force and closed forms. docs/free_flight.md."""
 
 import numpy as np
 import pytest
 from decks import FREE_FLIGHT, Body, bond_line, chain, deck, frames, ledger, run_engine, write_files
+
+from dem.run.recorder import read_forces
 
 GRAVITY = 9.8
 DT = 2e-7
@@ -27,8 +28,7 @@ def drop(directory, body, height, fix, steps, velocity="velocity all set 0 0 0 u
     write_files(directory, body)
     run_engine(directory, deck(DT, steps, steps // 20, bonds=bond_line(tension=tension, shear=tension, damping_time=2e-7),
                                lines=WEIGHT + PLATE + fix, velocity=velocity + "thermo_modify lost ignore\n"))
-    force = np.fromfile(directory / "forces.bin", dtype=[("step", "<i8"), ("force_N", "<f8")])
-    return force, frames(directory), ledger(directory)
+    return read_forces(directory / "forces.bin"), frames(directory), ledger(directory)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def landed(tmp_path_factory):
 
 def test_a_body_at_rest_weighs_on_the_plate_with_its_weight(landed):
     for force, end, _ in landed.values():
-        late = force["force_N"][force["step"] > 120_000].sum() * 20 / 30_000
+        late = force.all_mean_N[force.all_step > 120_000].sum() * 20 / 30_000
         assert late == pytest.approx(GRAVITY * end.mass[0].sum(), rel=1e-4)
 
 
@@ -48,7 +48,7 @@ def test_the_plate_gets_the_impulse_that_the_body_got(landed):
     """Over all bounces: the weight times the time, less what momentum is left; a co-step is 20 steps."""
     for force, end, rows in landed.values():
         weight = GRAVITY * end.mass[0].sum() * 150_000 * DT
-        assert force["force_N"].sum() * 20 * DT == pytest.approx(weight + rows.column["momentum_z_kg_m_s"][-1, 0],
+        assert force.all_mean_N.sum() * 20 * DT == pytest.approx(weight + rows.column["momentum_z_kg_m_s"][-1, 0],
                                                                      rel=1e-6)
 
 
