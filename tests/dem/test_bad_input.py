@@ -22,7 +22,7 @@ CASES = [
     ("time step", "duration_s = 0.6 ", "time_step_s = 1e-4\nduration_s = 0.6 ",
      ["time.time_step_s", "0.0001", "must not be above"]),
     ("co-step", "duration_s = 0.6 ", "co_step = 1000\nduration_s = 0.6 ", ["time.co_step", "1000", "at most"]),
-    ("restitution", "restitution = 0.5, friction = 0.4", "restitution = 1.5, friction = 0.4",
+    ("restitution", "restitution = 0.9, friction = 0.4", "restitution = 1.5, friction = 0.4",
      ["contacts.coal_plate.restitution", "1.5", "less than or equal to 1"]),
     ("order", "gangue_order = [2, 10,", "gangue_order = [2, 2,", ["stones.gangue_order", "once"]),
     ("name leads outside", 'name = "paper"', 'name = "../paper"', ["name", "../paper"]),
