@@ -101,25 +101,11 @@ void FixStones::pre_exchange() {
 
 void FixStones::enter_until(bigint step, double half_step) {
   for (; entered_ < order_.size() && file_->entry(order_[entered_]) <= step; entered_++) {
-    EnteringStone stone = file_->read(order_[entered_]);
-    move_on(stone, (step - file_->entry(stone.agglomerate)) * update->dt);
+    const EnteringStone stone = file_->read(order_[entered_]);
     if (!is_free(stone)) break;
     enter(stone, half_step);
   }
   next_reneighbor = entered_ < order_.size() ? next_try() : -1;
-}
-
-// Along its path, for one that could not enter at its step.
-void FixStones::move_on(EnteringStone &stone, double time) const {
-  for (int k = 0; time > 0 && k < stone.count(); k++) {
-    double *row = &stone.atoms[k * EnteringStone::ATOM_COLUMNS];
-    const Vec v(row + 6), ahead = time * v + 0.5 * time * time * weight_;
-    (Vec(row + 3) + ahead).to(row + 3);
-    (v + time * weight_).to(row + 6);
-    if (row[5] < 0.5 * row[1])
-      error->one(FLERR, ("something lies where stone " + std::to_string(stone.agglomerate + 1) +
-                         " enters, all the way to the plate").c_str());
-  }
 }
 
 bool FixStones::is_free(const EnteringStone &stone) const {
