@@ -223,6 +223,7 @@ void SmoothContact::press_to_q(Patch &p) {
 // Mindlin's tangential spring 8 G* a, less the compression of the bonds, up to Coulomb's limit. The dashpot acts while
 // it sticks.
 void SmoothContact::rub(Patch &p) {
+  if (p.share == 0) p.sliding = Vec();  // no member is left whose motion it could be
   const SmoothStone &s = stone(p);
   const double mindlin = 4 * s.shear_modulus / s.modulus * p.state.stiffness;
   const double spring = p.share * mindlin / (1 - p.compliance_across * mindlin);
