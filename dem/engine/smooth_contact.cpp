@@ -223,7 +223,6 @@ void SmoothContact::press_to_q(Patch &p) {
 // Mindlin's tangential spring 8 G* a, less the compression of the bonds, up to Coulomb's limit. The dashpot acts while
 // it sticks.
 void SmoothContact::rub(Patch &p) {
-  if (p.share == 0) p.sliding = Vec();  // no member is left whose motion it could be
   const SmoothStone &s = stone(p);
   const double mindlin = 4 * s.shear_modulus / s.modulus * p.state.stiffness;
   const double spring = p.share * mindlin / (1 - p.compliance_across * mindlin);
@@ -238,7 +237,9 @@ void SmoothContact::rub(Patch &p) {
 
 void SmoothContact::stretch(Patch &p, double spring, const Vec &slip) {
   if (is_first_rank()) {
-    const TangentialStep step = tangential_step(p.spring, p.slip, spring, slip, lmp_->update->dt * p.sliding);
+    // Without members there is nothing whose motion it could be.
+    const Vec moved = p.share > 0 ? lmp_->update->dt * p.sliding : Vec();
+    const TangentialStep step = tangential_step(p.spring, p.slip, spring, slip, moved);
     friction_[p.agglomerate] += step.friction;
     gained_[p.agglomerate] += step.gained;
   }
