@@ -14,7 +14,7 @@ class ArrayBody : public Outline {
  public:
   int label;               // least tag
   std::vector<int> atoms;  // local indices
-  double mass, inner_energy;  // kg; kinetic energy relative to rigid motion, J
+  double inner_energy;     // kinetic energy relative to rigid motion, J
   Vec momentum, omega;     // angular momentum about the centre of mass, and the angular velocity that it means
   Tensor inertia;          // about the centre of mass
   bool departs = false;                 // into free flight, at this look

@@ -23,14 +23,6 @@ using namespace LAMMPS_NS;
 using namespace FixConst;
 
 namespace {
-const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants without velocity
-const int LEAST_REST = 4;         // looks: a body that may be touched sooner does not leave
-// A body flies together with the fragments that are trapped in it when all of them have less than this share of the
-// energy of the impact relative to its motion, for so many looks that those on their way out are gone.
-const double TRAPPED_ENERGY = 1e-3;
-const int TRAPPED_LOOKS = 50;
-const double REACH_MARGIN = 1.1;  // the reach may grow by this before all times are found anew
-const double CLEARANCE_M = 1e-5;
 const bigint FAR_AHEAD = 1000000000000000;  // steps
 }  // namespace
 
@@ -93,6 +85,10 @@ void FixFreeFlight::setup(int) {
   next_reneighbor = -1;
 }
 
+void FixFreeFlight::final_integrate() {
+  if (held_->push()) next_reneighbor = update->ntimestep + 1;
+}
+
 int FixFreeFlight::body_of(int tag) const { return bonds_ ? bonds_->body_of_tag()[tag] : tag; }
 
 /* --- what there is ------------------------------------------------------------------------------------------- */
@@ -139,199 +135,6 @@ void FixFreeFlight::add_to(LedgerRows &rows) {
     rows.at(a, MASS_HEIGHT) -= b->mass * dot(down_, b->center);
     rows.at(a, BOND_ELASTIC) += b->bond_elastic;
     rows.at(a, PAIR_ELASTIC) += b->pair_elastic;
-  }
-}
-
-/* --- who leaves, who comes back ------------------------------------------------------------------------------ */
-
-void FixFreeFlight::end_of_step() {
-  for (auto &b : bodies_) b->go_to(update->ntimestep);
-  check_count();
-  std::vector<ArrayBody> others =
-      bodies_in_arrays(atom, agglomerates_->tags(), [this](int tag) { return body_of(tag); });
-  update_reach();
-  if (stream_) take_out_those_that_left();
-  watch_bodies_in_flight(others);
-  held_->count_still(others);
-  let_calm_bodies_depart(others);
-  if (held_->choose(others, [&](ArrayBody &b, double limit_N) { return is_gentle(b, limit_N, others); }))
-    next_reneighbor = update->ntimestep + 1;
-  for (auto &b : bodies_)
-    if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
-}
-
-// Does no encounter ahead, with the plate or with another body, push with more than `limit_N`? Of each the peak force
-// is that of Hertz.
-bool FixFreeFlight::is_gentle(ArrayBody &b, double limit_N, std::vector<ArrayBody> &others) {
-  const double rest = LEAST_REST * nevery * update->dt;
-  double radius = 0;
-  for (int i : b.atoms) radius = std::max(radius, atom->radius[i]);
-  auto is_hard = [&](double mass, double closing) {
-    const double peak = std::pow(4. / 3. * largest_modulus_ * std::sqrt(radius), 0.4) *
-                        std::pow(1.25 * mass * closing * closing, 0.6);
-    return closing > 0 && peak > limit_N;
-  };
-  if (plate_ && is_hard(b.mass, -b.velocity.z) && time_to_plate(b, outline_, weight()) <= rest)
-    return false;
-  auto meets_hard = [&](Outline &other, double mass) {
-    const Vec apart = b.center - other.center;
-    const double closing = dot(other.velocity - b.velocity, apart) / norm(apart);
-    return is_hard(b.mass * mass / (b.mass + mass), closing) && time_to_meet(b, other) <= rest;
-  };
-  for (ArrayBody &other : others)
-    if (&other != &b && !other.is_trapped && meets_hard(other, other.mass)) return false;
-  for (auto &other : bodies_)
-    if (!other->is_leaving && meets_hard(*other, other->mass)) return false;
-  return true;
-}
-
-void FixFreeFlight::final_integrate() {
-  if (held_->push()) next_reneighbor = update->ntimestep + 1;
-}
-
-// The times found so far hold as long as the plate keeps within the reach with which they were found.
-void FixFreeFlight::update_reach() {
-  const double reach = plate_ ? plate_->reach() : 0;
-  if (reach <= outline_.reach && outline_.reach <= 2 * REACH_MARGIN * (reach + CLEARANCE_M)) return;
-  outline_.reach = REACH_MARGIN * (reach + CLEARANCE_M);
-  for (auto &b : bodies_) b->safe_until = 0;
-}
-
-// Finds until when it touches neither the plate nor another body in free flight. The other one may not have known of
-// this body, which left the arrays after it.
-void FixFreeFlight::find_safe_until(FreeBody &body) {
-  auto step_after = [this](double time) {
-    return update->ntimestep + static_cast<bigint>(std::min(time / update->dt, double(FAR_AHEAD)));
-  };
-  body.safe_until = step_after(plate_ ? time_to_plate(body, outline_, weight()) : FAR_AHEAD);
-  for (auto &other : bodies_) {
-    if (other.get() == &body) continue;
-    const bigint meeting = step_after(time_to_meet(body, *other));
-    body.safe_until = std::min(body.safe_until, meeting);
-    other->safe_until = std::min(other->safe_until, meeting);
-  }
-}
-
-// Finds the bodies in free flight that must come back before the next look.
-void FixFreeFlight::watch_bodies_in_flight(std::vector<ArrayBody> &others) {
-  const double horizon = (nevery + 2) * update->dt;
-  bool asked = false;
-  for (auto &b : bodies_) {
-    if (b->safe_until < update->ntimestep + nevery + 2) {
-      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, weight()) < horizon) {
-        plate_->ask_reach();
-        update_reach();
-        asked = true;
-      }
-      find_safe_until(*b);
-      b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
-    }
-    for (ArrayBody &other : others)
-      if (!b->is_waking) b->is_waking = time_to_meet(*b, other, speed_) < 1.5 * horizon;
-  }
-}
-
-// Is all of it below the plate's top face, and never rises to it again? The plate has no other face to touch.
-bool FixFreeFlight::has_left(const Outline &b) const {
-  const double fall = -weight().z, up = b.velocity.z;
-  if (up > 0 && fall <= 0) return false;
-  const double highest = b.center.z + b.radius + (up > 0 ? up * up / (2 * fall) : 0);
-  return highest < -outline_.reach;
-}
-
-void FixFreeFlight::take_out_those_that_left() {
-  auto left = [&](const std::unique_ptr<FreeBody> &b) {
-    if (b->is_leaving || b->is_waking || !has_left(*b)) return false;
-    stream_->take_out({b->agglomerate, static_cast<int>(b->parts.size()), b->mass, b->kinetic(), b->bond_elastic,
-                       b->pair_elastic, b->center, b->velocity});
-    return true;
-  };
-  bodies_.erase(std::remove_if(bodies_.begin(), bodies_.end(), left), bodies_.end());
-}
-
-// Is its inner motion, and that of the fragments trapped in it, so small that it may leave?
-bool FixFreeFlight::is_calm(const ArrayBody &b) {
-  const double impact = 0.5 * speed_ * speed_ * b.mass;
-  double fragments = 0;
-  for (const ArrayBody *fragment : b.trapped) fragments += fragment->energy_over(b);
-  int &looks = calm_[b.label];
-  looks = b.inner_energy <= tolerance_ * impact && fragments <= TRAPPED_ENERGY * impact ? looks + 1 : 0;
-  return b.atoms.size() == 1 || looks >= (b.trapped.empty() ? CALM_LOOKS : TRAPPED_LOOKS);
-}
-
-void FixFreeFlight::let_calm_bodies_depart(std::vector<ArrayBody> &others) {
-  const double rest = LEAST_REST * nevery * update->dt;
-  find_trapped(others, *agglomerates_);
-  std::vector<ArrayBody *> all;
-  std::vector<char> leaves;
-  for (ArrayBody &b : others) {
-    if (b.is_trapped) continue;
-    const bool left = stream_ && has_left(b), calm = is_calm(b) || left;
-    if (calm && !b.trapped.empty()) b.take_trapped();
-    all.push_back(&b);
-    leaves.push_back(left || (calm && (!plate_ || time_to_plate(b, outline_, weight()) > rest)));
-    for (auto &other : bodies_)
-      leaves.back() = leaves.back() && time_to_meet(b, *other, other->is_waking ? speed_ : 0) > rest;
-    if (!calm)
-      for (ArrayBody *p : b.trapped) all.push_back(p), leaves.push_back(false);
-  }
-  keep_those_that_meet(all, leaves, rest);
-  for (size_t k = 0; k < all.size(); k++)
-    if (leaves[k]) depart(*all[k]);
-  if (std::count(leaves.begin(), leaves.end(), 1)) note_elastic_energies();
-}
-
-// Of those that could leave, one that meets a body that stays, or another one too soon, stays as well.
-void FixFreeFlight::keep_those_that_meet(const std::vector<ArrayBody *> &all, std::vector<char> &leaves, double rest) {
-  for (bool changed = true; changed;) {
-    changed = false;
-    for (size_t k = 0; k < all.size(); k++)
-      for (size_t l = 0; l < all.size() && leaves[k]; l++)
-        if (l != k && !(leaves[l] && have_left(*all[k], *all[l])) && (leaves[l] ? time_to_meet(*all[k], *all[l]) : time_to_meet(*all[k], *all[l], speed_)) <= rest)
-          leaves[k] = false, changed = true;
-  }
-}
-
-void FixFreeFlight::depart(ArrayBody &b) {
-  b.departs = true;
-  for (ArrayBody *fragment : b.trapped) fragment->departs = true, held_->let_go(fragment->label);
-  held_->let_go(b.label);
-  const int agglomerate = agglomerates_->of_tag(b.label);
-  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, update->dt));
-  if (bonds_)
-    for (int i : b.atoms) bonds_->forget_forces(i);
-  calm_[b.label] = 0;
-  departures_++;
-}
-
-// What the bodies that leave hold in their bonds, and in contacts between their own sub-spheres.
-void FixFreeFlight::note_elastic_energies() {
-  auto may_hold = [](auto &b) { return b->is_leaving && b->parts.size() > 1; };
-  if (std::none_of(bodies_.begin(), bodies_.end(), may_hold)) return;
-  bond_energy_.resize(calm_.size()), pair_energy_.resize(calm_.size());
-  for (int i = 0; i < atom->nlocal; i++) bond_energy_[body_of(atom->tag[i])] = pair_energy_[body_of(atom->tag[i])] = 0;
-  if (bonds_) bonds_->add_elastic_energy_by_body(bond_energy_.data());
-  add_pair_energy_by_body(pair_energy_.data());
-  for (auto &b : bodies_) {
-    if (!b->is_leaving) continue;
-    std::set<int> labels;
-    for (const FreeBody::Part &p : b->parts) labels.insert(body_of(p.tag));
-    for (int label : labels) b->bond_elastic += bond_energy_[label], b->pair_elastic += pair_energy_[label];
-  }
-}
-
-// Elastic energy in contacts between sub-spheres in the arrays, given to the body of one of the two, J.
-void FixFreeFlight::add_pair_energy_by_body(double *energy) const {
-  const NeighList *list = force->pair->list;
-  for (int k = 0; k < list->inum; k++) {
-    const int i = list->ilist[k];
-    for (int m = 0; m < list->numneigh[i]; m++) {
-      const int j = list->firstneigh[i][m] & NEIGHMASK;
-      const double sum = atom->radius[i] + atom->radius[j], overlap = sum - norm(Vec(atom->x[i]) - Vec(atom->x[j]));
-      if (overlap > 0)
-        energy[body_of(atom->tag[i])] +=
-            law_->elastic_energy(atom->type[i], atom->type[j], atom->radius[i] * atom->radius[j] / sum, overlap);
-    }
   }
 }
 

@@ -12,6 +12,7 @@
 #include "free_flight_partners.h"
 #include "held_bodies.h"
 #include "hertz_law.h"
+#include "reach_pairs.h"
 
 namespace LAMMPS_NS {
 
@@ -21,8 +22,8 @@ namespace LAMMPS_NS {
 // and fly as rigid bodies on their exact path until they could touch something. When all bodies are in free flight,
 // time jumps (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2,
 // V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along `down`, a unit
-// vector with a Z below 0, or along -z. What has left the plate for good goes to fix stones, if there is one. It works on
-// one rank, and comes after all other fixes.
+// vector with a Z below 0, or along -z. What has left the plate for good goes to fix stones, if there is one. It works
+// on one rank, and comes after all other fixes.
 class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl,
                       public FlyingSpheres {
  public:
@@ -78,11 +79,13 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void check_count() const;
   void update_reach();
   void find_safe_until(FreeBody &);
-  void watch_bodies_in_flight(std::vector<ArrayBody> &);
+  struct Look;
+  double rest_s() const;
+  void watch_bodies_in_flight(const Look &);
   bool is_calm(const ArrayBody &);
-  void let_calm_bodies_depart(std::vector<ArrayBody> &);
-  void keep_those_that_meet(const std::vector<ArrayBody *> &, std::vector<char> &leaves, double rest);
-  bool is_gentle(ArrayBody &, double limit_N, std::vector<ArrayBody> &);
+  void let_calm_bodies_depart(Look &);
+  void keep_those_that_meet(Look &, const std::vector<char> &is_part, std::vector<char> &leaves);
+  bool is_gentle(const Look &, ArrayBody &, double limit_N);
   void depart(ArrayBody &);
   void note_elastic_energies();
   void add_pair_energy_by_body(double *energy) const;

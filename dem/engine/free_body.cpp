@@ -15,8 +15,8 @@ const int NUMBERS = 14;  // before the arrays in a row
 }  // namespace
 
 FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, int agglomerate, const Vec &weight, bigint step, double dt)
-    : start(step), dt(dt), agglomerate(agglomerate), mass(b.mass) {
-  radius = b.radius;
+    : start(step), dt(dt), agglomerate(agglomerate) {
+  mass = b.mass, radius = b.radius;
   motion = RigidMotion(b.center, b.velocity, weight, b.momentum, b.inertia, b.atoms.size() == 1);
   spin = motion.fastest_spin();
   kinetic_start = 0.5 * b.mass * dot(b.velocity, b.velocity) + motion.rotational_energy() + b.inner_energy;

@@ -33,7 +33,6 @@ class FreeBody : public Outline {
   bigint start = 0;            // step at which it left
   double dt = 0;
   int agglomerate = 0;
-  double mass = 0;             // kg
   double kinetic_start = 0;    // J, inner motion included
   double bond_elastic = 0, pair_elastic = 0;  // J
   bool is_leaving = true;      // still in the arrays, leaves them in the coming step

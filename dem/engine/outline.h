@@ -14,6 +14,7 @@ struct Sphere {
 class Outline {
  public:
   Vec center, velocity;  // of the centre of mass
+  double mass = 0;       // kg
   double spin = 0;       // bound for |omega|, rad/s
   double radius = 0;     // of the sphere about the centre of mass that holds the body
   virtual ~Outline() {}

@@ -237,9 +237,7 @@ void SmoothContact::rub(Patch &p) {
 
 void SmoothContact::stretch(Patch &p, double spring, const Vec &slip) {
   if (is_first_rank()) {
-    // Without members there is nothing whose motion it could be.
-    const Vec moved = p.share > 0 ? lmp_->update->dt * p.sliding : Vec();
-    const TangentialStep step = tangential_step(p.spring, p.slip, spring, slip, moved);
+    const TangentialStep step = tangential_step(p.spring, p.slip, spring, slip, lmp_->update->dt * p.sliding);
     friction_[p.agglomerate] += step.friction;
     gained_[p.agglomerate] += step.gained;
   }

@@ -165,7 +165,7 @@ void SmoothContact::renew(Patch &p) {
     const Vec off = pieces_->position(tag) - motion.turned(surfaces_.place(tag)) - motion.center;
     if (pieces_->is_free(tag) || norm(off) > OUT_OF_PLACE * surfaces_.radius(tag)) leave(p, k);
   }
-  if (beyond_outline(motion.center) > BEYOND * stone(p).patch_radius) return dissolve(p);
+  if (p.share == 0 || beyond_outline(motion.center) > BEYOND * stone(p).patch_radius) return dissolve(p);
   follow_axis(p, motion);
   spread_over_body(p, motion);
 }
@@ -244,11 +244,14 @@ void SmoothContact::leave(Patch &p, size_t member) {
   }
   if (is_first_rank()) released_[p.agglomerate] += available - energy;
   offset_[m.tag] = overlap > 0 ? depth - overlap : std::max(0.0, depth);
-  // The others keep q, and share the rest of the force.
-  p.share *= 1 - m.weight;
+  // The others keep q, and share the rest of the force. All of them may weigh nothing, as a patch can be centred only
+  // as far as its weights stay positive.
   p.members.erase(p.members.begin() + member);
-  if (p.members.empty()) return;
-  for (Weight &other : p.members) other.weight /= 1 - m.weight;
+  double rest = 0;
+  for (const Weight &other : p.members) rest += other.weight;
+  p.share *= rest > 0 ? rest / (rest + m.weight) : 0;
+  if (p.share == 0) return;
+  for (Weight &other : p.members) other.weight /= rest;
   p.base = p.q - p.w + height_of_members(p);
 }
 

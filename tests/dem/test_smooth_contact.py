@@ -150,6 +150,46 @@ def test_a_new_list_of_what_is_near_forgets_no_contact(tmp_path):
     assert np.abs(c["wall_work_J"] + c["wall_elastic_J"]).max() < 1e-4 * c["kinetic_J"][0]
 
 
+def test_a_patch_of_which_only_weightless_members_are_left_is_let_go(tmp_path):
+    """The surface of the stone is six sub-spheres beside its axis, so that the centred weights of three are 0. The bonds
+    of the others break at the first push, while the stone slides."""
+    scene = stone(friction=0.4, **{
+        "time.free_flight_tolerance": 0.0, "time.sample_interval_s": 2e-5, "stones.agglomerate.unbreakable": False})
+    prepared = prepare(scene, "scene", tmp_path)
+    write_deck(tmp_path / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+    surface = (tmp_path / "deck" / "surface.txt").read_text().splitlines()
+    place = np.array([line.split() for line in surface[2:]], dtype=float)
+    inside = 1 - (place[:, :2] ** 2).sum(axis=1) / (PATCH_RADIUS * RADIUS_m) ** 2
+    candidates = np.flatnonzero((place[:, 5] == 1) & (place[:, 2] < 0) & (inside > 0.2))
+    chosen, heavy = one_sided(place, inside, candidates)
+    rows = [line[:-1] + str(int(k in chosen)) for k, line in enumerate(surface[2:])]
+    (tmp_path / "deck" / "surface.txt").write_text("\n".join([*surface[:2], *rows]) + "\n")
+    bonds = np.loadtxt(tmp_path / "deck" / "bonds.txt")
+    bonds[:, 7] = np.where(np.isin(bonds[:, :2] - 1, heavy).any(axis=1), 1e-3, 1e3)
+    np.savetxt(tmp_path / "deck" / "bonds.txt", bonds, fmt=["%d"] * 3 + ["%.17g"] * 5)
+    deck = (tmp_path / "deck" / "deck.liggghts").read_text()
+    assert "all set 0 0 -3" in deck
+    run_engine(tmp_path / "deck", deck.replace("all set 0 0 -3", "all set 1.8 0 -2.4"), 1)
+    c = {name: rows[:, 0] for name, rows in read_ledger(tmp_path / "deck" / "ledger.bin", 1).column.items()}
+    assert c["broken"][-1] > 0 and c["friction_J"].max() > 0
+    left = (c["wall_work_J"] + c["pair_work_J"] + c["wall_elastic_J"] + c["pair_elastic_J"] + c["wall_damped_J"]
+            + c["pair_damped_J"] + c["wall_released_J"] + c["friction_J"] - c["springs_gained_J"])
+    assert np.abs(left).max() < 1e-3 * c["kinetic_J"][0]
+
+
+def one_sided(place, inside, candidates):
+    """Six sub-spheres whose weights, centred as well as can be, are 0 for three, and those with a weight."""
+    rng = np.random.default_rng(1)
+    for _ in range(10000):
+        chosen = rng.choice(candidates, 6, replace=False)
+        rho, weight = place[chosen, :2], place[chosen, 3] ** 2 * inside[chosen]
+        shift = -np.linalg.solve((weight[:, None] * rho).T @ rho, weight @ rho)
+        heavy = 1 + rho @ shift > 0
+        if heavy.sum() == 3:
+            return chosen, chosen[heavy]
+    raise AssertionError("no such patch")
+
+
 def test_weights_of_a_patch_are_centred_and_of_the_surface():
     packing = pack_sphere(RADIUS_m, 500, seed=7)
     axis = np.array([0.6, 0.0, 0.8])
