@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from dem.coupling.launch import engine_error
 from tests.robustness.small import ROOT, run, small_stone, what_was_said
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
@@ -37,6 +38,17 @@ def test_files_may_not_grow_beyond_a_limit(whole, tmp_path, most_bytes):
     assert done.returncode in (0, 1)
     assert run("dem", "run", scene, "--out", tmp_path / "run")[0] == 0
     check_same(tmp_path / "run", expected)
+
+
+@pytest.mark.parametrize("printed, told", [
+    (f"step 1\nERROR: no such file\n{74 * '-'}\nMPI_ABORT was invoked\n{74 * '-'}\n", "ERROR: no such file"),
+    (f"step 1\n{74 * '-'}\nmpirun noticed that a process was killed.\n{74 * '-'}",
+     "mpirun noticed that a process was killed."),
+    ("step 1\nstep 2\n", "step 2"), ("", "no output"),
+])
+def test_what_the_engine_said_last_that_says_something(tmp_path, printed, told):
+    (tmp_path / "engine.out").write_text(printed)
+    assert engine_error(tmp_path) == told
 
 
 # Run within the program before its command: what the fault changes.
