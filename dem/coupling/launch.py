@@ -35,9 +35,11 @@ ENGINE = Path(os.environ.get("LIGGGHTS_BONDED", build_directory() / "liggghts-bo
 
 
 def check_library() -> None:
-    """Raises InputError, one line, if LIGGGHTS is missing or of another version."""
+    """Raises InputError, one line, if LIGGGHTS is missing or of another version, OSError if one cannot ask."""
     query = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "libliggghts-dev"], capture_output=True, text=True,
                            check=False)
+    if query.returncode < 0:
+        raise OSError(f"dpkg-query, which tells the version of LIGGGHTS, was ended by signal {-query.returncode}")
     if query.returncode != 0:
         raise InputError(f"LIGGGHTS: libliggghts-dev is not installed; version {LIGGGHTS_VERSION} is needed "
                          f"(apt-get install libliggghts-dev={LIGGGHTS_VERSION})")

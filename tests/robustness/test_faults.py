@@ -1,14 +1,16 @@
 """Faults injected into a run at work: a disk that fills or fails, a slow disk, a clock that jumps. Each ends in one
 line or not at all, and the same command then gives the undisturbed result."""
 
+import os
 import resource
 import subprocess
 import sys
 
 import pytest
 
+from dem.__main__ import main
 from dem.coupling.launch import engine_error
-from tests.robustness.small import ROOT, run, small_stone, what_was_said
+from tests.robustness.small import HERTZ, ROOT, run, small_stone, what_was_said
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
 
@@ -49,6 +51,15 @@ def test_files_may_not_grow_beyond_a_limit(whole, tmp_path, most_bytes):
 def test_what_the_engine_said_last_that_says_something(tmp_path, printed, told):
     (tmp_path / "engine.out").write_text(printed)
     assert engine_error(tmp_path) == told
+
+
+def test_a_question_to_dpkg_that_was_killed_is_no_missing_package(tmp_path, monkeypatch, capsys):
+    (tmp_path / "dpkg-query").write_text("#!/bin/sh\nkill -9 $$\n")
+    (tmp_path / "dpkg-query").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    assert main(["run", str(HERTZ), "--out", str(tmp_path / "run")]) == 1
+    errors = capsys.readouterr().err
+    assert "signal 9" in errors and errors.count("\n") == 1 and not (tmp_path / "run").exists()
 
 
 # Run within the program before its command: what the fault changes.
