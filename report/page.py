@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis import Sweep, read_sweep
 from common.files import write_text
-from common.output_directory import refuse_foreign_file
+from common.output_directory import GENERATOR, refuse_foreign_file
 from common.processes import side_by_side
 from common.resources import resource
 from report import tables
@@ -41,7 +41,6 @@ from report.results.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
 
 TEMPLATES = resource("templates")
-GENERATOR = 'name="generator" content="coal-gangue-impact"'  # by which the template says who wrote the page
 
 #: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
