@@ -1,8 +1,9 @@
-"""Cost and memory of a stream of stones against how many fall: `python -m benchmarks.stream`, into runs/bench.
+"""Cost and memory of a stream of stones against how many fall and how fast: `python -m benchmarks.stream`, into
+runs/bench.
 
-Coal stones of 200 sub-spheres arrive one after another, 50 a second, near the edge of a rigid plate, bounce once and
-leave it. The time is the engine's own processor time. Beside it the same stones dropped alone, each in a run of its own,
-less the time that the engine takes to start. `--breaking` lets them break.
+Coal stones arrive one after another near the edge of a rigid plate, bounce once and leave it. The time is the engine's
+own processor time. Beside it the same stones dropped alone, each in a run of its own; both less the time that the engine
+takes to start. `--breaking` lets them break.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import subprocess
 import tempfile
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,19 +28,26 @@ from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
 from dem.run.prepare import prepare
 
-RATE_1_s = 50.0
-FALLS_s = 0.35  # from the first touch until nothing is left: a bounce, and the fall past the edge
+FALLS_s = 0.75  # from the first touch until nothing is left: a bounce, and the fall past the edge
 PLATE = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 
 
-def scene_of(stones: list[dict[str, Any]], breaking: bool, duration_s: float | None) -> Scene:
+@dataclass(frozen=True)
+class Kind:
+    """What the stones are made of."""
+
+    subspheres: int
+    breaking: bool
+
+
+def scene_of(stones: list[dict[str, Any]], kind: Kind, duration_s: float | None) -> Scene:
     """Stones one by one on a rigid plate, until the last has left it if no duration is given."""
     volley = ("count", "radius_m", "positions", "speed_m_s", "gangue_order", "gangue_ratio")
     duration = duration_s or max(stone["arrival_s"] for stone in stones) + FALLS_s
     return changed_scene(SCENES / "single.toml", {
         **{f"stones.{key}": None for key in volley}, "stones.each": stones, "plate": PLATE, "assumptions": None,
-        "stones.agglomerate": {"subspheres": 200, "contact": "smooth", "unbreakable": not breaking},
+        "stones.agglomerate": {"subspheres": kind.subspheres, "contact": "smooth", "unbreakable": not kind.breaking},
         "time.duration_s": duration, "output.view_interval_s": None})
 
 
@@ -48,10 +57,10 @@ def stones_of(count: int, rate_1_s: float) -> list[dict[str, Any]]:
              "velocity_m_s": (1.5, 0.0, -3.0), "arrival_s": 0.32 + k / rate_1_s} for k in range(count)]
 
 
-def measured(stones: list[dict[str, Any]], breaking: bool, duration_s: float | None = None) -> dict[str, float]:
+def measured(stones: list[dict[str, Any]], kind: Kind, duration_s: float | None = None) -> dict[str, float]:
     """Processor time of the engine, s, its peak memory, MB, and how many stones have left at the end."""
     with tempfile.TemporaryDirectory() as scratch:
-        model = prepare(scene_of(stones, breaking, duration_s), "stream", Path(SCENES.parent / "runs" / "bench" / "cache"))
+        model = prepare(scene_of(stones, kind, duration_s), "stream", SCENES.parent / "runs" / "bench" / "cache")
         deck = Path(scratch) / "deck"
         write_deck(deck, model.scene, model.assembly, model.step, None)
         with open(deck / "engine.out", "wb") as out:
@@ -70,43 +79,44 @@ def measured(stones: list[dict[str, Any]], breaking: bool, duration_s: float | N
             raise RuntimeError((deck / "engine.out").read_text(errors="replace")[-500:])
         left = pd.read_csv(deck / "left.csv").groupby("agglomerate")["subspheres"].sum()
         return {"stones": len(stones), "cpu_s": usage.ru_utime + usage.ru_stime, "memory_MB": peak_kB / 1024,
-                "left": int((left == 200).sum())}
+                "left": int((left == kind.subspheres).sum())}
 
 
-def alone(stones: list[dict[str, Any]], breaking: bool) -> float:
-    """Mean processor time of a stone in a run of its own, s, less what a run that ends before takes."""
-    start = measured(stones[:1], breaking, 1.5e-4)["cpu_s"]
-    start = measured([stones[0] | {"arrival_s": 10.0, "speed_m_s": None}], breaking)["cpu_s"]
-    each = [measured([stone | {"arrival_s": 0.32}], breaking)["cpu_s"] for stone in stones]
-    return float(np.mean(each)) - start
+def alone(stones: list[dict[str, Any]], kind: Kind, start_s: float) -> float:
+    """Mean processor time of a stone in a run of its own, s, less that of the start."""
+    return float(np.mean([measured([stone | {"arrival_s": 0.32}], kind)["cpu_s"] for stone in stones])) - start_s
 
 
 def main() -> None:
     """Measure, print and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--counts", type=int, nargs="+", default=[50, 100, 200, 400])
-    parser.add_argument("--rate", type=float, default=RATE_1_s)
+    parser.add_argument("--rates", type=float, nargs="+", default=[50.0], help="stones a second")
+    parser.add_argument("--subspheres", type=int, default=200)
     parser.add_argument("--alone", type=int, default=8, help="how many of them are dropped alone")
     parser.add_argument("--breaking", action="store_true")
     given = parser.parse_args()
+    kind = Kind(given.subspheres, given.breaking)
+    start_s = float(np.mean([measured(stones_of(1, 1.0), kind, 1.5e-4)["cpu_s"] for _ in range(3)]))  # before it enters
     rows = []
-    for count in given.counts:
-        rows.append(measured(stones_of(count, given.rate), given.breaking))
-        print(rows[-1], flush=True)
+    for rate in given.rates:
+        for count in given.counts:
+            rows.append({"rate_1_s": rate, **measured(stones_of(count, rate), kind)})
+            print(rows[-1], flush=True)
     table = pd.DataFrame(rows)
-    table["cpu_per_stone_s"] = table.cpu_s / table.stones
-    if len(table) > 1:
-        slope = np.polyfit(np.log(table.stones), np.log(table.cpu_s), 1)[0]
+    table["cpu_per_stone_s"] = (table.cpu_s - start_s) / table.stones
+    if len(given.counts) > 1:
+        slope = np.polyfit(np.log(table.stones), np.log(table.cpu_s - start_s), 1)[0]
         print(f"cost goes with the number of stones to the power {slope:.3f}")
     if given.alone:
-        one = alone(stones_of(given.alone, given.rate), given.breaking)
+        one = alone(stones_of(given.alone, given.rates[0]), kind, start_s)
         table["cpu_alone_s"] = one
-        print(f"a stone alone takes {one:.3f} s, one of the longest stream {table.cpu_per_stone_s.iloc[-1] / one:.3f} "
-              "times that")
+        table["over_alone"] = table.cpu_per_stone_s / one
+        print(f"a stone alone takes {one:.3f} s, and the engine's start {start_s:.3f} s")
     out = SCENES.parent / "runs" / "bench"
     out.mkdir(parents=True, exist_ok=True)
     name = "stream_breaking" if given.breaking else "stream"
-    table.to_csv(out / f"{name}_{given.rate:g}.csv", index=False)
+    table.to_csv(out / f"{name}.csv", index=False)
     print(table.to_string())
 
 

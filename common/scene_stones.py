@@ -137,6 +137,8 @@ class StreamTable(DrawnStones):
     rate_kg_s: Annotated[Positive | None, about("mass a second; instead of rate_1_s")] = None
     begin_s: Annotated[NotNegative, about("when the stream begins")] = 0.0
     duration_s: Annotated[Positive, about("how long it lasts")]
+    least_fragment: Annotated[Annotated[int, Field(ge=2)] | None, about(
+        "a fragment of fewer sub-spheres is taken out and counted as soon as it flies; absent: none is")] = None
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:

@@ -62,7 +62,8 @@ class PreparedRun:
 
 def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
     """Stones that enter later need bodies in free flight, who say what has left, and those are known to one rank."""
-    late = [k for k, stone in enumerate(stones) if entry_of(stone, scene.gravity_vector_m_s2).is_late]
+    late = [k for k, stone in enumerate(stones)
+            if scene.stones.stream is not None or entry_of(stone, scene.gravity_vector_m_s2).is_late]
     for key, value, allowed, refused in (
             ("engine.np", scene.engine.np, "1", scene.engine.np > 1),
             ("time.free_flight_tolerance", scene.time.free_flight_tolerance, "above 0",
