@@ -168,7 +168,7 @@ class Listener:
         if gain < needed:
             return None
         alone = replace(window, values=left)
-        new = min((alone.fit(s[None], 4) for s in starts), key=lambda f: f.cost)
+        new = min((alone.fit(s[None], 2) for s in starts), key=lambda f: f.cost)
         best = window.fit(in_order(np.vstack([fit.stones, new.stones])))
         if fit.cost - best.cost < needed or best.stones[:, IMPULSE].min() < self.least_impulse:
             return None
@@ -187,8 +187,8 @@ class Listener:
         return fit, heard_of(fit, self.prior, window, window.at(fit.stones[1:]).cost - fit.cost)
 
     def _subtract(self, stone: Floats) -> None:
-        start, rows = self.bank.signature(stone, LAGS)
-        signature = rows[0].reshape(-1, self.bank.channels).T
+        start, flat = self.bank.whole(stone)
+        signature = flat.reshape(-1, self.bank.channels).T
         low = max(start, 0)
         self.left[:, low:start + LAGS] -= signature[:, low - start:]
 

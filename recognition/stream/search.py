@@ -38,7 +38,7 @@ class Dictionary:
         parts, labels = [], []
         for k in _durations(prior):
             for p in (0, bank.phases // 2):
-                parts.append(shape @ bank.fitted[0, k, p])
+                parts.append(shape @ bank.fitted[k, p, 0])
                 labels.append(np.column_stack([places, np.full(len(places), p / bank.phases),
                                                np.full(len(places), np.log(DURATIONS_S[k]))]))
         rows, label = np.vstack(parts), np.vstack(labels)
@@ -64,7 +64,7 @@ class Dictionary:
         while len(chosen) < STARTS:
             left[np.hypot(*(self.place_m - self.place_m[chosen[-1]]).T) <= APART_M] = 0
             k = int(left.argmax())
-            if left[k] < 0.5 * best[chosen[0]]:
+            if left[k] < 0.9 * best[chosen[0]]:
                 break
             chosen.append(k)
         found = [np.array([candidates[best_time[k]] + self.phase[k], self.log_duration[k], *self.place_m[k], 0.0,
