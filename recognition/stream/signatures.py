@@ -16,7 +16,7 @@ from scipy.signal import cont2discrete, lfilter, resample_poly
 
 from recognition.estimation.arrays import Floats
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.forces import MATERIALS, StoneForces
+from recognition.stream.forces import StoneForces
 
 Floats32: TypeAlias = NDArray[np.float32]
 FINE_S = 5e-6
@@ -66,23 +66,25 @@ def low_passed(values: Floats, factor: int) -> Floats:
 
 
 def modal_table(plate: PlateModel, forces: StoneForces, rate_Hz: float, lags: int, amplitude: bool = False) -> Floats32:
-    """Response of each mode to a unit modal impulse with a stone's form, (material, duration, phase, n, lags).
+    """Response of each mode to a unit modal impulse with a stone's form, (form, duration, phase, n, lags).
 
-    The centre of the force is sample LEAD plus phase/phases of a sample; phases are FINE_S apart.
+    The centre of the force is sample LEAD plus (phase - 1)/phases of a sample: phases are FINE_S apart, and the first and
+    the last lie outside the sample.
     """
     phases = round(1 / (rate_Hz * FINE_S))
     steps = (lags + LEAD) * phases
     n = len(plate.frequency_Hz)
-    table = np.empty((len(MATERIALS), len(DURATIONS_S), phases + 1, n, lags), dtype=np.float32)
+    table = np.empty((len(forces.form), len(DURATIONS_S), phases + 3, n, lags), dtype=np.float32)
     t_s: Floats = (np.arange(steps, dtype=float) + 0.5) * FINE_S
     ring = modal_motion(plate, np.tile(np.eye(1, steps), (n, 1)), FINE_S, amplitude)
     spectrum = np.fft.rfft(ring, 2 * steps)
-    for m in range(len(MATERIALS)):
+    for m in range(len(forces.form)):
         for k, duration in enumerate(DURATIONS_S):
-            for p in range(phases + 1):
-                centre = (LEAD * phases + p) * FINE_S
+            for p in range(phases + 3):
+                centre = (LEAD * phases + p - 1) * FINE_S
                 pulse = forces.pulse(m, float(duration), t_s - centre)
-                pulse /= pulse.sum() * FINE_S
+                if m == 0:
+                    pulse /= pulse.sum() * FINE_S
                 full = np.fft.irfft(spectrum * np.fft.rfft(pulse, 2 * steps))[:, :steps]
                 table[m, k, p] = low_passed(full, phases)[:, :lags]
     return table

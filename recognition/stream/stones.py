@@ -37,7 +37,7 @@ def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> lis
     odds = h.log_evidence[1] - h.log_evidence[0] + np.log(prior.gangue_ratio / (1 - prior.gangue_ratio))
     gangue = least_doubt + (1 - 2 * least_doubt) / (1 + np.exp(-np.clip(odds, -50, 50)))
     m = int(gangue > 0.5)
-    stone, cov = h.found[m].stone, h.covariance[m]
+    stone, cov = h.stone, h.covariance
     t_s = stone[TIME] / rate_Hz - prior.forces.start[m] * np.exp(stone[DURATION])
     share = np.array([1 - gangue, gangue])
     size = [prior.grid[:, k] for k in (0, 1)]
