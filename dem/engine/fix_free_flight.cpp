@@ -86,10 +86,6 @@ void FixFreeFlight::setup(int) {
   next_reneighbor = -1;
 }
 
-void FixFreeFlight::final_integrate() {
-  if (held_->push()) next_reneighbor = update->ntimestep + 1;
-}
-
 int FixFreeFlight::body_of(int tag) const { return bonds_ ? bonds_->body_of_tag()[tag] : tag; }
 
 /* --- what there is ------------------------------------------------------------------------------------------- */

@@ -82,6 +82,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   bool have_left(const Outline &a, const Outline &b) const { return stream_ && has_left(a) && has_left(b); }
   void take_out_those_that_left();
   void check_count() const;
+  double outside_of(const ArrayBody &) const;
   void update_reach();
   void find_safe_until(FreeBody &);
   struct Look;

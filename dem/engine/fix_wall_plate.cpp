@@ -110,7 +110,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
     contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa);
   else
     contact_ = std::make_unique<SmoothContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa, o.surface);
-  if (coupling_) coupling_->set_surface(extent_, contact_->outside());
+  if (coupling_) coupling_->set_extent(extent_);
   nevery = 1;
   if (const SphereMemory *memory = contact_->memory()) {
     create_attribute = 1;
@@ -168,6 +168,7 @@ void FixWallPlate::list_near() {
     near_.emplace_back();
     near_.back().i = i;
   }
+  contact_->list(near_);
   if (coupling_) coupling_->list(near_);
 }
 

@@ -23,8 +23,8 @@ namespace LAMMPS_NS {
 // The top face of the plate. At each step the fix asks where the plate is under each sub-sphere near it (PlateCoupling;
 // a plate without mode shapes is rigid and gets no messages), lets the contact law act there (PlateContact), adds up
 // the works, and passes the forces on, their mean over each co-step of N steps counting (PlateCoupling,
-// ContactRecorder, whose rows of forces cover `rows` steps, or a co-step). With a `surface` file bonded stones touch as the smooth bodies that they stand for (SmoothContact).
-// Forces and lengths are in SI units.
+// ContactRecorder, whose rows of forces cover `rows` steps, or a co-step). With a `surface` file bonded stones touch as
+// the smooth bodies that they stand for (SmoothContact). Forces and lengths are in SI units.
 class FixWallPlate : public FixWallGran,
                      public Checkpointed,
                      public EnergyHolder,
@@ -60,7 +60,8 @@ class FixWallPlate : public FixWallGran,
   void saved(long long step) override;
 
   const double *extent() const override { return extent_; }
-  double reach() const override { return plate_reach() + contact_->outside(); }
+  double reach() const override { return plate_reach(); }
+  double outside(const std::vector<int> &tags) const override { return contact_->outside(tags); }
   int co_step() const override { return co_step_; }
   bool is_pushed() const override;
   std::vector<double> contacts_now() const override;

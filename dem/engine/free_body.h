@@ -37,7 +37,8 @@ class FreeBody : public Outline {
   double bond_elastic = 0, pair_elastic = 0;  // J
   bool is_leaving = true;      // still in the arrays, leaves them in the coming step
   bool is_waking = false;      // comes back in the coming step
-  bigint safe_until = 0;       // touches neither the plate nor another body in free flight before this step
+  // Before these steps it touches neither the plate nor another body in free flight, and no body in free flight.
+  bigint safe_until = 0, meets_at = 0;
 
   void go_to(bigint step) {
     const double t = time(step);

@@ -41,6 +41,7 @@ void FixFreeFlight::end_of_step() {
   check_count();
   Look look;
   look.in_arrays = bodies_in_arrays(atom, agglomerates_->tags(), [this](int tag) { return body_of(tag); });
+  for (ArrayBody &b : look.in_arrays) b.outside = outside_of(b);
   update_reach();
   if (stream_) take_out_those_that_left();
   for (ArrayBody &b : look.in_arrays) look.all.push_back(&b);
@@ -54,6 +55,13 @@ void FixFreeFlight::end_of_step() {
     if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
 }
 
+double FixFreeFlight::outside_of(const ArrayBody &b) const {
+  if (!plate_) return 0;
+  std::vector<int> tags;
+  for (const int i : b.atoms) tags.push_back(atom->tag[i]);
+  return plate_->outside(tags);
+}
+
 // The times found so far hold as long as the plate keeps within the reach with which they were found.
 void FixFreeFlight::update_reach() {
   const double reach = plate_ ? plate_->reach() : 0;
@@ -62,19 +70,37 @@ void FixFreeFlight::update_reach() {
   for (auto &b : bodies_) b->safe_until = 0;
 }
 
+// The plate may have been struck since the last look.
+void FixFreeFlight::final_integrate() {
+  if (held_->push()) next_reneighbor = update->ntimestep + 1;
+  if (bodies_.empty() || !plate_ || plate_->reach() <= outline_.reach) return;
+  update_reach();
+  for (auto &b : bodies_) b->go_to(update->ntimestep);
+  for (auto &b : bodies_) {
+    if (b->is_leaving || b->is_waking) continue;
+    find_safe_until(*b);
+    b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
+    if (b->is_waking) next_reneighbor = update->ntimestep + 1;
+  }
+}
+
 // Finds until when it touches neither the plate nor another body in free flight. The other one may not have known of
-// this body, which left the arrays after it.
+// this body, which left the arrays after it. The plate moves, so what is known of the bodies is found less often.
 void FixFreeFlight::find_safe_until(FreeBody &body) {
   auto step_after = [this](double time) {
     return update->ntimestep + static_cast<bigint>(std::min(time / update->dt, double(FAR_AHEAD)));
   };
-  body.safe_until = step_after(plate_ ? time_to_plate(body, outline_, weight()) : FAR_AHEAD);
-  for (auto &other : bodies_) {
-    if (other.get() == &body) continue;
-    const bigint meeting = step_after(time_to_meet(body, *other));
-    body.safe_until = std::min(body.safe_until, meeting);
-    other->safe_until = std::min(other->safe_until, meeting);
+  if (body.meets_at < update->ntimestep + nevery + 2) {
+    body.meets_at = update->ntimestep + FAR_AHEAD;
+    for (auto &other : bodies_) {
+      if (other.get() == &body) continue;
+      const bigint meeting = step_after(time_to_meet(body, *other));
+      body.meets_at = std::min(body.meets_at, meeting);
+      other->meets_at = std::min(other->meets_at, meeting);
+      other->safe_until = std::min(other->safe_until, meeting);
+    }
   }
+  body.safe_until = std::min(body.meets_at, step_after(plate_ ? time_to_plate(body, outline_, weight()) : FAR_AHEAD));
 }
 
 // Finds the bodies in free flight that must come back before the next look.
@@ -138,10 +164,12 @@ void FixFreeFlight::let_calm_bodies_depart(Look &look) {
     ArrayBody &b = look.in_arrays[k];
     if (b.is_trapped) continue;
     const bool left = stream_ && has_left(b), calm = is_calm(b) || left;
+    if (calm && !b.trapped.empty()) {
+      for (const ArrayBody *p : b.trapped) is_part[p - look.in_arrays.data()] = 1;
+      b.take_trapped();
+      b.outside = outside_of(b);
+    }
     leaves[k] = left || (calm && (!plate_ || time_to_plate(b, outline_, weight()) > rest_s()));
-    if (!calm || b.trapped.empty()) continue;
-    for (const ArrayBody *p : b.trapped) is_part[p - look.in_arrays.data()] = 1;
-    b.take_trapped();
   }
   look.pairs = std::make_unique<ReachPairs>(look.all, rest_s(), speed_);
   for (size_t k = 0; k < count; k++)

@@ -42,6 +42,8 @@ class Obstacle {
   virtual ~Obstacle() {}
   virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX, m
   virtual double reach() const = 0;          // bound for its |z| until the next message, m
+  // How far what touches may reach below the sub-spheres of a body with these tags, m.
+  virtual double outside(const std::vector<int> &tags) const = 0;
   virtual int co_step() const = 0;           // steps; time may be skipped in multiples of this
   virtual bool is_quiet() const = 0;         // nothing is near it, and no co-step is open
   virtual void skip(long long co_steps) = 0; // so much time has passed without contact; only while it is quiet

@@ -52,11 +52,12 @@ double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight
   const double *e = plate.extent;
   const double beside = std::hypot(std::max({e[0] - x.x, x.x - e[1], 0.0}), std::max({e[2] - x.y, x.y - e[3], 0.0}));
   const double across = time_to_cross(beside - body.radius, std::hypot(v.x, v.y), std::hypot(weight.x, weight.y));
-  double down = time_to_fall(x.z - body.radius - plate.reach, v.z, gravity);
+  const double reach = plate.reach + body.outside;
+  double down = time_to_fall(x.z - body.radius - reach, v.z, gravity);
   if (std::max(across, down) < LONG_s) {
     double lowest = NEVER_s;
     for (const Sphere &s : body.spheres()) lowest = std::min(lowest, s.x.z - s.radius);
-    down = std::max(down, time_to_fall(lowest - plate.reach, v.z - spin_speed(body), gravity));
+    down = std::max(down, time_to_fall(lowest - reach, v.z - spin_speed(body), gravity));
   }
   return std::max(across, down);
 }

@@ -15,6 +15,7 @@ class Outline {
  public:
   Vec center, velocity;  // of the centre of mass
   double mass = 0;       // kg
+  double outside = 0;    // how far what touches the plate may reach below its sub-spheres, m
   double spin = 0;       // bound for |omega|, rad/s
   double radius = 0;     // of the sphere about the centre of mass that holds the body
   virtual ~Outline() {}

@@ -16,6 +16,7 @@ class LedgerRows;
 // the contact law what the plate does to it.
 struct NearSphere {
   int i = -1;                         // local index
+  double outside = 0;                 // how far what touches may reach below it, m
   double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it, or at its nearest edge
   double plate_drift[2] = {0, 0};     // velocity of the plate's top face there along x and y, m/s
   bool touches = false;               // does the plate act on it?
@@ -61,10 +62,14 @@ class PlateContact {
   };
   virtual Pressing pressing(const NearSphere &) const = 0;  // of one that touches
 
-  // How far what touches may reach below the sub-spheres, and up to which height above the plate the law needs to see
-  // sub-spheres, m.
+  // How far what touches may reach below sub-spheres of a smooth surface, and up to which height above the plate the law
+  // needs to see sub-spheres, m. Fewer than LEAST_IN_PATCH sub-spheres of a surface that hold together touch alone.
+  static constexpr int LEAST_IN_PATCH = 3;
   virtual double outside() const { return 0; }
   virtual double listed_height() const { return 0; }
+  virtual double outside(const std::vector<int> &) const { return 0; }  // the first of these, for a body of these tags
+  // When the list of what is near is made anew: fills in NearSphere::outside. All ranks call it together.
+  virtual void list(std::vector<NearSphere> &) {}
   // Tags of sub-spheres that the law needs to see wherever they are.
   virtual const std::vector<int> &always_listed() const {
     static const std::vector<int> none;

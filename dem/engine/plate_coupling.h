@@ -30,8 +30,7 @@ class PlateCoupling {
                 int co_step, const WeakContact &);
 
   void setup() { extrapolated_co_steps_ = 1; }
-  // XMIN XMAX YMIN YMAX of the plate, and how far what touches may reach below the sub-spheres, m.
-  void set_surface(const double *extent, double outside) { std::copy_n(extent, 4, extent_), outside_ = outside; }
+  void set_extent(const double *extent) { std::copy_n(extent, 4, extent_); }  // XMIN XMAX YMIN YMAX of the plate, m
   void list(const std::vector<NearSphere> &);                    // is a new list of what is near
   void place(std::vector<NearSphere> &, int step_in_co_step);    // finds the plate beneath each now
   void add_forces(const std::vector<NearSphere> &, double share);  // of the mean over this co-step
@@ -68,7 +67,7 @@ class PlateCoupling {
   PlateLink link_;  // holds the predicted amplitudes and their rates
   const int co_step_;
   const WeakContact weak_;
-  double extent_[4], outside_ = 0;
+  double extent_[4];
   std::vector<Site> sites_;
   std::vector<double> site_shapes_;  // PlateShapes::numbers() of each site
   std::vector<double> amplitude0_, rate0_;  // at the last message

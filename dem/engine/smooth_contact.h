@@ -37,6 +37,8 @@ class SmoothContact : public PlateContact {
   void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;
   Pressing pressing(const NearSphere &) const override;
   double outside() const override { return surfaces_.outside(); }
+  double outside(const std::vector<int> &tags) const override;
+  void list(std::vector<NearSphere> &) override;
   double listed_height() const override { return surfaces_.height() + surfaces_.outside(); }
   const std::vector<int> &always_listed() const override { return in_patches_; }  // a chip may turn one far up
   SphereMemory *memory() override { return alone_.memory(); }
@@ -106,6 +108,7 @@ class SmoothContact : public PlateContact {
   void index_patches();
   void watch();
   void find_patches(int agglomerate, double reach);
+  bool is_pushed_outside(int tag) const;
   void place_on_plate(const std::vector<NearSphere> &);
   void drop_idle_patches();
   bool is_taken(int tag) const;

@@ -12,7 +12,6 @@ namespace LAMMPS_NS {
 
 namespace {
 const int LOOK_STEPS = 32;
-const int LEAST_IN_PIECE = 3;
 const double DEFORMED = 0.02;       // of the radius: a piece's surface is no further from where the whole stone has it
 const double LEAST_SHARE = 0.5;     // of a patch's surface that must belong to the piece
 const double OUT_OF_PLACE = 0.1;    // of its radius: further off, one that lost half its bonds leaves the patch
@@ -40,6 +39,26 @@ bool SmoothContact::must_look() const {
   return !broke.empty() && broke[0] > 0;
 }
 
+void SmoothContact::list(std::vector<NearSphere> &near) {
+  pieces_->find_pieces();
+  for (NearSphere &p : near) {
+    const int tag = lmp_->atom->tag[p.i];
+    p.outside = pieces_->may_have_patch(tag) || is_pushed_outside(tag) ? outside() : 0;
+  }
+}
+
+// In a patch it is pushed wherever it is, and where it left one while it was above the plate its offset is negative.
+bool SmoothContact::is_pushed_outside(int tag) const { return patch_of_tag_[tag] >= 0 || offset_[tag] < 0; }
+
+double SmoothContact::outside(const std::vector<int> &tags) const {
+  int in_surface = 0;
+  for (const int tag : tags) {
+    if (is_pushed_outside(tag)) return outside();
+    in_surface += surfaces_.is_surface(tag);
+  }
+  return in_surface >= LEAST_IN_PATCH ? outside() : 0;
+}
+
 // The list is the same on all ranks.
 void SmoothContact::watch() {
   watched_.clear();
@@ -50,10 +69,12 @@ void SmoothContact::watch() {
 }
 
 void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
+  before_look_.clear();
   const std::vector<int> &there = agglomerates_.near();
   std::vector<double> wanted(there.size(), 0);
   auto want = [&](int a) { wanted[std::lower_bound(there.begin(), there.end(), a) - there.begin()] = 1; };
-  for (const NearSphere &p : near) want(agglomerates_.of_tag(lmp_->atom->tag[p.i]));
+  for (const NearSphere &p : near)
+    if (p.outside > 0) want(agglomerates_.of_tag(lmp_->atom->tag[p.i]));
   for (const int tag : alone_now_) touching_[tag] = 1;  // a list of what is near may be new and know nothing
   sum(wanted);
   for (const Patch &p : patches_) want(p.agglomerate);
@@ -64,7 +85,6 @@ void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
   pieces_->look(stones, touching_);
   for (const int tag : alone_now_) touching_[tag] = 0;
 
-  before_look_.clear();
   for (Patch &p : patches_)
     if (p.presses) renew(p);
   const std::vector<Patch> before = patches_;
@@ -106,7 +126,7 @@ void SmoothContact::find_patches(int agglomerate, double reach) {
   const SmoothStone &s = surfaces_.stones()[agglomerate];
   const double span = 2 * LOOK_STEPS * lmp_->update->dt;
   for (const auto &[piece, motion] : pieces_->motions(s)) {
-    if (!motion.is_here || motion.count < LEAST_IN_PIECE || beyond_outline(motion.center) > 0) continue;
+    if (!motion.is_here || beyond_outline(motion.center) > 0) continue;
     const double lowest = -span * std::fabs(motion.velocity.z) - HEADROOM * s.radius - reach;  // q at the next look
     if (s.radius - motion.center.z < lowest - DEFORMED * s.radius) continue;
     Patch p;
@@ -158,7 +178,7 @@ void SmoothContact::renew(Patch &p) {
   p.piece = std::max_element(weight_of.begin(), weight_of.end(), [](const auto &a, const auto &b) {
               return a.second < b.second;
             })->first;
-  const StonePieces::Motion motion = pieces_->motions(stone(p)).at(p.piece);
+  const StonePieces::Motion motion = pieces_->motion(stone(p), p.piece);
   for (size_t k = p.members.size(); k-- > 0 && p.members.size() > 1;) {
     const int tag = p.members[k].tag;
     if (!pieces_->is_loose(tag) && pieces_->piece_of(tag) == p.piece) continue;

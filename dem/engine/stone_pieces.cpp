@@ -77,7 +77,8 @@ void StonePieces::find_pieces() {
   changes_ = bonds_.changes();
   piece_.resize(bonds_first_.size());
   bonds_now_.resize(piece_.size());
-  agglomerates_.each_near_tag([&](int tag) { piece_[tag] = tag, bonds_now_[tag] = 0; });
+  in_surface_.resize(piece_.size());
+  agglomerates_.each_near_tag([&](int tag) { piece_[tag] = tag, bonds_now_[tag] = in_surface_[tag] = 0; });
   auto root = [&](int tag) {
     while (piece_[tag] != tag) tag = piece_[tag] = piece_[piece_[tag]];
     return tag;
@@ -88,35 +89,47 @@ void StonePieces::find_pieces() {
     const int i = root(b.tag_i), j = root(b.tag_j);
     piece_[std::max(i, j)] = std::min(i, j);
   }
-  agglomerates_.each_near_tag([&](int tag) { piece_[tag] = root(tag); });
+  agglomerates_.each_near_tag([&](int tag) {
+    piece_[tag] = root(tag);
+    in_surface_[piece_[tag]] += surfaces_.is_surface(tag);
+  });
 }
 
 std::map<int, StonePieces::Motion> StonePieces::motions(const SmoothStone &s) const {
+  std::map<int, std::vector<int>> tags;
+  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++)
+    if (may_have_patch(tag)) tags[piece_[tag]].push_back(tag);
   std::map<int, Motion> found;
-  std::map<int, std::array<double, 4>> sums;
-  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
-    Motion &b = found[piece_[tag]];
+  for (const auto &[piece, own] : tags) found[piece] = motion(own);
+  return found;
+}
+
+StonePieces::Motion StonePieces::motion(const SmoothStone &s, int piece) const {
+  std::vector<int> tags;
+  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++)
+    if (piece_[tag] == piece) tags.push_back(tag);
+  return motion(tags);
+}
+
+StonePieces::Motion StonePieces::motion(const std::vector<int> &tags) const {
+  Motion b;
+  std::array<double, 4> sum = {0, 0, 0, 0};
+  for (const int tag : tags) {
     const double *row = &now_[NUMBERS * static_cast<size_t>(tag)], *q = row + 6, m = surfaces_.mass(tag);
     b.is_here = b.is_here && row[11] != 0;
-    std::array<double, 4> &sum = sums[piece_[tag]];
     // q and -q are the same rotation.
     const double side = sum[0] * q[0] + sum[1] * q[1] + sum[2] * q[2] + sum[3] * q[3];
     for (int k = 0; k < 4; k++) sum[k] += (side < 0 ? -m : m) * q[k];
     b.mass += m;
-    b.count++;
   }
-  for (auto &[piece, b] : found) {
-    const std::array<double, 4> &q = sums[piece];
-    const double size = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (b.is_here) b.turned = {q[0] / size, Vec(q[1] / size, q[2] / size, q[3] / size)};
-  }
-  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
-    Motion &b = found[piece_[tag]];
+  const double size = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2] + sum[3] * sum[3]);
+  if (b.is_here) b.turned = {sum[0] / size, Vec(sum[1] / size, sum[2] / size, sum[3] / size)};
+  for (const int tag : tags) {
     const double *row = &now_[NUMBERS * static_cast<size_t>(tag)], part = surfaces_.mass(tag) / b.mass;
     b.center += part * (Vec(row) - b.turned(surfaces_.place(tag)));
     b.velocity += part * Vec(row + 3);
   }
-  return found;
+  return b;
 }
 
 }  // namespace LAMMPS_NS

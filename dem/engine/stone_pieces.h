@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "bond_network.h"
+#include "plate_contact.h"
 #include "rigid_motion.h"
 #include "stone_surface.h"
 
@@ -24,12 +25,13 @@ class StonePieces {
     Vec center;                // where the centre of the whole stone would be if it moved with the piece, m
     Vec velocity;              // of its mass, m/s
     double mass = 0;
-    int count = 0;             // of its sub-spheres
     bool is_here = true;       // and not in free flight
   };
 
   // Looks at the stones `wanted`; `touching` says which sub-spheres of this rank touch the plate by themselves, by tag.
   void look(const std::vector<int> &wanted, const std::vector<char> &touching);
+
+  void find_pieces();
 
   int piece_of(int tag) const { return piece_[tag]; }                      // least tag in the piece
   bool is_loose(int tag) const { return 2 * bonds_now_[tag] < bonds_first_[tag]; }  // has lost more than half its bonds
@@ -37,7 +39,9 @@ class StonePieces {
   const std::vector<int> &bonds_of(int tag) const { return bonds_of_[tag]; }  // their numbers, broken ones as well
   Vec position(int tag) const { return Vec(&now_[NUMBERS * static_cast<size_t>(tag)]); }
   bool touched_alone(int tag) const { return now_[NUMBERS * static_cast<size_t>(tag) + 10] != 0; }
-  std::map<int, Motion> motions(const SmoothStone &) const;                // by piece
+  bool may_have_patch(int tag) const { return in_surface_[piece_[tag]] >= PlateContact::LEAST_IN_PATCH; }  // its piece
+  Motion motion(const SmoothStone &, int piece) const;
+  std::map<int, Motion> motions(const SmoothStone &) const;  // by piece, of those that may have a patch
 
  private:
   static constexpr size_t NUMBERS = 12;  // of a sub-sphere: x, v, quaternion, does it touch alone, is it here
@@ -47,12 +51,13 @@ class StonePieces {
   BondNetwork &bonds_;
   std::vector<double> now_;              // by tag
   std::vector<int> piece_, bonds_now_, bonds_first_;
+  std::vector<int> in_surface_;          // sub-spheres of the surface, of each piece
   std::vector<std::vector<int>> bonds_of_;  // by tag
   long long changes_ = -1;               // of the bonds when the pieces were found
 
   void add_bond(int id, int tag_i, int tag_j);
   void gather(const std::vector<int> &wanted, const std::vector<char> &touching);
-  void find_pieces();
+  Motion motion(const std::vector<int> &tags) const;
 };
 
 }  // namespace LAMMPS_NS

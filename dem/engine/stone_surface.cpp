@@ -6,12 +6,9 @@
 
 #include "error.h"
 #include "lammps.h"
+#include "plate_contact.h"
 
 namespace LAMMPS_NS {
-
-namespace {
-const int LEAST_MEMBERS = 3;
-}
 
 StoneSurfaces::StoneSurfaces(LAMMPS *lmp, const std::string &file, const Agglomerates &agglomerates)
     : place_(agglomerates.tags() + 1), radius_(place_.size(), 0), mass_(radius_), surface_(place_.size(), 0) {
@@ -84,7 +81,7 @@ std::vector<StoneSurfaces::Weight> StoneSurfaces::weights(const SmoothStone &s, 
   }
   share = all > 0 ? held / all : 0;
   const double det = uu * vv - uv * uv;
-  if (static_cast<int>(members.size()) < LEAST_MEMBERS || !(det > 1e-6 * uu * vv)) return {};
+  if (static_cast<int>(members.size()) < PlateContact::LEAST_IN_PATCH || !(det > 1e-6 * uu * vv)) return {};
   const double g = -(vv * u - uv * v) / det, h = -(uu * v - uv * u) / det;
   double total = 0;
   for (Weight &m : members) {

@@ -31,8 +31,8 @@ struct SmoothStone {
 //
 // File: the most that a smooth surface lies outside its sub-spheres. Then of each agglomerate a line with the numbers
 // of SmoothStone from `count` on, and a line for each sub-sphere: its place X in the stone, radius of contact, mass,
-// and 1 if it is of the surface. Where stones come with a stream (fix stones) the first line is followed by `stream` and
-// the greatest height of a patch's rim above its lowest point alone.
+// and 1 if it is of the surface. Where stones come with a stream (fix stones) the first line is followed by `stream`
+// and the greatest height of a patch's rim above its lowest point alone.
 class StoneSurfaces {
  public:
   StoneSurfaces(LAMMPS *, const std::string &file, const Agglomerates &);
@@ -52,6 +52,7 @@ class StoneSurfaces {
   const Vec &place(int tag) const { return place_[tag]; }       // X, m
   double radius(int tag) const { return radius_[tag]; }
   double mass(int tag) const { return mass_[tag]; }
+  bool is_surface(int tag) const { return surface_[tag] != 0; }
   double outside() const { return outside_; }                   // of the sub-spheres lies the surface, at most, m
   double height() const { return height_; }                     // of a patch's rim above its lowest point, at most, m
 
