@@ -23,6 +23,7 @@ def blocks(kind):
 
 @pytest.mark.parametrize("code", blocks("python"), ids=["material", "parameter", "fusion"])
 def test_examples_in_python(code, tmp_path, monkeypatch):
+    assert "assert " in code  # each example says what comes of it
     monkeypatch.chdir(ROOT)
     names = {}
     if "runs" in code:

@@ -31,8 +31,8 @@ def read_accelerations(path: str | Path, plate: PlateModel) -> tuple[pd.DataFram
 
 
 def numbers(table: pd.DataFrame, name: str, source: object) -> Floats:
-    """The samples (t,) of a column. RecordError where they are fewer than LEAST_SAMPLES or no finite numbers up to MOST,
-    or two columns have the name."""
+    """The samples (t,) of a column. RecordError for fewer than LEAST_SAMPLES, for one that is not finite or above MOST,
+    and for two columns of this name."""
     column = table[name]
     try:
         values = np.asarray(column.to_numpy(dtype=float), float)

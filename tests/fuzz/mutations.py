@@ -78,10 +78,13 @@ def _text(value):
 
 
 def outcome(main, arguments):
-    """Exit code of a command line and what it wrote to stderr; an exception passes through."""
+    """Exit code of a command line and what it wrote to stderr; an exception but argparse's passes through."""
     errors = io.StringIO()
     with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
-        code = main(arguments)
+        try:
+            code = main(arguments)
+        except SystemExit as end:
+            code = end.code
     return code, errors.getvalue()
 
 

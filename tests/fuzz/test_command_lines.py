@@ -54,10 +54,7 @@ def check(line):
         write_run(here / "run", 0.3)
         there = tree(here)
         os.chdir(here)
-        try:
-            code, errors = outcome(importlib.import_module(f"{package}.__main__").main, words)
-        except SystemExit as end:
-            code, errors = end.code, ""
+        code, errors = outcome(importlib.import_module(f"{package}.__main__").main, words)
         assert code in (0, 1, 2, 3), (line, code, errors)
         assert errors.count("\n") <= 1, (line, errors)
         os.chdir(before)
