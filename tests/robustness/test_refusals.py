@@ -85,6 +85,12 @@ def test_physics_that_cannot_be_is_refused_with_its_reason(key, value, words):
     assert key.split(".")[-1] in str(refused.value) and "\n" not in str(refused.value)
 
 
+def test_a_stone_that_arrives_after_all_time(tmp_path):
+    each = "stones.each=[{material='coal',radius_m=0.03,x_m=0.1,y_m=0.0,speed_m_s=3.0,arrival_s=1e300}]"
+    told = ends_with_one_line(main, ["deck", SCENES / "sizes.toml", "--set", each, "--out", tmp_path / "out"])
+    assert "stone 1 arrives at 1e+300 s" in told and not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("changes, words", [
     ({"stones.speed_m_s": 1000.0}, ["strains coal", "small strains", "Hertz"]),
     ({"materials.coal.youngs_modulus_Pa": 5e12}, ["diamond"]),
