@@ -40,13 +40,16 @@ def places(draw, data):
 
 @st.composite
 def mutated(draw, valid, most=3):
-    """A copy of `valid` with up to `most` places changed, left out, doubled or scaled."""
+    """A copy of `valid` with up to `most` places changed, left out, renamed or scaled; most often a number becomes
+    another one, since such a copy may still be valid and so gets far."""
     data = copy.deepcopy(valid)
-    for _ in range(draw(st.integers(1, most))):
+    for _ in range(draw(st.sampled_from([1, 1, *range(1, most + 1)]))):
         table, key = draw(places(data))
         value = table[key]
-        how = draw(st.sampled_from(["replace", "scale", "scale", "leave out", "rename"]))
-        if how == "scale" and isinstance(value, (int, float)) and not isinstance(value, bool):
+        how = draw(st.sampled_from([*4 * ["scale"], *4 * ["number"], "replace", "leave out", "rename"]))
+        if how == "number" and isinstance(value, (int, float)) and not isinstance(value, bool):
+            table[key] = draw(st.sampled_from([n for n in NUMBERS if isinstance(n, float) or isinstance(value, int)]))
+        elif how == "scale" and isinstance(value, (int, float)) and not isinstance(value, bool):
             table[key] = value * draw(st.sampled_from([0.0, 1e-6, 1e-3, 0.1, 0.5, 2, 10, 1e3, 1e6, 1e12, -1]))
         elif how == "leave out":
             del table[key]
