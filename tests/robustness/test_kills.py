@@ -129,5 +129,6 @@ def test_killed_at_many_moments(tmp_path, kind):
         check_same(tmp_path / "killed", tmp_path / "whole", ranks)
         resumed += len(pd.read_json(tmp_path / "killed" / "run.json", typ="series")["resumed_at_s"])
         shutil.rmtree(tmp_path / "killed")
+        print(f"{kind}: {kills} kills so far", flush=True)
     print(f"{kind}: {kills} kills, taken up at a checkpoint {resumed} times")
     assert resumed > 0
