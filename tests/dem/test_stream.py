@@ -193,6 +193,27 @@ def test_more_sub_spheres_come_in_than_liggghts_makes_room_for_at_once(tmp_path)
         -model.assembly.stone_mass_kg * GRAVITY * flown_s, rel=1e-6)
 
 
+def test_a_stone_may_enter_between_the_ledger_and_the_look_at_its_energies(tmp_path):
+    """The ledger is at step 394, the engine looks at its energies at step 400, and a stone comes in at step 396."""
+    sample_s, sample_steps, every = 4.2e-5, 210, 197
+    dt = sample_s / sample_steps
+    at = {"x_m": 0.1, "y_m": 0.0, "speed_m_s": SPEED}
+    scene = scene_of([at | {"arrival_s": 1e-3}, at | {"y_m": 0.1, "arrival_s": APEX_s + 396.5 * dt}], 4 * sample_s, **{
+        "time.time_step_s": dt, "time.sample_interval_s": sample_s})
+    model = written(tmp_path, scene)
+    assert model.step.sample_steps == sample_steps
+    deck = (tmp_path / "deck.liggghts").read_text()
+    odd = deck.replace(f"agglomerates.txt every {sample_steps} file", f"agglomerates.txt every {every} file")
+    assert odd != deck
+    (tmp_path / "deck.liggghts").write_text(odd)
+    process = engine(tmp_path, 1)
+    output = process.communicate(timeout=300)[0]
+    assert process.returncode == 0, output[-1500:]
+    ledger = read_ledger(tmp_path / "ledger.bin", 2)
+    near = dict(zip(ledger.step.tolist(), ledger.is_near[:, 1].tolist(), strict=True))
+    assert not near[2 * every] and near[3 * every]
+
+
 def test_small_fragments_are_taken_out_as_they_fly_and_nothing_is_lost(tmp_path):
     stream = {"rate_1_s": 100.0, "duration_s": 0.03, "size_m": 0.02, "speed_m_s": 3.0, "least_fragment": 5}
     old = ("count", "radius_m", "positions", "speed_m_s", "gangue_order")
