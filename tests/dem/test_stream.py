@@ -200,16 +200,16 @@ def test_a_stone_may_enter_between_the_ledger_and_the_look_at_its_energies(tmp_p
     at = {"x_m": 0.1, "y_m": 0.0, "speed_m_s": SPEED}
     scene = scene_of([at | {"arrival_s": 1e-3}, at | {"y_m": 0.1, "arrival_s": APEX_s + 396.5 * dt}], 4 * sample_s, **{
         "time.time_step_s": dt, "time.sample_interval_s": sample_s})
-    model = written(tmp_path, scene)
+    model = written(tmp_path / "deck", scene)
     assert model.step.sample_steps == sample_steps
-    deck = (tmp_path / "deck.liggghts").read_text()
+    deck = (tmp_path / "deck" / "deck.liggghts").read_text()
     odd = deck.replace(f"agglomerates.txt every {sample_steps} file", f"agglomerates.txt every {every} file")
     assert odd != deck
-    (tmp_path / "deck.liggghts").write_text(odd)
-    process = engine(tmp_path, 1)
+    (tmp_path / "deck" / "deck.liggghts").write_text(odd)
+    process = engine(tmp_path / "deck", 1)
     output = process.communicate(timeout=300)[0]
     assert process.returncode == 0, output[-1500:]
-    ledger = read_ledger(tmp_path / "ledger.bin", 2)
+    ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 2)
     near = dict(zip(ledger.step.tolist(), ledger.is_near[:, 1].tolist(), strict=True))
     assert not near[2 * every] and near[3 * every]
 
