@@ -1,9 +1,9 @@
 """A data set for recognition: many impacts, drawn at random by a plan; what is there and unchanged is not run again.
 
-A plan (TOML) names a scene and families of runs. A family has groups; a group is one draw of everything that the family
-varies, run at some mixing ratios: OUT/FAMILY/GROUP/ratio_050. A family of streams has its own scene, and one run a group
-(dem/batch/dataset_streams.py). Draws follow from the plan's seed, the family's name and the group's number alone, so
-that more groups or other families leave the rest as it is.
+A plan (TOML) names a scene and families of runs. A family has groups; a group is one draw of everything that the
+family varies, run at some mixing ratios: OUT/FAMILY/GROUP/ratio_050. A family of streams has its own scene, and one run
+a group (dem/batch/dataset_streams.py). Draws follow from the plan's seed, the family's name and the group's number
+alone, so that more groups or other families leave the rest as it is.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ from pydantic import Field, model_validator
 from common.cache import user_cache
 from common.output_directory import at_work_in
 from common.scene import Scene, changed_scene, ratio_name, scene_hash
-from common.scene_stones import NotNegative, Positive
-from common.tables import InputError, Refused, Table, check, read_toml, refused_in
+from common.tables import InputError, NotNegative, Positive, Refused, Table, check, read_toml, refused_in
 from dem.batch.children import ignore_interrupt
 from dem.batch.dataset_streams import StreamFamily, draw_stream
 from dem.batch.sweep import is_finished

@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from common.distribution import Spread
-from common.scene_stones import MOST_STONES, Positive
-from common.tables import Refused, Table
+from common.scene_stones import MOST_STONES
+from common.tables import Positive, Refused, Table
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
