@@ -17,7 +17,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep stream campaign dataset report test validate bench accuracy listening stability pictures engine setup lint \
+.PHONY: help sweep stream streams campaign dataset report test validate bench accuracy listening stability pictures engine setup lint \
         docs clean
 
 help:  ## this list
@@ -37,6 +37,9 @@ campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/c
 stream: setup  ## scenes/stream.toml, a hundred stones on a tilted plate, and its report in runs/stream
 	$(PYTHON) -m dem run scenes/stream.toml --out runs/stream/ratio_030
 	$(PYTHON) -m report runs/stream
+
+streams: setup  ## eighty-four streams of known truth for recognition into runs/streams
+	$(PYTHON) -m dem dataset scenes/streams.toml --out runs/streams --jobs $(JOBS)
 
 report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m report '$(OUT)'

@@ -18,8 +18,8 @@ from common.error_laws import least_tolerance
 from common.plate import PlateTable, refuse_density
 from common.scene_file import scene_tables
 from common.scene_shapes import ShapeTable
-from common.scene_stones import SPHERE, AgglomerateTable, NotNegative, Positive, StonesTable
-from common.tables import InputError, Refused, Table, about, check
+from common.scene_stones import SPHERE, AgglomerateTable, StonesTable
+from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
 LEAST_STRENGTH_Pa = 100.0

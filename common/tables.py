@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
@@ -54,6 +54,17 @@ def about(meaning: str, *, paper: str | None = None) -> Any:
     Its unit follows from the ending of its name, its bounds and its default from the field.
     """
     return Field(description=meaning, json_schema_extra=None if paper is None else {"x-paper": paper})
+
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class Place(Table):
+    """A place in the plane of the plate."""
+
+    x_m: Annotated[float, about("along the plate's length, from its centre")]
+    y_m: Annotated[float, about("along the plate's width, from its centre")]
 
 
 @contextmanager

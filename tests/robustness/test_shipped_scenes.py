@@ -10,7 +10,7 @@ from tests.robustness.small import SCENES, run
 
 # Those of stones that are drawn or given one by one are run in tests/dem/test_falling_scenes.py.
 SCENE_FILES = {file.stem: file for file in sorted(SCENES.glob("*.toml"))
-               if "stones" in file.read_text() and file.stem not in ("campaign", "dataset")
+               if "stones" in file.read_text() and file.stem not in ("campaign", "dataset", "streams")
                and read_scene(file).stones.count is not None}
 FAST = ("elastic_plate", "hertz_coal", "hertz_gangue")
 LIGHTER = {"paper": [("duration_s = 0.6 ", "duration_s = 0.01 "), ("subspheres = 500", "subspheres = 200")],
