@@ -24,6 +24,7 @@ from report.chapters.figure_spec import FigureSpec, FinishedFigure, finish_figur
 from report.chapters.recognition import ANSWER, RECOGNITION_FIGURES
 from report.chapters.response import RESPONSE_FIGURES
 from report.chapters.signals import SIGNAL_FIGURES
+from report.chapters.stream import STREAM_FIGURES, was_heard
 from report.chapters.theory import THEORY_FIGURES
 from report.claims.breakage import BREAKAGE_STATEMENTS
 from report.claims.recognition import RECOGNITION_STATEMENTS
@@ -203,12 +204,13 @@ def _unseen(results: SweepResults) -> Number:
 
 def finish_chapters(results: SweepResults) -> list[Chapter]:
     """Draw the figures and build the tables of all chapters."""
+    chapters = CHAPTERS + ([("A stream, stone by stone", STREAM_FIGURES, [])] if was_heard(results) else [])
     specs: list[FigureSpec | TableSpec] = []
-    for _, figures, chapter_tables in CHAPTERS:
+    for _, figures, chapter_tables in chapters:
         specs += [*figures, *chapter_tables]
     finished = iter(side_by_side(lambda k: _finish(specs[k], results), len(specs)))
     return [Chapter(title, [next(finished) for _ in figures], [next(finished) for _ in chapter_tables])
-            for title, figures, chapter_tables in CHAPTERS]
+            for title, figures, chapter_tables in chapters]
 
 
 def _finish(spec: FigureSpec | TableSpec, results: SweepResults) -> Any:
