@@ -17,8 +17,8 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep stream streams campaign dataset report test validate bench accuracy listening stability pictures engine setup lint \
-        docs clean
+.PHONY: help sweep stream streams campaign dataset report test validate bench accuracy forces listening recognise stability \
+        pictures engine setup lint docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -60,8 +60,17 @@ accuracy: setup  ## error against run time, and what each part of a scene costs,
 	$(PYTHON) -m benchmarks.omissions
 	$(PYTHON) -m benchmarks.free_flight
 
-listening: setup  ## streams of known truth, and what is heard of them, into runs/listening
+recognise: setup  ## a stream is simulated, its plate tapped, its stones heard one by one: the ratio over time in runs/recognise
+	$(PYTHON) -m dem run scenes/listening.toml --out runs/recognise/ratio_040
+	$(PYTHON) -m benchmarks.measured runs/recognise/ratio_040 scenes/listening.toml runs/recognise/measured
+	$(PYTHON) -m recognition tap runs/recognise/measured/thought.toml runs/recognise/measured/taps.toml --out runs/recognise/plate.json --max-frequency 10000
+	$(PYTHON) -m recognition listen runs/recognise/measured/record.parquet --plate runs/recognise/plate.json --out runs/recognise/heard
+	$(PYTHON) -m report runs/recognise
+
+forces: setup  ## what `listen` knows of stones, learnt anew from simulated ones; after any change of the rock
 	$(PYTHON) -m benchmarks.stone_forces
+
+listening: setup  ## streams of known truth, and what is heard of them, into runs/listening
 	$(PYTHON) -m benchmarks.listening
 
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability

@@ -48,7 +48,8 @@ def _set(name: str) -> pd.DataFrame:
     if name == "other_rock":
         table["strength"] = np.array(OTHER_STRENGTH)[np.arange(n) // 2 % 2]
     chosen = np.r_[:paper, n // 2:n // 2 + any_size]
-    return table.iloc[chosen].round({"speed_m_s": 4, "radius_m": 5, "x_m": 4, "y_m": 4})
+    digits = {"speed_m_s": 4, "radius_m": 5, "x_m": 4, "y_m": 4}
+    return pd.DataFrame(table.iloc[chosen]).round(digits)
 
 
 def simulate(case: pd.Series, out: Path) -> None:

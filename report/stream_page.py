@@ -12,7 +12,9 @@ from analysis import RecordError, Run
 from analysis.stream import By, true_ratio
 from common.processes import side_by_side
 from report.chapters.figure_spec import FinishedFigure, finish_figure
+from report.chapters.heard import HEARD_FIGURES
 from report.chapters.stream import STREAM_FIGURES
+from report.results.heard import was_heard
 from report.results.stream import StreamResults
 from report.tables import FinishedTable
 
@@ -31,9 +33,10 @@ class StreamRun:
 def stream_runs(runs: list[Run]) -> list[StreamRun]:
     """Everything that the page shows of the runs. Raises RecordError where a run cannot be used."""
     results = [StreamResults(run) for run in runs]
-    specs = [(r, spec) for r in results for spec in STREAM_FIGURES]
+    of_each = [STREAM_FIGURES + (HEARD_FIGURES if was_heard(r) else []) for r in results]
+    specs = [(r, spec) for r, figures in zip(results, of_each, strict=True) for spec in figures]
     finished = iter(side_by_side(lambda k: _finish(*specs[k]), len(specs)))
-    return [_stream_run(r, [next(finished) for _ in STREAM_FIGURES]) for r in results]
+    return [_stream_run(r, [next(finished) for _ in figures]) for r, figures in zip(results, of_each, strict=True)]
 
 
 def _finish(results: StreamResults, spec: Any) -> FinishedFigure:

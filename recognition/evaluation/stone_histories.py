@@ -6,6 +6,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,8 +31,8 @@ def histories(name: str) -> list[History]:
 
 def write_histories(found: Sequence[History], sets: Sequence[str], rock: str) -> None:
     """Write FILE; rock: `rock_of` the scene of the runs."""
-    columns = {name: np.array([getattr(h, name) for h in found])
-               for name in ("step_s", "gangue", "radius_m", "density_kg_m3", "speed_m_s")}
+    columns: dict[str, Any] = {name: np.array([getattr(h, name) for h in found])
+                               for name in ("step_s", "gangue", "radius_m", "density_kg_m3", "speed_m_s")}
     force = np.array([h.force_N for h in found]).astype(np.float32)
     np.savez_compressed(FILE, force_N=force, set=np.array(sets), rock=np.array(rock), **columns)
 
@@ -41,7 +42,8 @@ def rock_of(scene: str | Path) -> str:
     read = read_scene(scene)
     parts = [read.materials["coal"], read.materials["gangue"], read.contacts["coal_plate"],
              read.contacts["gangue_plate"], read.stones.agglomerate]
-    return hashlib.sha256("".join(part.model_dump_json() for part in parts if part is not None).encode()).hexdigest()[:16]
+    text = "".join(part.model_dump_json() for part in parts if part is not None)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def stored_rock() -> str:

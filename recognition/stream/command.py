@@ -15,7 +15,7 @@ from common.files import written_whole
 from common.output_directory import at_work_in
 from common.parquet import write_parquet
 from recognition.estimation.arrays import Floats
-from recognition.estimation.errors import RecognitionError
+from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import numbers
 from recognition.stream.law_file import load_forces
@@ -37,7 +37,11 @@ def listen(arguments: argparse.Namespace) -> int:
     for name in ("window", "step"):
         if not 0 < getattr(arguments, name) < 1e6:
             raise RecognitionError(f"--{name} {getattr(arguments, name):g}: must be a time above 0 s")
-    found = recognise_stream(plate, channels, prior, values)
+    try:
+        found = recognise_stream(plate, channels, prior, values)
+    except NotRecognised as error:
+        print(f"REFUSED: {error}")
+        return 3
     stones = found.stones.assign(t_s=found.stones["t_s"] + float(table["t_s"].iloc[0]))
     refused = found.refused
     out = Path(arguments.out)

@@ -23,7 +23,7 @@ FIRST_DAMPING, LAST_DAMPING = 1e-4, 1e2
 
 @dataclass(frozen=True)
 class Fit:
-    """Stones (k, 6) of a window: minus the log posterior, its slope (6k,) and curvature (6k, 6k), and the chi-square."""
+    """Stones (k, 6) of a window: minus the log posterior, its slope (6k,) and curvature (6k, 6k), the chi-square."""
 
     stones: Floats
     cost: float

@@ -75,7 +75,7 @@ class StoneForces:
         """The law of histories, of which each material needs at least four (ValueError)."""
         form, breaking = _forms(histories)
         gangue = np.array([h.gangue for h in histories])
-        parts = [_fit_one([histories[k] for k in np.flatnonzero(chosen)], breaking[chosen])
+        parts = [_fit_one([h for h, one in zip(histories, chosen, strict=True) if one], breaking[chosen])
                  for chosen in (~gangue, gangue)]
         offset, scatter, start, density = (np.array(values) for values in zip(*parts, strict=True))
         return cls(form, offset, scatter, start, density)

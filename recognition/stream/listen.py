@@ -19,7 +19,7 @@ from recognition.stream.signatures import LEAD
 SCANNED = 1000  # samples at once
 BLOCK = 8  # samples whose energy tells that something fell
 LOOK_BACK = 4  # samples before that moment that belong to the window
-MOST_AT_ONCE = 8  # stones of one window
+MOST_AT_ONCE = 12  # stones of one window
 LEAST_GAIN = 15.0  # of the log posterior, for a stone to be believed
 BAD_MISFIT = 4.0  # of a window, from which its stones are sought anew one by one
 LEAST_EVIDENCE = 20.0  # of the log, for a stone of the sizes and speeds that there are
@@ -35,10 +35,10 @@ HEARD_SHARE = 0.1  # of the energy of that impulse on a place where it is hardly
 class Heard:
     """A stone.
 
-    stone (6,): its parameters, with covariance (6, 6), as the wide prior of the fit has them; log_evidence (2,): of coal
-    and gangue; weights (2, nodes) of the prior's radii and speeds; misfit: chi-square of its window per sample; gain: of
-    the log likelihood of the window by this stone; evidence: the same with the misfit as noise, and with what is known
-    of sizes and speeds.
+    stone (6,): its parameters, with covariance (6, 6), as the wide prior of the fit has them; log_evidence (2,): of
+    coal and gangue; weights (2, nodes) of the prior's radii and speeds; misfit: chi-square of its window per sample;
+    gain: of the log likelihood of the window by this stone; evidence: the same with the misfit as noise, and with what
+    is known of sizes and speeds.
     """
 
     stone: Floats
@@ -207,8 +207,9 @@ def heard_of(fit: Fit, prior: StonePrior, window: Window, gain: float) -> Heard:
     """What a fit says of its first stone, which brings a gain."""
     stone = fit.stones[0]
     inverse = np.linalg.inv(fit.curvature + 1e-9 * np.eye(len(fit.curvature)))
-    covariance = inverse[:PARAMETERS, :PARAMETERS]
-    found = [prior.evidence(m, stone[TRIPLE], covariance[np.ix_(TRIPLE, TRIPLE)]) for m in range(len(MATERIALS))]
+    covariance: Floats = inverse[:PARAMETERS, :PARAMETERS]
+    triple: Floats = covariance[np.ix_(TRIPLE, TRIPLE)]
+    found = [prior.evidence(m, stone[TRIPLE], triple) for m in range(len(MATERIALS))]
     log_evidence, weights = np.array([value for value, _ in found]), (found[0][1], found[1][1])
     return Heard(stone, covariance, log_evidence, weights, fit.chi_square / window.values.size, gain * window.temper,
                  gain + float(log_evidence.max()))

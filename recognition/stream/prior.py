@@ -78,8 +78,8 @@ class StonePrior:
         """Logarithm of the factor by which the true prior changes the evidence of a fit made with the wide one, and the
         weights of the grid (nodes,).
 
-        estimate (3,), covariance (3, 3): of log s, b and log J with the wide prior. The likelihood alone is the quotient
-        of that Gaussian and the wide prior.
+        estimate (3,), covariance (3, 3): of log s, b and log J with the wide prior. The likelihood alone is the
+        quotient of that Gaussian and the wide prior.
         """
         posterior = np.linalg.inv(covariance)
         likelihood = posterior - self.precision  # singular at worst, never below zero but for rounding

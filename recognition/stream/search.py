@@ -19,8 +19,8 @@ STARTS, APART_M = 2, 0.04  # places from which a fit starts, and how far they ar
 
 @dataclass(frozen=True)
 class Dictionary:
-    """signatures (k, r) of unit length in a basis (FIT_LAGS c, r) that nearly spans them, with their lengths (k,), places
-    (k, 2), phases and log durations (k,)."""
+    """signatures (k, r) of unit length in a basis (FIT_LAGS c, r) that nearly spans them, with their lengths (k,),
+    places (k, 2), phases and log durations (k,)."""
 
     signatures: Floats32
     basis: Floats32
@@ -80,8 +80,8 @@ def _basis(unit: Floats32) -> Floats32:
 
 
 def _durations(prior: StonePrior) -> list[int]:
-    """Nodes of the table that cover the durations of the prior, about 1.3 apart."""
+    """Nodes of the table that cover the durations of the prior, about 1.6 apart."""
     logs = prior.means[:, :, 0]
     low, high = (np.interp(v, np.log(DURATIONS_S), np.arange(len(DURATIONS_S))) for v in (logs.min(), logs.max()))
-    count = max(1, int(np.ceil((high - low) / 2)) + 1)
-    return sorted({int(round(v)) for v in np.linspace(low, high, count)})
+    count = max(1, int(np.ceil((high - low) / 3)))
+    return sorted({int(round(low + (high - low) * (k + 0.5) / count)) for k in range(count)})
