@@ -17,8 +17,8 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep stream campaign dataset report test validate bench accuracy listening stability pictures engine setup lint \
-        docs clean
+.PHONY: help sweep stream streams campaign dataset report test validate bench accuracy forces listening recognise stability \
+        pictures engine setup lint docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -37,6 +37,9 @@ campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/c
 stream: setup  ## scenes/stream.toml, a hundred stones on a tilted plate, and its report in runs/stream
 	$(PYTHON) -m dem run scenes/stream.toml --out runs/stream/ratio_030
 	$(PYTHON) -m report runs/stream
+
+streams: setup  ## eighty-four streams of known truth for recognition into runs/streams
+	$(PYTHON) -m dem dataset scenes/streams.toml --out runs/streams --jobs $(JOBS)
 
 report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m report '$(OUT)'
@@ -57,8 +60,17 @@ accuracy: setup  ## error against run time, and what each part of a scene costs,
 	$(PYTHON) -m benchmarks.omissions
 	$(PYTHON) -m benchmarks.free_flight
 
-listening: setup  ## streams of known truth, and what is heard of them, into runs/listening
+recognise: setup  ## a stream is simulated, its plate tapped, its stones heard one by one: the ratio over time in runs/recognise
+	$(PYTHON) -m dem run scenes/listening.toml --out runs/recognise/ratio_040
+	$(PYTHON) -m benchmarks.measured runs/recognise/ratio_040 scenes/listening.toml runs/recognise/measured
+	$(PYTHON) -m recognition tap runs/recognise/measured/thought.toml runs/recognise/measured/taps.toml --out runs/recognise/plate.json --max-frequency 10000
+	$(PYTHON) -m recognition listen runs/recognise/measured/record.parquet --plate runs/recognise/plate.json --out runs/recognise/heard
+	$(PYTHON) -m report runs/recognise
+
+forces: setup  ## what `listen` knows of stones, learnt anew from simulated ones; after any change of the rock
 	$(PYTHON) -m benchmarks.stone_forces
+
+listening: setup  ## streams of known truth, and what is heard of them, into runs/listening
 	$(PYTHON) -m benchmarks.listening
 
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability

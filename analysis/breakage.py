@@ -55,6 +55,8 @@ class Network:
 def read_network(run: Run) -> Network:
     """Read sub-spheres and bonds from a run's deck. Raises RecordError if the run has none."""
     deck = run.path / "deck"
+    if (deck / "stones.bin").is_file():
+        return _network_of_stream(deck / "stones.bin")
     try:
         atoms = _read_atoms(deck / "atoms.data")
         sizes = np.loadtxt(deck / "agglomerates.txt", dtype=int, ndmin=1)
@@ -65,6 +67,25 @@ def read_network(run: Run) -> Network:
         raise RecordError(f"{deck}/agglomerates.txt: {sizes.sum()} sub-spheres; atoms.data has {len(atoms)}")
     agglomerate = np.repeat(np.arange(1, sizes.size + 1), sizes)
     return Network(atoms[:, 4:7], 0.5 * atoms[:, 2], agglomerate, bonds[:, 0] - 1, bonds[:, 1] - 1)
+
+
+def _network_of_stream(file: Path) -> Network:
+    """Of the stones of a stream, each as it is where it enters (dem/engine/stone_file.h)."""
+    numbers = np.fromfile(file, dtype="<f8")
+    whole = numbers.view("<i8")
+    if len(numbers) < 2 or len(numbers) < 3 + whole[1] + 8 * whole[0]:
+        raise RecordError(f"{file}: cut off; needs its {8 * (3 + int(whole[1]) + 8 * int(whole[0]))} bytes of index")
+    index = whole[3 + whole[1]:][: 8 * whole[0]].reshape(-1, 8)
+    atoms, bonds = [], []
+    for _, at, n_atoms, n_bonds, *_ in index.tolist():
+        own = numbers[at // 8:][: 9 * n_atoms + 8 * n_bonds]
+        if len(own) < 9 * n_atoms + 8 * n_bonds:
+            raise RecordError(f"{file}: cut off; its index names {n_atoms} sub-spheres at byte {at}")
+        atoms.append(own[: 9 * n_atoms].reshape(-1, 9))
+        bonds.append(own[9 * n_atoms:].reshape(-1, 8)[:, :2].astype(int) - 1)
+    rows, ends = np.vstack(atoms), np.vstack(bonds)
+    agglomerate = np.repeat(np.arange(1, len(index) + 1), index[:, 2])
+    return Network(rows[:, 3:6], 0.5 * rows[:, 1], agglomerate, ends[:, 0], ends[:, 1])
 
 
 def _read_atoms(path: Path) -> np.ndarray:

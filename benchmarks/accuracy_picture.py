@@ -18,6 +18,7 @@ def draw(table: pd.DataFrame, file: Path) -> None:
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.6), gridspec_kw={"width_ratios": [1.6, 1]}, layout="constrained")
     table = table[table["outcome"] == "finished"]
@@ -40,5 +41,9 @@ def draw(table: pd.DataFrame, file: Path) -> None:
               title="five packings, standard error", ylim=(0, None))
     if right.get_legend_handles_labels()[0]:
         right.legend(fontsize=8)
+    for axes in (left, right):  # less than two decades, in which the usual labels overlap
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
     figure.savefig(file, dpi=110)
     plt.close(figure)

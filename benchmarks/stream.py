@@ -1,8 +1,10 @@
-"""Cost and memory of a stream of stones against how many fall: `python -m benchmarks.stream`, into runs/bench.
+"""Cost and memory of a stream of stones against how many fall and how fast: `python -m benchmarks.stream`, into
+runs/bench.
 
-Coal stones of 200 sub-spheres arrive one after another, 50 a second, near the edge of a rigid plate, bounce once and
-leave it. The time is the engine's own processor time. Beside it the same stones dropped alone, each in a run of its own,
-less the time that the engine takes to start. `--breaking` lets them break.
+Coal stones arrive one after another near the edge of a rigid plate, bounce once and leave it. The time is the engine's
+own processor time. Beside it the same stones dropped alone, each in a run of its own; both less the time that the engine
+takes to start. With `--rates`, stones of 30 mm fall anywhere on a plate that is tilted by 20 degrees, and hit each other
+the more, the faster they come. `--breaking` lets them break.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import subprocess
 import tempfile
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,31 +30,50 @@ from dem.deck.render import write_deck
 from dem.run.prepare import prepare
 
 RATE_1_s = 50.0
-FALLS_s = 0.35  # from the first touch until nothing is left: a bounce, and the fall past the edge
+FALLS_s = 0.75  # from the first touch until nothing is left: a bounce, and the fall past the edge
 PLATE = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 
 
-def scene_of(stones: list[dict[str, Any]], breaking: bool, duration_s: float | None) -> Scene:
+@dataclass(frozen=True)
+class Kind:
+    """What the stones are made of."""
+
+    subspheres: int
+    breaking: bool
+
+
+def scene_of(stones: list[dict[str, Any]], kind: Kind, duration_s: float | None = None) -> Scene:
     """Stones one by one on a rigid plate, until the last has left it if no duration is given."""
-    volley = ("count", "radius_m", "positions", "speed_m_s", "gangue_order", "gangue_ratio")
-    duration = duration_s or max(stone["arrival_s"] for stone in stones) + FALLS_s
+    return _scene({"stones.each": stones, "stones.gangue_ratio": None, "plate": PLATE}, kind,
+                  duration_s or max(stone["arrival_s"] for stone in stones) + FALLS_s)
+
+
+def drawn_scene(count: int, rate_1_s: float, kind: Kind) -> Scene:
+    """Stones at random times and places on a tilted plate."""
+    stream = {"rate_1_s": rate_1_s, "begin_s": 0.32, "duration_s": count / rate_1_s, "size_m": 0.03, "speed_m_s": 3.0}
+    return _scene({"stones.stream": stream, "plate": PLATE | {"tilt_deg": 20.0}}, kind,
+                  0.32 + count / rate_1_s + FALLS_s)
+
+
+def _scene(changes: dict[str, Any], kind: Kind, duration_s: float) -> Scene:
+    volley = ("count", "radius_m", "positions", "speed_m_s", "gangue_order")
     return changed_scene(SCENES / "single.toml", {
-        **{f"stones.{key}": None for key in volley}, "stones.each": stones, "plate": PLATE, "assumptions": None,
-        "stones.agglomerate": {"subspheres": 200, "contact": "smooth", "unbreakable": not breaking},
-        "time.duration_s": duration, "output.view_interval_s": None})
+        **{f"stones.{key}": None for key in volley}, "assumptions": None, "time.duration_s": duration_s,
+        "stones.agglomerate": {"subspheres": kind.subspheres, "contact": "smooth", "unbreakable": not kind.breaking},
+        "output.view_interval_s": None} | changes)
 
 
-def stones_of(count: int, rate_1_s: float) -> list[dict[str, Any]]:
+def stones_of(count: int) -> list[dict[str, Any]]:
     """They touch near the edge, moving towards it, in turn at 16 places along it."""
     return [{"material": "coal", "radius_m": 0.025, "x_m": 0.22, "y_m": 0.025 * (7 * k % 16 - 7.5), "seed": k % 8 + 1,
-             "velocity_m_s": (1.5, 0.0, -3.0), "arrival_s": 0.32 + k / rate_1_s} for k in range(count)]
+             "velocity_m_s": (1.5, 0.0, -3.0), "arrival_s": 0.32 + k / RATE_1_s} for k in range(count)]
 
 
-def measured(stones: list[dict[str, Any]], breaking: bool, duration_s: float | None = None) -> dict[str, float]:
+def measured(scene: Scene) -> dict[str, float]:
     """Processor time of the engine, s, its peak memory, MB, and how many stones have left at the end."""
     with tempfile.TemporaryDirectory() as scratch:
-        model = prepare(scene_of(stones, breaking, duration_s), "stream", Path(SCENES.parent / "runs" / "bench" / "cache"))
+        model = prepare(scene, "stream", SCENES.parent / "runs" / "bench" / "cache")
         deck = Path(scratch) / "deck"
         write_deck(deck, model.scene, model.assembly, model.step, None)
         with open(deck / "engine.out", "wb") as out:
@@ -60,8 +82,8 @@ def measured(stones: list[dict[str, Any]], breaking: bool, duration_s: float | N
             peak_kB = 0  # asked while it runs: what the kernel counts at the end includes Python, from which it was forked
             while True:
                 with suppress(FileNotFoundError):
-                    found = re.search(r"VmHWM:\s+(\d+)", Path(f"/proc/{process.pid}/status").read_text())
-                    peak_kB = max(peak_kB, int(found[1]) if found else 0)
+                    high = re.search(r"VmHWM:\s+(\d+)", Path(f"/proc/{process.pid}/status").read_text())
+                    peak_kB = max(peak_kB, int(high[1]) if high else 0)
                 pid, status, usage = os.wait4(process.pid, os.WNOHANG)
                 if pid:
                     break
@@ -69,44 +91,55 @@ def measured(stones: list[dict[str, Any]], breaking: bool, duration_s: float | N
         if status:
             raise RuntimeError((deck / "engine.out").read_text(errors="replace")[-500:])
         left = pd.read_csv(deck / "left.csv").groupby("agglomerate")["subspheres"].sum()
-        return {"stones": len(stones), "cpu_s": usage.ru_utime + usage.ru_stime, "memory_MB": peak_kB / 1024,
-                "left": int((left == 200).sum())}
+        found = {"stones": len(model.assembly.stones), "cpu_s": usage.ru_utime + usage.ru_stime,
+                 "memory_MB": peak_kB / 1024, "left": int((left == model.assembly.sizes[left.index - 1]).sum())}
+        print(found, flush=True)
+        return found
 
 
-def alone(stones: list[dict[str, Any]], breaking: bool) -> float:
-    """Mean processor time of a stone in a run of its own, s, less what a run that ends before takes."""
-    start = measured(stones[:1], breaking, 1.5e-4)["cpu_s"]
-    start = measured([stones[0] | {"arrival_s": 10.0, "speed_m_s": None}], breaking)["cpu_s"]
-    each = [measured([stone | {"arrival_s": 0.32}], breaking)["cpu_s"] for stone in stones]
-    return float(np.mean(each)) - start
+def alone(stones: list[dict[str, Any]], kind: Kind, start_s: float) -> float:
+    """Mean processor time of a stone in a run of its own, s, less that of the start."""
+    return float(np.mean([measured(scene_of([stone | {"arrival_s": 0.32}], kind))["cpu_s"] for stone in stones])) - start_s
 
 
 def main() -> None:
-    """Measure, print and write the table."""
+    """Measure, print and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--counts", type=int, nargs="+", default=[50, 100, 200, 400])
-    parser.add_argument("--rate", type=float, default=RATE_1_s)
+    parser.add_argument("--counts", type=int, nargs="*", default=[50, 100, 200, 400], help="of stones near the edge")
+    parser.add_argument("--rates", type=float, nargs="*", default=[], help="stones a second, anywhere on a tilted plate")
+    parser.add_argument("--stones", type=int, default=60, help="of each rate")
+    parser.add_argument("--subspheres", type=int, default=200)
     parser.add_argument("--alone", type=int, default=8, help="how many of them are dropped alone")
     parser.add_argument("--breaking", action="store_true")
     given = parser.parse_args()
-    rows = []
-    for count in given.counts:
-        rows.append(measured(stones_of(count, given.rate), given.breaking))
-        print(rows[-1], flush=True)
-    table = pd.DataFrame(rows)
-    table["cpu_per_stone_s"] = table.cpu_s / table.stones
-    if len(table) > 1:
-        slope = np.polyfit(np.log(table.stones), np.log(table.cpu_s), 1)[0]
+    kind = Kind(given.subspheres, given.breaking)
+    start_s = float(np.mean([measured(scene_of(stones_of(1), kind, 1.5e-4))["cpu_s"] for _ in range(3)]))
+    print(f"the engine's start takes {start_s:.3f} s")
+    if given.counts:
+        _write(_by_count(given.counts, given.alone, kind, start_s), f"stream{'_breaking' * kind.breaking}")
+    if given.rates:
+        scenes = {rate: drawn_scene(given.stones, rate, kind) for rate in given.rates}
+        _write(pd.DataFrame([{"rate_1_s": rate, **measured(scene)} for rate, scene in scenes.items()]),
+               f"stream_rates{'_breaking' * kind.breaking}")
+
+
+def _by_count(counts: list[int], n_alone: int, kind: Kind, start_s: float) -> pd.DataFrame:
+    table = pd.DataFrame([measured(scene_of(stones_of(count), kind)) for count in counts])
+    table["cpu_per_stone_s"] = (table.cpu_s - start_s) / table.stones
+    if len(counts) > 1:
+        slope = np.polyfit(np.log(table.stones), np.log(table.cpu_s - start_s), 1)[0]
         print(f"cost goes with the number of stones to the power {slope:.3f}")
-    if given.alone:
-        one = alone(stones_of(given.alone, given.rate), given.breaking)
-        table["cpu_alone_s"] = one
-        print(f"a stone alone takes {one:.3f} s, one of the longest stream {table.cpu_per_stone_s.iloc[-1] / one:.3f} "
-              "times that")
+    if n_alone:
+        one = alone(stones_of(n_alone), kind, start_s)
+        table["over_alone"] = table.cpu_per_stone_s / one
+        print(f"a stone alone takes {one:.3f} s")
+    return table
+
+
+def _write(table: pd.DataFrame, name: str) -> None:
     out = SCENES.parent / "runs" / "bench"
     out.mkdir(parents=True, exist_ok=True)
-    name = "stream_breaking" if given.breaking else "stream"
-    table.to_csv(out / f"{name}_{given.rate:g}.csv", index=False)
+    table.to_csv(out / f"{name}.csv", index=False)
     print(table.to_string())
 
 

@@ -25,7 +25,7 @@ from common.scene_file import scene_tables
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 
-TOLERANCES = {"stone": (0.1, 0.03, 0.01, 0.006), "sphere": (0.1, 0.07, 0.04)}
+TOLERANCES = {"stone": (0.1, 0.04, 0.02, 0.012), "sphere": (0.1, 0.04, 0.012)}
 STONES: dict[str, dict] = {"stone": {"stones.agglomerate.subspheres": 250, "stones.agglomerate.unbreakable": True, "stones.speed_m_s": 2.5},
                            "sphere": {"stones.agglomerate": None, "stones.speed_m_s": 3.0}}
 REFERENCE_Hz = 25e3

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, model_validator
 
-from common.tables import Refused, Table, about
+from common.tables import Positive, Refused, Table, about
 
-Positive = Annotated[float, Field(gt=0)]
 POINTS = 2001  # of a distribution function that is inverted
 
 

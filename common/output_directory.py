@@ -19,6 +19,7 @@ from common.tables import InputError
 
 CONTENTS = "contents.json"
 WRITER = "coal-gangue-impact"
+GENERATOR = f'name="generator" content="{WRITER}"'  # by which the templates of pages say who wrote them
 LOCK = ".lock"
 # What directories of earlier versions, which have no contents.json, are known by.
 RUNS_IN = {"sweep": "ratio_*/run.json", "campaign": "*/ratio_*/run.json", "dataset": "*/*/ratio_*/run.json"}
@@ -42,6 +43,14 @@ def refuse_place(out: Path) -> None:
         raise InputError(f"--out = {out}: is a symbolic link; must be a directory or absent")
     if out.exists() and not out.is_dir():
         raise InputError(f"--out = {out}: is a file; must be a directory or absent")
+    refuse_below_a_file(out)
+
+
+def refuse_below_a_file(out: Path) -> None:
+    """Raises InputError where the nearest of the directories above `out` that is there is none."""
+    above = next(place for place in out.parents if os.path.lexists(place))
+    if not above.is_dir():
+        raise InputError(f"--out = {out}: {above} is no directory")
 
 
 def write_contents(directory: Path, kind: str, files: Iterable[str] | None = None) -> None:
@@ -137,6 +146,17 @@ def _is_still(lock: int, file: Path) -> bool:
         return os.path.samestat(os.fstat(lock), os.stat(file))
     except FileNotFoundError:
         return False
+
+
+def refuse_file(out: str, *known_by: str) -> None:
+    """Raises InputError for an `--out` that cannot become a file of this program: one that ends in no name, whose
+    directory is not there, or where there is something that `refuse_foreign_file` refuses."""
+    file = Path(out)
+    if out.endswith("/") or file.name in ("", ".."):
+        raise InputError(f"--out = {out}: must be the name of a file")
+    if not file.parent.is_dir():
+        raise InputError(f"--out = {out}: there is no directory {file.parent}")
+    refuse_foreign_file(file, *known_by)
 
 
 def refuse_foreign_file(file: Path, *known_by: str) -> None:

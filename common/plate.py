@@ -10,9 +10,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from common.scene_file import scene_tables
-from common.tables import InputError, Refused, Table, about, check
+from common.tables import InputError, Place, Positive, Refused, Table, about, check
 
-Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
 
@@ -26,11 +25,9 @@ def refuse_density(density_kg_m3: float) -> None:
                       "solid, has 22 590")
 
 
-class Rod(Table):
+class Rod(Place):
     """A vertical rod below the plate, welded to it over its disc and clamped at its lower end."""
 
-    x_m: Annotated[float, about("along the plate's length, from its centre")]
-    y_m: Annotated[float, about("along the plate's width, from its centre")]
     diameter_m: Annotated[Positive, about("diameter")]
     length_m: Annotated[Positive, about("length from the plate to the clamped end")]
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus")]
@@ -43,19 +40,14 @@ class Rod(Table):
         return self
 
 
-class PointSupport(Table):
+class PointSupport(Place):
     """A point of the plate that cannot move vertically."""
 
-    x_m: Annotated[float, about("along the plate's length, from its centre")]
-    y_m: Annotated[float, about("along the plate's width, from its centre")]
 
-
-class Sensor(Table):
+class Sensor(Place):
     """An accelerometer on the plate."""
 
     name: Annotated[Name, about("name of its column: acc_NAME_m_s2")]
-    x_m: Annotated[float, about("along the plate's length, from its centre")]
-    y_m: Annotated[float, about("along the plate's width, from its centre")]
 
 
 class Plate(Table):

@@ -18,8 +18,8 @@ from common.error_laws import least_tolerance
 from common.plate import PlateTable, refuse_density
 from common.scene_file import scene_tables
 from common.scene_shapes import ShapeTable
-from common.scene_stones import SPHERE, AgglomerateTable, NotNegative, Positive, StonesTable
-from common.tables import InputError, Refused, Table, about, check
+from common.scene_stones import SPHERE, AgglomerateTable, StonesTable
+from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
 LEAST_STRENGTH_Pa = 100.0
@@ -61,6 +61,8 @@ class BondTable(Table):
     pressure_strengthening: Annotated[NotNegative, about(
         "gain of tensile strength per mean pressure above the threshold; 0: none")] = 0.0
     pressure_threshold_Pa: Annotated[NotNegative, about("mean pressure from which the tensile strength rises")] = 0.0
+    fracture_energy_J_m2: Annotated[Positive | None, about(
+        "energy over its section that a bond takes to break as it softens; without it bonds snap")] = None
 
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
@@ -74,6 +76,9 @@ class BondTable(Table):
         if self.pressure_threshold_Pa > 0 and self.pressure_strengthening == 0:
             raise Refused("pressure_threshold_Pa", self.pressure_threshold_Pa,
                           "must be left out where pressure_strengthening is 0")
+        if self.pressure_threshold_Pa > 0 and self.fracture_energy_J_m2 is not None:
+            raise Refused("pressure_threshold_Pa", self.pressure_threshold_Pa,
+                          "must be left out where fracture_energy_J_m2 is given")
         return self
 
     @property

@@ -12,10 +12,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from common.distribution import Distribution, Spread, refuse_outside
-from common.tables import Refused, Table, about
+from common.tables import NotNegative, Place, Positive, Refused, Table, about
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 SPHERE = "sphere"
 MOST_STONES = 10_000
@@ -34,11 +32,8 @@ class AgglomerateTable(Table):
         "(docs/contact.md)")] = "sub_spheres"
 
 
-class StonePosition(Table):
+class StonePosition(Place):
     """Centre of a stone in the plane of the plate."""
-
-    x_m: Annotated[float, about("along the plate's length, from its centre")]
-    y_m: Annotated[float, about("along the plate's width, from its centre")]
 
 
 class EachStone(Table):
@@ -137,6 +132,8 @@ class StreamTable(DrawnStones):
     rate_kg_s: Annotated[Positive | None, about("mass a second; instead of rate_1_s")] = None
     begin_s: Annotated[NotNegative, about("when the stream begins")] = 0.0
     duration_s: Annotated[Positive, about("how long it lasts")]
+    least_fragment: Annotated[Annotated[int, Field(ge=2)] | None, about(
+        "a fragment of fewer sub-spheres is taken out and counted as soon as it flies; absent: none is")] = None
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:

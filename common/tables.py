@@ -7,8 +7,9 @@ import stat
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
@@ -53,6 +54,17 @@ def about(meaning: str, *, paper: str | None = None) -> Any:
     Its unit follows from the ending of its name, its bounds and its default from the field.
     """
     return Field(description=meaning, json_schema_extra=None if paper is None else {"x-paper": paper})
+
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class Place(Table):
+    """A place in the plane of the plate."""
+
+    x_m: Annotated[float, about("along the plate's length, from its centre")]
+    y_m: Annotated[float, about("along the plate's width, from its centre")]
 
 
 @contextmanager
@@ -109,12 +121,23 @@ def check(model_class: Any, data: Mapping[str, Any], file: str | Path, where: st
     Raises InputError for the first mistake. An unknown key comes first, since it often explains a missing one.
     """
     try:
-        return TypeAdapter(model_class).validate_python(data)
+        return _adapter(model_class).validate_python(data)
     except ValidationError as error:
         mistakes = error.errors()
         unknown = [m for m in mistakes if m["type"] == "extra_forbidden"]
         message = _describe((unknown or mistakes)[0], model_class, data, where)
         raise InputError(f"{file}: {message}") from None
+
+
+@cache
+def _adapter(model_class: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(model_class)
+
+
+@cache
+def _schema(model_class: Any) -> dict[str, Any]:
+    """It takes a tenth of a second to make."""
+    return _adapter(model_class).json_schema()
 
 
 def _describe(mistake: Mapping[str, Any], model_class: Any, data: Any, where: str) -> str:
@@ -141,8 +164,8 @@ def _describe(mistake: Mapping[str, Any], model_class: Any, data: Any, where: st
 
 def _allowed(mistake: Mapping[str, Any]) -> str:
     text = mistake["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    text = text.replace("should", "must").replace("tuple", "list")
-    return text[0].lower() + text[1:]
+    text = text[0].lower() + text[1:]
+    return text.replace("should", "must").replace("tuple", "list").replace(" after validation", "")
 
 
 def _key_path(location: Sequence[str | int], data: Any, keep_last: bool) -> tuple[list[str], Any]:
@@ -163,7 +186,7 @@ def _key_path(location: Sequence[str | int], data: Any, keep_last: bool) -> tupl
 
 def _allowed_keys(model_class: Any, data: Any, keys: Sequence[str]) -> list[str]:
     """Return the field names of the table at `keys`, found by asking for a key that cannot exist."""
-    schema = TypeAdapter(model_class).json_schema()
+    schema = _schema(model_class)
     node: Mapping[str, Any] = schema
     for key in keys:
         node = _resolve(schema, node, data)

@@ -236,9 +236,11 @@ def _build_engine(options: argparse.Namespace) -> int:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    from common.output_directory import refuse_below_a_file
     from dem.calibration.calibrate import calibrate
 
     name = options.rock or options.material
+    refuse_below_a_file(options.out / name)
     _refuse_foreign_calibration(name, options.out)
     calibrate(options.material, options.scene, options.out, rock=options.rock)
     print(options.out / f"{name}.toml")

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from typing import Any, cast
 
-from common.command import listen_for_interrupt, run_command, say
+from common.command import Parser, listen_for_interrupt, run_command, say
 from gangue.commands import COMMANDS, OWN, Command
 from gangue.parsers import DESCRIPTION, PROGRAM, examples_of, parser_of
 
@@ -100,8 +100,8 @@ def _top_parser() -> argparse.ArgumentParser:
     commands = {name: command.help for name, command in COMMANDS.items()} | OWN
     width = max(map(len, commands))
     epilog = "commands:\n" + "".join(f"  {name:<{width}}  {text}\n" for name, text in commands.items())
-    parser = argparse.ArgumentParser(prog=PROGRAM, description=DESCRIPTION, epilog=epilog + examples_of(EXAMPLES),
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog=PROGRAM, description=DESCRIPTION, epilog=epilog + examples_of(EXAMPLES),
+                    formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action=_Version, nargs=0, help="version of this program")
     parser.add_argument("--quiet", action="store_true", help="no output but errors and what goes wrong")
     parser.add_argument("--json", action="store_true", help="the result as JSON; words go to the error output")

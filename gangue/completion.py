@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import Any
 
+from common.command import Parser
 from gangue.commands import COMMANDS, OWN
 from gangue.parsers import DESCRIPTION, PROGRAM, parser_of
 
@@ -18,8 +19,8 @@ EXAMPLES = """examples:
 
 def main(arguments: list[str], _as_json: bool) -> int:
     """Print the script."""
-    parser = argparse.ArgumentParser(prog="gangue completion", description="Completion of commands for a shell.",
-                                     epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog="gangue completion", description="Completion of commands for a shell.", epilog=EXAMPLES,
+                    formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shell", choices=SHELLS, help="the shell")
     shell = parser.parse_args(arguments).shell
     try:

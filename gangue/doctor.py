@@ -12,6 +12,7 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
+from common.command import Parser
 from common.tables import InputError
 
 PACKAGE = "coal-gangue-impact"
@@ -84,7 +85,7 @@ def _extra(name: str, modules: tuple[str, ...], use: str) -> Line:
 
 def main(arguments: list[str], as_json: bool) -> int:
     """Print the lines; return 0 if this machine can simulate, else 1."""
-    parser = argparse.ArgumentParser(prog="gangue doctor", description=(
+    parser = Parser(prog="gangue doctor", description=(
         "What this machine has and lacks. Exit code 0 if it can simulate, else 1."),
         epilog="examples:\n  gangue doctor\n  gangue --json doctor\n",
         formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -47,7 +47,7 @@ def show_modes(scene: Path, out: Path | None) -> None:
     Raises InputError for a scene that cannot be read, or whose plate is rigid or has no `max_frequency_Hz`.
     """
     from common.cache import user_cache
-    from common.output_directory import refuse_foreign_file
+    from common.output_directory import refuse_file
     from common.plate import read_plate
     from common.tables import InputError, refused_in
     from plate_fem.modes import plate_modes
@@ -60,7 +60,7 @@ def show_modes(scene: Path, out: Path | None) -> None:
     if out is not None and out.suffix != ".vtu":
         raise InputError(f"--out = {out}: the name must end in .vtu")
     if out is not None:
-        refuse_foreign_file(out, "<VTKFile")
+        refuse_file(str(out), "<VTKFile")
     with refused_in(scene, "plate"):
         modes = plate_modes(plate, user_cache())
     print(f"# {modes.theory} plate, {len(modes.quad)} cells, mass {modes.mass_kg:.6g} kg")
@@ -72,14 +72,16 @@ def show_modes(scene: Path, out: Path | None) -> None:
 
 
 def write_shapes(modes: PlateModes, out: Path) -> None:
-    """Write the mesh (.vtu) with one field of vertical displacement per mode, scaled to a largest value of one."""
+    """Write the mesh (.vtu) with one field of vertical displacement per mode, scaled to a largest value of one, or zero
+    where rods twist below a plate at rest."""
     import meshio
     import numpy as np
 
     from common.files import written_whole
 
     points = np.column_stack([modes.node_m, np.zeros(len(modes.node_m))])
-    shape = modes.shape / abs(modes.shape).max(axis=0)
+    largest = abs(modes.shape).max(axis=0)
+    shape = modes.shape / np.where(largest > 0, largest, 1.0)
     columns = zip(modes.frequency_Hz, shape.T, strict=True)
     fields = {f"mode_{j:03d}_{frequency:.1f}_Hz": column for j, (frequency, column) in enumerate(columns, 1)}
     with written_whole(out) as beside:

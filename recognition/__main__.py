@@ -38,17 +38,12 @@ def _command(arguments: argparse.Namespace) -> int:
 
 def fit(arguments: argparse.Namespace) -> None:
     from analysis.runs import read_sweep
-    from common.output_directory import refuse_foreign_file
-    from recognition.estimation.errors import RecognitionError
+    from common.output_directory import refuse_file
     from recognition.evaluation.dataset import CONDITIONS, read_dataset
     from recognition.models import FORMAT, Model
 
     directory, out = Path(arguments.directory), Path(arguments.out)
-    if not out.parent.is_dir():
-        raise RecognitionError(f"--out {out}: no directory {out.parent}")
-    if arguments.out.endswith("/"):
-        raise RecognitionError(f"--out {arguments.out}: must be the name of a file")
-    refuse_foreign_file(out, FORMAT)
+    refuse_file(arguments.out, FORMAT)
     if any(directory.glob("ratio_*")):
         sweep = read_sweep(directory)
         runs, model = sweep.runs, Model.fit(sweep.runs)

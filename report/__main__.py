@@ -60,9 +60,9 @@ def _compare(options: argparse.Namespace) -> int:
 
     try:
         page = write_comparison(options.a, options.b, options.out)
-    except (RecordError, OSError) as error:
+    except (InputError, RecordError, OSError) as error:
         say(f"report: {error}")
-        return 2 if isinstance(error, RecordError) else 1
+        return 1 if isinstance(error, OSError) else 2
     print(f"comparison written to {page}")
     return 0
 

@@ -92,9 +92,12 @@ class Pair:
         return Row(key, *values)
 
     def curves(self) -> list[Curve]:
-        """Force and acceleration: the impact from the fast stream where both have it, and the whole record."""
+        """Force, and acceleration where both plates move: the impact from the fast stream where both have it, and the
+        whole record."""
         found = []
         for column, title in (("force_N", "force on the plate, N"), ("a_m_s2", "acceleration of the plate, m/s²")):
+            if column not in self.a.signals or column not in self.b.signals:
+                continue
             if self.a.fast is not None and self.b.fast is not None:
                 found.append(_curve(title, column, self.a.fast, self.b.fast, IMPACT_s))
             found.append(_curve(title, column, self.a.signals, self.b.signals, np.inf))

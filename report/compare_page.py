@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from common.files import write_text
+from common.output_directory import GENERATOR, refuse_file
 from common.resources import resource
 from report.compare import MAIN_NUMBERS, Comparison, Curve, Pair, compare
 from report.figures.style import ACCENT, GANGUE, PALE, RATIO_LABEL, canvas, styled, to_uri
@@ -18,9 +19,11 @@ from report.figures.style import ACCENT, GANGUE, PALE, RATIO_LABEL, canvas, styl
 def write_comparison(a: Path, b: Path, out: Path | None = None) -> Path:
     """Compare two run directories or two directories of runs, and return the page that was written.
 
-    Raises RecordError for directories that cannot be compared, OSError where a file cannot be read or written.
+    Raises RecordError for directories that cannot be compared, InputError where this program did not write what it
+    would replace, OSError where a file cannot be read or written.
     """
     out = out or page_of(a, b)
+    refuse_file(str(out), GENERATOR)
     write_text(out, render(compare(a, b)))
     return out
 

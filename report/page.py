@@ -13,8 +13,9 @@ import jinja2
 import numpy as np
 
 from analysis import Sweep, read_sweep
+from analysis.stream import is_stream
 from common.files import write_text
-from common.output_directory import refuse_foreign_file
+from common.output_directory import GENERATOR, refuse_foreign_file
 from common.processes import side_by_side
 from common.resources import resource
 from report import tables
@@ -38,10 +39,10 @@ from report.film.reel import films_of
 from report.film.still_scene import still_scene
 from report.results.missing import MISSING_RESULT
 from report.results.sweep_results import SweepResults
+from report.stream_page import stream_runs
 from report.tables import FinishedTable, TableSpec, finish_table
 
 TEMPLATES = resource("templates")
-GENERATOR = 'name="generator" content="coal-gangue-impact"'  # by which the template says who wrote the page
 
 #: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
@@ -102,15 +103,20 @@ class Number:
 
 
 def write_report(directory: str | Path) -> Path:
-    """Write report.html and claims.csv into a directory of runs, each whole or not at all.
+    """Write report.html and claims.csv into a directory of runs, each whole or not at all. Of streams it is the page of
+    what fell (report/stream_page.py), without claims.csv, since the paper has none.
 
     Returns the path of the report. Raises RecordError or RecognitionError, with a message of one line, where the runs
     cannot be used, and OSError where the files cannot be written.
     """
     file = Path(directory) / "report.html"
     refuse_foreign_file(file, GENERATOR, "<title>Coal and gangue")  # the title is that of earlier versions
+    sweep = read_sweep(directory)
+    if all(is_stream(run) for run in sweep.runs):
+        write_text(file, render_streams(sweep))
+        return file
     refuse_foreign_file(file.with_name("claims.csv"), "claim,where,verdict")
-    results = SweepResults(read_sweep(directory))
+    results = SweepResults(sweep)
     claims = [replace(c, value=local(c.value, results.sweep)) for c in check_statements(results, STATEMENTS)]
     write_text(file.with_name("claims.csv"), to_csv(claims))
     write_text(file, render(results, claims))
@@ -119,16 +125,8 @@ def write_report(directory: str | Path) -> Path:
 
 def render(results: SweepResults, claims: list[Claim]) -> str:
     """Return the page as HTML."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["local"] = lambda text: local(text, results.sweep)
     counts = Counter(claim.verdict for claim in claims)
-    return environment.get_template("report.html.j2").render(
+    return _environment(results.sweep).get_template("report.html.j2").render(
         name=results.sweep.path.resolve().name,
         sweep=results.sweep,
         answer=finish_figure(ANSWER, results),
@@ -141,6 +139,28 @@ def render(results: SweepResults, claims: list[Claim]) -> str:
         assumptions=assumptions(results.sweep),
         **view_of(results),
     )
+
+
+def render_streams(sweep: Sweep) -> str:
+    """Return the page of streams as HTML."""
+    return _environment(sweep).get_template("stream.html.j2").render(
+        name=sweep.path.resolve().name,
+        runs=stream_runs(sweep.runs),
+        passed_over=sweep.passed_over,
+        assumptions=assumptions(sweep),
+    )
+
+
+def _environment(sweep: Sweep) -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["local"] = lambda text: local(text, sweep)
+    return environment
 
 
 def local(text: str, sweep: Sweep) -> str:

@@ -53,6 +53,7 @@ addEventListener("DOMContentLoaded", () => {
     button.addEventListener("click", () => page.saveData(button));
   }
   const board = document.getElementById("scoreboard");
+  if (!board) return;
   for (const button of board.querySelectorAll("[data-verdict]")) {
     button.addEventListener("click", () => {
       button.setAttribute("aria-pressed", button.getAttribute("aria-pressed") !== "true");

@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -17,12 +18,18 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 EXTENDING = (ROOT / "docs" / "extending.md").read_text()
 
 
+def test_what_is_cited_has_the_version_of_the_project():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+
+
 def blocks(kind):
     return re.findall(rf"```{kind}\n(.*?)```", EXTENDING, re.DOTALL)
 
 
 @pytest.mark.parametrize("code", blocks("python"), ids=["material", "parameter", "fusion"])
 def test_examples_in_python(code, tmp_path, monkeypatch):
+    assert "assert " in code  # each example says what comes of it
     monkeypatch.chdir(ROOT)
     names = {}
     if "runs" in code:

@@ -50,7 +50,8 @@ def test_help_imports_no_library_that_is_slow():
 
 
 @pytest.mark.parametrize("words, said", [
-    ([], "command"), (["recognize"], "recognize"), (["--json", "campaign", "x.toml", "--out", "y"], "no result"),
+    ([], "command"), (["doctor", "x"], "unrecognized"),
+    (["recognize"], "recognize"), (["--json", "campaign", "x.toml", "--out", "y"], "no result"),
     (["--json", "features", "nothing.csv"], "no such file"), (["--json", "modes", "nothing.toml"], "cannot be read"),
     (["completion", "fish"], "fish"), (["--json", "report", "compare", "a", "b"], "gangue report: unrecognized"),
     (["--json", "compare", "nowhere", "nothing"], "nowhere"),
@@ -61,7 +62,7 @@ def test_bad_input_ends_with_2_and_no_output(words, said, capsys):
     except SystemExit as end:
         code = end.code
     captured = capsys.readouterr()
-    assert code == 2 and captured.out == "" and said in captured.err
+    assert code == 2 and captured.out == "" and said in captured.err and captured.err.count("\n") == 1
 
 
 def test_features_as_json_are_those_of_the_package(tmp_path, capsys):

@@ -1,8 +1,9 @@
 """A data set for recognition: many impacts, drawn at random by a plan; what is there and unchanged is not run again.
 
-A plan (TOML) names a scene and families of runs. A family has groups; a group is one draw of everything that the family
-varies, run at some mixing ratios: OUT/FAMILY/GROUP/ratio_050. Draws follow from the plan's seed, the family's name and
-the group's number alone, so that more groups or other families leave the rest as it is.
+A plan (TOML) names a scene and families of runs. A family has groups; a group is one draw of everything that the
+family varies, run at some mixing ratios: OUT/FAMILY/GROUP/ratio_050. A family of streams has its own scene, and one run
+a group (dem/batch/dataset_streams.py). Draws follow from the plan's seed, the family's name and the group's number
+alone, so that more groups or other families leave the rest as it is.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import time
 import zlib
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -23,9 +25,9 @@ from pydantic import Field, model_validator
 from common.cache import user_cache
 from common.output_directory import at_work_in
 from common.scene import Scene, changed_scene, ratio_name, scene_hash
-from common.scene_stones import NotNegative, Positive
-from common.tables import InputError, Refused, Table, check, read_toml, refused_in
+from common.tables import InputError, NotNegative, Positive, Refused, Table, check, read_toml, refused_in
 from dem.batch.children import ignore_interrupt
+from dem.batch.dataset_streams import StreamFamily, draw_stream
 from dem.batch.sweep import is_finished
 from dem.coupling.launch import check_engine
 from dem.run.directory import RunDirectory
@@ -38,6 +40,9 @@ from dem.stones.stone import places_m
 NOT_KEPT = ("deck", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
 POSITION_TRIES = 10_000
 _log = logging.getLogger(__name__)
+
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
 class Family(Table):
@@ -66,10 +71,21 @@ class Family(Table):
 class DatasetPlan(Table):
     """The plan of a data set."""
 
-    scene: str  # file, beside the plan
+    scene: str | None = None  # file, beside the plan, of all families but those of streams
     seed: Annotated[int, Field(ge=0)]
     changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # for all runs
-    families: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")], Family]
+    families: dict[Name, Family] = Field(default_factory=dict)
+    streams: dict[Name, StreamFamily] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _has_families(self) -> Self:
+        if not self.families and not self.streams:
+            raise Refused("families", "{}", "one family must be given, or one of streams")
+        if self.families and self.scene is None:
+            raise Refused("scene", None, "must be given with families")
+        for name in self.families.keys() & self.streams.keys():
+            raise Refused(f"streams.{name}", "...", "must have another name than a family")
+        return self
 
 
 @dataclass(frozen=True)
@@ -84,22 +100,44 @@ class DatasetRun:
 def plan_dataset(path: Path) -> list[DatasetRun]:
     """Return every run of a plan, in an order in which all families progress alike. Raises InputError."""
     plan = check(DatasetPlan, read_toml(path), path)
-    scene_file = Path(path).parent / plan.scene
-    base = changed_scene(scene_file, plan.changes)
-    with refused_in(scene_file, "stones"):
-        count, _ = base.stones.volley
+    families: dict[str, Family | StreamFamily] = {**plan.families, **plan.streams}
+    groups = [(group, name) for name, family in families.items() for group in range(family.groups)]
     planned = []
-    groups = [(group, name) for name, family in plan.families.items() for group in range(family.groups)]
-    for group, name in sorted(groups, key=lambda g: (g[0] + 0.5) / plan.families[g[1]].groups):
-        family = plan.families[name]
+    for group, name in sorted(groups, key=lambda g: (g[0] + 0.5) / families[g[1]].groups):
         rng = np.random.default_rng([plan.seed, zlib.crc32(name.encode()), group])
-        drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
-        for ratio in _ratios(name, family, count, group, plan.seed):
-            directory = Path(name) / f"{group:03d}" / ratio_name(ratio)
-            scene = changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
+        family = families[name]
+        scenes = _of_stream(path, plan, name, family, rng) if isinstance(family, StreamFamily) else _of_volley(
+            path, plan, name, family, group, rng)
+        for scene in scenes:
+            assert scene.stones.gangue_ratio is not None
+            directory = Path(name) / f"{group:03d}" / ratio_name(scene.stones.gangue_ratio)
             stones_of(scene, f"{path}: {directory}")
             planned.append(DatasetRun(directory, scene, f"{path}: {directory}"))
     return planned
+
+
+def _of_volley(path: Path, plan: DatasetPlan, name: str, family: Family, group: int,
+               rng: np.random.Generator) -> list[Scene]:
+    """The scenes of one group of a family, one a mixing ratio."""
+    assert plan.scene is not None
+    scene_file = Path(path).parent / plan.scene
+    base = _base_scene(scene_file, tuple(plan.changes.items()))
+    with refused_in(scene_file, "stones"):
+        count, _ = base.stones.volley
+    drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
+    return [changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
+            for ratio in _ratios(name, family, count, group, plan.seed)]
+
+
+@lru_cache(maxsize=1)
+def _base_scene(file: Path, changes: tuple[tuple[str, Any], ...]) -> Scene:
+    return changed_scene(file, dict(changes))
+
+
+def _of_stream(path: Path, plan: DatasetPlan, name: str, family: StreamFamily, rng: np.random.Generator) -> list[Scene]:
+    """The scene of one group of a family of streams."""
+    drawn = plan.changes | family.changes | {"name": name} | draw_stream(family, rng)
+    return [changed_scene(Path(path).parent / family.scene, drawn)]
 
 
 def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, Any]:

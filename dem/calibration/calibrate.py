@@ -30,8 +30,7 @@ from scipy.optimize import brentq
 from common.files import write_text, written_whole
 from common.resources import resource
 from common.scene import MaterialTable, Scene, contact_key, read_scene, scene_hash
-from common.scene_stones import Positive
-from common.tables import InputError, Table, check, read_toml, refused_in
+from common.tables import InputError, Positive, Table, check, read_toml, refused_in
 from dem.calibration.virtual_tests import (
     Rock,
     Specimen,

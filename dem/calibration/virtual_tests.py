@@ -66,6 +66,7 @@ class Rock:
     volumetric_ratio: float = 0.0
     pressure_strengthening: float = 0.0
     pressure_threshold_Pa: float = 0.0
+    fracture_energy_J_m2: float | None = None  # None: bonds snap
 
 
 @dataclass(frozen=True)
@@ -197,7 +198,7 @@ def _run(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) 
     values = dict(vars(rock))
     if not procedure.breakable:
         values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa, "tan_friction": 0.0,
-                   "pressure_strengthening": 0.0, "pressure_threshold_Pa": 0.0}
+                   "pressure_strengthening": 0.0, "pressure_threshold_Pa": 0.0, "fracture_energy_J_m2": None}
     axis = specimen.axis
     (directory / "deck.liggghts").write_text(_template().render(
         **values, volumetric_modulus_Pa=rock.volumetric_ratio * rock.bond_modulus_Pa,

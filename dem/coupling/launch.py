@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -34,9 +35,11 @@ ENGINE = Path(os.environ.get("LIGGGHTS_BONDED", build_directory() / "liggghts-bo
 
 
 def check_library() -> None:
-    """Raises InputError, one line, if LIGGGHTS is missing or of another version."""
+    """Raises InputError, one line, if LIGGGHTS is missing or of another version, OSError if one cannot ask."""
     query = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "libliggghts-dev"], capture_output=True, text=True,
                            check=False)
+    if query.returncode < 0:
+        raise OSError(f"dpkg-query, which tells the version of LIGGGHTS, was ended by signal {-query.returncode}")
     if query.returncode != 0:
         raise InputError(f"LIGGGHTS: libliggghts-dev is not installed; version {LIGGGHTS_VERSION} is needed "
                          f"(apt-get install libliggghts-dev={LIGGGHTS_VERSION})")
@@ -88,7 +91,13 @@ def _environment() -> dict[str, str]:
 
 
 def engine_error(directory: Path) -> str:
-    """The ERROR line of what the engine printed, or its last line."""
+    """The ERROR line of what the engine printed, else what mpirun framed with dashes first, else its last line."""
     lines = [line for line in (directory / "engine.out").read_text(errors="replace").splitlines() if line.strip()]
     errors = [line for line in lines if line.startswith("ERROR")]  # MPI writes of its own errors when it is ended
-    return (errors or lines or ["no output"])[-1]
+    framed = [line for frame, line in pairwise(lines) if _is_frame(frame) and not _is_frame(line)]
+    return (errors or framed[:1] or lines or ["no output"])[-1]
+
+
+def _is_frame(line: str) -> bool:
+    """Is it one of the two lines of dashes about a message of mpirun?"""
+    return len(line) > 10 and not line.strip("-")

@@ -141,12 +141,13 @@ def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
     return len(assembly.sizes) > 1 or (table is not None and not table.unbreakable)
 
 
-def _free_flight(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float] | None:
+def _free_flight(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float | None] | None:
     """Arguments of fix free_flight (docs/free_flight.md); None where the scene wants brute force or several ranks."""
     if scene.time.free_flight_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
         return None
     every = step.co_step * max(1, round(FREE_FLIGHT_EVERY / step.co_step))
-    return {"speed_m_s": assembly.impact_speed_m_s, "tolerance": scene.time.free_flight_tolerance, "every": every}
+    return {"speed_m_s": assembly.impact_speed_m_s, "tolerance": scene.time.free_flight_tolerance, "every": every,
+            "least_fragment": scene.stones.stream.least_fragment if scene.stones.stream else None}
 
 
 def skin_m(assembly: Assembly) -> float:
@@ -170,7 +171,7 @@ def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, Any]:
         values = bond.model_dump()
         if table.unbreakable:
             values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa,
-                       "pressure_strengthening": 0.0, "pressure_threshold_Pa": 0.0}
+                       "pressure_strengthening": 0.0, "pressure_threshold_Pa": 0.0, "fracture_energy_J_m2": None}
         angle = 0.0 if table.unbreakable else bond.friction_angle_deg
         values["volumetric_modulus_Pa"] = bond.volumetric_ratio * bond.youngs_modulus_Pa
         values["tan_friction"] = float(np.tan(np.radians(angle)))

@@ -13,7 +13,7 @@ PRECISION = 1e-12
 
 def elastic_damping_ratio(restitution: float) -> float:
     """-ln e / sqrt(ln^2 e + pi^2): of LIGGGHTS' Hertz contact, which ends when the overlap is zero, so that the dashpot
-    pulls at last (T. Antypov and J. A. Elliott, EPL 94 (2011) 50004)."""
+    pulls at last (D. Antypov and J. A. Elliott, EPL 94 (2011) 50004)."""
     log_e = float(np.log(restitution))
     return -log_e / float(np.hypot(log_e, np.pi))
 

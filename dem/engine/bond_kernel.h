@@ -35,9 +35,11 @@ struct BondState {
   double tension;      // -F_n/A + |M_b| r/I written as pull: F_n/A + |M_b| r/I, Pa
   double shear;        // |F_s|/A + |M_t| r/J, Pa
   double normal;       // F_n/A, pull positive, Pa
+  double loading;      // of the criterion that is nearer, over its strength: 1 where the bond fails (no threshold)
   BreakMode mode;
 };
 BondState bond_state(const Bond &, const AtomRecord &i, const AtomRecord &j);
+void add_to_ends(const BondState &, ForceRecord &i, ForceRecord &j);
 
 // Adds the forces of all bonds and finds those that break. A bond found broken exerts no force and leaves the list.
 class BondKernel {
@@ -50,6 +52,8 @@ class BondKernel {
   // Writes the ids of bonds that break to `broken` (room for all of them) and returns how many. A plain array, since a
   // library template compiled here for a wide instruction set could be linked into code meant for every processor.
   virtual int add_forces(const AtomRecord *atom, ForceRecord *force, int *broken) = 0;
+  // A bond of a material that softens, found broken by the last `add_forces`, goes on with the numbers that it now has.
+  virtual void revive(const LocalBond &) = 0;
 };
 
 std::unique_ptr<BondKernel> make_plain_kernel();  // bond by bond from bond_state: the naive twin

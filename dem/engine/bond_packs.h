@@ -112,6 +112,7 @@ template <int W> class PackedKernel : public BondKernel {
 
   std::vector<Pack<W>> packs_;
   std::vector<int> id_;  // of bond l of pack p at p W + l
+  std::vector<size_t> place_;  // there, by id, of bonds that soften
   std::vector<Stretch> stretches_;
   std::vector<R> distance_;  // of the two ends of the bonds of each pack, where add_stretches was asked
 
@@ -136,7 +137,8 @@ template <int W> class PackedKernel : public BondKernel {
     return {m[0], m[1], m[2]};
   }
 
-  static R area(const Pack<W> &b) { return M_PI * b.radius * b.radius; }
+  // What is left of it where the bond has softened.
+  static R area(const Pack<W> &b, const R &compliance) { return compliance * b.k_normal * b.length; }
 
   static void add(ForceRecord *force, const int *index, const V &f, const V &torque) {
     R m[8] = {f.x, f.y, f.z, torque.x, torque.y, torque.z, R{}, R{}};
@@ -152,6 +154,10 @@ template <int W> class PackedKernel : public BondKernel {
   }
 
   static R absolute(const R &a) { return a < 0 ? -a : a; }
+
+  static void set(Pack<W> &p, int l, const Bond &b) {
+    p.k_normal[l] = b.k_normal, p.radius[l] = b.radius, p.tensile[l] = b.tensile_force;
+  }
 
   // Broken bonds leave their lane without stiffness and area, and out of reach of the criterion.
   static void retire(Pack<W> &b, int l) {
@@ -185,7 +191,11 @@ template <int W> class PackedKernel : public BondKernel {
       p.i[l] = local.i, p.j[l] = local.j;
       p.length[l] = b.length;
       p.dx[l] = b.direction[0], p.dy[l] = b.direction[1], p.dz[l] = b.direction[2];
-      p.k_normal[l] = b.k_normal, p.radius[l] = b.radius, p.tensile[l] = b.tensile_force;
+      set(p, l, b);
+      if (b.material->softens()) {
+        if (place_.size() <= static_cast<size_t>(b.id)) place_.resize(b.id + 1);
+        place_[b.id] = (packs_.size() - 1) * W + l;
+      }
       l++;
     }
   }
@@ -194,7 +204,7 @@ template <int W> class PackedKernel : public BondKernel {
     distance_.resize(packs_.size());
     size_t begin = 0;
     for (const Stretch &s : stretches_) {
-      if (s.material->feels_dilatation()) add_stretches(begin, s.end, atom, stretch);
+      if (s.material->feels_dilatation()) add_stretches(*s.material, begin, s.end, atom, stretch);
       begin = s.end;
     }
   }
@@ -211,12 +221,18 @@ template <int W> class PackedKernel : public BondKernel {
     return n_broken;
   }
 
+  void revive(const LocalBond &b) override {
+    const size_t place = place_[b.id];
+    set(packs_[place / W], place % W, *b.bond);
+  }
+
  private:
-  void add_stretches(size_t begin, size_t end, const AtomRecord *atom, double *stretch) {
+  void add_stretches(const BondMaterial &material, size_t begin, size_t end, const AtomRecord *atom, double *stretch) {
+    const R compliance = R{} + 1 / material.modulus;
     for (size_t k = begin; k < end; k++) {
       const Pack<W> &b = packs_[k];
       const V branch = load_place(atom, b.j) - load_place(atom, b.i);
-      const R r = Simd<W>::root(dot<W>(branch, branch)), own = area(b) * (r - b.length);
+      const R r = Simd<W>::root(dot<W>(branch, branch)), own = area(b, compliance) * (r - b.length);
       distance_[k] = r;
       for (int l = 0; l < W; l++) stretch[b.i[l]] += own[l], stretch[b.j[l]] += own[l];
     }
@@ -230,6 +246,7 @@ template <int W> class PackedKernel : public BondKernel {
     const R tan_friction = R{} + material.tan_friction;
     const R volumetric = R{} + material.volumetric_modulus, bulk = R{} + material.bulk_modulus();
     const R strengthening = R{} + material.strengthening, threshold = R{} + material.threshold_share;
+    const R compliance = R{} + 1 / material.modulus;
     int n_broken = 0;
     for (size_t k = begin; k < end; k++) {
       Pack<W> &b = packs_[k];
@@ -251,7 +268,7 @@ template <int W> class PackedKernel : public BondKernel {
 
       R pull = b.k_normal * (r - b.length), tensile = b.tensile;
       if (DILATES) {
-        const R volume_force = half * (i.dilatation + j.dilatation) * area(b);  // over its modulus
+        const R volume_force = half * (i.dilatation + j.dilatation) * area(b, compliance);  // over its modulus
         const R over_threshold = R{} - bulk * volume_force - threshold * b.tensile;
         pull += volumetric * volume_force;
         tensile += strengthening * (over_threshold > 0 ? over_threshold : R{});

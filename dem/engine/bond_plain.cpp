@@ -54,9 +54,20 @@ BondState bond_state(const Bond &b, const AtomRecord &i, const AtomRecord &j) {
   s.mode = INTACT;
   if (s.shear * b.area + b.tan_friction * pull > b.shear_force) s.mode = SHEAR;
   const double pressure_force = -material.bulk_modulus() * b.area * dilatation;
+  s.loading = std::max((s.tension * b.area - material.strengthening * std::max(pressure_force, 0.0)) / b.tensile_force,
+                       (s.shear * b.area + b.tan_friction * pull) / b.shear_force);
   const double over_threshold = std::max(pressure_force - material.threshold_share * b.tensile_force, 0.0);
   if (s.tension * b.area > b.tensile_force + material.strengthening * over_threshold) s.mode = TENSION;
   return s;
+}
+
+void add_to_ends(const BondState &s, ForceRecord &i, ForceRecord &j) {
+  for (int k = 0; k < 3; k++) {
+    i.f[k] -= s.force_j[k];
+    j.f[k] += s.force_j[k];
+    i.torque[k] += s.torque_i[k];
+    j.torque[k] += s.torque_j[k];
+  }
 }
 
 namespace {
@@ -83,17 +94,14 @@ class PlainKernel : public BondKernel {
         broken[n_broken++] = b.id;
         continue;
       }
-      for (int k = 0; k < 3; k++) {
-        force[b.i].f[k] -= s.force_j[k];
-        force[b.j].f[k] += s.force_j[k];
-        force[b.i].torque[k] += s.torque_i[k];
-        force[b.j].torque[k] += s.torque_j[k];
-      }
+      add_to_ends(s, force[b.i], force[b.j]);
       bonds_[kept++] = b;
     }
     bonds_.resize(kept);
     return n_broken;
   }
+
+  void revive(const LocalBond &b) override { bonds_.push_back(b); }
 
  private:
   std::vector<LocalBond> bonds_;

@@ -17,13 +17,16 @@ struct BondMaterial {
   double volumetric_modulus = 0;   // kappa, Pa: what a bond's normal stress gains
   double strengthening = 0;        // alpha: tensile strength gained per pressure
   double threshold_share = 0;      // of the tensile strength: the pressure from which on it gains
+  double fracture_energy = 0;      // J per m^2 of a bond's section that it takes to break; 0: it snaps
 
   bool feels_dilatation() const { return volumetric_modulus > 0 || strengthening > 0; }
+  bool softens() const { return fracture_energy > 0; }
   double bulk_modulus() const { return modulus / 3 + volumetric_modulus; }  // stress of all bonds over dilatation, Pa
 };
 
-// One parallel bond: a short round beam between two sub-spheres, in read-only numbers. It has no memory: its forces
-// follow from where the two sub-spheres are and how they are turned (total form, after Wang 2009).
+// One parallel bond: a short round beam between two sub-spheres. It has no memory: its forces follow from where the two
+// sub-spheres are and how they are turned (total form, after Wang 2009). Where it softens, area, stiffnesses and
+// strengths are those that it still has (bond_softening.h).
 struct Bond {
   int id;                     // its number among those of all stones, from 0
   int tag_i, tag_j;

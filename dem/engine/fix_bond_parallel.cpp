@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "atom.h"
 #include "bonded_bodies.h"
@@ -50,6 +51,11 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
       m.threshold_share = force->numeric(FLERR, arg[k + 2]) / m.tensile_strength;
       if (m.volumetric_modulus < 0 || m.strengthening < 0 || m.threshold_share < 0)
         error->fix_error(FLERR, this, "the numbers of dilatation must not be below 0");
+    } else if (key == "fracture") {
+      if (materials_.empty()) error->fix_error(FLERR, this, "fracture must follow its material");
+      materials_.back().fracture_energy = force->numeric(FLERR, arg[k]);
+      if (!(materials_.back().fracture_energy > 0)) error->fix_error(FLERR, this, "the fracture energy must be above 0");
+      if (comm->nprocs > 1) error->fix_error(FLERR, this, "bonds that soften need a single rank");
     } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
     k += needed;
   }
@@ -67,6 +73,7 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   volumes_ = BondVolumes(agglomerates_->tags());
   volumes_.enter(bonds_);
+  softening_.enter(bonds_);
   work_.assign(agglomerates_->count(), 0);
   released_ = broken_count_ = work_;
   held_.assign(agglomerates_->tags() + 1, 0);
@@ -287,15 +294,15 @@ std::vector<double> FixBondParallel::stretches_now() const {
   return sum;
 }
 
-// What the dilatations of both ends lose of their energy, J, when this bond, which still counts, breaks. Of a ghost it
-// is taken from the stretch at which the bond was judged.
-double FixBondParallel::released_volume_energy(int broken, int i, int j) const {
+// What the dilatations of both ends lose of their energy, J, when this bond, which still counts, loses `share` of what
+// it has. Of a ghost it is taken from the stretch at which the bond was judged.
+double FixBondParallel::released_volume_energy(int broken, int i, int j, double share) const {
   auto stretch = [&](int bond) {
     const Bond &b = bond_of(bond);
     const AtomRecord from = half_a_step_ago(atom->map(b.tag_i)), to = half_a_step_ago(atom->map(b.tag_j));
     return b.area * (norm(Vec(to.x) - Vec(from.x)) - b.length);
   };
-  const double own = stretch(broken);
+  const double own = share * stretch(broken);
   double energy = 0;
   for (int end : {i, j}) {
     const int tag = atom->tag[end];
@@ -309,31 +316,53 @@ double FixBondParallel::released_volume_energy(int broken, int i, int j) const {
 }
 
 void FixBondParallel::note_broken(int n) {
+  for (int k = 0; k < n; k++)
+    if (!soften(broken_[k])) break_bond(broken_[k]);
+}
+
+// Weakens a bond that failed, whose force of this step is not yet there, where it does not break. What it loses of its
+// energy is that of half a step ago, as of a bond that breaks.
+bool FixBondParallel::soften(int id) {
+  Bond &bond = bond_of(id);
+  if (!bond.material->softens()) return false;
+  const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
+  const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
+  const double left = softening_.yield(bond, judged.loading, judged.energy);
+  if (left == 0) return false;
+  const double lost = 1 - left;
+  double energy = lost * bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy;
+  if (bond.material->feels_dilatation()) energy += released_volume_energy(id, i, j, lost);
+  released_[agglomerates_->of_tag(bond.tag_i)] += energy;
+  softening_.spend(id, energy);
+  softening_.weaken(bond);
+  add_to_ends(bond_state(bond, atoms_[i], atoms_[j]), forces_[i], forces_[j]);
+  kernel_->revive({i, j, id, &bond});
+  return true;
+}
+
+void FixBondParallel::break_bond(int b) {
+  const Bond &bond = bond_of(b);
+  const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
+  const double of_volume =
+      bond.material->feels_dilatation() && i < atom->nlocal ? released_volume_energy(b, i, j, 1) : 0;
+  intact_[b] = 0;
+  changes_++;
+  if (comm->nprocs > 1) newly_broken_.push_back(b);
+  if (i >= atom->nlocal) return;  // the rank that owns i reports
+  // The kernel judges at x + tau v, damping included; so does the event. The energy is the one
+  // stored half a step ago: the last work that the leapfrog scheme put in had the force of the step before.
+  const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
+  const double energy = bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy + of_volume;
+  const int a = agglomerates_->of_tag(bond.tag_i);
+  const bool shear = judged.mode == SHEAR;
+  released_[a] += energy;
+  broken_count_[a] += 1;
   char line[256];
-  for (int k = 0; k < n; k++) {
-    const int b = broken_[k];
-    const Bond &bond = bond_of(b);
-    const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
-    const double of_volume =
-        bond.material->feels_dilatation() && i < atom->nlocal ? released_volume_energy(b, i, j) : 0;
-    intact_[b] = 0;
-    changes_++;
-    if (comm->nprocs > 1) newly_broken_.push_back(b);
-    if (i >= atom->nlocal) continue;  // the rank that owns i reports
-    // The kernel judges at x + tau v, damping included; so does the event. The energy is the one
-    // stored half a step ago: the last work that the leapfrog scheme put in had the force of the step before.
-    const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
-    const double energy = bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy + of_volume;
-    const int a = agglomerates_->of_tag(bond.tag_i);
-    const bool shear = judged.mode == SHEAR;
-    released_[a] += energy;
-    broken_count_[a] += 1;
-    std::snprintf(line, sizeof line, BIGINT_FORMAT ",%d,%d,%.9g,%.9g,%.9g,%s,%.9g,%.9g,%.9g\n", update->ntimestep,
-                  b + 1, a + 1, 0.5 * (atom->x[i][0] + atom->x[j][0]), 0.5 * (atom->x[i][1] + atom->x[j][1]),
-                  0.5 * (atom->x[i][2] + atom->x[j][2]), shear ? "shear" : "tension",
-                  shear ? judged.shear : judged.tension, energy, bond.area);
-    events_.add(line);
-  }
+  std::snprintf(line, sizeof line, BIGINT_FORMAT ",%d,%d,%.9g,%.9g,%.9g,%s,%.9g,%.9g,%.9g\n", update->ntimestep, b + 1,
+                a + 1, 0.5 * (atom->x[i][0] + atom->x[j][0]), 0.5 * (atom->x[i][1] + atom->x[j][1]),
+                0.5 * (atom->x[i][2] + atom->x[j][2]), shear ? "shear" : "tension",
+                shear ? judged.shear : judged.tension, energy + softening_.spent(bond), softening_.area(bond));
+  events_.add(line);
 }
 
 // add(tag, J) of each bond that this rank counts, and of each of its sub-spheres where the dilatation has energy.
@@ -372,6 +401,7 @@ void FixBondParallel::enter(const EnteringStone &stone) {
   if (intact_.size() < stone.first_bond + count) intact_.resize(stone.first_bond + count, 0);
   std::fill_n(intact_.begin() + stone.first_bond, count, 1);
   volumes_.enter(added);
+  softening_.enter(added);
   broken_.resize(bonds_.size());
   listed_ = false;  // the list points into the bonds
   changes_++;
@@ -388,6 +418,8 @@ void FixBondParallel::leave(int agglomerate) {
   listed_ = false;
   changes_++;
 }
+
+Bond &FixBondParallel::bond_of(int id) { return const_cast<Bond &>(std::as_const(*this).bond_of(id)); }
 
 const Bond &FixBondParallel::bond_of(int id) const {
   if (blocks_.empty()) return bonds_[id];

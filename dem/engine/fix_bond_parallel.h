@@ -7,6 +7,7 @@
 #include "bond_events.h"
 #include "bond_kernel.h"
 #include "bond_network.h"
+#include "bond_softening.h"
 #include "bond_table.h"
 #include "bond_volumes.h"
 #include "checkpointed.h"
@@ -19,7 +20,7 @@ namespace LAMMPS_NS {
 
 // fix ID group bond/parallel bonds FILE agglomerates FILE events FILE damping_time TAU kernel NAME
 //     material E stiffness_ratio tensile_strength shear_strength tan_friction   (once a material)
-//         [dilatation kappa alpha p0]   (of this material)
+//         [dilatation kappa alpha p0] [fracture G]   (of this material)
 //
 // Parallel bonds (Potyondy and Cundall 2004, Int. J. Rock Mech. Min. Sci. 41:1329) in total form (Wang 2009, Acta
 // Geotech. 4:117): the fix turns a quaternion with each sub-sphere, and every force follows from positions and
@@ -105,6 +106,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   std::vector<ForceRecord> forces_;
   std::unique_ptr<BondKernel> kernel_;
   BondVolumes volumes_;
+  BondSoftening softening_;
   std::vector<double> stretches_;    // of each sub-sphere where the bonds are computed, m^3
   bool sends_dilatations_ = false;   // or quaternions, to the ghosts
   // By agglomerate, on this rank: work done by bonds on sub-spheres, J; elastic energy of bonds when they broke, J; and
@@ -124,6 +126,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   BondEvents events_;
 
   const Bond &bond_of(int id) const;
+  Bond &bond_of(int id);
   template <class Power> void add_work(double time, Power power);
   void rebuild();
   void share_broken();
@@ -134,9 +137,11 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   AtomRecord half_a_step_ago(int i) const;
   void find_dilatations();
   std::vector<double> stretches_now() const;
-  double released_volume_energy(int bond, int i, int j) const;
+  double released_volume_energy(int bond, int i, int j, double share) const;
   template <class Add> void each_elastic_energy(Add add) const;
   void note_broken(int n);
+  bool soften(int bond);
+  void break_bond(int bond);
 };
 
 }  // namespace LAMMPS_NS

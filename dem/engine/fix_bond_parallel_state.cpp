@@ -8,6 +8,7 @@
 #include "atom.h"
 #include "checkpoint_file.h"
 #include "comm.h"
+#include "error.h"
 #include "fix_bond_parallel.h"
 #include "memory.h"
 
@@ -82,6 +83,7 @@ int FixBondParallel::maxsize_restart() { return 5; }
 
 // Global part of a restart: sums by agglomerate and which bonds hold.
 void FixBondParallel::write_restart(FILE *out) {
+  if (softening_.needed()) error->fix_error(FLERR, this, "bonds that soften are kept in checkpoints, not in restarts");
   if (comm->nprocs > 1) share_broken();
   const int n = agglomerates_->count();
   std::vector<double> mine, data(3 * n);
@@ -118,6 +120,7 @@ void FixBondParallel::save(CheckpointWriter &out) {
   std::vector<double> intact;
   for (const Bond &b : bonds_) intact.push_back(intact_[b.id]);
   out.common("bond_intact", intact);
+  if (softening_.needed()) softening_.save(out, bonds_);
   std::vector<double> rows;
   rows.reserve(STATE_COLUMNS * static_cast<size_t>(atom->nlocal));
   std::vector<char> is_computed(atom->nlocal + atom->nghost, 0), is_turned(is_computed);
@@ -141,6 +144,7 @@ void FixBondParallel::restore(const CheckpointReader &in) {
   broken_count_ = in.sum("bond_broken", n);
   const std::vector<double> &intact = in.common("bond_intact", bonds_.size());
   for (size_t b = 0; b < bonds_.size(); b++) intact_[bonds_[b].id] = intact[b] != 0;
+  if (softening_.needed()) softening_.restore(in, bonds_);
   changes_++;
   forces_.assign(atom->nlocal + atom->nghost + 2, ForceRecord{});
   const std::vector<double> &rows = in.rows("bond_atoms", STATE_COLUMNS);

@@ -39,6 +39,7 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
     } else if (key == "speed") speed_ = force->numeric(FLERR, arg[k + 1]);
     else if (key == "tolerance") tolerance_ = force->numeric(FLERR, arg[k + 1]);
     else if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
+    else if (key == "least_fragment") least_fragment_ = force->inumeric(FLERR, arg[k + 1]);
     else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
   }
   if (agglomerates.empty() || speed_ <= 0 || tolerance_ <= 0 || nevery < 1)
@@ -99,19 +100,25 @@ std::vector<FreeBody *> FixFreeFlight::bodies_in_flight() {
   return all;
 }
 
+void FixFreeFlight::each_in_flight(const Visit &visit) const {
+  for (const auto &body : bodies_) visit_parts(*body, visit);
+}
+
+void FixFreeFlight::each_in_flight_near(const Vec &point, double range, const Visit &visit) const {
+  for (const auto &body : bodies_)
+    if (norm(body->center_at(update->ntimestep) - point) <= range + body->radius) visit_parts(*body, visit);
+}
+
 // The attitude is integrated from one call to the next, so a copy is asked, and the body itself goes on as if unseen.
-void FixFreeFlight::each_in_flight(
-    const std::function<void(int, const double *, const double *)> &visit) const {
+void FixFreeFlight::visit_parts(const FreeBody &body, const Visit &visit) const {
+  if (body.is_leaving) return;
+  FreeBody seen = body;
+  seen.go_to(update->ntimestep);
   double x[3], v[3];
-  for (const auto &body : bodies_) {
-    if (body->is_leaving) continue;
-    FreeBody seen = *body;
-    seen.go_to(update->ntimestep);
-    for (const FreeBody::Part &p : seen.parts) {
-      const FreeBody::State s = seen.state(p);
-      s.x.to(x), s.v.to(v);
-      visit(p.tag, x, v);
-    }
+  for (const FreeBody::Part &p : seen.parts) {
+    const FreeBody::State s = seen.state(p);
+    s.x.to(x), s.v.to(v);
+    visit(p.tag, x, v);
   }
 }
 

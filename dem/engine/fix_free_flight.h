@@ -16,14 +16,15 @@
 
 namespace LAMMPS_NS {
 
-// fix ID group free_flight agglomerates FILE [gravity G] [down X Y Z] speed V tolerance TOL every N
+// fix ID group free_flight agglomerates FILE [gravity G] [down X Y Z] speed V tolerance TOL every N [least_fragment M]
 //
 // Bodies (sub-spheres that intact bonds hold together) that touch nothing and do not vibrate leave LIGGGHTS's arrays
 // and fly as rigid bodies on their exact path until they could touch something. When all bodies are in free flight,
 // time jumps (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2,
 // V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along `down`, a unit
-// vector with a Z below 0, or along -z. What has left the plate for good goes to fix stones, if there is one. It works
-// on one rank, and comes after all other fixes.
+// vector with a Z below 0, or along -z. What has left the plate for good goes to fix stones, if there is one, and so
+// does a fragment of fewer than M sub-spheres as soon as it flies. It works on one rank, and comes after all other
+// fixes.
 class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl,
                       public FlyingSpheres {
  public:
@@ -44,7 +45,8 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
 
-  void each_in_flight(const std::function<void(int, const double *, const double *)> &) const override;
+  void each_in_flight(const Visit &) const override;
+  void each_in_flight_near(const Vec &point, double range, const Visit &) const override;
 
   void jump() override;
   void change_arrays() override;
@@ -67,13 +69,16 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   std::vector<int> calm_;      // looks in a row at which a body was calm, by its least tag
   PlateOutline outline_;       // of the plate, with the reach that all safe_until hold for
   double largest_modulus_ = 0;  // E* of all pairs of types, Pa
+  size_t least_fragment_ = 0;  // sub-spheres: a fragment of fewer is taken out as soon as it flies
   int shown_ = 0;              // sub-spheres appended by show
   bigint jumped_ = 0, departures_ = 0;
 
   std::vector<FreeBody *> bodies_in_flight();
   int body_of(int tag) const;
   Vec weight() const { return gravity_ * down_; }  // m/s^2
+  void visit_parts(const FreeBody &, const Visit &) const;
   bool has_left(const Outline &) const;
+  bool is_dust(const FreeBody &) const;
   bool have_left(const Outline &a, const Outline &b) const { return stream_ && has_left(a) && has_left(b); }
   void take_out_those_that_left();
   void check_count() const;

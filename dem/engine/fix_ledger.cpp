@@ -187,6 +187,7 @@ void FixLedger::write() {
   const std::vector<double> total = over_ranks(rows.values());
   sum_ = closed_;
   sum_.step = update->ntimestep;
+  if (stream_) sum_.entered_J = stream_->entered_kinetic_J(), sum_.entered_kg_m = stream_->entered_mass_height();
   for (const double *row = total.data(); row < total.data() + total.size(); row += LEDGER_COLUMNS) add_up(sum_, row);
   if (comm->me == 0) write_rows(rows, total);
   if (stream_) close_finished(total);

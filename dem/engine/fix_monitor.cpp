@@ -78,12 +78,11 @@ void FixMonitor::check_speed() const {
 void FixMonitor::check_energy() {
   const FixLedger::Sum sum = ledger_->sum();
   checked_ = sum.step;
-  const double impact_J = impact_J_ + (stream_ ? stream_->entered_kinetic_J() : 0);
-  const double height_kg_m = height_kg_m_ + (stream_ ? stream_->entered_mass_height() : 0);
+  const double impact_J = impact_J_ + sum.entered_J, height_kg_m = height_kg_m_ + sum.entered_kg_m;
   const double gravity_J = weight_ * (height_kg_m - sum.mass_height_kg_m);
   fallen_J_ = std::max(fallen_J_, gravity_J);
   // Stones of a stream may enter at rest, high above the plate, to which they will fall.
-  const double to_fall_J = stream_ ? weight_ * stream_->entered_mass_height() : 0;
+  const double to_fall_J = weight_ * sum.entered_kg_m;
   const double limit = ENERGY_SHARE * (impact_J + std::max(fallen_J_, to_fall_J));
   const double surplus = sum.kinetic_J - impact_J - gravity_J - sum.work_on_stones_J;
   const struct {

@@ -84,14 +84,10 @@ void FixStones::init() {
 
 /* --- stones enter -------------------------------------------------------------------------------------------- */
 
+// The step of the next stone, or one at which those that wait are tried again.
 bigint FixStones::next_entry() const {
-  return entered_ < order_.size() ? next_try() : NEVER;
-}
-
-// Of the next stone: its step, or where that has passed, one of those at which it is tried again.
-bigint FixStones::next_try() const {
-  const bigint entry = file_->entry(order_[entered_]), now = update->ntimestep;
-  return entry > now ? entry : (now / TRY_STEPS + 1) * TRY_STEPS;
+  const bigint entry = due_ < order_.size() ? file_->entry(order_[due_]) : NEVER;
+  return waiting_.empty() ? entry : std::min(entry, (update->ntimestep / TRY_STEPS + 1) * TRY_STEPS);
 }
 
 void FixStones::pre_exchange() {
@@ -100,34 +96,37 @@ void FixStones::pre_exchange() {
 }
 
 void FixStones::enter_until(bigint step, double half_step) {
-  for (; entered_ < order_.size() && file_->entry(order_[entered_]) <= step; entered_++) {
-    const EnteringStone stone = file_->read(order_[entered_]);
-    if (!is_free(stone)) break;
-    enter(stone, half_step);
-  }
-  next_reneighbor = entered_ < order_.size() ? next_try() : -1;
+  bool tries = step % TRY_STEPS == 0;
+  for (; due_ < order_.size() && file_->entry(order_[due_]) <= step; due_++, tries = true)
+    waiting_.push_back(file_->read(order_[due_]));
+  if (tries) enter_waiting(half_step);
+  next_reneighbor = next_entry() < NEVER ? next_entry() : -1;
+}
+
+// Each by itself, in the order of their steps.
+void FixStones::enter_waiting(double half_step) {
+  std::vector<EnteringStone> left;
+  for (EnteringStone &stone : waiting_)
+    if (is_free(stone)) enter(stone, half_step);
+    else left.push_back(std::move(stone));
+  waiting_ = std::move(left);
 }
 
 bool FixStones::is_free(const EnteringStone &stone) const {
-  Vec low(1e30, 1e30, 1e30), high(-1e30, -1e30, -1e30);
-  double largest = 0;
-  for (int type = 1; type <= file_->types(); type++) largest = std::max(largest, file_->greatest_radius(type));
-  for (int k = 0; k < stone.count(); k++) {
-    const double *x = &stone.atoms[k * EnteringStone::ATOM_COLUMNS + 3];
-    low = {std::min(low.x, x[0]), std::min(low.y, x[1]), std::min(low.z, x[2])};
-    high = {std::max(high.x, x[0]), std::max(high.y, x[1]), std::max(high.z, x[2])};
-  }
+  const int count = stone.count();
+  auto place = [&](int k) { return Vec(&stone.atoms[k * EnteringStone::ATOM_COLUMNS + 3]); };
+  Vec center;
+  for (int k = 0; k < count; k++) center += 1.0 / count * place(k);
+  double range = 0, reach = 0;  // between centres that could touch; of what could touch the stone, from its centre
+  for (int type = 1; type <= file_->types(); type++) range = std::max(range, 2 * file_->greatest_radius(type));
+  for (int k = 0; k < count; k++) reach = std::max(reach, norm(place(k) - center) + range);
   bool is_free = true;
   auto see = [&](int, const double *x, const double *) {
-    const double range = 2 * largest;
-    if (!is_free || x[0] < low.x - range || x[0] > high.x + range || x[1] < low.y - range || x[1] > high.y + range ||
-        x[2] < low.z - range || x[2] > high.z + range)
-      return;
-    for (int k = 0; is_free && k < stone.count(); k++)
-      is_free = norm(Vec(x) - Vec(&stone.atoms[k * EnteringStone::ATOM_COLUMNS + 3])) > range;
+    if (!is_free || norm(Vec(x) - center) > reach) return;
+    for (int k = 0; is_free && k < count; k++) is_free = norm(Vec(x) - place(k)) > range;
   };
   for (int i = 0; i < atom->nlocal; i++) see(atom->tag[i], atom->x[i], atom->v[i]);
-  if (const auto *flying = fix_that_is<FlyingSpheres>(modify)) flying->each_in_flight(see);
+  if (const auto *flying = fix_that_is<FlyingSpheres>(modify)) flying->each_in_flight_near(center, reach, see);
   return is_free;
 }
 
@@ -224,8 +223,11 @@ void FixStones::save(CheckpointWriter &out) {
     rows.insert(rows.end(), {a + 0.0, g.tags + 0.0, g.kinetic, g.momentum_z, g.mass_height, g.bond_elastic,
                              g.pair_elastic});
   }
-  out.common("stones", {entered_ + 0.0, entered_kinetic_, entered_mass_height_});
+  out.common("stones", {due_ + 0.0, entered_kinetic_, entered_mass_height_});
   out.rows("stones_near", rows);
+  std::vector<double> waiting;
+  for (const EnteringStone &stone : waiting_) waiting.push_back(stone.agglomerate);
+  out.rows("stones_waiting", waiting);
 }
 
 // Before the set-up, so that the sub-spheres are there. Where they are, fixes checkpoint and free_flight know.
@@ -245,7 +247,9 @@ void FixStones::take_up(const CheckpointReader &in) {
     gone_[a] = {static_cast<int>(row[1]), row[2], row[3], row[4], row[5], row[6]};
     tags_near_ -= gone_[a].tags;
   }
-  entered_ = static_cast<size_t>(numbers[0]);
+  due_ = static_cast<size_t>(numbers[0]);
   entered_kinetic_ = numbers[1], entered_mass_height_ = numbers[2];
-  next_reneighbor = entered_ < order_.size() ? next_try() : -1;
+  waiting_.clear();
+  for (const double a : in.rows("stones_waiting", 1)) waiting_.push_back(file_->read(static_cast<int>(a)));
+  next_reneighbor = next_entry() < NEVER ? next_entry() : -1;
 }

@@ -20,7 +20,7 @@ namespace LAMMPS_NS {
 // A stream of stones (docs/stream.md). Each enters the arrays at its step, with its bonds and its surface, and fix
 // free_flight hands over what has left the plate for good. What a stone held when its last piece has gone is forgotten
 // as soon as the ledger has its last row. Where a stone is to enter and something is in the way, it enters as much
-// later. So memory and cost follow the stones that are near. The deck's `read_data` has no sub-spheres. The fix comes
+// later; those behind it do not wait for it. So memory and cost follow the stones that are near. The deck's `read_data` has no sub-spheres. The fix comes
 // after fixes bond/parallel and wall/plate and before free_flight. It works on one rank, as bodies in free flight do.
 //
 // `left` is a table with a row for each body that was taken out.
@@ -61,7 +61,8 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   std::unique_ptr<Agglomerates> agglomerates_;
   std::unique_ptr<StoneFile> file_;
   std::vector<int> order_;     // agglomerates by their step of entry
-  size_t entered_ = 0;         // how many of them have entered
+  size_t due_ = 0;             // how many of them have come to their step
+  std::vector<EnteringStone> waiting_;  // of those, what something is in the way of
   std::vector<int> near_, to_forget_;
   std::vector<Gone> gone_;     // by agglomerate
   int tags_near_ = 0;
@@ -71,10 +72,10 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
 
   void make_room_for_tags();
   void enter_until(bigint step, double half_step);
+  void enter_waiting(double half_step);
   void enter(const EnteringStone &, double half_step);
   bool is_free(const EnteringStone &) const;
   void add_atom(const EnteringStone &, int k, double half_step);
-  bigint next_try() const;
   void forget();
 };
 

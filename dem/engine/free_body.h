@@ -46,6 +46,7 @@ class FreeBody : public Outline {
     if (step_ != step) spheres_.clear();
     step_ = step;
   }
+  Vec center_at(bigint step) const { return motion.center(time(step)); }
   State state(const Part &p) {  // at the step of go_to
     const Rotation &turned = motion.attitude(time(step_));
     const Vec arm = turned(p.place), omega = motion.spin();

@@ -140,9 +140,13 @@ bool FixFreeFlight::has_left(const Outline &b) const {
   return highest < -outline_.reach;
 }
 
+bool FixFreeFlight::is_dust(const FreeBody &b) const {
+  return b.parts.size() < least_fragment_ && static_cast<int>(b.parts.size()) < agglomerates_->size(b.agglomerate);
+}
+
 void FixFreeFlight::take_out_those_that_left() {
   auto left = [&](const std::unique_ptr<FreeBody> &b) {
-    if (b->is_leaving || b->is_waking || !has_left(*b)) return false;
+    if (b->is_leaving || b->is_waking || !(has_left(*b) || is_dust(*b))) return false;
     stream_->take_out({b->agglomerate, static_cast<int>(b->parts.size()), b->mass, b->kinetic(), b->bond_elastic,
                        b->pair_elastic, b->center, b->velocity});
     return true;

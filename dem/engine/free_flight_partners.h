@@ -5,6 +5,7 @@
 namespace LAMMPS_NS {
 
 struct Rotation;
+struct Vec;
 
 // What fix free_flight must know of other fixes, and they need not know of it.
 
@@ -61,7 +62,10 @@ class FlyingSpheres {
  public:
   virtual ~FlyingSpheres() {}
   // Where each of them is and how it moves now, m and m/s. The flight goes on as if nobody had looked.
-  virtual void each_in_flight(const std::function<void(int tag, const double *x, const double *v)> &) const = 0;
+  using Visit = std::function<void(int tag, const double *x, const double *v)>;
+  virtual void each_in_flight(const Visit &) const = 0;
+  // Of bodies that come within `range` of a point, m.
+  virtual void each_in_flight_near(const Vec &point, double range, const Visit &) const = 0;
 };
 
 // What the run loop asks of fix free_flight.

@@ -26,8 +26,8 @@ class HeldBodies {
   void set_bonds(BodyMaker *bonds) { bonds_ = bonds; }
 
   // At a look: counts looks at which each body was still, and takes those that stay in the arrays although they were
-  // still for long enough, where `is_gentle` says that no encounter ahead
-  // pushes with more than the limit (N); of others it lets go. True if any changed.
+  // still for long enough, where `is_gentle` says that no encounter ahead pushes with more than the limit (N); of others
+  // it lets go. True if any changed.
   void count_still(const std::vector<ArrayBody> &);
   bool choose(std::vector<ArrayBody> &, const std::function<bool(ArrayBody &, double)> &is_gentle);
   void let_go(int label);           // if it is held

@@ -19,6 +19,7 @@ from dem.stones.assembly import Assembly, assemble
 from dem.stones.stone import Stone, entry_of, places_m
 from plate_fem.modes import PlateModes, plate_modes
 
+LATEST_ARRIVAL_s = 1e6  # up to which a number of DEM steps is exact
 MOST_RESIDUAL_POINTS = 32  # each adds a mode; a stream falls everywhere, and has none
 
 
@@ -62,7 +63,12 @@ class PreparedRun:
 
 def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
     """Stones that enter later need bodies in free flight, who say what has left, and those are known to one rank."""
-    late = [k for k, stone in enumerate(stones) if entry_of(stone, scene.gravity_vector_m_s2).is_late]
+    for k, stone in enumerate(stones):
+        if stone.arrival_s > LATEST_ARRIVAL_s:
+            raise InputError(f"{file}: stones: stone {k + 1} arrives at {stone.arrival_s:g} s: must be at most "
+                             f"{LATEST_ARRIVAL_s:g} s")
+    late = [k for k, stone in enumerate(stones)
+            if scene.stones.stream is not None or entry_of(stone, scene.gravity_vector_m_s2).is_late]
     for key, value, allowed, refused in (
             ("engine.np", scene.engine.np, "1", scene.engine.np > 1),
             ("time.free_flight_tolerance", scene.time.free_flight_tolerance, "above 0",

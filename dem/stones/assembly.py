@@ -37,6 +37,7 @@ class Assembly:
     `agglomerate` (n,) 0-based and ascending; `bond_first`, `bond_second` (m,) 0-based sub-spheres, `bond_vector_m`
     (m, 3) from first to second, `bond_radius_m` (m,), all in the undeformed state; `bond_strength_factor` (m,) on both
     strengths of the material. `surfaces`: of each agglomerate where stones touch as smooth bodies, else empty.
+    `is_of_stream`: the scene has a stream, even if all of its stones are there from the start.
     """
 
     stones: tuple[Stone, ...]
@@ -53,6 +54,7 @@ class Assembly:
     bond_radius_m: np.ndarray
     bond_strength_factor: np.ndarray
     surfaces: tuple[StoneSurface, ...] = ()
+    is_of_stream: bool = False
 
     @property
     def n_particles(self) -> int:
@@ -99,7 +101,7 @@ class Assembly:
     @property
     def is_stream(self) -> bool:
         """Do stones enter later than at the start, so that the engine takes them in and lets them go?"""
-        return any(entry.is_late for entry in self.entries)
+        return self.is_of_stream or any(entry.is_late for entry in self.entries)
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:
@@ -203,6 +205,7 @@ def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = Non
         bond_radius_m=np.concatenate([p.bonds.radius_m for p in parts]),
         bond_strength_factor=np.repeat([stone.strength_factor for stone in stones], bonds),
         surfaces=tuple(p.surface for p in parts if p.surface is not None),
+        is_of_stream=scene.stones.stream is not None,
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from analysis.records import one_line
 from common.cache import user_cache
 from common.files import read_sealed_json, seal, write_text
 from common.plate import FlexiblePlate, read_plate
@@ -56,6 +57,8 @@ class PlateModel:
     max_frequency_Hz: float
 
     def __post_init__(self) -> None:
+        if not np.isfinite(self.max_frequency_Hz) or self.frequency_Hz.ndim != 1 or self.frequency_Hz.size == 0:
+            raise RecognitionError("needs the frequency of at least one mode, and the highest")
         m, s = len(self.frequency_Hz), len(self.sensor_names)
         expected: dict[str, tuple[int, ...]] = {name: (m,) for name in WITHOUT_SIGN}
         expected |= {"sensor_m": (s, 2), "sensor_shape": (s, m), "rod_force_N_m": (len(self.rod_force_N_m), m),
@@ -68,6 +71,10 @@ class PlateModel:
                 raise RecognitionError(f"{name} must be finite" + ", and not negative" * (name in WITHOUT_SIGN))
         if (self.damping_ratio >= 1).any():
             raise RecognitionError("damping_ratio must be below 1")
+        for name in ("lines_x_m", "lines_y_m"):
+            lines = getattr(self, name)
+            if lines.ndim != 1 or lines.size < 4 or not (np.isfinite(lines).all() and (np.diff(lines) > 0).all()):
+                raise RecognitionError(f"{name} must be at least 4 rising numbers")
 
     @classmethod
     def from_scene(cls, scene: str | Path | FlexiblePlate, max_frequency_Hz: float, *, frequency_sd: float = 0.0,
@@ -160,10 +167,14 @@ def _decoded(cls: Any, content: dict[str, Any], file: Path) -> Any:
     names = {field.name for field in fields(PlateModel)}
     if content.pop("format", None) != FORMAT or set(content) - {"sha256"} != names:
         raise RecognitionError(f"{file}: not a plate model of this version; `python -m recognition tap` writes one")
-    m = len(content["frequency_Hz"])
-    kept = {"sensor_names": tuple(content["sensor_names"]), "max_frequency_Hz": float(content["max_frequency_Hz"])}
-    arrays = {name: np.array(content[name], float) for name in names - set(kept)}
-    return cls(**arrays | kept | {"rod_force_N_m": arrays["rod_force_N_m"].reshape(-1, m)})
+    try:
+        kept = {"sensor_names": tuple(map(str, content["sensor_names"])),
+                "max_frequency_Hz": float(content["max_frequency_Hz"])}
+        arrays = {name: np.array(content[name], float) for name in names - set(kept)}
+        arrays["rod_force_N_m"] = arrays["rod_force_N_m"].reshape(-1, arrays["frequency_Hz"].size)
+        return cls(**arrays | kept)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RecognitionError(f"{file}: no plate model: {one_line(str(error))}") from None
 
 
 def _lines(side_m: float, wavenumber_1_m: float) -> Floats:

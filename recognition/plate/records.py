@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from analysis.readers import read_table
-from analysis.records import sample_rate_Hz
+from analysis.records import RecordError, sample_rate_Hz
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
+
+MOST = 1e30  # of a sample in its unit
+LEAST_SAMPLES = 64  # the filters need a run-up
 
 
 def read_accelerations(path: str | Path, plate: PlateModel) -> tuple[pd.DataFrame, Floats, float]:
@@ -22,5 +26,22 @@ def read_accelerations(path: str | Path, plate: PlateModel) -> tuple[pd.DataFram
     for name in ("t_s", *names):
         if name not in table.columns:
             raise RecognitionError(f"{path}: no column {name!r}; needs t_s, {', '.join(names)}")
-    rate_Hz = sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{path}: t_s")
-    return table, table[names].to_numpy(dtype=float).T, rate_Hz
+    rate_Hz = sample_rate_Hz(numbers(table, "t_s", path), f"{path}: t_s")
+    return table, np.array([numbers(table, name, path) for name in names]), rate_Hz
+
+
+def numbers(table: pd.DataFrame, name: str, source: object) -> Floats:
+    """The samples (t,) of a column. RecordError for fewer than LEAST_SAMPLES, for one that is not finite or above MOST,
+    and for two columns of this name."""
+    column = table[name]
+    try:
+        values = np.asarray(column.to_numpy(dtype=float), float)
+    except (TypeError, ValueError):
+        raise RecordError(f"{source}: {name}: must be numbers") from None
+    if values.ndim != 1:
+        raise RecordError(f"{source}: {name}: is there {values.shape[1]} times; must be there once")
+    if values.size < LEAST_SAMPLES:
+        raise RecordError(f"{source}: {name}: {values.size} samples; needs at least {LEAST_SAMPLES}")
+    if not (abs(values) <= MOST).all():  # of which squares and products are still numbers
+        raise RecordError(f"{source}: {name}: every sample must be finite, and at most {MOST:g}")
+    return values

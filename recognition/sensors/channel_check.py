@@ -56,7 +56,7 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
     if not np.isfinite(signals).all():
         raise RecognitionError("a sample is not finite")
     names = plate.sensor_names
-    refused = [f"{names[i]}: {why}" for i in range(len(names)) if (why := _dead_or_clipped(signals, i))]
+    refused = [f"{names[i]}: {why}" for i in range(len(names)) if (why := dead_or_clipped(signals, i))]
     onset = _onset(signals)
     bends = plate.rms_shape > 0.3 * plate.rms_shape.max()
     hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
@@ -72,7 +72,7 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
     return ChannelReport(clean, hum, ringing, tuple(told), tuple(refused))
 
 
-def _dead_or_clipped(signals: Floats, i: int) -> str:
+def dead_or_clipped(signals: Floats, i: int) -> str:
     """Why channel i cannot be used by itself, "" if it can."""
     x = signals[i]
     others = np.delete(signals, i, axis=0)

@@ -1,8 +1,11 @@
-"""Signature of one stone in the innovations, as a function of its arrival, duration, place and impulse."""
+"""Signature of one stone in the innovations, as a function of its arrival, duration, place, breaking and impulse."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -15,14 +18,17 @@ from recognition.stream.whitening import Whitening
 LAGS, FIT_LAGS = 160, 56  # samples of a signature: all, and those by which a stone is fitted
 HIGHEST_SHARE = 0.6  # of the sample rate: modes above it are felt no more
 SHAPE_STEP_M = 2.5e-3  # of the grid of shapes; between its points they are linear
-TIME, DURATION, X, Y, IMPULSE = range(5)  # of a stone's parameters: samples, log s, m, m, log N s
+KEPT = 64  # signatures
+TIME, DURATION, X, Y, BREAKING, IMPULSE = range(6)  # of a stone's parameters: samples, log s, m, m, 1, log N s
+PARAMETERS = 6
 
 
 @dataclass(frozen=True)
 class Bank:
-    """table (material, duration, phase, n, LAGS c): innovations of a unit impulse on mode n, channel fastest; fitted:
-    their first FIT_LAGS samples.
+    """Innovations of unit impulses on the modes, channel fastest.
 
+    table (form, duration, phase, n, LAGS c); fitted (duration, phase, 4, n, FIT_LAGS c): of the first form with its
+    slopes by time (samples) and log duration, and of the second form.
     shapes (nx, ny, 3, n): shapes and their slopes along x and y on a grid from -half_m (2,) on.
     """
 
@@ -42,8 +48,8 @@ class Bank:
         if channels.rods:
             table += _whitened(modal_table(plate, forces, rate_Hz, LAGS, amplitude=True), amplitude, whitening)
         half = np.array([plate.lines_x_m[-1], plate.lines_y_m[-1]])
-        fitted = np.ascontiguousarray(table[..., :FIT_LAGS * len(acceleration)])
-        return cls(table, fitted, _shapes(plate, half), half, rate_Hz, len(acceleration))
+        fitted = _with_slopes(table[..., :FIT_LAGS * len(acceleration)])
+        return cls(table[:, :, 1:-1], fitted, _shapes(plate, half), half, rate_Hz, len(acceleration))
 
     @property
     def phases(self) -> int:
@@ -51,35 +57,58 @@ class Bank:
 
     def shape_at(self, x_m: float, y_m: float) -> Floats32:
         """(3, n): shapes at a place, and their slopes."""
-        nodes, far = [], []
-        for at, half, count in zip((x_m, y_m), self.half_m.tolist(), self.shapes.shape[:2], strict=True):
-            nodes.append(min(max(round((at + half) / SHAPE_STEP_M), 0), count - 1))
-            far.append(np.float32(at + half - nodes[-1] * SHAPE_STEP_M))
-        found = self.shapes[nodes[0], nodes[1]].copy()
-        found[0] += far[0] * found[1] + far[1] * found[2]
+        i, x_far_m = self._grid_node(0, x_m)
+        j, y_far_m = self._grid_node(1, y_m)
+        found: Floats32 = self.shapes[i, j].copy()
+        found[0] += x_far_m * found[1] + y_far_m * found[2]
         return found
 
-    def signature(self, material: int, stone: Floats, lags: int = FIT_LAGS) -> tuple[int, Floats]:
-        """First sample, and the signature with its derivatives by the parameters (6, lags c)."""
-        time, log_duration, x_m, y_m, log_impulse = stone.tolist()
-        k, beta = _node((log_duration - _LOG_FIRST) / _LOG_STEP, len(DURATIONS_S))
-        first = int(np.floor(time))
-        p, alpha = _node((time - first) * self.phases, self.phases + 1)
-        shape, columns = self.shape_at(x_m, y_m), lags * self.channels
-        table = self.fitted if lags == FIT_LAGS else self.table
-        at = [[shape @ table[material, k + i, p + j] for j in (0, 1)] for i in (0, 1)]  # (3, columns) each
-        early, late = ((1 - beta) * at[0][j] + beta * at[1][j] for j in (0, 1))
-        out = np.empty((6, columns))
-        both = (1 - alpha) * early + alpha * late
-        out[0], out[1 + X], out[1 + Y] = both
-        out[1 + TIME] = (late[0] - early[0]) * self.phases
-        slope = [at[1][j][0] - at[0][j][0] for j in (0, 1)]
-        out[1 + DURATION] = ((1 - alpha) * slope[0] + alpha * slope[1]) / _LOG_STEP
-        out *= np.exp(log_impulse)
-        out[1 + IMPULSE] = out[0]
+    def _grid_node(self, axis: int, at_m: float) -> tuple[int, float]:
+        """Node of the grid of shapes that is nearest, and how far it is."""
+        from_end_m = at_m + float(self.half_m[axis])
+        node = min(max(round(from_end_m / SHAPE_STEP_M), 0), self.shapes.shape[axis] - 1)
+        return node, from_end_m - node * SHAPE_STEP_M
+
+    def signature(self, stone: Floats) -> tuple[int, Floats32]:
+        """First sample, and the signature over FIT_LAGS with its derivatives by the parameters (7, FIT_LAGS c)."""
+        return self._kept(*stone.tolist())
+
+    @cached_property
+    def _kept(self) -> Callable[..., tuple[int, Floats32]]:
+        """`_signature`; the last ones are kept, since a fit to several stones asks for the same again."""
+        return lru_cache(KEPT)(self._signature)
+
+    def _signature(self, time: float, log_duration: float, x_m: float, y_m: float, breaking: float,
+                   log_impulse: float) -> tuple[int, Floats32]:
+        first, (k, k_off), (p, p_off) = self._nodes(time, log_duration)
+        rows = self.shape_at(x_m, y_m) @ self.fitted[k, p]  # (4, 3, FIT_LAGS c)
+        weights = np.zeros((4, 4))
+        weights[0] = 1.0, p_off / self.phases, k_off * _LOG_STEP, breaking
+        weights[[1, 2, 3], [1, 2, 3]] = 1.0
+        rows = (math.exp(log_impulse) * weights).astype(np.float32) @ rows.reshape(4, -1)
+        return first - LEAD, rows.reshape(12, -1)[_ROWS]
+
+    def whole(self, stone: Floats) -> tuple[int, Floats32]:
+        """First sample, and the signature over LAGS (LAGS c,)."""
+        time, log_duration, x_m, y_m, breaking, log_impulse = stone.tolist()
+        first, (k, b), (p, a) = self._nodes(time, log_duration)
+        i, j = k + (1 if b > 0 else -1), p + (1 if a > 0 else -1)
+        at = math.exp(log_impulse) * self.shape_at(x_m, y_m)[0]
+        out = (1 - abs(a) - abs(b)) * (at @ self.table[0, k, p]) + breaking * (at @ self.table[1, k, p])
+        for share, node in ((abs(b), (i, p)), (abs(a), (k, j))):
+            if share > 0:
+                out += share * (at @ self.table[0, node[0], node[1]])
         return first - LEAD, out
 
+    def _nodes(self, time: float, log_duration: float) -> tuple[int, tuple[int, float], tuple[int, float]]:
+        """Whole sample, then the nearest node of durations and of phases, with how far it is in their steps."""
+        first = math.floor(time)
+        return (first, _nearest((log_duration - _LOG_FIRST) / _LOG_STEP, len(DURATIONS_S)),
+                _nearest((time - first) * self.phases, self.phases + 1))
 
+
+#: Of (value, slopes by time, duration and breaking) x (shape, its slopes along x and y): value, TIME ... IMPULSE.
+_ROWS = np.array([0, 3, 6, 1, 2, 9, 0])
 _LOG_FIRST = float(np.log(DURATIONS_S[0]))
 _LOG_STEP = float(np.log(DURATIONS_S[1] / DURATIONS_S[0]))
 
@@ -93,15 +122,23 @@ def _below(plate: PlateModel, limit_Hz: float) -> PlateModel:
     return replace(plate, **arrays)
 
 
-def _node(position: float, count: int) -> tuple[int, float]:
-    """Node below a position on a grid of `count` nodes, and the share of the next; beyond the ends it stops."""
+def _nearest(position: float, count: int) -> tuple[int, float]:
+    """Node nearest to a position on a grid of `count` nodes, and how far it is; beyond the ends it stops."""
     position = min(max(position, 0.0), count - 1.0)
-    k = min(int(position), count - 2)
+    k = round(position)
     return k, position - k
 
 
+def _with_slopes(table: Floats32) -> Floats32:
+    """(duration, phase, 4, n, columns) of a table whose first and last phase are outside the sample."""
+    value, phases = table[0], table.shape[2] - 3
+    by_time = (value[:, 2:] - value[:, :-2]) * (phases / 2)
+    by_duration = np.gradient(value, _LOG_STEP, axis=0)[:, 1:-1]
+    return np.stack([value[:, 1:-1], by_time, by_duration, table[1, :, 1:-1]], axis=2)
+
+
 def _whitened(modal: Floats32, observed: Floats, whitening: Whitening) -> Floats32:
-    """Innovations (..., n, LAGS c) of the modes' responses (material, duration, phase, n, LAGS), downwards."""
+    """Innovations (..., n, LAGS c) of the modes' responses (form, duration, phase, n, LAGS), downwards."""
     by_mode = -np.einsum("dcl,cn->ndl", whitening.response[:, :, :LAGS], observed)
     spectrum = np.fft.rfft(by_mode, 2 * LAGS)
     m, k, p, n, _ = modal.shape

@@ -2,44 +2,69 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.listen import Listener
+from recognition.estimation.errors import NotRecognised
+from recognition.sensors.channel_check import dead_or_clipped
+from recognition.stream.listen import Heard, Listener
 
 HUM_Hz = (50.0, 60.0)
+UNLIKE = -3.0  # log evidence of a stone, against all that is conceivable, below which it is none of those that are told
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The most that a record may have, docs/listening.md says from which records."""
+    """The most that a record may have: about three times the most of good records (docs/listening.md). gain, silence:
+    deviation from one; a gain of 5 % does no harm."""
 
-    unexplained: float = 0.15
-    gain: float = 0.15
+    unexplained: float = 0.05
+    gain: float = 0.1
+    unlike: float = 0.05
+    silence: float = 0.15
 
 
 @dataclass(frozen=True)
 class Checks:
     """unexplained: share of the innovations' energy above that of noise that no stone explains. gain (c,): of each
-    channel, relative to what the stones make of all channels."""
+    channel, relative to what the stones make of all channels. unlike: share of stones that are none of the sizes,
+    speeds and materials that there should be. silence: variance of the innovations at the beginning, where only noise
+    should be, over what the filter makes of white noise."""
 
     unexplained: float
     gain: Floats
+    unlike: float
+    silence: float
 
     @classmethod
-    def of(cls, listener: Listener) -> Checks:
+    def of(cls, listener: Listener, heard: Sequence[Heard], silent: int, of_noise: float) -> Checks:
+        """silent: samples at the beginning in which nothing should have fallen; of_noise: variance of the innovations
+        of the sensors' noise."""
         whole, left = (values[:, :listener.end] for values in (listener.whole, listener.left))
         explained = whole - left
         gain = np.sum(whole * explained, axis=1) / np.maximum(np.sum(explained**2, axis=1), 1e-300)
-        return cls(listener.unexplained(listener.end), gain)
+        evidence = np.array([h.log_evidence.max() for h in heard])
+        return cls(listener.unexplained(listener.end), gain, float(np.mean(evidence < UNLIKE)) if heard else 0.0,
+                   float(np.mean(whole[:, :silent] ** 2)) / of_noise)
 
     def reason(self, limits: Limits = Limits()) -> str:
         """Which limits are exceeded, "" if none is."""
         found = [(f"{self.unexplained:.0%} of what happened is unexplained", self.unexplained, limits.unexplained),
-                 ("a channel's gain is off", float(np.max(np.abs(self.gain - 1))), limits.gain)]
+                 ("a channel's gain is off", float(np.max(np.abs(self.gain - 1))), limits.gain),
+                 (f"{self.unlike:.0%} of the stones have other sizes, speeds or materials than they should",
+                  self.unlike, limits.unlike),
+                 ("the record does not begin with silence", abs(self.silence - 1), limits.silence)]
         return "; ".join(f"{text}, limit {limit:g}" for text, value, limit in found if value > limit)
+
+
+def refuse_faulty(accelerations: Floats, names: Sequence[str]) -> None:
+    """Raises NotRecognised, one line, for accelerometers (c, samples) that are dead or clipped."""
+    found = [f"{name}: {why}" for i, name in enumerate(names) if (why := dead_or_clipped(accelerations, i))]
+    if found:
+        raise NotRecognised("; ".join(found))
 
 
 def without_offset_and_hum(values: Floats, rate_Hz: float) -> Floats:

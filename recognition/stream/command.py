@@ -15,8 +15,9 @@ from common.files import written_whole
 from common.output_directory import at_work_in
 from common.parquet import write_parquet
 from recognition.estimation.arrays import Floats
-from recognition.estimation.errors import RecognitionError
+from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
+from recognition.plate.records import numbers
 from recognition.stream.law_file import load_forces
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
@@ -36,7 +37,11 @@ def listen(arguments: argparse.Namespace) -> int:
     for name in ("window", "step"):
         if not 0 < getattr(arguments, name) < 1e6:
             raise RecognitionError(f"--{name} {getattr(arguments, name):g}: must be a time above 0 s")
-    found = recognise_stream(plate, channels, prior, values)
+    try:
+        found = recognise_stream(plate, channels, prior, values)
+    except NotRecognised as error:
+        print(f"REFUSED: {error}")
+        return 3
     stones = found.stones.assign(t_s=found.stones["t_s"] + float(table["t_s"].iloc[0]))
     refused = found.refused
     out = Path(arguments.out)
@@ -74,12 +79,12 @@ def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Ch
     rods = [k for k in range(len(plate.rod_force_N_m)) if f"rod_{k + 1}_N" in table.columns]
     if "t_s" not in table.columns or not here:
         raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
-    rate_Hz = sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{source}: t_s")
+    rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s")
     if rate_Hz < RATE_Hz * (1 - 1e-3):
         raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}")
     columns = [names[k] for k in here] + [f"rod_{k + 1}_N" for k in rods]
     rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < 1e-3 else round(rate_Hz)
-    records = [Record(table[name].to_numpy(dtype=float), rate_Hz, name=f"{source}: {name}") for name in columns]
+    records = [Record(numbers(table, name, source), rate_Hz, name=f"{source}: {name}") for name in columns]
     if rate_Hz != RATE_Hz:
         records = [resample(record, RATE_Hz) for record in records]
     return Channels(tuple(here), tuple(rods)), np.array([record.values for record in records])

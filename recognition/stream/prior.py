@@ -1,7 +1,8 @@
 """What is known of a stone before it is heard, and the material that follows from its fit.
 
-Radius and speed are uniform between limits (all stones of one size or speed: equal limits). Duration and impulse of a
-stone of given material, radius and speed are those of `StoneForces`.
+Radius and speed are uniform between limits (all stones of one size or speed: equal limits). Duration, breaking and
+impulse of a stone of given material, radius and speed are those of `StoneForces`. A fit uses a wide Gaussian over both
+materials in their place, so that one fit serves both.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from functools import cached_property
 import numpy as np
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.bank import DURATION, IMPULSE
+from recognition.stream.bank import BREAKING, DURATION, IMPULSE
 from recognition.stream.forces import MATERIALS, StoneForces
 
 NODES = 12  # of radius and of speed
+WIDER = 2.0  # the covariance of the wide Gaussian, by that of all that there is
+TRIPLE = [DURATION, BREAKING, IMPULSE]  # of a stone's parameters
 
 
 @dataclass(frozen=True)
@@ -36,49 +39,73 @@ class StonePrior:
 
     @cached_property
     def means(self) -> Floats:
-        """(material, nodes, 2): mean of log s and log J."""
-        return np.array([self.forces.mean_log(m, *self.grid.T).T for m in range(len(MATERIALS))])
+        """(material, nodes, 3): mean of log s, b and log J."""
+        return np.array([self.forces.mean(m, *self.grid.T) for m in range(len(MATERIALS))])
 
     @cached_property
-    def _gaussians(self) -> list[tuple[Floats, Floats, float]]:
-        """Mean, precision and its log determinant of (log s, log J) of each material, wider than the limits say."""
-        spread = [np.atleast_2d(np.cov(mean.T, bias=True)) if len(mean) > 1 else np.zeros((2, 2))
-                  for mean in self.means]
-        precision = [np.linalg.inv(2 * cov + scatter) for cov, scatter in zip(spread, self.forces.scatter, strict=True)]
-        return [(mean.mean(axis=0), p, float(np.linalg.slogdet(p)[1]))
-                for mean, p in zip(self.means, precision, strict=True)]
+    def scatter(self) -> Floats:
+        """(material, nodes, 3, 3): covariance about those means, and by the distance of the nodes of the grid."""
+        found = [self.forces.scatter_at(m, self.grid[:, 1]) + _between(mean, self.grid)
+                 for m, mean in enumerate(self.means)]
+        return np.array(found)
 
-    def typical(self, material: int) -> Floats:
-        """(2,): mean of log s and log J."""
-        return self._gaussians[material][0]
+    @cached_property
+    def typical(self) -> Floats:
+        """(3,): mean of log s, b and log J of all stones."""
+        return np.asarray(self.means.reshape(-1, 3).mean(axis=0))
 
-    def gaussian(self, material: int, stone: Floats) -> tuple[float, Floats, Floats]:
-        """Minus the log of the wide Gaussian prior at a stone's log s and log J, its slope (2,), and precision."""
-        mean, precision, log_determinant = self._gaussians[material]
-        off = stone[[DURATION, IMPULSE]] - mean
-        slope = precision @ off
-        return 0.5 * (float(off @ slope) - log_determinant), slope, precision
+    @cached_property
+    def precision(self) -> Floats:
+        """(3, 3): of the wide Gaussian about `typical`."""
+        spread = np.cov(self.means.reshape(-1, 3).T, bias=True)
+        return np.asarray(np.linalg.inv(WIDER * (spread + self.scatter.mean(axis=(0, 1)))))
+
+    @cached_property
+    def _log_determinant(self) -> float:
+        return float(np.linalg.slogdet(self.precision)[1])
+
+    def gaussian(self, stones: Floats) -> tuple[float, Floats]:
+        """Minus the log of the wide Gaussian at stones (k, 6), and its slopes (k, 3)."""
+        off = stones[:, TRIPLE] - self.typical
+        slopes = off @ self.precision
+        return 0.5 * (float(np.sum(off * slopes)) - len(stones) * self._log_determinant), slopes
+
+    @cached_property
+    def _inner(self) -> Floats:
+        return np.asarray(np.linalg.inv(self.scatter))
 
     def evidence(self, material: int, estimate: Floats, covariance: Floats) -> tuple[float, Floats]:
         """Logarithm of the factor by which the true prior changes the evidence of a fit made with the wide one, and the
         weights of the grid (nodes,).
 
-        estimate (2,), covariance (2, 2): of log s and log J with the wide prior. The likelihood alone is the quotient
-        of that Gaussian and the wide prior.
+        estimate (3,), covariance (3, 3): of log s, b and log J with the wide prior. The likelihood alone is the
+        quotient of that Gaussian and the wide prior.
         """
-        wide_mean, wide, log_wide_precision = self._gaussians[material]
         posterior = np.linalg.inv(covariance)
-        likelihood = posterior - wide  # precision; may be singular, never below zero but for rounding
-        information = posterior @ estimate - wide @ wide_mean
-        inner = np.linalg.inv(self.forces.scatter[material])
-        means = self.means[material]
+        likelihood = posterior - self.precision  # singular at worst, never below zero but for rounding
+        information = posterior @ estimate - self.precision @ self.typical
+        inner, means = self._inner[material], self.means[material]
         total = likelihood + inner
-        linear = information + means @ inner
-        log_node = (0.5 * np.einsum("ni,ni->n", linear, np.linalg.solve(total, linear.T).T)
-                    - 0.5 * np.einsum("ni,ij,nj->n", means, inner, means)
-                    + 0.5 * np.linalg.slogdet(inner)[1] - 0.5 * np.linalg.slogdet(total)[1])
-        log_wide = (0.5 * (posterior @ estimate) @ estimate - 0.5 * (wide @ wide_mean) @ wide_mean
-                    + 0.5 * log_wide_precision - 0.5 * np.linalg.slogdet(posterior)[1])
+        from_means = np.einsum("nij,nj->ni", inner, means)
+        linear = information + from_means
+        log_node = 0.5 * (np.sum(linear * np.linalg.solve(total, linear[..., None])[..., 0], axis=1)
+                          - np.sum(means * from_means, axis=1)
+                          + np.linalg.slogdet(inner)[1] - np.linalg.slogdet(total)[1])
+        log_wide = 0.5 * ((posterior @ estimate) @ estimate - (self.precision @ self.typical) @ self.typical
+                          + self._log_determinant - np.linalg.slogdet(posterior)[1])
         top = log_node.max()
         weight = np.exp(log_node - top)
         return float(top + np.log(weight.mean()) - log_wide), weight / weight.sum()
+
+
+def _between(mean: Floats, grid: Floats) -> Floats:
+    """(nodes, 3, 3): covariance of the means within a cell of the grid, each axis uniform."""
+    total = np.zeros((len(mean), 3, 3))
+    for axis in (0, 1):
+        values = np.unique(grid[:, axis])
+        if len(values) > 1:
+            step = values[1] - values[0]
+            along = mean.reshape(*(len(np.unique(grid[:, k])) for k in (0, 1)), 3)
+            slope = np.gradient(along, step, axis=axis).reshape(-1, 3) * step
+            total += np.einsum("ni,nj->nij", slope, slope) / 12
+    return total

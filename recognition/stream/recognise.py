@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import Bank
-from recognition.stream.checks import Checks, without_offset_and_hum
+from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
 from recognition.stream.listen import WINDOW, Heard, Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.retuning import retuned
@@ -34,13 +35,15 @@ LEAST_FREQUENCY_SD = 0.003
 
 @dataclass(frozen=True)
 class Recognised:
-    """Stones of a record (columns of `recognition.stream.stones`), how each was heard, and the plate as it rang."""
+    """Stones of a record (columns of `recognition.stream.stones`), how each was heard, and the plate as it rang.
+    hearing_s: processor time from the record to the stones, without what is done once for a plate."""
 
     stones: pd.DataFrame
     heard: list[Heard]
     plate: PlateModel
     noise: Floats
     checks: Checks
+    hearing_s: float
 
     @property
     def refused(self) -> str:
@@ -53,8 +56,10 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods.
 
     noise (c,): standard deviation of the sensors' white noise; None: that of the first SILENCE_S.
-    RecognitionError for a channel without noise, or without a signal.
+    NotRecognised for a channel that is dead or clipped, RecognitionError for one without noise, or without a signal.
     """
+    names = [plate.sensor_names[k] for k in channels.accelerometers]
+    refuse_faulty(values[:len(names)], names)
     values = without_offset_and_hum(values, RATE_Hz)
     if plate.max_frequency_Hz < RATE_Hz / 2:
         raise RecognitionError(f"the plate has modes up to {plate.max_frequency_Hz:g} Hz; needs {RATE_Hz / 2:g}")
@@ -62,13 +67,15 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     rms = np.sqrt(np.mean(values**2, axis=1))
     if not np.all(noise > 0) or not np.all(rms > noise):
         raise RecognitionError("a channel has no noise at all, or nothing but noise")
-    if plate.frequency_sd.max() > LEAST_FREQUENCY_SD:
+    if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:  # it was not tapped
         plate = retuned(plate, channels, values, RATE_Hz, noise)
     plate = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
     listener, whitening = listener_of(plate, channels, prior, noise, rms)
+    began_s = process_time()
     heard = listener.hear(whitening(values))
     return Recognised(stone_table(heard, prior, RATE_Hz, LEAST_DOUBT), heard, plate, noise,
-                      Checks.of(listener))
+                      Checks.of(listener, heard, round(SILENCE_S * RATE_Hz), whitening.variance_of(noise)),
+                      process_time() - began_s)
 
 
 def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise: Floats,

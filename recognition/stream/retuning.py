@@ -65,22 +65,20 @@ class _Spectrum:
 
 
 def retuned(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: float, noise: Floats) -> PlateModel:
-    """The plate with the frequencies and damping ratios that a record (c, samples) of accelerometers shows, and the
-    standard deviations that are left. noise (c,): standard deviation of white sensor noise.
+    """The plate with the frequencies and damping ratios that a record (c, samples) of accelerometers shows. noise (c,):
+    standard deviation of white sensor noise.
 
-    A mode that the record does not show keeps its value and its standard deviation.
+    A mode that the record does not show keeps its values, and all keep their standard deviations.
     """
     kept = np.flatnonzero((plate.frequency_Hz > 0) & (plate.frequency_Hz < 0.5 * rate_Hz))
     problem = _problem(plate, channels, kept, values, rate_Hz, noise)
     n = len(kept)
     x = np.concatenate([np.zeros(2 * n), _first_level(problem)])
     found = minimize(problem.cost, x, jac=True, method="L-BFGS-B", options={"maxiter": 150, "maxcor": 20})
-    left = _left(problem, found.x)
-    frequency, damping, sd = plate.frequency_Hz.copy(), plate.damping_ratio.copy(), plate.frequency_sd.copy()
+    frequency, damping = plate.frequency_Hz.copy(), plate.damping_ratio.copy()
     frequency[kept] *= np.exp(problem.sd[0] * found.x[:n])
     damping[kept] *= np.exp(problem.sd[1] * found.x[n:2 * n])
-    sd[kept] = problem.sd[0] * left
-    return replace(plate, frequency_Hz=frequency, damping_ratio=damping, frequency_sd=sd)
+    return replace(plate, frequency_Hz=frequency, damping_ratio=damping)
 
 
 def _problem(plate: PlateModel, channels: Channels, kept: np.ndarray, values: Floats, rate_Hz: float,
@@ -119,14 +117,3 @@ def _first_level(problem: _Spectrum) -> Floats:
     model = a @ (problem.shape**2).sum(axis=0)
     signal = np.maximum(np.einsum("kcc->k", problem.spectrum), 1e-3 * problem.noise.sum())
     return np.asarray(np.linalg.lstsq(problem.smooth, np.log(signal / model), rcond=None)[0])
-
-
-def _left(problem: _Spectrum, x: Floats) -> Floats:
-    """Standard deviation (n,) of each log f in units of its prior, from the curvature of the cost by differences."""
-    n, left = problem.shape.shape[1], np.empty(problem.shape.shape[1])
-    for j in range(n):
-        step = np.zeros_like(x)
-        step[j] = 0.05
-        curvature = (problem.cost(x + step)[1][j] - problem.cost(x - step)[1][j]) / 0.1
-        left[j] = 1 / np.sqrt(max(curvature, 1.0))
-    return left

@@ -5,23 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from recognition.estimation.arrays import Floats
 from recognition.stream.bank import Bank
-from recognition.stream.fit import Found
 from recognition.stream.prior import StonePrior
-from recognition.stream.signatures import DURATIONS_S, LEAD
+from recognition.stream.signatures import DURATIONS_S, LEAD, Floats32
 
 SPACING_M = 0.03
+LOST = 0.01  # of the energy of the signatures, that the basis leaves out
 STARTS, APART_M = 2, 0.04  # places from which a fit starts, and how far they are apart
 
 
 @dataclass(frozen=True)
 class Dictionary:
-    """signatures (k, FIT_LAGS c) of unit length, with their lengths (k,), places (k, 2), phases and log durations
-    (k,)."""
+    """signatures (k, r) of unit length in a basis (FIT_LAGS c, r) that nearly spans them, with their lengths (k,),
+    places (k, 2), phases and log durations (k,)."""
 
-    signatures: Floats
+    signatures: Floats32
+    basis: Floats32
     length: Floats
     place_m: Floats
     phase: Floats
@@ -36,38 +38,50 @@ class Dictionary:
         parts, labels = [], []
         for k in _durations(prior):
             for p in (0, bank.phases // 2):
-                parts.append(shape @ bank.fitted[0, k, p])
+                parts.append(shape @ bank.fitted[k, p, 0])
                 labels.append(np.column_stack([places, np.full(len(places), p / bank.phases),
                                                np.full(len(places), np.log(DURATIONS_S[k]))]))
         rows, label = np.vstack(parts), np.vstack(labels)
         length = np.linalg.norm(rows, axis=1)
-        return cls(rows / length[:, None], length, label[:, :2], label[:, 2], label[:, 3])
+        unit = rows / length[:, None]
+        basis = _basis(unit)
+        return cls(unit @ basis, basis, length, label[:, :2], label[:, 2], label[:, 3])
 
-    def starts(self, values: Floats, first: int, candidates: range) -> tuple[float, list[Found]]:
+    def starts(self, values: Floats, first: int, candidates: range) -> tuple[float, list[Floats]]:
         """Greatest gain in the log likelihood, and up to STARTS stones to start a fit from.
 
         values (c, samples) from sample `first` on; candidates: samples in which the centre of the force may lie.
         """
-        c, columns = len(values), self.signatures.shape[1]
-        flat = np.ascontiguousarray(values.T).ravel()
-        begin = [(k - LEAD - first) * c for k in candidates]
-        blocks = np.array([flat[b:b + columns] for b in begin], dtype=np.float32)
-        product = blocks @ self.signatures.T
-        best_time, best = product.argmax(axis=0), product.max(axis=0)
-        chosen: list[int] = []
-        for k in np.argsort(-best):
-            if all(np.hypot(*(self.place_m[k] - self.place_m[j])) > APART_M for j in chosen):
-                chosen.append(int(k))
-            if len(chosen) == STARTS or best[k] < 0.5 * best[chosen[0]]:
+        c, columns = len(values), len(self.basis)
+        flat = np.ascontiguousarray(values.T, dtype=np.float32).ravel()
+        begin = (candidates.start - LEAD - first) * c
+        spanned = flat[begin:begin + columns + (len(candidates) - 1) * c]
+        blocks = np.ascontiguousarray(sliding_window_view(spanned, columns)[::c])
+        product = self.signatures @ (blocks @ self.basis).T
+        best_time = product.argmax(axis=1)
+        best = product[np.arange(len(product)), best_time]
+        chosen, left = [int(best.argmax())], best.copy()
+        while len(chosen) < STARTS:
+            left[np.hypot(*(self.place_m - self.place_m[chosen[-1]]).T) <= APART_M] = 0
+            k = int(left.argmax())
+            if left[k] < 0.9 * best[chosen[0]]:
                 break
-        found = [Found(0, np.array([candidates[best_time[k]] + self.phase[k], self.log_duration[k], *self.place_m[k],
-                                    np.log(max(best[k], 1e-9) / self.length[k])])) for k in chosen]
+            chosen.append(k)
+        found = [np.array([candidates[best_time[k]] + self.phase[k], self.log_duration[k], *self.place_m[k], 0.0,
+                           np.log(max(best[k], 1e-9) / self.length[k])]) for k in chosen]
         return 0.5 * float(best[chosen[0]]) ** 2, found
 
 
+def _basis(unit: Floats32) -> Floats32:
+    """(FIT_LAGS c, r): principal directions of unit signatures."""
+    power, directions = np.linalg.eigh(unit.T @ unit)
+    left_out = int(np.searchsorted(np.cumsum(power), LOST * power.sum()))
+    return np.ascontiguousarray(directions[:, left_out:])
+
+
 def _durations(prior: StonePrior) -> list[int]:
-    """Nodes of the table that cover the durations of the prior, about 1.3 apart."""
+    """Nodes of the table that cover the durations of the prior, about 1.6 apart."""
     logs = prior.means[:, :, 0]
     low, high = (np.interp(v, np.log(DURATIONS_S), np.arange(len(DURATIONS_S))) for v in (logs.min(), logs.max()))
-    count = max(1, int(np.ceil((high - low) / 2)) + 1)
-    return sorted({int(round(v)) for v in np.linspace(low, high, count)})
+    count = max(1, int(np.ceil((high - low) / 3)))
+    return sorted({int(round(low + (high - low) * (k + 0.5) / count)) for k in range(count)})

@@ -12,16 +12,17 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, lfilter, resample_poly
+from scipy.signal import cont2discrete, firwin, lfilter, resample_poly
 
 from recognition.estimation.arrays import Floats
+from recognition.plate.modal_steps import Modes
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.forces import MATERIALS, StoneForces
+from recognition.stream.forces import StoneForces
 
 Floats32: TypeAlias = NDArray[np.float32]
 FINE_S = 5e-6
 #: Durations for which the responses are tabulated; between them and between the arrivals they are interpolated.
-DURATIONS_S = np.geomspace(14e-6, 90e-6, 12)
+DURATIONS_S = np.geomspace(14e-6, 90e-6, 18)
 LEAD = 12  # samples of a signature before the centre of the force: half its length, and the low pass
 
 
@@ -39,7 +40,7 @@ class Channels:
         return np.vstack([shape, 0 * rods]), np.vstack([0 * shape, rods])
 
 
-def modal_motion(plate: PlateModel, force: Floats, step_s: float, amplitude: bool = False) -> Floats:
+def modal_motion(plate: Modes, force: Floats, step_s: float, amplitude: bool = False) -> Floats:
     """Acceleration, or amplitude, (n, steps) of every mode under modal forces (n, steps), constant over each step."""
     out = np.empty_like(force)
     for k, (f, zeta) in enumerate(zip(plate.frequency_Hz, plate.damping_ratio, strict=True)):
@@ -51,38 +52,36 @@ def modal_motion(plate: PlateModel, force: Floats, step_s: float, amplitude: boo
     return out
 
 
-def record_of(plate: PlateModel, channels: Channels, modal_force: Floats, step_s: float, rate_Hz: float) -> Floats:
-    """Channels (c, samples) at rate_Hz under modal forces (n, steps), upwards."""
-    acceleration, amplitude = channels.observed(plate)
-    values = acceleration @ modal_motion(plate, modal_force, step_s)
-    if channels.rods:
-        values += amplitude @ modal_motion(plate, modal_force, step_s, amplitude=True)
-    return low_passed(values, round(1 / (step_s * rate_Hz)))
-
-
 def low_passed(values: Floats, factor: int) -> Floats:
     """Every factor-th sample of values (..., n) after the anti-alias filter."""
     return np.asarray(resample_poly(values, 1, factor, axis=-1)) if factor > 1 else values
 
 
 def modal_table(plate: PlateModel, forces: StoneForces, rate_Hz: float, lags: int, amplitude: bool = False) -> Floats32:
-    """Response of each mode to a unit modal impulse with a stone's form, (material, duration, phase, n, lags).
+    """Response of each mode to a unit modal impulse with a stone's form, (form, duration, phase, n, lags).
 
-    The centre of the force is sample LEAD plus phase/phases of a sample; phases are FINE_S apart.
+    The centre of the force is sample LEAD plus (phase - 1)/phases of a sample: phases are FINE_S apart, and the first
+    and the last lie outside the sample.
     """
-    phases = round(1 / (rate_Hz * FINE_S))
-    steps = (lags + LEAD) * phases
+    factor = round(1 / (rate_Hz * FINE_S))
+    steps = (lags + LEAD) * factor
     n = len(plate.frequency_Hz)
-    table = np.empty((len(MATERIALS), len(DURATIONS_S), phases + 1, n, lags), dtype=np.float32)
+    table = np.empty((len(forces.form), len(DURATIONS_S), factor + 3, n, lags), dtype=np.float32)
     t_s: Floats = (np.arange(steps, dtype=float) + 0.5) * FINE_S
     ring = modal_motion(plate, np.tile(np.eye(1, steps), (n, 1)), FINE_S, amplitude)
-    spectrum = np.fft.rfft(ring, 2 * steps)
-    for m in range(len(MATERIALS)):
-        for k, duration in enumerate(DURATIONS_S):
-            for p in range(phases + 1):
-                centre = (LEAD * phases + p) * FINE_S
-                pulse = forces.pulse(m, float(duration), t_s - centre)
-                pulse /= pulse.sum() * FINE_S
-                full = np.fft.irfft(spectrum * np.fft.rfft(pulse, 2 * steps))[:, :steps]
-                table[m, k, p] = low_passed(full, phases)[:, :lags]
+    low_pass, late = _low_pass(factor)
+    spectrum = np.fft.rfft(ring, 2 * steps) * np.fft.rfft(low_pass, 2 * steps)
+    for m, k in np.ndindex(len(forces.form), len(DURATIONS_S)):
+        pulse = forces.pulse(m, float(DURATIONS_S[k]), t_s - LEAD * factor * FINE_S)
+        if m == 0:
+            pulse /= pulse.sum() * FINE_S
+        full = np.fft.irfft(spectrum * np.fft.rfft(pulse, 2 * steps))[:, :steps + late]
+        for p in range(factor + 3):  # a later force is the same, some fine steps later
+            table[m, k, p] = full[:, late + 1 - p:][:, :lags * factor:factor]
     return table
+
+
+def _low_pass(factor: int) -> tuple[Floats, int]:
+    """The filter of scipy's `resample_poly`, and how many samples late it is."""
+    half = 10 * factor
+    return np.asarray(firwin(2 * half + 1, 1 / factor, window=("kaiser", 5.0))), half

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ import pandas as pd
 from recognition.estimation.arrays import Floats
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.forces import PULSE_S, History
-from recognition.stream.signatures import FINE_S, Channels, record_of
+from recognition.stream.signatures import FINE_S, Channels, low_passed, modal_motion
 
 SILENCE_S = 0.05  # before the first stone, and after the last
 
@@ -53,18 +54,31 @@ def stream_of(plate: PlateModel, channels: Channels, histories: Sequence[History
     """The record of stones (a table of `draw_stones`) with white noise noise_db below the rms of each channel from
     the first stone to the last plus 0.02 s."""
     steps = int(np.ceil((truth["t_s"].iloc[-1] + after_s) / FINE_S))
-    force = np.zeros((len(plate.frequency_Hz), steps))
     shape = plate.shape(truth["x_m"].to_numpy(), truth["y_m"].to_numpy())
     first_steps = np.rint(truth["t_s"].to_numpy(dtype=float) / FINE_S).astype(int)
-    for which, first, phi in zip(truth["history"], first_steps, shape, strict=True):
-        pulse = histories[which].force_N[: round(4 * PULSE_S / FINE_S)][: steps - first]
-        force[:, first:first + len(pulse)] -= phi[:, None] * pulse
-    values = record_of(plate, channels, force, FINE_S, rate_Hz)
+    pulses = [histories[which].force_N[: round(4 * PULSE_S / FINE_S)] for which in truth["history"]]
+    fine = np.zeros((len(channels.accelerometers) + len(channels.rods), steps))
+    acceleration, amplitude = channels.observed(plate)
+    for k in range(len(plate.frequency_Hz)):  # one by one: all at once need gigabytes
+        force = np.zeros((1, steps))
+        for pulse, first, phi in zip(pulses, first_steps, shape[:, k], strict=True):
+            part = force[0, first:first + len(pulse)]
+            part -= phi * pulse[: len(part)]
+        mode = one_mode(plate, k)
+        fine += acceleration[:, k:k + 1] * modal_motion(mode, force, FINE_S)
+        if channels.rods:
+            fine += amplitude[:, k:k + 1] * modal_motion(mode, force, FINE_S, amplitude=True)
+    values = low_passed(fine, round(1 / (FINE_S * rate_Hz)))
     if noise_db is not None:
         first, last = (int(t * rate_Hz) for t in (truth["t_s"].iloc[0], truth["t_s"].iloc[-1] + 0.02))
         rms = np.sqrt(np.mean(values[:, first:last] ** 2, axis=1))
         values = values + rng.standard_normal(values.shape) * (rms * 10 ** (-noise_db / 20))[:, None]
     return Stream(values, rate_Hz, truth)
+
+
+def one_mode(plate: PlateModel, k: int) -> SimpleNamespace:
+    """Frequency and damping of mode k alone, as `modal_motion` needs them."""
+    return SimpleNamespace(frequency_Hz=plate.frequency_Hz[k:k + 1], damping_ratio=plate.damping_ratio[k:k + 1])
 
 
 def scattered(plate: PlateModel, frequency_sd: float, rng: np.random.Generator) -> PlateModel:

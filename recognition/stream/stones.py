@@ -14,6 +14,8 @@ from recognition.stream.prior import StonePrior
 
 DRAWS = 1000
 LEVELS = (0.05, 0.5, 0.95)
+#: Two stones within this time are heard as one (docs/listening.md); the largest share that is ever missed so.
+DEAD_S, MOST_MISSED = 0.2e-3, 0.5
 
 
 def stone_table(heard: Sequence[Heard], prior: StonePrior, rate_Hz: float, least_doubt: float) -> pd.DataFrame:
@@ -37,7 +39,7 @@ def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> lis
     odds = h.log_evidence[1] - h.log_evidence[0] + np.log(prior.gangue_ratio / (1 - prior.gangue_ratio))
     gangue = least_doubt + (1 - 2 * least_doubt) / (1 + np.exp(-np.clip(odds, -50, 50)))
     m = int(gangue > 0.5)
-    stone, cov = h.found[m].stone, h.covariance[m]
+    stone, cov = h.stone, h.covariance
     t_s = stone[TIME] / rate_Hz - prior.forces.start[m] * np.exp(stone[DURATION])
     share = np.array([1 - gangue, gangue])
     size = [prior.grid[:, k] for k in (0, 1)]
@@ -58,8 +60,9 @@ def _moments(share: Floats, weights: Sequence[Floats], values: Sequence[Floats])
 def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float, float]:
     """Low end, median and high end of the 90 % interval of the mixing ratio of some stones, NaN for none.
 
-    The materials of different stones are independent, and so are their masses; the distribution is drawn from, always
-    with the same seed.
+    The materials of different stones are independent, and so are their masses. Of two stones that arrive almost at once
+    one is missed, whose material and mass are those of any other. The distribution is drawn from, always with the same
+    seed.
     """
     if len(stones) == 0:
         return (np.nan, np.nan, np.nan)
@@ -71,9 +74,20 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
         sd = np.where(gangue, stones["mass_gangue_sd_kg"].to_numpy(), stones["mass_coal_sd_kg"].to_numpy())
         shape = np.log1p((sd / mean) ** 2)  # log-normal of that mean and deviation
         weight = mean * np.exp(np.sqrt(shape) * rng.standard_normal(mean.shape) - shape / 2)
-    share = (weight * gangue).sum(axis=1) / weight.sum(axis=1)
+    missed = rng.poisson(missed_of(stones), DRAWS)
+    each = weight.mean(axis=1)
+    missed_gangue = rng.binomial(missed, rng.random(DRAWS))  # any share of them
+    share = ((weight * gangue).sum(axis=1) + each * missed_gangue) / (weight.sum(axis=1) + each * missed)
     low, middle, high = np.quantile(share, LEVELS)
     return float(low), float(middle), float(high)
+
+
+def missed_of(stones: pd.DataFrame) -> float:
+    """How many stones are missed, by the rate of those that were heard."""
+    if len(stones) < 2:
+        return 0.0
+    span_s = float(stones["t_s"].max() - stones["t_s"].min())
+    return len(stones) * min(DEAD_S * (len(stones) - 1) / max(span_s, 1e-9), MOST_MISSED)
 
 
 def sliding_ratio(stones: pd.DataFrame, window_s: float, step_s: float, end_s: float) -> pd.DataFrame:

@@ -47,6 +47,11 @@ class Whitening:
         observed = observed * scale[:, None]
         return cls(_innovation_filter(step, observed, drive, round(MEMORY_S * rate_Hz)) * scale[None, :, None])
 
+    def variance_of(self, noise: Floats) -> float:
+        """Mean variance of the innovations of white noise (c,) alone: below one, since the filter also expects that
+        modes lose their phase."""
+        return float(np.sum((self.response * noise[None, :, None]) ** 2)) / len(noise)
+
     def __call__(self, values: Floats) -> Floats:
         """Innovations (c, samples) of channels (c, samples)."""
         n = values.shape[-1]

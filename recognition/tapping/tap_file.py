@@ -10,7 +10,7 @@ from pydantic import Field
 
 from common.tables import Table, about, check, read_toml
 from recognition.plate.plate_model import PlateModel
-from recognition.plate.records import read_accelerations
+from recognition.plate.records import numbers, read_accelerations
 from recognition.tapping.fit import Prior
 from recognition.tapping.taps import Tap
 
@@ -54,7 +54,7 @@ def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
 
 def _tap(file: Path, table: TapTable, plate: PlateModel) -> Tap:
     found, acceleration, rate_Hz = read_accelerations(file, plate)
-    force = None if table.unknown_force or "force_N" not in found.columns else found["force_N"].to_numpy(dtype=float)
+    force = None if table.unknown_force or "force_N" not in found.columns else numbers(found, "force_N", file)
     place = np.array([table.x_m, table.y_m])
     plate.shape(*place[:, None])  # refuses a place beside the plate
     return Tap(place, acceleration, rate_Hz, force, str(file))

@@ -14,6 +14,7 @@ from recognition.estimation.errors import RecognitionError
 #: Where a record first exceeds so much of its largest sample, and so many standard deviations of its first samples (but
 #: no more than the last share), the tap has begun.
 ONSET_SHARE, ONSET_DEVIATIONS, ONSET_AT_MOST, FIRST_SAMPLES = 0.05, 6.0, 0.3, 40
+SILENT = 1e-30  # no sample of a tap is as small, in any unit
 LEAST_SILENCE = 30  # samples before the tap from which the sensors' noise is taken
 
 
@@ -37,8 +38,8 @@ class Tap:
             raise RecognitionError(f"{self.name}: a sample is not finite")
         if self.force_N is not None and self.force_N.shape != self.acceleration.shape[1:]:
             raise RecognitionError(f"{self.name}: {self.force_N.size} samples of force; needs those of acceleration")
-        if not all(abs(signal).max(initial=0) > 0 for signal in signals):
-            raise RecognitionError(f"{self.name}: all samples are zero; needs a tap")
+        if not all((abs(np.atleast_2d(signal)).max(axis=1, initial=0) > SILENT).all() for signal in signals):
+            raise RecognitionError(f"{self.name}: all samples of a sensor are zero; needs a tap")
 
     @cached_property
     def onset(self) -> int:

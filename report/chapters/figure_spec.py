@@ -11,7 +11,6 @@ from report.figures.data import to_csv
 from report.figures.style import to_uri
 from report.film.packing import pack_text
 from report.results.missing import MISSING_RESULT
-from report.results.sweep_results import SweepResults
 
 #: A figure alone, or with a note to add to its caption.
 Drawn = Figure | tuple[Figure, str]
@@ -22,14 +21,14 @@ class FigureSpec:
     """A figure to draw.
 
     key: its id in the page. in_paper: what the paper says about its figure. caption: what ours shows. draw: draws it
-    from the results of a sweep.
+    from the results of a sweep, or of the run of a stream.
     """
 
     key: str
     title: str
     in_paper: str
     caption: str
-    draw: Callable[[SweepResults], Drawn]
+    draw: Callable[..., Drawn]
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class FinishedFigure:
     data: str
 
 
-def finish_figure(spec: FigureSpec, results: SweepResults) -> FinishedFigure:
+def finish_figure(spec: FigureSpec, results: object) -> FinishedFigure:
     """Draw one figure, or say in its caption why the runs do not give it."""
     try:
         drawn = spec.draw(results)

@@ -11,6 +11,7 @@ from report.figures import response as figures
 from report.figures.lines import against_ratio, curves
 from report.figures.style import COAL, GANGUE, ratio_colour
 from report.results.envelope import envelope
+from report.results.missing import MissingResult
 from report.results.sweep_results import SweepResults
 
 FIRST_COLLISION_S = 1e-3
@@ -38,6 +39,8 @@ def _finest_stream(run: Run) -> pd.DataFrame:
 def _first_ms_and_envelope(run: Run, column: str) -> tuple[np.ndarray, np.ndarray]:
     """Return times and forces in kN: all of the first collision, and of what follows as much as can be seen."""
     table = _finest_stream(run)
+    if column not in table:
+        raise MissingResult(f"{run.path.name}: no {column}: the force of each stone is not kept where there are many")
     t_s, force_kN = table["t_s"].to_numpy(), 1e-3 * table[column].to_numpy()
     first = int(np.searchsorted(t_s, FIRST_COLLISION_S, side="right"))
     later = envelope(t_s[first:], force_kN[first:], LATER_POINTS)

@@ -82,10 +82,11 @@ pair_coeff * *
 
 
 def bond_line(modulus=5e9, ratio=2.0, tension=1e30, shear=1e30, tan_friction=0.0, damping_time=0.0, kernel="auto",
-              dilatation=()):
+              dilatation=(), fracture=0.0):
     of_volume = "".join(f" {number}" for number in ("dilatation", *dilatation)) if dilatation else ""
+    of_crack = f" fracture {fracture}" if fracture else ""
     return (f"fix bonds all bond/parallel bonds bonds.txt agglomerates agglomerates.txt events events.csv "
-            f"damping_time {damping_time} kernel {kernel} material {modulus} {ratio} {tension} {shear} {tan_friction}{of_volume}\n")
+            f"damping_time {damping_time} kernel {kernel} material {modulus} {ratio} {tension} {shear} {tan_friction}{of_volume}{of_crack}\n")
 
 
 def deck(dt, steps, every, lines="", bonds=None, velocity=""):

@@ -82,7 +82,7 @@ def test_compression_alone_breaks_nothing(tmp_path, tan_friction):
     assert not load_one_bond(tmp_path, 0, size, tension=STRENGTH, shear=STRENGTH, tan_friction=tan_friction)
 
 
-def two_balls(directory, damping_time=0.0, tension=2e6):
+def two_balls(directory, damping_time=0.0, tension=2e6, **bond):
     """A ball of 4 and one of 5 layers meet off centre at 8 m/s and break. Returns the bodies as one, and speeds."""
     balls = [fcc_ball(4), fcc_ball(5)]
     balls[1].center_m += [10e-3, 2e-3, 1e-3]
@@ -94,7 +94,7 @@ def two_balls(directory, damping_time=0.0, tension=2e6):
     velocity = f"set atom 1*{n[0]} vx 5\nset atom {n[0] + 1}*{sum(n)} vx -3\n"
     dt = 0.1 * np.sqrt(body.mass_kg.min() / (E * AREA / LENGTH))
     run_engine(directory, deck(dt, 2000, 2000, velocity=velocity,
-                               bonds=bond_line(E, RATIO, tension=tension, shear=tension, damping_time=damping_time)))
+                               bonds=bond_line(E, RATIO, tension=tension, shear=tension, damping_time=damping_time, **bond)))
     return body, np.repeat([5.0, -3.0], n), n
 
 

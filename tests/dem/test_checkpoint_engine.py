@@ -22,7 +22,7 @@ GATE = "until [ -e go ]; do sleep 0.01; done\n"  # the deck passes when the file
 STREAMS = ("view.dump", "forces.bin", "ledger.bin", "events.csv")
 
 
-def write_strike(directory, steps=STEPS, extra=""):
+def write_strike(directory, steps=STEPS, extra="", fracture=0.0):
     """A ball hits the rigid plate aslant, breaks, and its sub-spheres rub on each other and on the plate."""
     body = fcc_ball(5)
     body.center_m[:, 2] += 1e-5 - (body.center_m[:, 2] - body.radius_m).min()
@@ -31,7 +31,7 @@ def write_strike(directory, steps=STEPS, extra=""):
     (directory / "deck.liggghts").write_text(
         HEAD + "variable resume index 0\nshell sh gate.sh\nread_data atoms.data\n" + MATERIAL + f"timestep {float(0.2 * t0)!r}\n"
         "fix ledger all ledger agglomerates agglomerates.txt every 50 file ledger.bin\n"
-        "fix motion all nve/sphere\n" + bond_line(tension=1e6, shear=1e6, damping_time=0.1 * t0) +
+        "fix motion all nve/sphere\n" + bond_line(tension=1e6, shear=1e6, damping_time=0.1 * t0, fracture=fracture) +
         "fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
         "contact model hertz tangential history primitive type 2 zplane 0.0\n" + extra +
         "velocity all set 2 1 -5 units box\n"
@@ -91,12 +91,12 @@ def split(directory, ranks, look=lambda: None):
         seen.append(look())
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_split_run_is_the_undisturbed_one(tmp_path, ranks):
+@pytest.mark.parametrize("ranks, fracture", [(1, 0.0), (2, 0.0), (1, 0.6)])
+def test_a_split_run_is_the_undisturbed_one(tmp_path, ranks, fracture):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     for directory in (whole, parts):
         directory.mkdir()
-        write_strike(directory)
+        write_strike(directory, fracture=fracture)
     output, _ = engine(whole, ranks).communicate(timeout=60)
     assert len(ledger(whole).step) == STEPS // 50, output[-1500:]
     split(parts, ranks)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES, changed
 
+from analysis import read_run
+from analysis.stream import fallen, true_ratio
 from common.messages import show_messages
 from common.scene import read_scene
 from common.tables import InputError
@@ -136,3 +138,60 @@ packing = true
     assert [(run / "run.json").stat().st_mtime_ns for run in runs] == before
     seeds = {json.loads((run / "run.json").read_text())["scene"]["stones"]["seed"] for run in out.glob("*/*/ratio_*")}
     assert len(seeds) == 2 and read_scene(tmp_path / "small.toml").stones.seed not in seeds
+
+
+STREAMS = """seed = 7
+[changes]
+"stones.agglomerate.subspheres" = 24
+"stones.agglomerate.contact" = "sub_spheres"
+"plate.max_frequency_Hz" = 800.0
+"output.view_interval_s" = 0.1
+[streams.fast]
+scene = "{scenes}/stream.toml"
+groups = GROUPS
+stones = 4
+rate_1_s = [100.0, 400.0]
+gangue_ratio = [0.2, 0.8]
+speed_m_s = [2.0, 4.0]
+sizes_m = [0.03, {{ uniform = [0.03, 0.05] }}]
+rings_s = 0.01
+"""
+
+
+def test_a_group_of_streams_is_one_stream(tmp_path):
+    runs = plan_dataset(plan(tmp_path, STREAMS.replace("GROUPS", "40")))
+    streams = [run.scene.stones.stream for run in runs]
+    rates = np.array([one.rate_1_s for one in streams])
+    assert len(runs) == 40 == len({run.scene.stones.seed for run in runs}) and np.all((rates >= 100) & (rates <= 400))
+    assert abs(np.median(rates) - 200) < 60  # evenly in its logarithm
+    for run, one in zip(runs, streams, strict=True):
+        assert len(stones_of(run.scene, "")) == 4 and one.rate_1_s * one.duration_s == pytest.approx(4)
+        assert 0.2 <= run.scene.stones.gangue_ratio <= 0.8 and 2 <= one.speed_m_s.bounds[0] == one.speed_m_s.bounds[1] <= 4
+        assert run.scene.time.duration_s == pytest.approx(one.begin_s + one.duration_s + 0.01)
+    assert {one.size_m.bounds for one in streams} == {(0.03, 0.03), (0.03, 0.05)}
+    fewer = plan_dataset(plan(tmp_path, STREAMS.replace("GROUPS", "2"), "fewer.toml"))
+    assert [run.scene for run in fewer] == [run.scene for run in runs[:2]]
+
+
+def test_streams_are_built_once_and_know_what_fell(tmp_path, capsys):
+    file = plan(tmp_path, STREAMS.replace("GROUPS", "1"))
+    show_messages()
+    assert build(file, tmp_path / "out", 1) == 0
+    run = read_run(tmp_path / "out" / plan_dataset(file)[0].directory)
+    stones = fallen(run)
+    assert stones["first_contact_s"].notna().all() and true_ratio(stones, 0, 1) == pytest.approx(run.gangue_ratio)
+    assert (run.path / "fast.parquet").exists() and not (run.path / "deck").exists()
+    assert build(file, tmp_path / "out", 1) == 0
+    assert "1 runs, 0 to run" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("rate_1_s = [100.0, 400.0]", "rate_1_s = [400.0, 100.0]", "rate_1_s = .*must ascend"),
+    ("stones = 4", "stones = 0", "streams.fast.stones = 0"),
+    ("[streams.fast]", "[families]", "families"),
+])
+def test_a_wrong_family_of_streams_is_refused(tmp_path, old, new, message):
+    text = STREAMS.replace("GROUPS", "1")
+    assert old in text
+    with pytest.raises(InputError, match=message):
+        plan_dataset(plan(tmp_path, text.replace(old, new)))

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scenes_of_tests import changed
-from test_checkpoint_engine import engine
+from test_checkpoint_engine import GATE, engine, stopped_at_next
 
 from common.tables import InputError
 from dem.coupling.checkpoint import steps_of
@@ -151,15 +151,17 @@ def test_a_stream_that_is_taken_up_in_the_middle_is_the_undisturbed_one(left, tm
 
 
 def test_a_stone_waits_where_something_is_in_the_way(tmp_path, monkeypatch):
-    """The first one falls through the place where the second enters, which then enters later, and falls from there."""
+    """The first one falls through the place where the second enters, which then enters later, and falls from there. The
+    third, which is to enter elsewhere meanwhile, does not wait for it. A run taken up in the wait is the undisturbed one."""
     monkeypatch.setattr(Flying, "nearest", lambda *_: (-1, np.inf))  # which would refuse the scene
     speed, first_speed, enters_s = 1.5, 2.5, 0.05
     first_s = (first_speed - np.sqrt(first_speed**2 - speed**2)) / GRAVITY  # from the height of the second to its touch
     at = {"x_m": 0.0, "y_m": 0.0}
     model = engine_run(tmp_path / "deck", scene_of([
         at | {"speed_m_s": first_speed, "arrival_s": enters_s + first_s},
-        at | {"speed_m_s": speed, "arrival_s": enters_s + speed / GRAVITY}], enters_s + 0.03))
-    ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 2)
+        at | {"speed_m_s": speed, "arrival_s": enters_s + speed / GRAVITY},
+        at | {"x_m": 0.1, "speed_m_s": speed, "arrival_s": enters_s + 2e-3 + speed / GRAVITY}], enters_s + 0.03))
+    ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 3)
     row = np.argmax(ledger.is_near[:, 1])
     mass = model.assembly.stone_mass_kg[1]
     fallen_s = -ledger.column["momentum_z_kg_m_s"][row, 1] / (mass * GRAVITY)  # since it entered, at rest
@@ -168,6 +170,21 @@ def test_a_stone_waits_where_something_is_in_the_way(tmp_path, monkeypatch):
     mass_height = model.assembly.mass_height_kg_m[1] - mass * GRAVITY * fallen_s**2 / 2
     assert ledger.column["mass_height_kg_m"][row, 1] == pytest.approx(mass_height, rel=1e-9)
     assert ledger.column["pair_work_J"][row, 1] == 0
+    third = np.argmax(ledger.is_near[:, 2])
+    assert 0 <= ledger.step[third] * model.step.dt_s - enters_s - 2e-3 < 1.5 * model.step.sample_steps * model.step.dt_s
+    in_wait = int((enters_s + 0.5 * waited_s) / model.step.dt_s / model.step.sample_steps) * model.step.sample_steps
+    parts = tmp_path / "parts"
+    written(parts, model.given)
+    deck, times = re.subn(r"checkpoint every \d+", f"checkpoint every {in_wait}", (parts / "deck.liggghts").read_text())
+    assert times == 1
+    (parts / "deck.liggghts").write_text("shell sh gate.sh\n" + deck)
+    (parts / "gate.sh").write_text(GATE)
+    (parts / "go").touch()
+    code, output, stopped = stopped_at_next(parts, 1)
+    assert (code, stopped) == (75, in_wait), output[-1500:]
+    assert engine(parts, 1, in_wait).wait(timeout=300) == 0
+    for name in STREAMS:
+        assert (parts / name).read_bytes() == (tmp_path / "deck" / name).read_bytes(), name
 
 
 @pytest.mark.parametrize("key, value", [("engine.np", 2), ("time.free_flight_tolerance", 0.0)])
@@ -175,3 +192,53 @@ def test_a_stream_without_bodies_in_free_flight_is_refused(key, value):
     scene = scene_of([FALLS_OFF, FALLS_OFF | {"arrival_s": 1.0}], 0.01, **{key: value})
     with pytest.raises(InputError, match=f"{key} = {value:g}: must be .* as stone 2 does"):
         prepare(scene, "scene", None)
+
+
+def test_more_sub_spheres_come_in_than_liggghts_makes_room_for_at_once(tmp_path):
+    """Its list of equal tags grows by a thousand, and is cleared at its new length before it is made longer."""
+    each = [{"x_m": 0.05 * (k % 4) - 0.1, "y_m": 0.05 * (k // 4) - 0.1, "speed_m_s": SPEED,
+             "arrival_s": APEX_s + 1e-3} for k in range(16)]
+    model = engine_run(tmp_path / "deck", scene_of(each, 0.02, **{"stones.agglomerate.subspheres": 200}))
+    ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 16)
+    assert ledger.is_near[-1].all() and model.assembly.n_particles > 3000
+    flown_s = ledger.step[-1] * model.step.dt_s - np.array([entry.entry_s for entry in model.assembly.entries])
+    assert ledger.column["momentum_z_kg_m_s"][-1] == pytest.approx(
+        -model.assembly.stone_mass_kg * GRAVITY * flown_s, rel=1e-6)
+
+
+def test_a_stone_may_enter_between_the_ledger_and_the_look_at_its_energies(tmp_path):
+    """The ledger is at step 394, the engine looks at its energies at step 400, and a stone comes in at step 396."""
+    sample_s, sample_steps, every = 4.2e-5, 210, 197
+    dt = sample_s / sample_steps
+    at = {"x_m": 0.1, "y_m": 0.0, "speed_m_s": SPEED}
+    scene = scene_of([at | {"arrival_s": 1e-3}, at | {"y_m": 0.1, "arrival_s": APEX_s + 396.5 * dt}], 4 * sample_s, **{
+        "time.time_step_s": dt, "time.sample_interval_s": sample_s})
+    model = written(tmp_path / "deck", scene)
+    assert model.step.sample_steps == sample_steps
+    deck = (tmp_path / "deck" / "deck.liggghts").read_text()
+    odd = deck.replace(f"agglomerates.txt every {sample_steps} file", f"agglomerates.txt every {every} file")
+    assert odd != deck
+    (tmp_path / "deck" / "deck.liggghts").write_text(odd)
+    process = engine(tmp_path / "deck", 1)
+    output = process.communicate(timeout=300)[0]
+    assert process.returncode == 0, output[-1500:]
+    ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 2)
+    near = dict(zip(ledger.step.tolist(), ledger.is_near[:, 1].tolist(), strict=True))
+    assert not near[2 * every] and near[3 * every]
+
+
+def test_small_fragments_are_taken_out_as_they_fly_and_nothing_is_lost(tmp_path):
+    stream = {"rate_1_s": 100.0, "duration_s": 0.03, "size_m": 0.02, "speed_m_s": 3.0, "least_fragment": 5}
+    old = ("count", "radius_m", "positions", "speed_m_s", "gangue_order")
+    scene = changed("single", {
+        **{f"stones.{key}": None for key in old}, "stones.stream": stream, "stones.gangue_ratio": 0.0, "plate": PLATE,
+        "stones.agglomerate": {"subspheres": 60}, "output.view_interval_s": None, "assumptions": None,
+        "time.duration_s": 0.05})
+    model = engine_run(tmp_path / "deck", scene)
+    gone = pd.read_csv(tmp_path / "deck" / "left.csv")
+    assert len(gone) > 3 and (gone.z_m > 0).any() and (gone.subspheres[gone.z_m > 0] < 5).all()
+    ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 3)
+    assert ledger.has_entered[-1].all() and (ledger.column["broken"][-1] > 0).any()
+    parts = stone_energies(ledger, GRAVITY, model.assembly.mass_height_kg_m)
+    energy = energy_ledger(parts, PlateEnergy(), model.assembly.kinetic_start_J)
+    assert abs(energy["closure"]) < 2e-3

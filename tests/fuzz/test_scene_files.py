@@ -10,43 +10,20 @@ import pandas as pd
 import pytest
 
 from common.scene import read_scene
-from common.scene_file import scene_tables
 from common.tables import InputError, read_toml
 from dem.__main__ import main
 from dem.calibration.calibrate import TARGETS, read_target
 from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, many, mutated, outcome
+from tests.fuzz.scenes import ALL, CUBE, SMOOTH, VOLLEYS, small_scene
 
-SCENES = Path(__file__).resolve().parents[2] / "scenes"
 MOST_STEPS = 200_000  # that a fuzzed scene is run for; beyond, its deck is written only
-
-
-def small_scene(name, plate):
-    """Two stones of eight sub-spheres, or two spheres, on a rigid or a coarse flexible plate."""
-    scene = scene_tables(SCENES / "single.toml")
-    scene["time"] |= {"duration_s": 3e-4}
-    scene["stones"] |= {"count": 2, "positions": [{"x_m": 0.1, "y_m": 0.0}, {"x_m": -0.1, "y_m": 0.0}],
-                        "gangue_order": [1, 2], "gangue_ratio": 0.5}
-    scene["contacts"] = {key: {"restitution": 0.5, "friction": 0.4} for key in (
-        "coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}
-    if name == "bonded":
-        scene["stones"]["agglomerate"] |= {"subspheres": 8, "contact": "sub_spheres"}
-    else:
-        del scene["stones"]["agglomerate"]
-    if plate == "rigid":
-        scene["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
-    else:
-        scene["plate"] |= {"max_frequency_Hz": 1500.0, "theory": "kirchhoff"}
-    scene["output"] = {"view_interval_s": 1.5e-4}
-    return scene
-
-
-VALID = [small_scene(name, plate) for name in ("bonded", "sphere") for plate in ("rigid", "flexible")]
 
 
 def check(scene):
     """Run the scene, or render its deck where that is long."""
     here = Path(tempfile.mkdtemp())
     try:
+        (here / "cube.stl").write_text(CUBE)
         file = here / "scene.toml"
         file.write_text(as_toml(scene), encoding="utf-8")
         out = here / "out"
@@ -64,49 +41,69 @@ def check(scene):
             assert np.isfinite(pd.read_parquet(out / "signals.parquet").to_numpy()).all()
         else:
             said = errors.splitlines()[-1:]  # after what a terminal shows of a run's progress
-            assert code == 2 and len(said) == 1 and str(file) in said[0], (code, errors)
+            assert code == 2 and len(said) == 1 and names_its_file(said[0]), (code, errors)
             assert not out.exists()
-            assert {p.name for p in here.iterdir()} <= {"scene.toml"}
+            assert {p.name for p in here.iterdir()} <= {"scene.toml", "cube.stl"}
     finally:
         shutil.rmtree(here)
 
 
 def check_deck(scene):
-    """Render the scene's deck, or be refused; nothing is run."""
+    """Render the scene's deck, or be refused; nothing is run. Returns whether there is a deck."""
     here = Path(tempfile.mkdtemp())
     try:
+        (here / "cube.stl").write_text(CUBE)
         (here / "scene.toml").write_text(as_toml(scene), encoding="utf-8")
         code, errors = outcome(main, ["deck", str(here / "scene.toml"), "--out", str(here / "out")])
         said = [line for line in errors.splitlines() if not line.startswith("warning: ")]
-        assert code == 0 and not said or code == 2 and len(said) == 1 and "scene.toml" in said[0], (code, errors)
-        assert {p.name for p in here.iterdir()} == ({"scene.toml", "out"} if code == 0 else {"scene.toml"})
+        assert code == 0 and not said or code == 2 and len(said) == 1 and names_its_file(said[0]), (code, errors)
+        assert {p.name for p in here.iterdir()} == {"scene.toml", "cube.stl", *(["out"] if code == 0 else [])}
+        return code == 0
     finally:
         shutil.rmtree(here)
 
 
-each_kind = pytest.mark.parametrize("valid", VALID, ids=["bonded-rigid", "bonded-flexible", "sphere-rigid", "sphere-flexible"])
+def names_its_file(line):
+    """The scene, or one that it takes something from."""
+    return any(file in line for file in ("scene.toml", "cube.stl", "hertz_coal.toml", "materials/"))
 
 
-@each_kind
+each_volley = pytest.mark.parametrize("valid", VOLLEYS.values(), ids=VOLLEYS)
+each_kind = pytest.mark.parametrize("valid", ALL.values(), ids=ALL)
+
+
+@each_volley
 def test_the_valid_scenes_run(valid):
     check(valid)
 
 
-@each_kind
+@each_volley
 def test_some_changed_scenes(valid):
     fuzz(check, mutated(valid), 6)
+
+
+@each_kind
+def test_some_decks(valid):
+    assert check_deck(valid)
+    fuzz(check_deck, mutated(valid), 10)
 
 
 @pytest.mark.validate
 @each_kind
 def test_many_changed_scenes(valid):
-    fuzz(check, mutated(valid), 250)
+    fuzz(check, mutated(valid), many("RUNS", 100))
 
 
 @pytest.mark.validate
 @each_kind
 def test_ten_thousand_decks(valid):
-    fuzz(check_deck, mutated(valid), many("DECKS", 2500))
+    fuzz(check_deck, mutated(valid), many("DECKS", 1000))
+
+
+@pytest.mark.validate
+def test_decks_of_smooth_stones():
+    assert check_deck(SMOOTH)
+    fuzz(check_deck, mutated(SMOOTH), many("DECKS", 1000) // 10)
 
 
 @pytest.mark.parametrize("name", [name for name in HOSTILE if not name.isalnum() or not name.isascii() or len(name) > 100])

@@ -8,6 +8,7 @@ from plates import TABLE, plate, rod
 from pydantic import Field
 
 from common.plate import PlateTable, read_plate
+from common.resources import resource
 from common.tables import InputError, Refused, Table, check, read_toml
 from plate_fem.__main__ import main
 
@@ -148,6 +149,21 @@ def test_command_ends_with_2_and_one_line(tmp_path, capsys, changes, arguments, 
     assert expected in captured.err
     assert len(captured.err.splitlines()) == 1
     assert captured.out == ""
+
+
+def test_where_rods_twist_below_a_plate_at_rest_its_shape_is_zero(tmp_path):
+    """Four equal rods have three such modes, at the frequency of a shaft held at both ends; nothing is divided by."""
+    import meshio
+
+    text = (resource("scenes") / "small.toml").read_text()
+    (tmp_path / "small.toml").write_text(text.replace("0.02, length_m = 0.1", "0.02, length_m = 0.4"))
+    assert main(["modes", str(tmp_path / "small.toml"), "--out", str(tmp_path / "modes.vtu")]) == 0
+    fields = meshio.read(tmp_path / "modes.vtu").point_data
+    largest = {name: abs(field).max() for name, field in fields.items()}
+    at_rest = [float(name.split("_")[2]) for name, value in largest.items() if value == 0]
+    shaft_Hz = math.sqrt(2.07e11 / 2 / 1.3 / 7830) / 2 / 0.4
+    assert at_rest == pytest.approx(3 * [shaft_Hz], rel=1e-3)
+    assert all(abs(value - 1) < 1e-12 for value in largest.values() if value != 0)
 
 
 def test_a_rigid_plate_has_no_modes(tmp_path, capsys):

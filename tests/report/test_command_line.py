@@ -1,9 +1,13 @@
 """`python -m report`: one line and an exit code for every end."""
 
+import re
+
+import pandas as pd
 import pytest
 
 import report.page
 from report.__main__ import main
+from tests.analysis.synthetic import write_sweep
 
 
 def ends_with(capsys, code, argument):
@@ -16,6 +20,16 @@ def ends_with(capsys, code, argument):
 def test_unusable_runs(tmp_path, capsys):
     assert "no such directory" in ends_with(capsys, 2, tmp_path / "none")
     assert "no finished run" in ends_with(capsys, 2, tmp_path)
+
+
+def test_a_sweep_of_streams_has_no_forces_by_stone(tmp_path, capsys):
+    """Nor has it the same stone at place 3 of every run; the figure of those is left out."""
+    sweep = write_sweep(tmp_path / "sweep", ratios=(0.0, 0.5, 1.0))
+    for file in sweep.glob("*/*.parquet"):
+        table = pd.read_parquet(file)
+        table[[name for name in table if not re.fullmatch(r"force_\d+_N", name)]].to_parquet(file)
+    assert main([str(sweep)]) == 0
+    assert "no force_03_N" in (sweep / "report.html").read_text()
 
 
 @pytest.mark.parametrize(

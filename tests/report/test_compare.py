@@ -119,6 +119,25 @@ def test_what_cannot_be_compared_ends_in_one_line(tmp_path, capsys, a, b, line):
     assert not list(tmp_path.glob("*.html"))
 
 
+def test_runs_on_a_rigid_plate_are_compared_by_their_force(runs):
+    for run in runs:
+        for name in ("signals", "fast"):
+            file = run / f"{name}.parquet"
+            pd.read_parquet(file)[["t_s", "force_N"]].to_parquet(file)
+    curves = compare(*runs).pairs[0].curves()
+    assert [curve.title for curve in curves] == 2 * ["force on the plate, N"]
+
+
+def test_a_page_of_somebody_else_is_not_replaced(runs, capsys):
+    page = runs[1].parent / "compare_first_second.html"
+    page.write_text("mine")
+    assert main(["compare", *map(str, runs)]) == 2
+    assert "compare_first_second.html" in capsys.readouterr().err and page.read_text() == "mine"
+    page.unlink()
+    for _ in range(2):  # its own it replaces
+        assert main(["compare", *map(str, runs)]) == 0
+
+
 def test_a_page_that_cannot_be_written_ends_in_one_line(runs, capsys):
-    assert main(["compare", *map(str, runs), "--out", str(runs[0] / "run.json" / "page.html")]) == 1
+    assert main(["compare", *map(str, runs), "--out", str(runs[0] / "run.json" / "page.html")]) == 2
     assert capsys.readouterr().err.count("\n") == 1

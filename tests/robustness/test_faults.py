@@ -1,13 +1,16 @@
 """Faults injected into a run at work: a disk that fills or fails, a slow disk, a clock that jumps. Each ends in one
 line or not at all, and the same command then gives the undisturbed result."""
 
+import os
 import resource
 import subprocess
 import sys
 
 import pytest
 
-from tests.robustness.small import ROOT, run, small_stone, what_was_said
+from dem.__main__ import main
+from dem.coupling.launch import engine_error
+from tests.robustness.small import HERTZ, ROOT, run, small_stone, what_was_said
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
 
@@ -37,6 +40,26 @@ def test_files_may_not_grow_beyond_a_limit(whole, tmp_path, most_bytes):
     assert done.returncode in (0, 1)
     assert run("dem", "run", scene, "--out", tmp_path / "run")[0] == 0
     check_same(tmp_path / "run", expected)
+
+
+@pytest.mark.parametrize("printed, told", [
+    (f"step 1\nERROR: no such file\n{74 * '-'}\nMPI_ABORT was invoked\n{74 * '-'}\n", "ERROR: no such file"),
+    (f"step 1\n{74 * '-'}\nmpirun noticed that a process was killed.\n{74 * '-'}",
+     "mpirun noticed that a process was killed."),
+    ("step 1\nstep 2\n", "step 2"), ("", "no output"),
+])
+def test_what_the_engine_said_last_that_says_something(tmp_path, printed, told):
+    (tmp_path / "engine.out").write_text(printed)
+    assert engine_error(tmp_path) == told
+
+
+def test_a_question_to_dpkg_that_was_killed_is_no_missing_package(tmp_path, monkeypatch, capsys):
+    (tmp_path / "dpkg-query").write_text("#!/bin/sh\nkill -9 $$\n")
+    (tmp_path / "dpkg-query").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    assert main(["run", str(HERTZ), "--out", str(tmp_path / "run")]) == 1
+    errors = capsys.readouterr().err
+    assert "signal 9" in errors and errors.count("\n") == 1 and not (tmp_path / "run").exists()
 
 
 # Run within the program before its command: what the fault changes.

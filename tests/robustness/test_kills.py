@@ -1,6 +1,6 @@
 """A run killed at random moments, again and again, gives the undisturbed result: byte for byte on one rank.
 
-KILLS in the environment says how many kills there are on each number of ranks, 200 if it is absent.
+KILLS in the environment says how many kills there are of each kind of run, 100 if it is absent.
 """
 
 import os
@@ -18,8 +18,19 @@ from dem.__main__ import main
 from dem.coupling.checkpoint import latest
 from tests.robustness.small import below, is_alive, small_stone
 
-SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
-KILLS = int(os.environ.get("KILLS", "200"))
+KILLS = int(os.environ.get("KILLS", "100"))
+FALLING = "[[stones.each]]\nradius_m = 0.025\nmaterial = "
+LATER = f"""
+{FALLING}"coal"\nx_m = 0.1\ny_m = 0.0\nspeed_m_s = 3.0
+{FALLING}"gangue"\nx_m = -0.1\ny_m = 0.1\nspeed_m_s = 4.0\narrival_s = 0.003
+{FALLING}"gangue"\nx_m = 0.23\ny_m = -0.1\nvelocity_m_s = [9.0, 0.0, -1.0]
+"""  # one stone enters while the first breaks, and one leaves the plate
+KINDS = {"sub-spheres": {}, "smooth": {"subspheres = 60": "subspheres = 200", '"sub_spheres"': '"smooth"'},
+         "stones that come and go": {
+             "count = 1\n": "", "radius_m = 0.025": "", "speed_m_s = 3.0": "", 'coal = "coal"\n': "",
+             'gangue = "gangue"\n': "", "gangue_order = [1]": "", "gangue_ratio = 0.0": "",
+             "positions = [{ x_m = 0.1, y_m = 0.0 }]": "", "[materials.coal]": LATER + "[materials.coal]"},
+         "two ranks": {"[output]": "[engine]\nnp = 2\n[output]"}}
 
 
 def fork_run(scene, out, errors):
@@ -89,24 +100,25 @@ def killed_until_finished(scene, out, rng, longest_s, kills_left):
 
 
 def check_same(out, expected, ranks):
-    for name in SIGNALS:
-        found, wanted = (directory / f"{name}.parquet" for directory in (out, expected))
+    """Every table of the two runs."""
+    assert {file.name for file in out.glob("*.parquet")} == {file.name for file in expected.glob("*.parquet")}
+    for wanted in expected.glob("*.parquet"):
+        found = out / wanted.name
         if ranks == 1:
-            assert found.read_bytes() == wanted.read_bytes(), name
+            assert found.read_bytes() == wanted.read_bytes(), wanted.name
             continue
         found, wanted = pd.read_parquet(found), pd.read_parquet(wanted)
-        assert len(found) == len(wanted), name
+        assert len(found) == len(wanted), out
         for column in wanted.select_dtypes("number"):
             scale = np.abs(wanted[column]).max() if len(wanted) else 1.0
             np.testing.assert_allclose(found[column], wanted[column], rtol=0, atol=1e-6 * scale + 1e-300)
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_killed_at_many_moments(tmp_path, ranks):
-    scene = small_stone(tmp_path)
-    scene.write_text(scene.read_text() + f"[engine]\nnp = {ranks}\n")
-    assert ended(fork_run(scene, tmp_path / "whole", tmp_path / "stderr"), 3000) == 0
+@pytest.mark.parametrize("kind", KINDS)
+def test_killed_at_many_moments(tmp_path, kind):
+    scene, ranks = small_stone(tmp_path, **KINDS[kind]), 2 if kind == "two ranks" else 1
+    assert ended(fork_run(scene, tmp_path / "whole", tmp_path / "stderr"), 3000) == 0, (tmp_path / "stderr").read_text()
     start = time.monotonic()
     assert ended(fork_run(scene, tmp_path / "again", tmp_path / "stderr"), 3000) == 0
     longest_s = time.monotonic() - start
@@ -117,5 +129,6 @@ def test_killed_at_many_moments(tmp_path, ranks):
         check_same(tmp_path / "killed", tmp_path / "whole", ranks)
         resumed += len(pd.read_json(tmp_path / "killed" / "run.json", typ="series")["resumed_at_s"])
         shutil.rmtree(tmp_path / "killed")
-    print(f"{kills} kills on {ranks} ranks, taken up at a checkpoint {resumed} times")
+        print(f"{kind}: {kills} kills so far", flush=True)
+    print(f"{kind}: {kills} kills, taken up at a checkpoint {resumed} times")
     assert resumed > 0

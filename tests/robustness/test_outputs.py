@@ -61,7 +61,7 @@ def test_the_files_of_a_calibration_are_replaced_by_a_calibration_only(commands,
     assert (tmp_path / "coal.partial" / "mine").exists()
 
 
-@pytest.mark.parametrize("out", [".", "..", "/", "sub/..", "link", "file"])
+@pytest.mark.parametrize("out", [".", "..", "/", "sub/..", "link", "file", "file/x"])
 @pytest.mark.parametrize("name", ["run", "sweep", "dataset", "campaign", "deck"])
 def test_places_that_are_no_output(commands, tmp_path, capsys, monkeypatch, name, out):
     here = tmp_path / "here"

@@ -23,11 +23,8 @@ from tests.robustness.small import HERTZ, ROOT, SCENES, run
 
 
 def ends_with_one_line(entry, arguments, code=2):
-    try:
-        found, errors = outcome(entry, [str(argument) for argument in arguments])
-    except SystemExit as refused:  # argparse prints beside what `outcome` catches
-        assert refused.code == code
-        return ""
+    """Returns the line."""
+    found, errors = outcome(entry, [str(argument) for argument in arguments])
     assert found == code and errors.count("\n") == 1 and "Traceback" not in errors, (found, errors)
     return errors
 
@@ -45,7 +42,8 @@ def test_no_run_at_a_time_or_too_many(tmp_path, capsys, command, jobs):
 @pytest.mark.parametrize("rate", ["1e12", "1e300", "inf", "nan", "0", "-5"])
 def test_a_rate_that_no_memory_holds(tmp_path, rate):
     write_run(tmp_path / "ratio_030", 0.3)
-    ends_with_one_line(analysis.__main__.main, ["features", tmp_path / "ratio_030", "--resample", rate])
+    told = ends_with_one_line(analysis.__main__.main, ["features", tmp_path / "ratio_030", "--resample", rate])
+    assert "Hz" in told and f"{float(rate):g}" in told
 
 
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/random", "pipe"])
@@ -58,7 +56,7 @@ def test_devices_and_pipes_are_not_read(tmp_path, device):
                              (plate_fem.__main__.main, ["modes", device]),
                              (analysis.__main__.main, ["features", device]),
                              (recognition.__main__.main, ["recognise", tmp_path, "--model", device])]:
-        ends_with_one_line(entry, arguments)
+        assert str(device) in ends_with_one_line(entry, arguments)
     assert not (tmp_path / "out").exists()
 
 
@@ -71,7 +69,8 @@ def test_a_scene_of_a_gigabyte_is_not_read(tmp_path):
 
 @pytest.mark.parametrize("where", [".", "..", "/"])
 def test_resume_of_no_run(where):
-    ends_with_one_line(main, ["resume", where])
+    told = ends_with_one_line(main, ["resume", where])
+    assert told == f"--out = {where}: must not be the working directory or one above it\n"
 
 
 @pytest.mark.parametrize("key, value, words", [
@@ -84,6 +83,12 @@ def test_physics_that_cannot_be_is_refused_with_its_reason(key, value, words):
     with pytest.raises(InputError, match=words) as refused:
         changed_scene(SCENES / "single.toml", {key: value})
     assert key.split(".")[-1] in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_stone_that_arrives_after_all_time(tmp_path):
+    each = "stones.each=[{material='coal',radius_m=0.03,x_m=0.1,y_m=0.0,speed_m_s=3.0,arrival_s=1e300}]"
+    told = ends_with_one_line(main, ["deck", SCENES / "sizes.toml", "--set", each, "--out", tmp_path / "out"])
+    assert "stone 1 arrives at 1e+300 s" in told and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("changes, words", [
@@ -153,5 +158,12 @@ def test_names_with_blanks_reach_the_commands_of_make_whole():
     assert "--out 'my sweep'" in planned and "sweep 'scenes/a b.toml'" in planned and "report 'my sweep'" in planned
 
 
-def test_a_report_of_nothing():
-    ends_with_one_line(report.__main__.main, ["/dev/null"])
+@pytest.mark.parametrize("where, why", [("/dev/null", "no such directory"), (".", "no finished run ratio_*"),
+                                        ("nowhere", "no such directory"), ("cut off", "no finished run ratio_*")])
+def test_a_report_of_nothing(tmp_path, monkeypatch, where, why):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cut off" / "ratio_000").mkdir(parents=True)
+    (tmp_path / "cut off" / "ratio_000" / "run.json").write_text('{"status": "fini')
+    told = ends_with_one_line(report.__main__.main, [where])
+    assert told.startswith(f"report: {where}: ") and why in told
+    assert not list(tmp_path.rglob("*.html")) and not list(tmp_path.rglob("claims.csv"))

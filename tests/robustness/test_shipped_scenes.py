@@ -1,5 +1,6 @@
 """Every scene that is shipped sweeps to a report."""
 
+import json
 import shutil
 
 import pytest
@@ -9,7 +10,7 @@ from tests.robustness.small import SCENES, run
 
 # Those of stones that are drawn or given one by one are run in tests/dem/test_falling_scenes.py.
 SCENE_FILES = {file.stem: file for file in sorted(SCENES.glob("*.toml"))
-               if "stones" in file.read_text() and file.stem not in ("campaign", "dataset")
+               if "stones" in file.read_text() and file.stem not in ("campaign", "dataset", "streams")
                and read_scene(file).stones.count is not None}
 FAST = ("elastic_plate", "hertz_coal", "hertz_gangue")
 LIGHTER = {"paper": [("duration_s = 0.6 ", "duration_s = 0.01 "), ("subspheres = 500", "subspheres = 200")],
@@ -28,7 +29,10 @@ def sweeps_to_a_report(name, tmp_path):
     code, _, errors = run("report", out)
     assert code == 0 and "Traceback" not in errors, errors
     assert (out / "report.html").stat().st_size > 10_000
-    assert len(list(out.glob("ratio_*"))) == read_scene(scene).stones.count + 1
+    runs = [json.loads(file.read_text()) for file in sorted(out.glob("ratio_*/run.json"))]
+    count = read_scene(scene).stones.count
+    assert [run["gangue_ratio"] for run in runs] == [k / count for k in range(count + 1)]
+    assert all(run["status"] == "finished" and abs(run["energy"]["closure"]) < 0.01 for run in runs)
 
 
 @pytest.mark.parametrize("name", FAST)

@@ -1,0 +1,80 @@
+"""Valid scenes of every way of saying what falls, small enough that thousands of decks can be written."""
+
+from pathlib import Path
+
+from common.scene_file import scene_tables
+from common.tables import read_toml
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+CUBE = "\n".join(["solid cube", *(  # twelve triangles, of which each side has two
+    f"facet normal 0 0 0\nouter loop\n{corners}\nendloop\nendfacet" for corners in (
+        "\n".join(f"vertex {k & 1} {k >> 1 & 1} {k >> 2 & 1}" for k in face) for face in (
+            (0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4),
+            (2, 6, 7), (2, 7, 3), (0, 4, 6), (0, 6, 2), (1, 3, 7), (1, 7, 5)))), "endsolid cube"])
+
+
+def small_scene(name, plate):
+    """Two stones of eight sub-spheres, or two spheres, on a rigid or a coarse flexible plate."""
+    scene = scene_tables(SCENES / "single.toml")
+    scene["time"] |= {"duration_s": 3e-4}
+    scene["stones"] |= {"count": 2, "positions": [{"x_m": 0.1, "y_m": 0.0}, {"x_m": -0.1, "y_m": 0.0}],
+                        "gangue_order": [1, 2], "gangue_ratio": 0.5}
+    scene["contacts"] = {key: {"restitution": 0.5, "friction": 0.4} for key in (
+        "coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}
+    if name == "bonded":
+        scene["stones"]["agglomerate"] |= {"subspheres": 8, "contact": "sub_spheres"}
+    else:
+        del scene["stones"]["agglomerate"]
+    if plate == "rigid":
+        scene["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
+    else:
+        scene["plate"] |= {"max_frequency_Hz": 1500.0, "theory": "kirchhoff"}
+    scene["output"] = {"view_interval_s": 1.5e-4}
+    return scene
+
+
+def falling(stones, name="bonded", plate="rigid", **tables):
+    """The same with other stones on a tilted plate, and with shapes."""
+    scene = small_scene(name, plate)
+    made = {key: scene["stones"][key] for key in ("gap_m", "seed", "agglomerate") if key in scene["stones"]}
+    scene["stones"] = made | stones
+    scene["plate"] |= {"tilt_deg": 20.0, "yield_stress_Pa": 3e8}
+    scene["materials"]["coal"] |= {"contact_strength_Pa": 1e8}
+    return scene | tables
+
+
+EACH = [{"material": "coal", "radius_m": 0.025, "x_m": 0.1, "y_m": 0.0, "velocity_m_s": [0.5, 0.0, -2.0],
+         "spin_rad_s": [0.0, 20.0, 0.0], "strength_factor": 1.2},
+        {"material": "gangue", "radius_m": 0.02, "x_m": -0.1, "y_m": 0.05, "speed_m_s": 3.0, "arrival_s": 2e-4,
+         "attitude": [1.0, 0.0, 0.0, 0.0], "seed": 3}]
+DRAWN = {"size_m": {"uniform": [0.03, 0.05]}, "speed_m_s": {"lognormal": {"median": 3.0, "sigma": 0.3, "least": 2.0, "most": 4.0}},
+         "footprint": {"x_m": [-0.2, 0.2], "y_m": [-0.2, 0.2]}, "spin_rad_s": 2.0, "strength_factor": {"uniform": [0.8, 1.2]},
+         "gangue_by": "mass", "packings": 2}
+STREAM = {"size_m": {"rosin_rammler": {"size_m": 0.04, "exponent": 2.0, "least": 0.02, "most": 0.06}}, "drop_height_m": 0.45,
+          "rate_1_s": 40.0, "begin_s": 0.0, "duration_s": 0.1, "spin_rad_s": {"uniform": [0.0, 5.0]}, "packings": 2}
+SHAPES = {"block": {"elongation": 0.8, "flatness": 0.7, "corners": 12}, "cube": {"file": "cube.stl"}}
+BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": "based", "assumptions": ["time.duration_s"],
+         "time": {"duration_s": 3e-4, "time_step_s": 1e-7, "co_step": 5}, "materials": {"coal": "coal", "gangue": "gangue"},
+         "stones": {"count": 3, "circle_radius_m": 0.1, "gangue_ratio": 0.0, "arrival_s": [0.0, 1e-4, 0.0], "strength_factor": [1.0, 0.9, 1.1],
+                    "agglomerate": {"subspheres": 8, "contact": "sub_spheres", "unbreakable": True}},
+         "contacts": {"coal_coal": {"restitution": 0.5, "friction": 0.6}, "coal_gangue": {"restitution": 0.5, "friction": 0.6},
+                      "gangue_gangue": {"restitution": 0.5, "friction": 0.6}},
+         "output": {"dumps": "vtk", "view_interval_s": 1e-4, "impact_view_interval_s": 0.0, "engine_log": True},
+         "engine": {"np": 2}}
+EDGES = {key: value for key, value in small_scene("sphere", "flexible")["plate"].items() if key not in ("rods", "theory")} | {
+    "edges": "clamped", "mesh_size_m": 0.05, "point_supports": [{"x_m": 0.0, "y_m": 0.0}]}
+
+VOLLEYS = {f"{name}-{plate}": small_scene(name, plate) for name in ("bonded", "sphere") for plate in ("rigid", "flexible")}
+ALL = VOLLEYS | {
+    "each": falling({"each": EACH}),
+    "each-sphere-flexible": falling({"each": EACH}, "sphere", "flexible"),
+    "edges": small_scene("sphere", "flexible") | {"plate": EDGES},
+    "drawn": falling({"drawn": DRAWN | {"count": 4, "arrival_s": 0.0}, "gangue_ratio": 0.5}),
+    "stream": falling({"stream": STREAM, "gangue_ratio": 0.5}),
+    "shapes": falling({"drawn": DRAWN | {"count": 2, "size_m": 0.04, "shapes": ["block", "cube"]}, "gangue_ratio": 0.5}, shapes=SHAPES),
+    "base": BASED,
+}  # fmt: skip
+ALL["shapes"]["stones"]["agglomerate"] |= {"subspheres": 60}  # fewer cannot have the inertia of their shape
+# A stone that stands for a smooth sphere needs its compliance, of at least some hundred sub-spheres; fuzzed less often.
+SMOOTH = falling({"each": EACH[1:]}, "bonded", "rigid")
+SMOOTH["stones"]["agglomerate"] |= {"subspheres": 100, "contact": "smooth"}

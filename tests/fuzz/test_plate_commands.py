@@ -1,0 +1,212 @@
+"""Whatever the records of a plate's sensors, its model or its taps hold: an answer, a refusal of what is not explained
+(exit code 3), or one line and exit code 2."""
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import strategies as st
+
+from common.files import SEAL, seal
+from recognition.__main__ import main
+from recognition.estimation.errors import RecognitionError
+from recognition.plate.plate_model import PlateModel
+from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, many, mutated, outcome
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENE = ROOT / "scenes" / "small.toml"
+RATE_Hz, SAMPLES, TAPPED_UP_TO_Hz = 20_000.0, 800, 1200.0
+SENSORS = ["acc_north_m_s2", "acc_west_m_s2", "acc_south_m_s2", "acc_east_m_s2"]
+COLUMNS = ["t_s", "force_N", "rod_1_N", *SENSORS]
+TAPS = {"taps": [{"record": "record.parquet", "x_m": 0.1, "y_m": 0.05},
+                 {"record": "record.parquet", "x_m": -0.07, "y_m": 0.11, "unknown_force": True}],
+        "prior": {"frequency": 0.03, "damping": 0.5, "gain": 0.03, "place_m": 1.5e-3}}
+cells = st.one_of(st.floats(), st.sampled_from([np.nan, np.inf, 1e308, -1e308, 0.0, 5e-324]), st.sampled_from(HOSTILE))
+
+
+@pytest.fixture(scope="module")
+def plate():
+    """With few modes; `listen` needs more."""
+    return PlateModel.from_scene(SCENE, TAPPED_UP_TO_Hz)
+
+
+@pytest.fixture(scope="module")
+def record(plate):
+    """A pulse on the plate after 20 ms of noise."""
+    t_s, noise = np.arange(SAMPLES) / RATE_Hz, np.random.default_rng(1)
+    force_N = np.zeros(SAMPLES)
+    force_N[420:426] = 1000 * np.sin(np.pi * (np.arange(6) + 0.5) / 6)
+    values = plate.response(force_N, np.array([[0.1, 0.05]]), RATE_Hz)
+    table = pd.DataFrame({"t_s": t_s, "force_N": force_N, "rod_1_N": noise.standard_normal(SAMPLES)})
+    for name, row in zip(SENSORS, values, strict=True):
+        table[name] = row + 0.1 * noise.standard_normal(SAMPLES)
+    return table
+
+
+@st.composite
+def records(draw, record):
+    """A record with columns scaled, held, swapped, doubled, renamed or gone, cells replaced, rows left out."""
+    table = record.copy()
+    for _ in range(draw(st.integers(0, 3))):
+        name, how = draw(st.sampled_from(COLUMNS)), draw(st.sampled_from(["scale", "hold", "swap", "cell", "many", "drop", "text"]))
+        if name not in table.columns:
+            continue
+        if how == "scale":
+            table[name] *= draw(st.sampled_from([0.0, -1.0, 1e-300, 1e-12, 0.5, 1e6, 1e200, 1e308]))
+        elif how == "hold":
+            table[name] = draw(st.floats())
+        elif how == "swap":
+            table[name] = table[draw(st.sampled_from(sorted(table.columns)))].to_numpy()
+        elif how == "drop":
+            table = table.rename(columns={name: draw(st.sampled_from([*COLUMNS, *HOSTILE]))}) if draw(st.booleans()) else table.drop(columns=name)
+        elif how == "text":
+            table[name] = draw(st.sampled_from(HOSTILE))
+        else:
+            cell, last = draw(cells), len(table) if how == "many" else 1
+            if isinstance(cell, str):
+                table[name] = table[name].astype(object)
+            at = draw(st.integers(0, len(table) - 1))
+            table.loc[table.index[at:at + last], name] = cell
+        table = table.loc[:, ~table.columns.duplicated()] if draw(st.booleans()) else table
+        if table.columns.duplicated().any():
+            break
+    if draw(st.integers(0, 4)) == 0:
+        table = table.iloc[:draw(st.sampled_from([0, 1, 2, 10, 300, 500]))]
+    return table
+
+
+def written(here, table):
+    """As a parquet file, or as text where a column is no number or there are two of a name."""
+    try:
+        table.to_parquet(here / "record.parquet")
+        return here / "record.parquet"
+    except Exception:  # noqa: BLE001  what pandas cannot write nobody can hand over
+        (here / "record.csv").write_bytes(table.to_csv(index=False).encode(errors="replace"))
+        return here / "record.csv"
+
+
+def refused_or_done(arguments):
+    code, errors = outcome(main, [str(argument) for argument in arguments])
+    assert code in (0, 3) and not errors or code == 2 and errors.count("\n") == 1, (arguments, code, errors)
+    return code
+
+
+def check_listened(table, plate):
+    """By `check` and `listen`, to the end."""
+    here = Path(tempfile.mkdtemp())
+    try:
+        plate.save(here / "plate.json")
+        before = [written(here, table).name, "plate.json"]
+        refused_or_done(["check", here / before[0], "--plate", here / "plate.json"])
+        code = refused_or_done(["listen", here / before[0], "--plate", here / "plate.json", "--out", here / "heard"])
+        assert sorted(p.name for p in here.iterdir()) == sorted([*before, *(["heard"] if code != 2 else [])])
+        if code == 0:
+            ratio = pd.read_parquet(here / "heard" / "ratio.parquet").iloc[:, 2:].to_numpy()
+            assert not np.isinf(ratio).any() and (np.isnan(ratio) | (ratio >= 0) & (ratio <= 1)).all()
+    finally:
+        shutil.rmtree(here)
+
+
+def check_read(table, plate):
+    """As `check_listened`, up to where the stones are sought, which takes seconds."""
+    def not_sought(*_):
+        raise RecognitionError("not sought in this test")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("recognition.stream.command.recognise_stream", not_sought)
+        check_listened(table, plate)
+
+
+def check_tapped(case, record):
+    """The records of taps, or their file, are changed."""
+    table, taps = case
+    here = Path(tempfile.mkdtemp())
+    try:
+        file = written(here, record if table is None else table)
+        if file.suffix == ".csv":
+            taps = json.loads(json.dumps(taps, default=str).replace("record.parquet", "record.csv"))
+        (here / "taps.toml").write_text(as_toml(taps), encoding="utf-8")
+        code = refused_or_done(["tap", SCENE, here / "taps.toml", "--out", here / "plate.json", "--max-frequency", TAPPED_UP_TO_Hz])
+        assert (code == 0) == (here / "plate.json").exists() and len(list(here.iterdir())) == 2 + (code == 0)
+        if code == 0:
+            PlateModel.load(here / "plate.json")  # which refuses what is not finite
+    finally:
+        shutil.rmtree(here)
+
+
+def plates(data):
+    """Plate models with numbers changed and a hash that fits them, or changed bytes."""
+    changed = mutated(data).map(lambda d: json.dumps(sealed(d), default=str).encode())
+    raw = json.dumps(data).encode()
+    place = st.tuples(st.integers(0, len(raw) - 1), st.integers(0, 255))
+    broken = st.tuples(place, st.sampled_from([1.0, 0.5, 0.0])).map(
+        lambda c: (raw[:c[0][0]] + bytes([c[0][1]]) + raw[c[0][0] + 1:])[:int(c[1] * len(raw))])
+    return changed | changed | changed | broken
+
+
+def sealed(data):
+    try:
+        return seal({key: value for key, value in data.items() if key != SEAL})
+    except (TypeError, ValueError):
+        return data
+
+
+def check_plate(raw, record):
+    here = Path(tempfile.mkdtemp())
+    try:
+        (here / "plate.json").write_bytes(raw)
+        file = written(here, record)
+        refused_or_done(["check", file, "--plate", here / "plate.json"])
+        assert len(list(here.iterdir())) == 2
+    finally:
+        shutil.rmtree(here)
+
+
+def as_data(plate, here):
+    plate.save(here / "plate.json")
+    return json.loads((here / "plate.json").read_text())
+
+
+def tap_cases(record):
+    return st.tuples(records(record), st.just(TAPS)) | st.tuples(st.none(), mutated(TAPS))
+
+
+def test_the_taps_are_good(record):
+    check_tapped((None, TAPS), record)
+
+
+def test_some_records_of_sensors(record, plate):
+    fuzz(lambda table: check_read(table, plate), records(record), 10)
+
+
+def test_some_taps(record):
+    fuzz(lambda case: check_tapped(case, record), tap_cases(record), 6)
+
+
+def test_some_plates(record, plate, tmp_path):
+    fuzz(lambda raw: check_plate(raw, record), plates(as_data(plate, tmp_path)), 10)
+
+
+@pytest.mark.validate
+def test_many_records_of_sensors(record, plate):
+    fuzz(lambda table: check_read(table, plate), records(record), many("RECORDS", 2000) // 4)
+
+
+@pytest.mark.validate
+def test_many_records_are_listened_to(record):
+    plate = PlateModel.from_scene(SCENE, 10_000.0)
+    fuzz(lambda table: check_listened(table, plate), records(record), many("RECORDS", 2000) // 100)
+
+
+@pytest.mark.validate
+def test_many_taps(record):
+    fuzz(lambda case: check_tapped(case, record), tap_cases(record), many("RECORDS", 2000) // 20)
+
+
+@pytest.mark.validate
+def test_many_plates(record, plate, tmp_path):
+    fuzz(lambda raw: check_plate(raw, record), plates(as_data(plate, tmp_path)), many("MODELS", 2000) // 4)

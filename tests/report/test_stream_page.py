@@ -1,0 +1,80 @@
+"""The page of a small stream, and what analysis reads of it."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis import RecordError, breakage, read_run
+from analysis.stream import fallen, is_stream, true_ratio
+from common.scene import changed_scene
+from dem.run.prepare import prepare
+from dem.run.run import run_scene
+from report.page import write_report
+from report.results.stream import StreamResults
+
+SCENE = Path(__file__).parents[2] / "scenes" / "stream.toml"
+SMALL = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "sub_spheres", "output": None,
+         "plate.max_frequency_Hz": 800.0, "time.duration_s": 0.06, "stones.stream.duration_s": 0.05,
+         "stones.stream.rate_1_s": 100.0, "stones.stream.least_fragment": 3}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("streams") / "ratio_030"
+    run_scene(changed_scene(SCENE, SMALL), "stream.toml", directory)
+    return read_run(directory)
+
+
+def test_the_page_of_a_stream_holds_everything_inside(run):
+    html = write_report(run.path.parent).read_text()
+    assert not re.search(r'(?:src|href)="(?!data:|#)', re.sub(r"<script>.*?</script>", "", html, flags=re.DOTALL))
+    for key in ("felt", "fell", "hits", "pieces"):
+        assert f'id="ratio_030-stream-{key}"' in html
+    assert html.count("<img") == 4 and "Not drawn" not in html and "not drawn" not in html
+    count = fallen(run)["first_contact_s"].notna().sum()
+    assert f"<b>{count} stones</b>" in html and not (run.path.parent / "claims.csv").exists()
+
+
+def test_true_ratio_is_that_of_a_count_by_hand(run):
+    stones = fallen(run)
+    assert is_stream(run) and 0 < stones["is_gangue"].sum() < len(stones)
+    for begin, end in ((0.0, 0.06), (0.01, 0.04), (0.02, 0.06)):
+        here = [row for row in stones.itertuples() if begin <= row.first_contact_s < end]
+        mass = {kind: sum(row.mass_kg for row in here if row.material == kind) for kind in ("coal", "gangue")}
+        number = sum(row.material == "gangue" for row in here) / len(here)
+        assert true_ratio(stones, begin, end) == pytest.approx(mass["gangue"] / sum(mass.values()), rel=1e-12)
+        assert true_ratio(stones, begin, end, "number") == pytest.approx(number, rel=1e-12)
+    with pytest.raises(RecordError, match="no stone touched the plate first from 1 to 2 s"):
+        true_ratio(stones, 1.0, 2.0)
+
+
+def test_sub_spheres_and_bonds_of_a_stream_are_those_of_its_scene(run):
+    assembly = prepare(changed_scene(SCENE, SMALL), "stream.toml", None).assembly
+    network = breakage.read_network(run)
+    assert np.array_equal(network.first, assembly.bond_first) and np.array_equal(network.second, assembly.bond_second)
+    assert np.array_equal(network.agglomerate, assembly.agglomerate + 1)
+    assert network.radius_m == pytest.approx(assembly.radius_m, rel=1e-12)
+
+
+def test_pieces_have_the_mass_of_the_stones_that_came(run):
+    results = StreamResults(run)
+    stones, pieces = results.touched, results.piece_masses_kg
+    for name, masses in pieces.items():
+        own = stones[stones["is_gangue"] == (name == "gangue")]
+        assert masses.sum() == pytest.approx(own["mass_kg"].sum(), rel=1e-9)
+    assert len(pieces["coal"]) > (~stones["is_gangue"]).sum()  # some broke
+    ends_s, ratios = results.sliding_ratio()
+    assert ends_s[-1] == run.t_s[-1] and np.nanmax(ratios["mass"]) <= 1.0
+
+
+def test_a_stone_file_that_is_cut_off_is_refused(run, tmp_path):
+    copy = tmp_path / "ratio_030"
+    shutil.copytree(run.path, copy)
+    file = copy / "deck" / "stones.bin"
+    for size in (40, file.stat().st_size // 16 * 8):
+        file.write_bytes(file.read_bytes()[:size])
+        with pytest.raises(RecordError, match=r"stones.bin: cut off"):
+            breakage.read_network(read_run(copy))
