@@ -87,6 +87,8 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void find_safe_until(FreeBody &);
   struct Look;
   double rest_s() const;
+  double horizon_s() const;
+  void find_pairs(Look &) const;
   void watch_bodies_in_flight(const Look &);
   bool is_calm(const ArrayBody &);
   void let_calm_bodies_depart(Look &);

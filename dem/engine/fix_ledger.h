@@ -20,9 +20,10 @@ namespace LAMMPS_NS {
 // what it finds in the force array then comes from the contacts between sub-spheres alone. Other fixes tell what they
 // hold by EnergyHolder. `up` is the direction against gravity, that of z if not given.
 //
-// File: at each such step, and the last one of the run, a row for each agglomerate that is near (fix stones; all of them without it): int64 step,
-// int64 agglomerate (from 1), double[LEDGER_COLUMNS] (energy_holder.h). The last row of a stone that has left is the
-// first one after that, and has what was in its pieces when they were taken out. Where none is near, there is a row of zeros of agglomerate 0.
+// File: at each such step, and the last one of the run, a row for each agglomerate that is near (fix stones; all of
+// them without it): int64 step, int64 agglomerate (from 1), double[LEDGER_COLUMNS] (energy_holder.h). The last row of a
+// stone that has left is the first one after that, and has what was in its pieces when they were taken out. Where none
+// is near, there is a row of zeros of agglomerate 0.
 class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
  public:
   FixLedger(class LAMMPS *, int, char **);
@@ -39,8 +40,8 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   void restore(const CheckpointReader &) override;
   int acts_every() const override { return every_; }
 
-  // Of all agglomerates that ever were there, at the last row. What bonds and contacts took from the stones and the plate does not count what
-  // they hold as elastic energy.
+  // Of all agglomerates that ever were there, at the last row. What bonds and contacts took from the stones and the
+  // plate does not count what they hold as elastic energy.
   struct Sum {
     long long step;
     double kinetic_J, mass_height_kg_m, work_on_stones_J, bonds_took_J, contacts_took_J;

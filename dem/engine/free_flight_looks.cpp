@@ -16,6 +16,7 @@ using namespace LAMMPS_NS;
 namespace {
 const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants without velocity
 const int LEAST_REST = 4;         // looks: a body that may be touched sooner does not leave
+const double UNFORESEEN_LOOKS = 1.5;  // a body comes back this early for one in the arrays
 // A body flies together with the fragments that are trapped in it when all of them have less than this share of the
 // energy of the impact relative to its motion, for so many looks that those on their way out are gone.
 const double TRAPPED_ENERGY = 1e-3;
@@ -33,6 +34,8 @@ struct FixFreeFlight::Look {
   bool is_in_arrays(size_t k) const { return k < in_arrays.size(); }
 };
 
+double FixFreeFlight::horizon_s() const { return (nevery + 2) * update->dt; }  // until the next look has been acted on
+
 // During which a body that leaves must touch nothing.
 double FixFreeFlight::rest_s() const { return LEAST_REST * nevery * update->dt; }
 
@@ -46,6 +49,7 @@ void FixFreeFlight::end_of_step() {
   if (stream_) take_out_those_that_left();
   for (ArrayBody &b : look.in_arrays) look.all.push_back(&b);
   for (auto &b : bodies_) look.all.push_back(b.get());
+  find_pairs(look);
   watch_bodies_in_flight(look);
   held_->count_still(look.in_arrays);
   let_calm_bodies_depart(look);
@@ -103,15 +107,19 @@ void FixFreeFlight::find_safe_until(FreeBody &body) {
   body.safe_until = std::min(body.meets_at, step_after(plate_ ? time_to_plate(body, outline_, weight()) : FAR_AHEAD));
 }
 
+// Bodies in free flight know of each other by their safe_until.
+void FixFreeFlight::find_pairs(Look &look) const {
+  const double time_s = std::max(rest_s(), UNFORESEEN_LOOKS * horizon_s());
+  look.pairs = std::make_unique<ReachPairs>(look.all, look.in_arrays.size(), time_s, speed_);
+}
+
 // Finds the bodies in free flight that must come back before the next look.
 void FixFreeFlight::watch_bodies_in_flight(const Look &look) {
-  const double horizon = (nevery + 2) * update->dt;
-  const ReachPairs pairs(look.all, 1.5 * horizon, speed_);
   bool asked = false;
   for (size_t k = 0; k < bodies_.size(); k++) {
     FreeBody *b = bodies_[k].get();
     if (b->safe_until < update->ntimestep + nevery + 2) {
-      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, weight()) < horizon) {
+      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, weight()) < horizon_s()) {
         plate_->ask_reach();
         update_reach();
         asked = true;
@@ -119,8 +127,8 @@ void FixFreeFlight::watch_bodies_in_flight(const Look &look) {
       find_safe_until(*b);
       b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
     }
-    for (const int m : pairs.of(look.in_arrays.size() + k))
-      if (!b->is_waking && look.is_in_arrays(m)) b->is_waking = time_to_meet(*b, *look.all[m], speed_) < 1.5 * horizon;
+    for (const int m : look.pairs->of(look.in_arrays.size() + k))  // in the arrays, all of them
+      if (!b->is_waking) b->is_waking = time_to_meet(*b, *look.all[m], speed_) < UNFORESEEN_LOOKS * horizon_s();
   }
 }
 
@@ -171,7 +179,7 @@ void FixFreeFlight::let_calm_bodies_depart(Look &look) {
     }
     leaves[k] = left || (calm && (!plate_ || time_to_plate(b, outline_, weight()) > rest_s()));
   }
-  look.pairs = std::make_unique<ReachPairs>(look.all, rest_s(), speed_);
+  if (std::count(is_part.begin(), is_part.end(), 1)) find_pairs(look);
   for (size_t k = 0; k < count; k++)
     for (const int m : look.pairs->of(k)) {
       if (look.is_in_arrays(m) || !leaves[k]) continue;

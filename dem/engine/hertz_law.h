@@ -11,7 +11,8 @@
 namespace LAMMPS_NS {
 
 // What the stock contact model `hertz` of LIGGGHTS stores and takes in one contact: the law of Hertz (1882), and the
-// dashpots and the tangential spring of its manual, `gran model hertz`. Moduli E* are in Pa, lengths in m, energies in J.
+// dashpots and the tangential spring of its manual, `gran model hertz`. Moduli E* are in Pa, lengths in m, energies in
+// J.
 class HertzLaw {
  public:
   explicit HertzLaw(LAMMPS *lmp) {

@@ -62,8 +62,8 @@ class PlateContact {
   };
   virtual Pressing pressing(const NearSphere &) const = 0;  // of one that touches
 
-  // How far what touches may reach below sub-spheres of a smooth surface, and up to which height above the plate the law
-  // needs to see sub-spheres, m. Fewer than LEAST_IN_PATCH sub-spheres of a surface that hold together touch alone.
+  // How far what touches may reach below sub-spheres of a smooth surface, and up to which height above the plate the
+  // law needs to see sub-spheres, m. Fewer than LEAST_IN_PATCH sub-spheres of a surface that hold together touch alone.
   static constexpr int LEAST_IN_PATCH = 3;
   virtual double outside() const { return 0; }
   virtual double listed_height() const { return 0; }

@@ -1,7 +1,7 @@
 #include "reach_pairs.h"
 
 #include <algorithm>
-#include <numeric>
+#include <utility>
 
 namespace LAMMPS_NS {
 
@@ -21,24 +21,29 @@ Box box_of(const Outline &body, double time_s, double unforeseen_m_s) {
 }
 }  // namespace
 
-ReachPairs::ReachPairs(const std::vector<Outline *> &bodies, double time_s, double unforeseen_m_s)
+ReachPairs::ReachPairs(const std::vector<Outline *> &bodies, size_t wanted, double time_s, double unforeseen_m_s)
     : others_(bodies.size()) {
+  if (wanted == 0) return;
   std::vector<Box> boxes;
   for (const Outline *body : bodies) boxes.push_back(box_of(*body, time_s, unforeseen_m_s));
-  std::vector<int> order(bodies.size()), open;
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return boxes[a].low.x < boxes[b].low.x; });
-  for (const int k : order) {
-    size_t kept = 0;
-    for (const int other : open) {
-      if (boxes[other].high.x < boxes[k].low.x) continue;
-      open[kept++] = other;
-      if (!boxes[k].overlaps_aside(boxes[other])) continue;
-      others_[k].push_back(other);
-      others_[other].push_back(k);
+  std::vector<std::pair<double, int>> order;
+  for (size_t k = 0; k < boxes.size(); k++) order.emplace_back(boxes[k].low.x, k);
+  std::sort(order.begin(), order.end());
+  std::vector<int> open[2];  // of the wanted ones, and of the others
+  for (const auto &[low, k] : order) {
+    const bool is_wanted = static_cast<size_t>(k) < wanted;
+    for (int kind = 0; kind < (is_wanted ? 2 : 1); kind++) {
+      size_t kept = 0;
+      for (const int other : open[kind]) {
+        if (boxes[other].high.x < low) continue;
+        open[kind][kept++] = other;
+        if (!boxes[k].overlaps_aside(boxes[other])) continue;
+        others_[k].push_back(other);
+        others_[other].push_back(k);
+      }
+      open[kind].resize(kept);
     }
-    open.resize(kept);
-    open.push_back(k);
+    open[is_wanted ? 0 : 1].push_back(k);
   }
   for (std::vector<int> &others : others_) std::sort(others.begin(), others.end());
 }

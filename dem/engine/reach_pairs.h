@@ -10,8 +10,9 @@ namespace LAMMPS_NS {
 // looks at a pair, and it leaves out no pair that the times of outline.h would find.
 class ReachPairs {
  public:
-  // Within `time_s`, for bodies that may gain the speed `unforeseen_m_s` each.
-  ReachPairs(const std::vector<Outline *> &, double time_s, double unforeseen_m_s);
+  // Within `time_s`, for bodies that may gain the speed `unforeseen_m_s` each. Pairs of which both come after the first
+  // `wanted` bodies are left out.
+  ReachPairs(const std::vector<Outline *> &, size_t wanted, double time_s, double unforeseen_m_s);
   // The others that body k could meet, ascending, as in the list of bodies.
   const std::vector<int> &of(size_t k) const { return others_[k]; }
 

@@ -20,15 +20,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags_array
+from scipy.sparse.linalg import SuperLU
 
 from common.scene import BondTable
 from dem.stones.bonds import Bonds, dof_scale, solve_static, stiffness_matrix
 from dem.stones.packing import Packing, SphereContainer
+from plate_fem.eigen import factor
 
 PATCH_RADIUS = 0.4      # b/R
 SURFACE_DEPTH = 0.5     # a sub-sphere is of the surface if it reaches nearer to it than this share of its own radius
 SOLVER_TOLERANCE = 1e-6
+MOST_FACTORED = 1000      # sub-spheres: factors of a larger network take longer than conjugate gradients
 FIRST_AXIS = np.array([0.0, 0.0, -1.0])  # of a stone that does not turn before its first contact
 # The twelve corners of an icosahedron: for contacts after the first
 OTHER_AXES = np.array([np.roll([0.0, a, b * (1 + 5**0.5) / 2], k) for k in range(3) for a in (-1, 1) for b in (-1, 1)])
@@ -122,13 +125,25 @@ class _FreeNetwork:
                          - (self._share[:, None] * self._arm).T @ self._arm)
         self._matrix = matrix
         self._scale = dof_scale(packing)
+        self._factors = self._held_factors() if len(packing.radius_m) <= MOST_FACTORED else None
 
     def compliance_m_N(self, weight: np.ndarray, direction: np.ndarray) -> float:
         """Mean displacement of the patch along `direction` for a force of 1 N along it, shared by `weight` (n,)."""
         load = np.zeros((len(weight), 6))
         load[:, :3] = self._balanced(weight[:, None] * direction)
-        moved = solve_static(self._matrix, load.ravel(), self._scale, SOLVER_TOLERANCE).reshape(-1, 6)[:, :3]
+        moved = self._solve(load.ravel()).reshape(-1, 6)[:, :3]
         return float(weight @ (self._without_rigid_motion(moved) @ direction))
+
+    def _held_factors(self) -> SuperLU:
+        """Of the network whose first sub-sphere is held, which a balanced load does not pull at."""
+        scaled = diags_array(self._scale) @ self._matrix @ diags_array(self._scale)
+        return factor(scaled.tocsc()[6:, 6:])
+
+    def _solve(self, load: np.ndarray) -> np.ndarray:
+        """One of the motions (6 n,) under a balanced load."""
+        if self._factors is None:
+            return solve_static(self._matrix, load, self._scale, SOLVER_TOLERANCE)
+        return self._scale * np.append(np.zeros(6), self._factors.solve((self._scale * load)[6:]))
 
     def _balanced(self, force: np.ndarray) -> np.ndarray:
         """`force` (n, 3) with what the acceleration of the body takes off each sub-sphere."""

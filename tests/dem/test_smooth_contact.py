@@ -213,6 +213,17 @@ def test_compliance_of_a_patch_is_that_of_a_stiffer_network_times_its_modulus():
     assert np.mean([c.normal_m_N for c in soft]) == pytest.approx(expected, rel=0.25)
 
 
+def test_factors_and_conjugate_gradients_find_the_same_compliance(monkeypatch):
+    packing = pack_sphere(RADIUS_m, 200, seed=7)
+    bonds, axes = bond_network(packing), np.eye(3)
+    factored = patch_compliance(packing, bonds, 1e9, 4.0, axes, 0.3)
+    monkeypatch.setattr("dem.stones.contact_patch.MOST_FACTORED", 0)
+    monkeypatch.setattr("dem.stones.contact_patch.SOLVER_TOLERANCE", 1e-10)
+    iterated = patch_compliance(packing, bonds, 1e9, 4.0, axes, 0.3)
+    assert [(c.normal_m_N, c.tangential_m_N) for c in factored] == [
+        pytest.approx((c.normal_m_N, c.tangential_m_N), rel=1e-7) for c in iterated]
+
+
 def test_too_few_sub_spheres_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"stones\.agglomerate\.subspheres = 20: must be more") as refused:
         run_scene(stone(20), "scene", tmp_path / "run")
