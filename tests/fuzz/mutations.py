@@ -49,7 +49,7 @@ def mutated(draw, valid, most=3):
         how = draw(st.sampled_from([*4 * ["scale"], *4 * ["number"], "replace", "leave out", "rename"]))
         if how == "number" and isinstance(value, (int, float)) and not isinstance(value, bool):
             table[key] = draw(st.sampled_from([n for n in NUMBERS if isinstance(n, float) or isinstance(value, int)]))
-        elif how == "scale" and isinstance(value, (int, float)) and not isinstance(value, bool):
+        elif how == "scale" and isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < 2**63:
             table[key] = value * draw(st.sampled_from([0.0, 1e-6, 1e-3, 0.1, 0.5, 2, 10, 1e3, 1e6, 1e12, -1]))
         elif how == "leave out":
             del table[key]

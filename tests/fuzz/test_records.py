@@ -1,7 +1,9 @@
 """Whatever a record holds: its features, or one line and exit code 2."""
 
 import json
+import os
 import shutil
+import signal
 import tempfile
 from pathlib import Path
 
@@ -128,6 +130,14 @@ def info():
         return json.loads((here / "ratio_030" / "run.json").read_text())
     finally:
         shutil.rmtree(here)
+
+
+def test_a_reader_that_crashes_ends_with_one_line(tmp_path, monkeypatch):
+    """As scipy does on some damaged MATLAB files."""
+    (tmp_path / "record.mat").write_bytes(good_file(".mat"))
+    monkeypatch.setattr("scipy.io.loadmat", lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL))
+    code, errors = outcome(main, ["features", str(tmp_path / "record.mat")])
+    assert code == 2 and errors.count("\n") == 1 and "crashes" in errors
 
 
 def test_some_files():
