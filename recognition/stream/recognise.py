@@ -24,7 +24,7 @@ from recognition.stream.whitening import Whitening
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
 #: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
-LEAST_DOUBT = 0.02
+LEAST_DOUBT = 0.005
 #: Of the rate at which a mode loses its phase if its frequency is off by a standard deviation: an error that stays is
 #: less harmful than a phase that walks.
 PHASE_LOSS = 0.1
