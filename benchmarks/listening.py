@@ -18,6 +18,7 @@ import argparse
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,7 @@ class Case:
     noise_db: float = 20.0
 
 
+@cache
 def true_plate(kind: str) -> PlateModel:
     exact = PlateModel.from_scene(SCENE, TRUE_Hz)
     if kind == "other theory":
@@ -66,6 +68,7 @@ def true_plate(kind: str) -> PlateModel:
     return other_plates.scattered(exact, 0.01, np.random.default_rng([100, int(kind)]))
 
 
+@cache
 def tapped(kind: str, out: Path) -> PlateModel:
     """What four taps teach of that plate; kept in a file."""
     file = out / f"plate_{kind.replace(' ', '_')}.json"
