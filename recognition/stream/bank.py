@@ -79,7 +79,7 @@ class Bank:
 
     @cached_property
     def _about(self) -> Callable[[int, int, int, int], Floats32]:
-        """Rows (12, FIT_LAGS c) of `fitted` x (shape, its slopes) at a node; a fit stays near one, so the last are kept."""
+        """Rows (12, FIT_LAGS c) of `fitted` x (shape, slopes) at a node; a fit stays near one, so the last are kept."""
         return lru_cache(KEPT)(lambda k, p, i, j: (self.shapes[i, j] @ self.fitted[k, p]).reshape(12, -1))
 
     def _signature(self, time: float, log_duration: float, x_m: float, y_m: float, breaking: float,
