@@ -4,6 +4,7 @@
 
 Two bonded stones fall on the plate of scenes/paper.toml with fewer sub-spheres and modes, for 1.6 contact times of a
 whole stone; every case changes one value to an extreme, or all of them at random (without what is always refused).
+The cases of benchmarks/stability_scenes.py are scenes as users have them.
 Writes cases.csv (case, settings, outcome finished|refused, ledger_error, message, wall_s) and map.png. Ends with 1 if
 a case ended in any other way: a hang, a ledger that does not close, a refusal that names no limit, a Python error.
 """
@@ -27,6 +28,7 @@ import numpy as np
 import pandas as pd
 
 import dem.stones.assembly
+from benchmarks.stability_scenes import scene_cases
 from benchmarks.stone import SCENES
 from common.scene import Scene, changed_scene
 from common.scene_file import scene_tables
@@ -78,6 +80,7 @@ PARTICLES_AT_MOST = 700
 class Case:
     name: str
     settings: dict = field(default_factory=dict)
+    file: str | None = None  # of a shipped scene, in which the settings are keys that are changed
 
 
 def cases() -> list[Case]:
@@ -93,7 +96,7 @@ def cases() -> list[Case]:
         combined.append(Case(f"combined {k + 1}", settings))
     rigid = [Case(f"rigid plate, {key} {value}", {"rigid": True, key: value})
              for key in ("speed_m_s", "stiffness", "bond_damping") for value in LEVELS[key]]
-    return alone + rigid + combined
+    return alone + rigid + combined + [Case(name, changes, file) for name, file, changes in scene_cases()]
 
 
 def build(settings: dict) -> Scene:
@@ -206,7 +209,7 @@ def run_case(case: Case, runs: Path) -> dict:
     signal.alarm(int(HANG_s))
     start, closure, message = time.monotonic(), float("nan"), ""
     try:
-        scene = build(case.settings)
+        scene = changed_scene(SCENES / case.file, case.settings) if case.file else build(case.settings)
         with tempfile.TemporaryDirectory(dir=runs) as directory:
             closure = run_scene(scene, case.name, Path(directory) / "run")["energy"]["closure"]
         outcome = "finished" if abs(closure) <= ENERGY_SHARE else "ledger open"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 import skfem
+from scipy.linalg import solveh_banded
 from skfem.helpers import dd, grad
 
 from plate_fem.system import IN_PLANE, PlateSystem
@@ -19,15 +20,50 @@ def curvature_operator(system: PlateSystem) -> Callable[[np.ndarray], np.ndarray
     are least-squares projections of the discontinuous derivatives on continuous biquadratics.
     """
     target = system.basis_w.with_element(skfem.ElementQuad2())
-    mass = skfem.BilinearForm(lambda u, v, _: u * v).assemble(target)
-    solve = sp.linalg.splu(mass.tocsc()).solve
+    solve = _mass_solver(system, target)
     rows = _kirchhoff_rows(system, target) if system.theory == "kirchhoff" else _mindlin_rows(system, target)
 
     def curvature(u: np.ndarray) -> np.ndarray:
         bending = u[:-IN_PLANE]
-        return np.array([solve(row @ bending)[target.nodal_dofs[0]] for row in rows])
+        return np.array([solve(row @ bending) for row in rows])
 
     return curvature
+
+
+def _mass_solver(system: PlateSystem, target: skfem.Basis) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function from moments (target.N, n) to values at the nodes (n_nodes, n), which inverts the mass matrix
+    of biquadratics. On a grid of rectangles that is the product of those of quadratics along x and along y."""
+    lines = system.lines_x_m, system.lines_y_m
+    of_x, of_y = (abs(place[:, None] - _with_middles(along)).argmin(axis=1)
+                  for place, along in zip(target.doflocs, lines, strict=True))
+    mass_x, mass_y = (_mass_along(along) for along in lines)
+    nodes = target.nodal_dofs[0]
+
+    def solve(moments: np.ndarray) -> np.ndarray:
+        grid = np.empty((mass_x.shape[1], mass_y.shape[1], moments.shape[1]))
+        grid[of_x, of_y] = moments
+        at_nodes_x = solveh_banded(mass_x, grid.reshape(len(grid), -1))[::2].reshape(-1, *grid.shape[1:])
+        by_y = at_nodes_x.transpose(1, 0, 2)
+        at_nodes = solveh_banded(mass_y, by_y.reshape(len(by_y), -1))[::2].reshape(-1, *by_y.shape[1:])
+        return at_nodes[of_y[nodes] // 2, of_x[nodes] // 2]
+
+    return solve
+
+
+def _with_middles(lines: np.ndarray) -> np.ndarray:
+    """Return grid lines (n,) with those halfway between them, (2 n - 1,)."""
+    return np.interp(np.arange(2 * len(lines) - 1) / 2, np.arange(len(lines)), lines)
+
+
+def _mass_along(lines: np.ndarray) -> np.ndarray:
+    """Return the mass matrix of quadratics between grid lines (n,), as the upper bands (3, 2 n - 1) of scipy."""
+    h, bands = np.diff(lines) / 30, np.zeros((3, 2 * len(lines) - 1))
+    bands[2, 1::2] = 16 * h
+    bands[2, :-2:2] += 4 * h
+    bands[2, 2::2] += 4 * h
+    bands[1, 1:] = np.repeat(2 * h, 2)
+    bands[0, 2::2] = -h
+    return bands
 
 
 def _kirchhoff_rows(system: PlateSystem, target: skfem.Basis) -> list[sp.csr_array]:
