@@ -1,15 +1,22 @@
 """Valid input, changed at random places: what the fuzz tests share."""
 
+import atexit
 import contextlib
 import copy
 import io
 import json
 import math
 import os
+import shutil
 import signal
+import tempfile
+from functools import cache
+from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+
+from tests.analysis.synthetic import write_run
 
 # What a careless or a hostile hand writes into a field.
 HOSTILE = [
@@ -60,6 +67,14 @@ def mutated(draw, valid, most=3):
         if not data:
             break
     return data
+
+
+@cache
+def good_run():
+    """A run directory, made once."""
+    here = Path(tempfile.mkdtemp())
+    atexit.register(shutil.rmtree, here)
+    return write_run(here / "ratio_030", 0.3)
 
 
 def as_toml(data):

@@ -17,8 +17,7 @@ from scipy.io import savemat, wavfile
 
 from analysis import RecordError, read_run
 from analysis.__main__ import main
-from tests.analysis.synthetic import write_run
-from tests.fuzz.mutations import HOSTILE, fuzz, many, mutated, outcome
+from tests.fuzz.mutations import HOSTILE, fuzz, good_run, many, mutated, outcome
 
 TIMES = np.arange(64) * 1e-3
 SIGNAL = np.sin(300 * TIMES) * np.exp(-20 * TIMES)
@@ -111,7 +110,7 @@ def check_run(run_json):
     """A run directory whose run.json is not ours."""
     here = Path(tempfile.mkdtemp())
     try:
-        write_run(here / "ratio_030", 0.3)
+        shutil.copytree(good_run(), here / "ratio_030")
         (here / "ratio_030" / "run.json").write_text(json.dumps(run_json))
         try:
             read = read_run(here / "ratio_030")
@@ -124,12 +123,7 @@ def check_run(run_json):
 
 
 def info():
-    here = Path(tempfile.mkdtemp())
-    try:
-        write_run(here / "ratio_030", 0.3)
-        return json.loads((here / "ratio_030" / "run.json").read_text())
-    finally:
-        shutil.rmtree(here)
+    return json.loads((good_run() / "run.json").read_text())
 
 
 def test_a_reader_that_crashes_ends_with_one_line(tmp_path, monkeypatch):
