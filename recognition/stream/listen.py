@@ -163,8 +163,8 @@ class Listener:
         if 0.5 * float(np.sum(left[:, after - LEAD - window.first:] ** 2)) < needed:  # no stone can explain more
             return None
         padded = np.pad(left, ((0, 0), (0, FIT_LAGS)))
-        gain, starts = self.dictionary.starts(padded, window.first, range(after, until))
-        if gain < needed:
+        starts = self.dictionary.starts(padded, window.first, range(after, until), needed)
+        if not starts:
             return None
         alone = replace(window, values=left)
         new = min((alone.fit(s[None], 2) for s in starts), key=lambda f: f.cost)
