@@ -142,13 +142,13 @@ def matched(stones: pd.DataFrame, truth: pd.DataFrame) -> dict[str, int]:
 #: Goals of the docs: name, case, plates, streams of each.
 GOALS: list[tuple[str, Case, tuple[str, ...], int]] = [
     ("20 a second", Case(20, 100), ("1", "2"), 1),
-    ("100 a second", Case(100, 100), ("1", "2"), 2),
-    ("200 a second", Case(200, 100), ("1", "2"), 2),
-    ("all sizes", Case(50, 100, all_sizes=True), ("1", "2"), 2),
-    ("volley of ten", Case(1e5, 10), ("1", "2"), 3),
-    ("one accelerometer", Case(20, 60, ONE), ("1", "2"), 1),
-    ("400 stones", Case(100, 400), ("1", "2"), 1),
-    ("other theory", Case(100, 100), ("other theory",), 3)]
+    ("200 a second", Case(200, 100), ("1", "2"), 1),
+    ("all sizes", Case(50, 100, all_sizes=True), ("1", "2"), 1),
+    ("volley of ten", Case(1e5, 10), ("1", "2"), 2),
+    ("one accelerometer", Case(20, 60, ONE), ("1",), 1),
+    ("100 a second", Case(100, 100), ("1", "2"), 1),
+    ("400 stones", Case(100, 400), ("1",), 1),
+    ("other theory", Case(100, 100), ("other theory",), 1)]
 
 
 def goals(out: Path) -> None:
@@ -282,7 +282,7 @@ def differences() -> list[Difference]:
     ]
 
 
-def silent(out: Path, streams: int = 5) -> None:
+def silent(out: Path, streams: int = 2) -> None:
     for seed in range(streams):
         for difference in differences():
             key: dict[str, object] = {"differs": difference.name, "seed": seed}

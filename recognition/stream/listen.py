@@ -163,8 +163,8 @@ class Listener:
         if 0.5 * float(np.sum(left[:, after - LEAD - window.first:] ** 2)) < needed:  # no stone can explain more
             return None
         padded = np.pad(left, ((0, 0), (0, FIT_LAGS)))
-        gain, starts = self.dictionary.starts(padded, window.first, range(after, until))
-        if gain < needed:
+        starts = self.dictionary.starts(padded, window.first, range(after, until), needed)
+        if not starts:
             return None
         alone = replace(window, values=left)
         new = min((alone.fit(s[None], 2) for s in starts), key=lambda f: f.cost)
@@ -206,7 +206,7 @@ def heard_of(fit: Fit, prior: StonePrior, window: Window, gain: float) -> Heard:
     """What a fit says of its first stone, which brings a gain."""
     stone = fit.stones[0]
     inverse = np.linalg.inv(fit.curvature + 1e-9 * np.eye(len(fit.curvature)))
-    covariance: Floats = inverse[:PARAMETERS, :PARAMETERS]
+    covariance = np.asarray(inverse[:PARAMETERS, :PARAMETERS], dtype=float)
     log_evidence, weights = prior.evidence(stone[TRIPLE], covariance[np.ix_(TRIPLE, TRIPLE)])
     return Heard(stone, covariance, log_evidence, weights, fit.chi_square / window.values.size, gain * window.temper,
                  gain + float(log_evidence.max()))

@@ -74,7 +74,7 @@ class StonePrior:
     def _inner(self) -> tuple[Floats, Floats, Floats]:
         """Precision (material, nodes, 3, 3) about the means, that times the means, and what of the evidence does not
         depend on the stone (material, nodes)."""
-        inner = np.linalg.inv(self.scatter)
+        inner = np.asarray(np.linalg.inv(self.scatter), dtype=float)
         from_means = np.einsum("mnij,mnj->mni", inner, self.means)
         constant = np.linalg.slogdet(inner)[1] - np.sum(self.means * from_means, axis=-1)
         return inner, from_means, constant
