@@ -15,6 +15,7 @@ from analysis.sound_files import read_flac, read_wav
 from analysis.text_tables import name_and_unit, plain_unit, read_text_table
 from analysis.uff_files import read_uff
 from common.parquet import read_parquet
+from common.processes import Crashed, apart
 from common.tables import InputError, refuse_unreadable
 from common.units import unit_of
 
@@ -58,7 +59,7 @@ def read_record(
     if ending in TABLES:
         record = _from_table(read_table(path), str(path), column, time, rate_Hz)
     elif ending in ARRAYS:
-        record = _from_arrays(ARRAYS[ending](path), str(path), column, time, rate_Hz)
+        record = _from_arrays(_arrays(path), str(path), column, time, rate_Hz)
     elif ending in CHANNELS:
         record = CHANNELS[ending](path, column)
         _check_rate(record.name, rate_Hz, record.rate_Hz, "the file")
@@ -91,6 +92,14 @@ def read_table(path: str | Path) -> pd.DataFrame:
     if not table.columns.is_unique:
         raise RecordError(f"{path}: column {table.columns[table.columns.duplicated()][0]!r} appears twice")
     return table
+
+
+def _arrays(path: Path) -> Arrays:
+    """Read in a process of its own: a damaged MATLAB file can crash scipy, as can HDF5's library."""
+    try:
+        return apart(lambda: ARRAYS[path.suffix.lower()](path))
+    except Crashed:
+        raise RecordError(f"{path}: not a readable {path.suffix[1:]} file (its library crashes on it)") from None
 
 
 def _refuse_unreadable(path: Path) -> None:

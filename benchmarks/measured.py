@@ -30,7 +30,7 @@ def record(run: Path, rng: np.random.Generator) -> pd.DataFrame:
     t_s = fast["t_s"].to_numpy()
     fine_Hz = round(1 / float(t_s[1] - t_s[0]))
     table = {}
-    for name in (c for c in fast if c.startswith("acc_")):
+    for name in (str(c) for c in fast if str(c).startswith("acc_")):
         values = resample(Record(fast[name].to_numpy(dtype=float), fine_Hz, name=name), RATE_Hz).values
         noise = 10 ** (-NOISE_dB / 20) * values.std()
         table[name] = values + noise * rng.standard_normal(len(values))

@@ -49,7 +49,7 @@ def _set(name: str) -> pd.DataFrame:
         table["strength"] = np.array(OTHER_STRENGTH)[np.arange(n) // 2 % 2]
     chosen = np.r_[:paper, n // 2:n // 2 + any_size]
     digits = {"speed_m_s": 4, "radius_m": 5, "x_m": 4, "y_m": 4}
-    return pd.DataFrame(table.iloc[chosen]).round(digits)
+    return table.take(chosen).round(digits)
 
 
 def simulate(case: pd.Series, out: Path) -> None:

@@ -15,7 +15,7 @@ from common.tables import InputError, Place, Positive, Refused, Table, about, ch
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
 
-MOST_DENSITY_kg_m3 = 25_000.0
+LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
 
 
 def refuse_density(density_kg_m3: float) -> None:
@@ -23,6 +23,9 @@ def refuse_density(density_kg_m3: float) -> None:
     if density_kg_m3 > MOST_DENSITY_kg_m3:
         raise Refused("density_kg_m3", density_kg_m3, f"must be at most {MOST_DENSITY_kg_m3:g}: osmium, the densest "
                       "solid, has 22 590")
+    if density_kg_m3 < LEAST_DENSITY_kg_m3:
+        raise Refused("density_kg_m3", density_kg_m3, f"must be at least {LEAST_DENSITY_kg_m3:g}: aerographene, the "
+                      "lightest solid, has 0.16")
 
 
 class Rod(Place):

@@ -9,6 +9,7 @@ import signal
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
@@ -34,6 +35,24 @@ def side_by_side(work: Callable[[int], Result], count: int) -> list[Result]:
     pool = ProcessPoolExecutor(processes, multiprocessing.get_context("fork"), _begin, (work,))
     try:
         return list(pool.map(_do, range(count)))
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+class Crashed(RuntimeError):
+    """The process that did a work was ended by a fault, such as one of a library in C."""
+
+
+def apart(work: Callable[[], Result]) -> Result:
+    """Return work(), done by a copy of this process as in `side_by_side`, which alone ends where the work crashes.
+    Raises Crashed then, else what `work` raises."""
+    if sys.platform != "linux":
+        return work()
+    pool = ProcessPoolExecutor(1, multiprocessing.get_context("fork"), _begin, (lambda _: work(),))
+    try:
+        return pool.submit(_do, 0).result()
+    except BrokenProcessPool:
+        raise Crashed("the process that worked for this one crashed") from None
     finally:
         pool.shutdown(cancel_futures=True)
 

@@ -15,6 +15,7 @@ from scipy.interpolate import make_interp_spline
 
 from common.cache import cached, entry_file, key_of
 from common.plate import FlexiblePlate
+from common.tables import Refused
 from plate_fem import hermite
 from plate_fem.mesh import highest_frequency_Hz
 from plate_fem.mode_count import MODES_AT_MOST, refuse_too_many_modes
@@ -128,14 +129,19 @@ def plate_modes(
     residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
     points the static compliance of all the modes left out (plate_fem/residual.py). Without it there are none.
     Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
-    table with too many cells or modes.
+    table with too many cells or modes, or whose numbers are so extreme that they cannot be found.
     """
     refuse_too_many_modes(plate, MODES_AT_MOST)
     points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
     names = [one.name for one in fields(PlateModes)]
 
     def find() -> dict[str, object]:
-        modes = _compute(plate, points, cache_dir)
+        try:
+            modes = _compute(plate, points, cache_dir)
+        except (RuntimeError, np.linalg.LinAlgError) as error:  # of a factor, or of the eigensolver
+            why = " ".join(str(error).split())
+            raise Refused("model", plate.model, f"its modes cannot be found ({why}): stiffness, density and size of "
+                          "plate and rods must be less extreme") from error
         return {name: getattr(modes, name) for name in names}
 
     stored = cached(cache_dir, "modes", table_hash(plate, points), find)

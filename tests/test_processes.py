@@ -1,13 +1,14 @@
 """Work shared by processes: the same results in order, errors raised, nobody left behind."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
 
 import pytest
 
-from common.processes import side_by_side
+from common.processes import Crashed, apart, side_by_side
 from tests.robustness.small import ROOT, is_alive
 
 
@@ -21,6 +22,14 @@ def test_results_come_in_order_and_from_other_processes():
 def test_what_the_work_raises_is_raised_here():
     with pytest.raises(ZeroDivisionError):
         side_by_side(lambda k: 1 / (k - 3), 5)
+
+
+def test_work_apart_may_crash():
+    assert apart(os.getpid) != os.getpid()
+    with pytest.raises(ZeroDivisionError):
+        apart(lambda: 1 / 0)
+    with pytest.raises(Crashed):
+        apart(lambda: os.kill(os.getpid(), signal.SIGKILL))
 
 
 def test_no_process_outlives_the_one_that_was_killed(tmp_path):

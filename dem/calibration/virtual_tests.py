@@ -1,5 +1,6 @@
 """Virtual laboratory tests in LIGGGHTS: compression of a cylinder, also under a confining pressure, its direct tension,
-and the Brazilian test, a disc that is pressed across its diameter until it splits.
+the Brazilian test, a disc that is pressed across its diameter until it splits, and the work of fracture of that disc,
+pulled along its axis until it has parted.
 
 Specimens are random dense packings with bonds as in a stone. The platens are frictionless: the sub-spheres at each
 one keep a constant speed along the axis and are free across it (fix setforce), as in
@@ -22,7 +23,7 @@ The specimen starts in the motion of homogeneous strain, so that no wave starts 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import jinja2
@@ -44,6 +45,7 @@ LOADED_HALF_ANGLE_rad = np.radians(15.0)  # alpha of the Brazilian test
 UNBREAKABLE_Pa = 1e30
 GRIP = 1.5              # mean diameters
 DROP = 0.15             # of the load at which a disc has split
+PARTED = 0.1            # of the largest load: below, a specimen that is pulled has parted
 STARTED = 0.1           # of the largest load: below, it may tremble
 CONFINING_RAMP = 0.3    # of the time to the failure that is expected
 
@@ -79,6 +81,11 @@ class Specimen:
     axis: int
     lower: np.ndarray
     upper: np.ndarray
+
+    @property
+    def is_pulled(self) -> bool:
+        """Does it stand in grips?"""
+        return self.kind in ("tension", "fracture")
 
     @property
     def loaded_area_m2(self) -> float:
@@ -143,6 +150,29 @@ def tension_specimen(compressed: Specimen) -> Specimen:
     return replace(compressed, kind="tension", lower=z < -reach, upper=z > reach)
 
 
+def fracture_specimen(disc: Specimen, ligament: float) -> Specimen:
+    """The disc of a Brazilian test in grips along its own axis, so short that it gives way steadily, without the bonds
+    that cross its middle plane beyond the share `ligament` of its radius."""
+    bonds, center = disc.bonds, disc.packing.center_m
+    ends = center[bonds.first], center[bonds.second]
+    distance = np.hypot(*(0.5 * (ends[0] + ends[1])[:, :2]).T)
+    crosses = (ends[0][:, 2] > 0) != (ends[1][:, 2] > 0)
+    kept = ~(crosses & (distance > ligament * disc.packing.container.half_size_m[0]))
+    left = replace(bonds, **{f.name: getattr(bonds, f.name)[kept] for f in fields(bonds)})
+    return replace(tension_specimen(replace(disc, axis=2, bonds=left)), kind="fracture")
+
+
+def fracture_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float) -> float:
+    """Work of fracture in J/m^2: that of the grips over the whole section, until the load is PARTED of its peak.
+
+    Raises RuntimeError if the engine fails or the specimen has not parted at ten times `failure_strain`.
+    """
+    record = _run(directory, specimen, rock, Procedure(failure_strain, CHECKS, until=PARTED))
+    if record.stress_Pa[-1] > 2 * PARTED * record.stress_Pa.max():
+        raise RuntimeError(f"{directory}: the specimen has not parted within 10 times the strain {failure_strain:g}")
+    return float(np.trapezoid(record.stress_Pa, record.strain)) * 2 * specimen.half_size_m
+
+
 def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float,
                   confining_Pa: float = 0.0) -> LoadHistory:
     """Press, or pull a specimen for tension, until the load has fallen to half of its peak.
@@ -183,6 +213,7 @@ class Procedure:
     breakable: bool = True
     dumped: bool = False
     confining_Pa: float = 0.0
+    until: float = 0.5  # of the largest load: below, the test ends
 
 
 def _run(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) -> LoadHistory:
@@ -193,7 +224,7 @@ def _run(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) 
     time = TRANSITS * height * np.sqrt(rock.density_kg_m3 / rock.bond_modulus_Pa)
     check_steps = AVERAGE_STEPS * int(np.ceil(time / (20 * AVERAGE_STEPS * BOND_FRACTION * bond_time)))
     dt = time / (20 * check_steps)
-    speed = (-0.5 if specimen.kind == "tension" else 0.5) * procedure.strain * height / time  # of each platen
+    speed = (-0.5 if specimen.is_pulled else 0.5) * procedure.strain * height / time  # of each platen
     _write(directory, specimen, mass)
     values = dict(vars(rock))
     if not procedure.breakable:
@@ -202,7 +233,7 @@ def _run(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) 
     axis = specimen.axis
     (directory / "deck.liggghts").write_text(_template().render(
         **values, volumetric_modulus_Pa=rock.volumetric_ratio * rock.bond_modulus_Pa,
-        confining=_confining(specimen, procedure, check_steps), pulled=specimen.kind == "tension",
+        confining=_confining(specimen, procedure, check_steps), pulled=specimen.is_pulled, until=procedure.until,
         kind=specimen.kind, name=directory.name, dt_s=repr(float(dt)),
         skin_m=0.9 * 2 * (1 / CONTACT_RADIUS_RATIO - 1) * CONTACT_RADIUS_RATIO * specimen.packing.radius_m.min(),
         youngs_modulus_Pa=rock.contact_modulus_Pa, poisson_ratio=rock.contact_poisson_ratio,

@@ -1,4 +1,7 @@
 #pragma once
+#include <mpi.h>
+
+#include <functional>
 #include <vector>
 
 #include "bond_table.h"
@@ -23,10 +26,12 @@ class BondSoftening {
   // area, stiffnesses and energy that is left of those before; 0: it breaks.
   double yield(const Bond &, double loading, double energy);
   void weaken(Bond &) const;  // to what is left now
-  void spend(int id, double energy) { bonds_[id].spent += energy; }
+  void spend(int id, double energy) { bonds_[id].spent += energy, bonds_[id].unshared += energy; }
   double spent(const Bond &b) const { return b.material->softens() ? bonds_[b.id].spent : 0; }               // J
   double area(const Bond &b) const { return b.material->softens() ? bonds_[b.id].whole.area : b.area; }  // at first
 
+  // Of several ranks, which call it together: all of them then know each bond as the one that found it weakest does.
+  void share(MPI_Comm world, const std::function<Bond &(int)> &bond_of);
   void save(CheckpointWriter &out, const std::vector<Bond> &bonds) const;
   void restore(const CheckpointReader &in, std::vector<Bond> &bonds);  // weakens the bonds, which are undamaged
 
@@ -35,6 +40,8 @@ class BondSoftening {
     Bond whole;                   // undamaged
     double reached = 1, end = 0;  // s and e; e is 0 before the bond has yielded
     double spent = 0;             // J
+    double unshared = 0;          // of it, what this rank alone knows
+    bool changed = false;         // since the last `share`
     double left() const { return reached > 1 ? (end - reached) / (reached * (end - 1)) : 1; }
   };
   bool needed_ = false;

@@ -55,7 +55,6 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
       if (materials_.empty()) error->fix_error(FLERR, this, "fracture must follow its material");
       materials_.back().fracture_energy = force->numeric(FLERR, arg[k]);
       if (!(materials_.back().fracture_energy > 0)) error->fix_error(FLERR, this, "the fracture energy must be above 0");
-      if (comm->nprocs > 1) error->fix_error(FLERR, this, "bonds that soften need a single rank");
     } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
     k += needed;
   }
@@ -206,6 +205,7 @@ void FixBondParallel::share_broken() {
   MPI_Allgatherv(newly_broken_.data(), mine, MPI_INT, all.data(), count.data(), offset.data(), MPI_INT, world);
   for (int id : all) changes_ += intact_[id], intact_[id] = 0;
   newly_broken_.clear();
+  if (softening_.needed()) softening_.share(world, [&](int id) -> Bond & { return bond_of(id); });
 }
 
 AtomRecord FixBondParallel::record(int i) const {
@@ -332,8 +332,10 @@ bool FixBondParallel::soften(int id) {
   const double lost = 1 - left;
   double energy = lost * bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy;
   if (bond.material->feels_dilatation()) energy += released_volume_energy(id, i, j, lost);
-  released_[agglomerates_->of_tag(bond.tag_i)] += energy;
-  softening_.spend(id, energy);
+  if (i < atom->nlocal) {  // else another rank counts it
+    released_[agglomerates_->of_tag(bond.tag_i)] += energy;
+    softening_.spend(id, energy);
+  }
   softening_.weaken(bond);
   add_to_ends(bond_state(bond, atoms_[i], atoms_[j]), forces_[i], forces_[j]);
   kernel_->revive({i, j, id, &bond});

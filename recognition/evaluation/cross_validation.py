@@ -35,16 +35,16 @@ BANDS = 5  # of speed or damping, whole ones held out
 @dataclass(frozen=True)
 class Case:
     """families: runs to test on (and to train on, what is held out apart). eleven: trained on the eleven runs of one
-    group of the family `ring` at a time instead. key: column of the table that is held out in whole, "group" or a
-    condition; of a condition that is no ratio, whole bands. nuisance: conditions that vary; known: they are known with
-    the record."""
+    group of the family `ring` at a time instead. key: column of the table that is held out in whole, "arrangement" or
+    a condition; of a condition that is no ratio, whole bands. nuisance: conditions that vary; known: they are known
+    with the record."""
 
     name: str
     held_out: str
     families: tuple[str, ...]
     also_trained: tuple[str, ...] = ()
     eleven: bool = False
-    key: str = "group"
+    key: str = "arrangement"
     nuisance: tuple[str, ...] = ()
     known: bool = False
 
@@ -139,16 +139,17 @@ class Evaluation:
         if count < LEAST_FOLDS:
             raise RecognitionError(f"{case.name}: {count} different of {case.key}; needs at least {LEAST_FOLDS}")
         always = self.data.of(*case.also_trained)
-        groups = table["group"].to_numpy()
-        for train, test in GroupKFold(min(FOLDS, count) if case.key == "group" else count).split(tested, groups=keys):
+        groups = table["arrangement"].to_numpy()
+        folds = GroupKFold(min(FOLDS, count) if case.key == "arrangement" else count)
+        for train, test in folds.split(tested, groups=keys):
             for part in self._without_shared_groups(tested[train], tested[test], groups):
                 shared = np.flatnonzero(np.isin(groups, groups[part]))
                 yield np.concatenate([always, np.setdiff1d(tested[train], shared)]), part
 
     @staticmethod
     def _without_shared_groups(train: Integers, test: Integers, groups: NDArray[Any]) -> list[Integers]:
-        """The runs to test, in parts where some of their groups are also in the training, so that a part's groups can
-        be left out of it."""
+        """The runs to test, in parts where some of their arrangements are also in the training, so that those of a
+        part can be left out of it."""
         if not set(groups[train]) & set(groups[test]):
             return [test]
         parts = min(FOLDS, np.unique(groups[test]).size)
@@ -162,11 +163,12 @@ class Evaluation:
         if not trainings:
             raise RecognitionError(f"no group of the families {', '.join(RINGS)} has all eleven ratios")
         for train in trainings[::-(-len(trainings) // MOST_TRAININGS)]:
-            yield train, np.setdiff1d(tested, train)
+            known = table["arrangement"].isin(table["arrangement"][train])
+            yield train, np.setdiff1d(tested, np.flatnonzero(known))
 
     def _keys(self, case: Case, tested: Integers) -> NDArray[Any]:
         values = self.data.table[case.key].to_numpy()[tested]
-        if case.key in ("group", "gangue_ratio"):
+        if case.key in ("arrangement", "gangue_ratio"):
             return values
         return pd.qcut(values, BANDS, labels=False)
 

@@ -28,8 +28,9 @@ CONDITIONS = ("speed_m_s", "damping_ratio")
 class DataSet:
     """runs, their signals cut to one window, and what distinguishes them.
 
-    table: a row a run with family, group ("family/000": one draw of all that varies), gangue_ratio, speed_m_s,
-    damping_ratio. passed_over: directories that hold no finished run, and why.
+    table: a row a run with family, group ("family/000": one draw of all that varies), arrangement (the same in groups
+    that have the same order of gangue), gangue_ratio, speed_m_s, damping_ratio. passed_over: directories that hold no
+    finished run, and why.
     """
 
     runs: list[Run]
@@ -109,5 +110,6 @@ def _row(run: Run, directory: Path) -> dict[str, Any]:
         if value is None:
             raise RecognitionError(f"{directory}/run.json: scene has no {name!r}")
     family = directory.parent.parent.name
-    return {"family": family, "group": f"{family}/{directory.parent.name}", "gangue_ratio": run.gangue_ratio,
-            **conditions}
+    group, order = f"{family}/{directory.parent.name}", run.scene.stones.gangue_order
+    return {"family": family, "group": group, "arrangement": group if order is None else str(list(order)),
+            "gangue_ratio": run.gangue_ratio, **conditions}

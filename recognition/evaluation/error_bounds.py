@@ -5,7 +5,7 @@ s^2)^-1 J^T, J the slopes of m (Cramer and Rao); the inverse of all of I counts 
 mean absolute error of a normally distributed estimate is sqrt(2/pi) times its standard error.
 
 For stones that fall on known places the probability of each ratio is known
-(recognition/physics/arrangement_likelihood.py), and so is the least error: that of the mean of this probability, over
+(recognition/physics/arrangement_likelihood.py), and so is the least error: that of the median of this probability, over
 records drawn from the model itself.
 
 Beside these stands the error of a regression on the true impulse of the stones, which only the simulation knows, on
@@ -95,7 +95,7 @@ def arrangement_error_points(model: ArrangementModel, noise: Floats, seed: int =
         count, speed_m_s = rng.integers(n + 1), rng.uniform(model.low_m_s, model.high_m_s)
         which = np.append(1.0, rng.permutation(n) < count)
         x = (model.mean_at(speed_m_s) @ which + root @ rng.standard_normal(len(root))).reshape(len(noise), -1)
-        errors.append(model.estimate(x * model.scale[:, None], noise).ratio - count / n)
+        errors.append(model.estimate(x * model.scale[:, None], noise).median - count / n)
     return float(100 * np.abs(errors).mean())
 
 

@@ -5,6 +5,7 @@ What can be told is taken away (offset, hum) or told (gains); what cannot be exp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from recognition.sensors.free_ringing import Ringing, ringing_of
 from recognition.sensors.hum import Hum, hum_of
 
 ONSET_SHARE = 0.2  # of the largest sample
+LATEST_IMPACT_s = 0.6e-3  # in a record that should begin with the impact; simulated ones have 0.15 ms, a sample
 LEAST_HUM = 0.01  # of the peak: less is not told
 CLIPPED_RUN, CLIPPED_COUNT = 3, 4  # samples at the very largest value, on end and in all
 DEAD_SHARE = 0.02  # of the median of the other channels' rms
@@ -70,6 +72,18 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
         more_told, more_refused = _judged(ringing, names)
         told, refused = told + more_told, refused + more_refused
     return ChannelReport(clean, hum, ringing, tuple(told), tuple(refused))
+
+
+def faults_of_impact(signals: Floats, rate_Hz: float, names: Sequence[str]) -> list[str]:
+    """Why accelerations (s, n) are no record of an impact at its beginning, one line each: a dead or clipped channel,
+    or another moment of the trigger."""
+    if not len(signals) or not np.isfinite(signals).all():
+        return []  # what the readers of records refuse
+    found = [f"{name}: {why}" for i, name in enumerate(names) if (why := dead_or_clipped(signals, i))]
+    onset_s = _onset(signals) / rate_Hz
+    if onset_s > LATEST_IMPACT_s:
+        found.append(f"the impact is {1000 * onset_s:.3g} ms after the beginning; a record begins with it")
+    return found
 
 
 def dead_or_clipped(signals: Floats, i: int) -> str:

@@ -57,10 +57,9 @@ class Bank:
 
     def shape_at(self, x_m: float, y_m: float) -> Floats32:
         """(3, n): shapes at a place, and their slopes."""
-        i, x_far_m = self._grid_node(0, x_m)
-        j, y_far_m = self._grid_node(1, y_m)
+        (i, x_off_m), (j, y_off_m) = self._grid_node(0, x_m), self._grid_node(1, y_m)
         found: Floats32 = self.shapes[i, j].copy()
-        found[0] += x_far_m * found[1] + y_far_m * found[2]
+        found[0] += x_off_m * found[1] + y_off_m * found[2]
         return found
 
     def _grid_node(self, axis: int, at_m: float) -> tuple[int, float]:
@@ -78,15 +77,23 @@ class Bank:
         """`_signature`; the last ones are kept, since a fit to several stones asks for the same again."""
         return lru_cache(KEPT)(self._signature)
 
+    @cached_property
+    def _about(self) -> Callable[[int, int, int, int], Floats32]:
+        """Rows (12, FIT_LAGS c) of `fitted` x (shape, slopes) at a node; a fit stays near one, so the last are kept."""
+        return lru_cache(KEPT)(lambda k, p, i, j: (self.shapes[i, j] @ self.fitted[k, p]).reshape(12, -1))
+
     def _signature(self, time: float, log_duration: float, x_m: float, y_m: float, breaking: float,
                    log_impulse: float) -> tuple[int, Floats32]:
         first, (k, k_off), (p, p_off) = self._nodes(time, log_duration)
-        rows = self.shape_at(x_m, y_m) @ self.fitted[k, p]  # (4, 3, FIT_LAGS c)
-        weights = np.zeros((4, 4))
-        weights[0] = 1.0, p_off / self.phases, k_off * _LOG_STEP, breaking
-        weights[[1, 2, 3], [1, 2, 3]] = 1.0
-        rows = (math.exp(log_impulse) * weights).astype(np.float32) @ rows.reshape(4, -1)
-        return first - LEAD, rows.reshape(12, -1)[_ROWS]
+        (i, x_off_m), (j, y_off_m) = self._grid_node(0, x_m), self._grid_node(1, y_m)
+        at, of = np.array([1.0, x_off_m, y_off_m]), np.array([1.0, p_off / self.phases, k_off * _LOG_STEP, breaking])
+        weights = np.zeros((PARAMETERS + 1, 4, 3))
+        weights[0] = weights[1 + IMPULSE] = of[:, None] * at
+        weights[1 + TIME, 1] = weights[1 + DURATION, 2] = weights[1 + BREAKING, 3] = at
+        weights[1 + X, :, 1] = weights[1 + Y, :, 2] = of
+        weights *= math.exp(log_impulse)
+        rows: Floats32 = weights.reshape(-1, 12).astype(np.float32) @ self._about(k, p, i, j)
+        return first - LEAD, rows
 
     def whole(self, stone: Floats) -> tuple[int, Floats32]:
         """First sample, and the signature over LAGS (LAGS c,)."""
@@ -107,8 +114,6 @@ class Bank:
                 _nearest((time - first) * self.phases, self.phases + 1))
 
 
-#: Of (value, slopes by time, duration and breaking) x (shape, its slopes along x and y): value, TIME ... IMPULSE.
-_ROWS = np.array([0, 3, 6, 1, 2, 9, 0])
 _LOG_FIRST = float(np.log(DURATIONS_S[0]))
 _LOG_STEP = float(np.log(DURATIONS_S[1] / DURATIONS_S[0]))
 

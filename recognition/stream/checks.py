@@ -18,10 +18,10 @@ UNLIKE = -3.0  # log evidence of a stone, against all that is conceivable, below
 
 @dataclass(frozen=True)
 class Limits:
-    """The most that a record may have: about three times the most of good records (docs/listening.md). gain, silence:
-    deviation from one; a gain of 5 % does no harm."""
+    """The most that a record may have, between good records and those with a wrong ratio (docs/listening.md). gain,
+    silence: deviation from one; a gain of 5 % does no harm."""
 
-    unexplained: float = 0.05
+    unexplained: float = 0.08
     gain: float = 0.1
     unlike: float = 0.05
     silence: float = 0.15

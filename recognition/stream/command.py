@@ -25,6 +25,7 @@ from recognition.stream.signatures import Channels
 from recognition.stream.stones import ratio_of, sliding_ratio
 
 KIND = "stones heard"
+MOST_RATIOS = 100_000
 
 
 def listen(arguments: argparse.Namespace) -> int:
@@ -37,6 +38,8 @@ def listen(arguments: argparse.Namespace) -> int:
     for name in ("window", "step"):
         if not 0 < getattr(arguments, name) < 1e6:
             raise RecognitionError(f"--{name} {getattr(arguments, name):g}: must be a time above 0 s")
+    if values.shape[1] / RATE_Hz > MOST_RATIOS * arguments.step:
+        raise RecognitionError(f"--step {arguments.step:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
     try:
         found = recognise_stream(plate, channels, prior, values)
     except NotRecognised as error:

@@ -24,10 +24,13 @@ from recognition.estimation.arrays import Floats
 MATERIALS = ("coal", "gangue")
 PULSE_S = 0.8e-3  # the longest contact of a stone; what fragments do later is noise
 FORM_STEP, FORM_REACH = 0.05, 6.0  # of the form g, in durations s
-#: Least standard deviations of log s, b and log J about their laws: a law from few histories is not surer than that.
-LEAST_SCATTER = np.array([0.01, 0.1, 0.01])
-SPEEDS_M_S = np.geomspace(1.5, 6.0, 25)  # of the law, between which it is interpolated; beyond the ends it is constant
-ALIKE = 0.1  # standard deviation in log v of the weights by which histories count at a speed
+#: Least standard deviations of log s, b and log J about their laws: stones that fall on a slope, spin or have another
+#: number of sub-spheres than those of the histories are off by so much.
+LEAST_SCATTER = np.array([0.03, 0.3, 0.03])
+SPEEDS_M_S = np.geomspace(1.5, 6.0, 25)  # of the law; between them it is interpolated, beyond them constant
+#: Standard deviation in log v of the weights by which histories count at a speed: stones of other strength, or that
+#: fall on a slope, break at another speed.
+ALIKE = 0.25
 
 
 @dataclass(frozen=True)

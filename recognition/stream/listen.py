@@ -11,7 +11,6 @@ import numpy as np
 from recognition.estimation.arrays import Floats
 from recognition.stream.bank import FIT_LAGS, IMPULSE, LAGS, PARAMETERS, TIME, Bank
 from recognition.stream.fit import NO_STONES, Fit, Window, in_order
-from recognition.stream.forces import MATERIALS
 from recognition.stream.prior import TRIPLE, StonePrior
 from recognition.stream.search import Dictionary
 from recognition.stream.signatures import LEAD
@@ -44,7 +43,7 @@ class Heard:
     stone: Floats
     covariance: Floats
     log_evidence: Floats
-    weights: tuple[Floats, Floats]
+    weights: Floats
     misfit: float
     gain: float
     evidence: float
@@ -164,8 +163,8 @@ class Listener:
         if 0.5 * float(np.sum(left[:, after - LEAD - window.first:] ** 2)) < needed:  # no stone can explain more
             return None
         padded = np.pad(left, ((0, 0), (0, FIT_LAGS)))
-        gain, starts = self.dictionary.starts(padded, window.first, range(after, until))
-        if gain < needed:
+        starts = self.dictionary.starts(padded, window.first, range(after, until), needed)
+        if not starts:
             return None
         alone = replace(window, values=left)
         new = min((alone.fit(s[None], 2) for s in starts), key=lambda f: f.cost)
@@ -207,9 +206,7 @@ def heard_of(fit: Fit, prior: StonePrior, window: Window, gain: float) -> Heard:
     """What a fit says of its first stone, which brings a gain."""
     stone = fit.stones[0]
     inverse = np.linalg.inv(fit.curvature + 1e-9 * np.eye(len(fit.curvature)))
-    covariance: Floats = inverse[:PARAMETERS, :PARAMETERS]
-    triple: Floats = covariance[np.ix_(TRIPLE, TRIPLE)]
-    found = [prior.evidence(m, stone[TRIPLE], triple) for m in range(len(MATERIALS))]
-    log_evidence, weights = np.array([value for value, _ in found]), (found[0][1], found[1][1])
+    covariance = np.asarray(inverse[:PARAMETERS, :PARAMETERS], dtype=float)
+    log_evidence, weights = prior.evidence(stone[TRIPLE], covariance[np.ix_(TRIPLE, TRIPLE)])
     return Heard(stone, covariance, log_evidence, weights, fit.chi_square / window.values.size, gain * window.temper,
                  gain + float(log_evidence.max()))

@@ -71,12 +71,17 @@ class StonePrior:
         return 0.5 * (float(np.sum(off * slopes)) - len(stones) * self._log_determinant), slopes
 
     @cached_property
-    def _inner(self) -> Floats:
-        return np.asarray(np.linalg.inv(self.scatter))
+    def _inner(self) -> tuple[Floats, Floats, Floats]:
+        """Precision (material, nodes, 3, 3) about the means, that times the means, and what of the evidence does not
+        depend on the stone (material, nodes)."""
+        inner = np.asarray(np.linalg.inv(self.scatter), dtype=float)
+        from_means = np.einsum("mnij,mnj->mni", inner, self.means)
+        constant = np.linalg.slogdet(inner)[1] - np.sum(self.means * from_means, axis=-1)
+        return inner, from_means, constant
 
-    def evidence(self, material: int, estimate: Floats, covariance: Floats) -> tuple[float, Floats]:
-        """Logarithm of the factor by which the true prior changes the evidence of a fit made with the wide one, and the
-        weights of the grid (nodes,).
+    def evidence(self, estimate: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+        """Logarithm of the factor (materials,) by which the true prior of a material changes the evidence of a fit made
+        with the wide one, and the weights of the grid (materials, nodes).
 
         estimate (3,), covariance (3, 3): of log s, b and log J with the wide prior. The likelihood alone is the
         quotient of that Gaussian and the wide prior.
@@ -84,18 +89,15 @@ class StonePrior:
         posterior = np.linalg.inv(covariance)
         likelihood = posterior - self.precision  # singular at worst, never below zero but for rounding
         information = posterior @ estimate - self.precision @ self.typical
-        inner, means = self._inner[material], self.means[material]
-        total = likelihood + inner
-        from_means = np.einsum("nij,nj->ni", inner, means)
-        linear = information + from_means
-        log_node = 0.5 * (np.sum(linear * np.linalg.solve(total, linear[..., None])[..., 0], axis=1)
-                          - np.sum(means * from_means, axis=1)
-                          + np.linalg.slogdet(inner)[1] - np.linalg.slogdet(total)[1])
+        inner, from_means, constant = self._inner
+        total, linear = likelihood + inner, information + from_means
+        log_node = 0.5 * (np.sum(linear * np.linalg.solve(total, linear[..., None])[..., 0], axis=-1) + constant
+                          - np.linalg.slogdet(total)[1])
         log_wide = 0.5 * ((posterior @ estimate) @ estimate - (self.precision @ self.typical) @ self.typical
                           + self._log_determinant - np.linalg.slogdet(posterior)[1])
-        top = log_node.max()
-        weight = np.exp(log_node - top)
-        return float(top + np.log(weight.mean()) - log_wide), weight / weight.sum()
+        top = log_node.max(axis=1)
+        weight = np.exp(log_node - top[:, None])
+        return top + np.log(weight.mean(axis=1)) - log_wide, weight / weight.sum(axis=1, keepdims=True)
 
 
 def _between(mean: Floats, grid: Floats) -> Floats:

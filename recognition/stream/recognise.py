@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from recognition.estimation.arrays import Floats
-from recognition.estimation.errors import RecognitionError
+from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import Bank
 from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
@@ -24,7 +24,7 @@ from recognition.stream.whitening import Whitening
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
 #: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
-LEAST_DOUBT = 0.02
+LEAST_DOUBT = 0.005
 #: Of the rate at which a mode loses its phase if its frequency is off by a standard deviation: an error that stays is
 #: less harmful than a phase that walks.
 PHASE_LOSS = 0.1
@@ -56,7 +56,8 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods.
 
     noise (c,): standard deviation of the sensors' white noise; None: that of the first SILENCE_S.
-    NotRecognised for a channel that is dead or clipped, RecognitionError for one without noise, or without a signal.
+    NotRecognised for a channel that is dead, clipped, without noise, or louder at the beginning than in the whole;
+    RecognitionError for a plate that is known too low.
     """
     names = [plate.sensor_names[k] for k in channels.accelerometers]
     refuse_faulty(values[:len(names)], names)
@@ -66,7 +67,7 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     noise = _noise_of(values) if noise is None else noise
     rms = np.sqrt(np.mean(values**2, axis=1))
     if not np.all(noise > 0) or not np.all(rms > noise):
-        raise RecognitionError("a channel has no noise at all, or nothing but noise")
+        raise NotRecognised("a channel has no noise at all, or the record does not begin with silence")
     if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:  # it was not tapped
         plate = retuned(plate, channels, values, RATE_Hz, noise)
     plate = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))

@@ -47,8 +47,9 @@ class Dictionary:
         basis = _basis(unit)
         return cls(unit @ basis, basis, length, label[:, :2], label[:, 2], label[:, 3])
 
-    def starts(self, values: Floats, first: int, candidates: range) -> tuple[float, list[Floats]]:
-        """Greatest gain in the log likelihood, and up to STARTS stones to start a fit from.
+    def starts(self, values: Floats, first: int, candidates: range, needed: float) -> list[Floats]:
+        """Up to STARTS stones to start a fit from; none where the greatest gain in the log likelihood is less than
+        needed.
 
         values (c, samples) from sample `first` on; candidates: samples in which the centre of the force may lie.
         """
@@ -57,9 +58,14 @@ class Dictionary:
         begin = (candidates.start - LEAD - first) * c
         spanned = flat[begin:begin + columns + (len(candidates) - 1) * c]
         blocks = np.ascontiguousarray(sliding_window_view(spanned, columns)[::c])
-        product = self.signatures @ (blocks @ self.basis).T
+        within = blocks @ self.basis
+        if 0.5 * float(np.einsum("kr,kr->k", within, within).max()) < needed:  # more than any signature explains
+            return []
+        product = self.signatures @ within.T
         best_time = product.argmax(axis=1)
         best = product[np.arange(len(product)), best_time]
+        if 0.5 * float(best.max()) ** 2 < needed:
+            return []
         chosen, left = [int(best.argmax())], best.copy()
         while len(chosen) < STARTS:
             left[np.hypot(*(self.place_m - self.place_m[chosen[-1]]).T) <= APART_M] = 0
@@ -67,9 +73,8 @@ class Dictionary:
             if left[k] < 0.9 * best[chosen[0]]:
                 break
             chosen.append(k)
-        found = [np.array([candidates[best_time[k]] + self.phase[k], self.log_duration[k], *self.place_m[k], 0.0,
-                           np.log(max(best[k], 1e-9) / self.length[k])]) for k in chosen]
-        return 0.5 * float(best[chosen[0]]) ** 2, found
+        return [np.array([candidates[best_time[k]] + self.phase[k], self.log_duration[k], *self.place_m[k], 0.0,
+                          np.log(max(best[k], 1e-9) / self.length[k])]) for k in chosen]
 
 
 def _basis(unit: Floats32) -> Floats32:

@@ -51,7 +51,7 @@ def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> lis
             rock_sd, h.misfit]
 
 
-def _moments(share: Floats, weights: Sequence[Floats], values: Sequence[Floats]) -> tuple[float, float]:
+def _moments(share: Floats, weights: Sequence[Floats] | Floats, values: Sequence[Floats]) -> tuple[float, float]:
     mean = sum(s * float(w @ v) for s, w, v in zip(share, weights, values, strict=True))
     square = sum(s * float(w @ v**2) for s, w, v in zip(share, weights, values, strict=True))
     return mean, float(np.sqrt(max(square - mean**2, 0.0)))

@@ -16,5 +16,6 @@ def heard(results: StreamResults) -> Drawn:
 
 HEARD_FIGURES = [
     FigureSpec("stream-heard", "What was heard", "",
-               f"Mixing ratio by mass of the stones of the last {WINDOW_S:g} s, from accelerometers with noise.", heard),
+               f"Mixing ratio by mass of the stones of the last {WINDOW_S:g} s, from accelerometers with noise.",
+               heard),
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from report.figures.style import ACCENT, PALE, canvas, material_colour, styled
 
@@ -66,6 +66,7 @@ def hits(touched: pd.DataFrame) -> Figure:
                       label=name)
         axis.set(xscale="log", yscale="log", title=label, xlabel="mass, g")
         for scale in (axis.xaxis, axis.yaxis):
+            scale.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
             scale.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             scale.set_minor_formatter(NullFormatter())
     axes[0, 0].legend()

@@ -91,7 +91,7 @@ def split(directory, ranks, look=lambda: None):
         seen.append(look())
 
 
-@pytest.mark.parametrize("ranks, fracture", [(1, 0.0), (2, 0.0), (1, 0.6)])
+@pytest.mark.parametrize("ranks, fracture", [(1, 0.0), (2, 0.0), (1, 0.6), (2, 0.6)])
 def test_a_split_run_is_the_undisturbed_one(tmp_path, ranks, fracture):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     for directory in (whole, parts):

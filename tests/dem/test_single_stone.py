@@ -29,7 +29,9 @@ def unbreakable(runs):
 
 @pytest.fixture(scope="module")
 def broken(runs):
-    return {name: (run_single(runs / name, ratio), runs / name) for name, ratio in (("coal", 0.0), ("gangue", 1.0))}
+    """At 4 m/s: at the 3 m/s of the scene coal only cracks (docs/fragments.md)."""
+    change = ("speed_m_s = 3.0 ", "speed_m_s = 4.0 ")
+    return {name: (run_single(runs / name, ratio, change), runs / name) for name, ratio in (("coal", 0.0), ("gangue", 1.0))}
 
 
 def test_an_unbreakable_stone_rebounds_and_its_energy_closes(unbreakable):

@@ -1,19 +1,16 @@
 """Whatever a command line says: a result, or one line; nothing is written but the output that it names."""
 
-import atexit
 import importlib
 import os
 import shutil
 import tempfile
-from functools import cache
 from pathlib import Path
 
 import pytest
 from hypothesis import strategies as st
 
 import gangue.commands
-from tests.analysis.synthetic import write_run
-from tests.fuzz.mutations import HOSTILE, fuzz, many, outcome
+from tests.fuzz.mutations import HOSTILE, fuzz, good_run, many, outcome
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = {
@@ -45,14 +42,6 @@ def command_lines(draw):
 def tree(directory):
     return {str(file.relative_to(directory)): file.read_bytes() for file in directory.rglob("*")
             if file.is_file() and not file.is_symlink()}
-
-
-@cache
-def good_run():
-    """A run directory, made once."""
-    here = Path(tempfile.mkdtemp())
-    atexit.register(shutil.rmtree, here)
-    return write_run(here / "run", 0.3)
 
 
 def check(line):

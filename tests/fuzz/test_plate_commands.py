@@ -183,6 +183,15 @@ def test_some_records_of_sensors(record, plate):
     fuzz(lambda table: check_read(table, plate), records(record), 10)
 
 
+@pytest.mark.parametrize("option, value", [("--step", "1e-12"), ("--step", "nan"), ("--window", "0"), ("--speed", "4 2")])
+def test_what_no_stream_can_be_asked_for(record, plate, tmp_path, option, value):
+    plate.save(tmp_path / "plate.json")
+    file = written(tmp_path, record)
+    code, errors = outcome(main, ["listen", str(file), "--plate", str(tmp_path / "plate.json"), "--out",
+                                  str(tmp_path / "heard"), option, *value.split()])
+    assert code == 2 and errors.count("\n") == 1 and option in errors and not (tmp_path / "heard").exists()
+
+
 def test_some_taps(record):
     fuzz(lambda case: check_tapped(case, record), tap_cases(record), 6)
 

@@ -1,7 +1,9 @@
 """Whatever a record holds: its features, or one line and exit code 2."""
 
 import json
+import os
 import shutil
+import signal
 import tempfile
 from pathlib import Path
 
@@ -15,8 +17,7 @@ from scipy.io import savemat, wavfile
 
 from analysis import RecordError, read_run
 from analysis.__main__ import main
-from tests.analysis.synthetic import write_run
-from tests.fuzz.mutations import HOSTILE, fuzz, many, mutated, outcome
+from tests.fuzz.mutations import HOSTILE, fuzz, good_run, many, mutated, outcome
 
 TIMES = np.arange(64) * 1e-3
 SIGNAL = np.sin(300 * TIMES) * np.exp(-20 * TIMES)
@@ -109,7 +110,7 @@ def check_run(run_json):
     """A run directory whose run.json is not ours."""
     here = Path(tempfile.mkdtemp())
     try:
-        write_run(here / "ratio_030", 0.3)
+        shutil.copytree(good_run(), here / "ratio_030")
         (here / "ratio_030" / "run.json").write_text(json.dumps(run_json))
         try:
             read = read_run(here / "ratio_030")
@@ -122,12 +123,15 @@ def check_run(run_json):
 
 
 def info():
-    here = Path(tempfile.mkdtemp())
-    try:
-        write_run(here / "ratio_030", 0.3)
-        return json.loads((here / "ratio_030" / "run.json").read_text())
-    finally:
-        shutil.rmtree(here)
+    return json.loads((good_run() / "run.json").read_text())
+
+
+def test_a_reader_that_crashes_ends_with_one_line(tmp_path, monkeypatch):
+    """As scipy does on some damaged MATLAB files."""
+    (tmp_path / "record.mat").write_bytes(good_file(".mat"))
+    monkeypatch.setattr("scipy.io.loadmat", lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL))
+    code, errors = outcome(main, ["features", str(tmp_path / "record.mat")])
+    assert code == 2 and errors.count("\n") == 1 and "crashes" in errors
 
 
 def test_some_files():

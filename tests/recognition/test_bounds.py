@@ -12,6 +12,7 @@ from recognition.evaluation.error_bounds import (
     least_error_points,
     true_impulse_errors_points,
 )
+from recognition.physics.arrangement_likelihood import ArrangementEstimate
 from recognition.regression.ratio_law import RatioLaw, fit_law
 from tests.analysis import synthetic
 from tests.recognition.draws import draws, noisy
@@ -42,6 +43,16 @@ def test_the_estimate_by_the_law_comes_near_and_does_not_pass_it(db):
     error = 100 * np.abs(found - yt).mean()
     least = least_error_points(law, db, True)
     assert 0.85 * least < error < 1.3 * least
+
+
+def test_no_answer_has_a_smaller_absolute_error_than_the_median():
+    """Of random probabilities over eleven ratios, against every answer in steps of 0.1 points."""
+    rng, ratios = np.random.default_rng(4), np.linspace(0, 1, 11)
+    answers = np.linspace(0, 1, 1001)
+    for probability in rng.dirichlet(np.full(11, 0.3), 50):
+        loss = np.abs(answers[:, None] - ratios) @ probability
+        median = ArrangementEstimate(probability, 1.0, 0.0).median
+        assert np.abs(median - ratios) @ probability == pytest.approx(loss.min(), abs=1e-9)
 
 
 def test_errors_by_the_impulse_are_those_of_its_scatter():

@@ -8,7 +8,7 @@ from scipy.stats import binom
 
 from common.plate import read_plate
 from recognition.__main__ import main
-from recognition.estimation.errors import RecognitionError
+from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import FIT_LAGS, LAGS, TIME, Bank
 from recognition.stream.checks import without_offset_and_hum
@@ -105,6 +105,38 @@ def test_another_plate_is_refused(heard, plate, forces):
     swapped = Channels((2, 3, 0, 1))
     found = recognise_stream(plate, swapped, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), stream.values)
     assert "unexplained" in found.refused
+
+
+@pytest.mark.parametrize(("change", "said"), [(lambda v: v * np.array([[1.0], [1e-3], [1.0], [1.0]]), "west: dead"),
+                                              (lambda v: np.clip(v, -0.3 * v.max(), 0.3 * v.max()), "clipped")])
+def test_a_faulty_channel_is_refused(heard, plate, forces, change, said):
+    with pytest.raises(NotRecognised, match=said):
+        recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), change(heard[0].values))
+
+
+def test_stones_of_another_size_are_refused(heard, plate, forces):
+    """Stones of 25 mm that are said to have 20."""
+    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.02, 0.02), (2.0, 4.0)), heard[0].values)
+    assert "other sizes" in found.refused
+
+
+@pytest.mark.parametrize("after_s", [1e-3, 20e-3])
+def test_a_record_without_silence_is_refused(heard, plate, forces, after_s):
+    """It begins when the plate rings from the second stone, at once or later."""
+    values = heard[0].values[:, round((heard[0].truth["t_s"][1] + after_s) * RATE_Hz):]
+    prior = StonePrior(forces, (0.025, 0.025), (2.0, 4.0))
+    try:
+        refused = recognise_stream(plate, CHANNELS, prior, values).refused
+    except NotRecognised as error:
+        refused = str(error)
+    assert "silence" in refused
+
+
+def test_missed_stones_widen_the_interval():
+    """The same stones a hundred times as fast: some arrive together, and the interval says so."""
+    stones = pd.DataFrame({"t_s": 0.1 * np.arange(40), "gangue": np.full(40, 1.0)})
+    assert ratio_of(stones)[0] == 1.0
+    assert ratio_of(stones.assign(t_s=stones["t_s"] / 100))[0] < 0.9
 
 
 def test_signature_is_the_whitened_response(plate, forces):

@@ -5,14 +5,18 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis import RecordError, breakage, read_run
 from analysis.stream import fallen, is_stream, true_ratio
+from common.parquet import write_parquet
 from common.scene import changed_scene
 from dem.run.prepare import prepare
 from dem.run.run import run_scene
+from recognition.stream.stones import COLUMNS
 from report.page import write_report
+from report.results.heard import WINDOW_S, read_heard
 from report.results.stream import StreamResults
 
 SCENE = Path(__file__).parents[2] / "scenes" / "stream.toml"
@@ -78,3 +82,21 @@ def test_a_stone_file_that_is_cut_off_is_refused(run, tmp_path):
         file.write_bytes(file.read_bytes()[:size])
         with pytest.raises(RecordError, match=r"stones.bin: cut off"):
             breakage.read_network(read_run(copy))
+
+
+def test_what_was_heard_stands_beside_what_fell(run, tmp_path):
+    copy = tmp_path / "heard_streams"
+    shutil.copytree(run.path.parent, copy)
+    stones = fallen(run).dropna(subset="first_contact_s")
+    heard = pd.DataFrame(0.0, index=range(len(stones)), columns=COLUMNS).assign(
+        t_s=stones["first_contact_s"].to_numpy(), gangue=stones["is_gangue"].to_numpy().astype(float),
+        mass_coal_kg=stones["mass_kg"].to_numpy(), mass_gangue_kg=stones["mass_kg"].to_numpy())
+    (copy / "heard").mkdir()
+    write_parquet(heard, copy / "heard" / "stones.parquet")
+    write_parquet(pd.DataFrame({"t_s": [0.01], "ratio": [0.3]}), copy / "heard" / "ratio.parquet")
+    found = read_heard(StreamResults(read_run(copy / run.path.name)))
+    whole = true_ratio(stones, 0.0, WINDOW_S)
+    assert found.stones_heard == found.stones == len(stones)
+    assert found.truth["mass_ratio"].iloc[-1] == pytest.approx(whole, rel=1e-12)
+    assert found.heard["mass_ratio"].iloc[-1] == pytest.approx(whole, abs=0.02)
+    assert 'id="ratio_030-stream-heard"' in write_report(copy).read_text()

@@ -76,6 +76,7 @@ def test_resume_of_no_run(where):
 @pytest.mark.parametrize("key, value, words", [
     ("materials.coal.density_kg_m3", 1e300, "osmium"),
     ("plate.density_kg_m3", 1e300, "osmium"),
+    ("plate.density_kg_m3", 1e-300, "aerographene"),
     ("contacts.coal_plate.friction", 1e30, "rubber"),
     ("materials.coal.bond.tensile_strength_Pa", 3e-6, "loose"),
 ])
@@ -83,6 +84,14 @@ def test_physics_that_cannot_be_is_refused_with_its_reason(key, value, words):
     with pytest.raises(InputError, match=words) as refused:
         changed_scene(SCENES / "single.toml", {key: value})
     assert key.split(".")[-1] in str(refused.value) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("key, value", [("plate.youngs_modulus_Pa", 1.7e308), ("plate.youngs_modulus_Pa", 1e200),
+                                        ("plate.thickness_m", 1e-100), ("plate.density_kg_m3", 1e-300)])
+def test_a_plate_of_which_no_modes_can_be_found(tmp_path, key, value):
+    out = tmp_path / "out"
+    told = ends_with_one_line(main, ["deck", SCENES / "small.toml", "--set", f"{key}={value}", "--out", out])
+    assert "plate." in told and not (tmp_path / "out").exists()
 
 
 def test_a_stone_that_arrives_after_all_time(tmp_path):
