@@ -45,7 +45,7 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   struct Sum {
     long long step;
     double kinetic_J, mass_height_kg_m, work_on_stones_J, bonds_took_J, contacts_took_J;
-    double entered_J = 0, entered_kg_m = 0;  // kinetic energy and mass times height with which stones came in until then
+    double entered_J = 0, entered_kg_m = 0;  // kinetic energy, mass times height with which stones came in until then
   };
   Sum sum() const { return sum_; }
 

@@ -20,8 +20,9 @@ namespace LAMMPS_NS {
 // A stream of stones (docs/stream.md). Each enters the arrays at its step, with its bonds and its surface, and fix
 // free_flight hands over what has left the plate for good. What a stone held when its last piece has gone is forgotten
 // as soon as the ledger has its last row. Where a stone is to enter and something is in the way, it enters as much
-// later; those behind it do not wait for it. So memory and cost follow the stones that are near. The deck's `read_data` has no sub-spheres. The fix comes
-// after fixes bond/parallel and wall/plate and before free_flight. It works on one rank, as bodies in free flight do.
+// later; those behind it do not wait for it. So memory and cost follow the stones that are near. The deck's `read_data`
+// has no sub-spheres. The fix comes after fixes bond/parallel and wall/plate and before free_flight. It works on one
+// rank, as bodies in free flight do.
 //
 // `left` is a table with a row for each body that was taken out.
 class FixStones : public Fix, public Checkpointed, public EnergyHolder, public StoneStream {
