@@ -15,7 +15,7 @@ import pandas as pd
 from benchmarks.stone import Stone, strike
 from common.tables import read_toml
 
-ROCKS = {"coal": "coal", "gangue": "gangue"}  # of scenes/materials, each with the material of the scene it stands for
+ROCKS = {"coal": "coal", "hard_coal": "coal", "gangue": "gangue"}  # of scenes/materials, with the material they stand for
 SPEEDS_m_s = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 FIRST_SEED = 40011
 DURATION_s = 9e-4
@@ -85,9 +85,8 @@ def draw(table: pd.DataFrame, stones: dict[tuple[str, float], Stone], shares: di
     size = np.array([0.1, 1.0])
     for slope in (0.7, 1.0):
         axes[0, 2].plot(size, size**slope, color="0.7", lw=1)
-    for ax, rock in zip(axes[1], ROCKS, strict=False):
+    for ax, rock in zip(axes[1], ROCKS):
         below(ax, stones, table, rock)
-    axes[1, 2].axis("off")
     figure.savefig(file, dpi=80)
 
 

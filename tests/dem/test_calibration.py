@@ -178,6 +178,12 @@ def test_fitted_materials_meet_their_targets_and_are_those_of_the_scene(material
     assert 0.7 < beside["direct_tension_Pa"]["mean"] / reached["tensile_strength_Pa"]["mean"] < 1.1
 
 
+def test_hard_coal_meets_its_targets():
+    table, target = read_toml(SCENES / "materials" / "hard_coal.toml"), read_target("hard_coal")
+    assert table["reached"]["compressive_strength_Pa"]["target"] == target.compressive_strength_Pa
+    meets_its_targets(table["reached"])
+
+
 @pytest.mark.validate
 @pytest.mark.parametrize("material", ["coal", "gangue"])
 def test_calibration_again_meets_the_targets(tmp_path, material):
