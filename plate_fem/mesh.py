@@ -78,7 +78,8 @@ def mesh_size(plate: FlexiblePlate) -> float:
 def default_mesh_size(plate: FlexiblePlate) -> float:
     """Return a fixed fraction of the bending wavelength at `max_frequency_Hz`, at most a quarter of a side (m)."""
     theory = choose_theory(plate)
-    wavelength = 2 * math.pi / bending_wavenumber(plate, highest_frequency_Hz(plate), theory)
+    wavenumber = bending_wavenumber(plate, highest_frequency_Hz(plate), theory)  # 0 where the frequency's square is
+    wavelength = 2 * math.pi / wavenumber if wavenumber > 0 else math.inf
     return min(wavelength / CELLS_PER_WAVELENGTH[theory], plate.length_m / 4, plate.width_m / 4)
 
 

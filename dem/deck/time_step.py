@@ -133,6 +133,8 @@ def _largest_step_s(scene: Scene, limits_s: dict[str, float], file: str) -> floa
 
 def _counted_steps(scene: Scene, dt_s: float, co_step: int, file: str) -> tuple[int, int]:
     """DEM steps in a sample and in the run. Raises InputError."""
+    if co_step > MOST_STEPS:  # and perhaps beyond what a float can hold
+        raise InputError(f"{file}: time.co_step = {str(co_step)[:40]}: must be at most {MOST_STEPS}")
     sample_steps = _sample_steps(scene, dt_s, co_step)
     intervals = int(scene.time.duration_s / scene.time.sample_interval_s + 1e-9)  # 0.04 s: 266, thus 267 samples
     if intervals * sample_steps > MOST_STEPS:

@@ -17,6 +17,7 @@ from common.tables import InputError
 from dem.__main__ import main
 from dem.deck.plausible import warnings_of
 from dem.stones.arrangement import stones_of
+from plate_fem.mesh import default_mesh_size
 from tests.analysis.synthetic import write_run, write_sweep
 from tests.fuzz.mutations import outcome
 from tests.robustness.small import HERTZ, ROOT, SCENES, run
@@ -92,6 +93,16 @@ def test_a_plate_of_which_no_modes_can_be_found(tmp_path, key, value):
     out = tmp_path / "out"
     told = ends_with_one_line(main, ["deck", SCENES / "small.toml", "--set", f"{key}={value}", "--out", out])
     assert "plate." in told and not (tmp_path / "out").exists()
+
+
+def test_a_wavelength_that_no_float_holds():
+    plate = changed_scene(SCENES / "small.toml", {"plate.max_frequency_Hz": 5e-324}).plate
+    assert default_mesh_size(plate) == plate.length_m / 4
+
+
+def test_a_co_step_that_no_float_holds(tmp_path):
+    huge = ["--set", f"time.co_step={10**400}", "--out", tmp_path / "out"]
+    assert "time.co_step = 1000" in ends_with_one_line(main, ["deck", SCENES / "hertz_coal.toml", *huge])
 
 
 def test_a_stone_that_arrives_after_all_time(tmp_path):
