@@ -78,7 +78,7 @@ class Listener:
                 break
             trigger = self._trigger(at)
             if len(waiting):
-                trigger = min(trigger, int(waiting[0, TIME]) - LEAD // 2)
+                trigger = max(at, min(trigger, int(waiting[0, TIME]) - LEAD // 2))  # never back to what was rejected
             if trigger >= self.end - BLOCK:
                 break
             first = max(trigger - LEAD - LOOK_BACK, 0)

@@ -76,10 +76,18 @@ def test_noise_is_as_loud_as_it_says_and_the_same_again(db):
 
 
 @pytest.fixture(scope="module")
-def synthetic_set(tmp_path_factory):
+def monkeypatch_module():
+    with pytest.MonkeyPatch.context() as patch:
+        yield patch
+
+
+@pytest.fixture(scope="module")
+def synthetic_set(tmp_path_factory, monkeypatch_module):
     out = tmp_path_factory.mktemp("dataset")
     synthetic.SCENE["plate"]["damping_ratio"] = 0.01
-    for group in range(5):
+    order = list(synthetic.SCENE["stones"]["gangue_order"])
+    for group in range(5):  # each an arrangement of its own
+        monkeypatch_module.setitem(synthetic.SCENE["stones"], "gangue_order", order[group:] + order[:group])
         for k in (0, 3, 5, 8, 10):
             synthetic.write_run(out / "ring" / f"{group:03d}" / f"ratio_{10 * k:03d}", k / 10, 100 * group + k, 0.02)
     return out
