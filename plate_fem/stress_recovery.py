@@ -42,6 +42,8 @@ def _mass_solver(system: PlateSystem, target: skfem.Basis) -> Callable[[np.ndarr
     def solve(moments: np.ndarray) -> np.ndarray:
         grid = np.empty((mass_x.shape[1], mass_y.shape[1], moments.shape[1]))
         grid[of_x, of_y] = moments
+        if grid.size == 0:  # no modes
+            return np.empty((len(nodes), 0))
         at_nodes_x = solveh_banded(mass_x, grid.reshape(len(grid), -1))[::2].reshape(-1, *grid.shape[1:])
         by_y = at_nodes_x.transpose(1, 0, 2)
         at_nodes = solveh_banded(mass_y, by_y.reshape(len(by_y), -1))[::2].reshape(-1, *by_y.shape[1:])

@@ -17,6 +17,7 @@ import numpy as np
 from isal import isal_zlib
 
 BLOCK_BYTES = 1 << 20
+LEAST_FOR_ISAL_BYTES = 4096  # what is smaller ISA-L may pack differently from one process to another
 CELL_TYPES = {1: 1, 2: 3, 4: 9}  # number of points of a cell: VTK's vertex, line, quad
 VTK_TYPES = {"f4": "Float32", "i4": "Int32", "u2": "UInt16", "u1": "UInt8"}
 
@@ -74,7 +75,8 @@ class VtuWriter:
         data = values.tobytes()
         last, compressed = self._last.get(name, (b"", b""))
         if last != data:
-            compressed = _blocks(data, isal_zlib.compress if values.dtype.kind == "f" else zlib.compress)
+            fast = values.dtype.kind == "f" and len(data) >= LEAST_FOR_ISAL_BYTES
+            compressed = _blocks(data, isal_zlib.compress if fast else zlib.compress)
             self._last[name] = data, compressed
         return compressed
 

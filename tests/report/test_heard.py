@@ -6,31 +6,35 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.stream import COLUMNS
 from report.results.heard import WINDOW_S, read_heard
 from report.results.missing import MissingResult
+from report.results.stream import StreamResults
 
 
-def fallen(tmp_path):
+def fallen(path):
     """A gangue stone of 0.3 kg, then coal of 0.1 kg, and one that never came."""
-    pd.DataFrame({"first_contact_s": [0.1, 0.2, np.nan], "material": ["rock", "coal", "coal"],
-                  "mass_kg": [0.3, 0.1, 0.1]}).to_parquet(tmp_path / "stones.parquet")
+    path.mkdir()
+    pd.DataFrame(0.0, index=range(3), columns=COLUMNS).assign(
+        first_contact_s=[0.1, 0.2, np.nan], material=["rock", "coal", "coal"],
+        mass_kg=[0.3, 0.1, 0.1]).to_parquet(path / "stones.parquet")
     scene = SimpleNamespace(stones=SimpleNamespace(gangue="rock"))
-    return SimpleNamespace(path=tmp_path, scene=scene, signals=pd.DataFrame({"t_s": [0.0, 0.5]}))
+    return StreamResults(SimpleNamespace(path=path, scene=scene, t_s=np.array([0.0, 0.5])))
 
 
 def test_truth_is_the_share_by_mass_of_the_last_window(tmp_path):
-    run, heard = fallen(tmp_path), tmp_path / "heard"
+    results, heard = fallen(tmp_path / "ratio_040"), tmp_path / "heard"
     heard.mkdir()
     with pytest.raises(MissingResult, match="make recognise"):
-        read_heard(tmp_path, run)
+        read_heard(results)
     pd.DataFrame({"t_s": [0.1], "gangue": [1.0], "mass_coal_kg": 0.1, "mass_gangue_kg": 0.3, "mass_coal_sd_kg": 0.0,
                   "mass_gangue_sd_kg": 0.0}).to_parquet(heard / "stones.parquet")
     pd.DataFrame({"ratio": [0.5]}).to_parquet(heard / "ratio.parquet")
-    found = read_heard(tmp_path, run)
+    found = read_heard(results)
     nearest = {t_s: np.argmin(abs(found.truth["t_s"] - t_s)) for t_s in (0.05, 0.15, 0.25, 0.35)}
     at = {t_s: found.truth["mass_ratio"].iloc[k] for t_s, k in nearest.items()}
     assert np.isnan(at[0.05]) and at[0.15] == 1.0 and at[0.25] == pytest.approx(0.75) and at[0.35] == 0.0
     assert (found.stones_heard, found.stones) == (1, 2) and WINDOW_S == 0.2
     pd.DataFrame({"ratio": [np.nan]}).to_parquet(heard / "ratio.parquet")
     with pytest.raises(MissingResult, match="did not trust"):
-        read_heard(tmp_path, run)
+        read_heard(results)
