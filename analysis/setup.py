@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -60,7 +59,7 @@ def setup_of(run: Run) -> Setup:
 def places_of(run: Run) -> np.ndarray:
     """Where the particles hit, shape (count, 2), by stones.parquet, or by the scene of a run without one. RecordError,
     naming the key, where neither says."""
-    stones, listed = run.scene.stones, Path(run.path) / "stones.parquet"
+    stones, listed = run.scene.stones, run.path / "stones.parquet"
     if listed.is_file():
         return read_table(listed)[["place_x_m", "place_y_m"]].to_numpy(dtype=float)
     if stones.positions:

@@ -32,7 +32,8 @@ FixLedger::FixLedger(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
     else if (key == "every") every_ = force->inumeric(FLERR, arg[k + 1]);
     else if (key == "file") file = arg[k + 1];
     else if (key == "up" && k + 3 < narg) {
-      for (int d = 0; d < 3; d++) (&up_.x)[d] = force->numeric(FLERR, arg[k + 1 + d]);
+      up_ = Vec(force->numeric(FLERR, arg[k + 1]), force->numeric(FLERR, arg[k + 2]),
+                force->numeric(FLERR, arg[k + 3]));
       k += 2;
     }
     else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());

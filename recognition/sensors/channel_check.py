@@ -58,7 +58,7 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
     if not np.isfinite(signals).all():
         raise RecognitionError("a sample is not finite")
     names = plate.sensor_names
-    refused = [f"{names[i]}: {why}" for i in range(len(names)) if (why := dead_or_clipped(signals, i))]
+    refused = channel_faults(signals, names)
     onset = _onset(signals)
     bends = plate.rms_shape > 0.3 * plate.rms_shape.max()
     hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
@@ -79,14 +79,19 @@ def faults_of_impact(signals: Floats, rate_Hz: float, names: Sequence[str]) -> l
     or another moment of the trigger."""
     if not len(signals) or not np.isfinite(signals).all():
         return []  # what the readers of records refuse
-    found = [f"{name}: {why}" for i, name in enumerate(names) if (why := dead_or_clipped(signals, i))]
+    found = channel_faults(signals, names)
     onset_s = _onset(signals) / rate_Hz
     if onset_s > LATEST_IMPACT_s:
         found.append(f"the impact is {1000 * onset_s:.3g} ms after the beginning; a record begins with it")
     return found
 
 
-def dead_or_clipped(signals: Floats, i: int) -> str:
+def channel_faults(signals: Floats, names: Sequence[str]) -> list[str]:
+    """Which channels of signals (s, n) cannot be used by themselves, and why, one line each."""
+    return [f"{name}: {why}" for i, name in enumerate(names) if (why := _dead_or_clipped(signals, i))]
+
+
+def _dead_or_clipped(signals: Floats, i: int) -> str:
     """Why channel i cannot be used by itself, "" if it can."""
     x = signals[i]
     others = np.delete(signals, i, axis=0)

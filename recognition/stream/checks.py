@@ -9,7 +9,7 @@ import numpy as np
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised
-from recognition.sensors.channel_check import dead_or_clipped
+from recognition.sensors.channel_check import channel_faults
 from recognition.stream.listen import Heard, Listener
 
 HUM_Hz = (50.0, 60.0)
@@ -62,8 +62,7 @@ class Checks:
 
 def refuse_faulty(accelerations: Floats, names: Sequence[str]) -> None:
     """Raises NotRecognised, one line, for accelerometers (c, samples) that are dead or clipped."""
-    found = [f"{name}: {why}" for i, name in enumerate(names) if (why := dead_or_clipped(accelerations, i))]
-    if found:
+    if found := channel_faults(accelerations, names):
         raise NotRecognised("; ".join(found))
 
 
