@@ -43,7 +43,7 @@ void ContactRecorder::add_forces(const std::vector<NearSphere> &near, double sha
     Push &push = push_[agglomerates_.of_tag(lmp_->atom->tag[p.i])];
     const double force = share * p.push, *x = lmp_->atom->x[p.i];
     push.force += force;
-    push.x += force * x[0], push.y += force * x[1];
+    push.x += force * (x[0] + p.to_foot[0]), push.y += force * (x[1] + p.to_foot[1]);
   }
 }
 
@@ -102,8 +102,8 @@ std::vector<double> ContactRecorder::contacts(const std::vector<NearSphere> &nea
     if (!p.touches || p.push == 0) continue;
     const double *x = lmp_->atom->x[p.i];
     const PlateContact::Pressing pressing = contact.pressing(p);
-    mine.insert(mine.end(), {agglomerates_.of_tag(lmp_->atom->tag[p.i]) + 1.0, x[0], x[1], pressing.force_N,
-                             pressing.radius_m});
+    mine.insert(mine.end(), {agglomerates_.of_tag(lmp_->atom->tag[p.i]) + 1.0, x[0] + p.to_foot[0],
+                             x[1] + p.to_foot[1], pressing.force_N, pressing.radius_m});
   }
   const int ranks = lmp_->comm->nprocs, size = mine.size();
   int total = 0;

@@ -95,6 +95,9 @@ class FixWallPlate : public FixWallGran,
   void restore_near(const CheckpointReader &);
 
   int type() const override { return atom_type_wall_; }
+  void find_plate(size_t near) override {
+    if (coupling_) coupling_->find(near_[near], near, step_in_co_step_);
+  }
   void act(int vflag) override { FixWallGran::post_force(vflag); }
   int history_size() const override { return dnum_; }
   double *history(int i) override;

@@ -16,6 +16,7 @@ class StockWall {
   virtual ~StockWall() {}
   virtual int type() const = 0;          // material of the wall
   virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX of the plate, m
+  virtual void find_plate(size_t near) = 0;  // at the foot of a patch, for the one near that begins to stand for it
   virtual void act(int vflag) = 0;       // adds its forces on the sub-spheres near it
   virtual int history_size() const = 0;  // numbers that it remembers of each sub-sphere
   virtual double *history(int i) = 0;

@@ -17,6 +17,8 @@ class LedgerRows;
 struct NearSphere {
   int i = -1;                         // local index
   double outside = 0;                 // how far what touches may reach below it, m
+  bool stands_for_patch = false;      // then the plate's push and its motion are those at the foot of the patch
+  double to_foot[2] = {0, 0};         // from its centre to there, along x and y, m
   double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it, or at its nearest edge
   double plate_drift[2] = {0, 0};     // velocity of the plate's top face there along x and y, m/s
   bool touches = false;               // does the plate act on it?

@@ -44,10 +44,11 @@ void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
   const Atom *atom = lmp_->atom;
   const double *x = atom->x[p.i];
   const double reach = link_.reach + 2 * std::fabs(atom->v[p.i][2]) * interval_s();
-  site.is_active = x[2] - atom->radius[p.i] < reach + p.outside + CLEARANCE_M;
+  site.is_active = p.stands_for_patch || x[2] - atom->radius[p.i] < reach + p.outside + CLEARANCE_M;
   std::fill_n(site.way, 3, Site::Way());
   if (!site.is_active) return;
-  const double foot_x = std::clamp(x[0], extent_[0], extent_[1]), foot_y = std::clamp(x[1], extent_[2], extent_[3]);
+  const double foot_x = std::clamp(x[0] + p.to_foot[0], extent_[0], extent_[1]);
+  const double foot_y = std::clamp(x[1] + p.to_foot[1], extent_[2], extent_[3]);
   if (!site.has_shape || std::hypot(foot_x - site.x, foot_y - site.y) > SHAPE_TOLERANCE_M) {
     shapes_.at(foot_x, foot_y, shape);
     site.x = foot_x, site.y = foot_y, site.has_shape = true;
@@ -75,19 +76,23 @@ double PlateCoupling::Site::Way::velocity(double s, double T) const {
 }
 
 void PlateCoupling::place(std::vector<NearSphere> &near, int step_in_co_step) {
+  for (size_t k = 0; k < near.size(); k++) place(near[k], sites_[k], step_in_co_step);
+}
+
+void PlateCoupling::find(NearSphere &p, size_t number, int step_in_co_step) {
+  if (engaged_) predict(p, sites_[number], &site_shapes_[number * shapes_.numbers()]);
+  place(p, sites_[number], step_in_co_step);
+}
+
+void PlateCoupling::place(NearSphere &p, const Site &site, int step_in_co_step) const {
   const double T = interval_s();
   const long long steps_passed = co_steps_passed_ * co_step_ + step_in_co_step;
   const double s = static_cast<double>(steps_passed) / (extrapolated_co_steps_ * co_step_);
-  for (size_t k = 0; k < near.size(); k++) {
-    const Site &site = sites_[k];
-    if (!site.is_active || !engaged_) {
-      near[k].plate_z = near[k].plate_v = near[k].plate_drift[0] = near[k].plate_drift[1] = 0;
-      continue;
-    }
-    near[k].plate_z = site.way[0].displacement(s, T);
-    near[k].plate_v = site.way[0].velocity(s, T);
-    for (int d = 1; d < shapes_.directions(); d++) near[k].plate_drift[d - 1] = site.way[d].velocity(s, T);
-  }
+  p.plate_z = p.plate_v = p.plate_drift[0] = p.plate_drift[1] = 0;
+  if (!site.is_active || !engaged_) return;
+  p.plate_z = site.way[0].displacement(s, T);
+  p.plate_v = site.way[0].velocity(s, T);
+  for (int d = 1; d < shapes_.directions(); d++) p.plate_drift[d - 1] = site.way[d].velocity(s, T);
 }
 
 void PlateCoupling::add_forces(const std::vector<NearSphere> &near, double share) {
@@ -117,7 +122,7 @@ bool PlateCoupling::anything_near(const std::vector<NearSphere> &near) const {
   const double T = interval_s();
   for (const NearSphere &p : near) {
     const double clearance = atom->x[p.i][2] - atom->radius[p.i];
-    mine |= clearance < link_.reach + 2 * T * std::fabs(atom->v[p.i][2]) + p.outside + CLEARANCE_M;
+    mine |= p.touches || clearance < link_.reach + 2 * T * std::fabs(atom->v[p.i][2]) + p.outside + CLEARANCE_M;
   }
   MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, lmp_->world);
   return any;

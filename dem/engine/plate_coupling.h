@@ -33,6 +33,7 @@ class PlateCoupling {
   void set_extent(const double *extent) { std::copy_n(extent, 4, extent_); }  // XMIN XMAX YMIN YMAX of the plate, m
   void list(const std::vector<NearSphere> &);                    // is a new list of what is near
   void place(std::vector<NearSphere> &, int step_in_co_step);    // finds the plate beneath each now
+  void find(NearSphere &, size_t number, int step_in_co_step);   // the same for one of them, whatever was known of it
   void add_forces(const std::vector<NearSphere> &, double share);  // of the mean over this co-step
   // True if there was a message. Then `predict` must follow, with a list of all that the plate can now reach.
   bool end_co_step(const std::vector<NearSphere> &, bool first);
@@ -81,6 +82,7 @@ class PlateCoupling {
   int co_steps_to_extrapolate(const std::vector<NearSphere> &) const;
   void send_message(const std::vector<NearSphere> &);
   void predict(const NearSphere &, Site &, double *shape);
+  void place(NearSphere &, const Site &, int step_in_co_step) const;
 };
 
 }  // namespace LAMMPS_NS

@@ -89,7 +89,7 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
     std::vector<double> w_before;
     for (const Patch &p : patches_) w_before.push_back(p.w);
     place_on_plate(near);
-    // Where another member became the central one, the plate beneath it is elsewhere; q stays.
+    // Where the foot moved, the plate beneath it is elsewhere; q stays.
     for (size_t k = 0; k < patches_.size(); k++)
       if (patches_[k].presses) patches_[k].base -= patches_[k].w - w_before[k];
   }
@@ -103,7 +103,7 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   hand_out(near);
 }
 
-// The plate under each patch is that under its central member.
+// The plate under each patch is that at its foot, which its central member knows.
 void SmoothContact::place_on_plate(const std::vector<NearSphere> &near) {
   std::vector<double> found(4 * patches_.size(), 0);
   for (size_t k = 0; k < patches_.size(); k++) {
@@ -244,7 +244,7 @@ void SmoothContact::stretch(Patch &p, double spring, const Vec &slip) {
   p.spring = spring, p.slip = slip;
 }
 
-// The force of each patch to its members; the plate feels all of it under the central one.
+// The force of each patch to its members; the plate feels all of it at the foot.
 void SmoothContact::hand_out(std::vector<NearSphere> &near) {
   Atom *atom = lmp_->atom;
   for (const Patch &p : patches_) {
@@ -327,7 +327,8 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   alone_.save(out, near);
   std::vector<double> numbers, left;
   for (const Patch &p : patches_) {
-    numbers.insert(numbers.end(), {p.agglomerate + 0.0, p.piece + 0.0, p.share, p.base, p.axis.x, p.axis.y, p.axis.z,
+    numbers.insert(numbers.end(), {p.agglomerate + 0.0, p.piece + 0.0, p.share, p.base, p.to_foot.x, p.to_foot.y,
+                                   p.axis.x, p.axis.y, p.axis.z,
                                    p.compliance, p.compliance_across, p.mass, p.presses + 0.0, p.is_new + 0.0,
                                    p.largest, p.slip.x, p.slip.y, p.spring, p.members.size() + 0.0,
                                    p.body.size() + 0.0});
@@ -368,6 +369,7 @@ void SmoothContact::restore(const CheckpointReader &in) {
   for (int k = 0; k < counts[0]; k++) {
     Patch p;
     p.agglomerate = *n++, p.piece = *n++, p.share = *n++, p.base = *n++;
+    p.to_foot.x = *n++, p.to_foot.y = *n++;
     p.axis.x = *n++, p.axis.y = *n++, p.axis.z = *n++;
     p.compliance = *n++, p.compliance_across = *n++, p.mass = *n++;
     p.presses = *n++ != 0, p.is_new = *n++ != 0, p.largest = *n++;

@@ -53,6 +53,7 @@ class SmoothContact : public PlateContact {
     std::vector<Weight> body;  // how the dashpot's force is shared by the piece
     double share = 1;          // of the patch's surface that is there
     double base = 0;           // q = base - sum w_i z_i + w
+    Vec to_foot;               // from the central member to where the patch presses, the mean place of its members, m
     Vec axis;                  // in the frame of the undeformed stone
     double compliance = 0, compliance_across = 0, mass = 0;
     bool presses = false, is_new = true;
@@ -75,7 +76,7 @@ class SmoothContact : public PlateContact {
 
   LAMMPS *lmp_;
   const Agglomerates &agglomerates_;
-  const StockWall &wall_;
+  StockWall &wall_;
   GranularContact alone_;
   StoneSurfaces surfaces_;
   BondNetwork *bonds_ = nullptr;
@@ -104,12 +105,14 @@ class SmoothContact : public PlateContact {
   // The patches, found anew at every so many steps.
   void index(const std::vector<NearSphere> &);
   bool must_look() const;
-  void look(const std::vector<NearSphere> &, double reach);
+  void look(std::vector<NearSphere> &, double reach);
   void index_patches();
   void watch();
   void find_patches(int agglomerate, double reach);
   bool is_pushed_outside(int tag) const;
   void place_on_plate(const std::vector<NearSphere> &);
+  void find_feet(std::vector<NearSphere> &);
+  void mark_feet(std::vector<NearSphere> &) const;
   void drop_idle_patches();
   bool is_taken(int tag) const;
   double beyond_outline(const Vec &center) const;

@@ -41,6 +41,8 @@ bool SmoothContact::must_look() const {
 
 void SmoothContact::list(std::vector<NearSphere> &near) {
   pieces_->find_pieces();
+  index(near);
+  mark_feet(near);
   for (NearSphere &p : near) {
     const int tag = lmp_->atom->tag[p.i];
     p.outside = pieces_->may_have_patch(tag) || is_pushed_outside(tag) ? outside() : 0;
@@ -68,7 +70,7 @@ void SmoothContact::watch() {
         if (p.presses && bonds_->holds(k)) watched_.push_back(k);
 }
 
-void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
+void SmoothContact::look(std::vector<NearSphere> &near, double reach) {
   before_look_.clear();
   const std::vector<int> &there = agglomerates_.near();
   std::vector<double> wanted(there.size(), 0);
@@ -95,6 +97,28 @@ void SmoothContact::look(const std::vector<NearSphere> &near, double reach) {
     for (const Weight &m : p.members)
       if (patch_of_tag_[m.tag] < 0) stand_alone(m.tag);
   watch();
+  find_feet(near);
+}
+
+// A patch presses on the plate at the mean place of its members, which is on the axis, and not beneath the largest one.
+void SmoothContact::find_feet(std::vector<NearSphere> &near) {
+  for (Patch &p : patches_) {
+    p.to_foot = -1 * pieces_->position(p.central());
+    for (const Weight &m : p.members) p.to_foot += m.weight * pieces_->position(m.tag);
+  }
+  for (NearSphere &n : near) n.stands_for_patch = false, n.to_foot[0] = n.to_foot[1] = 0;
+  mark_feet(near);
+  for (size_t k = 0; k < near.size(); k++)
+    if (near[k].stands_for_patch) wall_.find_plate(k);
+}
+
+void SmoothContact::mark_feet(std::vector<NearSphere> &near) const {
+  for (const Patch &p : patches_) {
+    const int k = near_of_tag_[p.central()];
+    if (k < 0) continue;  // of another rank
+    near[k].stands_for_patch = true;
+    near[k].to_foot[0] = p.to_foot.x, near[k].to_foot[1] = p.to_foot.y;
+  }
 }
 
 void SmoothContact::index_patches() {
