@@ -231,8 +231,8 @@ ROCKS = TableSpec(
     key="table-rocks",
     title="Strength of the shipped rocks",
     note=(
-        "Mean and standard deviation over packings outside the fit. The scenes have soft coal, since top coal is damaged"
-        " when it falls; hard coal is scenes/materials/hard_coal.toml."
+        "Mean and standard deviation over packings outside the fit. The scenes have soft coal, since top coal is"
+        " damaged when it falls; hard coal is scenes/materials/hard_coal.toml."
     ),
     build=rocks,
 )

@@ -89,6 +89,7 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   const bool looks = must_look();
   if (looks) {
     looked_ = true;
+    remember_sliding();
     look(near, reach);
     std::vector<double> w_before;
     for (const Patch &p : patches_) w_before.push_back(p.w);
@@ -99,6 +100,9 @@ void SmoothContact::add_forces(std::vector<NearSphere> &near, double reach, int 
   }
   meet_alone(near, vflag);
   measure();
+  if (looks && is_first_rank())
+    for (const Patch &p : patches_)
+      released_[p.agglomerate] += 0.5 * lmp_->update->dt * p.spring * dot(p.slip, p.sliding_before - p.sliding);
   for (Patch &p : patches_) press(p);
   dampen();
   for (Patch &p : patches_)

@@ -36,10 +36,11 @@ def slices(rocks: list[StruckRock], speed_m_s: float) -> Figure:
     for axis, rock in zip(axes[0], rocks, strict=True):
         cut, diameter = rock.slice, 2 * rock.slice["radius_mm"]
         rank = cut["fragment"]
+        colour = np.where(rank == 0, 0, 1 + (rank - 1) % (PIECES.N - 1))
         axis.add_collection(EllipseCollection(
-            diameter, diameter, np.zeros_like(diameter), units="xy",
-            offsets=np.column_stack([cut["x_mm"], cut["y_mm"]]), transOffset=axis.transData, array=np.where(rank == 0, 0, 1 + (rank - 1) % (PIECES.N - 1)),
-            cmap=PIECES, clim=(-0.5, PIECES.N - 0.5), edgecolor="white", linewidth=0.3))  # fmt: skip
+            diameter, diameter, np.zeros_like(diameter), units="xy", transOffset=axis.transData,
+            offsets=np.column_stack([cut["x_mm"], cut["y_mm"]]), array=colour, cmap=PIECES,
+            clim=(-0.5, PIECES.N - 0.5), edgecolor="white", linewidth=0.3))  # fmt: skip
         axis.autoscale_view()
         hide_scales(axis)
         axis.spines[:].set_visible(False)
