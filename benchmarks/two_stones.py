@@ -1,8 +1,8 @@
 """Two equal unbreakable stones that meet head on, beside Hertz' elastic spheres: stones touch stones by sub-spheres.
 
-    python -m benchmarks.two_stones [--packings 4] [--counts 200 500 1000] [--speed 3] [--out runs/contact]
+    python -m benchmarks.two_stones [--packings 4] [--counts 200 500 1000] [--speed 3] [--stiffer 1] [--out runs/contact]
 
-Writes two_stones.csv, a row a pair: peak force and contact time over those of Hertz, and rebound over approach speed.
+`--stiffer` multiplies the modulus that LIGGGHTS' own contacts read. Writes two_stones.csv, a row a pair: peak force and contact time over those of Hertz, and rebound over approach speed.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ import subprocess
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
 
+import dem.deck.render
 from benchmarks.contact import PAIRS
 from benchmarks.stone import SCENES
+from benchmarks.stone_pairs import stiffer_rock
 from common import hertz
 from common.scene import Scene, changed_scene
 from common.tables import read_toml
@@ -31,7 +34,7 @@ from dem.stones.assembly import Assembly
 GAP = 1e-3  # of the radius, between the stones at the start
 
 
-def meet(subspheres: int, seed: int, speed_m_s: float) -> dict[str, float]:
+def meet(subspheres: int, seed: int, speed_m_s: float, stiffer: float = 1.0) -> dict[str, float]:
     """One pair: packing `seed` below and the next above it, far from the plate, each at half the speed."""
     scene = changed_scene(SCENES / "single.toml", {
         "time.gravity_m_s2": 0.0, "time.duration_s": 8e-4, "time.sample_interval_s": 3e-5, "output": None,
@@ -44,8 +47,8 @@ def meet(subspheres: int, seed: int, speed_m_s: float) -> dict[str, float]:
     directory = Path(tempfile.mkdtemp())
     try:
         prepared = prepare(scene, "two_stones", directory)
-        write_deck(directory / "deck", prepared.scene, _stacked(prepared.assembly), prepared.step,
-                   prepared.modes)
+        with patch.object(dem.deck.render, "render", stiffer_rock(dem.deck.render.render, stiffer)):
+            write_deck(directory / "deck", prepared.scene, _stacked(prepared.assembly), prepared.step, prepared.modes)
         _run_towards_each_other(directory / "deck", prepared.assembly.sizes[0], speed_m_s)
         rows = read_ledger(directory / "deck" / "ledger.bin", 2)
     finally:
@@ -93,12 +96,13 @@ def main() -> None:
     parser.add_argument("--packings", type=int, default=4)
     parser.add_argument("--counts", type=int, nargs="+", default=[200, 500, 1000])
     parser.add_argument("--speed", type=float, default=3.0)
+    parser.add_argument("--stiffer", type=float, default=1.0)
     parser.add_argument("--out", type=Path, default=Path("runs/contact"))
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     rows = []
     for count in args.counts:
-        rows += [{"subspheres": count, "seed": seed} | meet(count, seed, args.speed)
+        rows += [{"subspheres": count, "seed": seed} | meet(count, seed, args.speed, args.stiffer)
                  for seed in range(1, 2 * args.packings, 2)]
         pd.DataFrame(rows).to_csv(args.out / "two_stones.csv", index=False)
     print(pd.DataFrame(rows).groupby("subspheres")[["force", "time", "rebound"]].agg(["mean", "std"]).round(3))

@@ -24,6 +24,7 @@ from report.chapters.evaluation import EVALUATION_FIGURES
 from report.chapters.figure_spec import FigureSpec, FinishedFigure, finish_figure
 from report.chapters.recognition import ANSWER, RECOGNITION_FIGURES
 from report.chapters.response import RESPONSE_FIGURES
+from report.chapters.rocks import ROCK_FIGURES
 from report.chapters.signals import SIGNAL_FIGURES
 from report.chapters.theory import THEORY_FIGURES
 from report.claims.breakage import BREAKAGE_STATEMENTS
@@ -47,6 +48,7 @@ TEMPLATES = resource("templates")
 #: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
+    ("Rocks", ROCK_FIGURES, [tables.ROCKS]),
     ("Breakage", BREAKAGE_FIGURES, []),
     ("Response of the plate", RESPONSE_FIGURES, []),
     ("Signals", SIGNAL_FIGURES, [tables.EMD_RULES, tables.STANDARDISED]),

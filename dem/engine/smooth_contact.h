@@ -67,6 +67,8 @@ class SmoothContact : public PlateContact {
     double elastic = 0, dashpot = 0;       // force on the stone, N
     double across[2] = {0, 0};             // N
     Vec sliding;                           // velocity of the surface over the plate, m/s
+    Vec sliding_before;                    // at a look, that of the members before it
+    double mobility = 0;                   // across the plate, of its members as free spheres, 1/kg
     double rubbing = 0;                    // tangential dashpot, N s/m
     SmoothLaw::State state;
 
@@ -125,6 +127,7 @@ class SmoothContact : public PlateContact {
   void dissolve(Patch &);
   void stand_alone(int tag);
   double depth_of(int tag) const;
+  void remember_sliding();
   void release_half_a_step(const std::vector<NearSphere> &);
 
   // The step.
@@ -132,6 +135,7 @@ class SmoothContact : public PlateContact {
   void measure();
   void press(Patch &);
   Vec surface_velocity(int i, double plate_z) const;
+  double surface_mobility(int i, double plate_z) const;
   void press_to_q(Patch &);
   void dampen();
   double body_speed(const Patch &) const;

@@ -239,7 +239,8 @@ void SmoothContact::spread_over_body(Patch &p, const StonePieces::Motion &motion
 }
 
 void SmoothContact::dissolve(Patch &p) {
-  if (is_first_rank()) released_[p.agglomerate] += 0.5 * p.spring * dot(p.slip, p.slip);
+  if (is_first_rank())
+    released_[p.agglomerate] += 0.5 * p.spring * dot(p.slip, p.slip + lmp_->update->dt * p.sliding_before);
   p.spring = 0;
   while (!p.members.empty()) leave(p, p.members.size() - 1);
 }
@@ -297,6 +298,23 @@ void SmoothContact::leave(Patch &p, size_t member) {
   if (p.share == 0) return;
   for (Weight &other : p.members) other.weight /= rest;
   p.base = p.q - p.w + height_of_members(p);
+}
+
+// The force across the plate of half a step ago moves those that were members then. What it gave to them and not to the
+// members of now is released too.
+void SmoothContact::remember_sliding() {
+  std::vector<double> sums(2 * patches_.size(), 0);
+  for (size_t k = 0; k < patches_.size(); k++)
+    for (const Weight &m : patches_[k].members) {
+      const int i = here(m.tag);
+      if (i < 0) continue;
+      const Vec surface = surface_velocity(i, patches_[k].w);
+      sums[2 * k] += m.weight * surface.x;
+      sums[2 * k + 1] += m.weight * surface.y;
+    }
+  sum(sums);
+  for (size_t k = 0; k < patches_.size(); k++)
+    patches_[k].sliding_before = Vec(sums[2 * k], sums[2 * k + 1], 0) - patches_[k].drift;
 }
 
 // The integrator does half a step's work with the force before a look, and half with the one after it. So what a

@@ -102,7 +102,8 @@ def test_on_a_plate_that_bends_it_is_the_elastic_sphere(runs):
     assert np.hypot(touched["first_x_m"] - touched["place_x_m"], touched["first_y_m"] - touched["place_y_m"]) < 1e-5
 
 
-@pytest.mark.parametrize(("seed", "speed_m_s", "friction"), [(1, 3.0, 0.0), (20011, 6.0, 0.0), (20011, 6.0, 0.4)])
+@pytest.mark.parametrize(("seed", "speed_m_s", "friction"), [
+    (1, 3.0, 0.0), (20011, 6.0, 0.0), (20011, 6.0, 0.4), (50131, 4.5, 0.4)])
 def test_breakage_under_the_patch_makes_no_energy(tmp_path, seed, speed_m_s, friction):
     """Nothing may be left over of what contacts took."""
     scene = stone(speed_m_s=speed_m_s, friction=friction, **{
