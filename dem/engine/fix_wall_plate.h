@@ -91,10 +91,9 @@ class FixWallPlate : public FixWallGran,
   void end_co_step(bool first);
   void add_work();
   void add_forces(double weight);
-  void save_near(CheckpointWriter &) const;
-  void restore_near(const CheckpointReader &);
 
   int type() const override { return atom_type_wall_; }
+  Vec from_wall(const NearSphere &) const override;
   void act(int vflag) override { FixWallGran::post_force(vflag); }
   int history_size() const override { return dnum_; }
   double *history(int i) override;

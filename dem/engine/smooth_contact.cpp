@@ -18,9 +18,9 @@
 
 namespace LAMMPS_NS {
 
-SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall, double yield_pressure_Pa,
-                             const std::string &surface_file)
-    : lmp_(lmp), agglomerates_(agglomerates), wall_(wall), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
+SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall, const double *extent,
+                             double yield_pressure_Pa, const std::string &surface_file)
+    : lmp_(lmp), agglomerates_(agglomerates), extent_(extent), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
       surfaces_(lmp, surface_file, agglomerates), patch_of_tag_(agglomerates.tags() + 1, -1),
       near_of_tag_(agglomerates.tags() + 1, -1), offset_(agglomerates.tags() + 1, 0),
       damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), friction_(damped_),

@@ -222,7 +222,7 @@ void SmoothContact::dissolve(Patch &p) {
 
 // How far the axis of a patch is beside the plate, m.
 double SmoothContact::beyond_outline(const Vec &center) const {
-  const double *e = wall_.extent();
+  const double *e = extent_;
   return std::hypot(center.x - std::clamp(center.x, e[0], e[1]), center.y - std::clamp(center.y, e[2], e[3]));
 }
 
