@@ -12,9 +12,11 @@ from pydantic import Field, model_validator
 from common.scene_file import scene_tables
 from common.tables import InputError, Place, Positive, Refused, Table, about, check
 
+Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
 
+WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it where the plate gives way
 LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
 
 
@@ -53,6 +55,25 @@ class Sensor(Place):
     name: Annotated[Name, about("name of its column: acc_NAME_m_s2")]
 
 
+class Walls(Table):
+    """Rigid walls that stand upright on edges of the plate. What pushes on them does not load the plate."""
+
+    edges: Annotated[tuple[Edge, ...], Field(min_length=1), about("edges of the plate that have a wall")]
+    height_m: Annotated[Positive, about("height above the plate's top face")]
+    # LIGGGHTS refuses a restitution of 0.05 and less.
+    restitution: Annotated[Annotated[float, Field(gt=0.05, le=1)] | None, about(
+        "coefficient of restitution of stones with the walls; absent: that with the plate")] = None
+    friction: Annotated[Annotated[float, Field(ge=0, le=10)] | None, about(
+        "coefficient of friction of stones with the walls; absent: that with the plate")] = None
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        for edge in self.edges:
+            if self.edges.count(edge) > 1:
+                raise Refused("edges", edge, "must be named once")
+        return self
+
+
 class Plate(Table):
     """What every plate has: its outline and its material."""
 
@@ -66,6 +87,18 @@ class Plate(Table):
     yield_stress_Pa: Annotated[Positive | None, about(
         "yield stress; where a contact may pass it the plate yields there (docs/plate.md); absent: it stays elastic",
     )] = None
+
+    walls: Annotated[Walls | None, about(
+        "rigid walls on edges of the plate, between which stones are guided (docs/stones.md); absent: none")] = None
+
+    def wall_box_m(self, edge: Edge) -> tuple[float, ...]:
+        """XMIN XMAX YMIN YMAX ZMIN ZMAX of the wall on one edge, flat along x or y."""
+        assert self.walls is not None
+        box = [-self.length_m / 2, self.length_m / 2, -self.width_m / 2, self.width_m / 2, -WALL_FOOT_m,
+               self.walls.height_m]
+        at = ["x_minus", "x_plus", "y_minus", "y_plus"].index(edge)
+        box[at // 2 * 2:at // 2 * 2 + 2] = 2 * [box[at]]
+        return tuple(box)
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> Self:

@@ -126,6 +126,7 @@ class RunSummary(Recorded):
     peak_force_N: float | None = None
     impulse_N_s: float | None = None
     momentum_change_kg_m_s: float | None = None
+    wall_impulse_N_s: dict[str, list[float]] | None = None  # x, y, z on each side wall, by its edge
     plate: dict[str, float] | None = None  # largest absolute value of each signal of the plate
     yield_: YieldReport | None = Field(default=None, alias="yield")
     energy: dict[str, Any] | None = None  # dem.run.energy_balance.energy_ledger

@@ -22,7 +22,7 @@ class ShapeTable(Table):
         "area of the sphere of equal volume over that of a polyhedron, met as nearly as a number of corners allows"),
     ] = None
     file: Annotated[str | None, about(
-        "mesh of a closed, convex surface, such as an STL file, beside the scene; instead of the other keys")] = None
+        "mesh of a closed surface, such as an STL file, beside the scene; instead of the other keys")] = None
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:

@@ -163,7 +163,7 @@ def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | Sequence[Se
 
     The damping ratio does not belong to it: frequencies and shapes are those without damping.
     """
-    table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg"})
+    table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
     return key_of(Path(__file__).parent, version("scikit-fem"), table, np.asarray(residual_points_m, float).tolist())
 
 

@@ -14,6 +14,7 @@ from common.resources import resource
 from common.scene import PLATE, Scene, contact_key
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
+from dem.deck.side_walls import OWN_TYPE, contact_of_types, deck_walls, wall_files
 from dem.deck.smooth_contact import write_surfaces
 from dem.deck.stone_file import write_stones
 from dem.deck.time_step import TimeStep, weak_contact
@@ -59,9 +60,8 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     """The text of the deck."""
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
                                      keep_trailing_newline=True)
-    pairs = [contact_key(a, b) for a in [*assembly.materials, PLATE] for b in [*assembly.materials, PLATE]]
-    stones_meet = _stones_meet(scene, assembly)
-    contacts = [scene.contacts.get(pair) if stones_meet or PLATE in pair.split("_") else None for pair in pairs]
+    types, stones_meet = _types(scene, assembly), _stones_meet(scene, assembly)
+    contacts = [contact_of_types(scene, a, b, stones_meet) for a in types for b in types]
     friction = [c.friction if c else 0.0 for c in contacts]
     tangential = " tangential history" if any(friction) else ""
     half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
@@ -73,6 +73,8 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         coupling=scene.plate.model == "flexible",
         materials=[{"name": name, **scene.materials[name].model_dump()} for name in assembly.materials],
         plate_material=scene.plate.model_dump(),
+        walls=deck_walls(scene),
+        own_wall=OWN_TYPE in types,
         # A pair that cannot meet in this scene still needs a number; elastic is what does least.
         restitution=[c.restitution if c else 1.0 for c in contacts],
         friction=friction if any(friction) else None,
@@ -109,7 +111,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
 def streams(scene: Scene, assembly: Assembly) -> list[str]:
     """Files in the deck's directory that the engine appends to."""
     return ["ledger.bin", "forces.bin", "contacts.bin", *(["events.csv"] if assembly.n_bonds else []),
-            *(["left.csv"] if assembly.is_stream else []),
+            *(["left.csv"] if assembly.is_stream else []), *wall_files(scene),
             *(["pictures.bin"] if scene.output.view_interval_s is not None else [])]
 
 
@@ -133,6 +135,13 @@ def _impact_J(assembly: Assembly) -> float:
     if _common_velocity(assembly) is not None:
         return float(0.5 * assembly.mass_kg.sum() * math.hypot(*assembly.entries[0].velocity_m_s) ** 2)
     return float(assembly.kinetic_start_J.sum())
+
+
+def _types(scene: Scene, assembly: Assembly) -> list[str]:
+    """Materials by their type in the deck."""
+    walls = scene.plate.walls
+    own = walls is not None and (walls.restitution, walls.friction) != (None, None)
+    return [*assembly.materials, PLATE, *([OWN_TYPE] if own else [])]
 
 
 def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
@@ -189,7 +198,7 @@ def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
     high = (assembly.center_m + assembly.radius_m[:, None]).max(axis=0) + BOX_MARGIN_M
     with open(file, "w") as out:
         n_atoms = 0 if assembly.is_stream else assembly.n_particles
-        out.write(f"{scene.name}\n\n{n_atoms} atoms\n{len(assembly.materials) + 1} atom types\n\n")
+        out.write(f"{scene.name}\n\n{n_atoms} atoms\n{len(_types(scene, assembly))} atom types\n\n")
         out.writelines(f"{a:.9g} {b:.9g} {axis}lo {axis}hi\n" for axis, a, b in zip("xyz", low, high))
         out.write("\n")
         if assembly.is_stream:  # they are in stones.bin

@@ -65,6 +65,7 @@ void FixFreeFlight::init() {
     error->fix_error(FLERR, this, "needs the run style that it sets");
   bonds_ = fix_that_is<BodyMaker>(modify);
   plate_ = fix_that_is<Obstacle>(modify);
+  walls_ = fixes_that_are<SideWall>(modify);
   stream_ = fix_that_is<StoneStream>(modify);
   agglomerates_->follow(stream_);
   history_ = nullptr;

@@ -59,6 +59,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   std::unique_ptr<HertzLaw> law_;
   BodyMaker *bonds_ = nullptr;
   Obstacle *plate_ = nullptr;
+  std::vector<SideWall *> walls_;
   class FixContactHistory *history_ = nullptr;
   double gravity_ = 0, speed_ = 0, tolerance_ = 0;  // m/s^2, m/s, share of the energy of the impact
   Vec down_ = Vec(0, 0, -1);   // unit vector
@@ -82,6 +83,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   bool have_left(const Outline &a, const Outline &b) const { return stream_ && has_left(a) && has_left(b); }
   void take_out_those_that_left();
   void check_count() const;
+  double time_to_obstacle(Outline &) const;
   double outside_of(const ArrayBody &) const;
   void update_reach();
   void find_safe_until(FreeBody &);

@@ -1,6 +1,7 @@
 #include "fix_wall_plate.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "atom.h"
@@ -13,6 +14,7 @@
 #include "neighbor.h"
 #include "primitive_wall.h"
 #include "smooth_contact.h"
+#include "touching.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -21,28 +23,6 @@ using namespace FixConst;
 namespace {
 
 const double LEAST_LISTED_REACH_M = 1e-3;
-
-int position_of_contact(int narg, char **arg) {
-  for (int k = 3; k < narg; k++)
-    if (std::strcmp(arg[k], "contact") == 0) return k;
-  return narg;
-}
-
-// The base class sees `fix ID group wall/gran` and what follows `contact`.
-std::vector<char *> &base_arguments(int narg, char **arg) {
-  static char style[] = "wall/gran";
-  static std::vector<char *> base;
-  base.assign({arg[0], arg[1], style});
-  base.insert(base.end(), arg + std::min(narg, position_of_contact(narg, arg) + 1), arg + narg);
-  return base;
-}
-
-// Of the plate on a sub-sphere that it touches, W.
-double power(const NearSphere &p, const Atom *atom) {
-  double sum = 0;
-  for (int d = 0; d < 3; d++) sum += p.force[d] * atom->v[p.i][d] + p.torque[d] * atom->omega[p.i][d];
-  return sum;
-}
 
 }  // namespace
 
@@ -98,7 +78,7 @@ FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
 }
 
 FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
-    : FixWallGran(lmp, base_arguments(narg, arg).size(), base_arguments(narg, arg).data()) {
+    : FixWallGran(lmp, arguments_of_stock_wall(narg, arg).size(), arguments_of_stock_wall(narg, arg).data()) {
   const Options o = read_options(narg, arg);
   agglomerates_ = std::make_unique<Agglomerates>(lmp, o.agglomerates);
   work_on_stone_.assign(agglomerates_->count(), 0);
@@ -109,7 +89,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
   if (o.surface.empty())
     contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa);
   else
-    contact_ = std::make_unique<SmoothContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa, o.surface);
+    contact_ = std::make_unique<SmoothContact>(lmp, *agglomerates_, *this, *this, o.yield_pressure_Pa, o.surface);
   if (coupling_) coupling_->set_extent(extent_);
   nevery = 1;
   if (const SphereMemory *memory = contact_->memory()) {
@@ -186,23 +166,18 @@ void FixWallPlate::post_force(int vflag) {
   }
 }
 
-// The work over a step is force x (v before + v after)/2 dt, which is what the leapfrog integrator adds to the kinetic
-// energy. The first half is added when the force is known, the second in post_integrate when the next velocity is.
 void FixWallPlate::add_work() {
   const double dt = update->dt;
+  add_work_of_wall(work_on_stone_, near_, atom, *agglomerates_, 0.5 * dt);
   for (const NearSphere &p : near_) {
     if (!p.touches) continue;
-    const int a = agglomerates_->of_tag(atom->tag[p.i]);
-    work_on_stone_[a] += 0.5 * dt * power(p, atom);
-    work_on_plate_[a] -= dt * (p.push * p.plate_v + p.drag[0] * p.plate_drift[0] + p.drag[1] * p.plate_drift[1]);
+    work_on_plate_[agglomerates_->of_tag(atom->tag[p.i])] -=
+        dt * (p.push * p.plate_v + p.drag[0] * p.plate_drift[0] + p.drag[1] * p.plate_drift[1]);
   }
 }
 
 void FixWallPlate::post_integrate() {
-  const double half_dt = 0.5 * update->dt;
-  for (const NearSphere &p : near_) {
-    if (p.touches) work_on_stone_[agglomerates_->of_tag(atom->tag[p.i])] += half_dt * power(p, atom);
-  }
+  add_work_of_wall(work_on_stone_, near_, atom, *agglomerates_, 0.5 * update->dt);
   step_in_co_step_++;
 }
 
@@ -228,6 +203,22 @@ void FixWallPlate::end_of_step() {
 void FixWallPlate::post_run() {
   recorder_->flush();
   if (coupling_) coupling_->finish();
+}
+
+// To the centre of a sub-sphere, from the nearest point of the plate's top face with its edge. What is below the face
+// came past the edge.
+Vec FixWallPlate::from_wall(const NearSphere &p) const {
+  const double *x = atom->x[p.i], *e = extent_, z = x[2] - p.plate_z;
+  double across[2];
+  for (int d = 0; d < 2; d++) across[d] = x[d] - std::clamp(x[d], e[2 * d], e[2 * d + 1]);
+  if (z < 0 && across[0] == 0 && across[1] == 0) {
+    const double to_edge[4] = {x[0] - e[0], x[0] - e[1], x[1] - e[2], x[1] - e[3]};
+    const int nearest = std::min_element(to_edge, to_edge + 4, [](double a, double b) {
+                          return std::fabs(a) < std::fabs(b);
+                        }) - to_edge;
+    across[nearest / 2] = to_edge[nearest];
+  }
+  return Vec(across[0], across[1], z);
 }
 
 double *FixWallPlate::history(int i) { return fix_history_primitive_->array_atom[i]; }
@@ -275,7 +266,7 @@ void FixWallPlate::save(CheckpointWriter &out) {
   out.sum("wall_work_on_stone", work_on_stone_);
   out.sum("wall_work_on_plate", work_on_plate_);
   out.common("wall_step_in_co_step", {static_cast<double>(step_in_co_step_)});
-  save_near(out);
+  save_touching(out, "wall_contacts", near_, atom);
 }
 
 void FixWallPlate::restore(const CheckpointReader &in) {
@@ -285,34 +276,7 @@ void FixWallPlate::restore(const CheckpointReader &in) {
   work_on_stone_ = in.sum("wall_work_on_stone", work_on_stone_.size());
   work_on_plate_ = in.sum("wall_work_on_plate", work_on_plate_.size());
   step_in_co_step_ = static_cast<int>(in.common("wall_step_in_co_step", 1)[0]);
-  restore_near(in);
-}
-
-// Rows of tag, force, torque of what touches, for the second half of the work.
-void FixWallPlate::save_near(CheckpointWriter &out) const {
-  std::vector<double> rows;
-  for (const NearSphere &p : near_) {
-    if (!p.touches) continue;
-    rows.push_back(atom->tag[p.i]);
-    rows.insert(rows.end(), p.force, p.force + 3);
-    rows.insert(rows.end(), p.torque, p.torque + 3);
-  }
-  out.rows("wall_contacts", rows);
-}
-
-// Everything else is found anew when the next step lists what is near.
-void FixWallPlate::restore_near(const CheckpointReader &in) {
-  const std::vector<double> &rows = in.rows("wall_contacts", 7);
-  near_.clear();
-  for (size_t k = 0; k < rows.size(); k += 7) {
-    NearSphere p;
-    p.i = atom->map(static_cast<int>(rows[k]));
-    if (p.i < 0 || p.i >= atom->nlocal) continue;
-    p.touches = true;
-    std::copy_n(&rows[k + 1], 3, p.force);
-    std::copy_n(&rows[k + 4], 3, p.torque);
-    near_.push_back(p);
-  }
+  near_ = touching_from(in, "wall_contacts", atom);
 }
 
 void FixWallPlate::saved(long long step) {

@@ -31,7 +31,8 @@ class FixWallPlate : public FixWallGran,
                      public Obstacle,
                      public Pushed,
                      public StoneKeeper,
-                     public StockWall {
+                     public StockWall,
+                     public PlateBeneath {
  public:
   FixWallPlate(class LAMMPS *, int, char **);
   ~FixWallPlate() override;
@@ -91,10 +92,9 @@ class FixWallPlate : public FixWallGran,
   void end_co_step(bool first);
   void add_work();
   void add_forces(double weight);
-  void save_near(CheckpointWriter &) const;
-  void restore_near(const CheckpointReader &);
 
   int type() const override { return atom_type_wall_; }
+  Vec from_wall(const NearSphere &) const override;
   void find_plate(size_t near) override {
     if (coupling_) coupling_->find(near_[near], near, step_in_co_step_);
   }

@@ -1,6 +1,7 @@
 // The looks of fix free_flight: who leaves the arrays, who comes back, and who is held.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "atom.h"
@@ -66,6 +67,12 @@ double FixFreeFlight::outside_of(const ArrayBody &b) const {
   return plate_->outside(tags);
 }
 
+double FixFreeFlight::time_to_obstacle(Outline &b) const {
+  double time = plate_ ? time_to_plate(b, outline_, weight()) : std::numeric_limits<double>::infinity();
+  for (const SideWall *wall : walls_) time = std::min(time, time_to_wall(b, wall->outline(), weight()));
+  return time;
+}
+
 // The times found so far hold as long as the plate keeps within the reach with which they were found.
 void FixFreeFlight::update_reach() {
   const double reach = plate_ ? plate_->reach() : 0;
@@ -88,7 +95,7 @@ void FixFreeFlight::final_integrate() {
   }
 }
 
-// Finds until when it touches neither the plate nor another body in free flight. The other one may not have known of
+// Finds until when it touches neither the plate nor a wall nor another body in free flight. The other one may not have known of
 // this body, which left the arrays after it. The plate moves, so what is known of the bodies is found less often.
 void FixFreeFlight::find_safe_until(FreeBody &body) {
   auto step_after = [this](double time) {
@@ -104,7 +111,7 @@ void FixFreeFlight::find_safe_until(FreeBody &body) {
       other->safe_until = std::min(other->safe_until, meeting);
     }
   }
-  body.safe_until = std::min(body.meets_at, step_after(plate_ ? time_to_plate(body, outline_, weight()) : FAR_AHEAD));
+  body.safe_until = std::min(body.meets_at, step_after(time_to_obstacle(body)));
 }
 
 // Bodies in free flight know of each other by their safe_until.
@@ -132,12 +139,15 @@ void FixFreeFlight::watch_bodies_in_flight(const Look &look) {
   }
 }
 
-// Is all of it below the plate's top face, and never rises to it again? The plate has no other face to touch.
+// Is all of it below the plate's top face and the foot of the walls, and never rises to them again? The plate has no
+// other face to touch.
 bool FixFreeFlight::has_left(const Outline &b) const {
   const double fall = -weight().z, up = b.velocity.z;
   if (up > 0 && fall <= 0) return false;
   const double highest = b.center.z + b.radius + (up > 0 ? up * up / (2 * fall) : 0);
-  return highest < -outline_.reach;
+  double lowest = -outline_.reach;
+  for (const SideWall *wall : walls_) lowest = std::min(lowest, wall->outline().low.z);
+  return highest < lowest;
 }
 
 bool FixFreeFlight::is_dust(const FreeBody &b) const {
@@ -177,7 +187,7 @@ void FixFreeFlight::let_calm_bodies_depart(Look &look) {
       b.take_trapped();
       b.outside = outside_of(b);
     }
-    leaves[k] = left || (calm && (!plate_ || time_to_plate(b, outline_, weight()) > rest_s()));
+    leaves[k] = left || (calm && time_to_obstacle(b) > rest_s());
   }
   if (std::count(is_part.begin(), is_part.end(), 1)) find_pairs(look);
   for (size_t k = 0; k < count; k++)
@@ -207,7 +217,7 @@ void FixFreeFlight::keep_those_that_meet(Look &look, const std::vector<char> &is
   }
 }
 
-// Does no encounter ahead, with the plate or with another body, push with more than `limit_N`? Of each the peak force
+// Does no encounter ahead, with the plate, a wall or another body, push with more than `limit_N`? Of each the peak force
 // is that of Hertz.
 bool FixFreeFlight::is_gentle(const Look &look, ArrayBody &b, double limit_N) {
   double radius = 0;
@@ -219,6 +229,11 @@ bool FixFreeFlight::is_gentle(const Look &look, ArrayBody &b, double limit_N) {
     return peak > limit_N;
   };
   if (plate_ && is_hard(b.mass, -b.velocity.z) && time_to_plate(b, outline_, weight()) <= rest_s()) return false;
+  for (const SideWall *wall : walls_) {
+    const Vec off = from_wall(b.center, wall->outline());
+    if (is_hard(b.mass, -dot(b.velocity, off) / norm(off)) && time_to_wall(b, wall->outline(), weight()) <= rest_s())
+      return false;
+  }
   for (const int m : look.pairs->of(&b - look.in_arrays.data())) {
     if (look.is_in_arrays(m) && look.in_arrays[m].is_trapped) continue;
     Outline &other = *look.all[m];

@@ -6,6 +6,7 @@ namespace LAMMPS_NS {
 
 struct Rotation;
 struct Vec;
+struct WallOutline;
 
 // What fix free_flight must know of other fixes, and they need not know of it.
 
@@ -48,6 +49,13 @@ class Obstacle {
   virtual bool is_quiet() const = 0;         // nothing is near it, and no co-step is open
   virtual void skip(long long co_steps) = 0; // so much time has passed without contact; only while it is quiet
   virtual void ask_reach() = 0;              // finds the reach anew; only while it is quiet, at the end of a step
+};
+
+// A wall beside the plate.
+class SideWall {
+ public:
+  virtual ~SideWall() {}
+  virtual const WallOutline &outline() const = 0;
 };
 
 // A fix that acts at other steps than those that `nevery` names while all bodies are in free flight.

@@ -29,8 +29,8 @@ Rotation to_upright(const Vec &n) {
 }  // namespace
 
 GranularContact::GranularContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall,
-                                 double yield_pressure_Pa)
-    : lmp_(lmp), agglomerates_(agglomerates), wall_(wall), damped_(agglomerates.count(), 0.0), friction_(damped_),
+                                 double yield_pressure_Pa, const std::string &name)
+    : lmp_(lmp), agglomerates_(agglomerates), wall_(wall), name_(name), damped_(agglomerates.count(), 0.0), friction_(damped_),
       gained_(damped_), deepest_(damped_) {
   if (yield_pressure_Pa > 0)
     indentation_ = std::make_unique<PlasticIndentation>(lmp, agglomerates, yield_pressure_Pa);
@@ -52,22 +52,6 @@ void GranularContact::add_forces(std::vector<NearSphere> &near, double, int vfla
   move_back(near);
 }
 
-// To the centre of a sub-sphere, from the nearest point of the plate's top face with its edge. What is below the face
-// came past the edge.
-Vec GranularContact::from_plate(const NearSphere &p) const {
-  const double *x = lmp_->atom->x[p.i], *e = wall_.extent(), z = x[2] - p.plate_z;
-  double across[2];
-  for (int d = 0; d < 2; d++) across[d] = x[d] - std::clamp(x[d], e[2 * d], e[2 * d + 1]);
-  if (z < 0 && across[0] == 0 && across[1] == 0) {
-    const double to_edge[4] = {x[0] - e[0], x[0] - e[1], x[1] - e[2], x[1] - e[3]};
-    const int nearest = std::min_element(to_edge, to_edge + 4, [](double a, double b) {
-                          return std::fabs(a) < std::fabs(b);
-                        }) - to_edge;
-    across[nearest / 2] = to_edge[nearest];
-  }
-  return Vec(across[0], across[1], z);
-}
-
 void GranularContact::move_into_frame_of_plate(std::vector<NearSphere> &near) {
   const Atom *atom = lmp_->atom;
   kept_.resize(near.size());
@@ -77,7 +61,7 @@ void GranularContact::move_into_frame_of_plate(std::vector<NearSphere> &near) {
     const int i = p.i;
     double &z = atom->x[i][2], *v = atom->v[i], *spin = atom->omega[i];
     const double radius = atom->radius[i];
-    const Vec off = from_plate(p);
+    const Vec off = wall_.from_wall(p);
     const double distance = norm(off);
     kept_[k] = {z, Vec(v), Vec(spin), Rotation()};
     z = p.in_patch ? AWAY_M : distance;
@@ -172,6 +156,11 @@ PlateContact::Pressing GranularContact::pressing(const NearSphere &p) const {
 }
 
 void GranularContact::add_to(LedgerRows &rows, const std::vector<NearSphere> &near) const {
+  add_energies(rows, near);
+  rows.add(WALL_DEEPEST, deepest_);
+}
+
+void GranularContact::add_energies(LedgerRows &rows, const std::vector<NearSphere> &near) const {
   for (const NearSphere &p : near) {
     if (!p.touches || p.in_patch) continue;
     const double E = modulus(p.i), R = lmp_->atom->radius[p.i];
@@ -187,16 +176,15 @@ void GranularContact::add_to(LedgerRows &rows, const std::vector<NearSphere> &ne
   rows.add(FRICTION, friction_);
   rows.add(SPRINGS, gained_);
   if (indentation_) rows.add(WALL_PLASTIC, indentation_->energy());
-  rows.add(WALL_DEEPEST, deepest_);
 }
 
 void GranularContact::save(CheckpointWriter &out, const std::vector<NearSphere> &near) const {
-  out.sum("wall_damped", damped_);
-  out.sum("wall_friction", friction_);
-  out.sum("wall_springs", gained_);
+  out.sum(name_ + "_damped", damped_);
+  out.sum(name_ + "_friction", friction_);
+  out.sum(name_ + "_springs", gained_);
   std::vector<double> deepest(deepest_.size());
   MPI_Allreduce(deepest_.data(), deepest.data(), deepest.size(), MPI_DOUBLE, MPI_MAX, lmp_->world);
-  out.common("wall_deepest", deepest);
+  out.common(name_ + "_deepest", deepest);
   if (wall_.history_size() > 0) {
     std::vector<double> rows;
     for (const NearSphere &p : near) {
@@ -204,19 +192,19 @@ void GranularContact::save(CheckpointWriter &out, const std::vector<NearSphere> 
       rows.push_back(lmp_->atom->tag[p.i]);
       rows.insert(rows.end(), wall_.history(p.i), wall_.history(p.i) + wall_.history_size());
     }
-    out.rows("wall_history", rows);
+    out.rows(name_ + "_history", rows);
   }
   if (indentation_) indentation_->save(out);
 }
 
 void GranularContact::restore(const CheckpointReader &in) {
-  damped_ = in.sum("wall_damped", damped_.size());
-  friction_ = in.sum("wall_friction", friction_.size());
-  gained_ = in.sum("wall_springs", gained_.size());
-  deepest_ = in.common("wall_deepest", deepest_.size());
+  damped_ = in.sum(name_ + "_damped", damped_.size());
+  friction_ = in.sum(name_ + "_friction", friction_.size());
+  gained_ = in.sum(name_ + "_springs", gained_.size());
+  deepest_ = in.common(name_ + "_deepest", deepest_.size());
   if (wall_.history_size() > 0) {
     const int size = wall_.history_size(), columns = 1 + size;
-    const std::vector<double> &rows = in.rows("wall_history", columns);
+    const std::vector<double> &rows = in.rows(name_ + "_history", columns);
     for (size_t k = 0; k < rows.size(); k += columns) {
       const int i = lmp_->atom->map(static_cast<int>(rows[k]));
       if (i >= 0 && i < lmp_->atom->nlocal) std::copy_n(&rows[k + 1], size, wall_.history(i));

@@ -1,5 +1,6 @@
 #pragma once
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "agglomerates.h"
@@ -10,13 +11,12 @@
 
 namespace LAMMPS_NS {
 
-// The stock wall of LIGGGHTS at z = 0, as fix wall/plate lends it to a contact law.
+// The stock wall of LIGGGHTS at z = 0, as a fix lends it to a contact law.
 class StockWall {
  public:
   virtual ~StockWall() {}
   virtual int type() const = 0;          // material of the wall
-  virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX of the plate, m
-  virtual void find_plate(size_t near) = 0;  // at the foot of a patch, for the one near that begins to stand for it
+  virtual Vec from_wall(const NearSphere &) const = 0;  // to its centre, from the nearest point of the wall, m
   virtual void act(int vflag) = 0;       // adds its forces on the sub-spheres near it
   virtual int history_size() const = 0;  // numbers that it remembers of each sub-sphere
   virtual double *history(int i) = 0;
@@ -26,17 +26,19 @@ class StockWall {
 // sub-spheres near the plate are moved into the frame of the plate (z - w, v_z - dw/dt at their place), the stock wall
 // acts on them there, and they are moved back. So there is contact anywhere without seams, and the contact history
 // stays with the stock wall. Beside the plate the nearest point is one of its edge, and the frame is turned so that the
-// normal from there is upright: the force is continuous as a centre goes over the edge. The plate's sides have no
-// contact. Where the plate yields, the stock wall meets a sub-sphere at the height at which its Hertz
-// force is the plastic one, so that dashpot and friction act on that force too.
+// normal from there is upright: the force is continuous as a centre goes over the edge. The same holds for side walls,
+// whose normals are turned upright as well. Where the plate yields, the stock wall meets a sub-sphere at the height at
+// which its Hertz force is the plastic one, so that dashpot and friction act on that force too.
 class GranularContact : public PlateContact {
  public:
-  // A yield pressure of 0 means a plate that stays elastic, Pa.
-  GranularContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa);
+  // A yield pressure of 0 means a plate that stays elastic, Pa. Blocks of checkpoints begin with `name`.
+  GranularContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa,
+                  const std::string &name = "wall");
   void setup() override;
   void add_forces(std::vector<NearSphere> &, double reach, int vflag) override;
   void end_of_step(const std::vector<NearSphere> &, std::vector<double> &work_on_stone) override;
   void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;
+  void add_energies(LedgerRows &, const std::vector<NearSphere> &) const;  // all but the deepest contact of the plate
   Pressing pressing(const NearSphere &) const override;
   SphereMemory *memory() override { return indentation_ ? &indentation_->memory() : nullptr; }
   void save(CheckpointWriter &, const std::vector<NearSphere> &) const override;
@@ -46,6 +48,7 @@ class GranularContact : public PlateContact {
   LAMMPS *lmp_;
   const Agglomerates &agglomerates_;
   StockWall &wall_;
+  std::string name_;
   std::unique_ptr<HertzLaw> law_;
   std::unique_ptr<PlasticIndentation> indentation_;  // only where the plate yields
   struct Kept {  // in space
@@ -59,7 +62,6 @@ class GranularContact : public PlateContact {
   std::vector<double> deepest_;  // largest depth over radius so far, by agglomerate; on this rank
 
   void move_into_frame_of_plate(std::vector<NearSphere> &);
-  Vec from_plate(const NearSphere &) const;
   void move_back(std::vector<NearSphere> &);
   void measure_friction(NearSphere &, const double *spring_before);
   bool has_springs() const { return wall_.history_size() > 0; }

@@ -1,7 +1,8 @@
-// The engine: stock LIGGGHTS from libliggghts with eight fix styles added.
+// The engine: stock LIGGGHTS from libliggghts with nine fix styles added.
 //
 //   bond/parallel   bonds between the sub-spheres of an agglomerate (fix_bond_parallel.h)
 //   wall/plate      the granular wall that moves with the plate       (fix_wall_plate.h)
+//   wall/side       a wall that stands on the edge of the plate     (fix_wall_side.h)
 //   ledger          energies and momenta of each agglomerate          (fix_ledger.h)
 //   monitor         stops a run that is not stable                    (fix_monitor.h)
 //   pictures        where the sub-spheres are, for ParaView       (fix_pictures.h)
@@ -26,6 +27,7 @@
 #include "fix_pictures.h"
 #include "fix_stones.h"
 #include "fix_wall_plate.h"
+#include "fix_wall_side.h"
 #include "input.h"
 #include "lammps.h"
 #include "library_check.h"
@@ -51,6 +53,7 @@ void add_styles(LAMMPS *lmp) {
   std::map<std::string, FixCreator> &styles = *(lmp->modify->*fix_map());
   styles["bond/parallel"] = &create<FixBondParallel>;
   styles["wall/plate"] = &create<FixWallPlate>;
+  styles["wall/side"] = &create<FixWallSide>;
   styles["ledger"] = &create<FixLedger>;
   styles["monitor"] = &create<FixMonitor>;
   styles["pictures"] = &create<FixPictures>;

@@ -33,6 +33,22 @@ double time_to_approach(const Vec &d, const Vec &v, double distance) {
   return c / (-b + std::sqrt(discriminant));
 }
 
+// Time until something with speed v and acceleration a along a line has come the way `way`.
+double time_to_travel(double way, double v, double a) {
+  if (way <= 0) return 0;
+  const double discriminant = v * v + 2 * a * way;
+  if (discriminant < 0) return NEVER_s;
+  if (v > 0) return 2 * way / (v + std::sqrt(discriminant));
+  return a > 0 ? (std::sqrt(discriminant) - v) / a : NEVER_s;
+}
+
+// Time until a coordinate x is within [low, high], which it approaches with velocity v and acceleration a; `faster` is
+// a speed that may add to that.
+double time_into(double x, double low, double high, double v, double a, double faster) {
+  if (x < low) return time_to_travel(low - x, v + faster, a);
+  return time_to_travel(x - high, faster - v, -a);
+}
+
 double spin_speed(Outline &a) { return a.spheres().size() == 1 ? 0 : a.spin * a.radius; }
 
 }  // namespace
@@ -60,6 +76,27 @@ double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight
     down = std::max(down, time_to_fall(lowest - reach, v.z - spin_speed(body), gravity));
   }
   return std::max(across, down);
+}
+
+Vec from_wall(const Vec &x, const WallOutline &wall) {
+  const Vec &a = wall.low, &b = wall.high;
+  return x - Vec(std::clamp(x.x, a.x, b.x), std::clamp(x.y, a.y, b.y), std::clamp(x.z, a.z, b.z));
+}
+
+// To touch it a body must come as near as its radius along each of the three axes, and one of its sub-spheres must come
+// as near as its own radius along the axis of the wall.
+double time_to_wall(Outline &body, const WallOutline &wall, const Vec &weight) {
+  double time = 0;
+  for (const auto axis : {&Vec::x, &Vec::y, &Vec::z})
+    time = std::max(time, time_into(body.center.*axis, wall.low.*axis - body.radius, wall.high.*axis + body.radius,
+                                    body.velocity.*axis, weight.*axis, 0));
+  if (time >= LONG_s) return time;
+  const auto across = wall.low.x == wall.high.x ? &Vec::x : wall.low.y == wall.high.y ? &Vec::y : &Vec::z;
+  double first = NEVER_s;
+  for (const Sphere &s : body.spheres())
+    first = std::min(first, time_into(s.x.*across, wall.low.*across - s.radius, wall.high.*across + s.radius,
+                                      body.velocity.*across, weight.*across, spin_speed(body)));
+  return std::max(time, first);
 }
 
 double time_to_meet(Outline &a, Outline &b) {

@@ -36,11 +36,18 @@ struct PlateOutline {
   double reach;      // m
 };
 
+// A wall for bodies in the air: a box that is flat along one axis, m.
+struct WallOutline {
+  Vec low, high;
+};
+
 double gap(Outline &, Outline &);  // between the nearest sub-spheres, never negative
 
 // Time during which nothing can touch, s. It is a lower bound and never negative. A body is taken to be a sphere as
 // long as that is enough; then each sub-sphere is looked at, which may be anywhere that the spin could bring it.
 double time_to_plate(Outline &, const PlateOutline &, const Vec &gravity_m_s2);
+double time_to_wall(Outline &, const WallOutline &, const Vec &gravity_m_s2);
+Vec from_wall(const Vec &point, const WallOutline &);  // to the point, from the nearest one of the wall
 // Between two bodies that both fly freely, so that their centres approach each other uniformly.
 double time_to_meet(Outline &, Outline &);
 // The same where one is not free and may gain the speed `unforeseen`, m/s.

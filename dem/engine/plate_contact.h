@@ -32,6 +32,14 @@ struct NearSphere {
   Vec rubbed;                         // of the force, its tangential dashpot's part, N
 };
 
+// The plate as a law sees it that treats several sub-spheres together.
+class PlateBeneath {
+ public:
+  virtual ~PlateBeneath() {}
+  virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX, m
+  virtual void find_plate(size_t near) = 0;  // fills in what the plate does at the foot of a patch, in the list of what is near
+};
+
 // The contact law between sub-spheres and the plate. A law sees all sub-spheres of this rank that are near the plate,
 // so it may treat each one alone or those of an agglomerate together, and it keeps what history it needs. The plate is
 // flat and level under each of them.

@@ -22,9 +22,9 @@ namespace {
 const double MOST_STOPPED = 1;  // of the sliding in one step, by the dashpot across the contact
 }  // namespace
 
-SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall, double yield_pressure_Pa,
-                             const std::string &surface_file)
-    : lmp_(lmp), agglomerates_(agglomerates), wall_(wall), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
+SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall, PlateBeneath &beneath,
+                             double yield_pressure_Pa, const std::string &surface_file)
+    : lmp_(lmp), agglomerates_(agglomerates), beneath_(beneath), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
       surfaces_(lmp, surface_file, agglomerates), patch_of_tag_(agglomerates.tags() + 1, -1),
       near_of_tag_(agglomerates.tags() + 1, -1), offset_(agglomerates.tags() + 1, 0),
       damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), friction_(damped_),

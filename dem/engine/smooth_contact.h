@@ -28,7 +28,8 @@ namespace LAMMPS_NS {
 // sub-sphere by its mass, so that bonds do not feel it and the force on the plate follows from the law of one mass.
 class SmoothContact : public PlateContact {
  public:
-  SmoothContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa, const std::string &surface_file);
+  SmoothContact(LAMMPS *, const Agglomerates &, StockWall &, PlateBeneath &, double yield_pressure_Pa,
+                const std::string &surface_file);
   void setup() override;
   void enter(const EnteringStone &) override;
   void leave(int agglomerate) override;
@@ -78,7 +79,7 @@ class SmoothContact : public PlateContact {
 
   LAMMPS *lmp_;
   const Agglomerates &agglomerates_;
-  StockWall &wall_;
+  PlateBeneath &beneath_;
   GranularContact alone_;
   StoneSurfaces surfaces_;
   BondNetwork *bonds_ = nullptr;

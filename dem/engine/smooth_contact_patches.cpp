@@ -109,7 +109,7 @@ void SmoothContact::find_feet(std::vector<NearSphere> &near) {
   for (NearSphere &n : near) n.stands_for_patch = false, n.to_foot[0] = n.to_foot[1] = 0;
   mark_feet(near);
   for (size_t k = 0; k < near.size(); k++)
-    if (near[k].stands_for_patch) wall_.find_plate(k);
+    if (near[k].stands_for_patch) beneath_.find_plate(k);
 }
 
 void SmoothContact::mark_feet(std::vector<NearSphere> &near) const {
@@ -247,7 +247,7 @@ void SmoothContact::dissolve(Patch &p) {
 
 // How far the axis of a patch is beside the plate, m.
 double SmoothContact::beyond_outline(const Vec &center) const {
-  const double *e = wall_.extent();
+  const double *e = beneath_.extent();
   return std::hypot(center.x - std::clamp(center.x, e[0], e[1]), center.y - std::clamp(center.y, e[2], e[3]));
 }
 

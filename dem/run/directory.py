@@ -24,7 +24,7 @@ MARK = "a run of coal-gangue-impact is in progress here\n"
 WORKING = (STARTED, RESULTS, LOCK)  # what only a run in progress has
 # Everything that a run writes directly into its directory, under these names or those of files half written.
 TABLES = ("signals.parquet", "fast.parquet", "breakage.parquet", "contacts.parquet", "energy.parquet",
-          "stones.parquet", "left.parquet")
+          "stones.parquet", "left.parquet", "walls.parquet")
 OWN = {*WORKING, *TABLES, "run.json", CONTENTS, "deck", "deck.fresh", "view", "view.pvd", "view.py"}
 KIND = "run"
 

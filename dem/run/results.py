@@ -19,6 +19,7 @@ from common.scene import Scene
 from dem.coupling.launch import LIGGGHTS_VERSION
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
+from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
 from dem.run.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
@@ -37,7 +38,7 @@ _log = logging.getLogger(__name__)
 @dataclass(frozen=True)
 class Results:
     """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,);
-    `energy` is that of dem.run.energy_balance.energy_ledger."""
+    `energy` is that of dem.run.energy_balance.energy_ledger; `walls` that of dem.deck.side_walls.read_walls."""
 
     events: pd.DataFrame
     fast: pd.DataFrame
@@ -46,6 +47,7 @@ class Results:
     ledger: StoneLedger
     stone_mass_kg: np.ndarray
     energy: dict[str, Any]
+    walls: pd.DataFrame | None = None
 
 
 def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> Results:
@@ -63,6 +65,9 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> 
     write_parquet(contacts, directory / "contacts.parquet")
     if scene.output.view_interval_s is not None:
         write_view(directory, prepared, events, plate.meshes)
+    walls = read_walls(scene, deck, step)
+    if walls is not None:
+        write_parquet(walls, directory / "walls.parquet")
     ledger = read_ledger(deck / "ledger.bin", n)
     left = read_left(deck / "left.csv")
     if assembly.is_stream:
@@ -72,7 +77,7 @@ def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> 
     write_parquet(energy_table(parts, ledger, step.dt_s), directory / "energy.parquet")
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
     check_closure(energy)
-    return Results(events, fast, signals, pushes, ledger, assembly.stone_mass_kg, energy)
+    return Results(events, fast, signals, pushes, ledger, assembly.stone_mass_kg, energy, walls)
 
 
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
@@ -130,6 +135,7 @@ def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict
         "impulse_N_s": float(pushes.all_mean_N.sum() * step.fast_steps * step.dt_s),
         "momentum_change_kg_m_s": float(end["momentum_z_kg_m_s"].sum()
                                         - momentum_start.sum()),
+        **({} if results.walls is None else {"wall_impulse_N_s": wall_impulse_N_s(scene, results.walls, step)}),
         "plate": plate_maxima(results.fast),
         "yield_": YieldReport.model_validate(yielded),
         "energy": results.energy,

@@ -8,7 +8,7 @@ from common.scene import Scene
 from common.scene_stones import EachStone
 from common.tables import InputError
 from dem.stones.drawn import drawn_stones
-from dem.stones.paths import Flying, reach_m
+from dem.stones.paths import Flying, gap_to_box_m, reach_m
 from dem.stones.stone import UPRIGHT, Stone
 
 
@@ -26,6 +26,7 @@ def stones_of(scene: Scene, file: str) -> list[Stone]:
     else:
         stones = _volley(scene, file)
     _check_motion(scene, stones, file)
+    _check_walls(scene, stones, file)
     if table.drawn is None and table.stream is None:  # whose places were drawn so
         _check_places(scene, stones, file)
     return stones
@@ -97,6 +98,17 @@ def _speed_key(scene: Scene, k: int) -> str:
     if drawn is None:
         return "speed_m_s"
     return name + ("speed_m_s" if drawn.speed_m_s is not None else "drop_height_m")
+
+
+def _check_walls(scene: Scene, stones: list[Stone], file: str) -> None:
+    walls = scene.plate.walls
+    for edge in walls.edges if walls is not None else ():
+        for k, stone in enumerate(stones):
+            if gap_to_box_m(scene, stone, scene.plate.wall_box_m(edge)) < 0:
+                raise InputError(f"{file}: plate.walls.edges = {edge}: stone {k + 1}, which touches the plate at "
+                                 f"({stone.place_m[0]:.4g}, {stone.place_m[1]:.4g}) m, would come through this wall: "
+                                 "its path must pass beside or above it, by the footprint, the height of the wall or "
+                                 "the velocity")
 
 
 def _check_places(scene: Scene, stones: list[Stone], file: str) -> None:

@@ -18,6 +18,7 @@ from common.tables import Refused
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
 from dem.stones.library import REFERENCE_RADIUS_m, packed_solid, packed_sphere, scaled_packing, surface_of
+from dem.stones.mesh_container import MeshContainer
 from dem.stones.packing import Packing, SphereContainer
 from dem.stones.shapes import Solid, solid_of
 from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
@@ -250,7 +251,15 @@ def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTabl
         solid_of(shape, seed), subspheres, seed, cache_dir)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
-    return packing, bond_network(packing)
+    if shape is None:
+        return packing, bond_network(packing)
+    if isinstance(packing.container, MeshContainer) and not packing.container.contains(packing.center_m).all():
+        raise Refused("subspheres", subspheres, "must be more, so that they stay within the surface of their shape")
+    try:
+        return packing, bond_network(packing)
+    except ValueError:
+        raise Refused("subspheres", subspheres, "must be more, so that bonds hold all parts of their shape together"
+                      ) from None
 
 
 def mass_shares(packing: Packing, solid: Solid) -> np.ndarray:

@@ -14,6 +14,7 @@ from common.cache import cached, key_of
 from common.scene import BondTable
 from dem.stones.bonds import Bonds
 from dem.stones.contact_patch import PatchCompliance, StoneSurface, is_surface, stone_surface
+from dem.stones.mesh_container import MeshContainer
 from dem.stones.packing import ConvexContainer, Packing, SphereContainer, pack, pack_sphere
 from dem.stones.shapes import Solid
 
@@ -34,7 +35,7 @@ def packed_sphere(radius_m: float, count: int, seed: int, cache_dir: Path | None
 
 
 def packed_solid(solid: Solid, count: int, seed: int, cache_dir: Path | None) -> Packing:
-    """A packing in a convex solid of the volume of the reference sphere, see `packed_sphere`."""
+    """A packing in a solid of the volume of the reference sphere, see `packed_sphere`."""
     container = container_of(solid).in_units(1 / REFERENCE_RADIUS_m)
 
     def find() -> dict[str, np.ndarray]:
@@ -45,8 +46,11 @@ def packed_solid(solid: Solid, count: int, seed: int, cache_dir: Path | None) ->
     return Packing(kept["center_m"], kept["radius_m"], container)
 
 
-def container_of(solid: Solid) -> ConvexContainer:
-    """The faces of a solid, those that its triangles share once."""
+def container_of(solid: Solid) -> ConvexContainer | MeshContainer:
+    """The faces of a solid, of a convex one those that its triangles share once."""
+    if not solid.is_convex:
+        return MeshContainer(tuple(map(tuple, solid.corner.tolist())), tuple(map(tuple, solid.triangle.tolist())),
+                             solid.volume)
     planes = np.unique(np.round(np.column_stack([solid.normal, solid.offset]), 9), axis=0)
     x, y, z = np.abs(solid.corner).max(axis=0).tolist()
     return ConvexContainer(tuple(map(tuple, planes.tolist())), (x, y, z), solid.volume)

@@ -18,6 +18,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from dem.stones.mesh_container import MeshContainer
+
 OVERLAP_TOLERANCE = 1e-3  # largest overlap of the result, relative to the sum of the two radii
 PRESSURES = (1e-1, 1e-2, 1e-3, 3e-4)
 SKIN = 0.3  # of the neighbour list, in mean radii
@@ -119,7 +121,7 @@ class ConvexContainer:
         return ConvexContainer(faces, (x / length_m, y / length_m, z / length_m), self.volume_m3 / length_m**3)
 
 
-Container = SphereContainer | CylinderContainer | ConvexContainer
+Container = SphereContainer | CylinderContainer | ConvexContainer | MeshContainer
 
 
 @dataclass(frozen=True)
@@ -294,7 +296,8 @@ def _random_points(container: Container, count: int, rng: np.random.Generator) -
     points = np.zeros((0, 3))
     while len(points) < count:
         x = rng.uniform(-1, 1, (2 * count, 3)) * container.half_size_m
-        inside = np.all([distance > 0 for distance, _ in container.walls(x)], axis=0)
+        inside = container.contains(x) if isinstance(container, MeshContainer) else np.all(
+            [distance > 0 for distance, _ in container.walls(x)], axis=0)
         points = np.vstack([points, x[inside]])
     return points[:count]
 

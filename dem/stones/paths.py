@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from common.scene import Scene
 from common.scene_stones import SPHERE
 from dem.stones.shapes import solid_of
-from dem.stones.stone import Entry, Stone, entry_of
+from dem.stones.stone import Entry, Stone, apex_s, entry_of
+
+LOOKS = 100  # at the path of a stone
 
 
 class Flying:
@@ -44,6 +48,16 @@ class Flying:
         if len(self._array) < len(self._rows):
             self._array = np.vstack([self._array, self._rows[len(self._array):]])
         return self._array
+
+
+def gap_to_box_m(scene: Scene, stone: Stone, box_m: Sequence[float]) -> float:
+    """How near the sphere that holds a stone comes to a box (XMIN XMAX YMIN YMAX ZMIN ZMAX) on its way from its entry
+    to its touch, at LOOKS points of its path."""
+    v, g = np.array(stone.velocity_m_s), np.array(scene.gravity_vector_m_s2)
+    tau = np.linspace(0, min(stone.arrival_s, apex_s(stone, scene.gravity_vector_m_s2)), LOOKS)[:, None]
+    center = np.array([*stone.place_m, stone.radius_m]) - v * tau + 0.5 * g * tau**2
+    low, high = np.array(box_m).reshape(3, 2).T
+    return float(np.linalg.norm(center - np.clip(center, low, high), axis=1).min()) - reach_m(scene, stone)
 
 
 def reach_m(scene: Scene, stone: Stone) -> float:

@@ -1,4 +1,4 @@
-"""Convex solids: random polyhedra, and the surface in a mesh file; their volume, area, centre and moments.
+"""Solids: random convex polyhedra, and the surface in a mesh file; their volume, area, centre and moments.
 
 A polyhedron is the convex hull of points on a sphere that repel each other a little, stretched so that its extents
 along three axes are as 1 : elongation : elongation x flatness. All solids are kept with the volume of the unit sphere
@@ -17,23 +17,27 @@ from scipy.spatial import ConvexHull, QhullError
 
 from common.scene_shapes import ShapeTable
 from common.tables import InputError
+from dem.stones.mesh import fault_of, winding_number
 
 USUAL_CORNERS = 16
 CORNERS = (6, 7, 8, 9, 10, 12, 14, 16, 20, 24, 32, 48, 64, 100, 150, 200)  # tried for a sphericity
 SPHERICITY_TOLERANCE = 0.03
 SPREAD_TURNS = 5          # of the repulsion between the corners
-CONVEX_TOLERANCE = 0.01   # of the size: the deepest dent
+CONVEX_TOLERANCE = 0.01   # of the size: the deepest dent of what is taken to be its hull
+MOST_TRIANGLES = 5000     # of a solid that is not convex
+DARTS = 2000              # that look for places round which a surface goes twice
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A convex solid of the volume of the unit sphere about its centre of mass: `corner` (c, 3), `triangle` (t, 3) of
+    """A solid of the volume of the unit sphere about its centre of mass: `corner` (c, 3), `triangle` (t, 3) of
     corners, outward `normal` (t, 3) and distance `offset` (t,) of each triangle's plane."""
 
     corner: np.ndarray
     triangle: np.ndarray
     normal: np.ndarray
     offset: np.ndarray
+    is_convex: bool = True
 
     @property
     def reach(self) -> float:
@@ -116,14 +120,18 @@ def _centred(point: np.ndarray) -> Solid:
                                             corner[triangle[:, 2]] - corner[triangle[:, 0]]), normal) < 0
     triangle[inward] = triangle[inward][:, ::-1]
     volume, first, _ = moments(corner, triangle)
+    return _scaled(corner, triangle, normal, volume, first, True)
+
+
+def _scaled(corner: np.ndarray, triangle: np.ndarray, normal: np.ndarray, volume: float, first: np.ndarray,
+            is_convex: bool) -> Solid:
     size = (4 / 3 * np.pi / volume) ** (1 / 3)
     corner = size * (corner - first / volume)
-    return Solid(corner, triangle, normal, np.einsum("ti,ti->t", normal, corner[triangle[:, 0]]))
+    return Solid(corner, triangle, normal, np.einsum("ti,ti->t", normal, corner[triangle[:, 0]]), is_convex)
 
 
 def _from_file(file: Path) -> Solid:
-    """Raises InputError for a file that cannot be read, holds no closed surface of triangles, or one that is not
-    convex."""
+    """Raises InputError for a file that cannot be read or holds no closed surface of triangles."""
     try:
         with np.errstate(over="ignore"):  # meshio's test of whether an STL file is text
             mesh = meshio.read(file)
@@ -145,6 +153,26 @@ def _from_file(file: Path) -> Solid:
     # Wherever the triangles' normals point: those of a convex surface lie on its hull.
     centres = np.vstack([point, point[triangle].mean(axis=1)])
     inside_m = -(centres @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1).min()
-    if inside_m > CONVEX_TOLERANCE * np.ptp(point, axis=0).max():
-        raise InputError(f"{file}: must be convex: it lies up to {inside_m:.3g} inside its hull")
-    return _centred(point)
+    return _with_dents(file, point, triangle) if inside_m > CONVEX_TOLERANCE * np.ptp(point, axis=0).max() else (
+        _centred(point))
+
+
+def _with_dents(file: Path, point: np.ndarray, triangle: np.ndarray) -> Solid:
+    """A solid that is not convex. Raises InputError where the surface bounds none."""
+    if len(triangle) > MOST_TRIANGLES:
+        raise InputError(f"{file}: holds {len(triangle)} triangles: must be at most {MOST_TRIANGLES} where the surface "
+                         "is not convex")
+    fault = fault_of(point, triangle)
+    if fault is not None:
+        raise InputError(f"{file}: {fault}")
+    if moments(point, triangle)[0] < 0:
+        triangle = triangle[:, ::-1]
+    dart = np.random.default_rng(1).uniform(point.min(axis=0), point.max(axis=0), (DARTS, 3))
+    turns = np.round(winding_number(dart, point, triangle))
+    if turns.min() < 0 or turns.max() > 1:
+        times = turns.max() if turns.max() > 1 else turns.min()
+        raise InputError(f"{file}: must bound one solid: its surface goes {times:g} times round some of it")
+    volume, first, _ = moments(point, triangle)
+    normal = np.cross(point[triangle[:, 1]] - point[triangle[:, 0]], point[triangle[:, 2]] - point[triangle[:, 0]])
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    return _scaled(point, triangle, normal, volume, first, False)

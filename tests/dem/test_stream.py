@@ -12,6 +12,7 @@ from test_checkpoint_engine import GATE, engine, stopped_at_next
 from common.tables import InputError
 from dem.coupling.checkpoint import steps_of
 from dem.deck.render import write_deck
+from dem.deck.time_step import fast_per_sample
 from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
 from dem.run.prepare import prepare
 from dem.run.recorder import read_forces
@@ -117,6 +118,20 @@ def test_momentum_and_energy_close_with_stones_that_left(left):
     energy = energy_ledger(parts, PlateEnergy(), entered * model.assembly.kinetic_start_J)
     assert abs(energy["closure"]) < 0.01
     assert ledger.column["broken"][-1, 2] > 0
+
+
+@pytest.mark.parametrize("interval_s", [1.5e-4, 1e-4, 7e-5])
+def test_the_fast_stream_of_a_long_run_is_kept_in_bounds(interval_s):
+    """Two million rows at most; where so many are a whole number a sample, that number, whatever the round-off."""
+    scene = scene_of([FALLS_OFF], 0.1, **{"time.sample_interval_s": interval_s})
+
+    def rows_a_sample(duration_s):
+        return fast_per_sample(scene.model_copy(update={"time": scene.time.model_copy(update={"duration_s": duration_s})}))
+
+    assert [rows_a_sample(2e6 / k * interval_s) for k in range(1, 31)] == list(range(1, 31))
+    for samples in (66_000, 70_001, 123_456, 1_999_999):
+        rows = rows_a_sample(samples * interval_s)
+        assert rows * samples <= 2e6 * (1 + 1e-9) and (rows == 30 or (rows + 1) * samples > 2e6 * (1 - 1e-9))
 
 
 STREAMS = ("ledger.bin", "forces.bin", "contacts.bin", "events.csv", "left.csv")

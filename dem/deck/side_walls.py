@@ -1,0 +1,69 @@
+"""The walls on the edges of the plate: what the deck says of them, and the forces on them that the engine wrote
+(dem/engine/fix_wall_side.h)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from common.scene import PLATE, ContactTable, Scene, contact_key
+from dem.deck.time_step import TimeStep
+
+OWN_TYPE = "side_walls"  # of the deck's materials, where stones touch the walls otherwise than the plate
+AXES = "xyz"
+
+
+def deck_walls(scene: Scene) -> list[dict[str, Any]]:
+    """Name, file of forces and box of each wall."""
+    walls = scene.plate.walls
+    edges = walls.edges if walls is not None else ()
+    return [{"name": f"wall_{edge}", "file": _file(edge), "box_m": scene.plate.wall_box_m(edge)} for edge in edges]
+
+
+def wall_files(scene: Scene) -> list[str]:
+    """Files in the deck's directory with the forces on the walls."""
+    return [wall["file"] for wall in deck_walls(scene)]
+
+
+def contact_of_types(scene: Scene, first: str, second: str, stones_meet: bool) -> ContactTable | None:
+    """The contact of two types of the deck, which are materials, the plate and walls; None where they cannot meet."""
+    names = {first, second}
+    if OWN_TYPE in names:
+        walls, stone = scene.plate.walls, names - {OWN_TYPE, PLATE}
+        if not stone:
+            return None
+        assert walls is not None
+        with_plate = scene.contacts[contact_key(stone.pop(), PLATE)]
+        return with_plate.model_copy(update={key: value for key, value in (
+            ("restitution", walls.restitution), ("friction", walls.friction)) if value is not None})
+    return scene.contacts.get(contact_key(first, second)) if stones_meet or PLATE in names else None
+
+
+def read_walls(scene: Scene, deck: Path, step: TimeStep) -> pd.DataFrame | None:
+    """The mean forces on the walls at each row of the fast stream at which something pushed on one: t_s, at the end of
+    the row, wall, force_x_N, force_y_N, force_z_N in the frame of the plate. None without walls."""
+    walls = scene.plate.walls
+    if walls is None:
+        return None
+    row = np.dtype([("step", "<i8"), ("force", "<f8", (3,))])
+    tables = []
+    for edge in walls.edges:
+        data = np.fromfile(deck / _file(edge), row)
+        tables.append(pd.DataFrame({"t_s": data["step"] * step.dt_s, "wall": edge, **{
+            f"force_{axis}_N": data["force"][:, k] for k, axis in enumerate(AXES)}}))
+    return pd.concat(tables).sort_values("t_s", kind="stable", ignore_index=True)
+
+
+def wall_impulse_N_s(scene: Scene, walls: pd.DataFrame, step: TimeStep) -> dict[str, list[float]]:
+    """Impulse (x, y, z) on each wall, from what `read_walls` gave."""
+    assert scene.plate.walls is not None
+    row_s = step.fast_steps * step.dt_s
+    forces = [f"force_{axis}_N" for axis in AXES]
+    return {edge: (walls.loc[walls["wall"] == edge, forces].sum() * row_s).tolist() for edge in scene.plate.walls.edges}
+
+
+def _file(edge: str) -> str:
+    return f"wall_{edge}.bin"

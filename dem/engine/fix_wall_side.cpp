@@ -1,0 +1,168 @@
+#include "fix_wall_side.h"
+
+#include <mpi.h>
+
+#include <algorithm>
+
+#include "atom.h"
+#include "checkpoint_file.h"
+#include "comm.h"
+#include "error.h"
+#include "fix_property_atom.h"
+#include "fixes.h"
+#include "force.h"
+#include "neighbor.h"
+#include "primitive_wall.h"
+#include "stone_stream.h"
+#include "touching.h"
+#include "update.h"
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+
+/* --- the line of the deck ------------------------------------------------------------------------------------ */
+
+// Returns the name of the file of sizes of agglomerates.
+std::string FixWallSide::read_options(int narg, char **arg) {
+  std::string agglomerates, forces;
+  bool has_box = false;
+  const int end = position_of_contact(narg, arg);
+  for (int k = 3; k < end;) {
+    const std::string key = arg[k++];
+    const int needed = key == "box" ? 6 : 1;
+    if (k + needed > end) error->fix_error(FLERR, this, "a keyword lacks its value");
+    if (key == "agglomerates") agglomerates = arg[k];
+    else if (key == "forces") forces = arg[k];
+    else if (key == "every") every_ = force->inumeric(FLERR, arg[k]);
+    else if (key == "box") {
+      double at[6];
+      for (int e = 0; e < 6; e++) at[e] = force->numeric(FLERR, arg[k + e]);
+      box_ = {Vec(at[0], at[2], at[4]), Vec(at[1], at[3], at[5])};
+      has_box = true;
+    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
+    k += needed;
+  }
+  if (agglomerates.empty() || forces.empty() || !has_box || every_ < 1)
+    error->fix_error(FLERR, this, "needs agglomerates, forces, every and box");
+  const Vec size = box_.high - box_.low;
+  if (std::min({size.x, size.y, size.z}) != 0 || (size.x == 0) + (size.y == 0) + (size.z == 0) != 1)
+    error->fix_error(FLERR, this, "needs a box that is flat along one axis");
+  if (comm->me == 0 && !(forces_ = std::fopen(forces.c_str(), "ab"))) error->one(FLERR, ("cannot write " + forces).c_str());
+  return agglomerates;
+}
+
+FixWallSide::FixWallSide(LAMMPS *lmp, int narg, char **arg)
+    : FixWallGran(lmp, arguments_of_stock_wall(narg, arg).size(), arguments_of_stock_wall(narg, arg).data()) {
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, read_options(narg, arg));
+  contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, 0.0, id);
+  work_.assign(agglomerates_->count(), 0);
+  nevery = 1;
+}
+
+FixWallSide::~FixWallSide() {
+  if (forces_) std::fclose(forces_);
+}
+
+/* --- the step ------------------------------------------------------------------------------------------------ */
+
+int FixWallSide::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
+
+void FixWallSide::init() {
+  FixWallGran::init();
+  agglomerates_->follow(fix_that_is<StoneStream>(modify));
+}
+
+void FixWallSide::setup(int vflag) {
+  contact_->setup();
+  rebuildPrimitiveNeighlist_ = true;
+  if (resuming) return;
+  pre_force(vflag);
+  contact_->add_forces(near_, 0, vflag);  // the step that ends here was counted by the run before, or never was
+}
+
+Vec FixWallSide::from_box(int i) const { return LAMMPS_NS::from_wall(Vec(atom->x[i]), box_); }
+
+// The list that the stock wall goes through. It looks for what is near z = 0.
+void FixWallSide::pre_force(int) {
+  if (!rebuildPrimitiveNeighlist_) return;
+  rebuildPrimitiveNeighlist_ = false;
+  std::vector<double> z(atom->nlocal);
+  for (int i = 0; i < atom->nlocal; i++) {
+    z[i] = atom->x[i][2];
+    atom->x[i][2] = norm(from_box(i));
+  }
+  primitiveWall_->buildNeighList(neighbor->skin, atom->x, atom->radius, atom->nlocal);
+  for (int i = 0; i < atom->nlocal; i++) atom->x[i][2] = z[i];
+  int *list;
+  near_.assign(primitiveWall_->getNeighbors(list), NearSphere());
+  for (size_t k = 0; k < near_.size(); k++) near_[k].i = list[k];
+}
+
+void FixWallSide::post_force(int vflag) {
+  contact_->add_forces(near_, 0, vflag);
+  add_work_of_wall(work_, near_, atom, *agglomerates_, 0.5 * update->dt);
+  add_pushes();
+}
+
+void FixWallSide::post_integrate() { add_work_of_wall(work_, near_, atom, *agglomerates_, 0.5 * update->dt); }
+
+void FixWallSide::end_of_step() {
+  std::vector<double> beside;  // a contact alone gives nothing but its force
+  contact_->end_of_step(near_, beside);
+  if (update->ntimestep == row_end_) write_row();
+}
+
+// While all bodies fly, time jumps and nothing pushes.
+void FixWallSide::add_pushes() {
+  const bigint now = update->ntimestep, end = (now + every_ - 1) / every_ * every_;
+  if (end != row_end_) write_row();
+  row_end_ = end;
+  for (const NearSphere &p : near_)
+    if (p.touches) pushed_ += -1 * Vec(p.force);
+}
+
+void FixWallSide::write_row() {
+  Vec sum = pushed_;
+  pushed_ = Vec();
+  if (comm->nprocs > 1) {
+    const Vec mine = sum;
+    MPI_Reduce(&mine.x, &sum.x, 3, MPI_DOUBLE, MPI_SUM, 0, world);
+  }
+  if (!forces_ || norm(sum) == 0) return;
+  const long long step = row_end_;
+  const Vec mean = 1.0 / every_ * sum;
+  if (std::fwrite(&step, 8, 1, forces_) != 1 || std::fwrite(&mean.x, 8, 3, forces_) != 3)
+    error->one(FLERR, "cannot write the forces on a wall");
+}
+
+void FixWallSide::flush() {
+  if (forces_ && std::fflush(forces_) != 0) error->one(FLERR, "cannot write the forces on a wall");
+}
+
+double *FixWallSide::history(int i) { return fix_history_primitive_->array_atom[i]; }
+
+void FixWallSide::add_to(LedgerRows &rows) {
+  rows.add(WALL_WORK, work_);
+  contact_->add_energies(rows, near_);
+}
+
+/* --- checkpoint ---------------------------------------------------------------------------------------------- */
+
+void FixWallSide::save(CheckpointWriter &out) {
+  flush();
+  const std::string name = id;
+  contact_->save(out, near_);
+  out.sum(name + "_work", work_);
+  out.sum(name + "_pushed", {pushed_.x, pushed_.y, pushed_.z});
+  out.common(name + "_row_end", {static_cast<double>(row_end_)});
+  save_touching(out, name + "_contacts", near_, atom);
+}
+
+void FixWallSide::restore(const CheckpointReader &in) {
+  const std::string name = id;
+  contact_->restore(in);
+  work_ = in.sum(name + "_work", work_.size());
+  pushed_ = Vec(in.sum(name + "_pushed", 3).data());
+  row_end_ = static_cast<bigint>(in.common(name + "_row_end", 1)[0]);
+  near_ = touching_from(in, name + "_contacts", atom);
+}
