@@ -260,6 +260,7 @@ def rounds(work: Path, ball: Agglomerate, compared: list) -> tuple[float, dict[s
         units.append(taken[first.name])
         for e in left:
             ratios[e.name].append(taken[e.name] / units[-1])
+        print(f"round {k + 1}:", ", ".join(f"{e.name} {ratios[e.name][-1]:.3f}" for e in left), flush=True)
     return float(np.median(units)), ratios
 
 
