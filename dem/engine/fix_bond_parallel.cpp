@@ -16,6 +16,7 @@
 #include "force.h"
 #include "memory.h"
 #include "quaternion.h"
+#include "turn_all.h"
 #include "update.h"
 #include "vec.h"
 
@@ -127,7 +128,7 @@ void FixBondParallel::post_integrate() {
     return g.f[0] * v[i][0] + g.f[1] * v[i][1] + g.f[2] * v[i][2] + g.torque[0] * omega[i][0] +
            g.torque[1] * omega[i][1] + g.torque[2] * omega[i][2];
   });
-  for (int i : turned_) turn(quaternion_[i], omega[i], 0.5 * update->dt);
+  for (const auto &[first, count] : turned_) turn_all(quaternion_[first], omega[first], count, 0.5 * update->dt);
 }
 
 // Adds time x power(i) of every owned sub-sphere to the work of its agglomerate. Neighbours in memory mostly belong to
@@ -184,10 +185,18 @@ void FixBondParallel::list_sub_spheres(const std::vector<LocalBond> &computed) {
   for (const LocalBond &b : computed) is_computed[b.i] = is_computed[b.j] = 1;
   for (const LocalBond &b : local_) is_turned[b.i] = is_turned[b.j] = 1;
   computed_.clear();
-  turned_.clear();
-  for (int i = 0; i < atom->nlocal + atom->nghost; i++) {
+  for (int i = 0; i < atom->nlocal + atom->nghost; i++)
     if (is_computed[i]) computed_.push_back(i);
-    if (is_turned[i] && i < atom->nlocal) turned_.push_back(i);
+  is_turned.resize(atom->nlocal);
+  list_turned(is_turned);
+}
+
+void FixBondParallel::list_turned(const std::vector<char> &is_turned) {
+  turned_.clear();
+  for (size_t i = 0; i < is_turned.size(); i++) {
+    if (!is_turned[i]) continue;
+    if (i == 0 || !is_turned[i - 1]) turned_.emplace_back(i, 0);
+    turned_.back().second++;
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdio>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "agglomerates.h"
@@ -122,7 +123,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   long long changes_at_supports_ = -1;
   std::vector<char> held_;         // by tag
   std::vector<int> computed_;      // local indices of the sub-spheres with bonds that the kernel has, and
-  std::vector<int> turned_;        // those of this rank with any bond that holds, ascending
+  std::vector<std::pair<int, int>> turned_;  // those of this rank with any bond that holds: first ones and numbers
   BondEvents events_;
 
   const Bond &bond_of(int id) const;
@@ -132,6 +133,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void share_broken();
   void fill_records();
   void list_sub_spheres(const std::vector<LocalBond> &computed);
+  void list_turned(const std::vector<char> &is_turned);
   void fill_delayed_records();
   AtomRecord record(int i) const;
   AtomRecord half_a_step_ago(int i) const;
