@@ -1,6 +1,7 @@
 """What becomes of a stone against the speed of its impact on a rigid plate: `python -m benchmarks.fragments`.
 
-Rocks are those of scenes/materials. Writes runs/calibration/fragments.csv, a row a run, and docs/pictures/fragments.png.
+Rocks are those of scenes/materials. Writes fragments.csv, a row a run, and fragment_masses.csv, a row a fragment, into
+runs/calibration, and docs/pictures/fragments.png.
 """
 
 from __future__ import annotations
@@ -45,27 +46,27 @@ def mass_exponent(shares: np.ndarray, subspheres: int) -> float:
 
 
 def study(speeds: list[float], subspheres: int, packings: int) -> tuple[pd.DataFrame, dict[tuple[str, float], Stone],
-                                                                       dict[tuple[str, float], np.ndarray]]:
-    """A row a run; of each rock and speed the last stone and the shares of the fragments of all."""
-    rows, stones, shares = [], {}, {}
+                                                                       pd.DataFrame]:
+    """A row a run; of each rock and speed the last stone; a row a fragment."""
+    rows, stones, masses = [], {}, []
     for rock in ROCKS:
         for speed in speeds:
             runs = [impact(rock, speed, subspheres, FIRST_SEED + 10 * k) for k in range(packings)]
-            shares[rock, speed] = np.concatenate([run["fragments"] for run in runs])
             stones[rock, speed] = runs[-1]["stone"]
-            tau = mass_exponent(shares[rock, speed], subspheres)
-            rows += [{"rock": rock, "speed_m_s": speed, "broken_bonds": run["n_bonds_broken"],
+            masses += [pd.DataFrame({"rock": rock, "speed_m_s": speed, "packing": k, "share": run["fragments"]})
+                       for k, run in enumerate(runs)]
+            tau = mass_exponent(np.concatenate([run["fragments"] for run in runs]), subspheres)
+            rows += [{"rock": rock, "speed_m_s": speed, "packing": k, "broken_bonds": run["n_bonds_broken"],
                       "broken_area_cm2": 1e4 * run["broken_area_m2"], "largest_fragment": run["largest_fragment"],
                       "fragments": len(run["fragments"]), "hoop": run["hoop"], "mass_exponent": tau,
                       "released_mJ": 1e3 * run["energy"]["released_by_breakage_J"],
-                      "closure": run["energy"]["closure"]} for run in runs]
+                      "closure": run["energy"]["closure"]} for k, run in enumerate(runs)]
             print(pd.DataFrame(rows[-packings:]).mean(numeric_only=True).to_frame(rock).T.to_string(
                 header=len(rows) == packings, float_format=lambda x: f"{x:.3g}"), flush=True)
-    return pd.DataFrame(rows), stones, shares
+    return pd.DataFrame(rows), stones, pd.concat(masses)
 
 
-def draw(table: pd.DataFrame, stones: dict[tuple[str, float], Stone], shares: dict[tuple[str, float], np.ndarray],
-         file: Path) -> None:
+def draw(table: pd.DataFrame, stones: dict[tuple[str, float], Stone], masses: pd.DataFrame, file: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -76,7 +77,7 @@ def draw(table: pd.DataFrame, stones: dict[tuple[str, float], Stone], shares: di
         mean = table[table["rock"] == rock].groupby("speed_m_s")[["broken_area_cm2", "largest_fragment"]].mean()
         axes[0, 0].plot(mean.index, mean["largest_fragment"], "o-", ms=4, label=rock)
         axes[0, 1].plot(mean.index, mean["broken_area_cm2"], "o-", ms=4)
-        passing(axes[0, 2], shares, rock)
+        passing(axes[0, 2], masses[masses["rock"] == rock])
     axes[0, 0].set(xlabel="speed, m/s", ylabel="largest fragment over the stone", ylim=(0, 1.05))
     axes[0, 1].set(xlabel="speed, m/s", ylabel="broken area, cm2", yscale="symlog")
     axes[0, 2].set(xscale="log", yscale="log", xlabel="size of fragment over that of the stone",
@@ -90,9 +91,9 @@ def draw(table: pd.DataFrame, stones: dict[tuple[str, float], Stone], shares: di
     figure.savefig(file, dpi=80)
 
 
-def passing(ax: Any, shares: dict[tuple[str, float], np.ndarray], rock: str) -> None:
+def passing(ax: Any, masses: pd.DataFrame) -> None:
     """The cumulative curve at the largest speed."""
-    mass = np.sort(shares[rock, max(speed for name, speed in shares if name == rock)])
+    mass = np.sort(masses.loc[masses["speed_m_s"] == masses["speed_m_s"].max(), "share"])
     ax.step(np.cbrt(mass), np.cumsum(mass) / mass.sum(), where="post")
 
 
@@ -117,13 +118,14 @@ def main() -> None:
     parser.add_argument("--subspheres", type=int, default=1000)
     parser.add_argument("--packings", type=int, default=3)
     parser.add_argument("--speeds", type=float, nargs="+", default=list(SPEEDS_m_s))
+    parser.add_argument("--out", type=Path, default=Path("runs/calibration"))
     parser.add_argument("--picture", type=Path, default=Path("docs/pictures/fragments.png"))
     options = parser.parse_args()
-    table, stones, shares = study(options.speeds, options.subspheres, options.packings)
-    out = Path("runs/calibration")
-    out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "fragments.csv", index=False)
-    draw(table, stones, shares, options.picture)
+    table, stones, masses = study(options.speeds, options.subspheres, options.packings)
+    options.out.mkdir(parents=True, exist_ok=True)
+    table.to_csv(options.out / "fragments.csv", index=False)
+    masses.to_csv(options.out / "fragment_masses.csv", index=False)
+    draw(table, stones, masses, options.picture)
 
 
 if __name__ == "__main__":

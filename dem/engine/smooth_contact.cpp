@@ -18,6 +18,10 @@
 
 namespace LAMMPS_NS {
 
+namespace {
+const double MOST_STOPPED = 1;  // of the sliding in one step, by the dashpot across the contact
+}  // namespace
+
 SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall, double yield_pressure_Pa,
                              const std::string &surface_file)
     : lmp_(lmp), agglomerates_(agglomerates), wall_(wall), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
@@ -146,23 +150,25 @@ void SmoothContact::meet_alone(std::vector<NearSphere> &near, int vflag) {
 
 void SmoothContact::measure() {
   const Atom *atom = lmp_->atom;
-  std::vector<double> sums(4 * patches_.size(), 0);
+  std::vector<double> sums(5 * patches_.size(), 0);
   for (size_t k = 0; k < patches_.size(); k++)
     for (const Weight &m : patches_[k].members) {
       const int i = here(m.tag);
       if (i < 0) continue;
       const Vec surface = surface_velocity(i, patches_[k].w);
-      sums[4 * k] += m.weight * atom->x[i][2];
-      sums[4 * k + 1] += m.weight * atom->v[i][2];
-      sums[4 * k + 2] += m.weight * surface.x;
-      sums[4 * k + 3] += m.weight * surface.y;
+      sums[5 * k] += m.weight * atom->x[i][2];
+      sums[5 * k + 1] += m.weight * atom->v[i][2];
+      sums[5 * k + 2] += m.weight * surface.x;
+      sums[5 * k + 3] += m.weight * surface.y;
+      sums[5 * k + 4] += m.weight * m.weight * surface_mobility(i, patches_[k].w);
     }
   sum(sums);
   for (size_t k = 0; k < patches_.size(); k++) {
     Patch &p = patches_[k];
-    p.q = p.base - sums[4 * k] + p.w;
-    p.q_rate = p.plate_v - sums[4 * k + 1];
-    p.sliding = Vec(sums[4 * k + 2], sums[4 * k + 3], 0) - p.drift;
+    p.q = p.base - sums[5 * k] + p.w;
+    p.q_rate = p.plate_v - sums[5 * k + 1];
+    p.sliding = Vec(sums[5 * k + 2], sums[5 * k + 3], 0) - p.drift;
+    p.mobility = sums[5 * k + 4];
   }
 }
 
@@ -170,6 +176,13 @@ void SmoothContact::measure() {
 Vec SmoothContact::surface_velocity(int i, double plate_z) const {
   const double *v = lmp_->atom->v[i], *spin = lmp_->atom->omega[i], height = lmp_->atom->x[i][2] - plate_z;
   return Vec(v[0] - spin[1] * height, v[1] + spin[0] * height, 0);
+}
+
+// Of that surface under a force across the plate at it, 1/kg: as a free sphere.
+double SmoothContact::surface_mobility(int i, double plate_z) const {
+  const Atom *atom = lmp_->atom;
+  const double height = atom->x[i][2] - plate_z, radius = atom->radius[i];
+  return (1 + 2.5 * height * height / (radius * radius)) / atom->rmass[i];
 }
 
 void SmoothContact::press(Patch &p) {
@@ -221,7 +234,8 @@ void SmoothContact::press_to_q(Patch &p) {
 }
 
 // Mindlin's tangential spring 8 G* a, less the compression of the bonds, up to Coulomb's limit. The dashpot acts while
-// it sticks.
+// it sticks, no more than stops the members as free spheres in one step: twice that would gain energy. Of the shipped
+// stones none come there.
 void SmoothContact::rub(Patch &p) {
   const SmoothStone &s = stone(p);
   const double mindlin = 4 * s.shear_modulus / s.modulus * p.state.stiffness;
@@ -230,7 +244,10 @@ void SmoothContact::rub(Patch &p) {
   const double pull = spring * norm(slip), limit = s.friction * p.force();
   const bool slides = pull > limit;
   stretch(p, spring, (slides ? limit / pull : 1) * slip);
-  if (!slides) p.rubbing = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio_across * std::sqrt(mindlin * p.mass);
+  if (!slides) {
+    const double dashpot = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio_across * std::sqrt(mindlin * p.mass);
+    p.rubbing = std::min(dashpot, MOST_STOPPED / (p.mobility * lmp_->update->dt));
+  }
   const Vec across = -spring * p.slip - p.rubbing * p.sliding;
   p.across[0] = across.x, p.across[1] = across.y;
 }

@@ -66,6 +66,7 @@ class SmoothContact : public PlateContact {
     double elastic = 0, dashpot = 0;       // force on the stone, N
     double across[2] = {0, 0};             // N
     Vec sliding;                           // velocity of the surface over the plate, m/s
+    double mobility = 0;                   // across the plate, of its members as free spheres, 1/kg
     double rubbing = 0;                    // tangential dashpot, N s/m
     SmoothLaw::State state;
 
@@ -129,6 +130,7 @@ class SmoothContact : public PlateContact {
   void measure();
   void press(Patch &);
   Vec surface_velocity(int i, double plate_z) const;
+  double surface_mobility(int i, double plate_z) const;
   void press_to_q(Patch &);
   void dampen();
   double body_speed(const Patch &) const;
