@@ -60,8 +60,8 @@ def eigenmodes(parts: list[Part], max_frequency_Hz: float) -> tuple[np.ndarray, 
     counts = [_count_below(part, limit) for part in parts]
     count = sum(counts)
     if not count:
-        raise Refused("max_frequency_Hz", max_frequency_Hz, "no mode of plate and rods lies below it: it must be higher, "
-                      "or the plate rigid")
+        raise Refused("max_frequency_Hz", max_frequency_Hz,
+                      "no mode of plate and rods lies below it: it must be higher, or the plate rigid")
     if count > MODES_AT_MOST:
         raise Refused("max_frequency_Hz", max_frequency_Hz, f"{count} modes of plate and rods lie below it, the limit "
                       f"is {MODES_AT_MOST}: it must be lower, or the rods stiffer")
