@@ -96,6 +96,11 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
     size_t start, count;
   };
   std::vector<Block> blocks_;      // ascending; none where all stones are there from the start
+  struct Stretch {                 // of bonds_ that belong to one agglomerate
+    int agglomerate;
+    size_t start, end;
+  };
+  std::vector<Stretch> stretches_of_bonds_;  // none: not found yet
   std::vector<char> intact_;       // of every bond by its number, the same on all ranks after each neighbour build
   long long changes_ = 0;
   std::vector<int> newly_broken_;  // since the last neighbour build, on this rank
@@ -130,6 +135,8 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   Bond &bond_of(int id);
   template <class Power> void add_work(double time, Power power);
   void rebuild();
+  void list_bonds(const Stretch &);
+  const std::vector<Stretch> &stretches_of_bonds();
   void share_broken();
   void fill_records();
   void list_sub_spheres(const std::vector<LocalBond> &computed);
