@@ -1,17 +1,42 @@
 """PyEMD's sifting with a faster spline. The module is imported late, as PyEMD is slow to import.
 
+PyEMD imports its drawings, and Matplotlib with them, with whatever is asked of it; only its module EMD is taken here.
+
 The spline is the same curve as scipy's CubicSpline. A decomposition makes a hundred splines through some tens of
 points, and scipy's preparation of each takes several times as long as its evaluation.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+from importlib import import_module
+from types import ModuleType
+
 import numpy as np
-from PyEMD import EMD
 from scipy.linalg.lapack import dgtsv
 
 
-class LeanEMD(EMD):
+def _without_its_package(package: str, module: str) -> ModuleType:
+    """Return a module of a package without what the package imports when it is imported itself, which is left to who
+    imports it."""
+    if package in sys.modules:
+        return import_module(f"{package}.{module}")
+    spec = importlib.util.find_spec(package)
+    if spec is None:
+        raise ModuleNotFoundError(f"No module named {package!r}", name=package)
+    sys.modules[package] = importlib.util.module_from_spec(spec)  # not executed
+    try:
+        return import_module(f"{package}.{module}")
+    finally:
+        for name in [name for name in sys.modules if name.split(".")[0] == package]:
+            del sys.modules[name]
+
+
+EMD = _without_its_package("PyEMD", "EMD").EMD
+
+
+class LeanEMD(EMD):  # type: ignore[misc, valid-type]
     """PyEMD with `not_a_knot` for its cubic splines of four points and more."""
 
     def spline_points(self, T: np.ndarray, extrema: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,12 +13,13 @@ from dem.run.results import versions
 def cpu_s(work: Callable[[], object]) -> float:
     """Processor time (user and system, s) of this process and of the children that end while `work` runs. It feels the
     load of the other cores far less than the clock on the wall does."""
-    before = _used_s()
+    before = used_s()
     work()
-    return _used_s() - before
+    return used_s() - before
 
 
-def _used_s() -> float:
+def used_s() -> float:
+    """Processor time (user and system, s) so far of this process and of its children that have ended."""
     return sum(r.ru_utime + r.ru_stime for r in map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)))
 
 

@@ -1,12 +1,14 @@
 """Extreme scenes, alone and combined: each must finish with a closed ledger or be refused by the name of a limit.
 
-    python -m benchmarks.stability [--jobs 2] [--only TEXT] [--out runs/stability]
+    python -m benchmarks.stability [--jobs 2] [--only TEXT] [--from-share 0] [--share 1] [--hang 300]
+                                   [--out runs/stability]
 
 Two bonded stones fall on the plate of scenes/paper.toml with fewer sub-spheres and modes, for 1.6 contact times of a
 whole stone; every case changes one value to an extreme, or all of them at random (without what is always refused).
 The cases of benchmarks/stability_scenes.py are scenes as users have them.
-Writes cases.csv (case, settings, outcome finished|refused, ledger_error, message, wall_s) and map.png. Ends with 1 if
-a case ended in any other way: a hang, a ledger that does not close, a refusal that names no limit, a Python error.
+Writes cases.csv (case, settings, outcome finished|refused, ledger_error, message, wall_s, processor_s), a row as soon as
+a case ends, and map.png. Ends with 1 if a case ended in any other way: a hang, a ledger that does not close, a refusal
+that names no limit, a Python error. A share below 1 runs that share of every kind of case.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ import numpy as np
 import pandas as pd
 
 import dem.stones.assembly
+from benchmarks.cost import used_s
 from benchmarks.stability_scenes import scene_cases
 from benchmarks.stone import SCENES
 from common.scene import Scene, changed_scene
@@ -42,7 +45,7 @@ from dem.stones.assembly import Assembly, assemble
 from dem.stones.packing import pack_sphere
 
 PAPER = SCENES / "paper.toml"
-HANG_s = 300.0      # of wall time; the longest case takes a twentieth of it on an idle machine
+HANG_s = 300        # of wall time; the longest case takes a twentieth of it on an idle machine
 CONTACT_TIMES = 1.6  # of a whole stone, from the first touch
 N_COMBINED = 95
 SEED = 20011
@@ -81,6 +84,13 @@ class Case:
     name: str
     settings: dict = field(default_factory=dict)
     file: str | None = None  # of a shipped scene, in which the settings are keys that are changed
+
+    @property
+    def kind(self) -> str:
+        """`alone`, `rigid plate`, `combined`, or that of a shipped scene."""
+        if self.file or self.name.startswith("combined"):
+            return self.name.rsplit(" ", 1)[0]
+        return "rigid plate" if "rigid" in self.settings else "alone"
 
 
 def cases() -> list[Case]:
@@ -200,14 +210,14 @@ dem.stones.assembly.pack_sphere = cache(pack_sphere)  # type: ignore[attr-define
 
 
 def _on_alarm(*_):
-    raise Hang(f"still running after {HANG_s:g} s")
+    raise Hang("still running after the time of a hang")
 
 
-def run_case(case: Case, runs: Path) -> dict:
+def run_case(case: Case, runs: Path, hang_s: int = HANG_s) -> dict:
     """One row of the table."""
     signal.signal(signal.SIGALRM, _on_alarm)
-    signal.alarm(int(HANG_s))
-    start, closure, message = time.monotonic(), float("nan"), ""
+    signal.alarm(hang_s)
+    start, used, closure, message = time.monotonic(), used_s(), float("nan"), ""
     try:
         scene = changed_scene(SCENES / case.file, case.settings) if case.file else build(case.settings)
         with tempfile.TemporaryDirectory(dir=runs) as directory:
@@ -223,32 +233,49 @@ def run_case(case: Case, runs: Path) -> dict:
     finally:
         signal.alarm(0)
     return {"case": case.name, "settings": json.dumps(case.settings), "outcome": outcome, "ledger_error": closure,
-            "message": message, "wall_s": time.monotonic() - start}
+            "message": message, "wall_s": time.monotonic() - start, "processor_s": used_s() - used}
+
+
+def evenly(chosen: list[Case]) -> list[tuple[float, Case]]:
+    """(share, case) in an order of which any beginning has the same share of every kind of case."""
+    kinds: dict[str, list[Case]] = {}
+    for case in chosen:
+        kinds.setdefault(case.kind, []).append(case)
+    shares = [((k + 1) / len(kind), case) for kind in kinds.values() for k, case in enumerate(kind)]
+    return sorted(shares, key=lambda pair: pair[0])
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--only", default="", help="cases whose name holds this text")
-    parser.add_argument("--out", type=Path, default=Path("runs/stability"))
-    options = parser.parse_args()
-    chosen = [case for case in cases() if options.only in case.name]
+    options = _options()
+    chosen = [case for share, case in evenly(cases())
+              if options.only in case.name and options.from_share < share <= options.share]
     runs = (options.out / ".runs").resolve()
     runs.mkdir(parents=True, exist_ok=True)
+    rows: list[dict] = []
     with ProcessPoolExecutor(options.jobs) as pool:
-        rows = []
-        for row in pool.map(run_case, chosen, [runs] * len(chosen)):
+        for row in pool.map(run_case, chosen, [runs] * len(chosen), [options.hang] * len(chosen)):
             rows.append(row)
-            print(f"{row['case']:32s} {row['outcome']:10s} {row['ledger_error']:9.1e} {row['wall_s']:5.1f} s  "
-                  f"{row['message']}", flush=True)
+            pd.DataFrame(rows).to_csv(options.out / "cases.csv", index=False, float_format="%.4g")
+            print(f"{row['case']:32s} {row['outcome']:10s} {row['ledger_error']:9.1e} {row['wall_s']:5.1f} s "
+                  f"{row['processor_s']:5.1f} s  {row['message']}", flush=True)
     table = pd.DataFrame(rows)
-    table.to_csv(options.out / "cases.csv", index=False, float_format="%.4g")
     from benchmarks.stability_map import draw
 
     draw(table, LEVELS, options.out / "map.png")
     good = table["outcome"].isin(["finished", "refused"])
     print(f"{len(table)} cases: {dict(table['outcome'].value_counts())}")
     return 0 if good.all() else 1
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--only", default="", help="cases whose name holds this text")
+    parser.add_argument("--share", type=float, default=1.0, help="of the cases of every kind, from the first")
+    parser.add_argument("--from-share", type=float, default=0.0, help="without the share that was run before")
+    parser.add_argument("--hang", type=int, default=HANG_s, help="wall time in s after which a case counts as a hang")
+    parser.add_argument("--out", type=Path, default=Path("runs/stability"))
+    return parser.parse_args()
 
 
 if __name__ == "__main__":

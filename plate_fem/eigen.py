@@ -53,12 +53,15 @@ def eigenmodes(parts: list[Part], max_frequency_Hz: float) -> tuple[np.ndarray, 
 
     The number of modes of a part is that of the negative pivots of K - limit M (Sylvester's law of inertia). The modes
     come from shift-invert Lanczos about the small negative shift of the part.
-    Raises RuntimeError if number and modes disagree, and Refused if there are more modes than MODES_AT_MOST, which
+    Raises RuntimeError if number and modes disagree, and Refused if there is none, or more than MODES_AT_MOST, which
     happens where rods are so soft that they have modes of their own.
     """
     limit = (2 * np.pi * max_frequency_Hz) ** 2
     counts = [_count_below(part, limit) for part in parts]
     count = sum(counts)
+    if not count:
+        raise Refused("max_frequency_Hz", max_frequency_Hz,
+                      "no mode of plate and rods lies below it: it must be higher, or the plate rigid")
     if count > MODES_AT_MOST:
         raise Refused("max_frequency_Hz", max_frequency_Hz, f"{count} modes of plate and rods lie below it, the limit "
                       f"is {MODES_AT_MOST}: it must be lower, or the rods stiffer")

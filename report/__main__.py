@@ -15,8 +15,6 @@ from common.command import Parser, listen_for_interrupt, run_command, say
 if __name__ == "__main__":
     listen_for_interrupt()
 
-from common.tables import InputError
-
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command line and return its exit code."""
@@ -43,7 +41,8 @@ def _compare_parser() -> argparse.ArgumentParser:
 
 
 def _report(directory: str) -> int:
-    from report.page import write_report  # late: it takes seconds to import, and --help does not need it
+    from common.tables import InputError  # late, as what follows: it takes seconds to import, and --help needs none
+    from report.page import write_report
     from report.results.missing import MISSING_RESULT
 
     try:
@@ -56,6 +55,7 @@ def _report(directory: str) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     from analysis import RecordError
+    from common.tables import InputError
     from report.compare_page import write_comparison  # late, as above
 
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import zlib
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -231,13 +232,15 @@ def _drags_plate(scene: Scene, assembly: Assembly) -> bool:
 
 
 def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
-    """Write the file that dem/engine/plate_shapes.h describes."""
+    """Write the file that dem/engine/plate_shapes.h describes. The first bytes of all numbers, then the second
+    ones, and so on, pack to half the room, without loss."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
     x, y, upwards = modes.grid(SHAPE_GRID * cell)
     shape = upwards[:, :, None]
     if with_lateral and len(modes.lateral):
         shape = np.concatenate([shape, modes.lateral_grid(x, y)], axis=2)
+    by_mode = np.ascontiguousarray(shape.transpose(2, 3, 0, 1), dtype="<f8")
     with open(file, "wb") as out:
         np.array(shape.shape, dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
-        np.ascontiguousarray(shape, dtype="<f8").tofile(out)
+        out.write(zlib.compress(by_mode.reshape(-1, 1).view("u1").T.tobytes(), 1))

@@ -16,6 +16,7 @@
 #include "force.h"
 #include "memory.h"
 #include "quaternion.h"
+#include "turn_all.h"
 #include "update.h"
 #include "vec.h"
 
@@ -127,7 +128,7 @@ void FixBondParallel::post_integrate() {
     return g.f[0] * v[i][0] + g.f[1] * v[i][1] + g.f[2] * v[i][2] + g.torque[0] * omega[i][0] +
            g.torque[1] * omega[i][1] + g.torque[2] * omega[i][2];
   });
-  for (int i : turned_) turn(quaternion_[i], omega[i], 0.5 * update->dt);
+  for (const auto &[first, count] : turned_) turn_all(quaternion_[first], omega[first], count, 0.5 * update->dt);
 }
 
 // Adds time x power(i) of every owned sub-sphere to the work of its agglomerate. Neighbours in memory mostly belong to
@@ -150,46 +151,6 @@ void FixBondParallel::pre_neighbor() {
 }
 
 void FixBondParallel::post_run() { events_.write(); }
-
-// Makes the kernel's list of bonds by local index, unless nothing has moved in memory.
-void FixBondParallel::rebuild() {
-  if (comm->nprocs > 1) share_broken();
-  const int nlocal = atom->nlocal;
-  const bool same = listed_ && static_cast<int>(known_tags_.size()) == nlocal &&
-                    std::equal(known_tags_.begin(), known_tags_.end(), atom->tag);
-  if (same && comm->nprocs == 1) return;
-  listed_ = true;
-  known_tags_.assign(atom->tag, atom->tag + nlocal);
-
-  local_.clear();
-  for (const Bond &b : bonds_) {
-    if (!intact_[b.id]) continue;
-    const int i = atom->map(b.tag_i), j = atom->map(b.tag_j);
-    const bool mine = (i >= 0 && i < nlocal) || (j >= 0 && j < nlocal);
-    if (bodies_may_leave_ && i < 0 && j < 0) continue;
-    if (comm->nprocs == 1 && (i < 0 || j < 0)) error->one(FLERR, "A bonded sub-sphere was lost");
-    if (!mine) continue;
-    if (i < 0 || j < 0) error->one(FLERR, "A bonded sub-sphere is beyond the ghost atoms of this rank");
-    local_.push_back({i, j, b.id, &b});
-  }
-  std::vector<LocalBond> computed;
-  for (const LocalBond &b : local_)
-    if (!held_[b.bond->tag_i]) computed.push_back(b);
-  kernel_->build(computed, nlocal + atom->nghost);
-  list_sub_spheres(computed);
-}
-
-void FixBondParallel::list_sub_spheres(const std::vector<LocalBond> &computed) {
-  std::vector<char> is_computed(atom->nlocal + atom->nghost, 0), is_turned(is_computed);
-  for (const LocalBond &b : computed) is_computed[b.i] = is_computed[b.j] = 1;
-  for (const LocalBond &b : local_) is_turned[b.i] = is_turned[b.j] = 1;
-  computed_.clear();
-  turned_.clear();
-  for (int i = 0; i < atom->nlocal + atom->nghost; i++) {
-    if (is_computed[i]) computed_.push_back(i);
-    if (is_turned[i] && i < atom->nlocal) turned_.push_back(i);
-  }
-}
 
 void FixBondParallel::agree_on_broken() {
   if (comm->nprocs > 1) share_broken();
@@ -406,6 +367,7 @@ void FixBondParallel::enter(const EnteringStone &stone) {
   softening_.enter(added);
   broken_.resize(bonds_.size());
   listed_ = false;  // the list points into the bonds
+  stretches_of_bonds_.clear();
   changes_++;
 }
 
@@ -418,6 +380,7 @@ void FixBondParallel::leave(int agglomerate) {
   for (; at != blocks_.end(); ++at) at->start -= count;
   volumes_.leave(agglomerates_->first_tag(agglomerate), agglomerates_->size(agglomerate));
   listed_ = false;
+  stretches_of_bonds_.clear();
   changes_++;
 }
 

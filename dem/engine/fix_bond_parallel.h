@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdio>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "agglomerates.h"
@@ -95,6 +96,11 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
     size_t start, count;
   };
   std::vector<Block> blocks_;      // ascending; none where all stones are there from the start
+  struct Stretch {                 // of bonds_ that belong to one agglomerate
+    int agglomerate;
+    size_t start, end;
+  };
+  std::vector<Stretch> stretches_of_bonds_;  // none: not found yet
   std::vector<char> intact_;       // of every bond by its number, the same on all ranks after each neighbour build
   long long changes_ = 0;
   std::vector<int> newly_broken_;  // since the last neighbour build, on this rank
@@ -122,16 +128,19 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   long long changes_at_supports_ = -1;
   std::vector<char> held_;         // by tag
   std::vector<int> computed_;      // local indices of the sub-spheres with bonds that the kernel has, and
-  std::vector<int> turned_;        // those of this rank with any bond that holds, ascending
+  std::vector<std::pair<int, int>> turned_;  // those of this rank with any bond that holds: first ones and numbers
   BondEvents events_;
 
   const Bond &bond_of(int id) const;
   Bond &bond_of(int id);
   template <class Power> void add_work(double time, Power power);
   void rebuild();
+  void list_bonds(const Stretch &);
+  const std::vector<Stretch> &stretches_of_bonds();
   void share_broken();
   void fill_records();
   void list_sub_spheres(const std::vector<LocalBond> &computed);
+  void list_turned(const std::vector<char> &is_turned);
   void fill_delayed_records();
   AtomRecord record(int i) const;
   AtomRecord half_a_step_ago(int i) const;

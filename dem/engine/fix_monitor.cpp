@@ -37,7 +37,10 @@ FixMonitor::FixMonitor(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) 
   nevery = 10;
 }
 
-int FixMonitor::setmask() { return END_OF_STEP; }
+int FixMonitor::setmask() { return END_OF_STEP | PRE_EXCHANGE; }
+
+// Lists of neighbours cannot be built of places that are no numbers.
+void FixMonitor::pre_exchange() { check_speed(); }
 
 void FixMonitor::init() {
   ledger_ = fix_that_is<FixLedger>(modify);

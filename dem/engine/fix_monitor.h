@@ -11,13 +11,15 @@ namespace LAMMPS_NS {
 //   - a sub-sphere moves more than a tenth of the smallest radius in a step, or its velocity is no number;
 //   - energy comes from nothing, by 1 % of what the scene supplies: the kinetic energy of the impact (E, J) and what
 //     gravity (W, m/s^2) did since the sum of m z was H (kg m), with what stones of a stream bring (fix stones).
-// The first is looked at every ten steps, the second at each row of the fix ledger, which must come before this one.
+// The first is looked at every ten steps and before lists of neighbours are built, the second at each row of the fix
+// ledger, which must come before this one.
 // Lost particles are counted by `thermo_modify lost error`.
 class FixMonitor : public Fix, public Checkpointed, public ActsInFreeFlight {
  public:
   FixMonitor(class LAMMPS *, int, char **);
   int setmask() override;
   void init() override;
+  void pre_exchange() override;
   void end_of_step() override;
   int acts_every() const override { return 0; }  // without sub-spheres in the arrays there is nothing to see
   void save(CheckpointWriter &) override;

@@ -62,16 +62,19 @@ Vec HeldBody::spin(const Rotation &attitude) const {
   return attitude(now_.inverse_inertia * attitude.inverse()(now_.momentum));
 }
 
-// The drift turns by the spin of its middle.
+// The drift turns by the spin of its middle. The rows of LIGGGHTS's arrays lie beside each other in memory.
 void HeldBody::move(Atom *atom, double dt) {
   now_.velocity += 0.5 * dt / now_.mass * now_.force;
   now_.momentum += 0.5 * dt * now_.torque;
   now_.center += dt * now_.velocity;
   const Vec in_middle = spin(turned(now_.attitude, spin(now_.attitude), 0.5 * dt));
   now_.attitude = turned(now_.attitude, in_middle, dt);
+  const Rotation attitude = now_.attitude;
+  const Vec center = now_.center;
+  double *x = atom->x[0];
   for (size_t k = 0; k < parts_.size(); k++) {
-    arm_[k] = now_.attitude(parts_[k].place);
-    (now_.center + arm_[k]).to(atom->x[index_[k]]);
+    arm_[k] = attitude(parts_[k].place);
+    (center + arm_[k]).to(x + 3 * index_[k]);
   }
   set_velocities(atom, in_middle);
 }
@@ -84,28 +87,35 @@ void HeldBody::push(Atom *atom, double dt) {
 }
 
 void HeldBody::add_up_forces(const Atom *atom) {
-  now_.force = now_.torque = Vec();
+  const double *f = atom->f[0], *t = atom->torque[0];
+  Vec all, turning;
   for (size_t k = 0; k < parts_.size(); k++) {
-    const Vec force(atom->f[index_[k]]);
-    now_.force += force;
-    now_.torque += cross(arm_[k], force) + Vec(atom->torque[index_[k]]);
+    const Vec force(f + 3 * index_[k]);
+    all += force;
+    turning += cross(arm_[k], force) + Vec(t + 3 * index_[k]);
   }
+  now_.force = all, now_.torque = turning;
 }
 
 void HeldBody::set_velocities(Atom *atom, const Vec &spin) const {
+  double *v = atom->v[0], *omega = atom->omega[0];
+  const Vec velocity = now_.velocity, turning = spin;
   for (size_t k = 0; k < parts_.size(); k++) {
-    (now_.velocity + cross(spin, arm_[k])).to(atom->v[index_[k]]);
-    spin.to(atom->omega[index_[k]]);
+    (velocity + cross(turning, arm_[k])).to(v + 3 * index_[k]);
+    turning.to(omega + 3 * index_[k]);
   }
 }
 
 bool HeldBody::is_overloaded(const Atom *atom, const Vec &gravity) const {
+  const double *f = atom->f[0], *mass = atom->rmass;
   double sum = 0;
   for (size_t k = 0; k < parts_.size(); k++) {
     const int i = index_[k];
-    const double contact = norm(Vec(atom->f[i]) - atom->rmass[i] * gravity);
-    if (contact > parts_[k].limit_N) return true;
-    sum += contact;
+    const Vec contact = Vec(f + 3 * i) - mass[i] * gravity;
+    if (contact.x == 0 && contact.y == 0 && contact.z == 0) continue;  // most of them touch nothing
+    const double size = norm(contact);
+    if (size > parts_[k].limit_N) return true;
+    sum += size;
   }
   return sum > now_.limit_N;
 }

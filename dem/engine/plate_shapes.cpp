@@ -1,30 +1,53 @@
 #include "plate_shapes.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 
 #include "error.h"
 #include "lammps.h"
 
 namespace LAMMPS_NS {
 
+namespace {
+const double MOST_PACKED = 1100;  // bytes in one of zlib, of which it says 1032
+}
+
 PlateShapes::PlateShapes(LAMMPS *lmp, const std::string &file) {
   FILE *in = std::fopen(file.c_str(), "rb");
-  long long size[4];
-  double geometry[4];
-  bool whole = in && std::fread(size, 8, 4, in) == 4 && std::fread(geometry, 8, 4, in) == 4;
-  if (whole) {
-    nx_ = size[0], ny_ = size[1], directions_ = size[2], modes_ = size[3];
-    x0_ = geometry[0], y0_ = geometry[1], dx_ = geometry[2], dy_ = geometry[3];
-    whole = nx_ >= 4 && ny_ >= 4 && (directions_ == 1 || directions_ == 3);
-  }
-  if (whole) {
-    shape_.resize(nx_ * ny_ * numbers());
-    whole = std::fread(shape_.data(), 8, shape_.size(), in) == shape_.size();
-  }
+  const bool whole = in && read(in);
   if (in) std::fclose(in);
   if (!whole) lmp->error->all(FLERR, ("Cannot read the mode shapes from " + file).c_str());
+}
+
+bool PlateShapes::read(FILE *in) {
+  long long size[4];
+  double geometry[4];
+  if (std::fread(size, 8, 4, in) != 4 || std::fread(geometry, 8, 4, in) != 4) return false;
+  nx_ = size[0], ny_ = size[1], directions_ = size[2], modes_ = size[3];
+  x0_ = geometry[0], y0_ = geometry[1], dx_ = geometry[2], dy_ = geometry[3];
+  if (nx_ < 4 || ny_ < 4 || modes_ < 1 || (directions_ != 1 && directions_ != 3)) return false;
+  const long start = std::ftell(in);
+  std::fseek(in, 0, SEEK_END);
+  std::vector<unsigned char> packed(std::ftell(in) - start);
+  std::fseek(in, start, SEEK_SET);
+  if (std::fread(packed.data(), 1, packed.size(), in) != packed.size()) return false;
+  const long long points = nx_ * ny_, all = points * directions_ * modes_;
+  if (8. * nx_ * ny_ * directions_ * modes_ > MOST_PACKED * packed.size()) return false;
+  std::vector<unsigned char> bytes(8 * all);
+  uLongf length = bytes.size();
+  if (uncompress(bytes.data(), &length, packed.data(), packed.size()) != Z_OK || length != bytes.size()) return false;
+  shape_.resize(all);
+  unsigned char number[8];
+  for (long long k = 0; k < numbers(); k++)
+    for (long long point = 0; point < points; point++) {
+      for (int b = 0; b < 8; b++) number[b] = bytes[b * all + k * points + point];
+      std::memcpy(&shape_[point * numbers() + k], number, 8);
+    }
+  return true;
 }
 
 namespace {

@@ -1,4 +1,5 @@
 #pragma once
+#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -10,8 +11,9 @@ class LAMMPS;
 // direction (error of fourth order in the spacing).
 //
 // File, little endian: int64 nx, ny, directions, modes; double x0, y0, dx, dy (of the grid, which reaches beyond the
-// plate so that four nodes surround every point of it); then the shapes as double[nx][ny][directions][modes]. The first
-// direction is upwards. A plate that friction can move in its plane has two more, x and y, of its top surface.
+// plate so that four nodes surround every point of it); then, packed by zlib, the first bytes of all doubles of the
+// shapes [directions][modes][nx][ny], then the second ones, and so on. The first direction is upwards. A plate that
+// friction can move in its plane has two more, x and y, of its top surface.
 class PlateShapes {
  public:
   PlateShapes(LAMMPS *lmp, const std::string &file);
@@ -23,7 +25,9 @@ class PlateShapes {
  private:
   long long nx_, ny_, directions_, modes_;
   double x0_, y0_, dx_, dy_;
-  std::vector<double> shape_;
+  std::vector<double> shape_;  // [nx][ny][directions][modes]
+
+  bool read(std::FILE *in);
 };
 
 }  // namespace LAMMPS_NS

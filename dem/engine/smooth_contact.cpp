@@ -19,7 +19,7 @@
 namespace LAMMPS_NS {
 
 namespace {
-const double MOST_STOPPED = 1;  // of the sliding in one step, by the dashpot across the contact
+const double MOST_STOPPED = 1;  // of the speed in one step, by a dashpot
 }  // namespace
 
 SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall, PlateBeneath &beneath,
@@ -217,7 +217,8 @@ void SmoothContact::dampen() {
     Patch &p = patches_[k];
     if (p.elastic <= 0) continue;
     const double c = 2 * std::sqrt(5. / 6.) * stone(p).damping_ratio * std::sqrt(p.share * p.state.stiffness * p.mass);
-    p.dashpot = std::max(-p.elastic, c * (p.plate_v - speeds[k]));
+    const double most = MOST_STOPPED / (p.body_mobility * lmp_->update->dt);  // a chip pushed beside its middle spins off
+    p.dashpot = std::max(-p.elastic, std::min(c, most) * (p.plate_v - speeds[k]));
   }
 }
 
@@ -348,8 +349,8 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   alone_.save(out, near);
   std::vector<double> numbers, left;
   for (const Patch &p : patches_) {
-    numbers.insert(numbers.end(), {p.agglomerate + 0.0, p.piece + 0.0, p.share, p.base, p.to_foot.x, p.to_foot.y,
-                                   p.axis.x, p.axis.y, p.axis.z,
+    numbers.insert(numbers.end(), {p.agglomerate + 0.0, p.piece + 0.0, p.share, p.base, p.body_mobility, p.to_foot.x,
+                                   p.to_foot.y, p.axis.x, p.axis.y, p.axis.z,
                                    p.compliance, p.compliance_across, p.mass, p.presses + 0.0, p.is_new + 0.0,
                                    p.largest, p.slip.x, p.slip.y, p.spring, p.members.size() + 0.0,
                                    p.body.size() + 0.0});
@@ -389,7 +390,7 @@ void SmoothContact::restore(const CheckpointReader &in) {
   patches_.clear();
   for (int k = 0; k < counts[0]; k++) {
     Patch p;
-    p.agglomerate = *n++, p.piece = *n++, p.share = *n++, p.base = *n++;
+    p.agglomerate = *n++, p.piece = *n++, p.share = *n++, p.base = *n++, p.body_mobility = *n++;
     p.to_foot.x = *n++, p.to_foot.y = *n++;
     p.axis.x = *n++, p.axis.y = *n++, p.axis.z = *n++;
     p.compliance = *n++, p.compliance_across = *n++, p.mass = *n++;

@@ -52,6 +52,7 @@ class SmoothContact : public PlateContact {
     int agglomerate = 0, piece = 0;
     std::vector<Weight> members;
     std::vector<Weight> body;  // how the dashpot's force is shared by the piece
+    double body_mobility = 0;  // speed that a force so shared gives to the point where it acts, per impulse, 1/kg
     double share = 1;          // of the patch's surface that is there
     double base = 0;           // q = base - sum w_i z_i + w
     Vec to_foot;               // from the central member to where the patch presses, the mean place of its members, m

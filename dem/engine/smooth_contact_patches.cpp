@@ -219,6 +219,7 @@ void SmoothContact::renew(Patch &p) {
 void SmoothContact::spread_over_body(Patch &p, const StonePieces::Motion &motion) {
   p.body.clear();
   p.mass = motion.mass;
+  p.body_mobility = 1 / motion.mass;
   const SmoothStone &s = stone(p);
   if (s.damping_ratio == 0) return;
   double u = 0, v = 0, uu = 0, uv = 0, vv = 0;
@@ -236,6 +237,7 @@ void SmoothContact::spread_over_body(Patch &p, const StonePieces::Motion &motion
     const Vec off = pieces_->position(m.tag) - motion.center;
     m.weight *= (1 + g * off.x + h * off.y) * det / d;
   }
+  p.body_mobility = det / d / motion.mass;
 }
 
 void SmoothContact::dissolve(Patch &p) {

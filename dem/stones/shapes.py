@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import meshio
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
@@ -132,6 +131,8 @@ def _scaled(corner: np.ndarray, triangle: np.ndarray, normal: np.ndarray, volume
 
 def _from_file(file: Path) -> Solid:
     """Raises InputError for a file that cannot be read or holds no closed surface of triangles."""
+    import meshio  # late: most stones are of no mesh, and it takes a third as long to import as numpy and scipy
+
     try:
         with np.errstate(over="ignore"):  # meshio's test of whether an STL file is text
             mesh = meshio.read(file)

@@ -116,3 +116,9 @@ def test_more_modes_than_can_be_found_are_refused(monkeypatch):
     monkeypatch.setattr(eigen, "MODES_AT_MOST", 4)
     with pytest.raises(Refused, match="the limit is 4"):
         plate_modes(TABLE)
+
+
+def test_a_plate_without_a_mode_is_refused():
+    """It stands on a rod: no part of it is free to move as a whole."""
+    with pytest.raises(Refused, match="no mode of plate and rods lies below it"):
+        plate_modes(TABLE.model_copy(update={"max_frequency_Hz": 1.0}))

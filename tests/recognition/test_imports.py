@@ -12,3 +12,30 @@ def test_import_pulls_neither_plotting_nor_the_simulation(package, never):
     code = f"import sys, {package}; print(*(m for m in {never} if m in sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == ""
+
+
+def modules_after(code):
+    """Names of the modules that a new Python has after `code`."""
+    found = subprocess.run([sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules, file=sys.stderr)"],
+                           capture_output=True, text=True, check=True)
+    return set(found.stderr.split())
+
+
+@pytest.mark.parametrize("package", ["analysis", "dem", "plate_fem", "recognition", "report"])
+def test_help_imports_nothing_that_is_slow(package):
+    code = f"from {package}.__main__ import main\ntry: main(['--help'])\nexcept SystemExit: pass"
+    assert not {"numpy", "pandas", "scipy", "pydantic", "pyarrow", "matplotlib", "sklearn"} & modules_after(code)
+
+
+def test_features_of_a_record_import_only_what_they_use(tmp_path):
+    file = tmp_path / "record.csv"
+    file.write_text("t_s,a_m_s2\n" + "".join(f"{k * 1e-4:g},{(-1) ** k * k}\n" for k in range(200)))
+    loaded = modules_after(f"from analysis.__main__ import main\nmain(['features', {str(file)!r}])")
+    assert "PyEMD.EMD" not in loaded and "analysis.sifting" in loaded  # PyEMD is left as it was found
+    assert not {"matplotlib", "scipy.signal", "scipy.stats", "sklearn", "skfem", "meshio", "dem"} & loaded
+
+
+def test_a_run_imports_only_what_it_uses():
+    """All that a run needs whose modes and packings are known; finite elements and mesh files are not among it."""
+    loaded = modules_after("import dem.run.run, dem.__main__")
+    assert not {"matplotlib", "scipy.signal", "scipy.stats", "sklearn", "skfem", "meshio", "PyEMD"} & loaded
