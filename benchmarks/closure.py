@@ -48,8 +48,8 @@ def main() -> None:
                      for speed in speeds for restitution in RESTITUTIONS]
             pd.DataFrame(rows).to_csv(args.out / "closure.csv", index=False)
     table = pd.DataFrame(rows)
-    again = [closure(row.material, row.speed_m_s, row.restitution, row.seed, shorter, row.step_s)
-             for row in table[table["closure"].abs() > GOAL].itertuples() for shorter in SHORTER]
+    again = [closure(row["material"], row["speed_m_s"], row["restitution"], row["seed"], shorter, row["step_s"])
+             for row in rows if abs(row["closure"]) > GOAL for shorter in SHORTER]
     pd.concat([table, pd.DataFrame(again)]).to_csv(args.out / "closure.csv", index=False)
     size = table.assign(size=table["closure"].abs()).groupby(["material", "speed_m_s", "restitution"])["size"]
     print(size.agg(["count", "median", "max"]).to_string(float_format=lambda x: f"{x:.2g}"))
