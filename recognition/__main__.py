@@ -50,7 +50,7 @@ def fit(arguments: argparse.Namespace) -> None:
     else:
         data = read_dataset(directory).calibration()
         runs = data.runs
-        model = Model.fit(runs, data.table["group"].to_numpy(), data.table[list(CONDITIONS)])
+        model = Model.fit(runs, data.table["kin"].to_numpy(), data.table[list(CONDITIONS)])
         print(f"families {', '.join(data.table['family'].unique())}")
         for reason in data.passed_over:
             print(f"passed over: {reason}")

@@ -150,7 +150,7 @@ def _by_law(data: DataSet, chosen: Integers, conditions: tuple[str, ...],
 
 def _by_arrangements(data: DataSet, chosen: Integers, noises_db: Noises) -> Iterator[dict[str, Any]]:
     """At the records' own rate, and at FAST_FACTOR times that."""
-    groups = data.table["group"].to_numpy()[chosen]
+    groups = data.table["kin"].to_numpy()[chosen]
 
     def rows(rate_factor: int) -> Rows:
         signals = [data.signals(rate_factor)[k] for k in chosen]
@@ -171,7 +171,7 @@ def _by_known_places(data: DataSet, noises_db: Noises) -> Rows:
     row = {"setting": "free positions", "runs": len(free)}
 
     def rows() -> Rows:
-        statistics, _ = force_statistics(_plate_records(data, circle), data.table["group"].to_numpy()[circle])
+        statistics, _ = force_statistics(_plate_records(data, circle), data.table["kin"].to_numpy()[circle])
         noises = _noises([data.signals()[k] for k in circle], noises_db)
         forces = [one.force_record for one in _plate_records(data, free) if one.force_record is not None]
         found = []
@@ -203,7 +203,7 @@ def _by_true_impulse(data: DataSet, chosen: Integers) -> dict[str, Any]:
         if None in impulses:
             return {"reason": "a run.json has no impulse_N_s"}
         impulse = np.array(impulses, dtype=float)
-        error = true_impulse_errors_points(impulse, data.ratios[chosen], data.table["group"].to_numpy()[chosen])
+        error = true_impulse_errors_points(impulse, data.ratios[chosen], data.table["kin"].to_numpy()[chosen])
     except RecognitionError as reason:
         return {"reason": str(reason)}
     return {"least_points": np.abs(error).mean(), "worst_points": np.abs(error).max()}
