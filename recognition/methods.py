@@ -20,9 +20,6 @@ METHODS: Registry = {
     "energy_fusion_modified": MethodEntry(
         "energy fusion, modified", lambda: FusionPipeline(Fusion("energy"), modified()), gives_interval=False),
     "arrangement_likelihood": MethodEntry("likelihood of arrangements", ArrangementLikelihood),
-    "impulse": MethodEntry("impulse from plate and rods", partial(FeatureRegression, "impulse")),
-    "energies_all": MethodEntry(
-        "energies of all signals", partial(FeatureRegression, "energies_all"), needs_draws=True),
     "energies_sensors": MethodEntry("energies of four accelerometers", partial(FeatureRegression, "energies_sensors")),
 }
 

@@ -74,8 +74,8 @@ class DatasetPlan(Table):
     scene: str | None = None  # file, beside the plan, of all families but those of streams
     seed: Annotated[int, Field(ge=0)]
     changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # for all runs
-    # Seeds that groups with `packing` share, so that a packing and its compliances, which take longer to find than a run
-    # takes, are found once; without it every group has its own.
+    # Seeds that groups with `packing` share: to find a packing and its compliances takes longer than a run, and they
+    # are kept. Without it every group has its own.
     packings: Annotated[int, Field(ge=1)] | None = None
     families: dict[Name, Family] = Field(default_factory=dict)
     streams: dict[Name, StreamFamily] = Field(default_factory=dict)

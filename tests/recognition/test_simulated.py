@@ -20,7 +20,7 @@ def impacts():
     return np.array([k[0] for k in keys]), np.array([k[1] for k in keys]), signals
 
 
-@pytest.mark.parametrize("name", ["impulse", "energies_all"])
+@pytest.mark.parametrize("name", ["impulse", "energies_sensors"])
 def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, name):
     """Through the rms of the accelerometers."""
     groups, ratio, signals = impacts
