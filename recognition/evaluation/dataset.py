@@ -125,5 +125,6 @@ def _row(run: Run, directory: Path) -> dict[str, Any]:
     family = directory.parent.parent.name
     group, stones = f"{family}/{directory.parent.name}", run.scene.stones
     order = group if stones.gangue_order is None else str(list(stones.gangue_order))
-    return {"family": family, "group": group, "order": order, "packing": str(run.scene.as_json()["stones"]["seed"]),
-            "gangue_ratio": run.gangue_ratio, **conditions}
+    packing = str(run.scene.as_json()["stones"].get("seed", group))
+    return {"family": family, "group": group, "order": order, "packing": packing, "gangue_ratio": run.gangue_ratio,
+            **conditions}

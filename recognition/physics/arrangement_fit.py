@@ -16,7 +16,8 @@ from recognition.physics.force_records import ForceRecord, response_to, unit_for
 
 BIN_S = 25e-6  # about the width of the bins of a force, which is linear between them
 FORCE_S = 1.5e-3  # that a force is taken to last; what pushes later counts as residual
-MOST_HELD_OUT = 100  # records by which the limits are set, or a few more
+MOST_HELD_OUT = 100  # records by which the limits are set, or a few more, each with these
+NOISES = (0.0, 0.1)  # in shares of the rms of a signal
 DEGREE = 2  # of the force in the speed
 #: A covariance from few stones is shrunk towards forces that are independent from bin to bin, with the weight of so
 #: many stones.
@@ -212,10 +213,15 @@ def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats,
     chosen = same_places(X)
     keys = (groups if np.unique(groups[chosen]).size >= LEAST_GROUPS else y)[chosen]
     found, held_out, every = [], list[int](), -(-len(chosen) // MOST_HELD_OUT)
+    rng = np.random.default_rng(0)
     for train, test in GroupKFold(min(FOLDS, np.unique(keys).size)).split(chosen, groups=keys):
         model = fit_model([X[k] for k in chosen[train]], groups[chosen[train]])
-        found += [model.estimate(X[k].signals, X[k].noise, arrival_s=arrival_s) for k in chosen[test[::every]]]
-        held_out += chosen[test[::every]].tolist()
+        for k in chosen[test[::every]]:
+            for share in NOISES:
+                added = share * np.sqrt(np.mean(X[k].signals**2, axis=1))
+                noisy = X[k].signals + added[:, None] * rng.standard_normal(X[k].signals.shape)
+                found.append(model.estimate(noisy, np.hypot(X[k].noise, added), arrival_s=arrival_s))
+                held_out.append(int(k))
     reference = np.polyfit([one.ratio for one in found], np.log([one.misfit for one in found]), 2)
     error = float(np.mean(np.abs([one.ratio for one in found] - y[held_out])))
     return reference, distance_limits(np.array([distances(one, reference) for one in found])), error

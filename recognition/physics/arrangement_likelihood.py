@@ -29,7 +29,7 @@ from math import comb
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from recognition.estimation.arrays import Booleans, Floats, Integers
+from recognition.estimation.arrays import Floats, Integers
 
 MOST_STONES = 12  # 4096 arrangements
 #: Number of speeds examined, and how far beyond those of training, in shares of them, to see whether a record belongs
@@ -38,7 +38,7 @@ SPEEDS, BEYOND = 31, 0.5
 #: The impact is sought so long before and after the beginning of a record, first every COARSE steps of the responses,
 #: then every step about the best SOUGHT of these; the posterior is summed over FINE steps about the best.
 LATEST_S, COARSE, SOUGHT = 3e-4, 6, 2
-FINE = np.arange(-8, 9) / 2
+FINE = np.arange(-4, 5) / 2
 #: Share of the probability left out of the interval on either side.
 TAIL = 0.05
 MISFIT = "misfit of the plate's model"
@@ -199,24 +199,33 @@ class ArrangementModel:
         """Of one record: signals (m, samples), standard deviation of each sensor's noise (m,), the impact speed and the
         time of the impact, from the record's beginning, where they are known, and which channels of the model the m
         are."""
-        if speed_m_s is None:
-            speeds = self._speeds_m_s()
-            inside = (speeds >= self.low_m_s - 1e-9) & (speeds <= self.high_m_s + 1e-9)
-        else:
-            speeds, inside = np.array([speed_m_s]), np.array([True])
         rows = np.arange(len(self.scale)) if channels is None else np.asarray(channels)
         x, noise = signals / self.scale[rows, None], noise / self.scale[rows]
+        speeds = self._speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
+        inside = speeds if speed_m_s is not None else speeds[(speeds >= self.low_m_s - 1e-9)
+                                                             & (speeds <= self.high_m_s + 1e-9)]
 
         @cache
-        def cost(shift: float) -> tuple[Floats, float]:
-            return self._chi_square(x, noise, rows, speeds, shift)
+        def fit(shift: float) -> tuple[Floats, float]:
+            return self._chi_square(x, noise, rows, inside, shift)
 
         def least(shift: float) -> float:
-            chi_square, log_determinant = cost(shift)
-            return float(chi_square[inside].min()) + log_determinant
+            chi_square, log_determinant = fit(shift)
+            return float(chi_square.min()) + log_determinant
 
         shifts = self._arrivals(least) if arrival_s is None else np.array([-arrival_s / self.step_s])
-        return self._estimated([cost(shift) for shift in shifts.tolist()], shifts, inside, x.size)
+        costs = np.stack([sum(fit(shift)) for shift in shifts.tolist()])
+        best = float(min(shifts.tolist(), key=least))
+        chi_square = float(fit(best)[0].min())
+        anywhere = float(self._chi_square(x, noise, rows, speeds, best)[0].min())
+        # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
+        # certain.
+        temperature = max(1.0, chi_square / x.size)
+        _, count, prior = arrangements(self.stones)
+        weight = np.exp((costs.min() - costs) / (2 * temperature)) * prior
+        probability = np.bincount(count, weight.sum(axis=(0, 1))) / weight.sum()
+        return ArrangementEstimate(probability, chi_square / x.size, (chi_square - anywhere) / (2 * temperature),
+                                   -best * self.step_s)
 
     def _arrivals(self, least: Callable[[float], float]) -> Floats:
         """Shifts about the most probable one, which is sought first in wide steps, then in narrower ones about the best
@@ -226,24 +235,6 @@ class ArrangementModel:
         near = {shift + k for shift in coarse for k in range(-COARSE // 2, COARSE // 2 + 1) if abs(shift + k) <= latest}
         best = min(near, key=least)
         return np.clip(best + FINE, -latest, latest)
-
-    def _estimated(self, costs: list[tuple[Floats, float]], shifts: Floats, inside: Booleans,
-                   numbers: int) -> ArrangementEstimate:
-        """From the chi-squares (speeds, 2^stones) and the logarithms of the determinant at each shift, of records of so
-        many numbers."""
-        chi_square = np.stack([one for one, _ in costs])
-        cost = chi_square + np.array([log for _, log in costs])[:, None, None]
-        at = int(cost[:, inside].min(axis=(1, 2)).argmin())
-        misfit = float(chi_square[at, inside].min()) / numbers
-        # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
-        # certain.
-        temperature = max(1.0, misfit)
-        _, count, prior = arrangements(self.stones)
-        best = cost[at, inside].min()
-        weight = np.exp((best - cost[:, inside]) / (2 * temperature)) * prior
-        probability = np.bincount(count, weight.sum(axis=(0, 1))) / weight.sum()
-        log_ratio = float(best - cost[at].min()) / (2 * temperature)
-        return ArrangementEstimate(probability, misfit, log_ratio, -float(shifts[at]) * self.step_s)
 
     def _chi_square(self, x: Floats, noise: Floats, rows: Integers, speeds_m_s: Floats,
                     shift: float) -> tuple[Floats, float]:
