@@ -80,8 +80,12 @@ class Model:
     @staticmethod
     def vetoes(answers: dict[str, Answer]) -> dict[str, str]:
         """Which methods find the record unlike all that they know, and by which measure. One is enough for no answer to
-        count: what another method makes of such a record may be confident and wrong."""
-        return {name: answer.out_of_distribution for name, answer in answers.items() if answer.out_of_distribution}
+        count: what another method makes of such a record may be confident and wrong. But where a method that seeks the
+        moment of the impact knows the record, those that take it for known do not count: a trigger that is 10 us off
+        is a misfit to them."""
+        found = {name: answer.out_of_distribution for name, answer in answers.items() if answer.out_of_distribution}
+        seeks = [name for name, answer in answers.items() if METHODS[name].seeks_impact and answer.has_interval]
+        return found if not seeks or any(name in found for name in seeks) else {}
 
     def best(self, answers: dict[str, Answer]) -> tuple[str, Answer] | None:
         """The answer with an interval whose method has the least error on what was held out of its training; None if

@@ -18,6 +18,7 @@ from common.plate import FlexiblePlate
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 from recognition import RecognitionError
+from recognition.evaluation.error_bounds import arrangement_error_points
 from recognition.model_file import decode, encode
 from recognition.physics.arrangement_fit import PlateRecord
 from recognition.physics.arrangement_likelihood import LATEST_S, ArrangementEstimate, ArrangementModel, distances
@@ -158,6 +159,14 @@ def test_against_every_arrangement_by_itself():
         found = model.estimate(signals, noise, speed, -shift * model.step_s)
         assert found.misfit == pytest.approx(least / d, rel=1e-9)
         assert found.probability == pytest.approx(chance / chance.sum(), rel=1e-7)
+
+
+def test_the_least_error_is_that_of_the_prior_where_noise_drowns_all():
+    """Five ratios, equally likely: the median is 50 %, 30 points off in the mean."""
+    model = small_model(np.random.default_rng(6))
+    assert arrangement_error_points(model, np.array([1e4, 1e4])) == pytest.approx(30.0, abs=3.0)
+    exact = replace(model, residual=np.array([1e-6, 1e-6]), covariance=1e-10 * np.eye(3), scatter=[])
+    assert arrangement_error_points(exact, np.zeros(2)) < 0.5
 
 
 def test_channels_that_a_record_lacks_are_left_out():
