@@ -214,17 +214,18 @@ class ArrangementModel:
             return float(chi_square.min()) + log_determinant
 
         shifts = self._arrivals(least) if arrival_s is None else np.array([-arrival_s / self.step_s])
-        costs = np.stack([sum(fit(shift)) for shift in shifts.tolist()])
+        fits = [fit(shift) for shift in shifts.tolist()]
+        costs = np.stack([chi_square + log_determinant for chi_square, log_determinant in fits])
         best = float(min(shifts.tolist(), key=least))
-        chi_square = float(fit(best)[0].min())
+        nearest = float(fit(best)[0].min())
         anywhere = float(self._chi_square(x, noise, rows, speeds, best)[0].min())
         # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
         # certain.
-        temperature = max(1.0, chi_square / x.size)
+        temperature = max(1.0, nearest / x.size)
         _, count, prior = arrangements(self.stones)
         weight = np.exp((costs.min() - costs) / (2 * temperature)) * prior
         probability = np.bincount(count, weight.sum(axis=(0, 1))) / weight.sum()
-        return ArrangementEstimate(probability, chi_square / x.size, (chi_square - anywhere) / (2 * temperature),
+        return ArrangementEstimate(probability, nearest / x.size, (nearest - anywhere) / (2 * temperature),
                                    -best * self.step_s)
 
     def _arrivals(self, least: Callable[[float], float]) -> Floats:
