@@ -24,9 +24,9 @@ from recognition.estimation.arrays import Integers
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import MethodEntry, Registry
 from recognition.evaluation.dataset import DataSet
-from recognition.evaluation.sensor_noise import with_noise
+from recognition.evaluation.sensor_noise import same_per_hertz, with_noise
 
-Noises = Sequence[float | None]  # below the signals' rms, dB; None for none
+Noises = Sequence[float | None]  # below the signals' rms at their own rate, dB; faster records have as much a hertz
 NOISES_DB = (None, 40.0, 20.0)
 FOLDS, LEAST_FOLDS = 8, 3
 MOST_TRAININGS = 8  # of eleven runs, one after the other
@@ -99,7 +99,8 @@ class Evaluation:
             method, features = entry.make(), []
             records = zip(self.data.signals(entry.rate_factor), self.data.runs, strict=True)
             for number, (signals, run) in enumerate(records):
-                noisy = with_noise(signals, noise_db, np.random.default_rng([number, int(noise_db or 0)]))
+                rng = np.random.default_rng([number, int(noise_db or 0)])
+                noisy = with_noise(signals, same_per_hertz(noise_db, entry.rate_factor), rng)
                 features.append(method.prepare(noisy, run if noise_db is None else None))
             self._features[key] = features
         return self._features[key]

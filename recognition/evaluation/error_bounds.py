@@ -34,6 +34,7 @@ from recognition.estimation.errors import RecognitionError
 from recognition.evaluation.baselines import FAST_FACTOR
 from recognition.evaluation.cross_validation import FOLDS, LEAST_FOLDS, Noises, write_csv
 from recognition.evaluation.dataset import DataSet
+from recognition.evaluation.sensor_noise import same_per_hertz
 from recognition.physics.arrangement_fit import PlateRecord, fit_model, force_statistics, model_on
 from recognition.physics.arrangement_likelihood import ArrangementModel
 from recognition.physics.arrangement_method import ArrangementLikelihood
@@ -157,7 +158,7 @@ def _by_arrangements(data: DataSet, chosen: Integers, noises_db: Noises) -> Iter
         signals = [data.signals(rate_factor)[k] for k in chosen]
         model = fit_model(_plate_records(data, chosen, rate_factor), groups)
         return [{"noise_db": db, "least_points": arrangement_error_points(model, noise)}
-                for db, noise in _noises(signals, noises_db).items()]
+                for db, noise in _noises(signals, noises_db, rate_factor).items()]
 
     yield from _or_reason({"channels": ARRANGEMENTS}, partial(rows, 1))
     yield from _or_reason({"channels": f"{ARRANGEMENTS}, {FAST_FACTOR} times the rate"}, partial(rows, FAST_FACTOR))
@@ -192,10 +193,11 @@ def _plate_records(data: DataSet, chosen: Integers, rate_factor: int = 1) -> lis
     return [ArrangementLikelihood().prepare(data.signals(rate_factor)[k], data.runs[k]) for k in chosen]
 
 
-def _noises(records: list[pd.DataFrame], noises_db: Noises) -> dict[float | None, Floats]:
-    """Standard deviations (channels,), each so far below the records' mean rms."""
+def _noises(records: list[pd.DataFrame], noises_db: Noises, rate_factor: int = 1) -> dict[float | None, Floats]:
+    """Standard deviations (channels,), each so far below the records' mean rms; as much a hertz at every rate."""
     rms = np.sqrt(np.mean([np.mean(channels_of(one, "plate") ** 2, axis=1) for one in records], axis=0))
-    return {db: rms * (0.0 if db is None else 10 ** (-db / 20)) for db in noises_db}
+    levels = {db: same_per_hertz(db, rate_factor) for db in noises_db}
+    return {db: rms * (0.0 if level is None else 10 ** (-level / 20)) for db, level in levels.items()}
 
 
 def _by_true_impulse(data: DataSet, chosen: Integers) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import welch
 
 from recognition import RecognitionError
 from recognition.evaluation.cross_validation import (
@@ -15,7 +16,7 @@ from recognition.evaluation.cross_validation import (
     write_evaluation,
 )
 from recognition.evaluation.dataset import DataSet, _kin, read_dataset
-from recognition.evaluation.sensor_noise import with_noise
+from recognition.evaluation.sensor_noise import same_per_hertz, with_noise
 from recognition.methods import EVALUATED
 from tests.analysis import synthetic
 
@@ -81,6 +82,18 @@ def test_noise_is_as_loud_as_it_says_and_the_same_again(db):
     assert level.to_numpy() == pytest.approx(-db, abs=0.2)
     pd.testing.assert_frame_equal(found, with_noise(signals, db, np.random.default_rng(3)))
     assert with_noise(signals, None, np.random.default_rng(3)) is signals
+
+
+def test_noise_has_as_much_power_in_a_hertz_at_any_rate():
+    """By Welch's method: 20 dB at 6667 Hz and what it is at six times that."""
+    density = []
+    for factor in (1, 6):
+        rate_Hz, t = 6667.0 * factor, np.arange(60000 * factor) / (6667.0 * factor)
+        signals = pd.DataFrame({"t_s": t, "v_m_s": np.sin(2 * np.pi * 100 * t)})
+        noise = with_noise(signals, same_per_hertz(20.0, factor), np.random.default_rng(1))["v_m_s"] - signals["v_m_s"]
+        density.append(welch(noise.to_numpy(), rate_Hz)[1].mean())
+    assert density[1] == pytest.approx(density[0], rel=0.03)
+    assert same_per_hertz(20.0, 6) == pytest.approx(12.2, abs=0.02) and same_per_hertz(None, 6) is None
 
 
 @pytest.fixture(scope="module")
