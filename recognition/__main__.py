@@ -50,7 +50,7 @@ def fit(arguments: argparse.Namespace) -> None:
     else:
         data = read_dataset(directory).calibration()
         runs = data.runs
-        model = Model.fit(runs, data.table["group"].to_numpy(), data.table[list(CONDITIONS)])
+        model = Model.fit(runs, data.table["kin"].to_numpy(), data.table[list(CONDITIONS)])
         print(f"families {', '.join(data.table['family'].unique())}")
         for reason in data.passed_over:
             print(f"passed over: {reason}")
@@ -64,19 +64,17 @@ def fit(arguments: argparse.Namespace) -> None:
 
 
 def recognise(arguments: argparse.Namespace) -> int:
-    """0, or 3 without any number where a sensor or the trigger is at fault, or where a method finds the record unlike
-    all that it knows."""
+    """0, or 3 without any number where a sensor is at fault, or where a method finds the record unlike all that it
+    knows."""
     from analysis.readers import read_table
     from recognition.models import Model
-    from recognition.sensors.channel_check import faults_of_impact
 
     model = Model.load(arguments.model)
     path = Path(arguments.record)
     path = path / "signals.parquet" if path.is_dir() else path
     table = read_table(path)
     answers = model.recognise(table, str(path))
-    sensors = [name for name in table.columns if name.startswith("acc_")]
-    if faults := faults_of_impact(table[sensors].to_numpy(dtype=float).T, model.window.rate_Hz, sensors):
+    if faults := model.faults(table):
         print(f"REFUSED: {'; '.join(faults)}")
         return 3
     if vetoes := model.vetoes(answers):

@@ -22,17 +22,18 @@ from common.files import is_sealed, seal, write_text
 from common.processes import side_by_side
 from common.tables import InputError, refuse_unreadable
 from recognition.estimation.answer import Answer
+from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
-from recognition.estimation.method import Groups, Method
+from recognition.estimation.method import Groups, Method, WithHeldOutError
 from recognition.estimation.window import LEAST_RATIOS, Window
 from recognition.methods import METHODS
 from recognition.model_file import decode, encode
+from recognition.sensors.channel_check import channel_faults, samples_before_impact
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 6
+VERSION = 7
 MOST_BYTES = 1e9
 NOT_APPLICABLE = "not applicable"
-LEAST_DRAWS = 3  # that show what other arrangements and packings do to a record
 
 
 @dataclass
@@ -58,11 +59,12 @@ class Model:
         return _Prepared.of(runs).fit(np.arange(len(runs)), groups, conditions)
 
     def recognise(self, signals: pd.DataFrame, source: str = "record") -> dict[str, Answer]:
-        """Answer of each method; without a ratio, but with the reason, where the record does not allow it.
+        """Answer of each method; without a ratio, but with the reason, where the record does not allow it. Silence
+        before the impact is cut off where the record has accelerometers.
 
         Raises RecordError for an unusable record, RecognitionError where no method applies.
         """
-        table = self.window.cut(signals, source)
+        table = self.window.cut(from_impact(signals), source)
         answers = self.answers_to(lambda name: self.methods[name].prepare(table))
         if all(answer.reason.startswith(NOT_APPLICABLE) for answer in answers.values()):
             reasons = dict.fromkeys(answer.reason for answer in answers.values())
@@ -70,18 +72,28 @@ class Model:
         return answers
 
     @staticmethod
+    def faults(signals: pd.DataFrame) -> list[str]:
+        """Which accelerometers of a record cannot be used, and why, one line each."""
+        names, values = _accelerations(signals)
+        return channel_faults(values, names) if len(names) and np.isfinite(values).all() else []
+
+    @staticmethod
     def vetoes(answers: dict[str, Answer]) -> dict[str, str]:
         """Which methods find the record unlike all that they know, and by which measure. One is enough for no answer to
-        count: what another method makes of such a record may be confident and wrong."""
-        return {name: answer.out_of_distribution for name, answer in answers.items() if answer.out_of_distribution}
+        count: what another method makes of such a record may be confident and wrong. But where a method that seeks the
+        moment of the impact knows the record, those that take it for known do not count: a trigger that is 10 us off
+        is a misfit to them."""
+        found = {name: answer.out_of_distribution for name, answer in answers.items() if answer.out_of_distribution}
+        seeks = [name for name, answer in answers.items() if METHODS[name].seeks_impact and answer.has_interval]
+        return found if not seeks or any(name in found for name in seeks) else {}
 
     def best(self, answers: dict[str, Answer]) -> tuple[str, Answer] | None:
-        """The first method, in the order of the registry, whose answer has an interval; None if there is none, or if a
-        method vetoes. Some methods are only asked where the model knows several draws."""
-        few = self.provenance["groups"] < LEAST_DRAWS
-        found = ((name, answers[name]) for name, entry in METHODS.items()
-                 if name in answers and answers[name].has_interval and not (few and entry.needs_draws))
-        return None if self.vetoes(answers) else next(found, None)
+        """The answer with an interval whose method has the least error on what was held out of its training; None if
+        there is none, or if a method vetoes."""
+        errors = {name: method.error_ for name, method in self.methods.items()
+                  if name in answers and answers[name].has_interval and isinstance(method, WithHeldOutError)}
+        name = min(errors, key=lambda name: errors[name], default=None)
+        return None if name is None or self.vetoes(answers) else (name, answers[name])
 
     def answers_to(self, features: Callable[[str], Any]) -> dict[str, Answer]:
         """Answer of each method to its features of one record, which `features` gives by the method's name."""
@@ -120,6 +132,19 @@ class Model:
             return cls(decode(data["window"], Window), methods, provenance)
         except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
             raise RecognitionError(f"{path}: broken model ({type(error).__name__}: {error})") from None
+
+
+def _accelerations(signals: pd.DataFrame) -> tuple[list[str], Floats]:
+    """Names and values (s, n)."""
+    names = [name for name in signals.columns if name.startswith("acc_")]
+    return names, signals[names].to_numpy(dtype=float).T
+
+
+def from_impact(signals: pd.DataFrame) -> pd.DataFrame:
+    """A record without the silence before the impact, as far as its accelerometers show it."""
+    _, values = _accelerations(signals)
+    early = samples_before_impact(values) if len(values) and np.isfinite(values).all() else 0
+    return signals.iloc[early:].reset_index(drop=True) if early else signals
 
 
 def leave_one_out(runs: list[Run]) -> list[dict[str, Answer]]:

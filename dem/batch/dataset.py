@@ -74,6 +74,9 @@ class DatasetPlan(Table):
     scene: str | None = None  # file, beside the plan, of all families but those of streams
     seed: Annotated[int, Field(ge=0)]
     changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # for all runs
+    # Seeds that groups with `packing` share: to find a packing and its compliances takes longer than a run, and they
+    # are kept. Without it every group has its own.
+    packings: Annotated[int, Field(ge=1)] | None = None
     families: dict[Name, Family] = Field(default_factory=dict)
     streams: dict[Name, StreamFamily] = Field(default_factory=dict)
 
@@ -125,8 +128,17 @@ def _of_volley(path: Path, plan: DatasetPlan, name: str, family: Family, group: 
     with refused_in(scene_file, "stones"):
         count, _ = base.stones.volley
     drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
+    if family.packing and plan.packings is not None:
+        drawn["stones.seed"] = _shared_packing(plan.packings, plan.seed, name, group)
     return [changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
             for ratio in _ratios(name, family, count, group, plan.seed)]
+
+
+def _shared_packing(packings: int, seed: int, name: str, group: int) -> int:
+    """One of so many seeds; the groups of a family go through all of them in an order of the family's own."""
+    seeds = np.random.default_rng([seed, zlib.crc32(b"packings")]).integers(100_000, 1_000_000_000, packings)
+    turn = np.random.default_rng([seed, zlib.crc32(b"packings"), zlib.crc32(name.encode())]).permutation(packings)
+    return int(seeds[turn[group % packings]])
 
 
 @lru_cache(maxsize=1)

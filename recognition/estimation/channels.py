@@ -15,7 +15,7 @@ CHANNELS = {
     "centre": ("v_m_s", "a_m_s2"),
     "accelerometers": ("acc_*",),
     "rods": ("rod_*",),
-    "plate": ("v_m_s", "acc_*", "rod_*"),
+    "plate": ("acc_*", "rod_*"),  # sensors that a plate can have
     "all": ("v_m_s", "a_m_s2", "acc_*", "rod_*"),
 }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import pandas as pd
 from numpy.typing import NDArray
@@ -46,21 +46,28 @@ class Method(Protocol):
         """What was learnt, in a few words."""
 
 
+@runtime_checkable
+class WithHeldOutError(Protocol):
+    """A method that knows the mean error of the ratio, `error_`, that it makes on runs held out of its training."""
+
+    error_: float
+
+
 @dataclass(frozen=True)
 class MethodEntry:
     """A method in a registry.
 
-    title: as a reader sees it. make: gives an unfitted one. gives_interval: its answers have one. needs_draws: trained
-    on one draw of arrangement and packing it does not learn what others do, and is not the best to ask. rate_factor:
+    title: as a reader sees it. make: gives an unfitted one. gives_interval: its answers have one. seeks_impact: it
+    does not take the moment of the impact for known. rate_factor:
     sample rate of its records, in multiples of that of `signals.parquet`.
     """
 
     title: str
     make: Callable[[], Method]
     gives_interval: bool = True
-    needs_draws: bool = False
+    seeks_impact: bool = False
     rate_factor: int = 1
 
 
-#: Methods by name, the best by evaluation first among those that give intervals.
+#: Methods by name.
 Registry = Mapping[str, MethodEntry]

@@ -1,6 +1,9 @@
-"""What an evaluation adds to the methods of a model: a faster record, and a baseline."""
+"""What an evaluation adds to the methods of a model: a faster record, a trigger that is known, the impulse, which takes
+the mean velocity of the plate, and a baseline."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -10,7 +13,7 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.channels import channels_of
 from recognition.estimation.method import MethodEntry, Registry
 from recognition.physics.arrangement_method import ArrangementLikelihood
-from recognition.regression.feature_regression import EstimatorMethod
+from recognition.regression.feature_regression import EstimatorMethod, FeatureRegression
 
 #: 40 kHz beside the paper's 6667 Hz.
 FAST_FACTOR = 6
@@ -24,6 +27,9 @@ def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
 BASELINES: Registry = {
     "arrangement_likelihood_fast": MethodEntry("likelihood of arrangements, at 40 kHz", ArrangementLikelihood,
                                                rate_factor=FAST_FACTOR),
+    "arrangement_likelihood_timed": MethodEntry("likelihood of arrangements, trigger known",
+                                                partial(ArrangementLikelihood, exact_trigger=True)),
+    "impulse": MethodEntry("impulse from plate and rods", partial(FeatureRegression, "impulse")),
     "rms_line": MethodEntry(
         "RMS and a straight line", lambda: EstimatorMethod(rms_of_acceleration, LinearRegression())),
 }

@@ -1,7 +1,8 @@
 """Cross-validation: answers of methods to runs whose arrangement, packing, speed ... they were not trained on.
 
-A `Case` says on which runs to train and on which to test. Groups are never split, scaling is learnt from training runs
-alone, and sensor noise is added only to the records that are tested, from a seed of each run's own.
+A `Case` says on which runs to train and on which to test. Runs of the same arrangement or packings are never split,
+scaling is learnt from training runs alone, and sensor noise is added only to the records that are tested, from a seed
+of each run's own.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from recognition.estimation.arrays import Integers
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import MethodEntry, Registry
 from recognition.evaluation.dataset import DataSet
-from recognition.evaluation.sensor_noise import with_noise
+from recognition.evaluation.sensor_noise import same_per_hertz, with_noise
 
-Noises = Sequence[float | None]  # below the signals' rms, dB; None for none
+Noises = Sequence[float | None]  # below the signals' rms at their own rate, dB; faster records have as much a hertz
 NOISES_DB = (None, 40.0, 20.0)
 FOLDS, LEAST_FOLDS = 8, 3
 MOST_TRAININGS = 8  # of eleven runs, one after the other
@@ -35,7 +36,7 @@ BANDS = 5  # of speed or damping, whole ones held out
 @dataclass(frozen=True)
 class Case:
     """families: runs to test on (and to train on, what is held out apart). eleven: trained on the eleven runs of one
-    group of the family `ring` at a time instead. key: column of the table that is held out in whole, "arrangement" or
+    group of the family `ring` at a time instead. key: column of the table that is held out in whole, "kin" or
     a condition; of a condition that is no ratio, whole bands. nuisance: conditions that vary; known: they are known
     with the record."""
 
@@ -44,7 +45,7 @@ class Case:
     families: tuple[str, ...]
     also_trained: tuple[str, ...] = ()
     eleven: bool = False
-    key: str = "arrangement"
+    key: str = "kin"
     nuisance: tuple[str, ...] = ()
     known: bool = False
 
@@ -98,7 +99,8 @@ class Evaluation:
             method, features = entry.make(), []
             records = zip(self.data.signals(entry.rate_factor), self.data.runs, strict=True)
             for number, (signals, run) in enumerate(records):
-                noisy = with_noise(signals, noise_db, np.random.default_rng([number, int(noise_db or 0)]))
+                rng = np.random.default_rng([number, int(noise_db or 0)])
+                noisy = with_noise(signals, same_per_hertz(noise_db, entry.rate_factor), rng)
                 features.append(method.prepare(noisy, run if noise_db is None else None))
             self._features[key] = features
         return self._features[key]
@@ -108,7 +110,7 @@ class Evaluation:
         answers."""
         rows: dict[float | None, list[pd.DataFrame]] = {noise_db: [] for noise_db in noises_db}
         nuisance = self.data.table[list(case.nuisance)] if case.nuisance else None
-        groups = self.data.table["group"].to_numpy()
+        groups = self.data.table["kin"].to_numpy()
         try:
             clean = self.features(name, entry, None)
             for train, test in self.splits(case):
@@ -139,17 +141,17 @@ class Evaluation:
         if count < LEAST_FOLDS:
             raise RecognitionError(f"{case.name}: {count} different of {case.key}; needs at least {LEAST_FOLDS}")
         always = self.data.of(*case.also_trained)
-        groups = table["arrangement"].to_numpy()
-        folds = GroupKFold(min(FOLDS, count) if case.key == "arrangement" else count)
+        groups = table["kin"].to_numpy()
+        folds = GroupKFold(min(FOLDS, count) if case.key == "kin" else count)
         for train, test in folds.split(tested, groups=keys):
             for part in self._without_shared_groups(tested[train], tested[test], groups):
                 shared = np.flatnonzero(np.isin(groups, groups[part]))
-                yield np.concatenate([always, np.setdiff1d(tested[train], shared)]), part
+                yield np.setdiff1d(np.concatenate([always, tested[train]]), shared), part
 
     @staticmethod
     def _without_shared_groups(train: Integers, test: Integers, groups: NDArray[Any]) -> list[Integers]:
-        """The runs to test, in parts where some of their arrangements are also in the training, so that those of a
-        part can be left out of it."""
+        """The runs to test, in parts where some of them have kin in the training, so that those of a part can be left
+        out of it."""
         if not set(groups[train]) & set(groups[test]):
             return [test]
         parts = min(FOLDS, np.unique(groups[test]).size)
@@ -163,12 +165,12 @@ class Evaluation:
         if not trainings:
             raise RecognitionError(f"no group of the families {', '.join(RINGS)} has all eleven ratios")
         for train in trainings[::-(-len(trainings) // MOST_TRAININGS)]:
-            known = table["arrangement"].isin(table["arrangement"][train])
+            known = table["kin"].isin(table["kin"][train])
             yield train, np.setdiff1d(tested, np.flatnonzero(known))
 
     def _keys(self, case: Case, tested: Integers) -> NDArray[Any]:
         values = self.data.table[case.key].to_numpy()[tested]
-        if case.key in ("arrangement", "gangue_ratio"):
+        if case.key in ("kin", "gangue_ratio"):
             return values
         return pd.qcut(values, BANDS, labels=False)
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from analysis import RecordError, read_run
 from analysis.readers import read_table
@@ -28,9 +30,9 @@ CONDITIONS = ("speed_m_s", "damping_ratio")
 class DataSet:
     """runs, their signals cut to one window, and what distinguishes them.
 
-    table: a row a run with family, group ("family/000": one draw of all that varies), arrangement (the same in groups
-    that have the same order of gangue), gangue_ratio, speed_m_s, damping_ratio. passed_over: directories that hold no
-    finished run, and why.
+    table: a row a run with family, group ("family/000": one draw of all that varies), kin (the same in groups that have
+    the order of gangue or the packings in common, if only by way of other groups), gangue_ratio, speed_m_s,
+    damping_ratio. passed_over: directories that hold no finished run, and why.
     """
 
     runs: list[Run]
@@ -101,7 +103,18 @@ def read_dataset(path: str | Path) -> DataSet:
         runs.append(run)
     if not runs:
         raise RecordError(f"{path}: no finished run FAMILY/GROUP/ratio_*; `make dataset` makes them")
-    return DataSet(runs, pd.DataFrame(rows), passed_over)
+    table = pd.DataFrame(rows)
+    table.insert(2, "kin", _kin(table["group"], table.pop("order"), table.pop("packing")))
+    return DataSet(runs, table, passed_over)
+
+
+def _kin(group: pd.Series, *shared: pd.Series) -> Integers:
+    """Number of the class of each run: runs that have a group, or any of `shared`, in common are in one class."""
+    nodes = np.stack([pd.factorize(one)[0] for one in (group, *shared)])
+    nodes += np.cumsum([0, *(nodes.max(axis=1) + 1)])[:-1, None]  # of all kinds numbered through
+    n, first = int(nodes.max()) + 1, np.repeat(nodes[:1], len(nodes) - 1, axis=0)
+    graph = coo_array((np.ones(first.size), (first.ravel(), nodes[1:].ravel())), shape=(n, n))
+    return np.asarray(connected_components(graph, directed=False)[1][nodes[0]])
 
 
 def _row(run: Run, directory: Path) -> dict[str, Any]:
@@ -110,6 +123,8 @@ def _row(run: Run, directory: Path) -> dict[str, Any]:
         if value is None:
             raise RecognitionError(f"{directory}/run.json: scene has no {name!r}")
     family = directory.parent.parent.name
-    group, order = f"{family}/{directory.parent.name}", run.scene.stones.gangue_order
-    return {"family": family, "group": group, "arrangement": group if order is None else str(list(order)),
-            "gangue_ratio": run.gangue_ratio, **conditions}
+    group, stones = f"{family}/{directory.parent.name}", run.scene.stones
+    order = group if stones.gangue_order is None else str(list(stones.gangue_order))
+    packing = str(run.scene.as_json()["stones"].get("seed", group))
+    return {"family": family, "group": group, "order": order, "packing": packing, "gangue_ratio": run.gangue_ratio,
+            **conditions}

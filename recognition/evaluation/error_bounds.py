@@ -34,6 +34,7 @@ from recognition.estimation.errors import RecognitionError
 from recognition.evaluation.baselines import FAST_FACTOR
 from recognition.evaluation.cross_validation import FOLDS, LEAST_FOLDS, Noises, write_csv
 from recognition.evaluation.dataset import DataSet
+from recognition.evaluation.sensor_noise import same_per_hertz
 from recognition.physics.arrangement_fit import PlateRecord, fit_model, force_statistics, model_on
 from recognition.physics.arrangement_likelihood import ArrangementModel
 from recognition.physics.arrangement_method import ArrangementLikelihood
@@ -85,17 +86,18 @@ def least_error_points(law: RatioLaw, noise_db: float | None, scatter: bool) -> 
 
 
 def arrangement_error_points(model: ArrangementModel, noise: Floats, seed: int = 0) -> float:
-    """Mean absolute error over DRAWS records of the model itself, all ratios and speeds equally likely; noise
-    (channels,): standard deviation of the sensors' noise."""
+    """Mean absolute error over DRAWS records of the model itself, all ratios and speeds equally likely and the moment
+    of the impact known; noise (channels,): standard deviation of the sensors' noise. The answer is the median of the
+    posterior, which no other answer to records of this model passes (Bayes' risk of the absolute error)."""
     rng, n = np.random.default_rng(seed), model.stones
     variance = np.repeat(model.residual**2 + (noise / model.scale) ** 2, model.samples)
-    root = np.linalg.cholesky(model.covariance + np.diag(variance))
+    root = np.linalg.cholesky(model.law_at(0.0).covariance + np.diag(variance))
     errors = []
     for _ in range(DRAWS):
         count, speed_m_s = rng.integers(n + 1), rng.uniform(model.low_m_s, model.high_m_s)
         which = np.append(1.0, rng.permutation(n) < count)
         x = (model.mean_at(speed_m_s) @ which + root @ rng.standard_normal(len(root))).reshape(len(noise), -1)
-        errors.append(model.estimate(x * model.scale[:, None], noise).median - count / n)
+        errors.append(model.estimate(x * model.scale[:, None], noise, arrival_s=0.0).median - count / n)
     return float(100 * np.abs(errors).mean())
 
 
@@ -150,13 +152,13 @@ def _by_law(data: DataSet, chosen: Integers, conditions: tuple[str, ...],
 
 def _by_arrangements(data: DataSet, chosen: Integers, noises_db: Noises) -> Iterator[dict[str, Any]]:
     """At the records' own rate, and at FAST_FACTOR times that."""
-    groups = data.table["group"].to_numpy()[chosen]
+    groups = data.table["kin"].to_numpy()[chosen]
 
     def rows(rate_factor: int) -> Rows:
         signals = [data.signals(rate_factor)[k] for k in chosen]
         model = fit_model(_plate_records(data, chosen, rate_factor), groups)
         return [{"noise_db": db, "least_points": arrangement_error_points(model, noise)}
-                for db, noise in _noises(signals, noises_db).items()]
+                for db, noise in _noises(signals, noises_db, rate_factor).items()]
 
     yield from _or_reason({"channels": ARRANGEMENTS}, partial(rows, 1))
     yield from _or_reason({"channels": f"{ARRANGEMENTS}, {FAST_FACTOR} times the rate"}, partial(rows, FAST_FACTOR))
@@ -171,7 +173,7 @@ def _by_known_places(data: DataSet, noises_db: Noises) -> Rows:
     row = {"setting": "free positions", "runs": len(free)}
 
     def rows() -> Rows:
-        statistics, _ = force_statistics(_plate_records(data, circle), data.table["group"].to_numpy()[circle])
+        statistics, _ = force_statistics(_plate_records(data, circle), data.table["kin"].to_numpy()[circle])
         noises = _noises([data.signals()[k] for k in circle], noises_db)
         forces = [one.force_record for one in _plate_records(data, free) if one.force_record is not None]
         found = []
@@ -191,10 +193,11 @@ def _plate_records(data: DataSet, chosen: Integers, rate_factor: int = 1) -> lis
     return [ArrangementLikelihood().prepare(data.signals(rate_factor)[k], data.runs[k]) for k in chosen]
 
 
-def _noises(records: list[pd.DataFrame], noises_db: Noises) -> dict[float | None, Floats]:
-    """Standard deviations (channels,), each so far below the records' mean rms."""
+def _noises(records: list[pd.DataFrame], noises_db: Noises, rate_factor: int = 1) -> dict[float | None, Floats]:
+    """Standard deviations (channels,), each so far below the records' mean rms; as much a hertz at every rate."""
     rms = np.sqrt(np.mean([np.mean(channels_of(one, "plate") ** 2, axis=1) for one in records], axis=0))
-    return {db: rms * (0.0 if db is None else 10 ** (-db / 20)) for db in noises_db}
+    levels = {db: same_per_hertz(db, rate_factor) for db in noises_db}
+    return {db: rms * (0.0 if level is None else 10 ** (-level / 20)) for db, level in levels.items()}
 
 
 def _by_true_impulse(data: DataSet, chosen: Integers) -> dict[str, Any]:
@@ -203,7 +206,7 @@ def _by_true_impulse(data: DataSet, chosen: Integers) -> dict[str, Any]:
         if None in impulses:
             return {"reason": "a run.json has no impulse_N_s"}
         impulse = np.array(impulses, dtype=float)
-        error = true_impulse_errors_points(impulse, data.ratios[chosen], data.table["group"].to_numpy()[chosen])
+        error = true_impulse_errors_points(impulse, data.ratios[chosen], data.table["kin"].to_numpy()[chosen])
     except RecognitionError as reason:
         return {"reason": str(reason)}
     return {"least_points": np.abs(error).mean(), "worst_points": np.abs(error).max()}

@@ -15,6 +15,9 @@ from recognition.physics.arrangement_likelihood import MOST_STONES, ArrangementM
 from recognition.physics.force_records import ForceRecord, response_to, unit_force_response
 
 BIN_S = 25e-6  # about the width of the bins of a force, which is linear between them
+FORCE_S = 1.5e-3  # that a force is taken to last; what pushes later counts as residual
+MOST_HELD_OUT = 100  # records by which the limits are set, or a few more, each with these
+NOISES = (0.0, 0.1)  # in shares of the rms of a signal
 DEGREE = 2  # of the force in the speed
 #: A covariance from few stones is shrunk towards forces that are independent from bin to bin, with the weight of so
 #: many stones.
@@ -30,13 +33,14 @@ SMALL_M = 1e-3  # step of the finite difference by the place
 class PlateRecord:
     """One record as the arrangement likelihood takes it.
 
-    signals (channels, samples): velocity of the centre of mass, accelerometers and rods, each by name; noise
-    (channels,): standard deviation of the sensors' noise; force_record: of the simulated run that the record is from,
+    signals (channels, samples): accelerometers and rods, each by name, with their `names`; noise (channels,): standard
+    deviation of the sensors' noise; force_record: of the simulated run that the record is from,
     None where there is none to be had.
     """
 
     signals: Floats
     noise: Floats
+    names: tuple[str, ...]
     force_record: ForceRecord | None = None
 
 
@@ -44,21 +48,23 @@ class PlateRecord:
 class ForceStatistics:
     """What simulated stones show of their forces.
 
-    laws: coefficients (p, bins) of the mean force of coal and of gangue (`force_law`); covariance (bins, bins): of a
-    force; stones: number of different stones; bins (steps, bins): of the force; at (samples,): steps at which records
-    have samples; scale, residual: as in `ArrangementModel`; damping_ratio: mean and standard deviation; speed_m_s:
-    mean, least, greatest.
+    names, stride, samples, scale, residual: as in `ArrangementModel`; laws: coefficients (p, bins) of the mean force of
+    coal and of gangue (`force_law`); covariance (bins, bins): of a force; stones: number of different stones;
+    damping_ratio: mean and standard deviation; speed_m_s: mean, least, greatest; place_deviation_m: standard deviation
+    along x and y of where a stone touches the plate.
     """
 
+    names: tuple[str, ...]
     laws: list[Floats]
     covariance: Floats
     stones: int
-    bins: Floats
-    at: Integers
+    stride: int
+    samples: int
     scale: Floats
     residual: Floats
     damping_ratio: tuple[float, float]
     speed_m_s: tuple[float, float, float]
+    place_deviation_m: float
 
 
 def same_places(X: Sequence[PlateRecord]) -> Integers:
@@ -86,14 +92,15 @@ def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceSta
     speed = np.array([force.speed_m_s for force in forces])
     damping = np.array([force.plate.damping_ratio for force in forces])
     scale = np.sqrt(np.mean(signals**2, axis=(0, 2)))
-    at = np.arange(signals.shape[2]) * round(forces[0].sample_s / forces[0].step_s)
-    bins = force_bins(forces[0], at[-1] + 1)
+    stride, samples = round(forces[0].sample_s / forces[0].step_s), signals.shape[2]
+    bins = force_bins(forces[0])
     laws, covariance, stones = force_laws(forces, bins, groups[chosen], float(speed.mean()))
-    left = [one - force.modelled[:, at] for one, force in zip(signals, forces, strict=True)]
+    left = [one - force.modelled[:, :samples * stride:stride] for one, force in zip(signals, forces, strict=True)]
     residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
-    return ForceStatistics(laws, covariance, stones, bins, at, scale, np.hypot(residual, LEAST_RESIDUAL),
-                           (damping.mean(), damping.std()),
-                           (float(speed.mean()), float(speed.min()), float(speed.max()))), forces[0]
+    deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.place_m) for force in forces]))
+    return ForceStatistics(X[chosen[0]].names, laws, covariance, stones, stride, samples, scale,
+                           np.hypot(residual, LEAST_RESIDUAL), (damping.mean(), damping.std()),
+                           (float(speed.mean()), float(speed.min()), float(speed.max())), float(deviation_m)), forces[0]
 
 
 def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
@@ -103,18 +110,20 @@ def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
 
 def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m: float = 0.0) -> ArrangementModel:
     """On the plate and places of a force record; place_deviation_m: standard deviation of each stone's place along x
-    and y."""
-    unit = _bin_responses(statistics, record)
-    covariance = _covariance_by_forces(unit, statistics.covariance, statistics.stones)
+    and y, besides that of where it touches."""
+    deviation_m = float(np.hypot(place_deviation_m, statistics.place_deviation_m))
+    hat = _hat_response(statistics, record)
+    scatter = []
     if statistics.damping_ratio[1] > 0:
-        more = _bin_responses(statistics, record, damping_ratio=sum(statistics.damping_ratio))
-        covariance = covariance + _covariance_by_damping(_means(more - unit, [law[:1] for law in statistics.laws])[0])
-    for moved_m in ((SMALL_M, 0.0), (0.0, SMALL_M)) if place_deviation_m else ():
-        mean_law = (statistics.laws[0][0] + statistics.laws[1][0]) / 2
-        slope = (_bin_responses(statistics, record, moved_m) - unit) / SMALL_M @ mean_law
-        covariance = covariance + place_deviation_m**2 * slope @ slope.T
-    return ArrangementModel(statistics.scale, statistics.residual, covariance, _means(unit, statistics.laws),
-                            *statistics.speed_m_s)
+        more = _hat_response(statistics, record, damping_ratio=sum(statistics.damping_ratio)) - hat
+        scatter.append(_scatter_by_damping(*(response_to(more, _forces(record, law[:1])) for law in statistics.laws)))
+    for moved_m in ((SMALL_M, 0.0), (0.0, SMALL_M)) if deviation_m else ():
+        slope = (_hat_response(statistics, record, moved_m) - hat) / SMALL_M
+        mean_law = (statistics.laws[0][:1] + statistics.laws[1][:1]) / 2
+        scatter.append(deviation_m * response_to(slope, _forces(record, mean_law)))
+    return ArrangementModel(statistics.names, statistics.scale, statistics.residual, record.step_s, statistics.stride,
+                            statistics.samples, hat, _steps_per_bin(record), np.stack(statistics.laws),
+                            statistics.covariance, statistics.stones, scatter, *statistics.speed_m_s)
 
 
 def force_laws(forces: list[ForceRecord], bins: Floats, groups: Floats,
@@ -134,28 +143,26 @@ def force_laws(forces: list[ForceRecord], bins: Floats, groups: Floats,
     return laws, (covariances[0] + covariances[1]) / 2, min(counts)
 
 
-def _covariance_by_forces(unit: Floats, covariance: Floats, stones: int) -> Floats:
-    """Covariance of x by the scatter of the forces: that of each place by itself; and that of the mean forces, which
-    are known from so many stones only and err alike at all places."""
-    alone = np.zeros((len(unit), len(unit)))
-    for i in range(unit.shape[1]):
-        alone = alone + unit[:, i] @ covariance @ unit[:, i].T
-    together = unit.sum(axis=1)
-    return alone + together @ covariance @ together.T / (2 * stones)
+def _scatter_by_damping(coal: Floats, gangue: Floats) -> Floats:
+    """Responses (channels, steps, 1 + stones) by which records scatter: the change (channels, steps, stones) by one
+    standard deviation of the damping where each place is coal or gangue with the same probability."""
+    middle = (coal + gangue).sum(axis=2, keepdims=True) / 2
+    return np.concatenate([middle, (gangue - coal) / 2], axis=2)
 
 
-def _covariance_by_damping(change: Floats) -> Floats:
-    """Covariance of x by the scatter of the damping: change (d, 1 + stones) of the mean by one standard deviation, each
-    place being coal or gangue with the same probability."""
-    middle = change[:, 0] + change[:, 1:].sum(axis=1) / 2
-    return np.outer(middle, middle) + change[:, 1:] @ change[:, 1:].T / 4
-
-
-def force_bins(record: ForceRecord, steps: int) -> Floats:
-    """Hat functions (steps, bins) over the first steps of a force record."""
-    width = _steps_per_bin(record)
-    middle = (np.arange(-(-steps // width)) + 0.5) * width
+def force_bins(record: ForceRecord) -> Floats:
+    """Hat functions (steps, bins) over the first FORCE_S of a force record."""
+    width, steps = _steps_per_bin(record), min(round(FORCE_S / record.step_s), record.force_N.shape[1])
+    middle = (np.arange(steps // width - 1) + 1) * width
     return np.maximum(0.0, 1 - np.abs(np.arange(steps)[:, None] + 0.5 - middle) / width)
+
+
+def _forces(record: ForceRecord, law: Floats) -> Floats:
+    """Impulses (steps, 1) of a hat each, a force of coefficients (1, bins) over all steps of a record, to convolve the
+    response to a hat with."""
+    impulses, width = np.zeros((record.force_N.shape[1], 1)), _steps_per_bin(record)
+    impulses[:width * law.shape[1]:width, 0] = law[0]
+    return impulses
 
 
 def _steps_per_bin(record: ForceRecord) -> int:
@@ -187,37 +194,34 @@ def force_law(force: Floats, speed: Floats, stones: int) -> tuple[Floats, Floats
     return law, (stones * observed + SHRINKAGE_STONES * np.diag(variance)) / (stones + SHRINKAGE_STONES)
 
 
-def _bin_responses(statistics: ForceStatistics, record: ForceRecord, moved_m: tuple[float, float] = (0.0, 0.0),
-                   damping_ratio: float | None = None) -> Floats:
-    """Records (d, stones, bins) by a unit force in each bin on each place, each channel in shares of its scale."""
-    bins, at = statistics.bins, statistics.at
+def _hat_response(statistics: ForceStatistics, record: ForceRecord, moved_m: tuple[float, float] = (0.0, 0.0),
+                  damping_ratio: float | None = None) -> Floats:
+    """Responses (channels, steps, stones) to a force in the first bin on each place, each channel in shares of its
+    scale. The plate does not change with time: the other bins' are the same, later."""
     unit = unit_force_response(record, statistics.damping_ratio[0] if damping_ratio is None else damping_ratio, moved_m)
-    unit = unit[:, :len(bins)]
-    # The plate does not change with time: all bins but the first, which is cut at 0, are the second one, later.
-    first, second = (response_to(unit, bins[:, k, None]) for k in (0, 1))
-    width = _steps_per_bin(record)
-    answers = np.zeros((unit.shape[0], len(at), unit.shape[2], bins.shape[1]))
-    answers[..., 0] = first[:, at]
-    for k in range(1, bins.shape[1]):
-        rows = at - (k - 1) * width
-        answers[..., k][:, rows >= 0] = second[:, rows[rows >= 0]]
-    return (answers / statistics.scale[:, None, None, None]).reshape(-1, *answers.shape[2:])
+    hat = np.zeros((unit.shape[1], 1))
+    first = force_bins(record)[:, :1]
+    hat[:len(first)] = first
+    return response_to(unit, hat) / statistics.scale[:, None, None]
 
 
-def _means(unit: Floats, laws: list[Floats]) -> Floats:
-    """Record of coal alone, and what each stone of gangue adds, shape (p, d, 1 + stones)."""
-    coal, gangue = (np.einsum("dib,pb->pdi", unit, law) for law in laws)
-    return np.concatenate([coal.sum(axis=2, keepdims=True), gangue - coal], axis=2)
-
-
-def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> tuple[Floats, Floats]:
-    """The reference of `distances` (3,) and their limits (3,), from records whose group was held out of the training,
-    or, with fewer than three groups, whose ratio was."""
+def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats,
+                       arrival_s: float | None) -> tuple[Floats, Floats, float]:
+    """The reference of `distances` (3,), their limits (3,) and the mean error of the ratio, from records whose group
+    was held out of the training, or, with fewer than three groups, whose ratio was. The time of their impact is known
+    or sought."""
     chosen = same_places(X)
     keys = (groups if np.unique(groups[chosen]).size >= LEAST_GROUPS else y)[chosen]
-    found = []
+    found, held_out, every = [], list[int](), -(-len(chosen) // MOST_HELD_OUT)
+    rng = np.random.default_rng(0)
     for train, test in GroupKFold(min(FOLDS, np.unique(keys).size)).split(chosen, groups=keys):
         model = fit_model([X[k] for k in chosen[train]], groups[chosen[train]])
-        found += [model.estimate(X[k].signals, X[k].noise) for k in chosen[test]]
+        for k in chosen[test[::every]]:
+            for share in NOISES:
+                added = share * np.sqrt(np.mean(X[k].signals**2, axis=1))
+                noisy = X[k].signals + added[:, None] * rng.standard_normal(X[k].signals.shape)
+                found.append(model.estimate(noisy, np.hypot(X[k].noise, added), arrival_s=arrival_s))
+                held_out.append(int(k))
     reference = np.polyfit([one.ratio for one in found], np.log([one.misfit for one in found]), 2)
-    return reference, distance_limits(np.array([distances(one, reference) for one in found]))
+    error = float(np.mean(np.abs([one.ratio for one in found] - y[held_out])))
+    return reference, distance_limits(np.array([distances(one, reference) for one in found])), error

@@ -9,7 +9,8 @@ distributed: its mean depends on the material, its covariance does not; both com
 proportional to the impact speed. e is the residual of the plate's model on simulated records, and the noise of the
 sensors. Ten stones have 1024 arrangements. Each has a likelihood; the sum over all arrangements of one ratio gives the
 probability of that ratio, all ratios being equally likely beforehand. An impact speed that varied in training is
-averaged over; a damping that varied adds to the covariance of x.
+averaged over; a damping that varied adds to the covariance of x. So is the moment of the impact, which a trigger does
+not tell to some microseconds.
 
 Two neighbours that swap their materials give nearly the same record: the bending wave with a hill on one place and a
 valley on the next has over 10 kHz, and the spectrum of a stone's force ends at about 4 kHz. Arrangements with nearly
@@ -19,13 +20,14 @@ Discrete Inverse Problems, 2010).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, cached_property, lru_cache
 from itertools import product
 from math import comb
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import solve_triangular
 
 from recognition.estimation.arrays import Floats, Integers
 
@@ -33,6 +35,10 @@ MOST_STONES = 12  # 4096 arrangements
 #: Number of speeds examined, and how far beyond those of training, in shares of them, to see whether a record belongs
 #: there.
 SPEEDS, BEYOND = 31, 0.5
+#: The impact is sought so long before and after the beginning of a record, first every COARSE steps of the responses,
+#: then every step about the best SOUGHT of these; the posterior is summed over FINE steps about the best.
+LATEST_S, COARSE, SOUGHT = 3e-4, 6, 2
+FINE = np.arange(-4, 5) / 2
 #: Share of the probability left out of the interval on either side.
 TAIL = 0.05
 MISFIT = "misfit of the plate's model"
@@ -47,11 +53,13 @@ SHORT = {"digits": 7}
 @dataclass(frozen=True)
 class ArrangementEstimate:
     """Of one record. probability (stones + 1,): of 0, 1, 2 ... stones of gangue; misfit: least chi-square over the
-    number of samples; log_likelihood_ratio: of the best speed anywhere against the best within the training."""
+    number of samples; log_likelihood_ratio: of the best speed anywhere against the best within the training; arrival_s:
+    the most probable time of the impact, from the record's beginning."""
 
     probability: Floats
     misfit: float
     log_likelihood_ratio: float
+    arrival_s: float
 
     @property
     def ratio(self) -> float:
@@ -81,41 +89,101 @@ def arrangements(stones: int) -> tuple[Floats, Integers, Floats]:
     return np.column_stack([np.ones(len(which)), which]), count, prior / prior.sum()
 
 
-@dataclass(frozen=True)
-class ArrangementModel:
-    """Mean and covariance of records by arrangement; d = channels x samples, p powers of the speed.
+@lru_cache(maxsize=4)
+def _pairs(stones: int) -> Floats:
+    """Products of each two columns of `arrangements`, shape ((1 + stones)^2, 2^stones)."""
+    which = arrangements(stones)[0]
+    return np.ascontiguousarray((which[:, :, None] * which[:, None, :]).reshape(len(which), -1).T)
 
-    scale (channels,): rms of the signals, in shares of which x is; residual (channels,): rms of what the plate's model
-    leaves of x; covariance (d, d): of x, from stone to stone, at the speed middle_m_s; mean (p, d, 1 + stones): record
-    of coal alone, and what each stone of gangue adds to it, as coefficients of (v - middle)^k v / middle; low_m_s,
-    high_m_s: speeds of training. ValueError for arrays that do not fit together.
+
+@dataclass(frozen=True)
+class RecordLaw:
+    """Mean and covariance of records that begin at one moment; d = channels x samples, p powers of the speed.
+
+    covariance (d, d): of x, from stone to stone, at the middle speed; mean (p, d, 1 + stones): record of coal alone,
+    and what each stone of gangue adds to it, as coefficients of (v - middle)^k v / middle.
     """
 
+    mean: Floats
+    covariance: Floats
+
+
+@dataclass(frozen=True)
+class ArrangementModel:
+    """Law of records, from the plate's response and the stones' forces.
+
+    names: of the channels; scale (channels,): rms of the signals, in shares of which x is; residual (channels,): rms of
+    what the plate's model leaves of x; step_s: of the responses; stride: steps of a sample; samples: of a record that
+    are used. hat (channels, steps, stones): response of x to a force on each place that rises to 1 N over `width` steps
+    and falls as long, from the impact on; laws (2, p, bins): mean force of coal and of gangue, a hat a bin, each
+    `width` steps after the one before; covariance (bins, bins): of a force, from stone to stone; seen: number of
+    different stones that tell it; scatter: responses (channels, steps, m) to what else varies, by one standard
+    deviation each; low_m_s, high_m_s: speeds of training. ValueError for arrays that do not fit together.
+    """
+
+    names: tuple[str, ...]
     scale: Floats = field(metadata=SHORT)
     residual: Floats = field(metadata=SHORT)
+    step_s: float
+    stride: int
+    samples: int
+    hat: Floats = field(metadata=SHORT)
+    width: int
+    laws: Floats = field(metadata=SHORT)
     covariance: Floats = field(metadata=SHORT)
-    mean: Floats = field(metadata=SHORT)
+    seen: int
+    scatter: list[Floats]
     middle_m_s: float
     low_m_s: float
     high_m_s: float
 
     def __post_init__(self) -> None:
-        if not (self.mean.ndim == 3 and self.covariance.ndim == 2 and self.scale.shape == self.residual.shape != (0,)
-                and 1 <= self.stones <= MOST_STONES
-                and self.mean.shape[1] == self.covariance.shape[0] == self.samples * self.scale.size):
+        channels, steps = self.scale.size, (self.samples - 1) * self.stride + self.latest + 2
+        arrays = [self.hat, *self.scatter]
+        if not (self.laws.ndim == 3 and len(self.laws) == 2 and self.covariance.shape == (self.laws.shape[2],) * 2
+                and self.scale.shape == self.residual.shape == (len(self.names),) and channels and self.stride > 0
+                and self.samples > 0 and self.width > 0 and self.seen > 0
+                and all(one.ndim == 3 and one.shape[0] == channels and one.shape[1] >= steps for one in arrays)
+                and 1 <= self.stones <= MOST_STONES):
             raise ValueError("the arrays of the arrangements do not fit together")
 
     @property
     def stones(self) -> int:
-        return self.mean.shape[2] - 1
+        return self.hat.shape[2]
 
     @property
-    def samples(self) -> int:
-        return self.mean.shape[1] // len(self.scale)
+    def latest(self) -> int:
+        """Steps by which a record may begin too early or too late."""
+        return round(LATEST_S / self.step_s)
 
-    def mean_at(self, speed_m_s: float) -> Floats:
+    @cached_property
+    def _kept(self) -> dict[float, RecordLaw]:
+        return {}
+
+    def law_at(self, shift: float) -> RecordLaw:
+        """Law of records that begin `shift` steps after the impact."""
+        if shift not in self._kept:
+            self._kept[shift] = self._law_at(shift)
+        return self._kept[shift]
+
+    def _law_at(self, shift: float) -> RecordLaw:
+        rows = shift + self.stride * np.arange(self.samples, dtype=float)
+        delays = self.width * np.arange(self.laws.shape[2])
+        unit = np.stack([_sampled(self.hat, rows - delay) for delay in delays], axis=-1)
+        unit = unit.reshape(-1, *unit.shape[2:])  # (channels x samples, stones, bins)
+        coal, gangue = (np.einsum("dib,pb->pdi", unit, law, optimize=True) for law in self.laws)
+        mean = np.concatenate([coal.sum(axis=2, keepdims=True), gangue - coal], axis=2)
+        root = np.linalg.cholesky(self.covariance)
+        # The scatter of each place by itself; and that of the mean forces, which are known from so many stones only and
+        # err alike at all places.
+        parts = [(unit @ root).reshape(len(unit), -1), unit.sum(axis=1) @ root / np.sqrt(2 * self.seen)]
+        parts += [_sampled(one, rows).reshape(len(unit), -1) for one in self.scatter]
+        every = np.concatenate(parts, axis=1)
+        return RecordLaw(mean, every @ every.T)
+
+    def mean_at(self, speed_m_s: float, shift: float = 0.0) -> Floats:
         """Record of coal alone, and what each stone of gangue adds, shape (d, 1 + stones)."""
-        return np.tensordot(self._powers(np.array([speed_m_s]))[0], self.mean, 1)
+        return np.tensordot(self._powers(np.array([speed_m_s]))[0], self.law_at(shift).mean, 1)
 
     def _speeds_m_s(self) -> Floats:
         speeds = np.linspace(self.low_m_s * (1 - BEYOND), self.high_m_s * (1 + BEYOND), SPEEDS)
@@ -124,43 +192,80 @@ class ArrangementModel:
     def _powers(self, speeds_m_s: Floats) -> Floats:
         """Factor of each coefficient of the mean, shape (speeds, p)."""
         v = speeds_m_s[:, None]
-        return v / self.middle_m_s * (v - self.middle_m_s) ** np.arange(len(self.mean))
+        return v / self.middle_m_s * (v - self.middle_m_s) ** np.arange(self.laws.shape[1])
 
-    def estimate(self, signals: Floats, noise: Floats, speed_m_s: float | None = None) -> ArrangementEstimate:
-        """Of one record: signals (channels, samples), standard deviation of each sensor's noise (channels,), and the
-        impact speed where it is known."""
-        if speed_m_s is None:
-            speeds = self._speeds_m_s()
-            inside = (speeds >= self.low_m_s - 1e-9) & (speeds <= self.high_m_s + 1e-9)
-        else:
-            speeds, inside = np.array([speed_m_s]), np.array([True])
-        chi_square = self._chi_square(signals, noise, speeds)
-        best = chi_square[inside].min()
+    def estimate(self, signals: Floats, noise: Floats, speed_m_s: float | None = None,
+                 arrival_s: float | None = None, channels: Integers | None = None) -> ArrangementEstimate:
+        """Of one record: signals (m, samples), standard deviation of each sensor's noise (m,), the impact speed and the
+        time of the impact, from the record's beginning, where they are known, and which channels of the model the m
+        are."""
+        rows = np.arange(len(self.scale)) if channels is None else np.asarray(channels)
+        x, noise = signals / self.scale[rows, None], noise / self.scale[rows]
+        speeds = self._speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
+        inside = speeds if speed_m_s is not None else speeds[(speeds >= self.low_m_s - 1e-9)
+                                                             & (speeds <= self.high_m_s + 1e-9)]
+
+        @cache
+        def fit(shift: float) -> tuple[Floats, float]:
+            return self._chi_square(x, noise, rows, inside, shift)
+
+        def least(shift: float) -> float:
+            chi_square, log_determinant = fit(shift)
+            return float(chi_square.min()) + log_determinant
+
+        shifts = self._arrivals(least) if arrival_s is None else np.array([-arrival_s / self.step_s])
+        fits = [fit(shift) for shift in shifts.tolist()]
+        costs = np.stack([chi_square + log_determinant for chi_square, log_determinant in fits])
+        best = float(min(shifts.tolist(), key=least))
+        nearest = float(fit(best)[0].min())
+        anywhere = float(self._chi_square(x, noise, rows, speeds, best)[0].min())
         # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
         # certain.
-        temperature = max(1.0, float(best) / len(self.covariance))
+        temperature = max(1.0, nearest / x.size)
         _, count, prior = arrangements(self.stones)
-        weight = np.exp((best - chi_square[inside]) / (2 * temperature)) * prior
-        probability = np.bincount(count, weight.sum(axis=0)) / weight.sum()
-        log_ratio = (best - chi_square.min()) / (2 * temperature)
-        return ArrangementEstimate(probability, float(best) / len(self.covariance), float(log_ratio))
+        weight = np.exp((costs.min() - costs) / (2 * temperature)) * prior
+        probability = np.bincount(count, weight.sum(axis=(0, 1))) / weight.sum()
+        return ArrangementEstimate(probability, nearest / x.size, (nearest - anywhere) / (2 * temperature),
+                                   -best * self.step_s)
 
-    def _chi_square(self, signals: Floats, noise: Floats, speeds_m_s: Floats) -> Floats:
-        """Of every arrangement at every speed, shape (speeds, 2^stones)."""
-        x = (signals / self.scale[:, None]).ravel()
-        variance = np.repeat(self.residual**2 + (noise / self.scale) ** 2, self.samples)
-        powers, d, columns = self.mean.shape
-        known = np.column_stack([x, self.mean.transpose(1, 0, 2).reshape(d, -1)])
-        factor = cho_factor(self.covariance + np.diag(variance), lower=True, check_finite=False)
-        inner = known.T @ cho_solve(factor, known, check_finite=False)
+    def _arrivals(self, least: Callable[[float], float]) -> Floats:
+        """Shifts about the most probable one, which is sought first in wide steps, then in narrower ones about the best
+        of these."""
+        latest = float(self.latest)
+        coarse = sorted(np.arange(-latest, latest + 1, COARSE).tolist(), key=least)[:SOUGHT]
+        near = {shift + k for shift in coarse for k in range(-COARSE // 2, COARSE // 2 + 1) if abs(shift + k) <= latest}
+        best = min(near, key=least)
+        return np.clip(best + FINE, -latest, latest)
+
+    def _chi_square(self, x: Floats, noise: Floats, rows: Integers, speeds_m_s: Floats,
+                    shift: float) -> tuple[Floats, float]:
+        """Of every arrangement at every speed, shape (speeds, 2^stones), and the logarithm of the determinant."""
+        law = self.law_at(shift)
+        chosen = (rows[:, None] * self.samples + np.arange(self.samples)).ravel()
+        mean, covariance = law.mean[:, chosen], law.covariance[np.ix_(chosen, chosen)]
+        variance = np.repeat(self.residual[rows] ** 2 + noise**2, self.samples)
+        powers, d, columns = mean.shape
+        known = np.column_stack([x.ravel(), mean.transpose(1, 0, 2).reshape(d, -1)])
+        root = np.linalg.cholesky(covariance + np.diag(variance))
+        white = solve_triangular(root, known, lower=True, check_finite=False)
+        inner = white.T @ white
         # The mean at a speed is a sum over powers; so are its products with itself and with x.
-        law = self._powers(speeds_m_s)
+        of_speed = self._powers(speeds_m_s)
         blocks = inner[1:, 1:].reshape(powers, columns, powers, columns)
-        squares = np.einsum("vp,vq,piqj->vij", law, law, blocks, optimize=True)
-        sums = law @ inner[0, 1:].reshape(powers, columns)
-        which = arrangements(columns - 1)[0]
-        pairs = (which[:, :, None] * which[:, None, :]).reshape(len(which), -1)
-        return np.asarray(squares.reshape(len(law), -1) @ pairs.T - 2 * sums @ which.T + inner[0, 0])
+        squares = np.einsum("vp,vq,piqj->vij", of_speed, of_speed, blocks, optimize=True)
+        sums = of_speed @ inner[0, 1:].reshape(powers, columns)
+        chi_square = squares.reshape(len(of_speed), -1) @ _pairs(columns - 1) + inner[0, 0]
+        chi_square -= 2 * sums @ arrangements(columns - 1)[0].T
+        return np.asarray(chi_square), 2 * float(np.log(np.diag(root)).sum())
+
+
+def _sampled(response: Floats, rows: Floats) -> Floats:
+    """Of a response (channels, steps, m) at real steps `rows` (n,), between which it is linear; 0 before its start.
+    Shape (channels, n, m)."""
+    low = np.floor(rows).astype(int)
+    share = (rows - low)[:, None]
+    parts = [np.where((at >= 0)[:, None], response[:, np.maximum(at, 0)], 0.0) for at in (low, low + 1)]
+    return np.asarray((1 - share) * parts[0] + share * parts[1])
 
 
 def distances(found: ArrangementEstimate, reference: Floats) -> Floats:

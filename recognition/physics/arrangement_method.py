@@ -14,11 +14,11 @@ from analysis.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.calibration import reason_out_of_distribution
-from recognition.estimation.channels import channels_of
+from recognition.estimation.channels import channel_names, channels_of
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups
 from recognition.physics.arrangement_fit import PlateRecord, distance_reference, fit_model
-from recognition.physics.arrangement_likelihood import DISTANCES, ArrangementModel, distances
+from recognition.physics.arrangement_likelihood import DISTANCES, LATEST_S, ArrangementModel, distances
 from recognition.physics.force_records import ForceRecord, force_record_of
 
 #: Time from the first contact on that is used, and the most samples of it. A stone's force lasts 0.45 ms; the plate
@@ -30,20 +30,23 @@ SPEED = "speed_m_s"  # the condition that may be known of a record
 @dataclass
 class ArrangementLikelihood:
     """Recognition by the likelihood of every arrangement of stones on known places
-    (`recognition.estimation.method`)."""
+    (`recognition.estimation.method`). exact_trigger: records begin as those of the simulation, with all stones just
+    above the plate; otherwise the moment of the impact is sought."""
 
+    exact_trigger: bool = False
     model_: ArrangementModel = field(init=False, repr=False)
     reference_: Floats = field(init=False, repr=False)
     limits_: Floats = field(init=False, repr=False)
+    error_: float = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> PlateRecord:
         """The beginning of one record, and the forces of the stones where the run has them."""
-        values = channels_of(signals, "plate")
+        names, values = channel_names(signals.columns, "plate"), channels_of(signals, "plate")
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "record")
         samples = min(MOST_SAMPLES, round(DURATION_S * rate_Hz))
         if values.shape[1] < 4 * samples:
             raise RecognitionError(f"{values.shape[1]} samples; needs {4 * samples} to tell the sensors' noise")
-        return PlateRecord(values[:, :samples], noise_of(values), _force_record(run, 1 / rate_Hz))
+        return PlateRecord(values[:, :samples], noise_of(values), tuple(names), _force_record(run, 1 / rate_Hz))
 
     def fit(self, X: Sequence[PlateRecord], y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> ArrangementLikelihood:
@@ -52,8 +55,12 @@ class ArrangementLikelihood:
         are too few."""
         keys = np.asarray(y if groups is None else groups)
         self.model_ = fit_model(X, keys)
-        self.reference_, self.limits_ = distance_reference(X, np.asarray(y), keys)
+        self.reference_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys, self._arrival_s)
         return self
+
+    @property
+    def _arrival_s(self) -> float | None:
+        return 0.0 if self.exact_trigger else None
 
     def answer(self, X: Sequence[PlateRecord], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
         """Answers to records; of `nuisance` the impact speed is used."""
@@ -61,11 +68,13 @@ class ArrangementLikelihood:
         return [self._answer(x, speed) for x, speed in zip(X, speeds, strict=True)]
 
     def _answer(self, x: PlateRecord, speed_m_s: float | None) -> Answer:
-        (channels, samples), needed = x.signals.shape, (self.model_.scale.size, self.model_.samples)
-        if (channels, samples) != needed:
-            raise RecognitionError(f"{channels} channels of {samples} samples; the model has {needed[0]}"
-                                   f" of {needed[1]}")
-        found = self.model_.estimate(x.signals, x.noise, speed_m_s)
+        if x.signals.shape[1] != self.model_.samples:
+            raise RecognitionError(f"{x.signals.shape[1]} samples; the model has {self.model_.samples}")
+        known = self.model_.names
+        if strange := set(x.names) - set(known):
+            raise RecognitionError(f"no column {min(strange)!r} in the training; it has {', '.join(known)}")
+        found = self.model_.estimate(x.signals, x.noise, speed_m_s, self._arrival_s,
+                                     np.array([known.index(name) for name in x.names]))
         far = distances(found, self.reference_)
         return Answer(found.ratio, *found.interval, reason_out_of_distribution(DISTANCES, far, self.limits_))
 
@@ -87,6 +96,6 @@ def _force_record(run: Run | None, sample_s: float) -> ForceRecord | None:
     if run is None:
         return None
     try:
-        return force_record_of(run, DURATION_S, sample_s)
+        return force_record_of(run, DURATION_S + 2 * LATEST_S, sample_s)
     except RecordError:
         return None

@@ -21,19 +21,23 @@ from plate_fem.modes import plate_modes
 from plate_fem.response import pulse_response
 from recognition.estimation.arrays import Booleans, Floats
 
+Places = tuple[tuple[float, ...], ...]
+
 
 @dataclass(frozen=True)
 class ForceRecord:
     """Forces of the stones of one simulated run.
 
-    place_m (stones, 2): where the stones fall; at_once: all of them touch the plate together; sample_s: interval
-    between samples of the run's record; force_N (stones, steps): means over steps of step_s from t = 0 on; gangue
-    (stones,): which stones are gangue; modes_dir: where the plate's modes are kept.
+    place_m (stones, 2): where the stones fall; touch_m (stones, 2): where they touch the plate first, which a
+    sub-sphere beside the lowest point does some millimetres off; at_once: all of them touch the plate together;
+    sample_s: interval between samples of the run's record; force_N (stones, steps): means over steps of step_s from
+    t = 0 on; gangue (stones,): which stones are gangue; modes_dir: where the plate's modes are kept.
     """
 
     plate: FlexiblePlate
     modes_dir: Path | None
     place_m: Floats
+    touch_m: Floats
     at_once: bool
     speed_m_s: float
     sample_s: float
@@ -43,9 +47,10 @@ class ForceRecord:
 
     @cached_property
     def modelled(self) -> Floats:
-        """What the plate's model makes of these forces, shape (channels, steps): velocity of the centre of mass,
-        accelerometers, then rods, each by name."""
-        return response_to(unit_force_response(self, self.plate.damping_ratio), self.force_N.T).sum(axis=2)
+        """What the plate's model makes of these forces, shape (channels, steps): accelerometers, then rods, each by
+        name."""
+        unit = unit_force_response(self, self.plate.damping_ratio, self.touch_m - self.place_m)
+        return response_to(unit, self.force_N.T).sum(axis=2)
 
 
 def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) -> ForceRecord:
@@ -65,17 +70,30 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     if stones.speed_m_s is None:
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
     forces = [name for name in table.columns.astype(str) if name.startswith("force_") and name != "force_N"]
-    return ForceRecord(flexible_plate(run), user_cache(), places_of(run), stones.arrival_s is None,
+    place_m = places_of(run)
+    return ForceRecord(flexible_plate(run), user_cache(), place_m, _touches_of(run, place_m), stones.arrival_s is None,
                        stones.speed_m_s, sample_s or 1 / run.rate_Hz, step_s,
                        table[forces].to_numpy(dtype=float)[1:steps + 1].T, np.array(run.materials) == "gangue")
 
 
-def unit_force_response(record: ForceRecord, damping_ratio: float, moved_m: tuple[float, float] = (0.0, 0.0)) -> Floats:
-    """Response of each channel to a force of 1 N during the first step on each stone's place, displaced by moved_m
-    along x and y, shape (channels, steps, stones)."""
+def _touches_of(run: Run, place_m: Floats) -> Floats:
+    """Where the stones of a run touch the plate first (stones, 2); where one never does, its place. RecordError."""
+    path = run.path / "stones.parquet"
+    table = read_table(path)
+    if not {"first_x_m", "first_y_m"} <= set(table.columns) or len(table) != len(place_m):
+        raise RecordError(f"{path}: needs first_x_m and first_y_m of {len(place_m)} stones")
+    touch_m = table[["first_x_m", "first_y_m"]].to_numpy(dtype=float)
+    return np.where(np.isfinite(touch_m), touch_m, place_m)
+
+
+def unit_force_response(record: ForceRecord, damping_ratio: float,
+                        moved_m: Floats | tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """Response of each channel to a force of 1 N during the first step on each stone's place, displaced by moved_m (2,)
+    or (stones, 2), shape (channels, steps, stones)."""
+    moved = np.broadcast_to(moved_m, record.place_m.shape)
     plate = record.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
-    return _unit_force_response(plate.model_dump_json(), tuple(map(tuple, record.place_m)), moved_m, record.step_s,
-                                record.force_N.shape[1], record.modes_dir)
+    return _unit_force_response(plate.model_dump_json(), tuple(map(tuple, record.place_m)), tuple(map(tuple, moved)),
+                                record.step_s, record.force_N.shape[1], record.modes_dir)
 
 
 def response_to(unit_response: Floats, force_N: Floats) -> Floats:
@@ -84,17 +102,16 @@ def response_to(unit_response: Floats, force_N: Floats) -> Floats:
 
 
 @lru_cache(maxsize=64)
-def _unit_force_response(plate_json: str, places: tuple[tuple[float, float], ...], moved_m: tuple[float, float],
-                         step_s: float, steps: int, modes_dir: Path | None) -> Floats:
+def _unit_force_response(plate_json: str, places: Places, moved_m: Places, step_s: float, steps: int,
+                         modes_dir: Path | None) -> Floats:
     plate = FlexiblePlate.model_validate_json(plate_json)
     modes = plate_modes(plate, modes_dir, np.array(places))
-    amplitude, rate, acceleration = pulse_response(modes, step_s, steps)
-    down = -modes.shape_at(np.array(places) + moved_m)
+    amplitude, _, acceleration = pulse_response(modes, step_s, steps)
+    down = -modes.shape_at(np.array(places) + np.array(moved_m))
     sensors = sorted(plate.sensors, key=lambda sensor: f"acc_{sensor.name}_m_s2")  # as sorted columns are
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
     rods = modes.rod_force[sorted(range(len(modes.rod_force)), key=lambda k: f"rod_{k + 1}_N")]
-    return np.concatenate([_channels(rate, modes.mean_shape[None], down), _channels(acceleration, at_sensors, down),
-                           _channels(amplitude, rods, down)])
+    return np.concatenate([_channels(acceleration, at_sensors, down), _channels(amplitude, rods, down)])
 
 
 def _channels(motion: Floats, observed: Floats, down: Floats) -> Floats:

@@ -25,7 +25,8 @@ class GroupConformal:
     Split conformal prediction by cross-validation (Vovk 2015, Ann. Math. Artif. Intell. 74:9), whole groups held out:
     the half width is the (1 + 1/n) COVERAGE quantile of |error| / s, times s, the standard error that the estimator
     gives with `return_std` (1 where it gives none). An estimator with `distances(X)`, shape (runs, k), gets a limit for
-    each of the k from the same held-out records. An estimator whose `fit` takes `groups` or `nuisance` is given them.
+    each of the k from the same held-out records; `error_` is the mean of their |error|. An
+    estimator whose `fit` takes `groups` or `nuisance` is given them.
     """
 
     def __init__(self, estimator: Any):
@@ -38,16 +39,18 @@ class GroupConformal:
         groups = y if groups is None or np.unique(groups).size < LEAST_GROUPS else np.asarray(groups)
         if np.unique(groups).size < LEAST_GROUPS:
             raise RecognitionError(f"{np.unique(groups).size} different ratios; intervals need at least {LEAST_GROUPS}")
-        scores, distances = [], []
+        scores, distances, errors = [], [], []
         folds = GroupKFold(min(FOLDS, np.unique(groups).size))
         for train, test in folds.split(X, y, groups):
             known = None if nuisance is None else nuisance[train]
             model = _fitted(self.estimator, X[train], y[train], groups[train], known)
             ratio, error = _with_error(model, X[test])
             scores.append(np.abs(ratio - y[test]) / error)
+            errors.append(np.abs(ratio - y[test]))
             if hasattr(model, "distances"):
                 distances.append(model.distances(X[test]))
         self.width_ = float(held_out_quantile(np.concatenate(scores), COVERAGE))
+        self.error_ = float(np.concatenate(errors).mean())
         self.limits_ = distance_limits(np.vstack(distances)) if distances else np.empty(0)
         self.estimator_ = _fitted(self.estimator, X, y, groups, nuisance)
         return self

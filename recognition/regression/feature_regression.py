@@ -29,6 +29,7 @@ class FeatureRegression(RecordEstimator):
     features: str
     model_: ProcessModel = field(init=False, repr=False)
     width_: float = field(init=False, repr=False)
+    error_: float = field(init=False, repr=False)
     limits_: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -47,6 +48,7 @@ class FeatureRegression(RecordEstimator):
         conformal.fit(np.asarray(X), y, groups, _numbers(nuisance))
         self._estimator = conformal.estimator_
         self.model_, self.width_, self.limits_ = conformal.estimator_.model_, conformal.width_, conformal.limits_
+        self.error_ = conformal.error_
         return self
 
     def predict(self, X: Sequence[Floats] | Floats) -> Floats:

@@ -44,24 +44,15 @@ def _energies_sensors(signals: pd.DataFrame) -> Floats:
     return _without_errors(log_rms(channels_of(signals, "accelerometers")))
 
 
-def _energies_all(signals: pd.DataFrame) -> Floats:
-    """Those of the accelerometers, and windows of the centre of mass' velocity and of the rods' forces."""
-    speed = channels_of(signals, "centre")[:1]
-    rods = channels_of(signals, "rods")
-    # No bands: above the first modes these two hold so little that noise of a sensor would be all there is.
-    return np.hstack([_energies_sensors(signals), _without_errors(log_rms(speed, WINDOWS, ())),
-                      _without_errors(log_rms(rods, WINDOWS, ()))])
-
-
 def _impulse(signals: pd.DataFrame) -> Floats:
-    """The stones' impulse, and all energies."""
+    """The stones' impulse, and the energies of the accelerometers."""
     found = impulse(signals)
-    return np.hstack([[[found.impulse_N_s], [found.standard_error_N_s]], _energies_all(signals)])
+    return np.hstack([[[found.impulse_N_s], [found.standard_error_N_s]], _energies_sensors(signals)])
 
 
 #: name -> features of a record and their standard errors by the noise of the sensors, shape (2, p).
 FEATURES: dict[str, Callable[[pd.DataFrame], Floats]] = {
-    "impulse": _impulse, "energies_all": _energies_all, "energies_sensors": _energies_sensors}
+    "impulse": _impulse, "energies_sensors": _energies_sensors}
 #: Number of features, from the first on, from which the ratio is found, where that is not all; the others serve to
 #: recognise records out of distribution.
 PREDICTORS = {"impulse": 1}

@@ -7,7 +7,7 @@ import numpy as np
 from report.chapters.figure_spec import Drawn, FigureSpec
 from report.figures import recognition as figures
 from report.figures.lines import curves
-from report.results.methods import FUSION_Q, IMPULSE, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
+from report.results.methods import FUSION_Q, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
 from report.results.recognition import HELD_OUT
 from report.results.sweep_results import SweepResults
 
@@ -76,7 +76,7 @@ def worked_example(results: SweepResults) -> Drawn:
 
 def recognised_against_true(results: SweepResults) -> Drawn:
     rows, leading = results.recognition.answers[HELD_OUT], results.recognition.leading_method
-    second = next(name for name in (IMPULSE, *MODEL_METHODS_WITH_INTERVAL) if name != leading)
+    second = next(name for name in MODEL_METHODS_WITH_INTERVAL if name != leading)
     with_interval = {
         MODEL_METHODS[name]: np.array([(row[name].ratio, row[name].low, row[name].high) for row in rows])
         for name in (leading, second)

@@ -13,9 +13,6 @@ FUSION_MODIFIED = "energy_fusion_modified"
 #: The paper's energy fusion in a few words, for the statement that compares it with Q.
 FUSION_WORDS = {FUSION_AS_PUBLISHED: "as published", FUSION_MODIFIED: "modified"}
 
-#: A method that needs no positions of the stones.
-IMPULSE = "impulse"
-
 #: The paper's recognition strategy, unfitted.
 STRATEGY_AS_PUBLISHED = as_published
 MODIFIED_STRATEGY = modified

@@ -56,6 +56,18 @@ def test_a_group_is_one_draw_and_a_seed_gives_the_same_again(tmp_path):
         assert runs[str(run.directory)] == run.scene
 
 
+def test_groups_share_as_many_packings_as_asked_for_and_draw_the_rest_as_before(tmp_path):
+    own = {str(run.directory): run.scene for run in plan_dataset(plan(tmp_path))}
+    shared = {str(run.directory): run.scene for run in plan_dataset(plan(tmp_path, "packings = 2\n" + PLAN, "shared.toml"))}
+    seeds = [shared[f"ring/{group:03d}/ratio_050"].stones.seed for group in range(3)]
+    assert seeds[0] == seeds[2] != seeds[1]  # in turn
+    for name, scene in shared.items():
+        changed_back = scene.stones.model_copy(update={"seed": own[name].stones.seed})
+        assert scene.model_copy(update={"stones": changed_back}) == own[name]
+    free = [scene.stones.seed for name, scene in shared.items() if name.startswith("free")]
+    assert set(free) == {own["free/000/ratio_" + name[-3:]].stones.seed for name in own if name.startswith("free/000")}
+
+
 def test_ranges_are_kept_and_ratios_come_equally_often(tmp_path):
     free = [run.scene for run in plan_dataset(plan(tmp_path)) if run.directory.parts[0] == "free"]
     ratios = [scene.stones.gangue_ratio for scene in free]

@@ -18,14 +18,17 @@ from common.plate import FlexiblePlate
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 from recognition import RecognitionError
+from recognition.evaluation.error_bounds import arrangement_error_points
 from recognition.model_file import decode, encode
 from recognition.physics.arrangement_fit import PlateRecord
-from recognition.physics.arrangement_likelihood import ArrangementEstimate, ArrangementModel, distances
+from recognition.physics.arrangement_likelihood import LATEST_S, ArrangementEstimate, ArrangementModel, distances
 from recognition.physics.arrangement_method import ArrangementLikelihood, noise_of
 from recognition.physics.force_records import ForceRecord
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
 STEP_s, SAMPLE_s, SAMPLES = 1e-5, 5e-5, 60
+LATE = round(LATEST_S / SAMPLE_s) + 1  # samples by which the forces are known for longer than the record
+NAMES = ("acc_s0_m_s2", "acc_s1_m_s2", "acc_s2_m_s2", "rod_1_N", "rod_2_N", "rod_3_N", "rod_4_N")
 KEPT = tempfile.TemporaryDirectory()  # of the plates' modes
 SENSORS_M = [(0.0, 0.11), (-0.1, 0.03), (0.12, -0.06)]
 ROD = {"diameter_m": 0.012, "length_m": 0.06, "youngs_modulus_Pa": 2e11, "density_kg_m3": 7800.0}
@@ -47,28 +50,30 @@ def plate(thickness_m=0.008):
 
 def forces_N(gangue, size, speed_m_s):
     """Half sines of 0.25 ms, gangue's twice as large, all as the speed: (steps, stones)."""
-    t = (np.arange(SAMPLES * round(SAMPLE_s / STEP_s)) + 0.5) * STEP_s
+    t = (np.arange((SAMPLES + 2 * LATE) * round(SAMPLE_s / STEP_s)) + 0.5) * STEP_s
     pulse = np.where(t < 2.5e-4, np.sin(np.pi * t / 2.5e-4), 0.0)
     return pulse[:, None] * np.where(gangue, 2000.0, 1000.0) * size * speed_m_s / 3
 
 
-def record(modes, force_N, noise, rng):
-    """Signals and the deviation of their noise, from the motion of the modes step by step."""
+def record(modes, force_N, noise, rng, late=0):
+    """Signals and the deviation of their noise, from the motion of the modes step by step; they begin `late` steps after
+    the impact."""
     motion, down = ModalMotion(modes, STEP_s), -modes.shape_at(PLACES_M)
     sensors, signals = modes.shape_at(np.array(SENSORS_M)), []
     push = np.vstack([force_N, force_N[-1:]]) @ down
     before = np.zeros_like(push[0])
     for k in range(len(force_N)):
         a = motion.acceleration_at(motion.amplitude, motion.rate, (before + push[k]) / 2)
-        signals.append(np.concatenate([[modes.mean_shape @ motion.rate], sensors @ a, modes.rod_force @ motion.amplitude]))
+        signals.append(np.concatenate([sensors @ a, modes.rod_force @ motion.amplitude]))
         before = push[k]
         motion.advance(push[k])
-    values = np.array(signals)[::round(SAMPLE_s / STEP_s)].T
+    silent = np.zeros((max(0, -late), len(NAMES)))
+    values = np.vstack([silent, signals])[max(0, late)::round(SAMPLE_s / STEP_s)][:SAMPLES].T
     sd = noise * np.sqrt(np.mean(values**2, axis=1))
     return values + sd[:, None] * rng.standard_normal(values.shape), sd
 
 
-def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0.1):
+def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0.1, late=0):
     """Records with the forces of their stones, and ratios: a stone of every run is another one."""
     table, modes, rng = plate(thickness_m), modes_of(thickness_m), np.random.default_rng(seed)
     X, ratios = [], []
@@ -77,8 +82,8 @@ def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0
         gangue = rng.permutation(len(PLACES_M)) < n
         speed = rng.uniform(*speeds)
         force = forces_N(gangue, 1 + scatter * rng.standard_normal(len(PLACES_M)), speed)
-        forces = ForceRecord(table, Path(KEPT.name), PLACES_M, True, speed, SAMPLE_s, STEP_s, force.T, gangue)
-        X.append(PlateRecord(*record(modes, force, noise, rng), forces))
+        forces = ForceRecord(table, Path(KEPT.name), PLACES_M, PLACES_M, True, speed, SAMPLE_s, STEP_s, force.T, gangue)
+        X.append(PlateRecord(*record(modes, force, noise, rng, late), NAMES, forces))
         ratios.append(n / len(PLACES_M))
     return X, np.array(ratios)
 
@@ -86,33 +91,104 @@ def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0
 @pytest.fixture(scope="module")
 def method():
     X, ratios = draw(30, 1)
-    return ArrangementLikelihood().fit(X, ratios, groups=np.arange(30))
+    return ArrangementLikelihood(exact_trigger=True).fit(X, ratios, groups=np.arange(30))
+
+
+def small_model(rng, stones=4, bins=3, powers=2, width=2, samples=6, scatter=1):
+    hat = rng.standard_normal((2, samples + 64, stones))
+    root = 0.4 * rng.standard_normal((bins, bins))
+    return ArrangementModel(("a", "b"), np.array([1.0, 2.0]), np.array([0.3, 0.2]), 1e-5, 1, samples, hat, width,
+                            0.3 * rng.standard_normal((2, powers, bins)), root @ root.T + 0.01 * np.eye(bins), 7,
+                            [0.2 * rng.standard_normal((2, samples + 64, 2)) for _ in range(scatter)], 3.0, 3.0, 3.0)
+
+
+def naive_law(model, shift):
+    """Mean (p, d, 1 + stones) and covariance, from the response to a force in each bin on each place, sample by sample."""
+    d, n, bins = 2 * model.samples, model.stones, model.laws.shape[2]
+
+    def at(response, row):
+        low = int(np.floor(row))
+        here, then = (response[:, k] if k >= 0 else np.zeros_like(response[:, 0]) for k in (low, low + 1))
+        return here + (row - low) * (then - here)
+
+    unit = np.zeros((2, model.samples, n, bins))
+    other = [np.zeros((2, model.samples, one.shape[2])) for one in model.scatter]
+    for k in range(model.samples):
+        for b in range(bins):
+            unit[:, k, :, b] = at(model.hat, shift + k - b * model.width)
+        for one, response in zip(other, model.scatter, strict=True):
+            one[:, k] = at(response, shift + k)
+    unit = unit.reshape(d, n, bins)
+    covariance = sum(unit[:, i] @ model.covariance @ unit[:, i].T for i in range(n))
+    covariance = covariance + unit.sum(axis=1) @ model.covariance @ unit.sum(axis=1).T / (2 * model.seen)
+    for one in other:
+        covariance = covariance + one.reshape(d, -1) @ one.reshape(d, -1).T
+    coal, gangue = (np.array([unit @ law for law in laws]) for laws in model.laws)
+    return np.concatenate([coal.sum(axis=2)[:, :, None], gangue - coal], axis=2), covariance
+
+
+@pytest.mark.parametrize("shift", [0.0, 3.0, -4.5, 0.25])
+def test_the_law_of_records_against_a_naive_twin(shift):
+    model = small_model(np.random.default_rng(8))
+    mean, covariance = naive_law(model, shift)
+    law = model.law_at(shift)
+    assert law.mean == pytest.approx(mean, abs=1e-12)
+    assert law.covariance == pytest.approx(covariance, abs=1e-12)
 
 
 def test_against_every_arrangement_by_itself():
     rng = np.random.default_rng(4)
-    stones, channels, samples, powers = 4, 2, 6, 2
-    d = channels * samples
-    root = 0.4 * rng.standard_normal((d, 3))
-    model = ArrangementModel(np.array([1.0, 2.0]), np.array([0.3, 0.2]), root @ root.T,
-                             rng.standard_normal((powers, d, 1 + stones)) * np.array([1.0, 0.2])[:, None, None], 3.0, 3.0, 3.0)
-    signals, noise = rng.standard_normal((channels, samples)), np.array([0.5, 0.1])
+    model, shift = small_model(rng), 2.5
+    stones, samples, powers = model.stones, model.samples, 2
+    d = 2 * samples
+    mean_at, covariance_at = naive_law(model, shift)
+    signals, noise = rng.standard_normal((2, samples)), np.array([0.5, 0.1])
     for speed in (3.0, 2.2):
         share, chance = speed / 3.0, np.zeros(stones + 1)
-        covariance = model.covariance + np.diag(np.repeat(model.residual**2 + (noise / model.scale) ** 2, samples))
+        covariance = covariance_at + np.diag(np.repeat(model.residual**2 + (noise / model.scale) ** 2, samples))
         flat, least = (signals / model.scale[:, None]).ravel(), np.inf
         logs = []
         for which in product((0, 1), repeat=stones):
-            mean = share * sum((speed - 3.0) ** k * model.mean[k] for k in range(powers)) @ np.array([1, *which])
+            mean = share * sum((speed - 3.0) ** k * mean_at[k] for k in range(powers)) @ np.array([1, *which])
             logs.append(multivariate_normal(mean, covariance).logpdf(flat) - np.log(comb(stones, sum(which))))
             least = min(least, float((flat - mean) @ np.linalg.solve(covariance, flat - mean)))
         temperature = max(1.0, least / d)
         likelihood = [log + np.log(comb(stones, sum(which))) for log, which in zip(logs, product((0, 1), repeat=stones), strict=True)]
         for log, which in zip(likelihood, product((0, 1), repeat=stones), strict=True):
             chance[sum(which)] += np.exp((log - max(likelihood)) / temperature) / comb(stones, sum(which))
-        found = model.estimate(signals, noise, speed)
+        found = model.estimate(signals, noise, speed, -shift * model.step_s)
         assert found.misfit == pytest.approx(least / d, rel=1e-9)
         assert found.probability == pytest.approx(chance / chance.sum(), rel=1e-7)
+
+
+def test_the_least_error_is_that_of_the_prior_where_noise_drowns_all():
+    """Five ratios, equally likely: the median is 50 %, 30 points off in the mean."""
+    model = small_model(np.random.default_rng(6))
+    assert arrangement_error_points(model, np.array([1e4, 1e4])) == pytest.approx(30.0, abs=3.0)
+    exact = replace(model, residual=np.array([1e-6, 1e-6]), covariance=1e-10 * np.eye(3), scatter=[])
+    assert arrangement_error_points(exact, np.zeros(2)) < 0.5
+
+
+def test_channels_that_a_record_lacks_are_left_out():
+    """One channel of two gives what a model of that channel alone gives."""
+    rng = np.random.default_rng(5)
+    model = small_model(rng)
+    lone = replace(model, names=("b",), scale=model.scale[1:], residual=model.residual[1:], hat=model.hat[1:],
+                   scatter=[one[1:] for one in model.scatter])
+    signals, noise = rng.standard_normal((1, model.samples)), np.array([0.1])
+    found = model.estimate(signals, noise, arrival_s=0.0, channels=np.array([1]))
+    assert found.probability == pytest.approx(lone.estimate(signals, noise, arrival_s=0.0).probability, rel=1e-9)
+
+
+@pytest.mark.parametrize("late", [-25, 1, 20])
+def test_the_moment_of_the_impact_is_found(method, late):
+    """From 0.25 ms of silence to a record that begins 0.2 ms after the impact; steps are 10 us."""
+    X, ratios = draw(6, 7, noise=0.03, late=late)
+    answers = [method.model_.estimate(x.signals, x.noise) for x in X]
+    arrival_s = np.array([found.arrival_s for found in answers])
+    assert np.median(np.abs(arrival_s + late * STEP_s)) < STEP_s
+    right = [round(5 * found.ratio) == round(5 * b) for found, b in zip(answers, ratios, strict=True)]
+    assert np.mean(right) >= 5 / 6
 
 
 @pytest.mark.parametrize(("noise", "least_right"), [(0.0, 0.95), (0.1, 0.9)])
@@ -132,7 +208,7 @@ def test_another_plate_and_another_speed_are_out_of_distribution(method):
 
 def test_a_speed_that_varied():
     X, ratios = draw(90, 5, speeds=(2.0, 4.0))
-    method = ArrangementLikelihood().fit(X[:40], ratios[:40], groups=np.arange(40))
+    method = ArrangementLikelihood(exact_trigger=True).fit(X[:40], ratios[:40], groups=np.arange(40))
     speeds = pd.DataFrame({"damping_ratio": 0.01, "speed_m_s": [x.force_record.speed_m_s for x in X[40:]]})
     unknown = np.array([answer.ratio for answer in method.answer(X[40:])])
     known = np.array([answer.ratio for answer in method.answer(X[40:], nuisance=speeds)])
@@ -167,5 +243,5 @@ def test_noise_of_smooth_signals():
 def test_distances_by_hand():
     """Reference misfits: 0.8 for coal, 0.2 for gangue, exponential between; half of the stones are gangue."""
     reference = np.array([0.0, np.log(0.25), np.log(0.8)])
-    half = ArrangementEstimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1, 6.0)
+    half = ArrangementEstimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1, 6.0, 0.0)
     assert distances(half, reference) == pytest.approx([0.1, 2.0, 4.0])

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import welch
 
 from recognition import RecognitionError
 from recognition.evaluation.cross_validation import (
@@ -14,8 +15,8 @@ from recognition.evaluation.cross_validation import (
     table,
     write_evaluation,
 )
-from recognition.evaluation.dataset import DataSet, read_dataset
-from recognition.evaluation.sensor_noise import with_noise
+from recognition.evaluation.dataset import DataSet, _kin, read_dataset
+from recognition.evaluation.sensor_noise import same_per_hertz, with_noise
 from recognition.methods import EVALUATED
 from tests.analysis import synthetic
 
@@ -31,7 +32,7 @@ def rows():
     rng = np.random.default_rng(1)
     return pd.DataFrame([
         {"family": name, "group": f"{name}/{g:03d}", "gangue_ratio": k / 10 if runs == 11 else rng.integers(11) / 10,
-         "arrangement": "paper's" if name in ("paper", "packing") else f"{name}/{g:03d}", "speed_m_s": rng.uniform(2, 4), "damping_ratio": rng.uniform(0.005, 0.02)}
+         "kin": "paper" if name in ("paper", "packing") else str(g % 8), "speed_m_s": rng.uniform(2, 4), "damping_ratio": rng.uniform(0.005, 0.02)}
         for name, (groups, runs) in FAMILIES.items() for g in range(groups) for k in range(runs)])
 
 
@@ -42,10 +43,10 @@ def test_what_is_held_out_is_not_in_the_training(case):
     for train, test in Evaluation(data).splits(case):
         seen, held = data.table.iloc[train], data.table.iloc[test]
         assert len(train) and len(test)
-        assert not set(seen["arrangement"]) & set(held["arrangement"])
+        assert not set(seen["kin"]) & set(held["kin"])
         if case.key == "gangue_ratio":
             assert not set(seen["gangue_ratio"]) & set(held["gangue_ratio"])
-        elif case.key != "arrangement":
+        elif case.key != "kin":
             low, high = held[case.key].min(), held[case.key].max()
             assert not seen[case.key].between(low, high).any()
         if case.eleven:
@@ -54,6 +55,14 @@ def test_what_is_held_out_is_not_in_the_training(case):
             tested.append(test)
     if not case.eleven:
         assert sorted(np.concatenate(tested)) == sorted(data.of(*case.families))  # each once
+
+
+def test_kin_have_something_in_common_if_only_by_way_of_others():
+    order, packing = pd.Series(list("aabcdd")), pd.Series(list("uvvwxy"))
+    found = _kin(pd.Series(range(6)), order, packing)
+    alike = {(i, j): order[i] == order[j] or packing[i] == packing[j] for i in range(6) for j in range(6)}
+    assert [set(np.flatnonzero(found == one).tolist()) for one in found] == [{0, 1, 2}, {0, 1, 2}, {0, 1, 2}, {3}, {4, 5}, {4, 5}]
+    assert not alike[0, 2]  # they are kin by way of 1 alone
 
 
 def test_a_case_without_runs_says_so():
@@ -75,6 +84,18 @@ def test_noise_is_as_loud_as_it_says_and_the_same_again(db):
     assert with_noise(signals, None, np.random.default_rng(3)) is signals
 
 
+def test_noise_has_as_much_power_in_a_hertz_at_any_rate():
+    """By Welch's method: 20 dB at 6667 Hz and what it is at six times that."""
+    density = []
+    for factor in (1, 6):
+        rate_Hz, t = 6667.0 * factor, np.arange(60000 * factor) / (6667.0 * factor)
+        signals = pd.DataFrame({"t_s": t, "v_m_s": np.sin(2 * np.pi * 100 * t)})
+        noise = with_noise(signals, same_per_hertz(20.0, factor), np.random.default_rng(1))["v_m_s"] - signals["v_m_s"]
+        density.append(welch(noise.to_numpy(), rate_Hz)[1].mean())
+    assert density[1] == pytest.approx(density[0], rel=0.03)
+    assert same_per_hertz(20.0, 6) == pytest.approx(12.2, abs=0.02) and same_per_hertz(None, 6) is None
+
+
 @pytest.fixture(scope="module")
 def monkeypatch_module():
     with pytest.MonkeyPatch.context() as patch:
@@ -86,7 +107,8 @@ def synthetic_set(tmp_path_factory, monkeypatch_module):
     out = tmp_path_factory.mktemp("dataset")
     synthetic.SCENE["plate"]["damping_ratio"] = 0.01
     order = list(synthetic.SCENE["stones"]["gangue_order"])
-    for group in range(5):  # each an arrangement of its own
+    for group in range(5):  # each an arrangement and packings of its own
+        monkeypatch_module.setitem(synthetic.SCENE["stones"], "seed", 1000 * group)
         monkeypatch_module.setitem(synthetic.SCENE["stones"], "gangue_order", order[group:] + order[:group])
         for k in (0, 3, 5, 8, 10):
             synthetic.write_run(out / "ring" / f"{group:03d}" / f"ratio_{10 * k:03d}", k / 10, 100 * group + k, 0.02)

@@ -1,6 +1,7 @@
 """A model file holds exactly what a method needs; and which method is the best to ask."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -33,31 +34,40 @@ def test_nothing_is_converted_or_filled_in(saved, change):
         decode(changed, FusionQ)
 
 
-@pytest.mark.parametrize(("draws", "columns_there", "expected"), [
-    (22, True, "arrangement_likelihood"), (22, False, "energies_all"), (1, False, "energies_sensors")])
-def test_the_best_method(draws, columns_there, expected):
-    """A method that does not apply is passed over; after one draw, energies_all is not asked."""
-    arrangement = Answer(0.3, 0.2, 0.4) if columns_there else Answer.none("no column")
-    answers = {"fusion_q": Answer(0.3), "energies_sensors": Answer(0.3, 0.2, 0.4), "energies_all": Answer(0.3, 0.2, 0.4),
-               "impulse": Answer.none("no column"), "arrangement_likelihood": arrangement}
-    model = Model(Window(6667.0, 267), {}, {"groups": draws})
-    assert model.best(answers)[0] == expected
-    assert model.best({"fusion_q": Answer(0.3)}) is None
+def known(**errors):
+    """A model whose methods have these errors on runs that were held out."""
+    return Model(Window(6667.0, 267), {name: SimpleNamespace(error_=error) for name, error in errors.items()}
+                 | {"fusion_q": SimpleNamespace()}, {"groups": 22})
 
 
-@pytest.mark.parametrize("method", ["fusion_q", "energies_sensors", "energies_all", "impulse", "arrangement_likelihood"])
+def test_the_best_method_is_that_of_the_least_held_out_error():
+    """One that does not apply, or gives no interval, is passed over."""
+    answers = {"fusion_q": Answer(0.3), "energies_sensors": Answer(0.3, 0.2, 0.4), "arrangement_likelihood": Answer(0.3, 0.2, 0.4)}
+    assert known(energies_sensors=0.05, arrangement_likelihood=0.01).best(answers)[0] == "arrangement_likelihood"
+    assert known(energies_sensors=0.05, arrangement_likelihood=0.06).best(answers)[0] == "energies_sensors"
+    answers["arrangement_likelihood"] = Answer.none("no column")
+    assert known(energies_sensors=0.05, arrangement_likelihood=0.01).best(answers)[0] == "energies_sensors"
+    assert known(arrangement_likelihood=0.01).best({"fusion_q": Answer(0.3)}) is None
+
+
+@pytest.mark.parametrize("method", ["fusion_q", "energies_sensors", "arrangement_likelihood"])
 def test_one_method_that_finds_a_misfit_vetoes_the_answers_of_all_others(method):
-    answers = {name: Answer(0.3, 0.2, 0.4) for name in ("fusion_q", "energies_sensors", "energies_all", "impulse",
-                                                        "arrangement_likelihood")}
-    model = Model(Window(6667.0, 267), {}, {"groups": 22})
+    """Unless a method that seeks the moment of the impact knows the record."""
+    answers = {name: Answer(0.3, 0.2, 0.4) for name in ("fusion_q", "energies_sensors")}
+    if method == "arrangement_likelihood":
+        answers[method] = Answer(0.3, 0.2, 0.4)
+    model = known(energies_sensors=0.05, arrangement_likelihood=0.01)
     assert model.best(answers) is not None
     answers[method] = Answer(0.3, 0.2, 0.4, "misfit 3, limit 2")
     assert model.best(answers) is None and model.vetoes(answers) == {method: "misfit 3, limit 2"}
+    if method != "arrangement_likelihood":
+        answers["arrangement_likelihood"] = Answer(0.3, 0.2, 0.4)
+        assert model.best(answers)[0] == "arrangement_likelihood" and model.vetoes(answers) == {}
 
 
 def test_no_number_is_printed_where_one_method_vetoes(monkeypatch, tmp_path, capsys):
-    model = Model(Window(6667.0, 267), {}, {"groups": 22})
-    answers = {"fusion_q": Answer(0.31), "energies_all": Answer(0.32, 0.25, 0.45),
+    model = known(energies_sensors=0.05, arrangement_likelihood=0.01)
+    answers = {"fusion_q": Answer(0.31), "energies_sensors": Answer(0.32, 0.25, 0.45),
                "arrangement_likelihood": Answer(0.33, 0.2, 0.4, "misfit of the plate's model 7, limit 2")}
     monkeypatch.setattr(Model, "load", classmethod(lambda cls, path: model))
     monkeypatch.setattr(Model, "recognise", lambda self, signals, source: answers)

@@ -8,6 +8,7 @@ import pytest
 from sklearn.linear_model import LinearRegression
 
 from recognition.estimation.channels import channels_of
+from recognition.evaluation.stone_histories import rock_of
 from recognition.physics.impulse import impulse
 from recognition.regression.feature_regression import FeatureRegression
 from recognition.regression.features import log_rms
@@ -20,7 +21,13 @@ def impacts():
     return np.array([k[0] for k in keys]), np.array([k[1] for k in keys]), signals
 
 
-@pytest.mark.parametrize("name", ["impulse", "energies_all"])
+def test_the_stored_records_are_of_the_rock_of_the_scene():
+    """Otherwise: make dataset, then python tests/recognition/data/make.py runs/dataset."""
+    table = pd.read_parquet(Path(__file__).with_name("data") / "impacts.parquet")
+    assert table.attrs["rock"] == rock_of("scenes/paper.toml")
+
+
+@pytest.mark.parametrize("name", ["impulse", "energies_sensors"])
 def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, name):
     """Through the rms of the accelerometers."""
     groups, ratio, signals = impacts
@@ -51,8 +58,10 @@ def test_another_plate_is_out_of_distribution(impacts):
 
 
 def test_the_impulse_is_that_of_the_simulation(impacts):
-    """Of plate and rods at 6667 Hz, against the sum of all contact forces over all steps, which run.json has."""
-    _, _, signals = impacts
+    """Of plate and rods at 6667 Hz, against the sum of all contact forces over all steps, which run.json has. Each plate
+    has a bias of its own: 2 to 5 % too much on the paper's, 3 % too little on the thin one."""
+    groups, _, signals = impacts
     found = np.array([impulse(s).impulse_N_s for s in signals])
     true = np.array([s["impulse_N_s"].iloc[0] for s in signals])
-    assert np.abs(found / true - 1).max() < 0.06 and np.corrcoef(found, true)[0, 1] > 0.995
+    paper = ~np.char.startswith(groups, "thin")
+    assert np.abs(found / true - 1).max() < 0.06 and np.corrcoef(found[paper], true[paper])[0, 1] > 0.995

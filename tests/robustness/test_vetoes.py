@@ -10,7 +10,7 @@ import pytest
 from recognition.regression.feature_regression import FeatureRegression
 
 IMPACTS = Path(__file__).resolve().parents[1] / "recognition" / "data" / "impacts.parquet"
-METHODS = ("impulse", "energies_all", "energies_sensors")
+METHODS = ("impulse", "energies_sensors")
 BY_DESIGN = 0.05  # of held-out runs are beyond the quantile that a limit is 1.5 times of
 
 
