@@ -55,6 +55,9 @@ def records(draw, record):
         name, how = draw(st.sampled_from(COLUMNS)), draw(st.sampled_from(["scale", "hold", "swap", "cell", "many", "drop", "text"]))
         if name not in table.columns:
             continue
+        is_text = not pd.api.types.is_numeric_dtype(table[name])
+        if how == "scale" and is_text:
+            continue
         if how == "scale":
             table[name] *= draw(st.sampled_from([0.0, -1.0, 1e-300, 1e-12, 0.5, 1e6, 1e200, 1e308]))
         elif how == "hold":
@@ -67,7 +70,7 @@ def records(draw, record):
             table[name] = draw(st.sampled_from(HOSTILE))
         else:
             cell, last = draw(cells), len(table) if how == "many" else 1
-            if isinstance(cell, str):
+            if is_text or isinstance(cell, str):
                 table[name] = table[name].astype(object)
             at = draw(st.integers(0, len(table) - 1))
             table.loc[table.index[at:at + last], name] = cell
