@@ -195,6 +195,18 @@ def test_what_no_stream_can_be_asked_for(record, plate, tmp_path, option, value)
     assert code == 2 and errors.count("\n") == 1 and option in errors and not (tmp_path / "heard").exists()
 
 
+@pytest.mark.parametrize("scale, samples, checked", [
+    (1.0, 300, 3),  # noise alone, of a plate that is known exactly
+    (1e-7, 800, 0),  # a hundredth of a microsecond, in which nothing rings
+    (1e-24, 800, 2), (1e-300, 800, 2),
+])
+def test_records_that_show_no_ringing(record, plate, tmp_path, scale, samples, checked):
+    plate.save(tmp_path / "plate.json")
+    file = written(tmp_path, record.assign(t_s=scale * record["t_s"])[:samples])
+    assert refused_or_done(["check", file, "--plate", tmp_path / "plate.json"]) == checked
+    assert refused_or_done(["listen", file, "--plate", tmp_path / "plate.json", "--out", tmp_path / "heard"]) == 2
+
+
 def test_some_taps(record):
     fuzz(lambda case: check_tapped(case, record), tap_cases(record), 6)
 
