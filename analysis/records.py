@@ -18,6 +18,7 @@ from common.units import unit_of
 # Times written with few digits jitter by the last digit. More than this share of the interval means gaps, or a rate
 # that changes.
 MAX_TIME_JITTER = 0.01
+LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from the ends of what numbers hold
 
 
 class RecordError(ValueError):
@@ -71,7 +72,8 @@ class Record:
 
 
 def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
-    """Return the sample rate of times (n,). Raises RecordError where they are not uniformly spaced."""
+    """Return the sample rate of times (n,). Raises RecordError where they are not uniformly spaced, or closer than
+    anything is sampled."""
     t_s = np.asarray(t_s, dtype=float)
     steps = np.diff(t_s)
     if steps.size == 0 or not np.all(np.isfinite(t_s)) or np.any(steps <= 0):
@@ -83,6 +85,8 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
             f"{source}: interval {steps[worst]:.6g} s at sample {worst}, {dt_s:.6g} s in the mean;"
             " needs a uniform sample rate"
         )
+    if dt_s < LEAST_INTERVAL_s:
+        raise RecordError(f"{source}: {dt_s:.6g} s from sample to sample; must be at least {LEAST_INTERVAL_s:g} s")
     return 1.0 / dt_s
 
 

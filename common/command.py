@@ -6,6 +6,7 @@ This module is imported before anything else, so it imports nothing slow.
 from __future__ import annotations
 
 import argparse
+import atexit
 import errno
 import os
 import signal
@@ -43,9 +44,11 @@ def jobs(text: str) -> int:
 
 def listen_for_interrupt() -> None:
     """From now on Ctrl-C ends this program with one line and no traceback. Meant for the first line of a program,
-    before its imports. A program that was started with SIGINT ignored goes on ignoring it."""
+    before its imports. A program that was started with SIGINT ignored goes on ignoring it. Once all is done, while
+    Python is taken down, Ctrl-C changes nothing: the exit code is that of what was done."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
+        atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
 
 def _interrupt(_number: int, frame: FrameType | None) -> None:

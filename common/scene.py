@@ -54,7 +54,7 @@ class BondTable(Table):
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus of the bonds")]
     stiffness_ratio: Annotated[Positive, about("normal over shear stiffness, k_n/k_s")]
     tensile_strength_Pa: Annotated[Positive, about("tensile strength")]
-    shear_strength_Pa: Annotated[NotNegative, about("shear strength, the cohesion")]
+    shear_strength_Pa: Annotated[Positive, about("shear strength, the cohesion")]
     friction_angle_deg: Annotated[float, Field(ge=0, lt=90), about("friction angle; 0: no Mohr-Coulomb")] = 0.0
     volumetric_ratio: Annotated[float, Field(ge=0, le=0.6), about(  # beyond, it would limit the time step
         "modulus of the sub-spheres' dilatation over that of the bonds, which sets Poisson's ratio; 0: none")] = 0.0
@@ -66,9 +66,10 @@ class BondTable(Table):
 
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
-        if self.tensile_strength_Pa < LEAST_STRENGTH_Pa:
-            raise Refused("tensile_strength_Pa", self.tensile_strength_Pa, f"must be at least {LEAST_STRENGTH_Pa:g}, "
-                          "the weight of half a centimetre of rock: anything less is loose already")
+        for key in ("tensile_strength_Pa", "shear_strength_Pa"):
+            if getattr(self, key) < LEAST_STRENGTH_Pa:
+                raise Refused(key, getattr(self, key), f"must be at least {LEAST_STRENGTH_Pa:g}, the weight of half a "
+                              "centimetre of rock: anything less is loose already")
         return self
 
     @model_validator(mode="after")

@@ -78,8 +78,11 @@ def start_engine(directory: Path, np: int = 1, resume_step: int = 0,
 
 
 def mpirun(np: int) -> list[str]:
-    """The command that starts the engine on `np` ranks of this machine; its arguments are to be added."""
-    ranks = [] if np == 1 else ["mpirun", "-np", str(np), "--oversubscribe", "--bind-to", "none"]
+    """The command that starts the engine on `np` ranks of this machine; its arguments are to be added. A rank that
+    waits lets others work: the plate is one more process than MPI counts, and on a busy machine two ranks that wait
+    in turn would else use up a time slice at every step."""
+    ranks = [] if np == 1 else ["mpirun", "-np", str(np), "--oversubscribe", "--bind-to", "none",
+                                "--mca", "mpi_yield_when_idle", "1"]
     return [*ranks, str(ENGINE)]
 
 

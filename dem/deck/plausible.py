@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from common import hertz
+from common.plate import FlexiblePlate
 from common.scene import Scene
 from dem.stones.stone import Stone
 
@@ -22,7 +23,7 @@ LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is take
 def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
     """One line each, which names key, value, limit and the limit's reason. The fastest and the largest stone count,
     whichever they are made of: the ratios of a sweep have one answer."""
-    stones, lines = scene.stones, []
+    stones, lines = scene.stones, _stiffer_than_diamond(scene)
     fastest = max(stone.speed_m_s for stone in falling)
     speed = max(float(np.hypot(stone.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * stone.gap_m)))
                 for stone in falling)
@@ -30,9 +31,6 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
     for name in scene.falling_materials:
         material = scene.materials[name]
         table = f"materials.{name}"
-        if material.youngs_modulus_Pa > DIAMOND_Pa:
-            lines.append(f"{table}.youngs_modulus_Pa = {material.youngs_modulus_Pa:g}: above {DIAMOND_Pa:g}, that of "
-                         "diamond, the stiffest material")
         strain = speed / float(np.sqrt(material.youngs_modulus_Pa / material.density_kg_m3))
         if stones.agglomerate is not None and strain > LARGEST_STRAIN:
             lines.append(f"stones.speed_m_s = {fastest:g}: strains {name} by about {strain:.2g}, the speed "
@@ -50,3 +48,15 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
                 lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: below {weight_Pa:.3g}, the stress of "
                              "a stone's own weight on earth")
     return lines
+
+
+def _stiffer_than_diamond(scene: Scene) -> list[str]:
+    moduli_Pa = {"plate": scene.plate.youngs_modulus_Pa}
+    if isinstance(scene.plate, FlexiblePlate):
+        moduli_Pa |= {f"plate.rods.{number}": rod.youngs_modulus_Pa for number, rod in enumerate(scene.plate.rods)}
+    for name in scene.falling_materials:
+        moduli_Pa[f"materials.{name}"] = scene.materials[name].youngs_modulus_Pa
+        if scene.stones.agglomerate is not None:
+            moduli_Pa[f"materials.{name}.bond"] = scene.bond_of(name).youngs_modulus_Pa
+    return [f"{table}.youngs_modulus_Pa = {modulus_Pa:g}: above {DIAMOND_Pa:g}, that of diamond, the stiffest material"
+            for table, modulus_Pa in moduli_Pa.items() if modulus_Pa > DIAMOND_Pa]

@@ -119,6 +119,8 @@ def _told_of_hum(hum: Hum, peak: Floats, names: tuple[str, ...]) -> list[str]:
 def _ringing(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int) -> Ringing | None:
     """Of the stretch after the onset that fits best; None where the record is too short for any."""
     band_Hz = BAND * plate.max_frequency_Hz
+    if signals.shape[1] * band_Hz < rate_Hz:
+        return None  # shorter than one period, and no filter of such a band has numbers
     filtered = signals
     if band_Hz < 0.45 * rate_Hz:
         filtered = sosfiltfilt(butter(8, band_Hz, fs=rate_Hz, output="sos"), signals, axis=1)
@@ -129,7 +131,12 @@ def _ringing(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int) -> 
         start = onset + round(after_s * rate_Hz)
         if start + length <= signals.shape[1]:
             found.append(ringing_of(filtered[:, start:start + length], rate_Hz, plate, noise))
-    return min(found, key=lambda one: min(one.misfit, one.order_misfit) / one.expected, default=None)
+    return min(found, key=_excess, default=None)
+
+
+def _excess(one: Ringing) -> float:
+    """Misfit over what is expected, which is nothing where there is no silence and the plate is known exactly."""
+    return min(one.misfit, one.order_misfit) / max(one.expected, np.finfo(float).tiny)
 
 
 def _judged(ringing: Ringing, names: tuple[str, ...]) -> tuple[list[str], list[str]]:

@@ -3,11 +3,13 @@
 import os
 import random
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
 
-from tests.robustness.small import SCENES, below, is_alive, small_stone, start, wait_until, what_was_said
+from tests.robustness.small import ROOT, SCENES, below, is_alive, small_stone, start, wait_until, what_was_said
 
 LINE = "interrupted; what is finished stays, the same command goes on"
 PROGRAMS = {"dem": ["deck", "SCENE", "--out", "OUT"], "plate_fem": ["modes", "SCENE"],
@@ -43,6 +45,27 @@ def interrupt_at(name, tmp_path, delay_s):
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_no_traceback_while_a_program_starts(tmp_path, name):
     assert interrupt_at(name, tmp_path, 0.05) == 130
+
+
+SLOW_TO_END = """
+import os, time
+from common.command import listen_for_interrupt
+class Last:
+    def __del__(self, write=os.write, sleep=time.sleep):  # when Python forgets its modules
+        write(1, b"going")
+        sleep(1)
+listen_for_interrupt()
+last = Last()
+raise SystemExit(2)
+"""
+
+
+def test_an_interrupt_after_the_end_changes_nothing():
+    process = subprocess.Popen([sys.executable, "-c", SLOW_TO_END], cwd=ROOT, stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE)
+    assert process.stdout.read(5) == b"going"
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=600) == (b"", b"") and process.returncode == 2
 
 
 @pytest.mark.validate

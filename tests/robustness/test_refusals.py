@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 
+import numpy as np
 import pytest
 
 import analysis.__main__
@@ -80,11 +81,24 @@ def test_resume_of_no_run(where):
     ("plate.density_kg_m3", 1e-300, "aerographene"),
     ("contacts.coal_plate.friction", 1e30, "rubber"),
     ("materials.coal.bond.tensile_strength_Pa", 3e-6, "loose"),
+    ("materials.coal.bond.shear_strength_Pa", 3e-6, "loose"),
 ])
 def test_physics_that_cannot_be_is_refused_with_its_reason(key, value, words):
     with pytest.raises(InputError, match=words) as refused:
         changed_scene(SCENES / "single.toml", {key: value})
     assert key.split(".")[-1] in str(refused.value) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("key, last, first", [  # the last value that is taken, the first that is not
+    ("materials.coal.density_kg_m3", 25_000.0, 25_001.0), ("plate.density_kg_m3", 25_000.0, 25_001.0),
+    ("materials.gangue.density_kg_m3", 0.1, 0.099), ("plate.density_kg_m3", 0.1, 0.099),
+    ("contacts.coal_plate.friction", 10.0, 10.01),
+    ("materials.coal.bond.tensile_strength_Pa", 100.0, 99.9), ("materials.gangue.bond.shear_strength_Pa", 100.0, 99.9),
+])
+def test_limits_of_docs_safety(key, last, first):
+    changed_scene(SCENES / "single.toml", {key: last})
+    with pytest.raises(InputError, match=key.split(".")[-1]):
+        changed_scene(SCENES / "single.toml", {key: first})
 
 
 @pytest.mark.parametrize("key, value", [("plate.youngs_modulus_Pa", 1.7e308), ("plate.youngs_modulus_Pa", 1e200),
@@ -105,15 +119,20 @@ def test_a_co_step_that_no_float_holds(tmp_path):
     assert "time.co_step = 1000" in ends_with_one_line(main, ["deck", SCENES / "hertz_coal.toml", *huge])
 
 
-def test_a_stone_that_arrives_after_all_time(tmp_path):
-    each = "stones.each=[{material='coal',radius_m=0.03,x_m=0.1,y_m=0.0,speed_m_s=3.0,arrival_s=1e300}]"
+@pytest.mark.parametrize("arrival_s", ["1e300", "1.01e6"])
+def test_a_stone_that_arrives_after_all_time(tmp_path, arrival_s):
+    each = f"stones.each=[{{material='coal',radius_m=0.03,x_m=0.1,y_m=0.0,speed_m_s=3.0,arrival_s={arrival_s}}}]"
     told = ends_with_one_line(main, ["deck", SCENES / "sizes.toml", "--set", each, "--out", tmp_path / "out"])
-    assert "stone 1 arrives at 1e+300 s" in told and not (tmp_path / "out").exists()
+    assert f"stone 1 arrives at {float(arrival_s):g} s" in told and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("changes, words", [
     ({"stones.speed_m_s": 1000.0}, ["strains coal", "small strains", "Hertz"]),
-    ({"materials.coal.youngs_modulus_Pa": 5e12}, ["diamond"]),
+    ({"materials.coal.youngs_modulus_Pa": 5e12}, ["materials.coal.youngs_modulus_Pa = 5e+12", "diamond"]),
+    ({"materials.coal.bond.youngs_modulus_Pa": 5e12}, ["materials.coal.bond.youngs_modulus_Pa", "diamond"]),
+    ({"plate.youngs_modulus_Pa": 5e12}, ["plate.youngs_modulus_Pa", "diamond"]),
+    ({"plate.rods": [{"x_m": 0.1, "y_m": 0.0, "diameter_m": 0.02, "length_m": 0.1, "youngs_modulus_Pa": 5e12,
+                      "density_kg_m3": 7830.0}]}, ["plate.rods.0.youngs_modulus_Pa", "diamond"]),
     ({"materials.coal.bond.tensile_strength_Pa": 200.0}, ["own weight"]),
     ({"stones.speed_m_s": 1e300, "stones.radius_m": 1e200}, ["small strains"]),  # no OverflowError
 ])
@@ -121,6 +140,28 @@ def test_physics_beyond_the_laws_is_warned_of(changes, words):
     scene = changed_scene(SCENES / "single.toml", changes)
     said = "\n".join(warnings_of(scene, stones_of(scene, "scene")))
     assert all(word in said for word in words), said
+
+
+COAL_Pa, COAL_kg_m3, PLATE_Pa, RADIUS_m, NU2 = 5.12e9, 1380.0, 2.07e11, 0.025, 0.09  # of single.toml
+CONTACT_Pa = 1 / ((1 - NU2) / COAL_Pa + (1 - NU2) / PLATE_Pa)
+STONE_kg = COAL_kg_m3 * 4 / 3 * np.pi * RADIUS_m**3
+
+
+@pytest.mark.parametrize("key, limit, words, bonded", [
+    ("materials.coal.youngs_modulus_Pa", 1.22e12, "diamond", True),
+    # A fiftieth of the speed of a wave along a bar, sqrt(E / rho).
+    ("stones.speed_m_s", 0.02 * np.sqrt(COAL_Pa / COAL_kg_m3), "small strains", True),
+    # Hertz: (15 m v^2 / (16 E* R^(1/2)))^(2/5) = R / 10 (Johnson, Contact Mechanics, eq. 11.23).
+    ("stones.speed_m_s", np.sqrt(16 * CONTACT_Pa * RADIUS_m**3 * 0.1**2.5 / (15 * STONE_kg)), "Hertz", False),
+    # The pressure below a column as high as the stone.
+    ("materials.coal.bond.tensile_strength_Pa", COAL_kg_m3 * 9.81 * 2 * RADIUS_m, "own weight", True),
+])
+def test_warnings_begin_where_docs_safety_says(key, limit, words, bonded):
+    changes = {} if bonded else {"stones.agglomerate": None}
+    below, above = (changed_scene(SCENES / "single.toml", changes | {key: float(factor * limit)})
+                    for factor in (0.999, 1.001))
+    warned = [any(words in line for line in warnings_of(scene, stones_of(scene, "scene"))) for scene in (below, above)]
+    assert warned == ([True, False] if words == "own weight" else [False, True])
 
 
 @pytest.mark.parametrize("scene", sorted(file.stem for file in SCENES.glob("*.toml")
