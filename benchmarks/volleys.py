@@ -94,7 +94,7 @@ def without_search(window: VolleyWindow, truth: pd.DataFrame) -> dict[str, float
     place = truth[["x_m", "y_m"]].to_numpy()
     known = KnownPlaces(window.bank, window.prior, window.values, window.first, compressed=window.compressed,
                         place_m=place)
-    row = {}
+    row: dict[str, float] = {}
     for name, one in (("started", window), ("known", known)):
         log = one.materials(one.fit(true, 40))
         gangue = 1 / (1 + np.exp(np.clip(log[:, 0] - log[:, 1], -30, 30)))
