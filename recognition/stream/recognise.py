@@ -79,10 +79,11 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     believed, plate = plate, replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
     listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(values, rms))
     began_s = process_time()
-    volleys = Volleys(listener, lambda: Compressed.of(listener.bank, prior, believed, channels, whitening))
+    silent = round(SILENCE_S * RATE_Hz)
+    volleys = Volleys(listener, lambda: Compressed.of(listener.bank, prior, believed, channels, whitening), silent)
     heard = volleys.heard(listener.hear(whitening(values)))
     return Recognised(stone_table(heard, prior, RATE_Hz, LEAST_DOUBT), heard, plate, noise,
-                      Checks.of(listener, heard, round(SILENCE_S * RATE_Hz), whitening.variance_of(noise)),
+                      Checks.of(listener, heard, silent, whitening.variance_of(noise)),
                       process_time() - began_s, volleys)
 
 

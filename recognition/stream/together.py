@@ -24,6 +24,7 @@ CROWDED, HOPELESS = 0.03, 0.5
 GIVEN_UP = 3  # windows in which no stones were found jointly, after which no more are tried
 LOUDER = 0.3  # times the energy of the window before: what still rings of that is less
 SEARCHED = 10  # samples about the onset in which the first force may be
+FIRST = SEARCHED + LEAD + SPREAD  # samples before an onset that are looked at
 CHAINS = 2
 MOST_MISFIT = 2.0  # chi-square per degree of freedom: above it these are no stones on this plate
 AGREE = 5.0  # log evidence by which the best of two chains may differ
@@ -33,11 +34,13 @@ SAME_M = 0.04  # a stone of two options
 
 @dataclass
 class Volleys:
-    """Goes through a record that a listener heard. windows: those in which stones were sought jointly; unresolved: how
+    """Goes through a record that a listener heard. silent: samples at its beginning in which nothing should have
+    fallen, and none are sought; windows: those in which stones were sought jointly; unresolved: how
     many of them stay as the listener left them."""
 
     listener: Listener
     compress: Callable[[], Compressed]
+    silent: int
     windows: list[VolleyWindow] = field(default_factory=list)
     unresolved: int = 0
 
@@ -69,7 +72,7 @@ class Volleys:
     def _crowded(self) -> Iterator[int]:
         """Onsets after which much is left."""
         whole, left, noise = self.listener.whole, self.listener.left, self.listener.bank.channels * SAMPLES
-        at, before = LEAD, 0.0
+        at, before = max(self.silent, FIRST), 0.0
         while (onset := self.listener.onset(whole, at)) < self.listener.end - SAMPLES:
             inside = slice(onset - LEAD, onset - LEAD + SAMPLES)
             energy, unexplained = (float(np.sum(values[:, inside] ** 2)) - noise for values in (whole, left))
@@ -80,7 +83,7 @@ class Volleys:
 
     def _window(self, onset: int, heard: Sequence[Heard]) -> VolleyWindow:
         """The window that a stone about the onset explains best, without the stones that were heard before."""
-        listener, first = self.listener, onset - SEARCHED - LEAD - SPREAD
+        listener, first = self.listener, onset - FIRST
         values = listener.whole[:, first:first + 2 * SAMPLES].copy()
         for h in heard:
             if onset - LAGS - LEAD < h.stone[TIME] < onset - SEARCHED:
