@@ -13,16 +13,19 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import Bank
 from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
+from recognition.stream.compressed import Compressed
 from recognition.stream.listen import WINDOW, Heard, Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.retuning import retuned
 from recognition.stream.search import Dictionary
 from recognition.stream.signatures import Channels
 from recognition.stream.stones import stone_table
+from recognition.stream.together import Volleys
 from recognition.stream.whitening import Whitening
 
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
+LOUD = 0.05  # of the power of a record's loudest stretch, in one that counts for its rms
 #: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
 LEAST_DOUBT = 0.005
 #: Of the rate at which a mode loses its phase if its frequency is off by a standard deviation: an error that stays is
@@ -36,7 +39,8 @@ LEAST_FREQUENCY_SD = 0.003
 @dataclass(frozen=True)
 class Recognised:
     """Stones of a record (columns of `recognition.stream.stones`), how each was heard, and the plate as it rang.
-    hearing_s: processor time from the record to the stones, without what is done once for a plate."""
+    hearing_s: processor time from the record to the stones, without what is done once for a plate. volleys: how stones
+    that fell together were sought."""
 
     stones: pd.DataFrame
     heard: list[Heard]
@@ -44,11 +48,13 @@ class Recognised:
     noise: Floats
     checks: Checks
     hearing_s: float
+    volleys: Volleys
 
     @property
     def refused(self) -> str:
         """Why no ratio can be trusted, "" if it can."""
-        return self.checks.reason()
+        reason, unresolved = self.checks.reason(), self.volleys.unresolved
+        return reason + f"; {unresolved} volleys could not be told apart" * bool(reason and unresolved)
 
 
 def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,
@@ -70,13 +76,15 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
         raise NotRecognised("a channel has no noise at all, or the record does not begin with silence")
     if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:  # it was not tapped
         plate = retuned(plate, channels, values, RATE_Hz, noise)
-    plate = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
-    listener, whitening = listener_of(plate, channels, prior, noise, rms)
+    believed, plate = plate, replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
+    listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(values, rms))
     began_s = process_time()
-    heard = listener.hear(whitening(values))
+    silent = round(SILENCE_S * RATE_Hz)
+    volleys = Volleys(listener, lambda: Compressed.of(listener.bank, prior, believed, channels, whitening), silent)
+    heard = volleys.heard(listener.hear(whitening(values)))
     return Recognised(stone_table(heard, prior, RATE_Hz, LEAST_DOUBT), heard, plate, noise,
-                      Checks.of(listener, heard, round(SILENCE_S * RATE_Hz), whitening.variance_of(noise)),
-                      process_time() - began_s)
+                      Checks.of(listener, heard, silent, whitening.variance_of(noise)),
+                      process_time() - began_s, volleys)
 
 
 def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise: Floats,
@@ -89,6 +97,18 @@ def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise:
 
 def _noise_of(values: Floats) -> Floats:
     return np.asarray(values[:, :round(SILENCE_S * RATE_Hz)].std(axis=1))
+
+
+def _loud_rms(values: Floats, rms: Floats) -> Floats:
+    """(c,): root mean square of a record while something rings, that is, in those stretches of SILENCE_S that have more
+    than LOUD of the power of the loudest. Silence about a volley must not make the filter believe that stones are weak.
+    """
+    size = round(SILENCE_S * RATE_Hz)
+    stretches = values[:, :values.shape[1] // size * size].reshape(len(values), -1, size)
+    power = np.mean(stretches**2, axis=2)
+    relative = np.mean(power / rms[:, None] ** 2, axis=0)
+    loud = relative > LOUD * relative.max()
+    return np.asarray(np.sqrt(power[:, loud].mean(axis=1)))
 
 
 def latency_s() -> float:

@@ -36,10 +36,11 @@ def draw_stones(histories: Sequence[History], count: int, rate_1_s: float, reach
     pools = [[k for k, h in enumerate(histories) if h.gangue == g] for g in (False, True)]
     which = np.array([rng.choice(pools[int(g)]) for g in gangue])
     arrival = SILENCE_S + np.cumsum(rng.exponential(1 / rate_1_s, count))
-    return _table(histories, which, arrival, rng.uniform(-reach_m, reach_m, (count, 2)))
+    return stone_rows(histories, which, arrival, rng.uniform(-reach_m, reach_m, (count, 2)))
 
 
-def _table(histories: Sequence[History], which: np.ndarray, arrival_s: Floats, place_m: Floats) -> pd.DataFrame:
+def stone_rows(histories: Sequence[History], which: np.ndarray, arrival_s: Floats, place_m: Floats) -> pd.DataFrame:
+    """The table of stones with given histories, arrivals and places (n, 2)."""
     chosen = [histories[k] for k in which]
     moments = np.array([h.moments() for h in chosen])
     return pd.DataFrame({
