@@ -24,8 +24,10 @@ def log_likelihood(shape: float, scale: float, x: np.ndarray, least: float) -> f
 
 def fit(x: np.ndarray, least: float) -> tuple[float, float]:
     """Shape and scale."""
-    fits = [minimize(lambda p: -log_likelihood(*np.exp(p), x, least), np.log([start, x.mean()]), method="Nelder-Mead")
-            for start in (0.5, 1.0, 2.0)]
+    def cost(logarithms: np.ndarray) -> float:
+        shape, scale = np.exp(logarithms)
+        return -log_likelihood(float(shape), float(scale), x, least)
+    fits = [minimize(cost, np.log([start, x.mean()]), method="Nelder-Mead") for start in (0.5, 1.0, 2.0)]
     shape, scale = np.exp(min(fits, key=lambda found: found.fun).x)
     return float(shape), float(scale)
 
