@@ -76,8 +76,8 @@ def beginning(steps: Callable[[np.random.Generator], int]) -> Callable[[Sources]
 
 
 def padded(table: pd.DataFrame) -> pd.DataFrame:
-    """As long as a record must be: runs end with the record of 40 ms."""
-    table = table.iloc[np.minimum(np.arange(max(SAMPLES, len(table))), len(table) - 1)]
+    """Longer than a record must be: runs end with the record of 40 ms, whose last sample is repeated a few times."""
+    table = table.iloc[np.minimum(np.arange(max(SAMPLES, len(table)) + 5), len(table) - 1)]
     return table.assign(t_s=np.arange(len(table)) * 1.5e-4)
 
 
