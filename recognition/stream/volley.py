@@ -26,7 +26,7 @@ from recognition.stream.signatures import Floats32
 
 MOST = 14  # stones of a volley
 GREEDY_STEPS, MOVE_STEPS, LAST_STEPS = 3, 8, 30
-MOVES, FIRST_TEMPERATURE, LAST_TEMPERATURE = 40, 30.0, 1.5  # of an annealing; the temperatures in units of log evidence
+MOVES, FIRST_TEMPERATURE, LAST_TEMPERATURE = 60, 30.0, 1.5  # of an annealing; the temperatures in units of log evidence
 SIZE, SIZE_SD, SMALLEST, LARGEST = 0.65, 0.3, 0.2, 1.5  # N s, of a stone that is tried
 #: Stones taken away and put by a change, and how often it is tried.
 CHANGES, CHANCES = ((1, 1), (2, 2), (0, 1), (1, 0), (1, 2), (2, 1)), (0.5, 0.2, 0.1, 0.1, 0.05, 0.05)
