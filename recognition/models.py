@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from recognition.estimation.method import Groups, Method, WithHeldOutError
 from recognition.estimation.window import LEAST_RATIOS, Window
 from recognition.methods import METHODS
 from recognition.model_file import decode, encode
+from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.sensors.channel_check import channel_faults, samples_before_impact
 
 FORMAT = "coal-gangue mixing ratio"
@@ -70,6 +71,12 @@ class Model:
             reasons = dict.fromkeys(answer.reason for answer in answers.values())
             raise RecognitionError(f"{source}: {'; '.join(reasons)}")
         return answers
+
+    def at_impact(self) -> Model:
+        """The same for records that begin as those of the simulation do: no method seeks the moment of the impact."""
+        known = {name: method.at_impact() for name, method in self.methods.items()
+                 if isinstance(method, ArrangementLikelihood)}
+        return replace(self, methods=self.methods | known)
 
     @staticmethod
     def faults(signals: pd.DataFrame) -> list[str]:
@@ -148,7 +155,7 @@ def from_impact(signals: pd.DataFrame) -> pd.DataFrame:
 
 
 def leave_one_out(runs: list[Run]) -> list[dict[str, Answer]]:
-    """Recognise each run by a model fitted to the runs of all other ratios.
+    """Recognise each run by a model fitted to the runs of all other ratios, the moment of the impact being known.
 
     Returns one dict per run, as of `Model.recognise`. The ends (0 and 100 %) are then outside
     the training ratios: the answer is an extrapolation.
@@ -208,7 +215,7 @@ class _Prepared:
         """Answers to one run by the runs of all other ratios."""
         ratio = self.runs[held_out].gangue_ratio
         model = self.fit([k for k, run in enumerate(self.runs) if run.gangue_ratio != ratio])
-        return model.answers_to(lambda name: self.features[name][held_out])
+        return model.at_impact().answers_to(lambda name: self.features[name][held_out])
 
 
 def _answer(name: str, method: Method, features: Any) -> Answer:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,8 +56,14 @@ class ArrangementLikelihood:
         are too few."""
         keys = np.asarray(y if groups is None else groups)
         self.model_ = fit_model(X, keys)
-        self.reference_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys, self._arrival_s)
+        self.reference_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys)
         return self
+
+    def at_impact(self) -> ArrangementLikelihood:
+        """The same with an exact trigger."""
+        known = copy(self)
+        known.exact_trigger = True
+        return known
 
     @property
     def _arrival_s(self) -> float | None:

@@ -81,7 +81,7 @@ class RecognitionResults:
     def answers(self) -> dict[str, list[dict[str, Answer]]]:
         """Answers of all methods to each run, by the training."""
         return {
-            TRAINED_ON_ALL: [self._model.recognise(run.signals, str(run.path)) for run in self._runs],
+            TRAINED_ON_ALL: [self._model.at_impact().recognise(run.signals, str(run.path)) for run in self._runs],
             HELD_OUT: leave_one_out(self._runs),
         }
 

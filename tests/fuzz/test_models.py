@@ -26,18 +26,19 @@ def fitted(tmp_path_factory):
     write_sweep(runs)
     sweep = read_sweep(runs).runs
     model = Model.fit(sweep)
-    model.methods["arrangement_likelihood"] = _arrangements(ArrangementLikelihood().prepare(sweep[3].signals).signals)
+    model.methods["arrangement_likelihood"] = _arrangements(ArrangementLikelihood().prepare(sweep[3].signals))
     model.save(runs / "model.json")
     return json.loads((runs / "model.json").read_text()), runs / "ratio_030"
 
 
-def _arrangements(signals):
+def _arrangements(record):
     """These runs have no fast stream to learn from: numbers at random, which fit the record."""
-    method, rng, (channels, samples) = ArrangementLikelihood(), np.random.default_rng(0), signals.shape
-    d = channels * samples
-    scale = np.sqrt(np.mean(signals**2, axis=1))
-    method.model_ = ArrangementModel(scale, np.full(channels, 0.1), np.eye(d), rng.standard_normal((2, d, 4)), 3.0, 2.0, 4.0)
-    method.reference_, method.limits_ = np.zeros(3), np.ones(3)
+    method, rng, (channels, samples) = ArrangementLikelihood(), np.random.default_rng(0), record.signals.shape
+    scale = np.sqrt(np.mean(record.signals**2, axis=1))
+    hat = rng.standard_normal((channels, samples + 64, 3))
+    method.model_ = ArrangementModel(record.names, scale, np.full(channels, 0.1), 1e-5, 1, samples, hat, 2,
+                                     rng.standard_normal((2, 2, 4)), np.eye(4), 7, [], 3.0, 2.0, 4.0)
+    method.reference_, method.limits_, method.error_ = np.zeros(3), np.ones(3), 0.1
     return method
 
 

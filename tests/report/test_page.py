@@ -40,7 +40,7 @@ def test_report_holds_everything_inside(report):
     assert 'id="table-rules"' in html
     row = ("many runs", "RMS and a straight line", "-", "30.of.30", "4.25")
     assert re.search(r"</td>\s*<td[^>]*>".join(row), html)
-    assert "Kept from" not in html
+    assert "Kept from `make dataset`" not in html
     assert "No moving view: 50 %: ratio_050: no view.pvd" in html
 
 
