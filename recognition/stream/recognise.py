@@ -25,6 +25,7 @@ from recognition.stream.whitening import Whitening
 
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
+MOST_TOGETHER = 5  # stones of a volley: the intervals of ten did not hold in two of six (docs/listening.md)
 LOUD = 0.05  # of the power of a record's loudest stretch, in one that counts for its rms
 #: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
 LEAST_DOUBT = 0.005
@@ -54,7 +55,11 @@ class Recognised:
     def refused(self) -> str:
         """Why no ratio can be trusted, "" if it can."""
         reason, unresolved = self.checks.reason(), self.volleys.unresolved
-        return reason + f"; {unresolved} volleys could not be told apart" * bool(reason and unresolved)
+        reason += f"; {unresolved} volleys could not be told apart" * bool(reason and unresolved)
+        most = max((h.together for h in self.heard), default=1)
+        if most > MOST_TOGETHER:
+            return "; ".join(filter(None, [reason, f"{most} stones fell together, limit {MOST_TOGETHER}"]))
+        return reason
 
 
 def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,
