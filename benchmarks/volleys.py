@@ -138,7 +138,7 @@ def main() -> None:
             continue
         rng = np.random.default_rng([11, options.stones, number])
         made = record(true_plate(kind), pool, where, options.stones, rng)
-        found = recognise_stream(tapped(kind, options.out), ALL, prior, made.values)
+        found = recognise_stream(tapped(kind, options.out), ALL, prior, made.values, together=True)
         for _, truth in made.truth.groupby("volley"):
             added({**key, "where": where, "plate": kind, **told(found, truth), "refused": found.refused,
                    "unexplained": found.checks.unexplained, "hear_s": found.hearing_s}, options.out / "volleys.csv")

@@ -63,9 +63,10 @@ class Recognised:
 
 
 def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,
-                     noise: Floats | None = None) -> Recognised:
+                     noise: Floats | None = None, *, together: bool = False) -> Recognised:
     """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods.
 
+    together: seek those jointly that fell together, where one by one they do not explain the record.
     noise (c,): standard deviation of the sensors' white noise; None: that of the first SILENCE_S.
     NotRecognised for a channel that is dead, clipped, without noise, or louder at the beginning than in the whole;
     RecognitionError for a plate that is known too low.
@@ -82,11 +83,13 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:  # it was not tapped
         plate = retuned(plate, channels, values, RATE_Hz, noise)
     believed, plate = plate, replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
-    listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(values, rms))
+    listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(values, rms) if together else rms)
     began_s = process_time()
     silent = round(SILENCE_S * RATE_Hz)
     volleys = Volleys(listener, lambda: Compressed.of(listener.bank, prior, believed, channels, whitening), silent)
-    heard = volleys.heard(listener.hear(whitening(values)))
+    heard = listener.hear(whitening(values))
+    if together:
+        heard = volleys.heard(heard)
     return Recognised(stone_table(heard, prior, RATE_Hz, LEAST_DOUBT), heard, plate, noise,
                       Checks.of(listener, heard, silent, whitening.variance_of(noise)),
                       process_time() - began_s, volleys)

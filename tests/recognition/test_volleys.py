@@ -36,7 +36,7 @@ def heard():
     truth = stone_rows(pool, which[order], arrival_s[order], place_m[order])
     stream = stream_of(plate, CHANNELS, pool, truth, RATE_Hz, 20.0, rng)
     prior = StonePrior(load_forces(), (0.025, 0.025), (2.0, 4.0))
-    return truth.assign(volley=volley), recognise_stream(plate, CHANNELS, prior, stream.values)
+    return truth.assign(volley=volley), recognise_stream(plate, CHANNELS, prior, stream.values, together=True)
 
 
 @pytest.mark.parametrize("number", range(len(COUNTS)))
