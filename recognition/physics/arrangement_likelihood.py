@@ -206,8 +206,13 @@ class ArrangementModel:
                                                              & (speeds <= self.high_m_s + 1e-9)]
 
         @cache
+        def white(shift: float) -> tuple[Floats, float]:
+            return self._whitened(x, noise, rows, shift)
+
+        @cache
         def fit(shift: float) -> tuple[Floats, float]:
-            return self._chi_square(x, noise, rows, inside, shift)
+            products, log_determinant = white(shift)
+            return self._chi_square(products, inside), log_determinant
 
         def least(shift: float) -> float:
             chi_square, log_determinant = fit(shift)
@@ -218,7 +223,7 @@ class ArrangementModel:
         costs = np.stack([chi_square + log_determinant for chi_square, log_determinant in fits])
         best = float(min(shifts.tolist(), key=least))
         nearest = float(fit(best)[0].min())
-        anywhere = float(self._chi_square(x, noise, rows, speeds, best)[0].min())
+        anywhere = float(self._chi_square(white(best)[0], speeds).min())
         # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
         # certain.
         temperature = max(1.0, nearest / x.size)
@@ -237,18 +242,21 @@ class ArrangementModel:
         best = min(near, key=least)
         return np.clip(best + FINE, -latest, latest)
 
-    def _chi_square(self, x: Floats, noise: Floats, rows: Integers, speeds_m_s: Floats,
-                    shift: float) -> tuple[Floats, float]:
-        """Of every arrangement at every speed, shape (speeds, 2^stones), and the logarithm of the determinant."""
+    def _whitened(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> tuple[Floats, float]:
+        """Products of the record and of each column of the mean, freed of the covariance, with each other,
+        shape (1 + p (1 + stones),) twice, and the logarithm of the covariance's determinant."""
         law = self.law_at(shift)
         chosen = (rows[:, None] * self.samples + np.arange(self.samples)).ravel()
         mean, covariance = law.mean[:, chosen], law.covariance[np.ix_(chosen, chosen)]
         variance = np.repeat(self.residual[rows] ** 2 + noise**2, self.samples)
-        powers, d, columns = mean.shape
-        known = np.column_stack([x.ravel(), mean.transpose(1, 0, 2).reshape(d, -1)])
+        known = np.column_stack([x.ravel(), mean.transpose(1, 0, 2).reshape(mean.shape[1], -1)])
         root = np.linalg.cholesky(covariance + np.diag(variance))
         white = solve_triangular(root, known, lower=True, check_finite=False)
-        inner = white.T @ white
+        return white.T @ white, 2 * float(np.log(np.diag(root)).sum())
+
+    def _chi_square(self, inner: Floats, speeds_m_s: Floats) -> Floats:
+        """Of every arrangement at every speed, shape (speeds, 2^stones), from the products of `_whitened`."""
+        powers, columns = self.laws.shape[1], 1 + self.stones
         # The mean at a speed is a sum over powers; so are its products with itself and with x.
         of_speed = self._powers(speeds_m_s)
         blocks = inner[1:, 1:].reshape(powers, columns, powers, columns)
@@ -256,7 +264,7 @@ class ArrangementModel:
         sums = of_speed @ inner[0, 1:].reshape(powers, columns)
         chi_square = squares.reshape(len(of_speed), -1) @ _pairs(columns - 1) + inner[0, 0]
         chi_square -= 2 * sums @ arrangements(columns - 1)[0].T
-        return np.asarray(chi_square), 2 * float(np.log(np.diag(root)).sum())
+        return np.asarray(chi_square)
 
 
 def _sampled(response: Floats, rows: Floats) -> Floats:
