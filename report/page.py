@@ -37,7 +37,7 @@ from report.figures.still import still
 from report.figures.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
 from report.film.reel import Films
 from report.film.still_scene import still_scene
-from report.parts import Parts, make_parts
+from report.parts import Parts, Spec, make_parts
 from report.results.missing import MISSING_RESULT
 from report.results.sweep_results import SweepResults
 from report.stream_page import stream_runs
@@ -123,9 +123,10 @@ def write_report(directory: str | Path) -> Path:
 
 
 def _parts(results: SweepResults) -> Parts:
-    chapters = {title: [*figures, *chapter_tables] for title, figures, chapter_tables in CHAPTERS}
-    recognising = [ANSWER, *chapters.pop(RECOGNITION)]
-    return make_parts(results, sum(chapters.values(), []), recognising, STATEMENTS)
+    specs: dict[bool, list[Spec]] = {True: [ANSWER], False: []}
+    for title, figures, chapter_tables in CHAPTERS:
+        specs[title == RECOGNITION] += [*figures, *chapter_tables]
+    return make_parts(results, specs[False], specs[True], STATEMENTS)
 
 
 def render(results: SweepResults, parts: Parts) -> str:

@@ -17,6 +17,7 @@ from report.tables import FinishedTable, TableSpec, finish_table
 
 Spec = FigureSpec | TableSpec
 Finished = FinishedFigure | FinishedTable
+Work = Callable[[], Any]
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ def make_parts(results: SweepResults, specs: Sequence[Spec], recognising: Sequen
     `specs` and the films, and the results taken into this process before the rest is begun.
     """
     runs, recognition = range(len(results.runs)), results.recognition
-    first = [recognition.of_model, *(partial(recognition.held_out, k) for k in runs)]
+    first: list[Work] = [recognition.of_model, *(partial(recognition.held_out, k) for k in runs)]
     found = _all([*first, *(partial(finish, spec, results) for spec in specs),
                   *(partial(pack_films, results, k) for k in runs)])
     (model, *held_out), found = found[:len(first)], found[len(first):]
@@ -55,12 +56,12 @@ def finish(spec: Spec, results: SweepResults) -> Finished:
     return finish_figure(spec, results) if isinstance(spec, FigureSpec) else finish_table(spec, results)
 
 
-def _all(works: Sequence[Callable[[], Any]]) -> list[Any]:
+def _all(works: Sequence[Work]) -> list[Any]:
     """What each work returns, or the reason that the runs do not give it."""
     return side_by_side(lambda k: _attempt(works[k]), len(works))
 
 
-def _attempt(work: Callable[[], Any]) -> Any:
+def _attempt(work: Work) -> Any:
     try:
         return work()
     except MISSING_RESULT as reason:

@@ -131,7 +131,7 @@ def force_laws(forces: list[ForceRecord], bins: Floats, groups: Floats,
     """`force_law` of coal and of gangue, the mean of their covariances, since a place has one or the other, and the
     fewest different stones of either. RecognitionError for too few."""
     laws, covariances, counts = [], [], []
-    to_bins = np.linalg.pinv(bins)
+    to_bins = np.asarray(np.linalg.pinv(bins), dtype=float)
     for gangue in (False, True):
         force, speed_m_s, stones = _forces_of(forces, to_bins, groups, gangue, middle_m_s)
         if stones < LEAST_STONES:
