@@ -78,8 +78,8 @@ class ArrangementLikelihood:
         if x.signals.shape[1] != self.model_.samples:
             raise RecognitionError(f"{x.signals.shape[1]} samples; the model has {self.model_.samples}")
         known = self.model_.names
-        if strange := set(x.names) - set(known):
-            raise RecognitionError(f"no column {min(strange)!r} in the training; it has {', '.join(known)}")
+        if unknown := set(x.names) - set(known):
+            raise RecognitionError(f"no column {min(unknown)!r} in the training; it has {', '.join(known)}")
         found = self.model_.estimate(x.signals, x.noise, speed_m_s, self._arrival_s,
                                      np.array([known.index(name) for name in x.names]))
         far = distances(found, self.reference_)
