@@ -32,7 +32,7 @@ from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.sensors.channel_check import channel_faults, samples_before_impact
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 7
+VERSION = 8
 MOST_BYTES = 1e9
 NOT_APPLICABLE = "not applicable"
 

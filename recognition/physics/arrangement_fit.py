@@ -9,15 +9,20 @@ import numpy as np
 from sklearn.model_selection import GroupKFold
 
 from recognition.estimation.arrays import Floats, Integers
-from recognition.estimation.calibration import LEAST_GROUPS, distance_limits
+from recognition.estimation.calibration import LEAST_GROUPS, REFERENCE_SHARE, distance_limits, held_out_quantile
 from recognition.estimation.errors import RecognitionError
-from recognition.physics.arrangement_likelihood import MOST_STONES, ArrangementModel, distances
+from recognition.physics.arrangement_likelihood import (
+    MOST_STONES,
+    ArrangementEstimate,
+    ArrangementModel,
+    ExpectedMisfit,
+)
 from recognition.physics.force_records import ForceRecord, response_to, unit_force_response
 
 BIN_S = 25e-6  # about the width of the bins of a force, which is linear between them
 FORCE_S = 1.5e-3  # that a force is taken to last; what pushes later counts as residual
 MOST_HELD_OUT = 100  # records by which the limits are set, or a few more, each with these
-NOISES = (0.0, 0.1)  # in shares of the rms of a signal
+NOISES = (0.0, 0.01, 0.03, 0.1)  # in shares of the rms of a signal
 DEGREE = 2  # of the force in the speed
 #: A covariance from few stones is shrunk towards forces that are independent from bin to bin, with the weight of so
 #: many stones.
@@ -205,22 +210,33 @@ def _hat_response(statistics: ForceStatistics, record: ForceRecord, moved_m: tup
     return response_to(unit, hat) / statistics.scale[:, None, None]
 
 
-def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> tuple[Floats, Floats, float]:
-    """The reference of `distances` (3,), their limits (3,) and the mean error of the ratio, from records whose group
-    was held out of the training, or, with fewer than three groups, whose ratio was. The time of their impact is known:
-    to seek it takes the law at hundreds of times, of each of these models."""
+def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> tuple[ExpectedMisfit, Floats, float]:
+    """The misfit that is expected, the limits (3,) of its `distances` and the mean error of the ratio, from records
+    whose group was held out of the training, or, with fewer than three groups, whose ratio was. The time of their
+    impact is known: to seek it takes the law at hundreds of times, of each of these models."""
     chosen = same_places(X)
     keys = (groups if np.unique(groups[chosen]).size >= LEAST_GROUPS else y)[chosen]
-    found, held_out, every = [], list[int](), -(-len(chosen) // MOST_HELD_OUT)
+    found: dict[float, list[ArrangementEstimate]] = {share: [] for share in NOISES}
+    held_out, every = list[int](), -(-len(chosen) // MOST_HELD_OUT)
     rng = np.random.default_rng(0)
     for train, test in GroupKFold(min(FOLDS, np.unique(keys).size)).split(chosen, groups=keys):
         model = fit_model([X[k] for k in chosen[train]], groups[chosen[train]])
         for k in chosen[test[::every]]:
-            for share in NOISES:
+            held_out.append(int(k))
+            for share, estimates in found.items():
                 added = share * np.sqrt(np.mean(X[k].signals**2, axis=1))
                 noisy = X[k].signals + added[:, None] * rng.standard_normal(X[k].signals.shape)
-                found.append(model.estimate(noisy, np.hypot(X[k].noise, added), arrival_s=0.0))
-                held_out.append(int(k))
-    reference = np.polyfit([one.ratio for one in found], np.log([one.misfit for one in found]), 2)
-    error = float(np.mean(np.abs([one.ratio for one in found] - y[held_out])))
-    return reference, distance_limits(np.array([distances(one, reference) for one in found])), error
+                estimates.append(model.estimate(noisy, np.hypot(X[k].noise, added), arrival_s=0.0))
+    expected = _expected_misfit(list(found.values()))
+    errors = [np.abs([one.ratio for one in estimates] - y[held_out]) for estimates in found.values()]
+    limits = [distance_limits(np.array([expected.distances(one) for one in estimates])) for estimates in found.values()]
+    return expected, np.max(limits, axis=0), float(np.mean(errors))
+
+
+def _expected_misfit(found: Sequence[Sequence[ArrangementEstimate]]) -> ExpectedMisfit:
+    """From estimates of the same records with more and more noise; a misfit of 1 is what the law itself expects."""
+    misfit = [np.array([one.misfit for one in estimates]) for estimates in found]
+    ratio = [one.ratio for one in found[0]]
+    return ExpectedMisfit(np.array([np.mean([one.noise_share for one in estimates]) for estimates in found]),
+                          np.array([max(1.0, float(held_out_quantile(one, REFERENCE_SHARE))) for one in misfit]),
+                          np.polyfit(ratio, np.log(misfit[0]), 2))

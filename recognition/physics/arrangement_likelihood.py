@@ -53,11 +53,13 @@ SHORT = {"digits": 7}
 @dataclass(frozen=True)
 class ArrangementEstimate:
     """Of one record. probability (stones + 1,): of 0, 1, 2 ... stones of gangue; misfit: least chi-square over the
-    number of samples; log_likelihood_ratio: of the best speed anywhere against the best within the training; arrival_s:
-    the most probable time of the impact, from the record's beginning."""
+    number of samples; noise_share: of the sensors' noise in the variance that a sample may have beside the law;
+    log_likelihood_ratio: of the best speed anywhere against the best within the training; arrival_s: the most probable
+    time of the impact, from the record's beginning."""
 
     probability: Floats
     misfit: float
+    noise_share: float
     log_likelihood_ratio: float
     arrival_s: float
 
@@ -202,31 +204,31 @@ class ArrangementModel:
         rows = np.arange(len(self.scale)) if channels is None else np.asarray(channels)
         x, noise = signals / self.scale[rows, None], noise / self.scale[rows]
         speeds = self._speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
-        inside = speeds if speed_m_s is not None else speeds[(speeds >= self.low_m_s - 1e-9)
-                                                             & (speeds <= self.high_m_s + 1e-9)]
+        inside = np.full(speeds.shape, speed_m_s is not None)
+        inside |= (speeds >= self.low_m_s - 1e-9) & (speeds <= self.high_m_s + 1e-9)
 
         @cache
         def fit(shift: float) -> tuple[Floats, float]:
-            return self._chi_square(x, noise, rows, inside, shift)
+            return self._chi_square(x, noise, rows, speeds, shift)
 
         def least(shift: float) -> float:
             chi_square, log_determinant = fit(shift)
-            return float(chi_square.min()) + log_determinant
+            return float(chi_square[inside].min()) + log_determinant
 
         shifts = self._arrivals(least) if arrival_s is None else np.array([-arrival_s / self.step_s])
         fits = [fit(shift) for shift in shifts.tolist()]
-        costs = np.stack([chi_square + log_determinant for chi_square, log_determinant in fits])
-        best = float(min(shifts.tolist(), key=least))
-        nearest = float(fit(best)[0].min())
-        anywhere = float(self._chi_square(x, noise, rows, speeds, best)[0].min())
+        costs = np.stack([chi_square[inside] + log_determinant for chi_square, log_determinant in fits])
+        best = fit(min(shifts.tolist(), key=least))[0]
+        nearest, anywhere = float(best[inside].min()), float(best.min())
         # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
         # certain.
         temperature = max(1.0, nearest / x.size)
         _, count, prior = arrangements(self.stones)
         weight = np.exp((costs.min() - costs) / (2 * temperature)) * prior
         probability = np.bincount(count, weight.sum(axis=(0, 1))) / weight.sum()
-        return ArrangementEstimate(probability, nearest / x.size, (nearest - anywhere) / (2 * temperature),
-                                   -best * self.step_s)
+        share = float(np.mean(noise**2 / (self.residual[rows] ** 2 + noise**2)))
+        return ArrangementEstimate(probability, nearest / x.size, share, (nearest - anywhere) / (2 * temperature),
+                                   -min(shifts.tolist(), key=least) * self.step_s)
 
     def _arrivals(self, least: Callable[[float], float]) -> Floats:
         """Shifts about the most probable one, which is sought first in wide steps, then in narrower ones about the best
@@ -268,11 +270,24 @@ def _sampled(response: Floats, rows: Floats) -> Floats:
     return np.asarray((1 - share) * parts[0] + share * parts[1])
 
 
-def distances(found: ArrangementEstimate, reference: Floats) -> Floats:
-    """Distances of a record from the training, shape (3,) as in DISTANCES, 1 being as expected.
+@dataclass(frozen=True)
+class ExpectedMisfit:
+    """Of records like those of the training. What the model does not explain and the sensors' noise add up in the
+    chi-square, so the misfit that is expected goes about linearly with the share of the noise.
 
-    reference (3,): quadratic in the ratio of the logarithm of the misfit of held-out records; coal scatters more than
-    gangue.
+    noise_share (k,), misfit (k,): of records with more and more noise, and the misfit that 95 % of them keep; by_ratio
+    (3,): quadratic in the ratio of the logarithm of the misfit of the first ones, since coal scatters more than gangue.
     """
-    return np.array([found.misfit, found.log_likelihood_ratio / REFERENCE_LOG_RATIO,
-                     np.exp(np.polyval(reference, found.ratio)) / found.misfit])
+
+    noise_share: Floats
+    misfit: Floats
+    by_ratio: Floats
+
+    def distances(self, found: ArrangementEstimate) -> Floats:
+        """Of a record from the training, shape (3,) as in DISTANCES, 1 being as expected."""
+        expected = float(np.interp(found.noise_share, self.noise_share, self.misfit))
+        # Noise alone has a misfit of 1.
+        scatter = float(np.interp(found.noise_share, self.noise_share[[0, -1]],
+                                  [np.exp(np.polyval(self.by_ratio, found.ratio)), 1.0]))
+        return np.array([found.misfit / expected, found.log_likelihood_ratio / REFERENCE_LOG_RATIO,
+                         scatter / found.misfit])

@@ -19,7 +19,7 @@ from recognition.estimation.channels import channel_names, channels_of
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups
 from recognition.physics.arrangement_fit import PlateRecord, distance_reference, fit_model
-from recognition.physics.arrangement_likelihood import DISTANCES, LATEST_S, ArrangementModel, distances
+from recognition.physics.arrangement_likelihood import DISTANCES, LATEST_S, ArrangementModel, ExpectedMisfit
 from recognition.physics.force_records import ForceRecord, force_record_of
 
 #: Time from the first contact on that is used, and the most samples of it. A stone's force lasts 0.45 ms; the plate
@@ -36,7 +36,7 @@ class ArrangementLikelihood:
 
     exact_trigger: bool = False
     model_: ArrangementModel = field(init=False, repr=False)
-    reference_: Floats = field(init=False, repr=False)
+    expected_: ExpectedMisfit = field(init=False, repr=False)
     limits_: Floats = field(init=False, repr=False)
     error_: float = field(init=False, repr=False)
 
@@ -56,7 +56,7 @@ class ArrangementLikelihood:
         are too few."""
         keys = np.asarray(y if groups is None else groups)
         self.model_ = fit_model(X, keys)
-        self.reference_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys)
+        self.expected_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys)
         return self
 
     def at_impact(self) -> ArrangementLikelihood:
@@ -82,7 +82,7 @@ class ArrangementLikelihood:
             raise RecognitionError(f"no column {min(unknown)!r} in the training; it has {', '.join(known)}")
         found = self.model_.estimate(x.signals, x.noise, speed_m_s, self._arrival_s,
                                      np.array([known.index(name) for name in x.names]))
-        far = distances(found, self.reference_)
+        far = self.expected_.distances(found)
         return Answer(found.ratio, *found.interval, reason_out_of_distribution(DISTANCES, far, self.limits_))
 
     def summary(self) -> str:
