@@ -43,7 +43,7 @@ FINE = np.arange(-4, 5) / 2
 TAIL = 0.05
 MISFIT = "misfit of the plate's model"
 #: Names of the distances of a record from the training, in the order of `distances`.
-DISTANCES = (MISFIT, "another impact speed explains it better", "stones that scatter too little")
+DISTANCES = (MISFIT, "another impact speed explains it better")
 #: Log likelihood ratio of a speed outside the training that counts as a distance of 1: twenty times as likely.
 REFERENCE_LOG_RATIO = 3.0
 #: Digits in a model file: more than a sensor has, and a third of the size.
@@ -120,7 +120,9 @@ class ArrangementModel:
     and falls as long, from the impact on; laws (2, p, bins): mean force of coal and of gangue, a hat a bin, each
     `width` steps after the one before; covariance (bins, bins): of a force, from stone to stone; seen: number of
     different stones that tell it; scatter: responses (channels, steps, m) to what else varies, by one standard
-    deviation each; low_m_s, high_m_s: speeds of training. ValueError for arrays that do not fit together.
+    deviation each; plate_json: table `[plate]` of the scenes; place_m (stones, 2): where the stones fall;
+    place_deviation_m: standard deviation along x and y of where they touch; low_m_s, high_m_s: speeds of training.
+    ValueError for arrays that do not fit together.
     """
 
     names: tuple[str, ...]
@@ -135,6 +137,9 @@ class ArrangementModel:
     covariance: Floats = field(metadata=SHORT)
     seen: int
     scatter: list[Floats]
+    plate_json: str
+    place_m: Floats
+    place_deviation_m: float
     middle_m_s: float
     low_m_s: float
     high_m_s: float
@@ -146,7 +151,7 @@ class ArrangementModel:
                 and self.scale.shape == self.residual.shape == (len(self.names),) and channels and self.stride > 0
                 and self.samples > 0 and self.width > 0 and self.seen > 0
                 and all(one.ndim == 3 and one.shape[0] == channels and one.shape[1] >= steps for one in arrays)
-                and 1 <= self.stones <= MOST_STONES):
+                and 1 <= self.stones <= MOST_STONES and self.place_m.shape == (self.stones, 2)):
             raise ValueError("the arrays of the arrangements do not fit together")
 
     @property
@@ -275,19 +280,13 @@ class ExpectedMisfit:
     """Of records like those of the training. What the model does not explain and the sensors' noise add up in the
     chi-square, so the misfit that is expected goes about linearly with the share of the noise.
 
-    noise_share (k,), misfit (k,): of records with more and more noise, and the misfit that 95 % of them keep; by_ratio
-    (3,): quadratic in the ratio of the logarithm of the misfit of the first ones, since coal scatters more than gangue.
+    noise_share (k,), misfit (k,): of records with more and more noise, and the misfit that 95 % of them keep.
     """
 
     noise_share: Floats
     misfit: Floats
-    by_ratio: Floats
 
     def distances(self, found: ArrangementEstimate) -> Floats:
-        """Of a record from the training, shape (3,) as in DISTANCES, 1 being as expected."""
+        """Of a record from the training, shape (2,) as in DISTANCES, 1 being as expected."""
         expected = float(np.interp(found.noise_share, self.noise_share, self.misfit))
-        # Noise alone has a misfit of 1.
-        scatter = float(np.interp(found.noise_share, self.noise_share[[0, -1]],
-                                  [np.exp(np.polyval(self.by_ratio, found.ratio)), 1.0]))
-        return np.array([found.misfit / expected, found.log_likelihood_ratio / REFERENCE_LOG_RATIO,
-                         scatter / found.misfit])
+        return np.array([found.misfit / expected, found.log_likelihood_ratio / REFERENCE_LOG_RATIO])

@@ -19,8 +19,15 @@ from recognition.estimation.channels import channel_names, channels_of
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups
 from recognition.physics.arrangement_fit import PlateRecord, distance_reference, fit_model
-from recognition.physics.arrangement_likelihood import DISTANCES, LATEST_S, ArrangementModel, ExpectedMisfit
+from recognition.physics.arrangement_likelihood import (
+    DISTANCES,
+    LATEST_S,
+    ArrangementModel,
+    ExpectedMisfit,
+)
 from recognition.physics.force_records import ForceRecord, force_record_of
+from recognition.physics.learnt_plate import on_plate
+from recognition.plate.plate_model import PlateModel
 
 #: Time from the first contact on that is used, and the most samples of it. A stone's force lasts 0.45 ms; the plate
 #: still rings with it afterwards.
@@ -64,6 +71,12 @@ class ArrangementLikelihood:
         known = copy(self)
         known.exact_trigger = True
         return known
+
+    def on_plate(self, plate: PlateModel) -> ArrangementLikelihood:
+        """The same on a plate that was learnt by tapping. RecognitionError where they do not fit each other."""
+        other = copy(self)
+        other.model_ = on_plate(self.model_, plate)
+        return other
 
     @property
     def _arrival_s(self) -> float | None:
