@@ -68,8 +68,11 @@ def recognise(arguments: argparse.Namespace) -> int:
     knows."""
     from analysis.readers import read_table
     from recognition.models import Model
+    from recognition.plate.plate_model import PlateModel
 
     model = Model.load(arguments.model)
+    if arguments.plate is not None:
+        model = model.on_plate(PlateModel.load(Path(arguments.plate)))
     path = Path(arguments.record)
     path = path / "signals.parquet" if path.is_dir() else path
     table = read_table(path)
@@ -143,6 +146,7 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("recognise", help="mixing ratio of a record")
     command.add_argument("record", help="run directory, .parquet or .csv with t_s and the plate's responses")
     command.add_argument("--model", required=True, help="model file")
+    command.add_argument("--plate", help="plate that `tap` wrote, where it is not exactly that of the training")
     command = commands.add_parser("evaluate", help="what each method makes of runs it was not trained on")
     command.add_argument("directory",
                          help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")

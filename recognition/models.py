@@ -29,10 +29,11 @@ from recognition.estimation.window import LEAST_RATIOS, Window
 from recognition.methods import METHODS
 from recognition.model_file import decode, encode
 from recognition.physics.arrangement_method import ArrangementLikelihood
+from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import channel_faults, samples_before_impact
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 7
+VERSION = 8
 MOST_BYTES = 1e9
 NOT_APPLICABLE = "not applicable"
 
@@ -77,6 +78,18 @@ class Model:
         known = {name: method.at_impact() for name, method in self.methods.items()
                  if isinstance(method, ArrangementLikelihood)}
         return replace(self, methods=self.methods | known)
+
+    def on_plate(self, plate: PlateModel) -> Model:
+        """For records of a plate that was learnt by tapping. Only the arrangement likelihood knows of the plate; what
+        other methods have learnt holds for the plate of the training alone, so they are left out.
+
+        Raises RecognitionError where plate and model do not fit each other."""
+        fitted: dict[str, Method] = {name: method.on_plate(plate) for name, method in self.methods.items()
+                                     if isinstance(method, ArrangementLikelihood)}
+        if not fitted:
+            raise RecognitionError("this model has no method that knows of the plate; a data set gives one")
+        others = {name: "learnt on another plate" for name in self.methods if name not in fitted}
+        return replace(self, methods=fitted, left_out=self.left_out | others)
 
     @staticmethod
     def faults(signals: pd.DataFrame) -> list[str]:

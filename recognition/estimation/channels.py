@@ -10,12 +10,13 @@ import pandas as pd
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 
-#: Sets of signals by name; a name that ends in * stands for all columns that begin so, in alphabetic order.
+#: Sets of signals by name; a name that ends in * stands for all columns that begin so, in alphabetic order, and one in
+#: brackets for columns that may be absent.
 CHANNELS = {
     "centre": ("v_m_s", "a_m_s2"),
     "accelerometers": ("acc_*",),
     "rods": ("rod_*",),
-    "plate": ("acc_*", "rod_*"),  # sensors that a plate can have
+    "plate": ("acc_*", "[rod_*]"),  # sensors that a plate can have
     "all": ("v_m_s", "a_m_s2", "acc_*", "rod_*"),
 }
 
@@ -23,9 +24,10 @@ CHANNELS = {
 def channel_names(columns: Iterable[str], kind: str) -> list[str]:
     """Columns of a set of CHANNELS. RecognitionError where the record lacks one."""
     columns, found = list(columns), []
-    for name in CHANNELS[kind]:
+    for entry in CHANNELS[kind]:
+        name = entry.strip("[]")
         here = sorted(c for c in columns if c.startswith(name[:-1])) if name.endswith("*") else [name]
-        if not here or not set(here) <= set(columns):
+        if name == entry and not (here and set(here) <= set(columns)):
             raise RecognitionError(f"no column {name!r} in the record; needs it for {kind}")
         found += here
     return found

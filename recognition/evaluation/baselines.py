@@ -25,7 +25,8 @@ def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
 
 
 BASELINES: Registry = {
-    "arrangement_likelihood_fast": MethodEntry("likelihood of arrangements, at 40 kHz", ArrangementLikelihood,
+    "arrangement_likelihood_fast": MethodEntry("likelihood of arrangements, trigger known, at 40 kHz",
+                                               partial(ArrangementLikelihood, exact_trigger=True),
                                                rate_factor=FAST_FACTOR),
     "arrangement_likelihood_timed": MethodEntry("likelihood of arrangements, trigger known",
                                                 partial(ArrangementLikelihood, exact_trigger=True)),

@@ -43,7 +43,7 @@ FINE = np.arange(-4, 5) / 2
 TAIL = 0.05
 MISFIT = "misfit of the plate's model"
 #: Names of the distances of a record from the training, in the order of `distances`.
-DISTANCES = (MISFIT, "another impact speed explains it better", "stones that scatter too little")
+DISTANCES = (MISFIT, "another impact speed explains it better")
 #: Log likelihood ratio of a speed outside the training that counts as a distance of 1: twenty times as likely.
 REFERENCE_LOG_RATIO = 3.0
 #: Digits in a model file: more than a sensor has, and a third of the size.
@@ -53,11 +53,13 @@ SHORT = {"digits": 7}
 @dataclass(frozen=True)
 class ArrangementEstimate:
     """Of one record. probability (stones + 1,): of 0, 1, 2 ... stones of gangue; misfit: least chi-square over the
-    number of samples; log_likelihood_ratio: of the best speed anywhere against the best within the training; arrival_s:
-    the most probable time of the impact, from the record's beginning."""
+    number of samples; noise_share: of the sensors' noise in the variance that a sample may have beside the law;
+    log_likelihood_ratio: of the best speed anywhere against the best within the training; arrival_s: the most probable
+    time of the impact, from the record's beginning."""
 
     probability: Floats
     misfit: float
+    noise_share: float
     log_likelihood_ratio: float
     arrival_s: float
 
@@ -118,7 +120,9 @@ class ArrangementModel:
     and falls as long, from the impact on; laws (2, p, bins): mean force of coal and of gangue, a hat a bin, each
     `width` steps after the one before; covariance (bins, bins): of a force, from stone to stone; seen: number of
     different stones that tell it; scatter: responses (channels, steps, m) to what else varies, by one standard
-    deviation each; low_m_s, high_m_s: speeds of training. ValueError for arrays that do not fit together.
+    deviation each; plate_json: table `[plate]` of the scenes; place_m (stones, 2): where the stones fall;
+    place_deviation_m: standard deviation along x and y of where they touch; low_m_s, high_m_s: speeds of training.
+    ValueError for arrays that do not fit together.
     """
 
     names: tuple[str, ...]
@@ -133,6 +137,9 @@ class ArrangementModel:
     covariance: Floats = field(metadata=SHORT)
     seen: int
     scatter: list[Floats]
+    plate_json: str
+    place_m: Floats
+    place_deviation_m: float
     middle_m_s: float
     low_m_s: float
     high_m_s: float
@@ -144,7 +151,7 @@ class ArrangementModel:
                 and self.scale.shape == self.residual.shape == (len(self.names),) and channels and self.stride > 0
                 and self.samples > 0 and self.width > 0 and self.seen > 0
                 and all(one.ndim == 3 and one.shape[0] == channels and one.shape[1] >= steps for one in arrays)
-                and 1 <= self.stones <= MOST_STONES):
+                and 1 <= self.stones <= MOST_STONES and self.place_m.shape == (self.stones, 2)):
             raise ValueError("the arrays of the arrangements do not fit together")
 
     @property
@@ -202,36 +209,31 @@ class ArrangementModel:
         rows = np.arange(len(self.scale)) if channels is None else np.asarray(channels)
         x, noise = signals / self.scale[rows, None], noise / self.scale[rows]
         speeds = self._speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
-        inside = speeds if speed_m_s is not None else speeds[(speeds >= self.low_m_s - 1e-9)
-                                                             & (speeds <= self.high_m_s + 1e-9)]
-
-        @cache
-        def white(shift: float) -> tuple[Floats, float]:
-            return self._whitened(x, noise, rows, shift)
+        inside = np.full(speeds.shape, speed_m_s is not None)
+        inside |= (speeds >= self.low_m_s - 1e-9) & (speeds <= self.high_m_s + 1e-9)
 
         @cache
         def fit(shift: float) -> tuple[Floats, float]:
-            products, log_determinant = white(shift)
-            return self._chi_square(products, inside), log_determinant
+            return self._chi_square(x, noise, rows, speeds, shift)
 
         def least(shift: float) -> float:
             chi_square, log_determinant = fit(shift)
-            return float(chi_square.min()) + log_determinant
+            return float(chi_square[inside].min()) + log_determinant
 
         shifts = self._arrivals(least) if arrival_s is None else np.array([-arrival_s / self.step_s])
         fits = [fit(shift) for shift in shifts.tolist()]
-        costs = np.stack([chi_square + log_determinant for chi_square, log_determinant in fits])
-        best = float(min(shifts.tolist(), key=least))
-        nearest = float(fit(best)[0].min())
-        anywhere = float(self._chi_square(white(best)[0], speeds).min())
+        costs = np.stack([chi_square[inside] + log_determinant for chi_square, log_determinant in fits])
+        best = fit(min(shifts.tolist(), key=least))[0]
+        nearest, anywhere = float(best[inside].min()), float(best.min())
         # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
         # certain.
         temperature = max(1.0, nearest / x.size)
         _, count, prior = arrangements(self.stones)
         weight = np.exp((costs.min() - costs) / (2 * temperature)) * prior
         probability = np.bincount(count, weight.sum(axis=(0, 1))) / weight.sum()
-        return ArrangementEstimate(probability, nearest / x.size, (nearest - anywhere) / (2 * temperature),
-                                   -best * self.step_s)
+        share = float(np.mean(noise**2 / (self.residual[rows] ** 2 + noise**2)))
+        return ArrangementEstimate(probability, nearest / x.size, share, (nearest - anywhere) / (2 * temperature),
+                                   -min(shifts.tolist(), key=least) * self.step_s)
 
     def _arrivals(self, least: Callable[[float], float]) -> Floats:
         """Shifts about the most probable one, which is sought first in wide steps, then in narrower ones about the best
@@ -242,21 +244,18 @@ class ArrangementModel:
         best = min(near, key=least)
         return np.clip(best + FINE, -latest, latest)
 
-    def _whitened(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> tuple[Floats, float]:
-        """Products of the record and of each column of the mean, freed of the covariance, with each other,
-        shape (1 + p (1 + stones),) twice, and the logarithm of the covariance's determinant."""
+    def _chi_square(self, x: Floats, noise: Floats, rows: Integers, speeds_m_s: Floats,
+                    shift: float) -> tuple[Floats, float]:
+        """Of every arrangement at every speed, shape (speeds, 2^stones), and the logarithm of the determinant."""
         law = self.law_at(shift)
         chosen = (rows[:, None] * self.samples + np.arange(self.samples)).ravel()
         mean, covariance = law.mean[:, chosen], law.covariance[np.ix_(chosen, chosen)]
         variance = np.repeat(self.residual[rows] ** 2 + noise**2, self.samples)
-        known = np.column_stack([x.ravel(), mean.transpose(1, 0, 2).reshape(mean.shape[1], -1)])
+        powers, d, columns = mean.shape
+        known = np.column_stack([x.ravel(), mean.transpose(1, 0, 2).reshape(d, -1)])
         root = np.linalg.cholesky(covariance + np.diag(variance))
         white = solve_triangular(root, known, lower=True, check_finite=False)
-        return white.T @ white, 2 * float(np.log(np.diag(root)).sum())
-
-    def _chi_square(self, inner: Floats, speeds_m_s: Floats) -> Floats:
-        """Of every arrangement at every speed, shape (speeds, 2^stones), from the products of `_whitened`."""
-        powers, columns = self.laws.shape[1], 1 + self.stones
+        inner = white.T @ white
         # The mean at a speed is a sum over powers; so are its products with itself and with x.
         of_speed = self._powers(speeds_m_s)
         blocks = inner[1:, 1:].reshape(powers, columns, powers, columns)
@@ -264,7 +263,7 @@ class ArrangementModel:
         sums = of_speed @ inner[0, 1:].reshape(powers, columns)
         chi_square = squares.reshape(len(of_speed), -1) @ _pairs(columns - 1) + inner[0, 0]
         chi_square -= 2 * sums @ arrangements(columns - 1)[0].T
-        return np.asarray(chi_square)
+        return np.asarray(chi_square), 2 * float(np.log(np.diag(root)).sum())
 
 
 def _sampled(response: Floats, rows: Floats) -> Floats:
@@ -276,11 +275,18 @@ def _sampled(response: Floats, rows: Floats) -> Floats:
     return np.asarray((1 - share) * parts[0] + share * parts[1])
 
 
-def distances(found: ArrangementEstimate, reference: Floats) -> Floats:
-    """Distances of a record from the training, shape (3,) as in DISTANCES, 1 being as expected.
+@dataclass(frozen=True)
+class ExpectedMisfit:
+    """Of records like those of the training. What the model does not explain and the sensors' noise add up in the
+    chi-square, so the misfit that is expected goes about linearly with the share of the noise.
 
-    reference (3,): quadratic in the ratio of the logarithm of the misfit of held-out records; coal scatters more than
-    gangue.
+    noise_share (k,), misfit (k,): of records with more and more noise, and the misfit that 95 % of them keep.
     """
-    return np.array([found.misfit, found.log_likelihood_ratio / REFERENCE_LOG_RATIO,
-                     np.exp(np.polyval(reference, found.ratio)) / found.misfit])
+
+    noise_share: Floats
+    misfit: Floats
+
+    def distances(self, found: ArrangementEstimate) -> Floats:
+        """Of a record from the training, shape (2,) as in DISTANCES, 1 being as expected."""
+        expected = float(np.interp(found.noise_share, self.noise_share, self.misfit))
+        return np.array([found.misfit / expected, found.log_likelihood_ratio / REFERENCE_LOG_RATIO])

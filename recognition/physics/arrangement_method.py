@@ -19,8 +19,15 @@ from recognition.estimation.channels import channel_names, channels_of
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups
 from recognition.physics.arrangement_fit import PlateRecord, distance_reference, fit_model
-from recognition.physics.arrangement_likelihood import DISTANCES, LATEST_S, ArrangementModel, distances
+from recognition.physics.arrangement_likelihood import (
+    DISTANCES,
+    LATEST_S,
+    ArrangementModel,
+    ExpectedMisfit,
+)
 from recognition.physics.force_records import ForceRecord, force_record_of
+from recognition.physics.learnt_plate import on_plate
+from recognition.plate.plate_model import PlateModel
 
 #: Time from the first contact on that is used, and the most samples of it. A stone's force lasts 0.45 ms; the plate
 #: still rings with it afterwards.
@@ -36,7 +43,7 @@ class ArrangementLikelihood:
 
     exact_trigger: bool = False
     model_: ArrangementModel = field(init=False, repr=False)
-    reference_: Floats = field(init=False, repr=False)
+    expected_: ExpectedMisfit = field(init=False, repr=False)
     limits_: Floats = field(init=False, repr=False)
     error_: float = field(init=False, repr=False)
 
@@ -56,7 +63,7 @@ class ArrangementLikelihood:
         are too few."""
         keys = np.asarray(y if groups is None else groups)
         self.model_ = fit_model(X, keys)
-        self.reference_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys)
+        self.expected_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys)
         return self
 
     def at_impact(self) -> ArrangementLikelihood:
@@ -64,6 +71,12 @@ class ArrangementLikelihood:
         known = copy(self)
         known.exact_trigger = True
         return known
+
+    def on_plate(self, plate: PlateModel) -> ArrangementLikelihood:
+        """The same on a plate that was learnt by tapping. RecognitionError where they do not fit each other."""
+        other = copy(self)
+        other.model_ = on_plate(self.model_, plate)
+        return other
 
     @property
     def _arrival_s(self) -> float | None:
@@ -78,11 +91,11 @@ class ArrangementLikelihood:
         if x.signals.shape[1] != self.model_.samples:
             raise RecognitionError(f"{x.signals.shape[1]} samples; the model has {self.model_.samples}")
         known = self.model_.names
-        if strange := set(x.names) - set(known):
-            raise RecognitionError(f"no column {min(strange)!r} in the training; it has {', '.join(known)}")
+        if unknown := set(x.names) - set(known):
+            raise RecognitionError(f"no column {min(unknown)!r} in the training; it has {', '.join(known)}")
         found = self.model_.estimate(x.signals, x.noise, speed_m_s, self._arrival_s,
                                      np.array([known.index(name) for name in x.names]))
-        far = distances(found, self.reference_)
+        far = self.expected_.distances(found)
         return Answer(found.ratio, *found.interval, reason_out_of_distribution(DISTANCES, far, self.limits_))
 
     def summary(self) -> str:

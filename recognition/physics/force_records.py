@@ -28,10 +28,10 @@ Places = tuple[tuple[float, ...], ...]
 class ForceRecord:
     """Forces of the stones of one simulated run.
 
-    place_m (stones, 2): where the stones fall; touch_m (stones, 2): where they touch the plate first, which a
-    sub-sphere beside the lowest point does some millimetres off; at_once: all of them touch the plate together;
-    sample_s: interval between samples of the run's record; force_N (stones, steps): means over steps of step_s from
-    t = 0 on; gangue (stones,): which stones are gangue; modes_dir: where the plate's modes are kept.
+    place_m (stones, 2): where the stones fall; touch_m (stones, 2): where they touch the plate first, which is some
+    millimetres off where a stone touches with its sub-spheres; at_once: all of them touch the plate together; sample_s:
+    interval between samples of the run's record; force_N (stones, steps): means over steps of step_s from t = 0 on;
+    gangue (stones,): which stones are gangue; modes_dir: where the plate's modes are kept.
     """
 
     plate: FlexiblePlate

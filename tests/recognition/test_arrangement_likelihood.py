@@ -21,7 +21,13 @@ from recognition import RecognitionError
 from recognition.evaluation.error_bounds import arrangement_error_points
 from recognition.model_file import decode, encode
 from recognition.physics.arrangement_fit import PlateRecord
-from recognition.physics.arrangement_likelihood import LATEST_S, ArrangementEstimate, ArrangementModel, distances
+from recognition.physics.arrangement_likelihood import (
+    LATEST_S,
+    MISFIT,
+    ArrangementEstimate,
+    ArrangementModel,
+    ExpectedMisfit,
+)
 from recognition.physics.arrangement_method import ArrangementLikelihood, noise_of
 from recognition.physics.force_records import ForceRecord
 
@@ -99,7 +105,8 @@ def small_model(rng, stones=4, bins=3, powers=2, width=2, samples=6, scatter=1):
     root = 0.4 * rng.standard_normal((bins, bins))
     return ArrangementModel(("a", "b"), np.array([1.0, 2.0]), np.array([0.3, 0.2]), 1e-5, 1, samples, hat, width,
                             0.3 * rng.standard_normal((2, powers, bins)), root @ root.T + 0.01 * np.eye(bins), 7,
-                            [0.2 * rng.standard_normal((2, samples + 64, 2)) for _ in range(scatter)], 3.0, 3.0, 3.0)
+                            [0.2 * rng.standard_normal((2, samples + 64, 2)) for _ in range(scatter)], "",
+                            np.zeros((stones, 2)), 0.0,                            3.0, 3.0, 3.0)
 
 
 def naive_law(model, shift):
@@ -241,7 +248,17 @@ def test_noise_of_smooth_signals():
 
 
 def test_distances_by_hand():
-    """Reference misfits: 0.8 for coal, 0.2 for gangue, exponential between; half of the stones are gangue."""
-    reference = np.array([0.0, np.log(0.25), np.log(0.8)])
-    half = ArrangementEstimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1, 6.0, 0.0)
-    assert distances(half, reference) == pytest.approx([0.1, 2.0, 4.0])
+    """95 % keep 2 where noise has a fifth of the variance and 1.2 where it has all; it has two fifths here, a quarter of
+    the way."""
+    expected = ExpectedMisfit(np.array([0.2, 1.0]), np.array([2.0, 1.2]))
+    half = ArrangementEstimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1, 0.4, 6.0, 0.0)
+    assert expected.distances(half) == pytest.approx([0.1 / 1.8, 2.0])
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.02, 0.05, 0.1])
+def test_the_limit_of_the_misfit_follows_the_noise(method, noise):
+    """Good records pass at any noise, also between those at which the limits were learnt; of a plate that is 2.5 %
+    thicker none does."""
+    good, other = (draw(20, 11, noise=noise, thickness_m=thickness_m)[0] for thickness_m in (0.008, 0.0082))
+    assert sum(answer.out_of_distribution != "" for answer in method.answer(good)) <= 1
+    assert all(MISFIT in answer.out_of_distribution for answer in method.answer(other))

@@ -51,7 +51,7 @@ def test_no_answer_has_a_smaller_absolute_error_than_the_median():
     answers = np.linspace(0, 1, 1001)
     for probability in rng.dirichlet(np.full(11, 0.3), 50):
         loss = np.abs(answers[:, None] - ratios) @ probability
-        median = ArrangementEstimate(probability, 1.0, 0.0, 0.0).median
+        median = ArrangementEstimate(probability, 1.0, 0.0, 0.0, 0.0).median
         assert np.abs(median - ratios) @ probability == pytest.approx(loss.min(), abs=1e-9)
 
 
