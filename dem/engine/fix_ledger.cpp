@@ -255,7 +255,8 @@ void FixLedger::add_up(Sum &sum, const double *row) {
   sum.mass_height_kg_m += row[MASS_HEIGHT];
   sum.work_on_stones_J += row[BOND_WORK] + row[PAIR_WORK] + row[WALL_WORK];
   sum.bonds_took_J -= row[BOND_WORK] + row[BOND_ELASTIC] + row[RELEASED];
-  sum.contacts_took_J -= row[PAIR_WORK] + row[WALL_WORK] + row[PLATE_WORK] + row[PAIR_ELASTIC] + row[WALL_ELASTIC];
+  const double held = row[PAIR_ELASTIC] + row[WALL_ELASTIC] - row[SPRINGS];
+  sum.contacts_took_J -= row[PAIR_WORK] + row[WALL_WORK] + row[PLATE_WORK] + held;
 }
 
 void FixLedger::post_run() {

@@ -41,7 +41,7 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   int acts_every() const override { return every_; }
 
   // Of all agglomerates that ever were there, at the last row. What bonds and contacts took from the stones and the
-  // plate does not count what they hold as elastic energy.
+  // plate does not count what they hold as elastic energy, nor what tangential springs gained.
   struct Sum {
     long long step;
     double kinetic_J, mass_height_kg_m, work_on_stones_J, bonds_took_J, contacts_took_J;
