@@ -20,6 +20,12 @@ Finished = FinishedFigure | FinishedTable
 Work = Callable[[], Any]
 
 
+#: Results that take long and that several parts show; kept where they are first asked for.
+SHARED: tuple[Callable[[SweepResults], object], ...] = (
+    lambda results: results.signals.rule_costs, lambda results: results.recognition.filtered,
+    lambda results: results.recognition.fused)
+
+
 @dataclass(frozen=True)
 class Parts:
     """Finished figures and tables by their key, the claims in order, and the films."""
@@ -33,13 +39,21 @@ def make_parts(results: SweepResults, specs: Sequence[Spec], statements: Sequenc
     """Make every part, by as many processes as there are processors.
 
     The last of `statements` are of the recognised ratios. While other processes recognise the runs, this one checks the
-    other statements, for which it finds most of what the figures show; the figures are drawn by copies of it.
+    other statements, for which it finds most of what the figures show, and the rest of what several of them show; the
+    figures are drawn by copies of it.
     """
     runs, recognition = range(len(results.runs)), results.recognition
     *early, late = statements
     claims: list[Claim] = []
+
+    def beside() -> None:
+        for own in early:
+            claims.extend(check_statements(results, own))
+        for shared in SHARED:
+            _attempt(partial(shared, results))
+
     works: list[Work] = [recognition.of_model, *(partial(recognition.held_out, k) for k in runs)]
-    model, *held_out = _all(works, lambda: claims.extend(sum((check_statements(results, own) for own in early), [])))
+    model, *held_out = _all(works, beside)
     if not any(isinstance(one, Exception) for one in (model, *held_out)):  # else it is told where it is asked for
         recognition.take(model, held_out)
     rest = _all([partial(check_statements, results, late), *(partial(finish, spec, results) for spec in specs),
