@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from recognition import RecognitionError
+from recognition.__main__ import main
 from recognition.estimation.window import Window
 from recognition.evaluation import other_plates
 from recognition.models import Model
@@ -97,3 +98,17 @@ def test_other_methods_are_left_out(method):
     assert on_other.left_out == {"fusion_q": "learnt on another plate"}
     with pytest.raises(RecognitionError, match="no method that knows of the plate"):
         replace(model, methods={"fusion_q": object()}).on_plate(learnt())
+
+
+def test_command_takes_the_plate(monkeypatch, tmp_path, capsys):
+    seen = []
+    model = Model(Window(20000.0, SAMPLES), {}, {"groups": 30})
+    monkeypatch.setattr(Model, "load", classmethod(lambda cls, path: model))
+    monkeypatch.setattr(Model, "on_plate", lambda self, there: seen.append(there) or self)
+    record, file = tmp_path / "record.csv", tmp_path / "plate.json"
+    record.write_text("t_s,acc_s0_m_s2\n0,1\n1e-4,2\n")
+    missing = main(["recognise", str(record), "--model", "model.json", "--plate", str(file)])
+    assert (missing, capsys.readouterr().err.count("\n"), seen) == (2, 1, [])
+    learnt().save(file)
+    main(["recognise", str(record), "--model", "model.json", "--plate", str(file)])
+    assert seen[0].frequency_Hz == pytest.approx(learnt().frequency_Hz)
