@@ -84,10 +84,11 @@ def killed_until_finished(scene, out, rng, longest_s, kills_left):
     """Returns the number of kills that it took."""
     kills, errors = 0, out.with_name("stderr")
     while not out.exists():
-        pid = fork_run(scene, out, errors)
+        pid, begun_s = fork_run(scene, out, errors), time.monotonic()
         if kills % 2:  # every other one when there is something to go on from
             wait_for_checkpoint(pid, out.with_name("killed.partial") / "deck" / "checkpoint")
-        code = ended(pid, rng.uniform(0, longest_s) if kills < kills_left else 3000)
+        left_s = max(longest_s - (time.monotonic() - begun_s), 0.0)
+        code = ended(pid, rng.uniform(0, left_s) if kills < kills_left else 3000)
         children = []
         if code is None:
             children = kill_some(pid, kills)
