@@ -126,6 +126,8 @@ class RunSummary(Recorded):
     peak_force_N: float | None = None
     impulse_N_s: float | None = None
     momentum_change_kg_m_s: float | None = None
+    rod_impulse_N_s: list[float] | None = None  # on the foot of each rod, downwards; of plates on rods alone
+    plate_momentum_kg_m_s: float | None = None  # at the end, upwards, without that of the rods; of plates on rods alone
     wall_impulse_N_s: dict[str, list[float]] | None = None  # x, y, z on each side wall, by its edge
     plate: dict[str, float] | None = None  # largest absolute value of each signal of the plate
     yield_: YieldReport | None = Field(default=None, alias="yield")
