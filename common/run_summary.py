@@ -13,6 +13,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from common.files import read_json, write_json
+from common.plate import Edge
 from common.scene_stones import StonePosition
 from common.tables import check
 
@@ -63,6 +64,13 @@ class RecordedRod(Recorded):
     y_m: float
 
 
+class RecordedWalls(Recorded):
+    """The walls on edges of the plate."""
+
+    edges: list[Edge]
+    height_m: float
+
+
 class RecordedPlate(RecordedMaterial):
     """`[plate]` of the scene (common/plate.py) as far as it is recorded."""
 
@@ -73,6 +81,7 @@ class RecordedPlate(RecordedMaterial):
     damping_ratio: float | None = None
     max_frequency_Hz: float | None = None
     rods: list[RecordedRod] | None = None
+    walls: RecordedWalls | None = None
 
 
 class RecordedScene(Recorded):
