@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from analysis.array_files import Arrays, read_hdf5, read_matlab
 from analysis.records import Record, RecordError, sample_rate_Hz
 from analysis.sound_files import read_flac, read_wav
-from analysis.text_tables import name_and_unit, plain_unit, read_text_table
+from analysis.text_tables import name_and_unit, plain_unit, read_plain_table, read_text_table
 from analysis.uff_files import read_uff
-from common.parquet import read_parquet
+from common.input_error import InputError, refuse_unreadable
+from common.parquet import read_numbers, read_parquet
 from common.processes import Crashed, apart
-from common.tables import InputError, refuse_unreadable
 from common.units import unit_of
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 MOST_BYTES = 4e9
+SHORT_BYTES = 3e6  # of a table that is read sooner than pandas is imported
 TABLES = (".parquet", ".csv", ".txt")
 CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read_uff}
 ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5}
@@ -57,7 +61,7 @@ def read_record(
         raise RecordError(f"{path}: no such file; needs a run directory or one of {', '.join(ENDINGS)}")
     ending = path.suffix.lower()
     if ending in TABLES:
-        record = _from_table(read_table(path), str(path), column, time, rate_Hz)
+        record = _from_table(_plain_table(path) or _columns(read_table(path)), str(path), column, time, rate_Hz)
     elif ending in ARRAYS:
         record = _from_arrays(_arrays(path), str(path), column, time, rate_Hz)
     elif ending in CHANNELS:
@@ -94,6 +98,22 @@ def read_table(path: str | Path) -> pd.DataFrame:
     return table
 
 
+def _columns(table: pd.DataFrame) -> dict[str, Any]:
+    return {str(name): table[name] for name in table.columns}
+
+
+def _plain_table(path: Path) -> dict[str, np.ndarray]:
+    """Return the columns of a short table of numbers; nothing of any other, which `read_table` reads or refuses."""
+    if path.stat().st_size > SHORT_BYTES:
+        return {}
+    try:
+        found = (read_numbers if path.suffix.lower() == ".parquet" else read_plain_table)(path)
+    except (OSError, ValueError):
+        return {}
+    names = [name.strip() for name in found]
+    return dict(zip(names, found.values(), strict=True)) if len(set(names)) == len(names) else {}
+
+
 def _arrays(path: Path) -> Arrays:
     """Read in a process of its own: a damaged MATLAB file can crash scipy, as can HDF5's library."""
     try:
@@ -109,9 +129,9 @@ def _refuse_unreadable(path: Path) -> None:
         raise RecordError(str(error)) from None
 
 
-def _from_table(table: pd.DataFrame, source: str, column: str | None, time: str | None,
+def _from_table(table: Mapping[str, Any], source: str, column: str | None, time: str | None,
                 rate_Hz: float | None) -> Record:
-    names = list(table.columns)
+    names = list(table)
     time = _time_of(names, source, time)
     column = _signal_of([name for name in names if name != time], source, column)
     t_s = None if time is None else _seconds(time, _numbers(table[time]), source)
@@ -198,8 +218,12 @@ def _seconds(name: str, times: np.ndarray, source: str) -> np.ndarray:
     return SECONDS[unit] * times
 
 
-def _numbers(column: pd.Series) -> np.ndarray:
+def _numbers(column: pd.Series | np.ndarray) -> np.ndarray:
     """Return the column as floats, NaN where it holds no number: a Record then refuses that sample by its number."""
+    if isinstance(column, np.ndarray):
+        return column
+    import pandas as pd
+
     return pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
 
 

@@ -6,14 +6,18 @@ that features, EMD and spectra can be taken from a measurement as well as from a
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 
 from common.units import unit_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Times written with few digits jitter by the last digit. More than this share of the interval means gaps, or a rate
 # that changes.
@@ -113,14 +117,21 @@ def as_record(
         if rate_Hz is not None and not np.isclose(rate_Hz, signal.rate_Hz, rtol=1e-6):
             raise RecordError(f"{signal.name}: rate_Hz = {rate_Hz}; the record has {signal.rate_Hz:.6g}")
         return signal
-    if isinstance(signal, pd.Series):
+    if _is_series(signal):
         return _from_series(signal, rate_Hz, unit, name)
     if rate_Hz is None:
         raise RecordError(f"{name or 'signal'}: no sample rate; give rate_Hz")
     return Record(np.asarray(signal, dtype=float), rate_Hz, unit or "1", name or "signal")
 
 
+def _is_series(signal: object) -> TypeGuard[pd.Series]:
+    """There is no Series where pandas, which is slow to import, was not."""
+    return "pandas" in sys.modules and isinstance(signal, sys.modules["pandas"].Series)
+
+
 def _from_series(series: pd.Series, rate_Hz: float | None, unit: str | None, name: str | None) -> Record:
+    import pandas as pd
+
     name = name or (str(series.name) if series.name is not None else "signal")
     unit = unit or unit_of(name)
     index = series.index

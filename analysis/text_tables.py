@@ -11,11 +11,15 @@ import codecs
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import pandas as pd
+import numpy as np
 
 from analysis.records import RecordError
 from common.units import UNIT_BY_SUFFIX
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 HEAD_LINES = 300  # that the layout is found from
 LAYOUTS: tuple[tuple[str | None, str], ...] = (
@@ -42,10 +46,9 @@ def read_text_table(path: Path) -> pd.DataFrame:
     A table whose first lines all hold words is read with commas and a line of names, as this project writes tables.
     Raises RecordError, OSError or ValueError if it cannot be read.
     """
-    encoding = _encoding(path)
-    with path.open(encoding=encoding, newline=None) as file:
-        head = [line.rstrip("\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
-    layout = find_layout(head, str(path))
+    import pandas as pd
+
+    encoding, head, layout = _looked_at(path)
     if layout is None:
         return pd.read_csv(path, encoding=encoding)
     names = layout.names or [str(k) for k in range(layout.width)]
@@ -60,6 +63,29 @@ def read_text_table(path: Path) -> pd.DataFrame:
         for name in table.columns[[not pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]]:
             table[name] = table[name].astype(str).str.replace(",", ".")
     return table
+
+
+def read_plain_table(path: Path) -> dict[str, np.ndarray]:
+    """Return the columns of a text table that holds numbers alone, each line as many, with decimal points. It is read
+    without pandas, which takes longer to import than a short table to read. Raises as `read_text_table`, and ValueError
+    for any other table."""
+    encoding, head, layout = _looked_at(path)
+    if layout is None or layout.decimal != "." or len(head[layout.first].split(layout.separator)) != layout.width:
+        raise ValueError("not a plain table")
+    names = layout.names or [str(k) for k in range(layout.width)]
+    values = np.loadtxt(path, delimiter=layout.separator, skiprows=layout.first, encoding=encoding, comments=None,
+                        ndmin=2)
+    if len(set(names)) < len(names) or values.shape[1] != len(names):
+        raise ValueError("not a plain table")
+    return dict(zip(names, values.T, strict=True))
+
+
+def _looked_at(path: Path) -> tuple[str, list[str], Layout | None]:
+    """Encoding, first lines, and layout of a file."""
+    encoding = _encoding(path)
+    with path.open(encoding=encoding, newline=None) as file:
+        head = [line.rstrip("\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
+    return encoding, head, find_layout(head, str(path))
 
 
 def find_layout(head: list[str], source: str) -> Layout | None:

@@ -51,6 +51,13 @@ def listen_for_interrupt() -> None:
         atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
 
+def one_thread() -> None:
+    """Let linear algebra use one thread, if the user did not choose otherwise, and numpy was not imported before. The
+    numerics are many small operations: threads would only wait for each other, and take the core of another process."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
+
 def _interrupt(_number: int, frame: FrameType | None) -> None:
     """An import cannot be interrupted by an exception, since extension modules turn it into another or lose it. While
     one is under way nothing is half written that matters, so the program ends at once."""
@@ -72,6 +79,7 @@ def run_command(program: str, command: Callable[[], int | None]) -> int:
     """Run a command and return its exit code, None meaning 0. It must handle its own errors; here end those that any
     command may meet, each with one line at most: Ctrl-C (130), a reader that closed the pipe (141), a disk that is full
     or cannot be read or written (1), too little memory (1)."""
+    one_thread()
     _running.append(program)
     try:
         return _ended(program, command)

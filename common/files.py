@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from common.tables import InputError, refuse_unreadable
+from common.input_error import InputError, refuse_unreadable
 
 MOST_JSON_BYTES = 100e6
 SEAL = "sha256"  # key of a JSON object under which the hash of its other keys stands

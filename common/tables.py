@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import stat
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,15 +12,10 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
+from common.input_error import InputError as InputError
+from common.input_error import refuse_unreadable as refuse_unreadable
+
 MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
-
-
-class InputError(ValueError):
-    """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
-
-    def __init__(self, message: str) -> None:
-        # Keys and names come from the file and may hold anything.
-        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
 
 
 class Refused(ValueError):
@@ -74,19 +68,6 @@ def refused_in(file: str | Path, where: str) -> Iterator[None]:
         yield
     except Refused as error:
         raise InputError(f"{file}: {where}.{error.key} = {_short(error.value)}: {error.allowed}") from None
-
-
-def refuse_unreadable(path: Path, most_bytes: float) -> None:
-    """Raises InputError for what is there but no regular file, such as a device or a pipe, and for a file so large that
-    it cannot be what is asked for."""
-    try:
-        found = path.stat()
-    except (OSError, ValueError):
-        return  # which opening it will say better
-    if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
-        raise InputError(f"{path}: must be a regular file, not a device or a pipe")
-    if found.st_size > most_bytes:
-        raise InputError(f"{path}: {found.st_size / 1e6:.4g} MB; must have at most {most_bytes / 1e6:g} MB")
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import shutil
 import sys
 import tomllib
@@ -15,10 +14,6 @@ from common.command import Parser, jobs, listen_for_interrupt, run_command, say
 
 if __name__ == "__main__":
     listen_for_interrupt()
-
-# The numerics are many small operations: threads would only wait for each other, and take the core of the engine.
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from common.messages import show_messages
 from dem.coupling.exit_code import STOPPED

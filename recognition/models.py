@@ -58,7 +58,7 @@ class Model:
         groups (runs,): runs of one draw of arrangement, packing ... share a value, for the intervals; conditions: a row
         for each run of what a record will not tell, such as its impact speed; those that do not vary are left out.
         """
-        return _Prepared.of(runs).fit(np.arange(len(runs)), groups, conditions)
+        return PreparedRuns.of(runs).fit(np.arange(len(runs)), groups, conditions)
 
     def recognise(self, signals: pd.DataFrame, source: str = "record") -> dict[str, Answer]:
         """Answer of each method; without a ratio, but with the reason, where the record does not allow it. Silence
@@ -173,14 +173,14 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, Answer]]:
     Returns one dict per run, as of `Model.recognise`. The ends (0 and 100 %) are then outside
     the training ratios: the answer is an extrapolation.
     """
-    prepared = _Prepared.of(runs)
+    prepared = PreparedRuns.of(runs)
     return side_by_side(prepared.answers_without, len(runs))
 
 
 @dataclass(frozen=True)
-class _Prepared:
-    """What each method takes of each run, which does not depend on the training; left_out: methods that lack a column
-    of the runs, and which."""
+class PreparedRuns:
+    """What each method takes of each run, which does not depend on the training, so that many models share it;
+    left_out: methods that lack a column of the runs, and which."""
 
     runs: list[Run]
     window: Window
@@ -188,7 +188,8 @@ class _Prepared:
     left_out: dict[str, str]
 
     @classmethod
-    def of(cls, runs: list[Run]) -> _Prepared:
+    def of(cls, runs: list[Run]) -> PreparedRuns:
+        """Raises RecognitionError where no method can be used."""
         window = Window.of(runs)
         tables = [window.cut(run.signals, str(run.path)) for run in runs]
         features, left_out = {}, {}
@@ -225,7 +226,7 @@ class _Prepared:
         return Model(self.window, methods, provenance, left_out)
 
     def answers_without(self, held_out: int) -> dict[str, Answer]:
-        """Answers to one run by the runs of all other ratios."""
+        """Answers to one run by the runs of all other ratios, the moment of the impact being known."""
         ratio = self.runs[held_out].gangue_ratio
         model = self.fit([k for k, run in enumerate(self.runs) if run.gangue_ratio != ratio])
         return model.at_impact().answers_to(lambda name: self.features[name][held_out])

@@ -16,12 +16,11 @@ from analysis import Sweep, read_sweep
 from analysis.stream import is_stream
 from common.files import write_text
 from common.output_directory import GENERATOR, refuse_foreign_file
-from common.processes import side_by_side
 from common.resources import resource
 from report import tables
 from report.chapters.breakage import BREAKAGE_FIGURES
 from report.chapters.evaluation import EVALUATION_FIGURES
-from report.chapters.figure_spec import FigureSpec, FinishedFigure, finish_figure
+from report.chapters.figure_spec import FigureSpec, FinishedFigure
 from report.chapters.recognition import ANSWER, RECOGNITION_FIGURES
 from report.chapters.response import RESPONSE_FIGURES
 from report.chapters.rocks import ROCK_FIGURES
@@ -33,17 +32,20 @@ from report.claims.response import RESPONSE_STATEMENTS
 from report.claims.signals import SIGNAL_STATEMENTS
 from report.claims.theory import THEORY_STATEMENTS
 from report.claims.trends import falling_steps, spearman
-from report.claims.verdicts import HELD, VERDICTS, Claim, check_statements, to_csv
+from report.claims.verdicts import HELD, VERDICTS, to_csv
 from report.figures.still import still
 from report.figures.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
-from report.film.reel import films_of
+from report.film.reel import Films
 from report.film.still_scene import still_scene
+from report.parts import Parts, Spec, make_parts
 from report.results.missing import MISSING_RESULT
 from report.results.sweep_results import SweepResults
 from report.stream_page import stream_runs
 from report.tables import FinishedTable, TableSpec, finish_table
 
 TEMPLATES = resource("templates")
+
+RECOGNITION = "Recognition"
 
 #: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
@@ -52,18 +54,12 @@ CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Breakage", BREAKAGE_FIGURES, []),
     ("Response of the plate", RESPONSE_FIGURES, []),
     ("Signals", SIGNAL_FIGURES, [tables.EMD_RULES, tables.STANDARDISED]),
-    ("Recognition", RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED, tables.CHOICES]),
+    (RECOGNITION, RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED, tables.CHOICES]),
     ("Runs not trained on", EVALUATION_FIGURES, [tables.UNSEEN]),
 ]
 
-#: All statements of the paper, in its order.
-STATEMENTS = [
-    *THEORY_STATEMENTS,
-    *BREAKAGE_STATEMENTS,
-    *RESPONSE_STATEMENTS,
-    *SIGNAL_STATEMENTS,
-    *RECOGNITION_STATEMENTS,
-]
+#: All statements of the paper, in its order, those of a chapter together.
+STATEMENTS = [THEORY_STATEMENTS, BREAKAGE_STATEMENTS, RESPONSE_STATEMENTS, SIGNAL_STATEMENTS, RECOGNITION_STATEMENTS]
 
 
 @dataclass(frozen=True)
@@ -119,27 +115,38 @@ def write_report(directory: str | Path) -> Path:
         return file
     refuse_foreign_file(file.with_name("claims.csv"), "claim,where,verdict")
     results = SweepResults(sweep)
-    claims = [replace(c, value=local(c.value, results.sweep)) for c in check_statements(results, STATEMENTS)]
-    write_text(file.with_name("claims.csv"), to_csv(claims))
-    write_text(file, render(results, claims))
+    parts = _parts(results)
+    parts = replace(parts, claims=[replace(c, value=local(c.value, results.sweep)) for c in parts.claims])
+    write_text(file.with_name("claims.csv"), to_csv(parts.claims))
+    write_text(file, render(results, parts))
     return file
 
 
-def render(results: SweepResults, claims: list[Claim]) -> str:
+def _parts(results: SweepResults) -> Parts:
+    specs: dict[bool, list[Spec]] = {True: [ANSWER], False: []}
+    for title, figures, chapter_tables in CHAPTERS:
+        specs[title == RECOGNITION] += [*figures, *chapter_tables]
+    return make_parts(results, specs[False], specs[True], STATEMENTS)
+
+
+def render(results: SweepResults, parts: Parts) -> str:
     """Return the page as HTML."""
+    claims = parts.claims
     counts = Counter(claim.verdict for claim in claims)
     return _environment(results.sweep).get_template("report.html.j2").render(
         name=results.sweep.path.resolve().name,
         sweep=results.sweep,
-        answer=finish_figure(ANSWER, results),
+        answer=parts.finished[ANSWER.key],
         numbers=numbers(results, counts),
         rises=rises(results),
         claims=claims,
         verdicts=[(verdict, counts[verdict]) for verdict in VERDICTS],
-        chapters=finish_chapters(results),
+        chapters=[Chapter(title, [parts.finished[spec.key] for spec in figures],
+                          [parts.finished[spec.key] for spec in chapter_tables])
+                  for title, figures, chapter_tables in CHAPTERS],
         runs=finish_table(tables.RUNS, results),
         assumptions=assumptions(results.sweep),
-        **view_of(results),
+        **view_of(results, parts.films),
     )
 
 
@@ -173,9 +180,8 @@ def local(text: str, sweep: Sweep) -> str:
     return text
 
 
-def view_of(results: SweepResults) -> dict[str, Any]:
+def view_of(results: SweepResults, films: Films) -> dict[str, Any]:
     """Return what the template needs for the three-dimensional view."""
-    films = films_of(results)
     shown = results.index_nearest(0.5)
     try:
         still_uri = to_picture_uri(still(still_scene(results.runs[shown], results.breakage.networks[shown])))
@@ -221,20 +227,6 @@ def _unseen(results: SweepResults) -> Number:
     words = f"mean error of the ratio on unseen runs, worst {chosen[0]['worst_points']:.0f}"
     kept = " (kept result, stones of 0.1.0)" if evaluation.kept else ""
     return Number(f"{chosen[0]['mean_abs_error_points']:.1f} points", words + kept)
-
-
-def finish_chapters(results: SweepResults) -> list[Chapter]:
-    """Draw the figures and build the tables of all chapters."""
-    specs: list[FigureSpec | TableSpec] = []
-    for _, figures, chapter_tables in CHAPTERS:
-        specs += [*figures, *chapter_tables]
-    finished = iter(side_by_side(lambda k: _finish(specs[k], results), len(specs)))
-    return [Chapter(title, [next(finished) for _ in figures], [next(finished) for _ in chapter_tables])
-            for title, figures, chapter_tables in CHAPTERS]
-
-
-def _finish(spec: FigureSpec | TableSpec, results: SweepResults) -> Any:
-    return finish_figure(spec, results) if isinstance(spec, FigureSpec) else finish_table(spec, results)
 
 
 def rises(results: SweepResults) -> list[Rise]:

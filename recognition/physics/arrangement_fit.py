@@ -140,8 +140,9 @@ def force_laws(forces: list[ForceRecord], bins: Floats, groups: Floats,
     """`force_law` of coal and of gangue, the mean of their covariances, since a place has one or the other, and the
     fewest different stones of either. RecognitionError for too few."""
     laws, covariances, counts = [], [], []
+    to_bins = np.asarray(np.linalg.pinv(bins), dtype=float)
     for gangue in (False, True):
-        force, speed_m_s, stones = _forces_of(forces, bins, groups, gangue, middle_m_s)
+        force, speed_m_s, stones = _forces_of(forces, to_bins, groups, gangue, middle_m_s)
         if stones < LEAST_STONES:
             name = "gangue" if gangue else "coal"
             raise RecognitionError(f"{stones} different stones of {name}; needs {LEAST_STONES}")
@@ -178,12 +179,13 @@ def _steps_per_bin(record: ForceRecord) -> int:
     return max(1, round(BIN_S / record.step_s))
 
 
-def _forces_of(forces: list[ForceRecord], bins: Floats, groups: Floats, gangue: bool,
+def _forces_of(forces: list[ForceRecord], to_bins: Floats, groups: Floats, gangue: bool,
                middle_m_s: float) -> tuple[Floats, Floats, int]:
     """Of all stones of a material: forces (m, bins) scaled to the speed middle_m_s, speeds (m,), and the number of
-    different packings of stones: a group's stones are the same in all its runs."""
-    to_bins = np.linalg.pinv(bins)
-    force = np.vstack([record.force_N[record.gangue == gangue, :len(bins)] @ to_bins.T * (middle_m_s / record.speed_m_s)
+    different packings of stones: a group's stones are the same in all its runs. to_bins (bins, steps): inverse of the
+    hat functions."""
+    steps = to_bins.shape[1]
+    force = np.vstack([record.force_N[record.gangue == gangue, :steps] @ to_bins.T * (middle_m_s / record.speed_m_s)
                        for record in forces])
     speed = np.concatenate([np.full(np.sum(record.gangue == gangue), record.speed_m_s) for record in forces])
     different = {(group, stone) for record, group in zip(forces, groups, strict=True)

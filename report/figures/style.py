@@ -11,6 +11,7 @@ from typing import Any, ParamSpec
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize, to_hex
 from matplotlib.figure import Figure
@@ -65,9 +66,22 @@ def to_uri(figure: Figure, name: str) -> str:
     name: of the figure; it makes the ids inside the SVG the same in every report.
     """
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
+        _lay_out(figure)
         buffer = io.BytesIO()
         figure.savefig(buffer, format="svg", dpi=140, metadata={"Date": None})
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes as an SVG has its text. `savefig` would draw all of the figure once more to do so."""
+    FigureCanvasSVG(figure)
+    figure.dpi = FigureCanvasSVG.fixed_dpi
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        for axes in figure.axes:
+            axes.apply_aspect()
+        engine.execute(figure)
+        figure.set_layout_engine("none")
 
 
 def to_picture_uri(figure: Figure) -> str:

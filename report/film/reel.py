@@ -15,7 +15,7 @@ from common.run_summary import RecordedPlate
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
 from report.film.pictures import SERIES, Film, Series, choose, instants, read_film
 from report.results.envelope import envelope
-from report.results.missing import MISSING_RESULT, MissingResult
+from report.results.missing import MissingResult
 from report.results.sweep_results import SweepResults
 
 QUANTUM_M = 2e-5  # of positions: a hundredth of a sub-sphere; the box of 16-bit numbers is then 1.3 m wide
@@ -43,26 +43,30 @@ class Films:
     left_out: list[str]
 
 
-def films_of(results: SweepResults) -> Films:
-    """Pack the run nearest to 50 % in full and the impact of all others, as far as the budget goes."""
+def pack_films(results: SweepResults, index: int) -> str:
+    """Pack run `index`: the one nearest to 50 % in full, of all others the impact. Raises one of MISSING_RESULT."""
+    run, main = results.runs[index], results.index_nearest(0.5)
+    return pack_run(run, results.breakage.networks[index], SERIES if index == main else SERIES[:1])
+
+
+def films_of(results: SweepResults, packed: list[str | Exception]) -> Films:
+    """The films of a page from those of each run (`pack_films`), or why it has none: the one nearest to 50 % first, and
+    the others as far as the budget goes."""
     main = results.index_nearest(0.5)
     order = [main, *(k for k in range(len(results.runs)) if k != main)]
-    packed, left_out, spent = {}, [], 0
+    reels, left_out, spent = {}, [], 0
     for index in order:
-        run = results.runs[index]
-        label = f"{100 * run.gangue_ratio:.0f} %"
-        try:
-            text = pack_run(run, results.breakage.networks[index], SERIES if index == main else SERIES[:1])
-        except MISSING_RESULT as reason:
-            left_out.append(f"{label}: {reason}")
+        label, text = f"{100 * results.runs[index].gangue_ratio:.0f} %", packed[index]
+        if isinstance(text, Exception):
+            left_out.append(f"{label}: {text}")
             continue
         if spent + len(text) > BUDGET_BYTES:
             left_out.append(f"{label}: the page would be too large")
             continue
         spent += len(text)
-        packed[index] = Reel(f"film-{index}", label, text)
-    chosen = sorted(packed)
-    return Films([packed[k] for k in chosen], chosen.index(main) if main in packed else 0, left_out)
+        reels[index] = Reel(f"film-{index}", label, text)
+    chosen = sorted(reels)
+    return Films([reels[k] for k in chosen], chosen.index(main) if main in reels else 0, left_out)
 
 
 def pack_run(run: Run, network: Network, wanted: tuple[Series, ...]) -> str:

@@ -10,9 +10,12 @@ import numpy as np
 from analysis import Sweep
 from analysis.features import BASE_PARAMETERS
 from analysis.runs import RESPONSES
+from common.processes import side_by_side
 from recognition.estimation.answer import Answer
+from recognition.estimation.errors import RecognitionError
 from recognition.estimation.window import Window
-from recognition.models import Model, leave_one_out
+from recognition.methods import METHODS
+from recognition.models import Model, PreparedRuns
 from recognition.paper.fusion import FUSIONS, Fusion
 from recognition.paper.kalman import kalman_filter
 from recognition.paper.least_squares import PolynomialFit, fit_polynomial
@@ -68,8 +71,12 @@ class RecognitionResults:
         self._signals = signals
 
     @cached_property
+    def _prepared(self) -> PreparedRuns:
+        return PreparedRuns.of(self._runs)
+
+    @cached_property
     def _model(self) -> Model:
-        return Model.fit(self._runs)
+        return self._prepared.fit(range(len(self._runs)))
 
     @cached_property
     def _fusion_q(self) -> FusionQ:
@@ -80,10 +87,28 @@ class RecognitionResults:
     @cached_property
     def answers(self) -> dict[str, list[dict[str, Answer]]]:
         """Answers of all methods to each run, by the training."""
-        return {
-            TRAINED_ON_ALL: [self._model.at_impact().recognise(run.signals, str(run.path)) for run in self._runs],
-            HELD_OUT: leave_one_out(self._runs),
-        }
+        return {TRAINED_ON_ALL: self._by_all, HELD_OUT: self._held_out}
+
+    @cached_property
+    def _by_all(self) -> list[dict[str, Answer]]:
+        return [self._model.at_impact().recognise(run.signals, str(run.path)) for run in self._runs]
+
+    @cached_property
+    def _held_out(self) -> list[dict[str, Answer]]:
+        return side_by_side(self._prepared.answers_without, len(self._runs))
+
+    def of_model(self) -> tuple[Model, list[dict[str, Answer]]]:
+        """The model of all runs and its answers, for `take`."""
+        return self._model, self._by_all
+
+    def held_out(self, index: int) -> dict[str, Answer]:
+        """Answers to run `index` by the other ratios, for `take`."""
+        return self._prepared.answers_without(index)
+
+    def take(self, of_model: tuple[Model, list[dict[str, Answer]]], held_out: list[dict[str, Answer]]) -> None:
+        """Take what other processes found by `of_model` and by `held_out` of each run."""
+        self._model, self._by_all = of_model
+        self._held_out = held_out
 
     def errors_points(self, training: str, method: str) -> np.ndarray:
         """Return recognised less true ratio, in points, of the runs that a method answered, shape (answered,)."""
@@ -165,14 +190,24 @@ class RecognitionResults:
     def candidates(self, index: int) -> dict[str, ScoredCandidates]:
         """Return the candidates for run `index` by the paper's strategies, fitted to all other ratios.
 
-        The keys are the methods as a reader sees them.
+        The keys are the methods as a reader sees them. Raises RecognitionError where none can be fitted.
         """
         run = self._runs[index]
-        model = Model.fit([other for other in self._runs if other.gangue_ratio != run.gangue_ratio])
-        table = model.window.cut(run.signals, str(run.path))
-        scored = {}
-        for name, method in model.methods.items():
-            if isinstance(method, FusionPipeline):
-                found = method.strategy.candidates(method.transform(method.prepare(table)))
-                scored[MODEL_METHODS[name]] = ScoredCandidates(found.ratio, found.score, found.allowed)
+        others = [other for other in self._runs if other.gangue_ratio != run.gangue_ratio]
+        window, ratios = Window.of(others), np.array([other.gangue_ratio for other in others])
+        tables = [window.cut(one.signals, str(one.path)) for one in (*others, run)]
+        scored, reasons = {}, []
+        for name, label in MODEL_METHODS.items():
+            method = METHODS[name].make()
+            if not isinstance(method, FusionPipeline):
+                continue
+            *known, responses = [method.prepare(table) for table in tables]
+            try:
+                found = method.fit(known, ratios).strategy.candidates(method.transform(responses))
+            except RecognitionError as reason:
+                reasons.append(str(reason))
+                continue
+            scored[label] = ScoredCandidates(found.ratio, found.score, found.allowed)
+        if not scored:
+            raise RecognitionError("; ".join(dict.fromkeys(reasons)))
         return scored

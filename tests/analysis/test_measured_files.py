@@ -1,9 +1,12 @@
 """Records as measurement systems write them: what is read are the samples that were written."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis import RecordError, read_record
+from analysis.text_tables import read_plain_table, read_text_table
+from common.parquet import read_numbers, write_parquet
 
 T_s = np.arange(6) / 2000.0
 A = np.array([0.0, 12.5, -3.25, 7.125, -1.0, 0.5])
@@ -147,3 +150,40 @@ def test_broken_files_are_refused(tmp_path, name):
     with pytest.raises(RecordError, match=name) as error:
         read_record(tmp_path / name)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("text", [
+    "t_s,a_m_s2\n0,1.5\n1e-3,-2.25\n2e-3,nan\n", "# t a\n0.1  1\n0.2\t2\n\n0.3 -3e-3\n", "1;2\n3;4\n",
+    "t,a\n0,1\n1,\n2,3\n", "t,a\n0,1\n1,word\n2,3\n", "t,a\n0,1\n1,2,3\n", "t;a\n0,5;1,5\n1,0;2,5\n",
+    '"t","a"\n"0","1"\n', "1,\n2,\n", "a,a\n1,2\n3,4\n", "word\n"],
+    ids=["commas", "blanks", "no names", "gap", "word", "long line", "decimal comma", "quotes",
+         "spare", "twice", "no number"])
+def test_a_plain_table_is_the_one_that_pandas_reads_or_none(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text)
+    try:
+        plain = read_plain_table(tmp_path / "a.csv")
+    except ValueError:
+        return
+    whole = read_text_table(tmp_path / "a.csv")
+    assert list(plain) == list(whole.columns)
+    np.testing.assert_allclose(np.column_stack(list(plain.values())), whole.to_numpy(dtype=float), rtol=1e-15)
+
+
+@pytest.mark.parametrize("table, plain", [
+    (pd.DataFrame({"t_s": T_s, "n": np.arange(6, dtype=np.int32)}), True),
+    (pd.DataFrame({"a": A}, index=pd.Index(T_s, name="t_s")), False),
+    (pd.DataFrame({"a": A, "word": list("abcdef")}), False), (pd.DataFrame({"a": [1, None]}, dtype="Int64"), False)],
+    ids=["numbers", "index", "words", "gap"])
+def test_a_parquet_table_of_numbers_is_the_one_that_pandas_reads(tmp_path, table, plain):
+    table.to_parquet(tmp_path / "a.parquet")
+    if not plain:
+        with pytest.raises(ValueError, match="index|numbers"):
+            read_numbers(tmp_path / "a.parquet")
+        return
+    pd.testing.assert_frame_equal(pd.DataFrame(read_numbers(tmp_path / "a.parquet")), table.astype(float))
+    write_parquet(table, tmp_path / "a.parquet")  # with checksums
+    data = bytearray((tmp_path / "a.parquet").read_bytes())
+    data[data.index(b"\x28\xb5\x2f\xfd") + 12] ^= 1  # in the first page, which Zstandard's mark begins
+    (tmp_path / "a.parquet").write_bytes(data)
+    with pytest.raises((OSError, ValueError)):
+        read_numbers(tmp_path / "a.parquet")

@@ -1,7 +1,11 @@
 import subprocess
 import sys
 
+import numpy as np
+import pandas as pd
 import pytest
+
+from gangue.commands import COMMANDS
 
 LATE = ["matplotlib", "PyEMD", "filterpy", "pyuff", "dem"]
 
@@ -23,16 +27,25 @@ def modules_after(code):
 
 @pytest.mark.parametrize("package", ["analysis", "dem", "plate_fem", "recognition", "report"])
 def test_help_imports_nothing_that_is_slow(package):
-    code = f"from {package}.__main__ import main\ntry: main(['--help'])\nexcept SystemExit: pass"
+    """That of the package, and of each of its commands."""
+    words = sorted({command.word for command in COMMANDS.values() if command.package == package})
+    asked = [["--help"], *([word, "--help"] for word in words if word)]
+    code = (f"from {package}.__main__ import main\nfor words in {asked}:\n"
+            "    try: main(words)\n    except SystemExit: pass")
     assert not {"numpy", "pandas", "scipy", "pydantic", "pyarrow", "matplotlib", "sklearn"} & modules_after(code)
 
 
-def test_features_of_a_record_import_only_what_they_use(tmp_path):
-    file = tmp_path / "record.csv"
-    file.write_text("t_s,a_m_s2\n" + "".join(f"{k * 1e-4:g},{(-1) ** k * k}\n" for k in range(200)))
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_features_of_a_record_import_only_what_they_use(tmp_path, ending):
+    file = tmp_path / f"record.{ending}"
+    k = np.arange(200)
+    table = pd.DataFrame({"t_s": k * 1e-4, "a_m_s2": (-1.0) ** k * k})
+    table.to_csv(file, index=False) if ending == "csv" else table.to_parquet(file, index=False)
     loaded = modules_after(f"from analysis.__main__ import main\nmain(['features', {str(file)!r}])")
     assert "PyEMD.EMD" not in loaded and "analysis.sifting" in loaded  # PyEMD is left as it was found
     assert not {"matplotlib", "scipy.signal", "scipy.stats", "sklearn", "skfem", "meshio", "dem"} & loaded
+    assert not {"pandas", "pydantic", "scipy.linalg", "scipy.interpolate", "pyarrow.dataset"} & loaded
+    assert ending == "parquet" or "pyarrow" not in loaded
 
 
 def test_a_run_imports_only_what_it_uses():

@@ -1,0 +1,27 @@
+"""The error of input that cannot be used, apart from the checks that raise it, which take long to import."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+
+class InputError(ValueError):
+    """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
+
+    def __init__(self, message: str) -> None:
+        # Keys and names come from the file and may hold anything.
+        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
+
+
+def refuse_unreadable(path: Path, most_bytes: float) -> None:
+    """Raises InputError for what is there but no regular file, such as a device or a pipe, and for a file so large that
+    it cannot be what is asked for."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return  # which opening it will say better
+    if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
+        raise InputError(f"{path}: must be a regular file, not a device or a pipe")
+    if found.st_size > most_bytes:
+        raise InputError(f"{path}: {found.st_size / 1e6:.4g} MB; must have at most {most_bytes / 1e6:g} MB")
