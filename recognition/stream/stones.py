@@ -31,8 +31,7 @@ def stone_table(heard: Sequence[Heard], prior: StonePrior, rate_Hz: float, least
 
 COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s", "duration_s", "radius_m",
            "radius_sd_m", "speed_m_s", "speed_sd_m_s", "mass_coal_kg", "mass_gangue_kg", "mass_coal_sd_kg",
-           "mass_gangue_sd_kg",
-           "misfit", "together"]
+           "mass_gangue_sd_kg", "misfit"]
 
 
 def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> list[float]:
@@ -48,7 +47,7 @@ def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> lis
     (coal, coal_sd), (rock, rock_sd) = (_moments(np.array([1.0]), (h.weights[k],), (mass[k],)) for k in (0, 1))
     return [t_s, np.sqrt(cov[TIME, TIME]) / rate_Hz, stone[X], stone[Y], np.sqrt((cov[X, X] + cov[Y, Y]) / 2), gangue,
             np.exp(stone[IMPULSE]), np.exp(stone[DURATION]), radius, radius_sd, speed, speed_sd, coal, rock, coal_sd,
-            rock_sd, h.misfit, h.together]
+            rock_sd, h.misfit]
 
 
 def _moments(share: Floats, weights: Sequence[Floats] | Floats, values: Sequence[Floats]) -> tuple[float, float]:
@@ -84,8 +83,6 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
 
 def missed_of(stones: pd.DataFrame) -> float:
     """How many stones are missed, by the rate of those that were heard one by one."""
-    if "together" in stones:
-        stones = stones[stones["together"] == 1]
     if len(stones) < 2:
         return 0.0
     span_s = float(stones["t_s"].max() - stones["t_s"].min())

@@ -132,6 +132,18 @@ def test_a_record_without_silence_is_refused(heard, plate, forces, after_s):
     assert "silence" in refused
 
 
+def test_silence_before_the_stream_changes_nothing(heard, plate, forces):
+    """Ten seconds of noise before the first stone: the same stones, none besides, and nothing is left unexplained."""
+    stream, _ = heard
+    noise = stream.values[:, :round(0.04 * RATE_Hz)].std(axis=1)
+    silence = noise[:, None] * np.random.default_rng(3).standard_normal((len(noise), round(10 * RATE_Hz)))
+    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)),
+                             np.hstack([silence, stream.values]))
+    assert len(found.stones) == len(stream.truth)
+    assert np.abs(found.stones["t_s"] - 10 - stream.truth["t_s"]).max() < 50e-6
+    assert found.checks.unexplained < 0.02
+
+
 def test_missed_stones_widen_the_interval():
     """The same stones a hundred times as fast: some arrive together, and the interval says so."""
     stones = pd.DataFrame({"t_s": 0.1 * np.arange(40), "gangue": np.full(40, 1.0)})
