@@ -287,7 +287,7 @@ class ExpectedMisfit:
     """Of records like those of the training. What the model does not explain and the sensors' noise add up in the
     chi-square, so the misfit that is expected goes about linearly with the share of the noise.
 
-    noise_share (k,), misfit (k,): of records with more and more noise, and the misfit that 95 % of them keep.
+    noise_share (k,), misfit (k,): of records with more and more noise, and the misfit that 90 % of them keep.
     """
 
     noise_share: Floats
