@@ -25,8 +25,8 @@ BIN_S = 10e-6
 FORCE_S = 1.5e-3  # that a force is taken to last; what pushes later counts as residual
 MOST_HELD_OUT = 100  # records by which the limits are set, or a few more, each with these
 NOISES = (0.0, 0.01, 0.03, 0.1)  # in shares of the rms of a signal
-#: Share of the held-out records whose misfit is kept. Of 187 runs, those with one coal stone that shattered (5 %) have a
-#: misfit 17 times that of all others; a limit beyond them would let pass volleys of another number of stones.
+#: Share of the held-out records whose misfit is kept. Of 187 runs, those with one coal stone that shattered (5 %) have
+#: ten times the misfit of all others; a limit beyond them would let pass volleys of another number of stones.
 USUAL = 0.9
 DEGREE = 2  # of the force in the speed
 #: A covariance from few stones is shrunk towards forces that are independent from bin to bin, with the weight of so
@@ -238,8 +238,8 @@ def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> t
                 estimates.append(model.estimate(noisy, np.hypot(X[k].noise, added), arrival_s=0.0))
     expected = _expected_misfit(list(found.values()))
     errors = [np.abs([one.ratio for one in estimates] - y[held_out]) for estimates in found.values()]
-    by_noise = [distance_limits(np.array([expected.distances(one) for one in estimates])) for estimates in found.values()]
-    limits = np.max(by_noise, axis=0)
+    by_noise = [[expected.distances(one) for one in estimates] for estimates in found.values()]
+    limits = np.max([distance_limits(np.array(far)) for far in by_noise], axis=0)
     limits[0] = LIMIT_FACTOR  # the misfit that is expected is a quantile already
     return expected, limits, float(np.mean(errors))
 
