@@ -262,7 +262,8 @@ class Scene(Table):
             if name == SPHERE:
                 continue
             if name not in self.shapes:
-                raise Refused("stones", name, f"unknown shape; shapes here are {sorted([SPHERE, *self.shapes])}")
+                raise Refused(self.stones.key_of_shape(name), name,
+                              f"unknown shape; shapes here are {sorted([SPHERE, *self.shapes])}")
             if self.stones.agglomerate is None:
                 raise Refused("stones.agglomerate", None, f"must be given: {name} is made of sub-spheres")
             if self.has_smooth_contact:

@@ -241,6 +241,12 @@ class StonesTable(Table):
         """Names of the materials that may fall, in alphabetic order."""
         return sorted({one.material for one in self.each} if self.each is not None else {self.coal, self.gangue})
 
+    def key_of_shape(self, name: str) -> str:
+        """The key that names a shape first."""
+        if self.each is not None:
+            return f"stones.each.{[one.shape for one in self.each].index(name)}.shape"
+        return f"stones.{'stream' if self.drawn is None else 'drawn'}.shapes"
+
     @property
     def shapes(self) -> list[str]:
         """Names of the shapes that may fall, in alphabetic order."""
