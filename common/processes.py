@@ -22,8 +22,10 @@ def die_with_parent(by: int = signal.SIGKILL) -> None:
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, by)
 
 
-def side_by_side(work: Callable[[int], Result], count: int) -> list[Result]:
-    """Return work(0), ..., work(count - 1), done by as many processes as this one may use processors.
+def side_by_side(work: Callable[[int], Result], count: int,
+                 beside: Callable[[], object] = lambda: None) -> list[Result]:
+    """Return work(0), ..., work(count - 1), done by as many processes as this one may use processors, while this one
+    does `beside`.
 
     Each process is a copy of this one, so `work` finds all that is in memory here; its results must be picklable. What
     it raises is raised here. The processes end with that, and after Ctrl-C. Where a copy is not safe, outside Linux,
@@ -31,10 +33,13 @@ def side_by_side(work: Callable[[int], Result], count: int) -> list[Result]:
     """
     processes = min(count, len(os.sched_getaffinity(0))) if sys.platform == "linux" else 1
     if processes <= 1:
+        beside()
         return [work(number) for number in range(count)]
     pool = ProcessPoolExecutor(processes, multiprocessing.get_context("fork"), _begin, (work,))
     try:
-        return list(pool.map(_do, range(count)))
+        found = pool.map(_do, range(count))
+        beside()
+        return list(found)
     finally:
         pool.shutdown(cancel_futures=True)
 

@@ -45,8 +45,6 @@ from report.tables import FinishedTable, TableSpec, finish_table
 
 TEMPLATES = resource("templates")
 
-RECOGNITION = "Recognition"
-
 #: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
@@ -54,11 +52,11 @@ CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Breakage", BREAKAGE_FIGURES, []),
     ("Response of the plate", RESPONSE_FIGURES, []),
     ("Signals", SIGNAL_FIGURES, [tables.EMD_RULES, tables.STANDARDISED]),
-    (RECOGNITION, RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED, tables.CHOICES]),
+    ("Recognition", RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED, tables.CHOICES]),
     ("Runs not trained on", EVALUATION_FIGURES, [tables.UNSEEN]),
 ]
 
-#: All statements of the paper, in its order, those of a chapter together.
+#: All statements of the paper, in its order, those of a chapter together; the last are of the recognised ratios.
 STATEMENTS = [THEORY_STATEMENTS, BREAKAGE_STATEMENTS, RESPONSE_STATEMENTS, SIGNAL_STATEMENTS, RECOGNITION_STATEMENTS]
 
 
@@ -123,10 +121,10 @@ def write_report(directory: str | Path) -> Path:
 
 
 def _parts(results: SweepResults) -> Parts:
-    specs: dict[bool, list[Spec]] = {True: [ANSWER], False: []}
-    for title, figures, chapter_tables in CHAPTERS:
-        specs[title == RECOGNITION] += [*figures, *chapter_tables]
-    return make_parts(results, specs[False], specs[True], STATEMENTS)
+    specs: list[Spec] = [ANSWER]
+    for _, figures, chapter_tables in CHAPTERS:
+        specs += [*figures, *chapter_tables]
+    return make_parts(results, specs, STATEMENTS)
 
 
 def render(results: SweepResults, parts: Parts) -> str:

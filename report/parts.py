@@ -1,4 +1,4 @@
-"""The parts of a page, made side by side: first those that are needed by others or need none, then the rest."""
+"""The parts of a page, made side by side: first what many of them show, then the rest."""
 
 from __future__ import annotations
 
@@ -29,26 +29,23 @@ class Parts:
     films: Films
 
 
-def make_parts(results: SweepResults, specs: Sequence[Spec], recognising: Sequence[Spec],
-               statements: Sequence[Sequence[Statement]]) -> Parts:
+def make_parts(results: SweepResults, specs: Sequence[Spec], statements: Sequence[Sequence[Statement]]) -> Parts:
     """Make every part, by as many processes as there are processors.
 
-    recognising: figures and tables that need the recognised ratios, as `statements` do. The runs are recognised beside
-    `specs` and the films, and the results taken into this process before the rest is begun.
+    The last of `statements` are of the recognised ratios. While other processes recognise the runs, this one checks the
+    other statements, for which it finds most of what the figures show; the figures are drawn by copies of it.
     """
     runs, recognition = range(len(results.runs)), results.recognition
-    first: list[Work] = [recognition.of_model, *(partial(recognition.held_out, k) for k in runs)]
-    found = _all([*first, *(partial(finish, spec, results) for spec in specs),
-                  *(partial(pack_films, results, k) for k in runs)])
-    (model, *held_out), found = found[:len(first)], found[len(first):]
+    *early, late = statements
+    claims: list[Claim] = []
+    works: list[Work] = [recognition.of_model, *(partial(recognition.held_out, k) for k in runs)]
+    model, *held_out = _all(works, lambda: claims.extend(sum((check_statements(results, own) for own in early), [])))
     if not any(isinstance(one, Exception) for one in (model, *held_out)):  # else it is told where it is asked for
         recognition.take(model, held_out)
-    finished, films = found[:len(specs)], films_of(results, found[len(specs):])
-    rest = _all([*(partial(finish, spec, results) for spec in recognising),
-                 *(partial(check_statements, results, own) for own in statements)])
-    finished += rest[:len(recognising)]
-    keys = [spec.key for spec in (*specs, *recognising)]
-    return Parts(dict(zip(keys, finished, strict=True)), sum(rest[len(recognising):], []), films)
+    rest = _all([partial(check_statements, results, late), *(partial(finish, spec, results) for spec in specs),
+                 *(partial(pack_films, results, k) for k in runs)])
+    finished, films = rest[1:len(specs) + 1], films_of(results, rest[len(specs) + 1:])
+    return Parts({spec.key: one for spec, one in zip(specs, finished, strict=True)}, claims + rest[0], films)
 
 
 def finish(spec: Spec, results: SweepResults) -> Finished:
@@ -56,9 +53,9 @@ def finish(spec: Spec, results: SweepResults) -> Finished:
     return finish_figure(spec, results) if isinstance(spec, FigureSpec) else finish_table(spec, results)
 
 
-def _all(works: Sequence[Work]) -> list[Any]:
-    """What each work returns, or the reason that the runs do not give it."""
-    return side_by_side(lambda k: _attempt(works[k]), len(works))
+def _all(works: Sequence[Work], beside: Callable[[], object] = lambda: None) -> list[Any]:
+    """What each work returns, or the reason that the runs do not give it; beside: done by this process meanwhile."""
+    return side_by_side(lambda k: _attempt(works[k]), len(works), beside)
 
 
 def _attempt(work: Work) -> Any:

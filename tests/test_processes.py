@@ -19,6 +19,13 @@ def test_results_come_in_order_and_from_other_processes():
     assert len(os.sched_getaffinity(0)) == 1 or os.getpid() not in {pid for _, pid in found}
 
 
+def test_this_process_works_beside_the_others():
+    did = []
+    assert side_by_side(lambda k: (k, len(did)), 3, lambda: did.append(os.getpid())) == [
+        (k, 0 if len(os.sched_getaffinity(0)) > 1 else 1) for k in range(3)]
+    assert did == [os.getpid()]
+
+
 def test_what_the_work_raises_is_raised_here():
     with pytest.raises(ZeroDivisionError):
         side_by_side(lambda k: 1 / (k - 3), 5)
