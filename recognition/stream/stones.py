@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
 from recognition.stream.bank import DURATION, IMPULSE, TIME, X, Y
@@ -74,11 +75,19 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
         shape = np.log1p((sd / mean) ** 2)  # log-normal of that mean and deviation
         weight = mean * np.exp(np.sqrt(shape) * rng.standard_normal(mean.shape) - shape / 2)
     missed = rng.poisson(missed_of(stones), DRAWS)
-    each = weight.mean(axis=1)
-    missed_gangue = rng.binomial(missed, rng.random(DRAWS))  # any share of them
-    share = ((weight * gangue).sum(axis=1) + each * missed_gangue) / (weight.sum(axis=1) + each * missed)
+    missed_gangue = rng.binomial(missed, rng.beta(1 + gangue.sum(axis=1), 1 + (~gangue).sum(axis=1)))
+    of_gangue = _with_missed(weight, gangue, missed_gangue)
+    share = of_gangue / (of_gangue + _with_missed(weight, ~gangue, missed - missed_gangue))
     low, middle, high = np.quantile(share, LEVELS)
     return float(low), float(middle), float(high)
+
+
+def _with_missed(weight: Floats, chosen: NDArray[np.bool_], missed: NDArray[np.int64]) -> Floats:
+    """(draws,): weight of the chosen stones (draws, n) and of those that were missed, which weigh as much as the chosen
+    ones do in the mean, or as all do where none is chosen."""
+    count, total = chosen.sum(axis=1), (weight * chosen).sum(axis=1)
+    each = np.where(count > 0, total / np.maximum(count, 1), weight.mean(axis=1))
+    return np.asarray(total + missed * each, dtype=float)
 
 
 def missed_of(stones: pd.DataFrame) -> float:
