@@ -15,7 +15,7 @@
 namespace LAMMPS_NS {
 
 namespace {
-const int COLUMNS = 2;         // of the memory
+const int COLUMNS = 3;         // of the memory
 const double ALONE = -1;       // the sub-sphere itself presses
 const double PARALLEL_rad = 0.005;  // a face turned further from the plate's meets it with an edge or a corner
 const double SUDDEN = 2;       // steps: what is deeper than it came in so many begins without force
@@ -55,7 +55,7 @@ void FaceColumns::leave(int first_tag, int count) {
 FacePress FaceColumns::press(int i, double distance, double speed, bool is_over_plate) {
   const int tag = atom_->tag[i];
   if (columns_[tag].empty()) return {};
-  double &state = memory_.row(i)[0], &offset = memory_.row(i)[1];
+  double &state = memory_.row(i)[0], &offset = memory_.row(i)[1], &force = memory_.row(i)[2];
   const double way = std::fabs(speed) * lmp_->update->dt;
   if (state == ALONE && distance < atom_->radius[i]) return {};
   if (state > 0) {
@@ -63,24 +63,26 @@ FacePress FaceColumns::press(int i, double distance, double speed, bool is_over_
     offset = std::max(0.0, std::min(offset, depth));
     if (depth > 0) return now(i, distance, way);
   }
-  state = offset = 0;
+  FacePress free;
+  free.force_before = force;
+  state = offset = force = 0;
   const int face = is_over_plate && distance < atom_->radius[i] + outside_ ? column_beneath(i) : -1;
-  if (face >= 0) {
+  if (face >= 0 && distance < columns_[tag][face].height && has_its_bonds(tag)) {
     const double depth = columns_[tag][face].height - distance;
-    if (depth > 0 && has_its_bonds(tag)) {
-      state = face + 1;
-      offset = depth > SUDDEN * way ? depth : 0;
-      return now(i, distance, way);
-    }
+    state = face + 1;
+    offset = depth > SUDDEN * way ? depth : 0;
+    return now(i, distance, way);
   }
   if (distance < atom_->radius[i]) state = ALONE;
-  return {};
+  return free;
 }
 
-FacePress FaceColumns::now(int i, double distance, double way) const {
-  const double *row = memory_.row(i);
+FacePress FaceColumns::now(int i, double distance, double way) {
+  double *row = memory_.row(i);
   const FaceColumn &c = columns_[atom_->tag[i]][static_cast<int>(row[0]) - 1];
-  return {true, c.height - distance - row[1], c.stiffness, c.area, way};
+  const FacePress press{true, c.height - distance - row[1], c.stiffness, c.area, way, row[2]};
+  row[2] = press.force();
+  return press;
 }
 
 // The one that is parallel to the plate, or -1.

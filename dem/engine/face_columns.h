@@ -51,12 +51,12 @@ class FaceColumns {
   const Atom *atom_;
   BondNetwork *bonds_ = nullptr;
   std::vector<std::vector<FaceColumn>> columns_;  // by tag
-  SphereMemory memory_;       // 0: free, ALONE, or 1 + number of the column that presses; and its offset, m
+  SphereMemory memory_;       // 0: free, ALONE, or 1 + number of the column that presses; its offset, m; its force, N
   double outside_ = 0;
   std::vector<int> held_, all_;  // bonds of each tag: that hold, and that there were
   long long counted_ = -1;       // changes of the bonds when they were counted
 
-  FacePress now(int i, double distance, double way) const;
+  FacePress now(int i, double distance, double way);
   int column_beneath(int i) const;
   bool has_its_bonds(int tag);
   void put(const double *row);

@@ -91,8 +91,9 @@ void GranularContact::move_into_frame_of_plate(std::vector<NearSphere> &near) {
     if (faces_) p.overlap = press(p, distance, off.x == 0 && off.y == 0);
     if (p.overlap != p.depth) z = radius - p.overlap;
     p.touches = p.overlap > 0;
-    if (!p.touches) continue;
     p.normal = distance > 0 ? (1 / distance) * off : Vec(0, 0, 1);
+    if (!p.touches && p.face.force_before > 0 && has_springs()) let_go(p);
+    if (!p.touches) continue;
     kept_[k].upright = to_upright(p.normal);
     kept_[k].upright(velocity_over_plate(p)).to(v);
     kept_[k].upright(Vec(spin)).to(spin);
@@ -123,7 +124,7 @@ double GranularContact::like_a_sphere(const NearSphere &p) const {
 
 // When the sub-sphere was deeper by `rise`, m.
 double GranularContact::overlap_before(const NearSphere &p, double rise) const {
-  return p.face.acts ? overlap_of(p.i, p.face.force(rise)) : p.overlap + rise;
+  return p.face.acts || p.face.force_before > 0 ? overlap_of(p.i, p.face.force_before) : p.overlap + rise;
 }
 
 void GranularContact::move_back(std::vector<NearSphere> &near) {
@@ -163,6 +164,15 @@ void GranularContact::measure_friction(NearSphere &p, const double *spring_befor
   friction_[agglomerate_of(p.i)] += step.friction;
   gained_[agglomerate_of(p.i)] += step.gained;
   p.rubbed = Vec(atom->f[p.i][0] - p.force[0], atom->f[p.i][1] - p.force[1], 0) + k1 * now;
+}
+
+// A face that comes free pressed a step ago by as much as it came out in one step, which is not nothing as with a sphere:
+// half of that step was rubbed with the force of then.
+void GranularContact::let_go(const NearSphere &p) {
+  const double *s = wall_.history(p.i), before = tangential_stiffness(p.i, overlap_before(p, 0));
+  const TangentialStep step = tangential_step(before, Vec(s[0], s[1], 0), 0, Vec(), lmp_->update->dt * surface_velocity(p));
+  friction_[agglomerate_of(p.i)] += step.friction;
+  gained_[agglomerate_of(p.i)] += step.gained;
 }
 
 double GranularContact::tangential_stiffness(int i, double overlap) const {

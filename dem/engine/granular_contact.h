@@ -77,6 +77,7 @@ class GranularContact : public PlateContact {
   double overlap_before(const NearSphere &, double rise) const;
   void move_into_frame_of_plate(std::vector<NearSphere> &);
   void move_back(std::vector<NearSphere> &);
+  void let_go(const NearSphere &);
   void measure_friction(NearSphere &, const double *spring_before);
   bool has_springs() const { return wall_.history_size() > 0; }
   double tangential_stiffness(int i, double overlap) const;

@@ -84,8 +84,8 @@ def test_a_face_pushes_as_an_elastic_solid(tmp_path, cube_file, subspheres, with
     assert push == pytest.approx(DENSITY_kg_m3 * wave_m_s * SIDE_m**2 * SPEED_m_s, rel=within)
     lasts_s = 1e-6 * (force > 0.05 * force.max()).sum()
     assert lasts_s == pytest.approx(2 * SIDE_m / np.sqrt(E_Pa / DENSITY_kg_m3), rel=1.5 * within)
-    assert abs(found["energy"]["closure"]) < 1e-3
-    assert abs(found["energy"]["contacts_unexplained_J"]) < 1e-3 * found["energy"]["impact_J"]
+    assert abs(found["energy"]["closure"]) < 3e-4
+    assert abs(found["energy"]["contacts_unexplained_J"]) < 5e-5 * found["energy"]["impact_J"]
 
 
 def test_a_face_that_is_not_parallel_presses_with_its_sub_spheres(tmp_path, cube_file):
@@ -101,8 +101,8 @@ def test_energy_of_cubes_that_slide_break_and_are_damped(tmp_path, cube_file):
     found = run_scene(scene, "scene", tmp_path / "run")
     energy = found["energy"]
     assert found["n_bonds_broken"] > 100 and energy["friction_J"] > 0.001 * energy["impact_J"]
-    assert abs(energy["closure"]) < 1e-3
-    assert abs(energy["contacts_unexplained_J"]) < 1e-3 * energy["impact_J"]
+    assert abs(energy["closure"]) < 3e-4
+    assert abs(energy["contacts_unexplained_J"]) < 3e-4 * energy["impact_J"]
 
 
 def test_a_cube_that_lies_on_the_plate_bears_its_weight(tmp_path, cube_file):
@@ -141,7 +141,7 @@ def test_two_ranks_and_a_stone_that_comes_late_find_the_same_contact(tmp_path, c
         column = read_ledger(directory / "ledger.bin", 1).column
         found.append([column["kinetic_J"][-1, 0], column["wall_work_J"][-1, 0]])
     assert found[1] == pytest.approx(found[0], rel=1e-6)
-    assert found[2] == pytest.approx(found[0], rel=0.01)  # it meets the plate at another part of a step
+    assert found[2][1] == pytest.approx(found[0][1], rel=1e-3)  # it meets the plate at another part of a step
 
 
 @pytest.mark.parametrize(("changes", "said"), [
