@@ -1,9 +1,9 @@
-"""The contact of stones with the plate by their flat faces (docs/contact.md): stiffness of the columns behind them, and
-the file that the engine reads them from.
+"""The contact of stones with the plate by their flat faces (docs/contact.md): stiffness of the columns behind them,
+and the file that the engine reads them from.
 
 A column of height h behind an area A of a face has the stiffness E A/h of a bar. The plate's half-space gives way under
-the whole face, of radius a, as under a flat punch, by F/(2 E_p* a); an area A with its share of the force has A/(pi a^2)
-of it.
+the whole face, of radius a, as under a flat punch, by F/(2 E_p* a). Under an even pressure an area A has the share
+A/(pi a^2) of F, so that its part of the plate has the stiffness 2 E_p* A/(pi a).
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ def stone_columns_N_m(scene: Scene, assembly: Assembly, stone: int) -> np.ndarra
     if columns is None:
         return np.zeros(0)
     plate_modulus = scene.plate.youngs_modulus_Pa / (1 - scene.plate.poisson_ratio**2)
-    return column_stiffness_N_m(columns, scene.materials[assembly.stones[stone].material].youngs_modulus_Pa, plate_modulus)
+    modulus = scene.materials[assembly.stones[stone].material].youngs_modulus_Pa
+    return column_stiffness_N_m(columns, modulus, plate_modulus)
 
 
 def stiffest_face_N_m(scene: Scene, assembly: Assembly) -> float:

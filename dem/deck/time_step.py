@@ -11,7 +11,7 @@ import numpy as np
 from common import hertz
 from common.scene import PLATE, Scene, contact_key
 from common.tables import InputError
-from dem.deck.face_contact import stone_columns_N_m, stiffest_face_N_m
+from dem.deck.face_contact import stiffest_face_N_m, stone_columns_N_m
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
@@ -246,8 +246,9 @@ def face_fraction(scene: Scene, assembly: Assembly, stiffness_ratio: float, bond
     """As `bond_fraction` where columns behind faces press: the highest w^2 grows by no more than the largest k/m of a
     column and its sub-sphere (Weyl's inequality)."""
     start = np.cumsum([0, *assembly.sizes])
-    grows = max((stone_columns_N_m(scene, assembly, k) / assembly.mass_kg[start[k] + columns.sub_sphere]).max(initial=0.0)
-                for k, columns in enumerate(assembly.faces) if columns is not None)
+    grows = max(
+        (stone_columns_N_m(scene, assembly, k) / assembly.mass_kg[start[k] + columns.sub_sphere]).max(initial=0.0)
+        for k, columns in enumerate(assembly.faces) if columns is not None)
     undamped = 2 / np.hypot(2 / undamped_limit(stiffness_ratio), np.sqrt(grows) * bond_time_s)
     return DAMPED_SHARE * _damped_limit(scene.agglomerate.damping_ratio, float(undamped))
 

@@ -24,8 +24,9 @@ PARALLEL_rad = 0.005  # a face turned further from the plate's meets it with an 
 
 @dataclass(frozen=True)
 class FaceColumns:
-    """k columns: the `sub_sphere` (k,) behind each, the outward `normal` (k, 3) of its face, its `height_m` (k,) from the
-    centre of the sub-sphere to the face, its `area_m2` (k,), and the radius of the circle of the whole face's area."""
+    """k columns: the `sub_sphere` (k,) behind each, the outward `normal` (k, 3) of its face, its `height_m` (k,) from
+    the centre of the sub-sphere to the face, its `area_m2` (k,), and the radius (k,) of the circle of the whole face's
+    area."""
 
     sub_sphere: np.ndarray
     normal: np.ndarray
@@ -71,11 +72,8 @@ def _behind(packing: Packing, normal: np.ndarray, corners: np.ndarray) -> tuple[
     height = (corners[0, 0] - packing.center_m) @ normal
     behind = np.flatnonzero((height > 0) & (height < (1 + BEHIND) * packing.radius_m))
     point, weight = _points_of(corners, SPACING * packing.radius_m.mean())
-    if len(behind) < FEWEST:
-        behind = behind[:0]
-        area = np.zeros(0)
-    else:
-        area = np.bincount(_owner(packing, behind, point), weight, len(behind))
+    owner = _owner(packing, behind, point) if len(behind) else np.zeros(0, dtype=int)
+    area = np.bincount(owner, weight[:len(owner)], len(behind))
     behind, area = behind[area > 0], area[area > 0]
     if len(behind) < FEWEST:
         behind, area = behind[:0], area[:0]
@@ -96,7 +94,8 @@ def _points_of(corners: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.nd
     triangles that each is cut into."""
     points, weights = [], []
     for a, b, c in corners:
-        cuts = max(1, int(np.ceil(max(np.linalg.norm(b - a), np.linalg.norm(c - a), np.linalg.norm(c - b)) / spacing_m)))
+        longest = max(np.linalg.norm(b - a), np.linalg.norm(c - a), np.linalg.norm(c - b))
+        cuts = max(1, int(np.ceil(longest / spacing_m)))
         i, j = (grid.ravel() for grid in np.meshgrid(np.arange(cuts), np.arange(cuts), indexing="ij"))
         upward, downward = i + j < cuts, i + j < cuts - 1
         u = np.concatenate([i[upward] + 1 / 3, i[downward] + 2 / 3]) / cuts
