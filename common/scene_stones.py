@@ -27,9 +27,9 @@ class AgglomerateTable(Table):
     subspheres: Annotated[int, Field(ge=2, le=100_000), about("sub-spheres of a stone")]
     damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
     unbreakable: Annotated[bool, about("bonds never break")] = False
-    contact: Annotated[Literal["sub_spheres", "smooth"], about(
-        "how a stone touches the plate: with its sub-spheres, each alone, or as the smooth sphere that it stands for "
-        "(docs/contact.md)")] = "sub_spheres"
+    contact: Annotated[Literal["sub_spheres", "smooth", "faces"], about(
+        "how a stone touches the plate: with its sub-spheres, each alone, as the smooth sphere that it stands for, or, "
+        "where it is none, with its flat faces (docs/contact.md)")] = "sub_spheres"
 
 
 class StonePosition(Place):

@@ -119,7 +119,7 @@ def test_polyhedra_fall_and_the_ledger_closes(tmp_path):
     ({"corners": 8, "sphericity": 0.9}, {}, "must be left out where corners"),
     ({"file": "none.stl"}, {}, "none.stl: cannot be read"),
     ({"sphericity": 0.97, "elongation": 0.4}, {}, "sphericity = 0.97: must be from"),
-    ({}, {"stones.agglomerate.contact": "smooth"}, "must be \"sub_spheres\" where stones are no"),
+    ({}, {"stones.agglomerate.contact": "smooth"}, "must be \"faces\" or \"sub_spheres\" where"),
     ({}, {"stones.agglomerate": None}, "stones.agglomerate = None"),
     ({}, {"stones.drawn.shapes": ["slate"]}, "stones.drawn.shapes = 'slate': unknown shape"),
 ])
