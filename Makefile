@@ -72,7 +72,6 @@ forces: setup  ## what `listen` knows of stones, learnt anew from simulated ones
 
 listening: setup  ## streams of known truth, and what is heard of them, into runs/listening
 	$(PYTHON) -m benchmarks.listening
-	$(PYTHON) -m benchmarks.volleys
 
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability
 	$(PYTHON) -m benchmarks.stability --jobs $(JOBS)

@@ -7,6 +7,7 @@ rods is wanted instead of the paper's beam formula.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -18,7 +19,7 @@ from common import hertz
 from common.cache import user_cache
 from common.plate import FlexiblePlate
 from plate_fem.contact_stress import HertzContact, total_stress, von_mises_3d
-from plate_fem.modes import PlateModes, plate_modes
+from plate_fem.modes import PlateModes, modes_for_loads, plate_modes
 from plate_fem.motion import ModalMotion
 from plate_fem.stress import surface_stress, von_mises
 
@@ -26,14 +27,14 @@ from plate_fem.stress import surface_stress, von_mises
 def modes_of(run: Run) -> PlateModes:
     """Return the modes that the run's plate moved in.
 
-    They are found as the simulation finds them: up to the scene's frequency, alone or with residual modes for the
-    positions of the particles, whichever has the number of modes that run.json states. They are taken from the user's
+    They are found as the simulation finds them: up to the scene's frequency, alone or with the residual modes of a run
+    with these stones, whichever has the number of modes that run.json states. They are taken from the user's
     cache (common/cache.py) where it holds exactly these, and computed otherwise.
     Raises RecordError if the scene has no flexible plate, or if neither has that number.
     """
     plate, counts = flexible_plate(run), []
-    for points_m in (None, places_of(run)):
-        modes = plate_modes(plate, user_cache(), points_m)
+    for find in (plate_modes, partial(modes_for_loads, places_m=places_of(run))):
+        modes = find(plate, user_cache())
         counts.append(modes.frequency_Hz.size)
         if counts[-1] == run.summary.n_modes:
             return modes

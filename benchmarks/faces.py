@@ -1,14 +1,21 @@
-"""How hard a cube hits a rigid plate with a face, an edge and a corner, against what theory there is:
-`python -m benchmarks.faces`.
+"""How hard stones that are no spheres hit a rigid plate, against an elastic solid of finite elements and closed forms:
 
-Face: an elastic bar that hits a rigid wall, F = rho c A v for the time 2 L/c, c = sqrt(E/rho); and a rigid punch on the
-plate's half-space, k = 2 E* a, F = v sqrt(m k), with a of the circle of the face's area. Corner: Hertz' sphere of the
-radius of the sub-sphere at the corner with the mass of the cube. For an edge there is no closed form here.
+    python -m benchmarks.faces [--packings 4] [--counts 200 800] [--contacts faces sub_spheres] [--hits NAME ...]
+
+Unbreakable coal at 0.5 m/s: a cube of 40 mm that lands on a face, turned by small angles about one axis of it or two, on
+an edge and on a corner, and a disc of 50 x 25 mm that lands flat. Peak forces are means over 5 us; a contact lasts while
+its force is above a twentieth of the peak. A cube that lands aslant is followed over the first 200 us.
+
+Closed forms of the face: a pressure wave in the solid, F = rho c_p A v; an elastic bar, F = rho c A v for 2 L/c, c =
+sqrt(E/rho); and a rigid punch on a half-space, k = 2 E* a, F = v sqrt(m k), with a of the circle of the face's area.
 """
 
 from __future__ import annotations
 
+import argparse
 import tempfile
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,53 +25,144 @@ import pandas as pd
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from benchmarks.elastic_solid import Rock, block, disc
+from benchmarks.elastic_solid import hit as solid_hit
 from benchmarks.stone import SCENES
-from common.hertz import contact_modulus_Pa, largest_approach_m, stiffness_N_m32
-from common.scene import changed_scene
+from common.hertz import contact_modulus_Pa
+from common.scene import Scene, changed_scene
 from common.scene_file import scene_tables
 from dem.run.run import run_scene
 
-SIDE_m, SPEED_m_s = 0.04, 0.5
-TURNS = {"face": Rotation.identity(), "edge": Rotation.from_euler("x", 45, degrees=True),
-         "corner": Rotation.align_vectors([[0, 0, -1]], [[-1, -1, -1]])[0]}
+SPEED_m_s, SIDE_m, DISC_m, HIGH_m = 0.5, 0.04, 0.05, 0.025
+ELEMENTS = 20       # of the solid along its longest edge
+ROW_s, MEAN_s = 1e-6, 5e-6
+APPROACH_s = 6e-4   # at most, from the start to the first touch
+SIDES = 64          # of the disc's mesh
 
 
-def hit(how: str, subspheres: int, work: Path) -> dict[str, Any]:
-    """Peak force and duration of the hit of an unbreakable cube, and theory's."""
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-    meshio.write_points_cells(work / "cube.stl", corners, [("triangle", ConvexHull(corners).simplices)])
-    radius = SIDE_m * (3 / 4 / np.pi) ** (1 / 3)
-    one = {"material": "coal", "radius_m": radius, "shape": "cube", "x_m": 0.0, "y_m": 0.0, "speed_m_s": SPEED_m_s,
-           "attitude": np.roll(TURNS[how].as_quat(), 1).tolist()}
+@dataclass(frozen=True)
+class Hit:
+    """A solid, which way is up in it when it lands, and how long it is followed from its first touch on."""
+
+    solid: str
+    up: tuple[float, float, float]
+    followed_s: float = 2e-4
+
+
+HITS = {"face": Hit("cube", (0, 0, 1)), "disc": Hit("disc", (0, 0, 1)),
+        "2 mrad": Hit("cube", (0.002, 0, 1)), "4 mrad": Hit("cube", (0.004, 0, 1)),
+        "10 mrad": Hit("cube", (0.01, 0, 1)), "100 mrad": Hit("cube", (0.1, 0, 1)),
+        "2 mrad, both": Hit("cube", (0.0015, 0.0015, 1)), "4 mrad, both": Hit("cube", (0.003, 0.003, 1)),
+        "14 mrad, both": Hit("cube", (0.01, 0.01, 1)), "edge": Hit("cube", (1, 0, 1), 6e-4),
+        "corner": Hit("cube", (1, 1, 1), 6e-4)}
+
+
+def write_mesh(solid: str, file: Path) -> None:
+    """The surface of the cube or the disc."""
+    if solid == "cube":
+        points = SIDE_m * np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    else:
+        turn = 2 * np.pi * np.arange(SIDES) / SIDES
+        ring = DISC_m / 2 * np.column_stack([np.cos(turn), np.sin(turn)])
+        points = np.vstack([np.column_stack([ring, np.full(SIDES, z)]) for z in (0.0, HIGH_m)])
+    meshio.write_points_cells(file, points, [("triangle", ConvexHull(points).simplices)])
+
+
+def scene_of(how: str, contact: str, subspheres: int, seed: int, mesh: Path) -> Scene:
+    """One unbreakable stone without gravity or friction, restitution 1."""
+    hit = HITS[how]
+    volume = SIDE_m**3 if hit.solid == "cube" else np.pi / 4 * DISC_m**2 * HIGH_m
+    up = np.array(hit.up) / np.linalg.norm(hit.up)
+    turn = Rotation.align_vectors([[0, 0, 1]], [up])[0]
+    one = {"material": "coal", "radius_m": (volume * 3 / 4 / np.pi) ** (1 / 3), "shape": "solid", "x_m": 0.0, "y_m": 0.0,
+           "speed_m_s": SPEED_m_s, "attitude": np.roll(turn.as_quat(), 1).tolist(), "seed": seed}
     elastic = {"restitution": 1.0, "friction": 0.0}
-    scene = changed_scene(SCENES / "single.toml", {
+    return changed_scene(SCENES / "single.toml", {
         **{f"stones.{key}": None for key in ("count", "radius_m", "positions", "speed_m_s", "gangue_order",
                                              "gangue_ratio")},
-        "stones.each": [one], "shapes.cube": {"file": str(work / "cube.stl")}, "assumptions": None, "output": None,
-        "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True}, "time.gravity_m_s2": 0.0,
-        "time.duration_s": 6e-4, "plate": scene_tables(SCENES / "hertz_coal.toml")["plate"],
+        "stones.each": [one], "shapes.solid": {"file": str(mesh)}, "assumptions": None, "output": None,
+        "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": contact},
+        "time.gravity_m_s2": 0.0, "time.duration_s": hit.followed_s + APPROACH_s, "time.sample_interval_s": 30 * ROW_s,
+        "plate": scene_tables(SCENES / "hertz_coal.toml")["plate"],
         "contacts": dict.fromkeys(("coal_plate", "coal_coal"), elastic)})
-    run_scene(scene, f"{how} {subspheres}", work / f"{how}_{subspheres}")
-    fast = pd.read_parquet(work / f"{how}_{subspheres}" / "fast.parquet")
-    force, coal = fast["force_N"].to_numpy(), scene.materials["coal"]
-    mass, area = coal.density_kg_m3 * SIDE_m**3, SIDE_m**2
-    speed_of_sound = np.sqrt(coal.youngs_modulus_Pa / coal.density_kg_m3)
-    modulus = contact_modulus_Pa(coal, scene.plate)
-    small = SIDE_m * (0.56 / subspheres * 3 / 4 / np.pi) ** (1 / 3)  # of the mean sub-sphere, solid fraction 0.56
-    stiffness = stiffness_N_m32(modulus, small)
-    theory = {"face": coal.density_kg_m3 * speed_of_sound * area * SPEED_m_s, "edge": np.nan,
-              "corner": stiffness * largest_approach_m(stiffness, mass, SPEED_m_s) ** 1.5}
-    return {"hit": how, "subspheres": subspheres, "peak_N": force.max(), "theory_N": float(theory[how]),
-            "punch_N": SPEED_m_s * np.sqrt(mass * 2 * modulus * np.sqrt(area / np.pi)) if how == "face" else np.nan,
-            "duration_us": 1e6 * (force > 0.05 * force.max()).sum() * np.median(np.diff(fast["t_s"])),
-            "bar_us": 2e6 * SIDE_m / speed_of_sound if how == "face" else np.nan}
+
+
+def figures(time_s: np.ndarray, force_N: np.ndarray, momentum: float, followed_s: float) -> dict[str, float]:
+    """Peak, duration and impulse of a hit from its first touch on; `momentum` is that of the stone, N s."""
+    step = time_s[1] - time_s[0]
+    first = np.flatnonzero(force_N > 0)[0]
+    force = force_N[first:first + round(followed_s / step)]
+    width = max(1, round(MEAN_s / step))
+    peak = float(np.convolve(force, np.ones(width) / width).max())
+    return {"peak_N": peak, "lasts_us": float(1e6 * step * (force > 0.05 * peak).sum()),
+            "impulse": float(force.sum() * step / momentum)}
+
+
+def stone_hit(how: str, contact: str, subspheres: int, seed: int) -> dict[str, float]:
+    """Of one packing, with the closure of its ledger."""
+    with tempfile.TemporaryDirectory() as work:
+        mesh = Path(work) / "solid.stl"
+        write_mesh(HITS[how].solid, mesh)
+        summary = run_scene(scene_of(how, contact, subspheres, seed, mesh), how, Path(work) / "run")
+        fast = pd.read_parquet(Path(work) / "run" / "fast.parquet", columns=["t_s", "force_N"])
+    momentum = 2 * summary["energy"]["impact_J"] / SPEED_m_s
+    return figures(fast["t_s"].to_numpy(), fast["force_N"].to_numpy(), momentum, HITS[how].followed_s) | {
+        "closure": summary["energy"]["closure"]}
+
+
+@cache
+def elastic_hit(how: str) -> dict[str, float]:
+    """Of the elastic solid."""
+    hit, coal = HITS[how], material()
+    edge = (SIDE_m if hit.solid == "cube" else DISC_m) / ELEMENTS
+    cells = block((ELEMENTS,) * 3) if hit.solid == "cube" else disc(ELEMENTS, round(HIGH_m / edge))
+    up = np.array(hit.up) / np.linalg.norm(hit.up)
+    time, force = solid_hit(coal, edge, cells, up, SPEED_m_s, hit.followed_s + 5e-5)
+    return figures(time, force, coal.density_kg_m3 * cells.sum() * edge**3 * SPEED_m_s, hit.followed_s)
+
+
+def material() -> Rock:
+    """Coal of scenes/single.toml."""
+    coal = changed_scene(SCENES / "single.toml", {}).materials["coal"]
+    return Rock(coal.youngs_modulus_Pa, coal.poisson_ratio, coal.density_kg_m3)
+
+
+def print_closed_forms() -> None:
+    """Of the face of the cube."""
+    coal, area = material(), SIDE_m**2
+    bar_m_s = float(np.sqrt(coal.youngs_modulus_Pa / coal.density_kg_m3))
+    scene = changed_scene(SCENES / "hertz_coal.toml", {})
+    modulus = contact_modulus_Pa(scene.materials["coal"], scene.plate)
+    impulse = coal.density_kg_m3 * area * SPEED_m_s
+    print(f"face, closed forms: pressure wave {impulse * coal.pressure_wave_m_s:.0f} N; elastic bar {impulse * bar_m_s:.0f}"
+          f" N for {2e6 * SIDE_m / bar_m_s:.0f} us; rigid punch "
+          f"{SPEED_m_s * np.sqrt(coal.density_kg_m3 * SIDE_m**3 * 2 * modulus * np.sqrt(area / np.pi)):.0f} N")
 
 
 def main() -> None:
-    """Print a table."""
-    with tempfile.TemporaryDirectory() as work:
-        rows = [hit(how, count, Path(work)) for count in (200, 800) for how in TURNS]
-    print(pd.DataFrame(rows).to_string(index=False, float_format="%.4g"))
+    """Print a row a hit, contact and count: mean and standard deviation over the packings."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--packings", type=int, default=4)
+    parser.add_argument("--counts", type=int, nargs="+", default=[200, 800])
+    parser.add_argument("--contacts", nargs="+", choices=["faces", "sub_spheres"], default=["faces", "sub_spheres"])
+    parser.add_argument("--hits", nargs="+", choices=HITS, default=list(HITS))
+    args = parser.parse_args()
+    print_closed_forms()
+    print("| hit | contact | sub-spheres | peak, N | lasts, us | impulse over momentum | largest closure |")
+    for how in args.hits:
+        print(f"| {how} | elastic solid | | {row_of([elastic_hit(how)])} | |", flush=True)
+        for contact in args.contacts:
+            for count in args.counts:
+                found = [stone_hit(how, contact, count, seed) for seed in range(1, args.packings + 1)]
+                worst = max(abs(one["closure"]) for one in found)
+                print(f"| {how} | {contact} | {count} | {row_of(found)} | {worst:.1e} |", flush=True)
+
+
+def row_of(found: list[dict[str, Any]]) -> str:
+    """Mean and deviation of each figure."""
+    table = pd.DataFrame(found)
+    return " | ".join(f"{table[key].mean():.{digits}f}" + (f" ± {table[key].std():.{digits}f}" if len(table) > 1 else "")
+                      for key, digits in (("peak_N", 0), ("lasts_us", 0), ("impulse", 2)))
 
 
 if __name__ == "__main__":

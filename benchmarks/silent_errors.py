@@ -177,12 +177,12 @@ def _damped(rng: np.random.Generator) -> PlateModel:
 
 
 @cache
-def _other_theory() -> PlateModel:
+def other_theory() -> PlateModel:
     return other_plates.other_theory(exact_plate(), SCENE)
 
 
 @cache
-def _solid() -> PlateModel:
+def solid() -> PlateModel:
     return other_plates.solid_plate(exact_plate())
 
 
@@ -222,7 +222,7 @@ ROWS: dict[str, Callable[[Sources], Records]] = {
     "8 stones": other_count(8),
     "12 stones": other_count(12),
     "radius 20 mm": scaled(0.8, 1.0),
-    "plate of another theory": on_plate(lambda rng: _other_theory()),
+    "plate of another theory": on_plate(lambda rng: other_theory()),
     "superposed, same plate": on_plate(lambda rng: exact_plate()),
     "plate 1 % thinner": on_plate(lambda rng: exact_plate(0.99)),
     "damping twice": on_plate(_damped),
@@ -231,7 +231,7 @@ ROWS: dict[str, Callable[[Sources], Records]] = {
     "speed 3.5 m/s": scaled(1.0, 3.5 / 3),
     "offset of 5 % of the peak": changed(_offset),
     "50 Hz of 5 % of the peak": changed(_hum),
-    "plate as a solid": on_plate(lambda rng: _solid()),
+    "plate as a solid": on_plate(lambda rng: solid()),
     "modes scattered by 1 %": on_plate(_scattered),
     "record starts anywhere within 0.3 ms": beginning(lambda rng: int(rng.integers(-60, 61))),
     "speed 2.5 m/s": scaled(1.0, 2.5 / 3),

@@ -90,7 +90,11 @@ def _inverse(x: np.ndarray, density: np.ndarray, share: np.ndarray) -> np.ndarra
 
 def _from_number(value: Any) -> Any:
     """A number stands for a table with one value."""
-    return {"value": float(value)} if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return {"value": float(value)}
+    if not isinstance(value, (dict, Distribution)):
+        raise ValueError("must be a number or a table with uniform, lognormal or rosin_rammler")
+    return value
 
 
 Spread = Annotated[Distribution, BeforeValidator(_from_number)]
@@ -99,4 +103,4 @@ Spread = Annotated[Distribution, BeforeValidator(_from_number)]
 def refuse_outside(key: str, spread: Distribution | None, least: float, most: float, what: str) -> None:
     """Raises Refused where a distribution may give values outside its key's bounds."""
     if spread is not None and not (least <= spread.bounds[0] and spread.bounds[1] <= most):
-        raise Refused(key, spread.bounds, what)
+        raise Refused(key, spread.bounds if spread.value is None else spread.value, what)

@@ -30,6 +30,14 @@ def refuse_density(density_kg_m3: float) -> None:
                       "lightest solid, has 0.16")
 
 
+def wall_box_m(edge: Edge, length_m: float, width_m: float, height_m: float) -> tuple[float, ...]:
+    """XMIN XMAX YMIN YMAX ZMIN ZMAX of a wall on an edge of a plate, flat along x or y."""
+    box = [-length_m / 2, length_m / 2, -width_m / 2, width_m / 2, -WALL_FOOT_m, height_m]
+    at = ["x_minus", "x_plus", "y_minus", "y_plus"].index(edge)
+    box[at // 2 * 2:at // 2 * 2 + 2] = 2 * [box[at]]
+    return tuple(box)
+
+
 class Rod(Place):
     """A vertical rod below the plate, welded to it over its disc and clamped at its lower end."""
 
@@ -92,13 +100,9 @@ class Plate(Table):
         "rigid walls on edges of the plate, between which stones are guided (docs/stones.md); absent: none")] = None
 
     def wall_box_m(self, edge: Edge) -> tuple[float, ...]:
-        """XMIN XMAX YMIN YMAX ZMIN ZMAX of the wall on one edge, flat along x or y."""
+        """XMIN XMAX YMIN YMAX ZMIN ZMAX of the wall on one edge."""
         assert self.walls is not None
-        box = [-self.length_m / 2, self.length_m / 2, -self.width_m / 2, self.width_m / 2, -WALL_FOOT_m,
-               self.walls.height_m]
-        at = ["x_minus", "x_plus", "y_minus", "y_plus"].index(edge)
-        box[at // 2 * 2:at // 2 * 2 + 2] = 2 * [box[at]]
-        return tuple(box)
+        return wall_box_m(edge, self.length_m, self.width_m, self.walls.height_m)
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> Self:

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from common.files import read_json, write_json
+from common.plate import Edge
 from common.scene_stones import StonePosition
 from common.tables import check
 
@@ -63,6 +64,13 @@ class RecordedRod(Recorded):
     y_m: float
 
 
+class RecordedWalls(Recorded):
+    """The walls on edges of the plate."""
+
+    edges: list[Edge]
+    height_m: float
+
+
 class RecordedPlate(RecordedMaterial):
     """`[plate]` of the scene (common/plate.py) as far as it is recorded."""
 
@@ -73,6 +81,7 @@ class RecordedPlate(RecordedMaterial):
     damping_ratio: float | None = None
     max_frequency_Hz: float | None = None
     rods: list[RecordedRod] | None = None
+    walls: RecordedWalls | None = None
 
 
 class RecordedScene(Recorded):
@@ -126,6 +135,8 @@ class RunSummary(Recorded):
     peak_force_N: float | None = None
     impulse_N_s: float | None = None
     momentum_change_kg_m_s: float | None = None
+    rod_impulse_N_s: list[float] | None = None  # on the foot of each rod, downwards; of plates on rods alone
+    plate_momentum_kg_m_s: float | None = None  # at the end, upwards, without that of the rods; of plates on rods alone
     wall_impulse_N_s: dict[str, list[float]] | None = None  # x, y, z on each side wall, by its edge
     plate: dict[str, float] | None = None  # largest absolute value of each signal of the plate
     yield_: YieldReport | None = Field(default=None, alias="yield")

@@ -262,12 +262,20 @@ class Scene(Table):
             if name == SPHERE:
                 continue
             if name not in self.shapes:
-                raise Refused("stones", name, f"unknown shape; shapes here are {sorted([SPHERE, *self.shapes])}")
+                raise Refused(self.stones.key_of_shape(name), name,
+                              f"unknown shape; shapes here are {sorted([SPHERE, *self.shapes])}")
             if self.stones.agglomerate is None:
                 raise Refused("stones.agglomerate", None, f"must be given: {name} is made of sub-spheres")
             if self.has_smooth_contact:
-                raise Refused("stones.agglomerate.contact", "smooth", "must be \"sub_spheres\" where stones are no "
-                              "spheres: flat faces, edges and corners have no smooth sphere to stand for")
+                raise Refused("stones.agglomerate.contact", "smooth", "must be \"faces\" or \"sub_spheres\" where "
+                              "stones are no spheres: flat faces, edges and corners have no smooth sphere to stand for")
+        if self.stones.agglomerate is not None and self.stones.agglomerate.contact == "faces":
+            if set(self.stones.shapes) <= {SPHERE}:
+                raise Refused("stones.agglomerate.contact", "faces", "must be \"smooth\" or \"sub_spheres\" where all "
+                              "stones are spheres, which have no faces")
+            if self.plate.yield_stress_Pa is not None:
+                raise Refused("plate.yield_stress_Pa", self.plate.yield_stress_Pa, "must be left out where "
+                              "stones.agglomerate.contact = 'faces': under faces the plate stays elastic")
 
     @property
     def _one_stone(self) -> bool:

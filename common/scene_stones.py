@@ -27,9 +27,9 @@ class AgglomerateTable(Table):
     subspheres: Annotated[int, Field(ge=2, le=100_000), about("sub-spheres of a stone")]
     damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
     unbreakable: Annotated[bool, about("bonds never break")] = False
-    contact: Annotated[Literal["sub_spheres", "smooth"], about(
-        "how a stone touches the plate: with its sub-spheres, each alone, or as the smooth sphere that it stands for "
-        "(docs/contact.md)")] = "sub_spheres"
+    contact: Annotated[Literal["sub_spheres", "smooth", "faces"], about(
+        "how a stone touches the plate: with its sub-spheres, each alone, as the smooth sphere that it stands for, or, "
+        "where it is none, with its flat faces (docs/contact.md)")] = "sub_spheres"
 
 
 class StonePosition(Place):
@@ -240,6 +240,12 @@ class StonesTable(Table):
     def materials(self) -> list[str]:
         """Names of the materials that may fall, in alphabetic order."""
         return sorted({one.material for one in self.each} if self.each is not None else {self.coal, self.gangue})
+
+    def key_of_shape(self, name: str) -> str:
+        """The key that names a shape first."""
+        if self.each is not None:
+            return f"stones.each.{[one.shape for one in self.each].index(name)}.shape"
+        return f"stones.{'stream' if self.drawn is None else 'drawn'}.shapes"
 
     @property
     def shapes(self) -> list[str]:

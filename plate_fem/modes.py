@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from plate_fem.system import PlateSystem
 
 
+MOST_RESIDUAL_POINTS = 32  # each adds a mode
+
+
 @dataclass(frozen=True)
 class PlateModes:
     """The n modes of a flexible plate, in ascending frequency: w(x, y, t) = sum_j shape_j(x, y) amplitude_j(t).
@@ -118,9 +121,20 @@ def _refined(lines: np.ndarray, times: int) -> np.ndarray:
     return np.interp(np.arange(times * (len(lines) - 1) + 1) / times, np.arange(len(lines)), lines)
 
 
+def modes_for_loads(plate: FlexiblePlate, cache_dir: Path | None, places_m: np.ndarray) -> PlateModes:
+    """Return the modes of a plate on which stones fall at places (k, 2), as a run has them.
+
+    A few places get the static compliance of the modes left out. More would need a mode each, and have the rods'
+    share of it alone.
+    """
+    few = len(places_m) <= MOST_RESIDUAL_POINTS
+    return plate_modes(plate, cache_dir, places_m if few else None, residual_rods=not few)
+
+
 def plate_modes(
-    plate: FlexiblePlate, cache_dir: Path | None = None, residual_points_m: np.ndarray | None = None
-) -> PlateModes:
+    plate: FlexiblePlate, cache_dir: Path | None = None, residual_points_m: np.ndarray | None = None,
+    residual_rods: bool = False,
+) -> PlateModes:  # fmt: skip
     """Return the modes of a plate up to its `max_frequency_Hz`.
 
     cache_dir: directory for results (common/cache.py), with an entry for each table and set of points. The modes below
@@ -128,6 +142,8 @@ def plate_modes(
     Without it nothing is kept.
     residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
     points the static compliance of all the modes left out (plate_fem/residual.py). Without it there are none.
+    residual_rods: whether a mode for each rod is added, with which the rods bear their exact share of a steady force
+    anywhere.
     Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
     table with too many cells or modes, or whose numbers are so extreme that they cannot be found.
     """
@@ -137,14 +153,14 @@ def plate_modes(
 
     def find() -> dict[str, object]:
         try:
-            modes = _compute(plate, points, cache_dir)
+            modes = _compute(plate, points, residual_rods, cache_dir)
         except (RuntimeError, np.linalg.LinAlgError) as error:  # of a factor, or of the eigensolver
             why = " ".join(str(error).split())
             raise Refused("model", plate.model, f"its modes cannot be found ({why}): stiffness, density and size of "
                           "plate and rods must be less extreme") from error
         return {name: getattr(modes, name) for name in names}
 
-    stored = cached(cache_dir, "modes", table_hash(plate, points), find)
+    stored = cached(cache_dir, "modes", table_hash(plate, points, residual_rods), find)
     values: dict[str, Any] = {name: stored[name] if stored[name].shape else stored[name].item() for name in names}
     return _damped(PlateModes(**values), plate)
 
@@ -158,13 +174,16 @@ def _damped(modes: PlateModes, plate: FlexiblePlate) -> PlateModes:
     return replace(modes, damping_ratio=np.full(len(modes.frequency_Hz), plate.damping_ratio))
 
 
-def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | Sequence[Sequence[float]] = ()) -> str:
+def table_hash(
+    plate: FlexiblePlate, residual_points_m: np.ndarray | Sequence[Sequence[float]] = (), residual_rods: bool = False
+) -> str:
     """Return a hash of everything that frequencies and shapes depend on, the code included.
 
     The damping ratio does not belong to it: frequencies and shapes are those without damping.
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
-    return key_of(Path(__file__).parent, version("scikit-fem"), table, np.asarray(residual_points_m, float).tolist())
+    points = np.asarray(residual_points_m, float).tolist()
+    return key_of(Path(__file__).parent, version("scikit-fem"), table, points, residual_rods)
 
 
 def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, np.ndarray]:
@@ -185,17 +204,21 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
     return kept["omega_squared"], sp.csc_array((kept["data"], kept["row"], kept["start"]), shape=shape).toarray()
 
 
-def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray, cache_dir: Path | None) -> PlateModes:
+def _compute(
+    plate: FlexiblePlate, residual_points_m: np.ndarray, residual_rods: bool, cache_dir: Path | None
+) -> PlateModes:
     from plate_fem.model import build_model  # late: scikit-fem is slow to import, and most modes are in the cache
-    from plate_fem.residual import residual_modes
+    from plate_fem.residual import load_rows, residual_modes
     from plate_fem.stress_recovery import modal_surface_stress
     from plate_fem.system import sways
 
     model = build_model(plate)
     omega_squared, vectors = _kept_modes(plate, model, cache_dir)
     n_residual = 0
-    if len(residual_points_m):
-        more_omega_squared, more = residual_modes(model, vectors, residual_points_m)
+    loads = [load_rows(model.system, residual_points_m) @ model.expansion] if len(residual_points_m) else []
+    loads += [model.rod_force] if residual_rods and plate.rods else []
+    if loads:
+        more_omega_squared, more = residual_modes(model, vectors, sp.csr_array(sp.vstack(loads)))
         omega_squared, vectors = np.append(omega_squared, more_omega_squared), np.hstack([vectors, more])
         n_residual = len(more_omega_squared)
     system = model.system

@@ -5,6 +5,11 @@ unit load at each given point, less what the kept modes give, holds exactly what
 orthogonal (Ritz), these deflections are further modes that move like the others (Dickens, Nakagawa and Wittbrodt
 1997, Comput. Struct. 62:985).
 
+A load may also be a unit displacement of a rod's foot. By Maxwell and Betti the deflection under it at a place is the
+share of a force there that the rod bears. With these deflections among the modes, each rod bears its exact share of
+a steady force anywhere on the plate. All feet lifted together lift the plate as a rigid body, which is then a motion of
+the modes too: the force on the plate less that on the rods is its change of momentum, at any time.
+
 In Kirchhoff's theory the load is a point force. In Mindlin's the deflection under a point force is infinite, and the
 load acts on a disc. A plate under a point force at its top moves there by the indentation of a half-space, which
 contact laws count, and by a remainder. For an infinite elastic layer, loaded with wavenumber k, the remainder is
@@ -26,12 +31,12 @@ from plate_fem.system import PlateSystem
 LOAD_RADIUS = 1.4  # times the thickness
 
 
-def residual_modes(model: PlateModel, kept: np.ndarray, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return omega^2 (m,) in 1/s^2 and vectors (n, m) of the residual modes for loads at points (k, 2), with m <= k.
+def residual_modes(model: PlateModel, kept: np.ndarray, loads: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
+    """Return omega^2 (m,) in 1/s^2 and vectors (n, m) of the residual modes for loads, sparse (k, n), with m <= k.
 
-    `kept` (n, p) holds the mass-normalised modes of the model that are kept.
+    `kept` (n, p) holds the mass-normalised modes of the model that are kept. A load at a point is a row of `load_rows`
+    times model.expansion; the displacement of a rod's foot is a row of model.rod_force.
     """
-    loads = load_rows(model.system, points_m) @ model.expansion
     projected = loads.T.toarray() - model.mass @ (kept @ (loads @ kept).T)
     response = solve_static(model.parts, projected)
     response -= kept @ (kept.T @ (model.mass @ response))

@@ -174,8 +174,6 @@ def _add_listen(command: argparse.ArgumentParser) -> None:
                          help="between which their speeds lie, in m/s (default: 2 4)")
     command.add_argument("--window", type=float, default=1.0, metavar="S", help="of the ratio (default: %(default)g s)")
     command.add_argument("--step", type=float, default=0.1, metavar="S", help="between ratios (default: %(default)g s)")
-    command.add_argument("--together", action="store_true",
-                         help="seek stones that fall within a millisecond jointly, some ten seconds for each volley")
 
 
 if __name__ == "__main__":

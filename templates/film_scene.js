@@ -66,7 +66,7 @@ film.Scene = class {
     if (this.parts) this.scene.remove(this.parts);
     this.reel = reel;
     this.parts = new THREE.Group();
-    this.parts.add(this.makeSpheres(), this.makePlate(), this.makeRods(), this.makeBreaks());
+    this.parts.add(this.makeSpheres(), this.makePlate(), this.makeRods(), this.makeWalls(), this.makeBreaks());
     this.scene.add(this.parts);
   }
 
@@ -138,6 +138,17 @@ film.Scene = class {
       const mesh = new THREE.Mesh(new THREE.CylinderGeometry(radius, radius, length, 20), material);
       mesh.rotation.x = Math.PI / 2;
       mesh.position.set(rod.x_m, rod.y_m, -(this.reel.plate.thickness || 0.01) - length / 2);
+      group.add(mesh);
+    }
+    return group;
+  }
+
+  makeWalls() {
+    const group = new THREE.Group(), material = new THREE.MeshBasicMaterial(
+      { color: 0x8090a0, transparent: true, opacity: 0.25, side: THREE.DoubleSide, depthWrite: false });
+    for (const [x0, x1, y0, y1, z0, z1] of this.reel.plate.walls) {
+      const mesh = new THREE.Mesh(new THREE.BoxGeometry(x1 - x0, y1 - y0, z1 - z0), material);
+      mesh.position.set((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2);
       group.add(mesh);
     }
     return group;

@@ -98,6 +98,15 @@ def show_plate(view):
     return scale
 
 
+def show_walls(view):
+    walls = series("walls")
+    if walls:
+        display = simple.Show(walls, view)
+        display.ColorArrayName = [None, ""]
+        display.AmbientColor = display.DiffuseColor = [0.5, 0.55, 0.6]
+        display.Opacity = 0.3
+
+
 def main(arguments):
     simple._DisableFirstRenderCameraReset()
     view = simple.GetActiveViewOrCreate("RenderView")
@@ -105,6 +114,7 @@ def main(arguments):
     view.OrientationAxesVisibility = 0
     show_stones(view)
     scale = show_plate(view)
+    show_walls(view)
     clock = simple.AnnotateTimeFilter(registrationName="time", Input=simple.FindSource("particles"))
     clock.Format = "{time:.5f} s" + (f", deflection x {scale:g}" if scale != 1 else "")
     text = simple.Show(clock, view)

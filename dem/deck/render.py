@@ -13,6 +13,7 @@ import numpy as np
 
 from common.resources import resource
 from common.scene import PLATE, Scene, contact_key
+from dem.deck.face_contact import write_faces
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
 from dem.deck.side_walls import OWN_TYPE, contact_of_types, deck_walls, wall_files
@@ -44,6 +45,8 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
         _write_bonds(directory / "bonds.txt", assembly)
     if assembly.surfaces:
         write_surfaces(directory / "surface.txt", scene, assembly)
+    if assembly.faces:
+        write_faces(directory / "faces.txt", scene, assembly)
     if modes is not None:
         _write_shapes(directory / "shapes.bin", modes, _drags_plate(scene, assembly))
     if scene.output.dumps:
@@ -96,6 +99,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         weak_contact=weak_contact(scene, assembly, step),
         steps=step.steps,
         surface=bool(assembly.surfaces),
+        faces=bool(assembly.faces),
         extent_m=[-half[0], half[0], -half[1], half[1]],
         velocity_m_s=_common_velocity(assembly),
         impact_J=0.0 if assembly.is_stream else _impact_J(assembly),  # those of a stream bring theirs

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from common.scene import Scene
+from dem.deck.face_contact import NUMBERS as FACE_NUMBERS
+from dem.deck.face_contact import face_rows
 from dem.deck.smooth_contact import contact_rows
 from dem.deck.time_step import TimeStep
 from dem.stones.assembly import Assembly
 from dem.stones.stone import Entry
 
-INDEX_NUMBERS = 5 + 3  # of a stone: whole numbers, spin
+INDEX_NUMBERS = 6 + 3  # of a stone: whole numbers, spin
 
 
 def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -> None:
@@ -35,9 +37,11 @@ def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -
             surface = assembly.surfaces[k]
             part += [contact[k], np.column_stack([surface.place_m, assembly.radius_m[here], assembly.mass_kg[here],
                                                   surface.is_surface])]
+        faces = face_rows(scene, assembly, k, atom_start[k]) if assembly.faces else np.zeros((0, FACE_NUMBERS))
+        part.append(faces)
         parts += part
-        index.append(np.concatenate([np.array([entry_step, at, len(own), held.stop - held.start, contact is not None],
-                                              dtype="<i8").view("<f8"), stone.spin_rad_s]))
+        index.append(np.concatenate([np.array([entry_step, at, len(own), held.stop - held.start, contact is not None,
+                                               len(faces)], dtype="<i8").view("<f8"), stone.spin_rad_s]))
         at += 8 * sum(values.size for values in part)
     greatest = [assembly.radius_m[assembly.material == m].max() for m in range(len(assembly.materials))]
     with open(file, "wb") as out:

@@ -11,6 +11,7 @@ import numpy as np
 from common import hertz
 from common.scene import PLATE, Scene, contact_key
 from common.tables import InputError
+from dem.deck.face_contact import stiffest_face_N_m, stone_columns_N_m
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
@@ -73,6 +74,7 @@ class StepLimits:
     bond_time_s: float | None
     subsphere_contact_time_s: float
     stone_contact_time_s: float
+    face_stiffness_N_m: float = 0.0  # of the stiffest face that could press
 
 
 def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
@@ -86,11 +88,13 @@ def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
         least = min(scene.bond_of(name).stiffness_ratio for name in assembly.materials)
         limits["bond"] = bond_fraction(scene.agglomerate.damping_ratio, least) * bond_time
         del limits["plate_contact"]  # the bonds carry the contact of an agglomerate
+        if assembly.faces:
+            limits["faces"] = face_fraction(scene, assembly, least, bond_time) * bond_time
     if scene.tolerance is not None:
         setting, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
         limits["tolerance"] = setting_for(setting, scene.tolerance) * unit
     _counted_steps(scene, _largest_step_s(scene, limits, file), scene.time.co_step or 1, file)
-    return StepLimits(limits, assembly.stones, bond_time, contact, stone_contact)
+    return StepLimits(limits, assembly.stones, bond_time, contact, stone_contact, stiffest_face_N_m(scene, assembly))
 
 
 def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float | None = None) -> TimeStep:
@@ -99,6 +103,8 @@ def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float 
     Raises InputError if the scene's own `time.time_step_s` or `time.co_step` is above a limit.
     """
     mutual = {} if mobility_1_kg is None else coupling_limits_s(scene, limits.stones, mobility_1_kg)
+    if mobility_1_kg is not None and limits.face_stiffness_N_m > 0:
+        mutual["coupling_faces"] = STIFFNESS_SHARE / np.sqrt(limits.face_stiffness_N_m * mobility_1_kg)
     limits_s = limits.limits_s | mutual
     wanted = _largest_step_s(scene, limits_s, file)
     resolved = min(limits.stone_contact_time_s / CO_STEPS_IN_CONTACT,
@@ -178,13 +184,14 @@ def _co_step(scene: Scene, dt_s: float, resolved_s: float, mutual: dict[str, flo
 
 def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContact | None:
     """When a contact is so weak that messages may be rarer. Only chips push so little for long. So a scene without
-    bonds, or one that sets its co-step, has one message every co-step: None.
+    bonds, or one that sets its co-step, has one message every co-step: None. So has one whose stones press with their
+    faces, which are as stiff under a weak force.
 
     The stiffness of a Hertz contact goes with the cube root of the force, and the limits of the co-step (1/sqrt(k),
     1/c) with the inverse sixth.
     """
     limits = [limit for name, limit in step.limits_s.items() if name.startswith("coupling_")]
-    if not limits or not assembly.n_bonds or scene.time.co_step is not None:
+    if not limits or not assembly.n_bonds or assembly.faces or scene.time.co_step is not None:
         return None
     co_steps = int(min(limits) * WEAK_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
     peak_N = min(_peak_force_N(scene, body) for body in bodies_of(assembly))
@@ -228,8 +235,22 @@ def bond_fraction(damping_ratio: float, stiffness_ratio: float) -> float:
     """The step over t0. Leapfrog with the damping force at the velocity half a step back is stable while
     (w dt)^2 + 2 w^2 tau dt < 4; here tau = 2 zeta t0 and w = 2/(a t0), a the undamped limit, so
     dt/t0 < sqrt(4 zeta^2 + a^2) - 2 zeta."""
-    limit = np.hypot(2 * damping_ratio, undamped_limit(stiffness_ratio)) - 2 * damping_ratio
-    return min(BOND_FRACTION, DAMPED_SHARE * float(limit))
+    return min(BOND_FRACTION, DAMPED_SHARE * _damped_limit(damping_ratio, undamped_limit(stiffness_ratio)))
+
+
+def _damped_limit(damping_ratio: float, undamped: float) -> float:
+    return float(np.hypot(2 * damping_ratio, undamped) - 2 * damping_ratio)
+
+
+def face_fraction(scene: Scene, assembly: Assembly, stiffness_ratio: float, bond_time_s: float) -> float:
+    """As `bond_fraction` where columns behind faces press: the highest w^2 grows by no more than the largest k/m of a
+    column and its sub-sphere (Weyl's inequality)."""
+    start = np.cumsum([0, *assembly.sizes])
+    grows = max(
+        (stone_columns_N_m(scene, assembly, k) / assembly.mass_kg[start[k] + columns.sub_sphere]).max(initial=0.0)
+        for k, columns in enumerate(assembly.faces) if columns is not None)
+    undamped = 2 / np.hypot(2 / undamped_limit(stiffness_ratio), np.sqrt(grows) * bond_time_s)
+    return DAMPED_SHARE * _damped_limit(scene.agglomerate.damping_ratio, float(undamped))
 
 
 def rayleigh_time_s(scene: Scene, assembly: Assembly) -> float:

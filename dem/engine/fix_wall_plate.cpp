@@ -29,7 +29,7 @@ const double LEAST_LISTED_REACH_M = 1e-3;
 /* --- the line of the deck ------------------------------------------------------------------------------------ */
 
 struct FixWallPlate::Options {
-  std::string agglomerates, forces, contacts, shapes, to_plate, from_plate, surface;
+  std::string agglomerates, forces, contacts, shapes, to_plate, from_plate, surface, faces;
   double yield_pressure_Pa = 0;  // 0: the plate stays elastic
   int row_steps = 0;             // of a row of forces; 0: a co-step
   WeakContact weak;
@@ -50,6 +50,7 @@ FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
     else if (key == "from_plate") o.from_plate = arg[k];
     else if (key == "contacts") o.contacts = arg[k];
     else if (key == "surface") o.surface = arg[k];
+    else if (key == "faces") o.faces = arg[k];
     else if (key == "rows") o.row_steps = force->inumeric(FLERR, arg[k]);
     else if (key == "every") contacts_every_ = force->inumeric(FLERR, arg[k]);
     else if (key == "yield_pressure") {
@@ -74,6 +75,8 @@ FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
     error->fix_error(FLERR, this, "needs rows in whole co-steps");
   if (o.shapes.empty() != o.to_plate.empty() || o.shapes.empty() != o.from_plate.empty())
     error->fix_error(FLERR, this, "shapes, to_plate and from_plate go together");
+  if (!o.faces.empty() && !o.surface.empty())
+    error->fix_error(FLERR, this, "has either a surface of smooth stones or faces");
   return o;
 }
 
@@ -87,7 +90,7 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
     coupling_ = std::make_unique<PlateCoupling>(lmp, o.shapes, o.to_plate, o.from_plate, co_step_, o.weak);
   recorder_ = std::make_unique<ContactRecorder>(lmp, *agglomerates_, o.forces, o.contacts, co_step_, o.row_steps);
   if (o.surface.empty())
-    contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa);
+    contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, o.yield_pressure_Pa, "wall", o.faces);
   else
     contact_ = std::make_unique<SmoothContact>(lmp, *agglomerates_, *this, *this, o.yield_pressure_Pa, o.surface);
   if (coupling_) coupling_->set_extent(extent_);

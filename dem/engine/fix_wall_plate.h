@@ -16,7 +16,7 @@
 namespace LAMMPS_NS {
 
 // fix ID group wall/plate agglomerates FILE forces FILE extent XMIN XMAX YMIN YMAX co_step N
-//     [rows N] [contacts FILE every N] [yield_pressure P] [surface FILE]
+//     [rows N] [contacts FILE every N] [yield_pressure P] [surface FILE | faces FILE]
 //     [shapes FILE to_plate FILE from_plate FILE [weak_contact FORCE SPEED CO_STEPS MOST_CO_STEPS]]
 //     contact (arguments of wall/gran with a zplane at 0)
 //
@@ -24,7 +24,8 @@ namespace LAMMPS_NS {
 // a plate without mode shapes is rigid and gets no messages), lets the contact law act there (PlateContact), adds up
 // the works, and passes the forces on, their mean over each co-step of N steps counting (PlateCoupling,
 // ContactRecorder, whose rows of forces cover `rows` steps, or a co-step). With a `surface` file bonded stones touch as
-// the smooth bodies that they stand for (SmoothContact). Forces and lengths are in SI units.
+// the smooth bodies that they stand for (SmoothContact), with a file of `faces` those are columns of rock (FaceColumns).
+// Forces and lengths are in SI units.
 class FixWallPlate : public FixWallGran,
                      public Checkpointed,
                      public EnergyHolder,

@@ -17,6 +17,7 @@ namespace LAMMPS_NS {
 
 namespace {
 const int SPRING = 3;  // numbers in the history of a contact: the stretch of its tangential spring
+const double CLEAR = 1e-6;  // of the radius: between the plate and a sub-sphere whose face does not press
 const double AWAY_M = 1.0;  // lifts a member of a patch out of reach of the stock wall
 
 // Turns the unit vector n upwards, the shortest way.
@@ -29,17 +30,37 @@ Rotation to_upright(const Vec &n) {
 }  // namespace
 
 GranularContact::GranularContact(LAMMPS *lmp, const Agglomerates &agglomerates, StockWall &wall,
-                                 double yield_pressure_Pa, const std::string &name)
+                                 double yield_pressure_Pa, const std::string &name, const std::string &face_file)
     : lmp_(lmp), agglomerates_(agglomerates), wall_(wall), name_(name), damped_(agglomerates.count(), 0.0), friction_(damped_),
       gained_(damped_), deepest_(damped_) {
   if (yield_pressure_Pa > 0)
     indentation_ = std::make_unique<PlasticIndentation>(lmp, agglomerates, yield_pressure_Pa);
+  if (face_file.empty()) return;
+  if (indentation_) lmp->error->all(FLERR, "Faces of stones need a plate that does not yield");
+  faces_ = std::make_unique<FaceColumns>(lmp, face_file, agglomerates.tags());
 }
 
 void GranularContact::setup() {
   law_ = std::make_unique<HertzLaw>(lmp_);
   const int numbers = wall_.history_size();
   if (numbers != 0 && numbers != SPRING) lmp_->error->all(FLERR, "The plate needs a contact with `tangential history`");
+  if (faces_) faces_->setup();
+}
+
+void GranularContact::enter(const EnteringStone &stone) {
+  if (faces_) faces_->enter(stone);
+}
+
+void GranularContact::leave(int agglomerate) {
+  if (faces_) faces_->leave(agglomerates_.first_tag(agglomerate), agglomerates_.size(agglomerate));
+}
+
+void GranularContact::list(std::vector<NearSphere> &near) {
+  for (NearSphere &p : near) p.outside = outside();
+}
+
+SphereMemory *GranularContact::memory() {
+  return faces_ ? &faces_->memory() : indentation_ ? &indentation_->memory() : nullptr;
 }
 
 double GranularContact::modulus(int i) const { return law_->modulus(lmp_->atom->type[i], wall_.type()); }
@@ -66,13 +87,13 @@ void GranularContact::move_into_frame_of_plate(std::vector<NearSphere> &near) {
     kept_[k] = {z, Vec(v), Vec(spin), Rotation()};
     z = p.in_patch ? AWAY_M : distance;
     p.overlap = p.depth = radius - z;
-    if (indentation_) {
-      p.overlap = indentation_->press(i, modulus(i), p.depth);
-      if (p.overlap != p.depth) z = radius - p.overlap;
-    }
+    if (indentation_) p.overlap = indentation_->press(i, modulus(i), p.depth);
+    if (faces_) p.overlap = press(p, distance, off.x == 0 && off.y == 0);
+    if (p.overlap != p.depth) z = radius - p.overlap;
     p.touches = p.overlap > 0;
-    if (!p.touches) continue;
     p.normal = distance > 0 ? (1 / distance) * off : Vec(0, 0, 1);
+    if (!p.touches && p.face.force_before > 0 && has_springs()) let_go(p);
+    if (!p.touches) continue;
     kept_[k].upright = to_upright(p.normal);
     kept_[k].upright(velocity_over_plate(p)).to(v);
     kept_[k].upright(Vec(spin)).to(spin);
@@ -80,6 +101,30 @@ void GranularContact::move_into_frame_of_plate(std::vector<NearSphere> &near) {
     std::copy_n(atom->torque[i], 3, p.torque);
     if (has_springs()) std::copy_n(wall_.history(i), 2, &springs_before_[2 * k]);
   }
+}
+
+// A face presses by its own law. Returns the overlap at which the sub-sphere alone would have the same force.
+double GranularContact::press(NearSphere &p, double distance, bool is_over_plate) {
+  p.face = faces_->press(p.i, distance, velocity_over_plate(p).z, is_over_plate);
+  if (!p.face.acts) return p.overlap;
+  p.depth = p.face.depth;
+  return overlap_of(p.i, p.face.force());
+}
+
+double GranularContact::overlap_of(int i, double face_force) const {
+  const double radius = lmp_->atom->radius[i];
+  return face_force > 0 ? PlasticLaw::hertz_overlap(modulus(i), radius, face_force) : -CLEAR * radius;
+}
+
+// The depth over radius at which a sphere has the pressure on the face as its largest, 2 E*/pi sqrt(depth/radius).
+double GranularContact::like_a_sphere(const NearSphere &p) const {
+  const double root = M_PI * p.face.pressure() / (2 * modulus(p.i));
+  return root * root;
+}
+
+// When the sub-sphere was deeper by `rise`, m.
+double GranularContact::overlap_before(const NearSphere &p, double rise) const {
+  return p.face.acts || p.face.force_before > 0 ? overlap_of(p.i, p.face.force_before) : p.overlap + rise;
 }
 
 void GranularContact::move_back(std::vector<NearSphere> &near) {
@@ -103,7 +148,7 @@ void GranularContact::move_back(std::vector<NearSphere> &near) {
     p.push = p.force[2];
     std::copy_n(p.force, 2, p.drag);
     double &deepest = deepest_[agglomerate_of(i)];
-    deepest = std::max(deepest, p.depth / atom->radius[i]);
+    deepest = std::max(deepest, p.face.acts ? like_a_sphere(p) : p.depth / atom->radius[i]);
   }
 }
 
@@ -114,11 +159,20 @@ void GranularContact::measure_friction(NearSphere &p, const double *spring_befor
   const double arm = atom->radius[p.i] - 0.5 * p.overlap;
   const Vec before(spring_before[0], spring_before[1], 0), now(s[0], s[1], 0);
   const Vec sliding(v[0] - spin[1] * arm, v[1] + spin[0] * arm, 0);
-  const double k0 = tangential_stiffness(p.i, p.overlap + dt * v[2]), k1 = tangential_stiffness(p.i, p.overlap);
+  const double k0 = tangential_stiffness(p.i, overlap_before(p, dt * v[2])), k1 = tangential_stiffness(p.i, p.overlap);
   const TangentialStep step = tangential_step(k0, before, k1, now, dt * sliding);
   friction_[agglomerate_of(p.i)] += step.friction;
   gained_[agglomerate_of(p.i)] += step.gained;
   p.rubbed = Vec(atom->f[p.i][0] - p.force[0], atom->f[p.i][1] - p.force[1], 0) + k1 * now;
+}
+
+// A face that comes free pressed a step ago by as much as it came out in one step, which is not nothing as with a sphere:
+// half of that step was rubbed with the force of then.
+void GranularContact::let_go(const NearSphere &p) {
+  const double *s = wall_.history(p.i), before = tangential_stiffness(p.i, overlap_before(p, 0));
+  const TangentialStep step = tangential_step(before, Vec(s[0], s[1], 0), 0, Vec(), lmp_->update->dt * surface_velocity(p));
+  friction_[agglomerate_of(p.i)] += step.friction;
+  gained_[agglomerate_of(p.i)] += step.gained;
 }
 
 double GranularContact::tangential_stiffness(int i, double overlap) const {
@@ -152,6 +206,10 @@ void GranularContact::end_of_step(const std::vector<NearSphere> &near, std::vect
 
 PlateContact::Pressing GranularContact::pressing(const NearSphere &p) const {
   const double E = modulus(p.i), R = lmp_->atom->radius[p.i];
+  if (p.face.acts) {  // the sphere whose largest pressure is that on the face
+    const double force = law_->normal_force(E, R, p.overlap);
+    return {force, std::sqrt(6 * std::pow(p.face.area / M_PI, 3)) * E / force};
+  }
   return {law_->normal_force(E, R, p.overlap), indentation_ ? indentation_->under(p.i, E).radius : R};
 }
 
@@ -167,7 +225,7 @@ void GranularContact::add_energies(LedgerRows &rows, const std::vector<NearSpher
     const double left = indentation_ ? indentation_->under(p.i, E).depth : 0;
     // Hertz' 2/5 F d, which is 8/15 E* sqrt(R) d^(5/2) where nothing has yielded
     double &elastic = rows.at(agglomerate_of(p.i), WALL_ELASTIC);
-    elastic += 0.4 * law_->normal_force(E, R, p.overlap) * (p.depth - left);
+    elastic += p.face.acts ? p.face.stored() : 0.4 * law_->normal_force(E, R, p.overlap) * (p.depth - left);
     if (!has_springs()) continue;
     const double *s = wall_.history(p.i);
     elastic += 0.5 * tangential_stiffness(p.i, p.overlap) * (s[0] * s[0] + s[1] * s[1]);
@@ -195,6 +253,7 @@ void GranularContact::save(CheckpointWriter &out, const std::vector<NearSphere> 
     out.rows(name_ + "_history", rows);
   }
   if (indentation_) indentation_->save(out);
+  if (faces_) faces_->save(out);
 }
 
 void GranularContact::restore(const CheckpointReader &in) {
@@ -211,6 +270,7 @@ void GranularContact::restore(const CheckpointReader &in) {
     }
   }
   if (indentation_) indentation_->restore(in);
+  if (faces_) faces_->restore(in);
 }
 
 }  // namespace LAMMPS_NS

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "agglomerates.h"
+#include "face_columns.h"
 #include "hertz_law.h"
 #include "plastic_indentation.h"
 #include "plate_contact.h"
@@ -28,19 +29,27 @@ class StockWall {
 // stays with the stock wall. Beside the plate the nearest point is one of its edge, and the frame is turned so that the
 // normal from there is upright: the force is continuous as a centre goes over the edge. The same holds for side walls,
 // whose normals are turned upright as well. Where the plate yields, the stock wall meets a sub-sphere at the height at
-// which its Hertz force is the plastic one, so that dashpot and friction act on that force too.
+// which its Hertz force is the plastic one, so that dashpot and friction act on that force too; and so it does where a
+// sub-sphere presses with a face of its stone (FaceColumns).
 class GranularContact : public PlateContact {
  public:
-  // A yield pressure of 0 means a plate that stays elastic, Pa. Blocks of checkpoints begin with `name`.
+  // A yield pressure of 0 means a plate that stays elastic, Pa; an empty file of faces, that sub-spheres touch alone, as
+  // they do on a plate that yields. Blocks of checkpoints begin with `name`.
   GranularContact(LAMMPS *, const Agglomerates &, StockWall &, double yield_pressure_Pa,
-                  const std::string &name = "wall");
+                  const std::string &name = "wall", const std::string &face_file = "");
   void setup() override;
+  void enter(const EnteringStone &stone) override;
+  void leave(int agglomerate) override;
   void add_forces(std::vector<NearSphere> &, double reach, int vflag) override;
   void end_of_step(const std::vector<NearSphere> &, std::vector<double> &work_on_stone) override;
   void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;
   void add_energies(LedgerRows &, const std::vector<NearSphere> &) const;  // all but the deepest contact of the plate
   Pressing pressing(const NearSphere &) const override;
-  SphereMemory *memory() override { return indentation_ ? &indentation_->memory() : nullptr; }
+  double outside() const override { return faces_ ? faces_->outside() : 0; }
+  double outside(const std::vector<int> &) const override { return outside(); }
+  double listed_height() const override { return outside(); }
+  void list(std::vector<NearSphere> &) override;
+  SphereMemory *memory() override;
   void save(CheckpointWriter &, const std::vector<NearSphere> &) const override;
   void restore(const CheckpointReader &) override;
 
@@ -51,6 +60,7 @@ class GranularContact : public PlateContact {
   std::string name_;
   std::unique_ptr<HertzLaw> law_;
   std::unique_ptr<PlasticIndentation> indentation_;  // only where the plate yields
+  std::unique_ptr<FaceColumns> faces_;               // only of stones that touch with them
   struct Kept {  // in space
     double z;
     Vec v, spin;
@@ -61,8 +71,13 @@ class GranularContact : public PlateContact {
   std::vector<double> damped_, friction_, gained_; // so far, by agglomerate, J: see LedgerColumn
   std::vector<double> deepest_;  // largest depth over radius so far, by agglomerate; on this rank
 
+  double press(NearSphere &, double distance, bool is_over_plate);
+  double overlap_of(int i, double face_force) const;
+  double like_a_sphere(const NearSphere &) const;
+  double overlap_before(const NearSphere &, double rise) const;
   void move_into_frame_of_plate(std::vector<NearSphere> &);
   void move_back(std::vector<NearSphere> &);
+  void let_go(const NearSphere &);
   void measure_friction(NearSphere &, const double *spring_before);
   bool has_springs() const { return wall_.history_size() > 0; }
   double tangential_stiffness(int i, double overlap) const;

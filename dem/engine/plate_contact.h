@@ -2,6 +2,7 @@
 #include <vector>
 
 #include "agglomerates.h"
+#include "face_press.h"
 #include "sphere_memory.h"
 #include "stone_stream.h"
 #include "vec.h"
@@ -29,6 +30,7 @@ struct NearSphere {
   double force[3], torque[3];         // of the plate on it, N and N m; only where it touches
   double depth = 0;                   // how far it reaches below the surface of the plate, m
   double overlap = 0;                 // of the elastic contact with the same force, m
+  FacePress face;                     // of its stone, where that presses and not the sub-sphere
   Vec rubbed;                         // of the force, its tangential dashpot's part, N
 };
 

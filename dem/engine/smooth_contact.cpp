@@ -159,11 +159,9 @@ void SmoothContact::measure() {
     for (const Weight &m : patches_[k].members) {
       const int i = here(m.tag);
       if (i < 0) continue;
-      const Vec surface = surface_velocity(i, patches_[k].w);
       sums[5 * k] += m.weight * atom->x[i][2];
       sums[5 * k + 1] += m.weight * atom->v[i][2];
-      sums[5 * k + 2] += m.weight * surface.x;
-      sums[5 * k + 3] += m.weight * surface.y;
+      add_sliding(m, i, patches_[k].w, &sums[5 * k + 2]);
       sums[5 * k + 4] += m.weight * m.weight * surface_mobility(i, patches_[k].w);
     }
   sum(sums);
@@ -180,6 +178,13 @@ void SmoothContact::measure() {
 Vec SmoothContact::surface_velocity(int i, double plate_z) const {
   const double *v = lmp_->atom->v[i], *spin = lmp_->atom->omega[i], height = lmp_->atom->x[i][2] - plate_z;
   return Vec(v[0] - spin[1] * height, v[1] + spin[0] * height, 0);
+}
+
+// Along x and y, of a member whose local index is i, by its weight.
+void SmoothContact::add_sliding(const Weight &m, int i, double plate_z, double *sum) const {
+  const Vec surface = surface_velocity(i, plate_z);
+  sum[0] += m.weight * surface.x;
+  sum[1] += m.weight * surface.y;
 }
 
 // Of that surface under a force across the plate at it, 1/kg: as a free sphere.

@@ -137,6 +137,7 @@ class SmoothContact : public PlateContact {
   void measure();
   void press(Patch &);
   Vec surface_velocity(int i, double plate_z) const;
+  void add_sliding(const Weight &, int i, double plate_z, double *sum) const;
   double surface_mobility(int i, double plate_z) const;
   void press_to_q(Patch &);
   void dampen();

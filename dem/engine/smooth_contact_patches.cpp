@@ -309,10 +309,7 @@ void SmoothContact::remember_sliding() {
   for (size_t k = 0; k < patches_.size(); k++)
     for (const Weight &m : patches_[k].members) {
       const int i = here(m.tag);
-      if (i < 0) continue;
-      const Vec surface = surface_velocity(i, patches_[k].w);
-      sums[2 * k] += m.weight * surface.x;
-      sums[2 * k + 1] += m.weight * surface.y;
+      if (i >= 0) add_sliding(m, i, patches_[k].w, &sums[2 * k]);
     }
   sum(sums);
   for (size_t k = 0; k < patches_.size(); k++)

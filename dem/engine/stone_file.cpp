@@ -45,8 +45,9 @@ EnteringStone StoneFile::read(int agglomerate) const {
   s.bonds.resize(e.bonds * EnteringStone::BOND_COLUMNS);
   if (e.smooth) s.contact.resize(EnteringStone::CONTACT_NUMBERS);
   if (e.smooth) s.surface.resize(e.atoms * EnteringStone::SURFACE_COLUMNS);
+  s.faces.resize(e.faces * EnteringStone::FACE_COLUMNS);
   if (fseeko(in_, e.at, SEEK_SET) != 0) lmp_->error->one(FLERR, (file_ + ": cut off").c_str());
-  for (std::vector<double> *part : {&s.atoms, &s.bonds, &s.contact, &s.surface}) take(part->data(), 8 * part->size());
+  for (std::vector<double> *part : {&s.atoms, &s.bonds, &s.contact, &s.surface, &s.faces}) take(part->data(), 8 * part->size());
   return s;
 }
 

@@ -14,8 +14,8 @@ class LAMMPS;
 //
 //   int64 stones, int64 materials, double least radius of a sub-sphere, double greatest of each material
 //   of each stone, in the order of the agglomerates: int64 step at which it enters, where it begins in the file in
-//     bytes, sub-spheres, bonds, whether it has a smooth surface; double spin[3]
-//   of each stone: its sub-spheres, bonds, numbers of the smooth contact, surface, as doubles (EnteringStone)
+//     bytes, sub-spheres, bonds, whether it has a smooth surface, columns behind its faces; double spin[3]
+//   of each stone: its sub-spheres, bonds, numbers of the smooth contact, surface, faces, as doubles (EnteringStone)
 class StoneFile {
  public:
   StoneFile(LAMMPS *, const std::string &file);
@@ -32,7 +32,7 @@ class StoneFile {
 
  private:
   struct Entry {
-    int64_t entry, at, atoms, bonds, smooth;
+    int64_t entry, at, atoms, bonds, smooth, faces;
     double spin[3];
   };
   LAMMPS *lmp_;

@@ -11,11 +11,13 @@ struct EnteringStone {
   int agglomerate = 0, first_tag = 0;
   int first_bond = 0;                // number of its first bond among those of all stones
   Vec spin;                          // of each sub-sphere, rad/s
-  static const int ATOM_COLUMNS = 9, BOND_COLUMNS = 8, SURFACE_COLUMNS = 6, CONTACT_NUMBERS = 12;
+  static const int ATOM_COLUMNS = 9, BOND_COLUMNS = 8, SURFACE_COLUMNS = 6, CONTACT_NUMBERS = 12,
+                   FACE_COLUMNS = 7;
   std::vector<double> atoms;         // rows of type, diameter, density, place, velocity
   std::vector<double> bonds;         // rows of tag_i tag_j material dx dy dz radius strength_factor (bond_table.h)
   std::vector<double> contact;       // the numbers of SmoothStone from `radius` on; none where sub-spheres touch alone
   std::vector<double> surface;       // rows as in the file of surfaces (stone_surface.h)
+  std::vector<double> faces;         // rows as in the file of faces (face_columns.h)
   int count() const { return static_cast<int>(atoms.size()) / ATOM_COLUMNS; }
 };
 

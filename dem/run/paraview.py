@@ -1,4 +1,4 @@
-"""view.pvd: particles, bonds, plate and rods for ParaView, on one time axis in seconds."""
+"""view.pvd: particles, bonds, plate, rods and side walls for ParaView, on one time axis in seconds."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ RANGE_OF_CONTACT = 20  # contact radii: beyond, a contact adds less than 4e-4 of
 PLACE_BITS, VELOCITY_BITS, STRAIN_BITS, END_BITS = 20, 10, 20, 14
 
 #: What view.pvd shows, by the number of the part there: the name of its files.
-PARTS = ("particles", "bonds", "plate", "contacts", "rods")
+PARTS = ("particles", "bonds", "plate", "contacts", "rods", "walls")
+WALLS = "view/walls.vtu"  # one for all pictures, since they do not move
 MeshesOfPlate = Callable[[int, list[HertzContact]], dict[str, Mesh]]
 
 
@@ -47,7 +48,9 @@ def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, mes
     broken_at = np.full(assembly.n_bonds, np.inf)
     broken_at[events["bond"].to_numpy(dtype=int) - 1] = events["t_s"]
     writers = {part: VtuWriter() for part in PARTS}
-    stones = StoneMeshes(assembly)
+    stones, walls = StoneMeshes(assembly), wall_mesh(prepared.scene)
+    if walls is not None:
+        writers["walls"].write(directory / WALLS, walls)
     entries, dumps = [], []
     pictures = read_pictures(directory / "deck" / "pictures.bin", assembly.sizes)
     for k, (dem_step, near, spheres, pushing) in enumerate(pictures):
@@ -58,6 +61,8 @@ def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, mes
             file = f"view/{name}_{k:04d}.vtu"
             writers[name].write(directory / file, mesh)
             entries.append((t, PARTS.index(name), file))
+        if walls is not None:
+            entries.append((t, PARTS.index("walls"), WALLS))
         dumped = f"dumps/particles_{dem_step}.vtp"
         if (directory / "deck" / dumped).exists():
             dumps += [(t, 0, dumped), *([(t, 1, f"../view/bonds_{k:04d}.vtu")] if "bonds" in meshes else [])]
@@ -173,6 +178,19 @@ class PlateMeshes:
                     {"displacement_m": _upwards(np.concatenate([np.zeros(n), self._at_rods @ amplitude])),
                      "radius_m": np.tile([rod.diameter_m / 2 for rod in rods], 2)},
                     {"force_N": self._modes.rod_force @ amplitude, "rod": np.arange(1, n + 1, dtype="i4")})
+
+
+def wall_mesh(scene: Scene) -> Mesh | None:
+    """The side walls as rectangles, numbered from 1 in the order of the scene's edges; None without any."""
+    walls = scene.plate.walls
+    if walls is None:
+        return None
+    corners = []
+    for edge in walls.edges:
+        x0, x1, y0, y1, z0, z1 = scene.plate.wall_box_m(edge)  # flat along x or along y
+        corners += [(x0, y0, z0), (x1, y1, z0), (x1, y1, z1), (x0, y0, z1)]
+    number = np.arange(len(walls.edges))
+    return Mesh(np.array(corners), 4 * number[:, None] + np.arange(4), cell_data={"wall": (number + 1).astype("i4")})
 
 
 def shown_contacts(rows: np.ndarray, scene: Scene, assembly: Assembly, step: TimeStep) -> list[HertzContact]:

@@ -17,10 +17,9 @@ from dem.deck.tolerance import with_tolerance
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from dem.stones.stone import Stone, entry_of, places_m
-from plate_fem.modes import PlateModes, plate_modes
+from plate_fem.modes import PlateModes, modes_for_loads
 
 LATEST_ARRIVAL_s = 1e6  # up to which a number of DEM steps is exact
-MOST_RESIDUAL_POINTS = 32  # each adds a mode; a stream falls everywhere, and has none
 
 
 @dataclass
@@ -100,9 +99,8 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
             plate = with_tolerance(scene.plate, scene.tolerance, stone_contact_time_s(scene, assembly),
                                    assembly.n_bonds > 0)
             resolved = scene.model_copy(update={"plate": plate})
-            # The stones' places get the static compliance of the modes left out.
             with refused_in(source, "plate"):
-                modes = plate_modes(plate, cache, places_m(stones) if len(stones) <= MOST_RESIDUAL_POINTS else None)
+                modes = modes_for_loads(plate, cache, places_m(stones))
         mobility = mobility_of_stones_1_kg(modes, stones)
     step = time_step(scene, limits, source, mobility)
     return PreparedRun(source, scene, resolved, scene_hash(scene), assembly, step, modes, stages,

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.integrate import trapezoid
 
 from common.parquet import write_parquet
 from common.plate import FlexiblePlate
@@ -135,12 +136,26 @@ def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict
         "impulse_N_s": float(pushes.all_mean_N.sum() * step.fast_steps * step.dt_s),
         "momentum_change_kg_m_s": float(end["momentum_z_kg_m_s"].sum()
                                         - momentum_start.sum()),
+        **plate_momentum(prepared, results.fast),
         **({} if results.walls is None else {"wall_impulse_N_s": wall_impulse_N_s(scene, results.walls, step)}),
         "plate": plate_maxima(results.fast),
         "yield_": YieldReport.model_validate(yielded),
         "energy": results.energy,
         "rebound_speed_m_s": (end["momentum_z_kg_m_s"] / results.stone_mass_kg).tolist(),
     }
+
+
+def plate_momentum(prepared: PreparedRun, fast: pd.DataFrame) -> dict[str, list[float] | float]:
+    """What the feet of the rods got, downwards, and the plate's momentum at the end, where nothing else holds it.
+
+    The impulse of the stones on the plate is the sum of the first less the second, but for the rods' own momentum.
+    """
+    modes = prepared.modes
+    if modes is None or not len(modes.lateral):  # it has some where the plate stands on rods alone
+        return {}
+    rods = fast[[f"rod_{k + 1}_N" for k in range(len(modes.rod_force))]].to_numpy()
+    impulse = -trapezoid(rods, fast["t_s"].to_numpy(), axis=0)
+    return {"rod_impulse_N_s": impulse.tolist(), "plate_momentum_kg_m_s": modes.mass_kg * float(fast["v_m_s"].iloc[-1])}
 
 
 def plate_energy_left_out(scene: Scene, assembly: Assembly) -> float | None:

@@ -17,6 +17,7 @@ from common.scene_stones import SPHERE
 from common.tables import Refused
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
+from dem.stones.faces import FaceColumns, face_columns
 from dem.stones.library import REFERENCE_RADIUS_m, packed_solid, packed_sphere, scaled_packing, surface_of
 from dem.stones.mesh_container import MeshContainer
 from dem.stones.packing import Packing, SphereContainer
@@ -37,7 +38,8 @@ class Assembly:
     `center_m` (n, 3), `radius_m` (n,) of contact, `mass_kg` (n,), `material` (n,) index into `materials`,
     `agglomerate` (n,) 0-based and ascending; `bond_first`, `bond_second` (m,) 0-based sub-spheres, `bond_vector_m`
     (m, 3) from first to second, `bond_radius_m` (m,), all in the undeformed state; `bond_strength_factor` (m,) on both
-    strengths of the material. `surfaces`: of each agglomerate where stones touch as smooth bodies, else empty.
+    strengths of the material. `surfaces`: of each agglomerate where stones touch as smooth bodies, else empty; `faces`:
+    of each where stones touch with their faces, else empty.
     `is_of_stream`: the scene has a stream, even if all of its stones are there from the start.
     """
 
@@ -55,6 +57,7 @@ class Assembly:
     bond_radius_m: np.ndarray
     bond_strength_factor: np.ndarray
     surfaces: tuple[StoneSurface, ...] = ()
+    faces: tuple[FaceColumns | None, ...] = ()
     is_of_stream: bool = False
 
     @property
@@ -153,6 +156,7 @@ class StoneParts:
     mass_kg: np.ndarray
     bonds: Bonds
     surface: StoneSurface | None
+    faces: FaceColumns | None = None
 
 
 def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> StoneParts:
@@ -163,22 +167,30 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
     """
     one = _at_reference_size(scene, stone, cache_dir)
     packing, network, surface = one.scaled(stone.radius_m)
+    faces = None if one.faces is None else one.faces.scaled(stone.radius_m / REFERENCE_RADIUS_m)
     if stone.attitude != UPRIGHT and len(network):
         packing, network, surface = turned(stone.attitude, packing, network, surface)
+        faces = None if faces is None else faces.turned(_matrix(stone.attitude))
     radius = CONTACT_RADIUS_RATIO * packing.radius_m if len(network) else packing.radius_m
     lowest = (packing.center_m[:, 2] - radius).min() if surface is None else -stone.radius_m
+    if faces is not None:
+        lowest = min(lowest, faces.lowest_m(packing.center_m))
     x, y, height = entry_of(stone, scene.gravity_vector_m_s2).offset_m
     center = packing.center_m + [stone.place_m[0] + x, stone.place_m[1] + y, height - lowest]
     mass = scene.materials[stone.material].density_kg_m3 * 4 / 3 * np.pi * stone.radius_m**3
     share = mass * radius**3 / (radius**3).sum() if one.mass_share is None else mass * one.mass_share
-    return StoneParts(center, radius, share, network, surface)
+    return StoneParts(center, radius, share, network, surface, faces)
+
+
+def _matrix(attitude: tuple[float, float, float, float]) -> np.ndarray:
+    return np.asarray(Rotation.from_quat(np.roll(attitude, -1)).as_matrix())
 
 
 def turned(attitude: tuple[float, float, float, float], packing: Packing, bonds: Bonds,
            surface: StoneSurface | None) -> tuple[Packing, Bonds, StoneSurface | None]:
     """The same stone turned by a quaternion (w, x, y, z). The patch about its new lowest point has the mean compliance
     of patches elsewhere."""
-    turn = Rotation.from_quat(np.roll(attitude, -1)).as_matrix().T
+    turn = _matrix(attitude).T
     packing, bonds = replace(packing, center_m=packing.center_m @ turn), replace(bonds, vector_m=bonds.vector_m @ turn)
     if surface is not None:
         surface = replace(surface, place_m=packing.center_m, first=surface.other)
@@ -206,6 +218,7 @@ def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = Non
         bond_radius_m=np.concatenate([p.bonds.radius_m for p in parts]),
         bond_strength_factor=np.repeat([stone.strength_factor for stone in stones], bonds),
         surfaces=tuple(p.surface for p in parts if p.surface is not None),
+        faces=tuple(p.faces for p in parts) if any(p.faces is not None for p in parts) else (),
         is_of_stream=scene.stones.stream is not None,
     )
 
@@ -218,6 +231,7 @@ class _ReferenceStone:
     bonds: Bonds
     surface: StoneSurface | None
     mass_share: np.ndarray | None = None  # (n,) of the stone's mass; None: by volume
+    faces: FaceColumns | None = None      # where it touches with them
 
     def scaled(self, radius_m: float) -> tuple[Packing, Bonds, StoneSurface | None]:
         """The same at another size. A bond network of one material is the softer, the smaller it is."""
@@ -239,7 +253,8 @@ def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _R
     if stone.shape != SPHERE:
         shape = scene.shapes[stone.shape]
         packing, network = _packed(table.subspheres, stone.seed, cache_dir, shape)
-        return _ReferenceStone(packing, network, None, mass_shares(packing, solid_of(shape, stone.seed)))
+        faces = _faces(table.subspheres, stone.seed, cache_dir, shape) if table.contact == "faces" else None
+        return _ReferenceStone(packing, network, None, mass_shares(packing, solid_of(shape, stone.seed)), faces)
     packing, network = _packed(table.subspheres, stone.seed, cache_dir, None)
     surface = _surface(scene, packing, network, stone.material, cache_dir) if scene.has_smooth_contact else None
     return _ReferenceStone(packing, network, surface)
@@ -260,6 +275,11 @@ def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTabl
     except ValueError:
         raise Refused("subspheres", subspheres, "must be more, so that bonds hold all parts of their shape together"
                       ) from None
+
+
+@lru_cache(maxsize=128)
+def _faces(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTable) -> FaceColumns:
+    return face_columns(_packed(subspheres, seed, cache_dir, shape)[0], solid_of(shape, seed), REFERENCE_RADIUS_m)
 
 
 def mass_shares(packing: Packing, solid: Solid) -> np.ndarray:

@@ -209,22 +209,26 @@ class ArrangementModel:
         rows = np.arange(len(self.scale)) if channels is None else np.asarray(channels)
         x, noise = signals / self.scale[rows, None], noise / self.scale[rows]
         speeds = self._speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
-        inside = np.full(speeds.shape, speed_m_s is not None)
-        inside |= (speeds >= self.low_m_s - 1e-9) & (speeds <= self.high_m_s + 1e-9)
+        inside = speeds if speed_m_s is not None else speeds[(speeds >= self.low_m_s - 1e-9)
+                                                             & (speeds <= self.high_m_s + 1e-9)]
 
         @cache
-        def fit(shift: float) -> tuple[Floats, float]:
-            return self._chi_square(x, noise, rows, speeds, shift)
+        def products(shift: float) -> tuple[Floats, float]:
+            return self._products(x, noise, rows, shift)
+
+        @cache
+        def cost(shift: float) -> Floats:
+            inner, log_determinant = products(shift)
+            return self._chi_square(inner, inside) + log_determinant
 
         def least(shift: float) -> float:
-            chi_square, log_determinant = fit(shift)
-            return float(chi_square[inside].min()) + log_determinant
+            return float(cost(shift).min())
 
         shifts = self._arrivals(least) if arrival_s is None else np.array([-arrival_s / self.step_s])
-        fits = [fit(shift) for shift in shifts.tolist()]
-        costs = np.stack([chi_square[inside] + log_determinant for chi_square, log_determinant in fits])
-        best = fit(min(shifts.tolist(), key=least))[0]
-        nearest, anywhere = float(best[inside].min()), float(best.min())
+        costs = np.stack([cost(shift) for shift in shifts.tolist()])
+        best = min(shifts.tolist(), key=least)
+        inner, log_determinant = products(best)
+        nearest, anywhere = least(best) - log_determinant, float(self._chi_square(inner, speeds).min())
         # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
         # certain.
         temperature = max(1.0, nearest / x.size)
@@ -233,7 +237,7 @@ class ArrangementModel:
         probability = np.bincount(count, weight.sum(axis=(0, 1))) / weight.sum()
         share = float(np.mean(noise**2 / (self.residual[rows] ** 2 + noise**2)))
         return ArrangementEstimate(probability, nearest / x.size, share, (nearest - anywhere) / (2 * temperature),
-                                   -min(shifts.tolist(), key=least) * self.step_s)
+                                   -best * self.step_s)
 
     def _arrivals(self, least: Callable[[float], float]) -> Floats:
         """Shifts about the most probable one, which is sought first in wide steps, then in narrower ones about the best
@@ -244,18 +248,21 @@ class ArrangementModel:
         best = min(near, key=least)
         return np.clip(best + FINE, -latest, latest)
 
-    def _chi_square(self, x: Floats, noise: Floats, rows: Integers, speeds_m_s: Floats,
-                    shift: float) -> tuple[Floats, float]:
-        """Of every arrangement at every speed, shape (speeds, 2^stones), and the logarithm of the determinant."""
+    def _products(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> tuple[Floats, float]:
+        """Products of record and mean with each other, weighted by the inverse covariance, shape (1 + p (1 + stones),)
+        twice, and the logarithm of its determinant."""
         law = self.law_at(shift)
         chosen = (rows[:, None] * self.samples + np.arange(self.samples)).ravel()
         mean, covariance = law.mean[:, chosen], law.covariance[np.ix_(chosen, chosen)]
         variance = np.repeat(self.residual[rows] ** 2 + noise**2, self.samples)
-        powers, d, columns = mean.shape
-        known = np.column_stack([x.ravel(), mean.transpose(1, 0, 2).reshape(d, -1)])
+        known = np.column_stack([x.ravel(), mean.transpose(1, 0, 2).reshape(len(chosen), -1)])
         root = np.linalg.cholesky(covariance + np.diag(variance))
         white = solve_triangular(root, known, lower=True, check_finite=False)
-        inner = white.T @ white
+        return white.T @ white, 2 * float(np.log(np.diag(root)).sum())
+
+    def _chi_square(self, inner: Floats, speeds_m_s: Floats) -> Floats:
+        """Of every arrangement at every speed, shape (speeds, 2^stones)."""
+        powers, columns = self.laws.shape[1], 1 + self.stones
         # The mean at a speed is a sum over powers; so are its products with itself and with x.
         of_speed = self._powers(speeds_m_s)
         blocks = inner[1:, 1:].reshape(powers, columns, powers, columns)
@@ -263,7 +270,7 @@ class ArrangementModel:
         sums = of_speed @ inner[0, 1:].reshape(powers, columns)
         chi_square = squares.reshape(len(of_speed), -1) @ _pairs(columns - 1) + inner[0, 0]
         chi_square -= 2 * sums @ arrangements(columns - 1)[0].T
-        return np.asarray(chi_square), 2 * float(np.log(np.diag(root)).sum())
+        return np.asarray(chi_square)
 
 
 def _sampled(response: Floats, rows: Floats) -> Floats:
@@ -280,7 +287,7 @@ class ExpectedMisfit:
     """Of records like those of the training. What the model does not explain and the sensors' noise add up in the
     chi-square, so the misfit that is expected goes about linearly with the share of the noise.
 
-    noise_share (k,), misfit (k,): of records with more and more noise, and the misfit that 95 % of them keep.
+    noise_share (k,), misfit (k,): of records with more and more noise, and the misfit that 90 % of them keep.
     """
 
     noise_share: Floats

@@ -42,11 +42,11 @@ class Bank:
     @classmethod
     def of(cls, plate: PlateModel, channels: Channels, forces: StoneForces, whitening: Whitening,
            rate_Hz: float) -> Bank:
-        plate = below(plate, HIGHEST_SHARE * rate_Hz)
+        plate = _below(plate, HIGHEST_SHARE * rate_Hz)
         acceleration, amplitude = channels.observed(plate)
-        table = whitened(modal_table(plate, forces, rate_Hz, LAGS), acceleration, whitening)
+        table = _whitened(modal_table(plate, forces, rate_Hz, LAGS), acceleration, whitening)
         if channels.rods:
-            table += whitened(modal_table(plate, forces, rate_Hz, LAGS, amplitude=True), amplitude, whitening)
+            table += _whitened(modal_table(plate, forces, rate_Hz, LAGS, amplitude=True), amplitude, whitening)
         half = np.array([plate.lines_x_m[-1], plate.lines_y_m[-1]])
         fitted = _with_slopes(table[..., :FIT_LAGS * len(acceleration)])
         return cls(table[:, :, 1:-1], fitted, _shapes(plate, half), half, rate_Hz, len(acceleration))
@@ -57,12 +57,12 @@ class Bank:
 
     def shape_at(self, x_m: float, y_m: float) -> Floats32:
         """(3, n): shapes at a place, and their slopes."""
-        (i, x_off_m), (j, y_off_m) = self.grid_node(0, x_m), self.grid_node(1, y_m)
+        (i, x_off_m), (j, y_off_m) = self._grid_node(0, x_m), self._grid_node(1, y_m)
         found: Floats32 = self.shapes[i, j].copy()
         found[0] += x_off_m * found[1] + y_off_m * found[2]
         return found
 
-    def grid_node(self, axis: int, at_m: float) -> tuple[int, float]:
+    def _grid_node(self, axis: int, at_m: float) -> tuple[int, float]:
         """Node of the grid of shapes that is nearest, and how far it is."""
         from_end_m = at_m + float(self.half_m[axis])
         node = min(max(round(from_end_m / SHAPE_STEP_M), 0), self.shapes.shape[axis] - 1)
@@ -85,7 +85,7 @@ class Bank:
     def _signature(self, time: float, log_duration: float, x_m: float, y_m: float, breaking: float,
                    log_impulse: float) -> tuple[int, Floats32]:
         first, (k, k_off), (p, p_off) = self._nodes(time, log_duration)
-        (i, x_off_m), (j, y_off_m) = self.grid_node(0, x_m), self.grid_node(1, y_m)
+        (i, x_off_m), (j, y_off_m) = self._grid_node(0, x_m), self._grid_node(1, y_m)
         at, of = np.array([1.0, x_off_m, y_off_m]), np.array([1.0, p_off / self.phases, k_off * _LOG_STEP, breaking])
         weights = np.zeros((PARAMETERS + 1, 4, 3))
         weights[0] = weights[1 + IMPULSE] = of[:, None] * at
@@ -118,7 +118,7 @@ _LOG_FIRST = float(np.log(DURATIONS_S[0]))
 _LOG_STEP = float(np.log(DURATIONS_S[1] / DURATIONS_S[0]))
 
 
-def below(plate: PlateModel, limit_Hz: float) -> PlateModel:
+def _below(plate: PlateModel, limit_Hz: float) -> PlateModel:
     """The plate's modes below a frequency."""
     kept = plate.frequency_Hz < limit_Hz
     arrays = {name: getattr(plate, name)[..., kept] for name in (
@@ -142,7 +142,7 @@ def _with_slopes(table: Floats32) -> Floats32:
     return np.stack([value[:, 1:-1], by_time, by_duration, table[1, :, 1:-1]], axis=2)
 
 
-def whitened(modal: Floats32, observed: Floats, whitening: Whitening) -> Floats32:
+def _whitened(modal: Floats32, observed: Floats, whitening: Whitening) -> Floats32:
     """Innovations (..., n, LAGS c) of the modes' responses (form, duration, phase, n, LAGS), downwards."""
     by_mode = -np.einsum("dcl,cn->ndl", whitening.response[:, :, :LAGS], observed)
     spectrum = np.fft.rfft(by_mode, 2 * LAGS)

@@ -41,7 +41,7 @@ def listen(arguments: argparse.Namespace) -> int:
     if values.shape[1] / RATE_Hz > MOST_RATIOS * arguments.step:
         raise RecognitionError(f"--step {arguments.step:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
     try:
-        found = recognise_stream(plate, channels, prior, values, together=arguments.together)
+        found = recognise_stream(plate, channels, prior, values)
     except NotRecognised as error:
         print(f"REFUSED: {error}")
         return 3

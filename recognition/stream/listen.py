@@ -37,7 +37,7 @@ class Heard:
     stone (6,): its parameters, with covariance (6, 6), as the wide prior of the fit has them; log_evidence (2,): of
     coal and gangue; weights (2, nodes) of the prior's radii and speeds; misfit: chi-square of its window per sample;
     gain: of the log likelihood of the window by this stone; evidence: the same with the misfit as noise, and with what
-    is known of sizes and speeds. together: stones that were found jointly with it, itself included.
+    is known of sizes and speeds.
     """
 
     stone: Floats
@@ -47,7 +47,6 @@ class Heard:
     misfit: float
     gain: float
     evidence: float
-    together: int = 1
 
 
 @dataclass
@@ -96,7 +95,7 @@ class Listener:
             waiting = fit.stones[1:]
             if stone.evidence > LEAST_EVIDENCE and stone.gain > self._needed(window):
                 heard.append(stone)
-                self.add(stone.stone, -1.0)
+                self._subtract(stone.stone)
                 at = max(at, centre - LOOK_BACK)
             else:
                 at = max(at, centre) + LOOK_BACK
@@ -123,12 +122,9 @@ class Listener:
         return float(max(noise, HEARD_SHARE * np.quantile(block, 0.1) * np.exp(2 * self.least_impulse)))
 
     def _trigger(self, at: int) -> int:
-        return self.onset(self.left, at)
-
-    def onset(self, values: Floats, at: int) -> int:
         """First sample from `at` on where the energy of a block passes the limit; the end if it does nowhere."""
         while at < self.end:
-            part = (values[:, at:at + SCANNED + BLOCK] ** 2).sum(axis=0)
+            part = (self.left[:, at:at + SCANNED + BLOCK] ** 2).sum(axis=0)
             energy = np.convolve(part, np.ones(BLOCK), "valid")
             over = np.flatnonzero(energy > np.maximum(self.limit, self.around[at:at + len(energy)]))
             if len(over):
@@ -189,12 +185,11 @@ class Listener:
         fit = window.fit(fit.stones)
         return fit, heard_of(fit, self.prior, window, window.at(fit.stones[1:]).cost - fit.cost)
 
-    def add(self, stone: Floats, factor: float) -> None:
-        """Put a stone's signature, by a factor, to what is left."""
+    def _subtract(self, stone: Floats) -> None:
         start, flat = self.bank.whole(stone)
         signature = flat.reshape(-1, self.bank.channels).T
         low = max(start, 0)
-        self.left[:, low:start + LAGS] += factor * signature[:, low - start:]
+        self.left[:, low:start + LAGS] -= signature[:, low - start:]
 
 
 def _before_late(fit: Fit, window: Window) -> tuple[Fit, Window]:

@@ -13,19 +13,16 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import Bank
 from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
-from recognition.stream.compressed import Compressed
 from recognition.stream.listen import WINDOW, Heard, Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.retuning import retuned
 from recognition.stream.search import Dictionary
 from recognition.stream.signatures import Channels
 from recognition.stream.stones import stone_table
-from recognition.stream.together import Volleys
 from recognition.stream.whitening import Whitening
 
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
-MOST_TOGETHER = 5  # stones of a volley: the intervals of ten did not hold in two of six (docs/listening.md)
 LOUD = 0.05  # of the power of a record's loudest stretch, in one that counts for its rms
 #: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
 LEAST_DOUBT = 0.005
@@ -40,8 +37,7 @@ LEAST_FREQUENCY_SD = 0.003
 @dataclass(frozen=True)
 class Recognised:
     """Stones of a record (columns of `recognition.stream.stones`), how each was heard, and the plate as it rang.
-    hearing_s: processor time from the record to the stones, without what is done once for a plate. volleys: how stones
-    that fell together were sought."""
+    hearing_s: processor time from the record to the stones, without what is done once for a plate."""
 
     stones: pd.DataFrame
     heard: list[Heard]
@@ -49,24 +45,17 @@ class Recognised:
     noise: Floats
     checks: Checks
     hearing_s: float
-    volleys: Volleys
 
     @property
     def refused(self) -> str:
         """Why no ratio can be trusted, "" if it can."""
-        reason, unresolved = self.checks.reason(), self.volleys.unresolved
-        reason += f"; {unresolved} volleys could not be told apart" * bool(reason and unresolved)
-        most = max((h.together for h in self.heard), default=1)
-        if most > MOST_TOGETHER:
-            return "; ".join(filter(None, [reason, f"{most} stones fell together, limit {MOST_TOGETHER}"]))
-        return reason
+        return self.checks.reason()
 
 
 def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,
-                     noise: Floats | None = None, *, together: bool = False) -> Recognised:
+                     noise: Floats | None = None) -> Recognised:
     """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods.
 
-    together: seek those jointly that fell together, where one by one they do not explain the record.
     noise (c,): standard deviation of the sensors' white noise; None: that of the first SILENCE_S.
     NotRecognised for a channel that is dead, clipped, without noise, or louder at the beginning than in the whole;
     RecognitionError for a plate that is known too low.
@@ -82,17 +71,13 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
         raise NotRecognised("a channel has no noise at all, or the record does not begin with silence")
     if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:  # it was not tapped
         plate = retuned(plate, channels, values, RATE_Hz, noise)
-    believed, plate = plate, replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
-    listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(values, rms) if together else rms)
+    plate = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
+    listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(values, rms))
     began_s = process_time()
-    silent = round(SILENCE_S * RATE_Hz)
-    volleys = Volleys(listener, lambda: Compressed.of(listener.bank, prior, believed, channels, whitening), silent)
     heard = listener.hear(whitening(values))
-    if together:
-        heard = volleys.heard(heard)
     return Recognised(stone_table(heard, prior, RATE_Hz, LEAST_DOUBT), heard, plate, noise,
-                      Checks.of(listener, heard, silent, whitening.variance_of(noise)),
-                      process_time() - began_s, volleys)
+                      Checks.of(listener, heard, round(SILENCE_S * RATE_Hz), whitening.variance_of(noise)),
+                      process_time() - began_s)
 
 
 def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise: Floats,
@@ -109,8 +94,8 @@ def _noise_of(values: Floats) -> Floats:
 
 def _loud_rms(values: Floats, rms: Floats) -> Floats:
     """(c,): root mean square of a record while something rings, that is, in those stretches of SILENCE_S that have more
-    than LOUD of the power of the loudest. Silence about a volley must not make the filter believe that stones are weak.
-    """
+    than LOUD of the power of the loudest. The filter would take stones between long silences to be weaker than they
+    are."""
     size = round(SILENCE_S * RATE_Hz)
     stretches = values[:, :values.shape[1] // size * size].reshape(len(values), -1, size)
     power = np.mean(stretches**2, axis=2)

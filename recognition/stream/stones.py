@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
 from recognition.stream.bank import DURATION, IMPULSE, TIME, X, Y
@@ -31,8 +32,7 @@ def stone_table(heard: Sequence[Heard], prior: StonePrior, rate_Hz: float, least
 
 COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s", "duration_s", "radius_m",
            "radius_sd_m", "speed_m_s", "speed_sd_m_s", "mass_coal_kg", "mass_gangue_kg", "mass_coal_sd_kg",
-           "mass_gangue_sd_kg",
-           "misfit", "together"]
+           "mass_gangue_sd_kg", "misfit"]
 
 
 def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> list[float]:
@@ -48,7 +48,7 @@ def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> lis
     (coal, coal_sd), (rock, rock_sd) = (_moments(np.array([1.0]), (h.weights[k],), (mass[k],)) for k in (0, 1))
     return [t_s, np.sqrt(cov[TIME, TIME]) / rate_Hz, stone[X], stone[Y], np.sqrt((cov[X, X] + cov[Y, Y]) / 2), gangue,
             np.exp(stone[IMPULSE]), np.exp(stone[DURATION]), radius, radius_sd, speed, speed_sd, coal, rock, coal_sd,
-            rock_sd, h.misfit, h.together]
+            rock_sd, h.misfit]
 
 
 def _moments(share: Floats, weights: Sequence[Floats] | Floats, values: Sequence[Floats]) -> tuple[float, float]:
@@ -75,17 +75,23 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
         shape = np.log1p((sd / mean) ** 2)  # log-normal of that mean and deviation
         weight = mean * np.exp(np.sqrt(shape) * rng.standard_normal(mean.shape) - shape / 2)
     missed = rng.poisson(missed_of(stones), DRAWS)
-    each = weight.mean(axis=1)
-    missed_gangue = rng.binomial(missed, rng.random(DRAWS))  # any share of them
-    share = ((weight * gangue).sum(axis=1) + each * missed_gangue) / (weight.sum(axis=1) + each * missed)
+    missed_gangue = rng.binomial(missed, rng.beta(1 + gangue.sum(axis=1), 1 + (~gangue).sum(axis=1)))
+    of_gangue = _with_missed(weight, gangue, missed_gangue)
+    share = of_gangue / (of_gangue + _with_missed(weight, ~gangue, missed - missed_gangue))
     low, middle, high = np.quantile(share, LEVELS)
     return float(low), float(middle), float(high)
 
 
+def _with_missed(weight: Floats, chosen: NDArray[np.bool_], missed: NDArray[np.int64]) -> Floats:
+    """(draws,): weight of the chosen stones (draws, n) and of those that were missed, which weigh as much as the chosen
+    ones do in the mean, or as all do where none is chosen."""
+    count, total = chosen.sum(axis=1), (weight * chosen).sum(axis=1)
+    each = np.where(count > 0, total / np.maximum(count, 1), weight.mean(axis=1))
+    return np.asarray(total + missed * each, dtype=float)
+
+
 def missed_of(stones: pd.DataFrame) -> float:
     """How many stones are missed, by the rate of those that were heard one by one."""
-    if "together" in stones:
-        stones = stones[stones["together"] == 1]
     if len(stones) < 2:
         return 0.0
     span_s = float(stones["t_s"].max() - stones["t_s"].min())

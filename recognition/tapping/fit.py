@@ -14,11 +14,12 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.tapping.force import Force, force_of
 from recognition.tapping.structure import Parameters, Structure
 from recognition.tapping.taps import Tap, check_taps
-from recognition.tapping.window import Spectra, band_power, noise_power, samples_of, spectra
+from recognition.tapping.window import Spectra, band_power, check_band, noise_power, samples_of, spectra
 
 BEYOND = 1.25  # modes up to so many times the highest frequency of the fit are needed
 STAGES_1_s = (2000.0, 800.0, 300.0, 100.0)  # alpha of the windows before the last, which the record's length sets
@@ -194,7 +195,9 @@ class Fit:
             while damping < 1e6:
                 step = np.asarray(np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), right), float)
                 moved = state.moved(step)
-                if self.cost(moved, weights, sd) <= before:
+                with np.errstate(over="ignore", invalid="ignore"):  # of a step too far, which is not taken
+                    cost = self.cost(moved, weights, sd)
+                if cost <= before:
                     state, damping = moved, damping / 10
                     break
                 damping *= 10
@@ -208,23 +211,40 @@ class Fit:
 def fit_plate(plate: PlateModel, taps: Sequence[Tap], prior: Prior | None = None) -> Fitted:
     """The most probable plate about a starting one. Raises RecognitionError for taps that do not fit each other."""
     check_taps(taps, len(plate.sensor_names))
+    check_band(taps, plate.max_frequency_Hz / BEYOND, plate.frequency_Hz.size, LEAD_S)
+    taps = [replace(tap, rate_Hz=taps[0].rate_Hz) for tap in taps]  # rounding of times would give other frequencies
     structure, prior = Structure(plate), prior or Prior()
     last = LAST_DECAY / min(tap.duration_s for tap in taps)
     stages = [alpha for alpha in STAGES_1_s if alpha > 1.5 * last] + [last]
+    try:
+        state, fit = _sought(structure, taps, prior, stages)
+        covariance = _covariance(fit, state)
+    except np.linalg.LinAlgError:
+        weakest = min(taps, key=lambda tap: float(abs(tap.acceleration).max()))
+        raise RecognitionError(f"{weakest.name}: at most {abs(weakest.acceleration).max():.2g} m/s^2, which rounding "
+                               "errors hide in the fit; needs a harder tap, its force, or another unit") from None
+    return Fitted(structure, state, covariance, fit.residuals(state), [one.acceleration for one in fit.spectra],
+                  fit.noise, [_frequency(one) for one in fit.spectra])
+
+
+def _sought(structure: Structure, taps: Sequence[Tap], prior: Prior, stages: Sequence[float]) -> tuple[State, Fit]:
+    """The most probable state, and the fit in the last of the windows."""
     state: State | None = None
     for alpha in stages:
         fit = Fit(structure, taps, prior, alpha)
-        if state is None:
-            state = start_of(structure, taps)
-            state = with_forces(fit, state)
-        state = fit.improved(state, rough=True, steps=STEPS)
+        state = fit.improved(with_forces(fit, start_of(structure, taps)) if state is None else state, rough=True,
+                             steps=STEPS)
     assert state is not None
-    state = fit.improved(state, rough=False, steps=LAST_STEPS)
+    return fit.improved(state, rough=False, steps=LAST_STEPS), fit
+
+
+def _covariance(fit: Fit, state: State) -> Floats:
+    """(size, size): of the shared parameters about a state. LinAlgError where rounding errors hide it."""
     matrix, _ = fit.normal(state, fit.weights(state, rough=False), fit.prior_sd(state))
+    if not np.isfinite(matrix).all():
+        raise np.linalg.LinAlgError("not finite")
     shared = state.parameters.vector.size
-    covariance = cho_solve(cho_factor(matrix), np.eye(len(matrix)))[:shared, :shared]
-    return Fitted(structure, state, covariance, fit.residuals(state), [one.acceleration for one in fit.spectra],
-                  fit.noise, [_frequency(one) for one in fit.spectra])
+    return np.asarray(cho_solve(cho_factor(matrix), np.eye(len(matrix)))[:shared, :shared], float)
 
 
 def start_of(structure: Structure, taps: Sequence[Tap]) -> State:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from recognition.estimation.arrays import Booleans, Floats
+from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.tapping.fit import BEYOND, Fitted, Prior
 from recognition.tapping.structure import Parameters
@@ -41,10 +42,11 @@ class Learnt:
 
 def learnt(fitted: Fitted, prior: Prior | None = None) -> Learnt:
     """The plate of a fit. What the fit leaves unexplained about the frequency of a mode counts as error of its shape,
-    half the power each for sensor and place."""
+    half the power each for sensor and place. Raises RecognitionError where a mode may have lost its stiffness."""
     structure, parameters = fitted.structure, fitted.state.parameters
     frequency, damping, turn = _modes(fitted, parameters)
     draws = [_matched(fitted, parameters.moved(step), turn) for step in _steps(fitted)]
+    _check_stiff(structure.plate, [frequency, *(draw[0] for draw in draws)])
     off = np.stack([draw[2] - turn for draw in draws])
     plate, gram = structure.plate, _gram(structure.plate)
     rms_2 = np.einsum("jk,jl,lk->k", turn, gram, turn)
@@ -57,12 +59,18 @@ def learnt(fitted: Fitted, prior: Prior | None = None) -> Learnt:
         plate, frequency_Hz=frequency, damping_ratio=damping, grid_shape=plate.grid_shape @ turn,
         sensor_shape=gain[:, None] * structure.sensor_shape(parameters) @ turn,
         rod_force_N_m=plate.rod_force_N_m @ turn, frequency_sd=frequency_sd,
-        damping_sd=np.std([np.log(draw[1] / damping) for draw in draws], axis=0),
+        damping_sd=np.std([_log_ratio(draw[1], damping) for draw in draws], axis=0),
         shape_sd=np.sqrt(shape_2 + left_2 / 2))
     highest_Hz = plate.max_frequency_Hz / BEYOND
     identified = (frequency_sd < IDENTIFIED * (prior or Prior()).frequency) & (frequency < highest_Hz)
     at = structure.pairs[0].size + plate.frequency_Hz.size + np.arange(gain.size)
     return Learnt(modes, identified, *_misfit(fitted), gain, np.sqrt(np.diag(fitted.covariance)[at]), highest_Hz)
+
+
+def _check_stiff(plate: PlateModel, frequencies_Hz: list[Floats]) -> None:
+    elastic = np.count_nonzero(plate.frequency_Hz)
+    if any(np.count_nonzero(frequency_Hz) < elastic for frequency_Hz in frequencies_Hz):
+        raise RecognitionError("the taps leave a mode without stiffness; is the plate, a place or a unit another one?")
 
 
 def _steps(fitted: Fitted) -> Floats:
@@ -89,6 +97,12 @@ def _matched(fitted: Fitted, parameters: Parameters, turn: Floats) -> tuple[Floa
     order = linear_sum_assignment(-abs(alike))[1]
     sign = np.sign(alike[np.arange(order.size), order])
     return frequency[order], damping[order], other[:, order] * sign
+
+
+def _log_ratio(damping: Floats, other: Floats) -> Floats:
+    """(m,): zero where both are, as of rigid-body modes."""
+    both = (damping > 0) | (other > 0)
+    return np.asarray(np.log(np.where(both, damping, 1.0) / np.where(both, other, 1.0)), float)
 
 
 def _gram(plate: PlateModel) -> Floats:

@@ -14,7 +14,7 @@ from recognition.plate.records import numbers, read_accelerations
 from recognition.tapping.fit import Prior
 from recognition.tapping.taps import Tap
 
-Deviation = Annotated[float, Field(gt=0, le=1)]
+Deviation = Annotated[float, Field(ge=1e-9, le=1)]
 
 
 class TapTable(Table):

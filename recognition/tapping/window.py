@@ -13,11 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import RecognitionError
 from recognition.tapping.taps import Tap
 
 BINS_PER_WIDTH = 1.0  # bins kept for the width alpha / pi of the window
 BAND = 0.05  # half width of the band over which power is averaged, as a share of the frequency
 LEAST_BAND_BINS = 8
+LEAST_PERIODS = 8  # of the highest frequency, that a record has after the tap
+MOST_ELEMENTS = 5e7  # of the matrices of modes at all frequencies, which take 16 bytes each
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,26 @@ class Spectra:
 def samples_of(taps: Sequence[Tap], lead_s: float) -> int:
     """How many samples all taps have from lead_s before their onset on."""
     return min(tap.acceleration.shape[1] - _start(tap, lead_s) for tap in taps)
+
+
+def check_band(taps: Sequence[Tap], highest_Hz: float, modes: int, lead_s: float) -> None:
+    """Raises RecognitionError for records that do not hold the frequencies of a fit of `modes`
+    modes, or are too long for it."""
+    for tap in taps:
+        after_s, most_s = samples_of([tap], lead_s) / tap.rate_Hz, MOST_ELEMENTS / modes**2 / highest_Hz
+        if tap.rate_Hz < 2 * highest_Hz:
+            raise RecognitionError(f"{tap.name}: {tap.rate_Hz:g} samples a second; a fit up to {highest_Hz:g} Hz needs "
+                                   f"at least {2 * highest_Hz:g}")
+        if after_s * highest_Hz < LEAST_PERIODS:
+            raise RecognitionError(f"{tap.name}: ends {1e3 * after_s:.3g} ms after the tap; a fit up to {highest_Hz:g} "
+                                   f"Hz needs at least {1e3 * LEAST_PERIODS / highest_Hz:.3g} ms")
+        if after_s > most_s:
+            raise RecognitionError(f"{tap.name}: lasts {after_s:.3g} s after the tap; a fit of {modes} modes up to "
+                                   f"{highest_Hz:g} Hz takes at most {most_s:.3g} s, so cut it")
+    for tap in taps:
+        start = _start(tap, lead_s)
+        if not np.ptp(tap.acceleration[:, start:start + samples_of(taps, lead_s)], axis=1).all():
+            raise RecognitionError(f"{tap.name}: a sensor shows nothing after the tap")
 
 
 def spectra(tap: Tap, alpha: float, highest_Hz: float, lead_s: float, samples: int) -> Spectra:

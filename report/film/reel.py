@@ -10,6 +10,8 @@ import numpy as np
 
 from analysis import Run
 from analysis.breakage import Network
+from common.plate import wall_box_m
+from common.run_summary import RecordedPlate
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
 from report.film.pictures import SERIES, Film, Series, choose, instants, read_film
 from report.results.envelope import envelope
@@ -116,9 +118,16 @@ def _plate(run: Run, film: Film) -> dict[str, Any]:
         "width": plate.width_m,
         "thickness": plate.thickness_m,
         "rods": [rod.as_json() for rod in rods],
+        "walls": _wall_boxes_m(plate),
         "node": pack(film.node_m, "<f4"),
         "quad": pack(film.quad, "<u4"),
     }
+
+
+def _wall_boxes_m(plate: RecordedPlate) -> list[tuple[float, ...]]:
+    if plate.walls is None or plate.length_m is None or plate.width_m is None:
+        return []
+    return [wall_box_m(edge, plate.length_m, plate.width_m, plate.walls.height_m) for edge in plate.walls.edges]
 
 
 def _scaled(values: np.ndarray) -> tuple[str, float]:

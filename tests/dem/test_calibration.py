@@ -152,16 +152,15 @@ def test_a_material_without_targets_is_named(tmp_path):
         read_target("coal", file)
 
 
-def meets_its_targets(reached):
-    """E within 2 %, nu within 0.02, tensile strength within 5 %, UCS within 10 %. Strengths of single packings differ by
-    10 to 18 %, so the mean of so few may miss by two of its standard errors more."""
-    assert reached["youngs_modulus_Pa"]["mean"] == pytest.approx(reached["youngs_modulus_Pa"]["target"], rel=0.02)
-    for name, tolerance, packings in (("tensile_strength_Pa", 0.05, CHECK_SEEDS), ("compressive_strength_Pa", 0.1,
-                                                                                   CHECK_SEEDS // 2)):
-        found = reached[name]
-        allowed = tolerance * found["target"] + 2 * found["deviation"] / np.sqrt(packings)
-        assert abs(found["mean"] - found["target"]) < allowed, name
-    assert reached["poisson_ratio"]["mean"] == pytest.approx(reached["poisson_ratio"]["target"], abs=0.02)
+def missed(reached):
+    """Names of what is off its target: E by 2 %, nu by 0.02, tensile strength by 5 %, UCS by 10 %. Strengths of single
+    packings differ by 10 to 18 %, so the mean of so few may miss by two of its standard errors more."""
+    target, mean = ({name: found[key] for name, found in reached.items()} for key in ("target", "mean"))
+    allowed = {"youngs_modulus_Pa": 0.02 * target["youngs_modulus_Pa"], "poisson_ratio": 0.02}
+    for name, share, packings in (("tensile_strength_Pa", 0.05, CHECK_SEEDS),
+                                  ("compressive_strength_Pa", 0.1, CHECK_SEEDS // 2)):
+        allowed[name] = share * target[name] + 2 * reached[name]["deviation"] / np.sqrt(packings)
+    return [name for name in allowed if not abs(mean[name] - target[name]) <= allowed[name]]
 
 
 @pytest.mark.parametrize("material", ["coal", "gangue"])
@@ -174,21 +173,28 @@ def test_fitted_materials_meet_their_targets_and_are_those_of_the_scene(material
     assert reached["youngs_modulus_Pa"]["target"] == scene.materials[material].youngs_modulus_Pa
     assert reached["tensile_strength_Pa"]["target"] == target.tensile_strength_Pa
     assert reached["compressive_strength_Pa"]["target"] == target.compressive_strength_Pa
-    meets_its_targets(reached)
+    assert missed(reached) == []
     assert 0.7 < beside["direct_tension_Pa"]["mean"] / reached["tensile_strength_Pa"]["mean"] < 1.1
 
 
 def test_hard_coal_meets_its_targets():
     table, target = read_toml(SCENES / "materials" / "hard_coal.toml"), read_target("hard_coal")
     assert table["reached"]["compressive_strength_Pa"]["target"] == target.compressive_strength_Pa
-    meets_its_targets(table["reached"])
+    assert missed(table["reached"]) == []
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("material", ["coal", "gangue"])
 def test_calibration_again_meets_the_targets(tmp_path, material):
     calibrate(material, SCENES / "paper.toml", tmp_path, report=lambda line: None)
-    meets_its_targets(read_toml(tmp_path / f"{material}.toml")["reached"])
+    assert missed(read_toml(tmp_path / f"{material}.toml")["reached"]) == []
+
+
+def test_what_misses_its_target_is_named():
+    reached = read_toml(SCENES / "materials" / "coal.toml")["reached"]
+    reached["youngs_modulus_Pa"]["mean"] *= 1.03
+    reached["poisson_ratio"]["mean"] = float("nan")
+    assert missed(reached) == ["youngs_modulus_Pa", "poisson_ratio"]
 
 
 def test_fracture_energy_of_the_shipped_coal():

@@ -132,7 +132,8 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
 
 @pytest.mark.parametrize("way, table, changes, said", [
     ("drawn", DRAWN | {"size_m": {"uniform": [0.03, 0.01]}}, {}, "stones.drawn.size_m.uniform"),
-    ("drawn", DRAWN | {"size_m": "large"}, {}, "stones.drawn.size_m"),
+    ("drawn", DRAWN | {"size_m": "large"}, {}, "stones.drawn.size_m = 'large': must be a number or a table"),
+    ("drawn", DRAWN | {"size_m": -1.0}, {}, "stones.drawn.size_m = -1.0: must be from"),
     ("drawn", DRAWN | {"speed": 1.0}, {}, "stones.drawn.speed = 1.0: unknown key"),
     ("drawn", DRAWN | {"size_m": {"lognormal": {"median": 0.02, "sigma": 0.3, "least": 0.0, "most": 1.0}}}, {}, "least"),
     ("drawn", DRAWN, {"stones.radius_m": 0.02}, "stones.radius_m = 0.02: must be left out where stones.drawn"),
@@ -141,6 +142,7 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
     ("stream", {"size_m": 0.02, "speed_m_s": 3.0, "duration_s": 1.0}, {}, "stones.stream.rate_1_s"),
     ("stream", {"size_m": 0.02, "speed_m_s": 3.0, "duration_s": 1.0, "rate_1_s": 1e6}, {}, "1000000 stones"),
     ("each", [EACH[0] | {"material": "slate"}], {}, "stones.each.0.material = 'slate': unknown material"),
+    ("each", [EACH[0], EACH[0] | {"shape": "cube"}], {}, "stones.each.1.shape = 'cube': unknown shape"),
     ("each", [EACH[0], EACH[0]], {}, "stones 1 and 2 overlap"),
     ("each", [EACH[0] | {"x_m": 0.3}], {}, "stones.each.0.x_m, y_m = .*misses the plate"),
     ("each", [EACH[0] | {"velocity_m_s": [0.0, 0.0, 1.0], "speed_m_s": None}], {}, "stones.each.0.velocity_m_s"),

@@ -35,6 +35,20 @@ def test_a_shipped_scene_runs_at_small_size(tmp_path, name):
     assert np.all(late.abs() < 2e-3)  # coarse packings reach the plate later than their sphere
 
 
+def test_a_stream_pushes_the_plate_as_much_as_it_pushes_its_rods(tmp_path):
+    """Forty stones, more than have residual modes of their own, on a plate of few modes whose rods weigh little."""
+    light = read_scene(SCENES / "stream.toml").plate.rods
+    scene = changed_scene(SCENES / "stream.toml", COARSE | {
+        "stones.agglomerate": None, "stones.stream.least_fragment": None, "stones.stream.rate_1_s": 1000.0,
+        "stones.stream.duration_s": 0.04, "stones.stream.begin_s": 0.0, "time.duration_s": 0.05,
+        "plate.damping_ratio": 0.0, "plate.rods": [one.model_dump() | {"density_kg_m3": 10.0} for one in light]})
+    run = run_scene(scene, "stream", tmp_path / "run")
+    impulse, on_rods, momentum = (run[key] for key in ("impulse_N_s", "rod_impulse_N_s", "plate_momentum_kg_m_s"))
+    assert len(stones_of(scene, "stream")) == 40 and len(on_rods) == 4
+    assert sum(on_rods) - momentum == pytest.approx(impulse, rel=1e-3)
+    assert sum(on_rods) != pytest.approx(impulse, rel=1e-2)  # the plate still moves
+
+
 def test_the_stream_is_what_was_asked_for():
     scene = read_scene(SCENES / "stream.toml")
     stones = stones_of(scene, "stream")

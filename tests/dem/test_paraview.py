@@ -39,8 +39,8 @@ def paraview(directory, *arguments):
 
 @pytest.fixture(scope="module")
 def opened(runs):
-    """Two stones, one of each material, on the plate."""
-    changes = {"stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 3e-3,
+    """Two stones, one of each material, on the plate, and a wall behind them."""
+    changes = {"plate.walls": {"edges": ["y_plus"], "height_m": 0.1}, "stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 3e-3,
                "output.dumps": "vtk"}
     run_scene(changed("small", changes), "small", runs / "opened")
     return runs / "opened"
@@ -48,11 +48,11 @@ def opened(runs):
 
 def test_paraview_reads_what_was_written(opened, tmp_path):
     (tmp_path / "read.py").write_text(READ)
-    parts = ("particles", "bonds", "plate", "rods")
+    parts = ("particles", "bonds", "plate", "rods", "walls")
     printed = paraview(tmp_path, "read.py", opened, "deck/dumps", *(f"view/{part}" for part in parts))
     found = {part.removeprefix("view/"): seen for part, seen in json.loads(printed.split("FOUND")[1]).items()}
     for part in parts:
-        mesh, seen = meshio.read(opened / "view" / f"{part}_0008.vtu"), found[part]
+        mesh, seen = meshio.read(opened / "view" / ("walls.vtu" if part == "walls" else f"{part}_0008.vtu")), found[part]
         assert (seen["points"], seen["cells"]) == (len(mesh.points), len(mesh.cells[0].data))
         assert seen["bounds"] == pytest.approx(np.column_stack([mesh.points.min(0), mesh.points.max(0)]).ravel(), abs=1e-9)
         arrays = mesh.point_data | {name: blocks[0] for name, blocks in mesh.cell_data.items()}

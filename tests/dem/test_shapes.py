@@ -119,9 +119,9 @@ def test_polyhedra_fall_and_the_ledger_closes(tmp_path):
     ({"corners": 8, "sphericity": 0.9}, {}, "must be left out where corners"),
     ({"file": "none.stl"}, {}, "none.stl: cannot be read"),
     ({"sphericity": 0.97, "elongation": 0.4}, {}, "sphericity = 0.97: must be from"),
-    ({}, {"stones.agglomerate.contact": "smooth"}, "must be \"sub_spheres\" where stones are no"),
+    ({}, {"stones.agglomerate.contact": "smooth"}, "must be \"faces\" or \"sub_spheres\" where"),
     ({}, {"stones.agglomerate": None}, "stones.agglomerate = None"),
-    ({}, {"stones.drawn.shapes": ["slate"]}, "unknown shape"),
+    ({}, {"stones.drawn.shapes": ["slate"]}, "stones.drawn.shapes = 'slate': unknown shape"),
 ])
 def test_bad_input_is_refused_in_one_line(tmp_path, shape, changes, said):
     with pytest.raises(InputError, match=said) as refused:

@@ -1,7 +1,9 @@
 """Walls that stand on the edges of the plate: the law of the plate's contact turned upright, impulse and energy."""
 
 import re
+from xml.etree import ElementTree
 
+import meshio
 import numpy as np
 import pandas as pd
 import pytest
@@ -105,8 +107,9 @@ IN_CHUTE = [{"x_m": -0.05, "y_m": 0.02, "velocity_m_s": (0.1, 2.0, -0.5)},
 def in_chute(tmp_path_factory):
     """Two stones fly to and fro between the walls of a chute, with bodies in free flight and by brute force."""
     out = tmp_path_factory.mktemp("chute")
-    return [run_scene(scene_of(IN_CHUTE, 0.06, plate=CHUTE, **{"time.free_flight_tolerance": tolerance}), "scene",
-                      out / name) for name, tolerance in (("free", 1e-4), ("brute", 0.0))] + [out]
+    return [run_scene(scene_of(IN_CHUTE, 0.06, plate=CHUTE, **{"time.free_flight_tolerance": tolerance,
+                                                               "output.view_interval_s": pictures_s}), "scene",
+                      out / name) for name, tolerance, pictures_s in (("free", 1e-4, 0.02), ("brute", 0.0, None))] + [out]
 
 
 def test_walls_work_together_with_free_flight(in_chute):
@@ -116,6 +119,23 @@ def test_walls_work_together_with_free_flight(in_chute):
         assert free["wall_impulse_N_s"][edge] == pytest.approx(impulse, abs=0.01 * max(map(abs, impulse)))
         assert abs(impulse[1]) > 0.01 and abs(impulse[2]) > 1e-4  # pushed and rubbed
     assert free["energy"]["kinetic_J"] == pytest.approx(brute["energy"]["kinetic_J"], rel=0.01)
+
+
+def test_walls_are_in_every_picture_where_they_stand(in_chute):
+    out = in_chute[2] / "free"
+    entries = [one.attrib for one in ElementTree.parse(out / "view.pvd").iter("DataSet")]
+    times = {name: [one["timestep"] for one in entries if name in one["file"]] for name in ("particles", "walls")}
+    assert times["walls"] == times["particles"] and len(times["walls"]) > 3
+    assert {one["file"] for one in entries if one["part"] == "5"} == {"view/walls.vtu"}
+    alone = ElementTree.parse(out / "view" / "walls.pvd").iter("DataSet")
+    assert {one.get("file") for one in alone} == {"walls.vtu"}
+    mesh = meshio.read(out / "view" / "walls.vtu")
+    assert np.ravel(mesh.cell_data["wall"][0]).tolist() == [1, 2]
+    for quad, y in zip(mesh.cells_dict["quad"], (-0.04, 0.04), strict=True):
+        corner = mesh.points[quad]
+        assert corner.min(axis=0) == pytest.approx([-0.1, y, -0.01]) and corner.max(axis=0) == pytest.approx([0.1, y, 0.04])
+        around = np.diff(np.vstack([corner, corner[:1]]), axis=0)
+        assert np.linalg.norm(around, axis=1) == pytest.approx([0.2, 0.05, 0.2, 0.05])  # in order, not crossed
 
 
 def test_energy_and_momentum_close_in_a_chute(in_chute):

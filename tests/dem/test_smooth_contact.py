@@ -1,5 +1,7 @@
 """Stones that touch the plate as smooth spheres: Hertz, restitution, a plate that bends, and the energy when they break."""
 
+import itertools
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -194,6 +196,43 @@ def one_sided(place, inside, candidates):
         if heavy.sum() == 3:
             return chosen, chosen[heavy]
     raise AssertionError("no such patch")
+
+
+def test_the_dashpot_of_a_chip_pushed_beside_its_middle_gives_nothing(tmp_path):
+    """A chip of three sub-spheres lies loose under the stone, beside its axis, and is all the surface there is. A push on
+    the axis spins it off: its axis moves as easily as a mass hundreds of times smaller, which the dashpot would turn
+    round in one step, more than ten times as fast."""
+    scene = stone(restitution=0.1, **{"time.free_flight_tolerance": 0.0, "time.sample_interval_s": 2e-5,
+                                      "time.duration_s": 2e-4, "stones.agglomerate.unbreakable": False})
+    prepared = prepare(scene, "scene", tmp_path)
+    write_deck(tmp_path / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+    surface = (tmp_path / "deck" / "surface.txt").read_text().splitlines()
+    place = np.array([line.split() for line in surface[2:]], dtype=float)
+    bonds = np.loadtxt(tmp_path / "deck" / "bonds.txt")
+    chip = chip_beside_the_axis(place, bonds, prepared.assembly.mass_kg)
+    rows = [line[:-1] + str(int(k in chip)) for k, line in enumerate(surface[2:])]
+    (tmp_path / "deck" / "surface.txt").write_text("\n".join([*surface[:2], *rows]) + "\n")
+    in_chip = np.isin(bonds[:, :2] - 1, chip).sum(axis=1)
+    np.savetxt(tmp_path / "deck" / "bonds.txt", bonds[in_chip != 1], fmt=["%d"] * 3 + ["%.17g"] * 5)
+    run_engine(tmp_path / "deck", (tmp_path / "deck" / "deck.liggghts").read_text(), 1)
+    c = {name: rows[:, 0] for name, rows in read_ledger(tmp_path / "deck" / "ledger.bin", 1).column.items()}
+    assert c["wall_work_J"].min() < -1e-3 * c["kinetic_J"][0]  # the plate pushed
+    assert np.diff(c["wall_damped_J"], prepend=0).min() >= 0
+
+
+def chip_beside_the_axis(place, bonds, mass_kg):
+    """Three sub-spheres of the surface near the lowest point, bonded in a row, whose axis moves most easily."""
+    inside = (place[:, :2] ** 2).sum(axis=1) < 0.9 * (PATCH_RADIUS * RADIUS_m) ** 2
+    near = np.flatnonzero((place[:, 5] == 1) & (place[:, 2] < 0) & inside).tolist()
+    bonded = {frozenset(pair) for pair in (bonds[:, :2].astype(int) - 1).tolist()}
+    ease = {}
+    for chip in itertools.combinations(near, 3):
+        if sum(frozenset(pair) in bonded for pair in itertools.combinations(chip, 2)) < 2:
+            continue
+        m, (x, y) = mass_kg[list(chip)], place[list(chip), :2].T
+        m, axis = m / m.sum(), np.vstack([np.ones(3), x, y])
+        ease[chip] = np.linalg.inv((m * axis) @ axis.T)[0, 0]  # of a rigid body under a push along the axis
+    return max(ease, key=ease.get)
 
 
 def test_weights_of_a_patch_are_centred_and_of_the_surface():

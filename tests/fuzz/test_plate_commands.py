@@ -4,6 +4,7 @@
 import json
 import shutil
 import tempfile
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,14 @@ import pytest
 from hypothesis import strategies as st
 
 from common.files import SEAL, seal
+from common.plate import read_plate
 from recognition.__main__ import main
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
-from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, many, mutated, outcome
+from recognition.tapping.fit import BEYOND, Prior, fit_plate
+from recognition.tapping.learnt import learnt
+from recognition.tapping.taps import Tap
+from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, in_time, many, mutated, outcome
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = ROOT / "scenes" / "small.toml"
@@ -32,6 +37,12 @@ cells = st.one_of(st.floats(), st.sampled_from([np.nan, np.inf, 1e308, -1e308, 0
 def plate():
     """With few modes; `listen` needs more."""
     return PlateModel.from_scene(SCENE, TAPPED_UP_TO_Hz)
+
+
+@pytest.fixture(scope="module")
+def tapped():
+    """As `tap` begins with."""
+    return PlateModel.from_scene(SCENE, BEYOND * TAPPED_UP_TO_Hz)
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +127,7 @@ def check_listened(table, plate):
 
 def check_read(table, plate):
     """As `check_listened`, up to where the stones are sought, which takes seconds."""
-    def not_sought(*_, together):
+    def not_sought(*_):
         raise RecognitionError("not sought in this test")
 
     with pytest.MonkeyPatch.context() as patch:
@@ -207,6 +218,88 @@ def test_records_that_show_no_ringing(record, plate, tmp_path, scale, samples, c
     assert refused_or_done(["listen", file, "--plate", tmp_path / "plate.json", "--out", tmp_path / "heard"]) == 2
 
 
+@pytest.mark.parametrize("interval_s, samples, said", [
+    (1 / 2000, 800, "samples a second"),  # a fit up to 1200 Hz needs 2400
+    (1 / 20_000, 430, "after the tap"),  # which begins at sample 420
+    (1 / 1e6, 800, "after the tap"),
+])
+def test_taps_that_do_not_hold_the_frequencies_of_the_fit(record, tmp_path, interval_s, samples, said):
+    file = written(tmp_path, record.assign(t_s=interval_s * np.arange(SAMPLES))[:samples])
+    (tmp_path / "taps.toml").write_text(as_toml(TAPS))
+    code, errors = outcome(main, ["tap", str(SCENE), str(tmp_path / "taps.toml"), "--out", str(tmp_path / "plate.json"),
+                                  "--max-frequency", str(TAPPED_UP_TO_Hz)])
+    assert code == 2 and errors.count("\n") == 1 and str(file) in errors and said in errors, errors
+    assert not (tmp_path / "plate.json").exists()
+
+
+def test_a_tap_of_a_minute_is_refused_before_it_takes_all_memory(tapped):
+    fine = replace(tapped, max_frequency_Hz=12_500.0)
+    rng = np.random.default_rng(0)
+    with pytest.raises(RecognitionError, match="cut it"):
+        fit_plate(fine, [Tap(np.zeros(2), rng.standard_normal((4, 60 * 20_000)), 20_000.0)])
+
+
+@pytest.mark.parametrize("factor", [1 - 1e-9, 1 + 1e-9])
+def test_sample_rates_that_differ_by_rounding_are_the_same(tapped, factor):
+    """The last frequency of a fit to 400 samples is 1200 Hz itself, which one record had then and the other had not."""
+    tap = one_tap(tapped, np.random.default_rng(0), RATE_Hz, 820, 440)
+    same, other = (learnt(fit_plate(tapped, [tap, replace(tap, rate_Hz=rate_Hz)])).unexplained
+                   for rate_Hz in (RATE_Hz, factor * RATE_Hz))
+    np.testing.assert_allclose(other, same, rtol=1e-6)
+
+
+def test_a_plate_that_nothing_holds_is_tapped():
+    """Its three rigid-body modes have no frequency and no damping that could be in doubt."""
+    free = PlateModel.from_scene(read_plate(SCENE).model_copy(update={"rods": ()}), BEYOND * TAPPED_UP_TO_Hz)
+    found = learnt(fit_plate(free, [one_tap(free, np.random.default_rng(0), RATE_Hz, 1500, 440)]))
+    plate, known = found.plate, found.identified
+    assert (plate.frequency_Hz[:3] == 0).all() and (plate.damping_sd[:3] == 0).all() and (plate.damping_sd[3:] > 0).all()
+    assert known[3:6].all()
+    np.testing.assert_allclose(plate.frequency_Hz[known], free.frequency_Hz[known], rtol=5e-3)
+
+
+def one_tap(plate, rng, rate_Hz, samples, begins, *, known=True, noise=0.1):
+    """A pulse of six samples, with noise."""
+    force_N = np.zeros(samples + 6)
+    force_N[begins:begins + 6] = 1000 * np.sin(np.pi * (np.arange(6) + 0.5) / 6)
+    force_N = force_N[:samples]
+    values = plate.response(force_N, np.array([[0.1, 0.05]]), rate_Hz)
+    values = values + noise * rng.standard_normal(values.shape)
+    return Tap(np.array([0.1, 0.05]), values, rate_Hz, force_N if known else None)
+
+
+def any_tap(plate, rng, rate_Hz):
+    """Of any length, moment, size and noise, cut off at some height, or with a force of any size."""
+    samples = int(10 ** rng.uniform(1.8, 3.5))
+    tap = one_tap(plate, rng, rate_Hz * (1 + rng.choice([0, 0, 1e-12, -1e-9])), samples, rng.integers(0, samples),
+                  known=rng.random() < 0.5, noise=10 ** rng.uniform(-20, 4) * rng.integers(0, 2))
+    changed, force_N = tap.acceleration, tap.force_N
+    if rng.random() < 0.1:
+        changed = np.minimum(changed, 10 ** rng.uniform(-3, 2))
+    if rng.random() < 0.1:
+        changed[rng.integers(len(changed))] = rng.choice([1.0, 1e-9, 1e9])
+    if rng.random() < 0.3:
+        changed = changed * 10 ** rng.uniform(-25, 25)
+    if force_N is not None and rng.random() < 0.2:
+        force_N = force_N * 10 ** rng.uniform(-25, 25)
+    return replace(tap, acceleration=changed, force_N=force_N)
+
+
+def check_any_tap(plate, seed):
+    """Fitted, with finite results, or refused."""
+    rng = np.random.default_rng(seed)
+    rate_Hz, prior = 10 ** rng.uniform(3.3, 5), Prior()
+    if rng.random() < 0.2:
+        prior = replace(prior, **{rng.choice([field.name for field in fields(Prior)]): 10 ** rng.uniform(-9, 0)})
+    try:
+        found = learnt(fit_plate(plate, [any_tap(plate, rng, rate_Hz) for _ in range(rng.integers(1, 4))], prior), prior)
+    except RecognitionError as error:
+        assert "\n" not in str(error), seed
+        return False
+    assert np.isfinite(found.unexplained).all(), seed
+    return True
+
+
 def test_some_taps(record):
     fuzz(lambda case: check_tapped(case, record), tap_cases(record), 6)
 
@@ -229,6 +322,16 @@ def test_many_records_are_listened_to(record):
 @pytest.mark.validate
 def test_many_taps(record):
     fuzz(lambda case: check_tapped(case, record), tap_cases(record), many("RECORDS", 2000) // 20)
+
+
+@pytest.mark.validate
+def test_taps_of_any_length_rate_and_moment(tapped):
+    outcomes = []
+    for seed in range(many("TAPS", 1000)):
+        print(f"seed {seed}", flush=True)
+        in_time(lambda seed: outcomes.append(check_any_tap(tapped, seed)), seed)
+    print(f"{sum(outcomes)} of {len(outcomes)} fitted")
+    assert 0 < sum(outcomes) < len(outcomes)
 
 
 @pytest.mark.validate

@@ -6,15 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from impact import impact
-from plates import four_rods, plate
-from scipy.integrate import quad
+from plates import four_rods, plate, rod
+from scipy.integrate import cumulative_trapezoid, quad
 from scipy.special import j1
 from statics import static_response
 
 from common.tables import InputError
 from plate_fem.mesh import bending_stiffness, bending_wavenumber, choose_theory, shear_stiffness
 from plate_fem.model import build_model
-from plate_fem.modes import plate_modes
+from plate_fem.modes import modes_for_loads, plate_modes
+from plate_fem.motion import ModalMotion
 from plate_fem.residual import LOAD_RADIUS, load_rows
 from plate_fem.rods import disc_quadrature
 from plate_fem.truncation import energy_left_out, frequency_for, with_max_frequency
@@ -45,6 +46,52 @@ def test_kept_and_residual_modes_give_the_exact_static_response_to_the_loads(the
     assert found == pytest.approx(exact, rel=1e-6, abs=1e-6 * abs(exact).max())
     kept = modes.shape_at(places)[:, :-2] @ (compliance[:-2, None] * force.T[:-2])
     assert abs(kept - exact).max() > 1e-2 * abs(exact).max()  # without them it is not
+
+
+@pytest.mark.parametrize("theory, rods", [
+    ("kirchhoff", [*four_rods()[:3], rod(-0.1, 0.15, diameter_m=0.03)]), ("mindlin", four_rods(diameter_m=0.08))])
+def test_rods_bear_their_share_of_a_steady_force_anywhere(theory, rods):
+    """Against a static solution of the whole model, and the sum against the force itself."""
+    table = plate(rods=rods, max_frequency_Hz=2500.0, theory=theory)
+    model = build_model(table)
+    places = np.random.default_rng(3).uniform(-0.24, 0.24, (40, 2))
+    exact = model.rod_force @ static_response(model, model.deflection(places).T.toarray())
+    assert exact.sum(axis=0) == pytest.approx(1.0, rel=1e-6)
+
+    def found(residual_rods):
+        modes = plate_modes(table, residual_rods=residual_rods)
+        assert modes.n_residual == (4 if residual_rods else 0)
+        return modes.rod_force @ (modes.shape_at(places) / (2 * np.pi * modes.frequency_Hz) ** 2).T
+
+    assert abs(found(True) - exact).max() < 2e-4
+    assert abs(found(False) - exact).max() > 0.05 and abs(found(False).sum(axis=0) - 1).max() > 0.02
+
+
+def test_a_pulse_is_what_light_rods_got_and_the_plate_has_at_any_time():
+    table = plate(rods=four_rods(density_kg_m3=1.0), max_frequency_Hz=2500.0, damping_ratio=0.0, theory="kirchhoff")
+    step_s, steps = 2e-6, 1500
+    pulse = np.where(np.arange(steps) < 100, np.sin(np.pi * (np.arange(steps) + 0.5) / 100), 0.0)
+    given = np.append(0, np.cumsum(pulse)) * step_s
+
+    def missing(modes):
+        motion, shape = ModalMotion(modes, step_s), modes.shape_at([[0.2, -0.13]])[0]
+        amplitude, rate = np.zeros((2, steps + 1, len(shape)))
+        for k in range(steps):
+            motion.advance(shape * pulse[k])
+            amplitude[k + 1], rate[k + 1] = motion.amplitude, motion.rate
+        of_rods = cumulative_trapezoid((amplitude @ modes.rod_force.T).sum(axis=1), dx=step_s, initial=0)
+        return abs(given - of_rods - modes.mass_kg * rate @ modes.mean_shape).max() / given[-1]
+
+    assert missing(plate_modes(table, residual_rods=True)) < 1e-4
+    assert missing(plate_modes(table)) > 0.01
+
+
+def test_many_loads_have_the_rods_residual_modes_and_few_their_own():
+    table = plate(rods=four_rods(), max_frequency_Hz=800.0, theory="kirchhoff")
+    places = np.random.default_rng(4).uniform(-0.2, 0.2, (33, 2))
+    assert modes_for_loads(table, None, places).n_residual == 4
+    few, points = modes_for_loads(table, None, places[:3]), plate_modes(table, residual_points_m=places[:3])
+    assert np.array_equal(few.frequency_Hz, points.frequency_Hz) and np.array_equal(few.nodal, points.nodal)
 
 
 def test_residual_modes_leave_the_others_alone_and_have_low_frequencies():

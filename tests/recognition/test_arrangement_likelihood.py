@@ -248,7 +248,7 @@ def test_noise_of_smooth_signals():
 
 
 def test_distances_by_hand():
-    """95 % keep 2 where noise has a fifth of the variance and 1.2 where it has all; it has two fifths here, a quarter of
+    """90 % keep 2 where noise has a fifth of the variance and 1.2 where it has all; it has two fifths here, a quarter of
     the way."""
     expected = ExpectedMisfit(np.array([0.2, 1.0]), np.array([2.0, 1.2]))
     half = ArrangementEstimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1, 0.4, 6.0, 0.0)

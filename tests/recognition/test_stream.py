@@ -132,11 +132,28 @@ def test_a_record_without_silence_is_refused(heard, plate, forces, after_s):
     assert "silence" in refused
 
 
+def test_silence_before_the_stream_changes_nothing(heard, plate, forces):
+    """Ten seconds of noise before the first stone: the same stones, none besides, and nothing is left unexplained."""
+    stream, _ = heard
+    noise = stream.values[:, :round(0.04 * RATE_Hz)].std(axis=1)
+    silence = noise[:, None] * np.random.default_rng(3).standard_normal((len(noise), round(10 * RATE_Hz)))
+    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)),
+                             np.hstack([silence, stream.values]))
+    assert len(found.stones) == len(stream.truth)
+    assert np.abs(found.stones["t_s"] - 10 - stream.truth["t_s"]).max() < 50e-6
+    assert found.checks.unexplained < 0.02
+
+
 def test_missed_stones_widen_the_interval():
-    """The same stones a hundred times as fast: some arrive together, and the interval says so."""
-    stones = pd.DataFrame({"t_s": 0.1 * np.arange(40), "gangue": np.full(40, 1.0)})
-    assert ratio_of(stones)[0] == 1.0
-    assert ratio_of(stones.assign(t_s=stones["t_s"] / 100))[0] < 0.9
+    """The same stones a thousand times as fast: of two one arrives with another, and the interval says so. What is
+    missed is as what is heard, so that the ratio stays, by mass too: here gangue weighs twice as much."""
+    stones = pd.DataFrame({"t_s": 0.1 * np.arange(40), "gangue": np.repeat([0.0, 1.0], [10, 30]), "mass_coal_kg": 1.0,
+                           "mass_gangue_kg": 2.0, "mass_coal_sd_kg": 1e-9, "mass_gangue_sd_kg": 1e-9})
+    for by_mass, ratio in ((False, 0.75), (True, 6 / 7)):
+        assert ratio_of(stones, by_mass) == pytest.approx((ratio,) * 3, abs=0.01)
+        low, middle, high = ratio_of(stones.assign(t_s=stones["t_s"] / 1000), by_mass)
+        assert middle == pytest.approx(ratio, abs=0.01)
+        assert low < ratio - 0.03 and high > ratio + 0.03
 
 
 def test_signature_is_the_whitened_response(plate, forces):

@@ -46,6 +46,15 @@ def test_each_series_takes_the_pictures_of_its_stretch(run):
     assert chosen["whole"] == pytest.approx([*(np.arange(7) * 6e-3), 0.04])
 
 
+def test_the_view_has_the_walls_of_the_plate(tmp_path):
+    directory = write_run(tmp_path / "ratio_050", 0.5)
+    info = json.loads((directory / "run.json").read_text())
+    info["scene"]["plate"] |= {"length_m": 0.5, "width_m": 0.4, "walls": {"edges": ["x_plus"], "height_m": 0.1}}
+    (directory / "run.json").write_text(json.dumps(info))
+    packed = json.loads(pack_run(read_run(directory), write_view(directory), SERIES[:1]))
+    assert packed["plate"]["walls"] == [[0.25, 0.25, -0.2, 0.2, -0.01, 0.1]]
+
+
 def test_a_run_without_pictures_says_so(tmp_path):
     directory = write_run(tmp_path / "ratio_000", 0.0)
     with pytest.raises(MissingResult, match="view_interval_s"):
