@@ -104,4 +104,5 @@ def sliding_ratio(stones: pd.DataFrame, window_s: float, step_s: float, end_s: f
     for t_s in np.arange(step_s, end_s + step_s / 2, step_s):
         inside = stones[(stones["t_s"] > t_s - window_s) & (stones["t_s"] <= t_s)]
         rows.append([t_s, len(inside), *ratio_of(inside), *ratio_of(inside, by_mass=True)])
-    return pd.DataFrame(rows, columns=["t_s", "stones", "low", "ratio", "high", "mass_low", "mass_ratio", "mass_high"])
+    names = ["t_s", "stones", "low", "ratio", "high", "mass_low", "mass_ratio", "mass_high"]
+    return pd.DataFrame(np.reshape(rows, (-1, len(names))), columns=names).astype({"stones": int})  # numbers, if no row
