@@ -30,8 +30,8 @@ MESSAGE_COST = 0.15                # of one message and its answer, in DEM steps
 # 1/(c Phi). Measured: unstable from 0.36 of the second on, stable at 0.18.
 STIFFNESS_SHARE = 0.2
 DASHPOT_SHARE = 0.15
-# Of 1/sqrt(k Phi) with all of a face. A cube of 64 mm that lands flat on the plate of the paper closes its ledger to 1.4e-4, 1e-3
-# and 6e-3 of the impact at 0.15, 0.3 and 0.6.
+# Of 1/sqrt(k Phi) with all of a face. A cube of 64 mm that lands flat on the plate of the paper closes its ledger to
+# 1.4e-4, 1e-3 and 6e-3 of the impact at 0.15, 0.3 and 0.6.
 FACE_SHARE = 0.3
 # While chips lie or hop on the plate one message serves several co-steps: as many as the limits above then allow, where
 # the push is this share of a stone's peak force and nothing comes faster than this share of the impact; and never more
