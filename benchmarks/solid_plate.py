@@ -3,7 +3,8 @@
     python benchmarks/solid_plate.py
 
 One quarter of plate and rods, meshed in 20-node bricks (tests/plate_fem/solid.py); the four combinations of even and
-odd about the two mirror planes give all modes. Deflections of the mid-plane, on a regular grid over the plate.
+odd about the two mirror planes give all modes below 8 kHz. Deflections of the mid-plane, on a regular grid over that
+quarter; solid_plate of recognition/evaluation/other_plates.py mirrors it.
 """
 
 import sys
@@ -34,26 +35,22 @@ def quarter(folder: Path, symmetry: str) -> tuple[np.ndarray, np.ndarray]:
     return frequency[kept], CloughTocher2DInterpolator(node_m, motion[kept, :, 2].T)(x, y) / 2
 
 
-def whole(part: np.ndarray, symmetry: str) -> np.ndarray:
-    """The quarter (k, k, n), mirrored to the whole grid (2 k - 1, 2 k - 1, n)."""
-    for axis, kind in enumerate(symmetry):
-        mirrored = np.flip(part, axis) * (1 if kind == "s" else -1)
-        part = np.concatenate([np.delete(mirrored, -1, axis), part], axis)
-    return part
-
-
 def main() -> None:
-    frequencies, shapes = [], []
-    for symmetry in ("ss", "sa", "as", "aa"):
+    frequencies, shapes, mirrors = [], [], []
+    for symmetry in ("ss", "sa", "aa"):
         with tempfile.TemporaryDirectory() as folder:
             found, part = quarter(Path(folder), symmetry)
-        frequencies.append(found)
-        shapes.append(whole(part, symmetry))
+        turned = [(symmetry, part)]
+        if symmetry == "sa":  # the plate is square: "as" is the same, turned
+            turned.append(("as", part.swapaxes(0, 1)))
+        for kinds, shape in turned:
+            frequencies.append(found)
+            shapes.append(shape)
+            mirrors += len(found) * [[1 if kind == "s" else -1 for kind in kinds]]
     frequency, shape = np.concatenate(frequencies), np.concatenate(shapes, axis=2)
     order = np.argsort(frequency)
-    lines_m = np.linspace(-HALF_m, HALF_m, CELLS + 1)
-    np.savez_compressed(OUT, frequency_Hz=frequency[order], lines_m=lines_m,
-                        grid_shape=shape[..., order].astype(np.float32))
+    np.savez_compressed(OUT, frequency_Hz=frequency[order], lines_m=np.linspace(0, HALF_m, CELLS // 2 + 1),
+                        quarter_shape=shape[..., order].astype(np.float32), mirror=np.array(mirrors)[order])
 
 
 if __name__ == "__main__":

@@ -130,7 +130,7 @@ bool PlateCoupling::anything_near(const std::vector<NearSphere> &near) const {
 
 // One while a stone hits the plate, more in a weak contact: weak_.co_steps at a push of weak_.force_N. At a stronger
 // push the number goes with push^(-1/2), so that the error of the push stays the same; at a weaker one with
-// push^(-1/6), as the limit of stability of a Hertz contact does. Between messages nothing comes further than at
+// push^(-1/6), as the limit of stability of a Hertz contact does; one where a face presses. Between messages nothing comes further than at
 // weak_.speed_m_s.
 int PlateCoupling::co_steps_to_extrapolate(const std::vector<NearSphere> &near) const {
   const Atom *atom = lmp_->atom;
@@ -142,6 +142,7 @@ int PlateCoupling::co_steps_to_extrapolate(const std::vector<NearSphere> &near) 
   int mine = most, all;
   for (const NearSphere &p : near) {
     if (p.touches) push += std::fabs(p.force[2]);
+    if (p.face.acts) mine = 1;  // as stiff under a weak push
     const double clearance = atom->x[p.i][2] - atom->radius[p.i], speed = std::fabs(atom->v[p.i][2]);
     const double way = 2 * co_step_ * update->dt * speed;
     while (mine > 1 && speed * mine > weak_.speed_m_s * weak_.co_steps &&

@@ -29,7 +29,12 @@ def other_theory(plate: PlateModel, scene: str | Path | FlexiblePlate) -> PlateM
 def solid_plate(plate: PlateModel, damping_ratio: float = 0.01) -> PlateModel:
     """The paper's plate as a solid (CalculiX, up to 8 kHz), with the sensors of `plate`. It has no rod forces."""
     with np.load(SOLID) as data:
-        frequency, lines, grid = data["frequency_Hz"], data["lines_m"], data["grid_shape"].astype(float)
+        frequency, mirror = data["frequency_Hz"], data["mirror"]
+        half_m, grid = data["lines_m"], data["quarter_shape"].astype(float)
+    for axis in (0, 1):
+        other = np.flip(grid, axis) * mirror[:, axis]
+        grid = np.concatenate([np.delete(other, -1, axis), grid], axis)
+    lines = np.concatenate([-half_m[:0:-1], half_m])
     m = frequency.size
     solid = PlateModel(frequency, np.full(m, damping_ratio), plate.sensor_names, plate.sensor_m,
                        np.zeros((len(plate.sensor_m), m)), np.zeros((0, m)), lines, lines, grid, np.zeros(m),

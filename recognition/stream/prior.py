@@ -23,12 +23,11 @@ TRIPLE = [DURATION, BREAKING, IMPULSE]  # of a stone's parameters
 
 @dataclass(frozen=True)
 class StonePrior:
-    """Limits of radius and speed, and the share of gangue that is expected."""
+    """The law of the stones' forces, and limits of radius and speed."""
 
     forces: StoneForces
     radius_m: tuple[float, float]
     speed_m_s: tuple[float, float]
-    gangue_ratio: float = 0.5
 
     @cached_property
     def grid(self) -> Floats:

@@ -13,7 +13,7 @@ from recognition.stream.bank import DURATION, IMPULSE, TIME, X, Y
 from recognition.stream.listen import Heard
 from recognition.stream.prior import StonePrior
 
-DRAWS = 1000
+DRAWS, SHARES = 1000, 200  # of the ratio; nodes of the share of gangue in its posterior
 LEVELS = (0.05, 0.5, 0.95)
 #: Two stones within this time are heard as one (docs/listening.md); the largest share that is ever missed so.
 DEAD_S, MOST_MISSED = 0.2e-3, 0.5
@@ -36,7 +36,7 @@ COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s",
 
 
 def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> list[float]:
-    odds = h.log_evidence[1] - h.log_evidence[0] + np.log(prior.gangue_ratio / (1 - prior.gangue_ratio))
+    odds = h.log_evidence[1] - h.log_evidence[0]  # of one stone alone: either material is as likely beforehand
     gangue = least_doubt + (1 - 2 * least_doubt) / (1 + np.exp(-np.clip(odds, -50, 50)))
     m = int(gangue > 0.5)
     stone, cov = h.stone, h.covariance
@@ -60,14 +60,18 @@ def _moments(share: Floats, weights: Sequence[Floats] | Floats, values: Sequence
 def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float, float]:
     """Low end, median and high end of the 90 % interval of the mixing ratio of some stones, NaN for none.
 
-    The materials of different stones are independent, and so are their masses. Of two stones that arrive almost at once
-    one is missed, whose material and mass are those of any other. The distribution is drawn from, always with the same
-    seed.
+    Each stone is gangue with a probability p that is the same for all and unknown, uniform beforehand. Its posterior
+    follows from all stones; were it taken as 1/2, stones of uncertain material would pull the ratio there. Of two
+    stones that arrive almost at once one is missed, which is gangue with p too. The distribution is drawn from, always
+    with the same seed.
     """
     if len(stones) == 0:
         return (np.nan, np.nan, np.nan)
     rng = np.random.default_rng(1)
-    gangue = rng.random((DRAWS, len(stones))) < stones["gangue"].to_numpy()
+    one = stones["gangue"].to_numpy()
+    p = _drawn_share(one, rng)
+    of_gangue, of_coal = p[:, None] * one, (1 - p[:, None]) * (1 - one)
+    gangue = rng.random(of_gangue.shape) * (of_gangue + of_coal) < of_gangue
     weight = np.ones_like(gangue, dtype=float)
     if by_mass:
         mean = np.where(gangue, stones["mass_gangue_kg"].to_numpy(), stones["mass_coal_kg"].to_numpy())
@@ -75,11 +79,19 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
         shape = np.log1p((sd / mean) ** 2)  # log-normal of that mean and deviation
         weight = mean * np.exp(np.sqrt(shape) * rng.standard_normal(mean.shape) - shape / 2)
     missed = rng.poisson(missed_of(stones), DRAWS)
-    missed_gangue = rng.binomial(missed, rng.beta(1 + gangue.sum(axis=1), 1 + (~gangue).sum(axis=1)))
-    of_gangue = _with_missed(weight, gangue, missed_gangue)
-    share = of_gangue / (of_gangue + _with_missed(weight, ~gangue, missed - missed_gangue))
+    missed_gangue = rng.binomial(missed, p)
+    gangue_weight = _with_missed(weight, gangue, missed_gangue)
+    share = gangue_weight / (gangue_weight + _with_missed(weight, ~gangue, missed - missed_gangue))
     low, middle, high = np.quantile(share, LEVELS)
     return float(low), float(middle), float(high)
+
+
+def _drawn_share(one: Floats, rng: np.random.Generator) -> Floats:
+    """(DRAWS,): shares p of gangue, from their posterior by stones whose probabilities are `one` (n,) with p = 1/2."""
+    p = (np.arange(SHARES) + 0.5) / SHARES
+    log = np.log(p[:, None] * one + (1 - p[:, None]) * (1 - one)).sum(axis=1)
+    weight = np.exp(log - log.max())
+    return rng.choice(p, DRAWS, p=weight / weight.sum()) + (rng.random(DRAWS) - 0.5) / SHARES
 
 
 def _with_missed(weight: Floats, chosen: NDArray[np.bool_], missed: NDArray[np.int64]) -> Floats:
@@ -104,4 +116,5 @@ def sliding_ratio(stones: pd.DataFrame, window_s: float, step_s: float, end_s: f
     for t_s in np.arange(step_s, end_s + step_s / 2, step_s):
         inside = stones[(stones["t_s"] > t_s - window_s) & (stones["t_s"] <= t_s)]
         rows.append([t_s, len(inside), *ratio_of(inside), *ratio_of(inside, by_mass=True)])
-    return pd.DataFrame(rows, columns=["t_s", "stones", "low", "ratio", "high", "mass_low", "mass_ratio", "mass_high"])
+    names = ["t_s", "stones", "low", "ratio", "high", "mass_low", "mass_ratio", "mass_high"]
+    return pd.DataFrame(np.reshape(rows, (-1, len(names))), columns=names).astype({"stones": int})  # numbers, if no row

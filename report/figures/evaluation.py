@@ -13,7 +13,8 @@ from report.figures.style import ACCENT, COAL, GANGUE, PALE, canvas, styled
 
 Kind = Literal["paper", "baseline", "interval", "other"]
 COLOURS: dict[Kind, str] = {"paper": ACCENT, "baseline": COAL, "interval": GANGUE, "other": PALE}
-TICKS = (0.2, 0.5, 1, 2, 5, 10, 20, 50)
+LEAST_points = 0.1  # smaller errors are drawn here
+TICKS = (LEAST_points, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def errors_by_case(table: pd.DataFrame, methods: list[PlottedMethod], noises: di
             _plot_errors(axis, rows[rows["method"] == method.name], method, cases)
         axis.set_title(title)
         axis.set_xscale("log")
-        axis.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
+        axis.set_xticks(TICKS, [f"≤ {LEAST_points:g}", *(f"{tick:g}" for tick in TICKS[1:])])
         axis.minorticks_off()
         axis.grid(axis="both", color=PALE, linewidth=0.3)
         axis.set_yticks(range(len(cases)), cases)
@@ -57,6 +58,6 @@ def errors_by_case(table: pd.DataFrame, methods: list[PlottedMethod], noises: di
 
 def _plot_errors(axis: Axes, rows: pd.DataFrame, method: PlottedMethod, cases: list[str]) -> None:
     rows = rows[rows["mean_abs_error_points"].notna()]
-    colour = COLOURS[method.kind]
-    axis.plot(rows["mean_abs_error_points"], [cases.index(c) for c in rows["case"]], method.mark, color=colour,
+    colour, error = COLOURS[method.kind], rows["mean_abs_error_points"].clip(lower=LEAST_points)
+    axis.plot(error, [cases.index(c) for c in rows["case"]], method.mark, color=colour,
               markerfacecolor=colour if method.filled else "none", markersize=5, label=method.label)  # fmt: skip

@@ -104,6 +104,17 @@ def test_modes_are_those_the_run_counts(run, modes):
         modes_of(run_of(run.path, run.info | {"n_modes": 3}))
 
 
+def test_modes_of_a_run_of_many_stones_have_those_of_its_rods(run):
+    rods = [{"x_m": 0.1 * a, "y_m": 0.1 * b, "diameter_m": 0.04, "length_m": 0.1, "youngs_modulus_Pa": E_PA,
+             "density_kg_m3": 7830.0} for a in (-1, 1) for b in (-1, 1)]
+    plate = run.info["scene"]["plate"] | {"edges": "free", "rods": rods, "max_frequency_Hz": 500.0, "mesh_size_m": None}
+    places = [{"x_m": 0.01 * k - 0.16, "y_m": 0.0} for k in range(33)]
+    kept = plate_modes(FlexiblePlate.model_validate(plate)).frequency_Hz.size
+    many = {"scene": {"plate": plate, "stones": {"positions": places}}}
+    assert modes_of(run_of(run.path, many | {"n_modes": kept + 4})).n_residual == 4
+    assert modes_of(run_of(run.path, many | {"n_modes": kept})).n_residual == 0  # of an earlier version
+
+
 def test_cached_modes_are_taken_only_if_identical(run, modes, tmp_path, monkeypatch):
     monkeypatch.setenv("COAL_GANGUE_CACHE", str(tmp_path / "kept"))
     beside = run_of(tmp_path / "ratio_000", run.info)

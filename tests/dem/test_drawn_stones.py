@@ -8,6 +8,7 @@ from scipy import stats
 from common.distribution import Distribution, LogNormal, RosinRammler
 from common.scene import changed_scene
 from common.tables import InputError
+from dem.deck.render import write_deck
 from dem.run.prepare import prepare
 from dem.run.run import run_scene
 from dem.stones.arrangement import gangue_ratio, stones_of
@@ -107,6 +108,22 @@ def test_stones_one_by_one_are_as_they_were_given(tmp_path):
     summary = run_scene(scene, "scene", tmp_path / "run")
     assert abs(summary["energy"]["closure"]) < 0.01
     assert summary["materials"] == ["coal", "gangue", "shale"] and summary["gangue_ratio"] == pytest.approx(1 / 3)
+
+
+def test_the_volley_of_the_paper_said_stone_by_stone_is_the_same_deck(tmp_path):
+    """To the last byte of every file that the engine reads, so that the results are the same."""
+    coarse = {"stones.agglomerate.subspheres": 40, "stones.agglomerate.contact": "sub_spheres", "stones.seed": 20011,
+              "plate.max_frequency_Hz": 800.0}
+    volley = changed_scene(SCENES / "paper.toml", coarse | {"stones.gangue_ratio": 0.3})
+    each = [{"material": s.material, "radius_m": s.radius_m, "x_m": s.place_m[0], "y_m": s.place_m[1],
+             "speed_m_s": -s.velocity_m_s[2], "seed": s.seed} for s in stones_of(volley, "volley")]
+    for name, scene in (("volley", volley), ("each", scene_of("paper", "each", each, **coarse))):
+        prepared = prepare(scene, name, tmp_path)
+        write_deck(tmp_path / name, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+    files = sorted(file.name for file in (tmp_path / "each").iterdir())
+    assert "atoms.data" in files and len(each) == 10
+    for file in files:
+        assert (tmp_path / "each" / file).read_bytes() == (tmp_path / "volley" / file).read_bytes(), file
 
 
 def test_a_turned_stone_is_the_same_stone_turned():

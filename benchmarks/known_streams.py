@@ -1,0 +1,140 @@
+"""Streams of known truth for benchmarks/listening.py: plates that are not the model's, what taps teach of them, records,
+and what `listen` makes of those."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from recognition.estimation.errors import RecognitionError
+from recognition.evaluation import other_plates
+from recognition.evaluation.tap_records import hammer_taps
+from recognition.plate.plate_model import PlateModel
+from recognition.stream.forces import History
+from recognition.stream.law_file import load_forces
+from recognition.stream.prior import StonePrior
+from recognition.stream.recognise import RATE_Hz, recognise_stream
+from recognition.stream.signatures import Channels
+from recognition.stream.simulated import Stream, draw_stones, stream_of
+from recognition.stream.stones import ratio_of
+from recognition.tapping.command import refuse_unexplained
+from recognition.tapping.fit import fit_plate
+from recognition.tapping.learnt import learnt
+
+SCENE = "scenes/single.toml"
+REACH_m, PAPER_m, SIZES_m, SPEEDS_m_s = 0.2, 0.025, (0.015, 0.035), (2.0, 4.0)
+ALL, ONE = Channels((0, 1, 2, 3)), Channels((0,))
+HIGHEST_Hz, TRUE_Hz = 12500.0, 20000.0  # of the modes that the model has, and of the plate's
+PART = 20  # stones of the windows by which intervals are counted
+WITHIN_s = 1e-4  # of the stones of a volley
+MATCH_s = 1.5e-4  # a stone is heard if its arrival is
+
+
+@dataclass(frozen=True)
+class Case:
+    """A stream: stones a second, stones, sensors, all sizes?, gangue ratio, stones that fall within WITHIN_s."""
+
+    rate_1_s: float = 100.0
+    count: int = 30
+    channels: Channels = ALL
+    all_sizes: bool = False
+    gangue: float = 0.5
+    noise_db: float = 20.0
+    at_once: int = 1
+
+
+@cache
+def true_plate(kind: str) -> PlateModel:
+    exact = PlateModel.from_scene(SCENE, TRUE_Hz)
+    if kind == "other theory":
+        return other_plates.other_theory(exact, SCENE)
+    scatter = 0.03 if kind == "3 %" else 0.01
+    return other_plates.scattered(exact, scatter, np.random.default_rng([100, int(kind[0])]))
+
+
+@cache
+def tapped(kind: str, out: Path) -> PlateModel:
+    """What four taps teach of that plate; kept in a file."""
+    file = out / f"plate_{kind.replace(' ', '_')}.json"
+    if not file.is_file():
+        rng = np.random.default_rng([200, 1])
+        taps = hammer_taps(true_plate(kind), rng.uniform(-0.22, 0.22, (4, 2)), rng, rate_Hz=2 * RATE_Hz,
+                           place_error_m=1.5e-3)
+        found = learnt(fit_plate(PlateModel.from_scene(SCENE, HIGHEST_Hz), taps))
+        refuse_unexplained(found)
+        found.plate.save(file)
+    return PlateModel.load(file)
+
+
+def stream(plate: PlateModel, case: Case, pool: Sequence[History], rng: np.random.Generator) -> Stream:
+    chosen = [h for h in pool if (abs(h.radius_m - PAPER_m) > 0.01 * PAPER_m) == case.all_sizes]
+    truth = draw_stones(chosen, case.count, case.rate_1_s, REACH_m, case.gangue, rng)
+    if case.at_once > 1:
+        truth = in_volleys(truth, case.at_once, rng)
+    return stream_of(plate, case.channels, chosen, truth, RATE_Hz, case.noise_db, rng)
+
+
+def in_volleys(truth: pd.DataFrame, count: int, rng: np.random.Generator) -> pd.DataFrame:
+    """The same stones, `count` of which fall within WITHIN_s of the first of them."""
+    before = truth["t_s"].to_numpy()
+    now = np.sort(np.repeat(before[::count], count)[:len(before)] + rng.uniform(0, WITHIN_s, len(before)))
+    return truth.assign(t_s=now, centre_s=truth["centre_s"] + now - before)
+
+
+def heard(plate: PlateModel, case: Case, record: Stream) -> dict[str, object]:
+    """What is made of a record: errors in points, checks, and how often the interval of PART stones holds."""
+    size = SIZES_m if case.all_sizes else (PAPER_m, PAPER_m)
+    prior = StonePrior(load_forces(), size, SPEEDS_m_s)
+    began = time.process_time()
+    try:
+        found = recognise_stream(plate, case.channels, prior, record.values)
+    except RecognitionError as error:
+        return {"stones": case.count, "refused": str(error)}
+    stones, truth, checks = found.stones, record.truth, found.checks
+    row: dict[str, object] = {
+        "stones": case.count, "heard": len(stones), **matched(stones, truth), "cpu_s": time.process_time() - began,
+        "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused,
+        "unexplained": checks.unexplained, "gain": float(abs(checks.gain - 1).max()), "unlike": checks.unlike,
+        "silence": checks.silence}
+    for name, by_mass in (("number", False), ("mass", True)):
+        low, middle, high = ratio_of(stones, by_mass)
+        right = true_ratio(truth, by_mass)
+        inside = [holds(stones, part, by_mass) for part in parts(truth)]
+        row |= {f"{name}_error": 100 * (middle - right), f"{name}_inside": low <= right <= high,
+                f"{name}_parts_inside": sum(inside), "parts": len(inside)}
+    return row
+
+
+def true_ratio(truth: pd.DataFrame, by_mass: bool) -> float:
+    weight = truth["mass_kg"].to_numpy() if by_mass else np.ones(len(truth))
+    return float(weight @ truth["gangue"].to_numpy() / weight.sum())
+
+
+def parts(truth: pd.DataFrame) -> list[pd.DataFrame]:
+    return [truth.iloc[k:k + PART] for k in range(0, len(truth) - PART + 1, PART)]
+
+
+def holds(stones: pd.DataFrame, part: pd.DataFrame, by_mass: bool) -> bool:
+    """Does the interval of the stones that were heard during a part of the stream hold its ratio?"""
+    during = stones[stones["t_s"].between(part["t_s"].iloc[0] - MATCH_s, part["t_s"].iloc[-1] + MATCH_s)]
+    low, _, high = ratio_of(during, by_mass)
+    return low - 1e-9 <= true_ratio(part, by_mass) <= high + 1e-9
+
+
+def matched(stones: pd.DataFrame, truth: pd.DataFrame) -> dict[str, int]:
+    """Stones that were found, those of them with the wrong material, and those that were none."""
+    at, found, wrong, none = truth["t_s"].to_numpy(), set(), 0, 0
+    for t_s, gangue in zip(stones["t_s"], stones["gangue"] > 0.5, strict=True):
+        k = int(np.argmin(abs(at - t_s)))
+        if abs(at[k] - t_s) < MATCH_s and k not in found:
+            found.add(k)
+            wrong += bool(gangue != truth["gangue"].iloc[k])
+        else:
+            none += 1
+    return {"found": len(found), "wrong": wrong, "none": none}
