@@ -157,7 +157,11 @@ def signal_features(record: Record) -> dict[str, Feature]:
 
     Raises RecordError for a record of constant value, or samples too large or too small for a parameter.
     """
-    found = {f.name: f for f in [*time_features(record), *time_frequency_features(record)]}
+    try:
+        with np.errstate(all="ignore"):  # what is no number is refused below
+            found = {f.name: f for f in [*time_features(record), *time_frequency_features(record)]}
+    except ZeroDivisionError:
+        raise RecordError(f"{record.name}: has a mean of zero; the samples are too small") from None
     for f in found.values():
         if not np.isfinite(f.value):
             raise RecordError(

@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import tempfile
+import warnings
 from pathlib import Path
 
 import h5py
@@ -124,6 +125,18 @@ def check_run(run_json):
 
 def info():
     return json.loads((good_run() / "run.json").read_text())
+
+
+@pytest.mark.parametrize("values", [[1e200], [1e308, -1e308], [5e-324]])
+def test_samples_that_have_no_square_end_with_one_line(tmp_path, values):
+    """And without the warnings of numpy, which a terminal would show."""
+    signal_m_s2 = SIGNAL.copy() if max(values) > 1 else 0 * SIGNAL
+    signal_m_s2[10:10 + len(values)] = values
+    pd.DataFrame({"t_s": TIMES, "a_m_s2": signal_m_s2}).to_csv(tmp_path / "record.csv", index=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        code, errors = outcome(main, ["features", str(tmp_path / "record.csv")])
+    assert code == 2 and errors.count("\n") == 1 and "record.csv" in errors
 
 
 def test_a_reader_that_crashes_ends_with_one_line(tmp_path, monkeypatch):
