@@ -23,7 +23,7 @@ from recognition.stream.whitening import Whitening
 
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
-LOUD = 0.05  # of the power of a record's loudest stretch, in one that counts for its rms
+LOUD = 0.01  # of the power of a record's loudest stretch, in one that counts for its rms
 #: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
 LEAST_DOUBT = 0.005
 #: Of the rate at which a mode loses its phase if its frequency is off by a standard deviation: an error that stays is
