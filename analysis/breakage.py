@@ -24,6 +24,8 @@ COLLISION_GAP_S = 2e-4
 #: Contacts below this share of an agglomerate's largest force are those of splinters and no collision.
 LEAST_FORCE_SHARE = 0.01
 
+INDEX_NUMBERS = 9  # of a stone in the file of a stream: whole numbers, spin
+
 #: Sub-spheres that lost at least this share of their bonds count as broken in a section.
 BROKEN_SHARE = 0.5
 
@@ -73,9 +75,12 @@ def _network_of_stream(file: Path) -> Network:
     """Of the stones of a stream, each as it is where it enters (dem/engine/stone_file.h)."""
     numbers = np.fromfile(file, dtype="<f8")
     whole = numbers.view("<i8")
-    if len(numbers) < 2 or len(numbers) < 3 + whole[1] + 8 * whole[0]:
-        raise RecordError(f"{file}: cut off; needs its {8 * (3 + int(whole[1]) + 8 * int(whole[0]))} bytes of index")
-    index = whole[3 + whole[1]:][: 8 * whole[0]].reshape(-1, 8)
+    if len(numbers) < 2 or len(numbers) < 3 + whole[1] + INDEX_NUMBERS * whole[0]:
+        needed = 8 * (3 + int(whole[1]) + INDEX_NUMBERS * int(whole[0])) if len(numbers) > 1 else 16
+        raise RecordError(f"{file}: cut off; needs its {needed} bytes of index")
+    index = whole[3 + whole[1]:][: INDEX_NUMBERS * whole[0]].reshape(-1, INDEX_NUMBERS)
+    if (index[:1, 1] != 8 * (3 + whole[1] + INDEX_NUMBERS * whole[0])).any():
+        raise RecordError(f"{file}: its stones do not begin behind its index; it is of another version")
     atoms, bonds = [], []
     for _, at, n_atoms, n_bonds, *_ in index.tolist():
         own = numbers[at // 8:][: 9 * n_atoms + 8 * n_bonds]

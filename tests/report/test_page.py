@@ -56,9 +56,9 @@ def test_report_of_one_run_says_what_it_cannot_give(tmp_path):
     html = report.read_text()
     assert "needs at least 4 different mixing ratios" in html
     # There is no data set beside it: the kept evaluation is shown, with when it was made and how to make it anew.
-    origin = r"as of \d{4}-\d\d-\d\d, commit [0-9a-f]{7}, with the stones of version 0.1.0"
+    origin = r"as of \d{4}-\d\d-\d\d, commit [0-9a-f]{7}"
     assert re.search(rf"Kept from `make dataset` {origin}; `make dataset` makes", html)
-    assert re.search(r"</td>\s*<td[^>]*>".join(("many runs", "likelihood of arrangements", "20", "1.6", "13")), html)
+    assert re.search(r"</td>\s*<td[^>]*>".join(("many runs", "energy fusion, modified", "20", "0.6", "2")), html)
     assert "Not given:" in html and 'src="data:' in html
     assert set(re.findall(r'href="#([^"]+)"', html)) <= set(re.findall(r'id="([^"]+)"', html))
     assert str(tmp_path) not in html + report.with_name("claims.csv").read_text()
