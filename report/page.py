@@ -223,7 +223,7 @@ def _unseen(results: SweepResults) -> Number:
     if not chosen:
         return Number("-", "error of the ratio on unseen runs: not in evaluation.csv")
     words = f"mean error of the ratio on unseen runs, worst {chosen[0]['worst_points']:.0f}"
-    kept = " (kept result, stones of 0.1.0)" if evaluation.kept else ""
+    kept = " (kept result)" if evaluation.kept else ""
     return Number(f"{chosen[0]['mean_abs_error_points']:.1f} points", words + kept)
 
 
