@@ -64,6 +64,9 @@ def hits(touched: pd.DataFrame) -> Figure:
             own = (touched["is_gangue"] == (name == "gangue")) & (values > 0)
             axis.plot(1e3 * touched["mass_kg"][own], values[own], "o", color=material_colour(name), markersize=3,
                       label=name)
+        if not (values > 0).any():  # nothing broke: a logarithmic axis has nowhere to begin
+            axis.set(title=f"{label}: none", xticks=[], yticks=[])
+            continue
         axis.set(xscale="log", yscale="log", title=label, xlabel="mass, g")
         for scale in (axis.xaxis, axis.yaxis):
             scale.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))

@@ -15,6 +15,7 @@ from common.scene import changed_scene
 from dem.run.prepare import prepare
 from dem.run.run import run_scene
 from recognition.stream.stones import COLUMNS
+from report.figures.stream import hits
 from report.page import write_report
 from report.results.heard import WINDOW_S, read_heard
 from report.results.stream import StreamResults
@@ -97,3 +98,13 @@ def test_what_was_heard_stands_beside_what_fell(run, tmp_path):
     found = read_heard(StreamResults(read_run(copy / run.path.name)))
     assert found.heard["mass_ratio"].iloc[-1] == pytest.approx(true_ratio(stones, 0.0, WINDOW_S), abs=0.02)
     assert 'id="ratio_030-stream-heard"' in write_report(copy).read_text()
+
+
+@pytest.mark.parametrize("force_N", [3000.0, 0.0])
+def test_stones_of_which_none_broke_are_drawn(force_N):
+    """Nothing to draw on a logarithmic axis."""
+    touched = pd.DataFrame({"mass_kg": [0.1, 0.2], "peak_force_N": force_N, "broken_area_m2": 0.0,
+                            "is_gangue": [True, False]})
+    figure = hits(touched)
+    figure.draw_without_rendering()
+    assert figure.axes[1].get_title(loc="left") == "broken area, cm²: none"
