@@ -21,28 +21,23 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from benchmarks.known_streams import learnt_by_taps
 from benchmarks.silent_errors import (
-    SCENE,
     Sources,
     beginning,
     exact_plate,
+    judged,
     on_plate,
     other_theory,
     solid,
 )
-from recognition.estimation.errors import RecognitionError
 from recognition.evaluation import other_plates
 from recognition.evaluation.cross_validation import RINGS
 from recognition.evaluation.dataset import CONDITIONS, DataSet, read_dataset
-from recognition.evaluation.sensor_noise import with_noise
-from recognition.evaluation.tap_records import hammer_taps
 from recognition.models import Model
 from recognition.plate.plate_model import PlateModel
-from recognition.tapping.fit import fit_plate
-from recognition.tapping.learnt import learnt
 
 NOISES_dB = (None, 20.0)
-TAPS, TAPPED_Hz, TAP_RATE_Hz, TAP_ERROR_m = 4, 12500.0, 40000.0, 1.5e-3
 WRONG_points = 5.0
 
 
@@ -63,29 +58,15 @@ PLATES: dict[str, Callable[[], PlateModel]] = {
 def tapped(name: str, out: Path) -> PlateModel:
     """What taps teach of a plate; kept in a file."""
     file = out / f"plate_{name.replace(' ', '_').replace('%', 'percent')}.json"
-    if not file.is_file():
-        rng = np.random.default_rng([200, len(name)])
-        taps = hammer_taps(PLATES[name](), rng.uniform(-0.22, 0.22, (TAPS, 2)), rng, rate_Hz=TAP_RATE_Hz,
-                           place_error_m=TAP_ERROR_m)
-        learnt(fit_plate(PlateModel.from_scene(SCENE, TAPPED_Hz), taps)).plate.save(file)
-    return PlateModel.load(file)
+    return learnt_by_taps(PLATES[name](), file, np.random.default_rng([200, len(name)]))
 
 
 def answered(model: Model, record: pd.DataFrame, noise_dB: float | None, seed: int) -> dict[str, object]:
     """The ratio that `recognise` gives with its interval, or why it gives none."""
-    noisy = with_noise(record.reset_index(drop=True), noise_dB, np.random.default_rng([seed, int(noise_dB or 0)]))
-    if why := model.faults(noisy):
-        return {"refused": "; ".join(why)}
-    try:
-        answers = model.recognise(noisy)
-    except RecognitionError as reason:
-        return {"refused": str(reason)}
-    if vetoes := model.vetoes(answers):
-        return {"refused": "; ".join(f"{name}: {reason}" for name, reason in vetoes.items())}
-    best = model.best(answers)
-    if best is None:
-        return {"refused": "no method"}
-    name, answer = best
+    found = judged(model, record, noise_dB, np.random.default_rng([seed, int(noise_dB or 0)]))
+    if isinstance(found, str):
+        return {"refused": found}
+    name, answer = found
     return {"refused": "", "method": name, "ratio": answer.ratio, "low": answer.low, "high": answer.high}
 
 

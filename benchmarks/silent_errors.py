@@ -22,6 +22,7 @@ import pandas as pd
 
 from analysis.runs import Run
 from common.plate import FlexiblePlate, read_plate
+from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
 from recognition.evaluation import other_plates
 from recognition.evaluation.cross_validation import RINGS
@@ -245,8 +246,9 @@ ROWS: dict[str, Callable[[Sources], Records]] = {
 FAMILIES = ("thin_plate", "soft_coal", "unbreakable", "speed", "damping", "scatter", "free", "all")
 
 
-def judged(model: Model, table: pd.DataFrame, noise_dB: float | None, rng: np.random.Generator) -> float | str:
-    """The ratio that `recognise` gives, or why it gives none."""
+def judged(model: Model, table: pd.DataFrame, noise_dB: float | None,
+           rng: np.random.Generator) -> tuple[str, Answer] | str:
+    """The method whose ratio `recognise` gives with its answer, or why it gives none."""
     noisy = with_noise(table.reset_index(drop=True), noise_dB, rng)
     if why := model.faults(noisy):
         return "; ".join(why)
@@ -256,8 +258,7 @@ def judged(model: Model, table: pd.DataFrame, noise_dB: float | None, rng: np.ra
         return str(reason)
     if vetoes := model.vetoes(answers):
         return "; ".join(f"{name}: {reason}" for name, reason in vetoes.items())
-    best = model.best(answers)
-    return "no method" if best is None else float(best[1].ratio)
+    return model.best(answers) or "no method"
 
 
 def rows_of(model: Model, records: Callable[[Sources], Records], runs: list[Run],
@@ -271,7 +272,7 @@ def rows_of(model: Model, records: Callable[[Sources], Records], runs: list[Run]
             if isinstance(found, str):
                 reasons[noise_dB].append(found)
             else:
-                errors[noise_dB].append(100 * abs(found - ratio))
+                errors[noise_dB].append(100 * abs(found[1].ratio - ratio))
     for noise_dB in NOISES_dB:
         size, why = np.array(errors[noise_dB]), reasons[noise_dB]
         yield {"noise_dB": noise_dB, "records": len(size) + len(why), "answered": len(size),

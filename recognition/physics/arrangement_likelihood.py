@@ -39,6 +39,7 @@ SPEEDS, BEYOND = 31, 0.5
 #: then every step about the best SOUGHT of these; the posterior is summed over FINE steps about the best.
 LATEST_S, COARSE, SOUGHT = 3e-4, 6, 2
 FINE = np.arange(-4, 5) / 2
+SMALL_M = 1e-3  # step of a finite difference by the place
 #: Share of the probability left out of the interval on either side.
 TAIL = 0.05
 MISFIT = "misfit of the plate's model"
@@ -89,6 +90,13 @@ def arrangements(stones: int) -> tuple[Floats, Integers, Floats]:
     count = which.sum(axis=1).astype(int)
     prior = 1 / np.array([comb(stones, k) for k in count])
     return np.column_stack([np.ones(len(which)), which]), count, prior / prior.sum()
+
+
+def hats(width: int, steps: int, count: int) -> Floats:
+    """Hat functions (steps, count) of time, each of which rises over `width` steps and falls as long, `width` steps
+    after the one before."""
+    middle = (np.arange(count) + 1) * width
+    return np.asarray(np.maximum(0.0, 1 - np.abs(np.arange(steps)[:, None] + 0.5 - middle) / width))
 
 
 @lru_cache(maxsize=4)

@@ -17,12 +17,11 @@ import numpy as np
 from common.plate import FlexiblePlate
 from recognition.estimation.arrays import Booleans, Floats
 from recognition.estimation.errors import RecognitionError
-from recognition.physics.arrangement_likelihood import ArrangementModel
+from recognition.physics.arrangement_likelihood import SMALL_M, ArrangementModel, hats
 from recognition.plate.modal_steps import modal_steps
 from recognition.plate.plate_model import PlateModel
 
 LOST = 1e-6  # of the power of all that scatters, that is left out
-SMALL_M = 1e-3  # step of the finite difference by the place
 
 
 def on_plate(model: ArrangementModel, plate: PlateModel) -> ArrangementModel:
@@ -63,19 +62,15 @@ class Seen:
     def is_rod(self) -> Booleans:
         return np.array([_columns(self.plate)[name][1] for name in self.model.names])
 
-    @property
-    def _hat_N(self) -> Floats:
-        """A force (steps,) that rises to 1 N over `width` steps and falls as long."""
-        width = self.model.width
-        middle_of_step = np.arange(self.model.hat.shape[1]) + 0.5
-        return np.asarray(np.maximum(0.0, 1 - np.abs(middle_of_step - width) / width))
+    @cached_property
+    def _hats(self) -> Floats:
+        """(steps, bins): a force of 1 N in each bin."""
+        return hats(self.model.width, self.model.hat.shape[1], self.model.laws.shape[2])
 
     @property
     def _middle_N(self) -> Floats:
         """Mean force (steps,) of coal and gangue at the middle speed."""
-        impulses, law = np.zeros(self.model.hat.shape[1]), self.model.laws[:, 0].mean(axis=0)
-        impulses[:self.model.width * law.size:self.model.width] = law
-        return np.asarray(np.convolve(impulses, self._hat_N)[:impulses.size])
+        return np.asarray(self._hats @ self.model.laws[:, 0].mean(axis=0))
 
     def _motion(self, plate: PlateModel, force_N: Floats) -> Floats:
         """(c, steps, n): acceleration or amplitude of each mode under a force on it, as each channel takes it."""
@@ -89,7 +84,7 @@ class Seen:
 
     def hat(self) -> Floats:
         """Responses (c, steps, stones) to the hat on each place."""
-        by_mode = self._motion(self.plate, self._hat_N) * self.observed[:, None]
+        by_mode = self._motion(self.plate, self._hats[:, 0]) * self.observed[:, None]
         return np.asarray(by_mode @ self._down(self.model.place_m).T)
 
     @cached_property
