@@ -5,6 +5,8 @@ OUT ?= runs/$(patsubst %.toml,%,$(shell basename '$(SCENE)'))
 JOBS ?= 2
 
 PYTHON := .venv/bin/python
+# Python compiles what is imported when it is imported; most of what is installed never is.
+INSTALL := $(PYTHON) -m pip install --quiet --disable-pip-version-check --no-compile
 LIGGGHTS_VERSION := 3.8.0+repack1-9+b2
 PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev zlib1g-dev g++ make python3-venv
 # Packages are walked; those that name what they export have their modules listed.
@@ -45,10 +47,10 @@ report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m report '$(OUT)'
 
 # A file of tests stays in one process, so that what its tests share is made once.
-test: setup .venv/campaign .venv/browser build/chromium  ## all tests but the long ones
+test: setup .venv/test .venv/campaign .venv/browser build/chromium  ## all tests but the long ones
 	$(PYTHON) -m pytest -q --numprocesses $(JOBS) --dist loadfile --durations 25
 
-validate: setup .venv/campaign .venv/browser build/chromium build/slurm build/calculix build/paraview  ## the long checks
+validate: setup .venv/test .venv/campaign .venv/browser build/chromium build/slurm build/calculix build/paraview  ## the long checks
 	$(PYTHON) -m pytest -q -m validate
 
 bench: setup  ## cost and results of the bonds beside peers, into runs/bench
@@ -87,7 +89,9 @@ lint: setup .venv/lint  ## style and types of the Python code
 docs: setup .venv/docs  ## pages of the programming interface into build/docs; a warning is an error
 	$(PYTHON) -W error -m pdoc common dem plate_fem analysis recognition report gangue $(MODULES) -o build/docs
 
-setup: .venv/installed engine
+# Packages are fetched while the engine compiles.
+setup: build/packages
+	@$(MAKE) --no-print-directory --jobs=$(JOBS) .venv/installed engine
 
 engine: build/engine/liggghts-bonded  ## the engine: LIGGGHTS with bonds and the moving plate
 
@@ -126,12 +130,12 @@ build/chromium: | build/packages
 
 .venv/installed: pyproject.toml | build/packages
 	[ -x $(PYTHON) ] || python3 -m venv .venv
-	$(PYTHON) -m pip install --quiet --disable-pip-version-check -e '.[report,test]'
+	$(INSTALL) -e '.[report]'
 	touch $@
 
 # What only some targets need is an extra of pyproject.toml, installed when first asked for.
 .venv/%: pyproject.toml .venv/installed
-	$(PYTHON) -m pip install --quiet --disable-pip-version-check -e '.[$*]'
+	$(INSTALL) -e '.[$*]'
 	touch $@
 
 clean:  ## removes what was built, not what was run
