@@ -58,7 +58,7 @@ def test_histories_conserve_momentum():
     """The impulse of a stone lies between m v, of one that stays, and 2 m v, of one that rebounds as fast as it came.
     Coal with weaker bonds is left out: its pieces are still coming down when the history ends."""
     assert len(histories("other_rock")) == 12
-    for name in SETS[:3]:
+    for name in (one for one in SETS if one != "other_rock"):
         found = histories(name)
         assert {h.gangue for h in found} == {True, False}
         share = np.array([h.moments()[0] / (h.mass_kg * h.speed_m_s) for h in found])
