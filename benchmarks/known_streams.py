@@ -108,9 +108,10 @@ def heard(plate: PlateModel, case: Case, record: Stream) -> dict[str, object]:
     for name, by_mass in (("number", False), ("mass", True)):
         low, middle, high = ratio_of(stones, by_mass)
         right = true_ratio(truth, by_mass)
-        inside = [holds(stones, part, by_mass) for part in parts(truth)]
+        told = [told_of_part(stones, part, by_mass) for part in parts(truth)]
         row |= {f"{name}_error": 100 * (middle - right), f"{name}_inside": low <= right <= high,
-                f"{name}_parts_inside": sum(inside), "parts": len(inside)}
+                f"{name}_parts_inside": sum(inside for inside, _ in told),
+                f"{name}_parts_exact": sum(exact for _, exact in told), "parts": len(told)}
     return row
 
 
@@ -123,11 +124,13 @@ def parts(truth: pd.DataFrame) -> list[pd.DataFrame]:
     return [truth.iloc[k:k + PART] for k in range(0, len(truth) - PART + 1, PART)]
 
 
-def holds(stones: pd.DataFrame, part: pd.DataFrame, by_mass: bool) -> bool:
-    """Does the interval of the stones that were heard during a part of the stream hold its ratio?"""
+def told_of_part(stones: pd.DataFrame, part: pd.DataFrame, by_mass: bool) -> tuple[bool, bool]:
+    """Whether the interval of the stones that were heard during a part of the stream holds its ratio, and whether the
+    ratio itself is right within half a point."""
     during = stones[stones["t_s"].between(part["t_s"].iloc[0] - MATCH_s, part["t_s"].iloc[-1] + MATCH_s)]
-    low, _, high = ratio_of(during, by_mass)
-    return low - 1e-9 <= true_ratio(part, by_mass) <= high + 1e-9
+    low, middle, high = ratio_of(during, by_mass)
+    right = true_ratio(part, by_mass)
+    return low - 1e-9 <= right <= high + 1e-9, abs(middle - right) < 0.005
 
 
 def matched(stones: pd.DataFrame, truth: pd.DataFrame) -> dict[str, int]:

@@ -3,12 +3,13 @@
 The force of a stone is F(t) = J/s g((t - c)/s): impulse J, centre of time c, duration s (standard deviation of time
 under the force), and a form g with unit area, mean 0 and standard deviation 1. Stones that break have another form than
 stones that stay whole: g = g_0 + b g_1 with the mean g_0 of all histories, their first principal component g_1, and a
-number b (`breaking`) for each stone. Hertz' contact gives s ~ R v^(-1/5) and J ~ rho R^3 v. Stones that are struck fast
-enough break, whatever their size; then s and J become smaller, and scatter. So, for each material,
+number b (`breaking`) for each stone. Hertz' contact gives s ~ R v^(-1/5) and J ~ rho R^3 v. So, for each material,
 
-    log s = a_s(v) + log(R/v^(1/5)) + e_s,    b = a_b(v) + e_b,    log J = a_J(v) + log(m v) + e_J,
+    log s = a_s + log(R/v^(1/5)) + e_s,    b = a_b + e_b,    log J = a_J + log(m v) + e_J.
 
-where the means a and the covariance of e at a speed are those of the histories of about that speed.
+Of stones that stay whole e scatters little, and a depends a little on log R, since the plate gives way to heavy stones.
+Stones that are struck fast enough break, whatever their size: s and J become smaller, and scatter. Which share of them
+breaks depends on material and speed; a and e of broken stones are those of both materials together.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
 
@@ -27,10 +28,13 @@ FORM_STEP, FORM_REACH = 0.05, 6.0  # of the form g, in durations s
 #: Least standard deviations of log s, b and log J about their laws: stones that fall on a slope, spin or have another
 #: number of sub-spheres than those of the histories are off by so much.
 LEAST_SCATTER = np.array([0.03, 0.3, 0.03])
-SPEEDS_M_S = np.geomspace(1.5, 6.0, 25)  # of the law; between them it is interpolated, beyond them constant
+SPEEDS_M_S = np.geomspace(1.5, 6.0, 25)  # of the share that breaks; between them it is interpolated, beyond constant
 #: Standard deviation in log v of the weights by which histories count at a speed: stones of other strength, or that
 #: fall on a slope, break at another speed.
 ALIKE = 0.25
+REFERENCE_m = 0.025  # radius at which a is told
+LOST = 0.05  # of log J, by which a stone that broke is below the median of its material
+LEAST_BROKEN = 4  # histories; of fewer no law is made, and no stone is taken to break
 
 
 @dataclass(frozen=True)
@@ -57,46 +61,74 @@ class History:
         centre = float(force @ t_s / total)
         return float(total * self.step_s), centre, float(np.sqrt(force @ (t_s - centre) ** 2 / total))
 
+    def start(self) -> float:
+        """Time from the first touch to the centre, in durations."""
+        _, centre, duration = self.moments()
+        touch = np.flatnonzero(self.force_N > 0.01 * self.force_N.max())[0] * self.step_s
+        return float((centre - touch) / duration)
+
 
 @dataclass(frozen=True)
 class StoneForces:
     """The law above for coal and gangue, in this order.
 
     form (2, n): g_0 and g_1 on the grid `form_grid()`, g_1 such that b has standard deviation 1 over the histories;
-    offset (2, speeds, 3): a_s, a_b, a_J at SPEEDS_M_S; scatter (2, speeds, 3, 3): covariance of e_s, e_b, e_J; start
-    (2,): time from the first touch to the centre, in durations; density_kg_m3 (2,).
+    whole (2, 2, 3): a_s, a_b, a_J at REFERENCE_m and their slopes in log R; scatter (2, 3, 3): covariance of e_s, e_b,
+    e_J; radius_m (2,): the smallest and largest of the histories, beyond which a is constant; broken (3,) and
+    broken_scatter (3, 3): the same of broken stones; broken_share (2, speeds): of the stones of a material, at
+    SPEEDS_M_S; start (2,): time from the first touch to the centre, in durations; density_kg_m3 (2,).
     """
 
     form: Floats
-    offset: Floats
+    whole: Floats
     scatter: Floats
+    radius_m: Floats
+    broken: Floats
+    broken_scatter: Floats
+    broken_share: Floats
     start: Floats
     density_kg_m3: Floats
 
     @classmethod
     def fit(cls, histories: Sequence[History]) -> StoneForces:
-        """The law of histories, of which each material needs at least four (ValueError)."""
+        """The law of histories, of which each material needs at least four that stay whole (ValueError)."""
         form, breaking = _forms(histories)
+        rows = np.array([_row(h, b) for h, b in zip(histories, breaking, strict=True)])
         gangue = np.array([h.gangue for h in histories])
-        parts = [_fit_one([h for h, one in zip(histories, chosen, strict=True) if one], breaking[chosen])
+        size = np.log([h.radius_m / REFERENCE_m for h in histories])
+        broke = np.zeros(len(rows), dtype=bool)
+        for chosen in (~gangue, gangue):
+            broke[chosen] = rows[chosen, 2] < np.median(rows[chosen, 2]) - LOST if chosen.any() else False
+        if broke.sum() < LEAST_BROKEN:
+            broke[:] = False
+        fits = [_whole(rows[chosen & ~broke], size[chosen & ~broke]) for chosen in (~gangue, gangue)]
+        speed = np.array([h.speed_m_s for h in histories])
+        share = [_share(broke[chosen], speed[chosen]) if broke.any() else np.zeros(len(SPEEDS_M_S))
                  for chosen in (~gangue, gangue)]
-        offset, scatter, start, density = (np.array(values) for values in zip(*parts, strict=True))
-        return cls(form, offset, scatter, start, density)
+        stones = [[h for h in histories if h.gangue == g] for g in (False, True)]
+        return cls(form, np.array([one for one, _ in fits]), np.array([two for _, two in fits]),
+                   REFERENCE_m * np.exp([size.min(), size.max()]), *_together(rows[broke]), np.array(share),
+                   np.array([np.mean([h.start() for h in some]) for some in stones]),
+                   np.array([np.mean([h.density_kg_m3 for h in some]) for some in stones]))
 
     def mean(self, material: int, radius_m: Floats, speed_m_s: Floats) -> Floats:
-        """Mean of log s, b and log J, shape (..., 3), of stones of a material (0 coal, 1 gangue)."""
+        """Mean of log s, b and log J, shape (..., 3), of whole stones of a material (0 coal, 1 gangue)."""
+        size = np.log(np.clip(radius_m, *self.radius_m) / REFERENCE_m)
+        law = self.whole[material]
+        return law[0] + np.multiply.outer(size, law[1]) + self._by_size(material, radius_m, speed_m_s)
+
+    def broken_mean(self, material: int, radius_m: Floats, speed_m_s: Floats) -> Floats:
+        """The same of broken stones."""
+        return self.broken + self._by_size(material, radius_m, speed_m_s)
+
+    def share_at(self, material: int, speed_m_s: Floats) -> Floats:
+        """Share of the stones of a material that break."""
+        return np.interp(np.log(speed_m_s), np.log(SPEEDS_M_S), self.broken_share[material])
+
+    def _by_size(self, material: int, radius_m: Floats, speed_m_s: Floats) -> Floats:
         mass = 4 / 3 * np.pi * radius_m**3 * self.density_kg_m3[material]
-        by_size = [np.log(radius_m / speed_m_s**0.2), np.zeros_like(mass * speed_m_s), np.log(mass * speed_m_s)]
-        return self._at(self.offset[material], speed_m_s) + np.stack(by_size, axis=-1)
-
-    def scatter_at(self, material: int, speed_m_s: Floats) -> Floats:
-        """Covariance (..., 3, 3) of log s, b and log J about their means."""
-        return self._at(self.scatter[material], speed_m_s)
-
-    def _at(self, values: Floats, speed_m_s: Floats) -> Floats:
-        found: Floats = make_interp_spline(np.log(SPEEDS_M_S), values, k=1)(
-            np.log(np.clip(speed_m_s, SPEEDS_M_S[0], SPEEDS_M_S[-1])))
-        return found
+        return np.stack([np.log(radius_m / speed_m_s**0.2), np.zeros_like(mass * speed_m_s), np.log(mass * speed_m_s)],
+                        axis=-1)
 
     def pulse(self, form: int, duration_s: float, t_s: Floats) -> Floats:
         """Force (n,) in N of unit impulse by g_0 or g_1 at times (n,) from the centre."""
@@ -121,27 +153,32 @@ def _forms(histories: Sequence[History]) -> tuple[Floats, Floats]:
     return np.array([mean, scale * directions[0]]), (forms - mean) @ directions[0] / scale
 
 
-def _fit_one(histories: list[History], breaking: Floats) -> tuple[Floats, Floats, float, float]:
-    if len(histories) < 4:
-        raise ValueError(f"{len(histories)} force histories of one material; needs at least 4")
-    rows, starts = [], []
-    for h, b in zip(histories, breaking, strict=True):
-        impulse, centre, duration = h.moments()
-        rows.append([np.log(duration * h.speed_m_s**0.2 / h.radius_m), b, np.log(impulse / (h.mass_kg * h.speed_m_s))])
-        touch = np.flatnonzero(h.force_N > 0.01 * h.force_N.max())[0] * h.step_s
-        starts.append((centre - touch) / duration)
-    offset, scatter = _by_speed(np.array(rows), np.array([h.speed_m_s for h in histories]))
-    return offset, scatter, float(np.mean(starts)), float(np.mean([h.density_kg_m3 for h in histories]))
+def _row(history: History, breaking: float) -> list[float]:
+    """log s, b and log J less what size and speed make of them."""
+    impulse, _, duration = history.moments()
+    return [np.log(duration * history.speed_m_s**0.2 / history.radius_m), breaking,
+            np.log(impulse / (history.mass_kg * history.speed_m_s))]
 
 
-def _by_speed(rows: Floats, speed_m_s: Floats) -> tuple[Floats, Floats]:
-    """Means (speeds, 3) and covariances (speeds, 3, 3) of rows (n, 3), weighted by the distance of speeds. Below the
-    slowest and above the fastest history they are those there."""
+def _whole(rows: Floats, size: Floats) -> tuple[Floats, Floats]:
+    """Means at REFERENCE_m and slopes in log R (2, 3), and covariance about them (3, 3), of rows (n, 3)."""
+    if len(rows) < 4:
+        raise ValueError(f"{len(rows)} force histories of whole stones of one material; needs at least 4")
+    columns = np.column_stack([np.ones_like(size), size])  # the slope of stones of one size is zero
+    law = np.linalg.lstsq(columns, rows, rcond=None)[0]
+    return np.asarray(law), np.asarray(np.cov((rows - columns @ law).T) + np.diag(LEAST_SCATTER**2))
+
+
+def _together(rows: Floats) -> tuple[Floats, Floats]:
+    """Mean (3,) and covariance (3, 3) of broken stones; zeros and ones where there are none."""
+    if not len(rows):
+        return np.zeros(3), np.eye(3)
+    return rows.mean(axis=0), np.cov(rows.T) + np.diag(LEAST_SCATTER**2)
+
+
+def _share(broke: NDArray[np.bool_], speed_m_s: Floats) -> Floats:
+    """(speeds,): share of stones that break, by those of about that speed, constant below the slowest and above the
+    fastest. One half of a stone that breaks and of one that does not are added, since none of a few is not never."""
     at = np.clip(SPEEDS_M_S, speed_m_s.min(), speed_m_s.max())
     weight = np.exp(-0.5 * (np.log(at[:, None] / speed_m_s) / ALIKE) ** 2)
-    weight /= weight.sum(axis=1, keepdims=True)
-    mean = weight @ rows
-    off = rows - mean[:, None]
-    counted = 1 - np.sum(weight**2, axis=1)  # (n - 1)/n where all weigh alike
-    covariance = np.einsum("sn,sni,snj->sij", weight, off, off) / np.maximum(counted, 0.5)[:, None, None]
-    return mean, covariance + np.diag(LEAST_SCATTER**2)
+    return np.asarray((weight @ broke + 0.5) / (weight.sum(axis=1) + 1))

@@ -1,8 +1,8 @@
 """What is known of a stone before it is heard, and the material that follows from its fit.
 
 Radius and speed are uniform between limits (all stones of one size or speed: equal limits). Duration, breaking and
-impulse of a stone of given material, radius and speed are those of `StoneForces`. A fit uses a wide Gaussian over both
-materials in their place, so that one fit serves both.
+impulse of a stone of given material, radius and speed are those of `StoneForces`, whole or broken. A fit uses a wide
+Gaussian over all of them in their place, so that one fit serves both materials.
 """
 
 from __future__ import annotations
@@ -38,26 +38,37 @@ class StonePrior:
 
     @cached_property
     def means(self) -> Floats:
-        """(material, nodes, 3): mean of log s, b and log J."""
+        """(material, nodes, 3): mean of log s, b and log J of whole stones."""
         return np.array([self.forces.mean(m, *self.grid.T) for m in range(len(MATERIALS))])
 
     @cached_property
-    def scatter(self) -> Floats:
-        """(material, nodes, 3, 3): covariance about those means, and by the distance of the nodes of the grid."""
-        found = [self.forces.scatter_at(m, self.grid[:, 1]) + _between(mean, self.grid)
-                 for m, mean in enumerate(self.means)]
-        return np.array(found)
+    def _laws(self) -> tuple[Floats, Floats, Floats]:
+        """Of whole and of broken stones: log share (material, nodes, 2), means (material, nodes, 2, 3), and covariance
+        about them (material, nodes, 2, 3, 3), also by the distance of the nodes of the grid."""
+        law, share, means, scatter = self.forces, [], [], []
+        for m in range(len(MATERIALS)):
+            broken = law.share_at(m, self.grid[:, 1])
+            share.append(np.stack([1 - broken, broken], axis=-1))
+            both = (self.means[m], law.broken_mean(m, *self.grid.T))
+            means.append(np.stack(both, axis=1))
+            scatter.append(np.stack([covariance + _between(mean, self.grid) for covariance, mean
+                                     in zip((law.scatter[m], law.broken_scatter), both, strict=True)], axis=1))
+        with np.errstate(divide="ignore"):  # where none breaks
+            return np.log(share), np.array(means), np.array(scatter)
 
     @cached_property
     def typical(self) -> Floats:
         """(3,): mean of log s, b and log J of all stones."""
-        return np.asarray(self.means.reshape(-1, 3).mean(axis=0))
+        log_share, means, _ = self._laws
+        return np.asarray((np.exp(log_share)[..., None] * means).sum(axis=2).mean(axis=(0, 1)))
 
     @cached_property
     def precision(self) -> Floats:
         """(3, 3): of the wide Gaussian about `typical`."""
-        spread = np.cov(self.means.reshape(-1, 3).T, bias=True)
-        return np.asarray(np.linalg.inv(WIDER * (spread + self.scatter.mean(axis=(0, 1)))))
+        log_share, means, scatter = self._laws
+        off = means - self.typical
+        every = np.exp(log_share)[..., None, None] * (off[..., :, None] * off[..., None, :] + scatter)
+        return np.asarray(np.linalg.inv(WIDER * every.sum(axis=2).mean(axis=(0, 1))))
 
     @cached_property
     def _log_determinant(self) -> float:
@@ -71,12 +82,13 @@ class StonePrior:
 
     @cached_property
     def _inner(self) -> tuple[Floats, Floats, Floats]:
-        """Precision (material, nodes, 3, 3) about the means, that times the means, and what of the evidence does not
-        depend on the stone (material, nodes)."""
-        inner = np.asarray(np.linalg.inv(self.scatter), dtype=float)
-        from_means = np.einsum("mnij,mnj->mni", inner, self.means)
-        constant = np.linalg.slogdet(inner)[1] - np.sum(self.means * from_means, axis=-1)
-        return inner, from_means, constant
+        """Precision (material, nodes, 2, 3, 3) about the means, that times the means, and what of the evidence does not
+        depend on the stone (material, nodes, 2)."""
+        log_share, means, scatter = self._laws
+        inner = np.asarray(np.linalg.inv(scatter), dtype=float)
+        from_means = (inner @ means[..., None])[..., 0]
+        constant = np.linalg.slogdet(inner)[1] - np.sum(means * from_means, axis=-1)
+        return inner, from_means, 0.5 * constant + log_share
 
     def evidence(self, estimate: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Logarithm of the factor (materials,) by which the true prior of a material changes the evidence of a fit made
@@ -90,8 +102,9 @@ class StonePrior:
         information = posterior @ estimate - self.precision @ self.typical
         inner, from_means, constant = self._inner
         total, linear = likelihood + inner, information + from_means
-        log_node = 0.5 * (np.sum(linear * np.linalg.solve(total, linear[..., None])[..., 0], axis=-1) + constant
-                          - np.linalg.slogdet(total)[1])
+        log_law = constant + 0.5 * (np.sum(linear * np.linalg.solve(total, linear[..., None])[..., 0], axis=-1)
+                                    - np.linalg.slogdet(total)[1])
+        log_node = np.logaddexp(log_law[..., 0], log_law[..., 1])  # of whole and of broken
         log_wide = 0.5 * ((posterior @ estimate) @ estimate - (self.precision @ self.typical) @ self.typical
                           + self._log_determinant - np.linalg.slogdet(posterior)[1])
         top = log_node.max(axis=1)

@@ -1,9 +1,11 @@
 """How fast the stones of one record fall: a law that is told by all of them, and what it tells of each.
 
 Stones that fall from one height are as fast as each other, and impulse and duration of one stone alone do not tell a
-fast coal stone from a slow one of gangue: log J - 3 log s = log rho + 1.6 log v + const, whatever its radius. So the
-speeds are taken to be normal, with mean and standard deviation unknown between the limits that are told, and but for
-the share OTHERWISE of stones that bounced or slid, whose speeds are uniform.
+fast coal stone from a slow one of gangue: log J - 3 log s = log rho + 1.6 log v + const, whatever its radius. There are
+two cases. In one, the speeds are normal, with a mean that is unknown and a standard deviation of at
+most a tenth of the middle of the limits, but for the share OTHERWISE of stones that bounced or slid, whose speed may be
+any between the limits. In the other, all have any speed between the limits. The first is
+taken to be rare (ONE_FALL), so that stones of any speed are not mistaken for it; forty stones of one speed show it.
 """
 
 from __future__ import annotations
@@ -18,8 +20,9 @@ from recognition.estimation.arrays import Floats
 from recognition.stream.listen import Heard
 from recognition.stream.prior import StonePrior
 
-OTHERWISE = 0.1
-MEANS, SPREADS, SHARES = 25, 6, 21  # nodes of mean, standard deviation and share of gangue
+ONE_FALL, OTHERWISE = 0.01, 0.1
+WIDEST = 0.1  # standard deviation of the speeds of one fall, by the middle of the limits
+MEANS, SPREADS, SHARES = 25, 4, 21  # nodes of mean, standard deviation and share of gangue
 
 
 def with_speed_law(heard: Sequence[Heard], prior: StonePrior) -> list[Heard]:
@@ -35,26 +38,29 @@ def with_speed_law(heard: Sequence[Heard], prior: StonePrior) -> list[Heard]:
 def speed_law(log_evidence: Floats, speed_m_s: Floats) -> Floats:
     """(speeds,): how likely each speed is, the mean over all laws by their posterior probability.
 
-    log_evidence (stones, 2, speeds): of coal and gangue at equally spaced speeds. All means and shares of gangue are
-    equally likely beforehand, standard deviations in their logarithm, from that of one step of the speeds to that of
-    all of them.
+    log_evidence (stones, 2, speeds): of coal and gangue at equally spaced speeds. Means and shares of gangue are
+    equally likely beforehand, and so are the logarithms of standard deviations from that of one step of the speeds on.
     """
     laws = _laws(speed_m_s)
+    likely = np.r_[np.full(len(laws) - 1, ONE_FALL / (len(laws) - 1)), 1 - ONE_FALL]
     top = log_evidence.max(axis=(1, 2), keepdims=True)
     coal, gangue = np.moveaxis(np.exp(log_evidence - top) @ laws.T, 1, 0)  # (stones, laws)
     share = (np.arange(SHARES) + 0.5)[:, None, None] / SHARES
     log_posterior = logsumexp(np.log((1 - share) * coal + share * gangue).sum(axis=1), axis=0)
-    weight = np.exp(log_posterior - log_posterior.max())
+    weight = likely * np.exp(log_posterior - log_posterior.max())
     return np.asarray(weight @ laws / weight.sum())
 
 
 def _laws(speed_m_s: Floats) -> Floats:
-    """(laws, speeds): probabilities of the speeds by each mean and standard deviation."""
-    step, span = speed_m_s[1] - speed_m_s[0], speed_m_s[-1] - speed_m_s[0]
+    """(laws, speeds): probabilities of the speeds by each mean and standard deviation, and at last the uniform law."""
+    step = speed_m_s[1] - speed_m_s[0]
     mean = np.linspace(speed_m_s[0], speed_m_s[-1], MEANS)[:, None, None]
-    spread = np.geomspace(step / np.sqrt(12), span, SPREADS)[None, :, None]
+    least = step / np.sqrt(12)
+    spread = np.geomspace(least, max(least, WIDEST * speed_m_s.mean()), SPREADS)[None, :, None]
     normal = np.exp(-0.5 * ((speed_m_s - mean) / spread) ** 2).reshape(-1, len(speed_m_s))
-    return np.asarray((1 - OTHERWISE) * normal / normal.sum(axis=1, keepdims=True) + OTHERWISE / len(speed_m_s))
+    uniform = np.full((1, len(speed_m_s)), 1 / len(speed_m_s))
+    fall = (1 - OTHERWISE) * normal / normal.sum(axis=1, keepdims=True) + OTHERWISE * uniform
+    return np.asarray(np.vstack([fall, uniform]))
 
 
 def _by_speed(stone: Heard, speed_m_s: Floats) -> Floats:

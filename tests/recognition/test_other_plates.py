@@ -69,7 +69,7 @@ def test_histories_and_law_are_of_the_rock_of_today():
     """After any change of rock or contact, `make forces` makes both anew."""
     assert stored_rock() == rock_of(SCENE.with_name("single.toml"))
     again, shipped = StoneForces.fit(histories("learnt")), load_forces()
-    assert shipped.offset == pytest.approx(again.offset, abs=1e-6)
+    assert shipped.whole == pytest.approx(again.whole, abs=1e-6)
     assert np.abs(shipped.form) == pytest.approx(np.abs(again.form), abs=1e-6)
 
 

@@ -8,7 +8,7 @@ import pytest
 from recognition.stream.law_file import load_forces
 from recognition.stream.listen import Heard
 from recognition.stream.prior import TRIPLE, StonePrior
-from recognition.stream.speed_law import OTHERWISE, speed_law, with_speed_law
+from recognition.stream.speed_law import ONE_FALL, OTHERWISE, speed_law, with_speed_law
 
 RADII_m = (0.015, 0.035)
 
@@ -20,8 +20,9 @@ def stones_of(prior: StonePrior, gangue, radius_m, speed_m_s, rng) -> list[Heard
     found = []
     for g, radius, speed in zip(gangue, radius_m, speed_m_s, strict=True):
         stone = np.zeros(6)
-        scatter = law.scatter_at(int(g), np.array(speed)) + errors
-        stone[TRIPLE] = rng.multivariate_normal(law.mean(int(g), radius, speed), scatter)
+        broken = rng.random() < law.share_at(int(g), speed)
+        mean, scatter = ((law.broken_mean, law.broken_scatter) if broken else (law.mean, law.scatter[int(g)]))
+        stone[TRIPLE] = rng.multivariate_normal(mean(int(g), np.array(radius), np.array(speed)), scatter + errors)
         with_wide = np.linalg.inv(np.linalg.inv(errors) + prior.precision)
         linear = np.linalg.solve(errors, stone[TRIPLE]) + prior.precision @ prior.typical
         log_evidence, weights = prior.evidence(with_wide @ linear, with_wide)
@@ -34,13 +35,15 @@ def test_speed_law_is_the_sum_over_all_materials():
     rng = np.random.default_rng(1)
     log_evidence = rng.normal(0, 2, (3, 2, 4))
     speed = np.linspace(2, 4, 4)
-    span, step = 2.0, 2.0 / 3
-    total, expected = 0.0, np.zeros(4)
-    for mean, spread in product(np.linspace(2, 4, 25), np.geomspace(step / np.sqrt(12), span, 6)):
+    step = 2.0 / 3
+    laws = [(1 - ONE_FALL, np.full(4, 0.25))]
+    for mean, spread in product(np.linspace(2, 4, 25), np.geomspace(step / np.sqrt(12), 0.3, 4)):
         density = np.exp(-0.5 * ((speed - mean) / spread) ** 2)
-        law = (1 - OTHERWISE) * density / density.sum() + OTHERWISE / 4
+        laws.append((ONE_FALL / 100, (1 - OTHERWISE) * density / density.sum() + OTHERWISE / 4))
+    total, expected = 0.0, np.zeros(4)
+    for likely, law in laws:
         for share in (np.arange(21) + 0.5) / 21:
-            weight = 1.0
+            weight = likely
             for one in np.exp(log_evidence):
                 weight *= (1 - share) * (one[0] @ law) + share * (one[1] @ law)
             total, expected = total + weight, expected + weight * law

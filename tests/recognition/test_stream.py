@@ -59,7 +59,7 @@ def test_law_of_elastic_spheres(forces):
     for gangue in (False, True):
         stone = elastic_stone(gangue, 0.018, 2.9)
         impulse, _, duration = stone.moments()
-        mean = forces.mean(int(gangue), 0.018, 2.9)
+        mean = forces.mean(int(gangue), np.array(0.018), np.array(2.9))
         assert np.exp(mean[[0, 2]]) == pytest.approx([duration, impulse], rel=0.01)
         assert impulse == pytest.approx(2 * stone.mass_kg * 2.9, rel=0.01)
 
@@ -67,7 +67,7 @@ def test_law_of_elastic_spheres(forces):
 def test_file_of_the_law(forces, tmp_path):
     save_forces(forces, tmp_path / "law.json")
     again = load_forces(tmp_path / "law.json")
-    assert all(np.array_equal(getattr(again, name), getattr(forces, name)) for name in ("form", "offset", "scatter"))
+    assert all(np.array_equal(getattr(again, name), getattr(forces, name)) for name in ("form", "whole", "scatter"))
     (tmp_path / "law.json").write_text("{}")
     with pytest.raises(RecognitionError, match="law.json"):
         load_forces(tmp_path / "law.json")
