@@ -2,10 +2,10 @@
 
 Stones that fall from one height are as fast as each other, and impulse and duration of one stone alone do not tell a
 fast coal stone from a slow one of gangue: log J - 3 log s = log rho + 1.6 log v + const, whatever its radius. There are
-two cases. In one, the speeds are normal, with a mean that is unknown and a standard deviation of at
-most a tenth of the middle of the limits, but for the share OTHERWISE of stones that bounced or slid, whose speed may be
-any between the limits. In the other, all have any speed between the limits. The first is
-taken to be rare (ONE_FALL), so that stones of any speed are not mistaken for it; forty stones of one speed show it.
+two cases. In one, the speeds are normal, with a mean that is unknown and a standard deviation of at most a tenth of the
+middle of the limits, but for the share OTHERWISE of stones that bounced or slid, which have any speed between the
+limits. In the other, all have any speed between the limits. The first is taken to be rare (ONE_FALL), so that stones of
+any speed are not mistaken for it; forty stones of one speed show it.
 """
 
 from __future__ import annotations
