@@ -45,8 +45,8 @@ def speed_law(log_evidence: Floats, speed_m_s: Floats) -> Floats:
     likely = np.r_[np.full(len(laws) - 1, ONE_FALL / (len(laws) - 1)), 1 - ONE_FALL]
     top = log_evidence.max(axis=(1, 2), keepdims=True)
     coal, gangue = np.moveaxis(np.exp(log_evidence - top) @ laws.T, 1, 0)  # (stones, laws)
-    share = (np.arange(SHARES) + 0.5)[:, None, None] / SHARES
-    log_posterior = logsumexp(np.log((1 - share) * coal + share * gangue).sum(axis=1), axis=0)
+    shares = (np.arange(SHARES) + 0.5) / SHARES
+    log_posterior = logsumexp([np.log((1 - p) * coal + p * gangue).sum(axis=0) for p in shares], axis=0)
     weight = likely * np.exp(log_posterior - log_posterior.max())
     return np.asarray(weight @ laws / weight.sum())
 
