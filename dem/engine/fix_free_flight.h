@@ -1,6 +1,5 @@
 #pragma once
 #include <memory>
-#include <string>
 #include <vector>
 
 #include "agglomerates.h"
@@ -12,7 +11,6 @@
 #include "free_flight_partners.h"
 #include "held_bodies.h"
 #include "hertz_law.h"
-#include "reach_pairs.h"
 
 namespace LAMMPS_NS {
 

@@ -1,8 +1,6 @@
 #pragma once
 #include <cstdio>
 #include <memory>
-#include <set>
-#include <string>
 #include <vector>
 
 #include "agglomerates.h"

@@ -2,23 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "atom.h"
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
-#include "fix_property_atom.h"
-#include "fixes.h"
 #include "force.h"
 #include "neighbor.h"
 #include "primitive_wall.h"
 #include "smooth_contact.h"
-#include "touching.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
-using namespace FixConst;
 
 namespace {
 
@@ -80,11 +75,9 @@ FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
   return o;
 }
 
-FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
-    : FixWallGran(lmp, arguments_of_stock_wall(narg, arg).size(), arguments_of_stock_wall(narg, arg).data()) {
+FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg) : FixWall(lmp, narg, arg) {
   const Options o = read_options(narg, arg);
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, o.agglomerates);
-  work_on_stone_.assign(agglomerates_->count(), 0);
+  read_agglomerates(o.agglomerates);
   work_on_plate_ = work_on_stone_;
   if (!o.shapes.empty())
     coupling_ = std::make_unique<PlateCoupling>(lmp, o.shapes, o.to_plate, o.from_plate, co_step_, o.weak);
@@ -94,7 +87,6 @@ FixWallPlate::FixWallPlate(LAMMPS *lmp, int narg, char **arg)
   else
     contact_ = std::make_unique<SmoothContact>(lmp, *agglomerates_, *this, *this, o.yield_pressure_Pa, o.surface);
   if (coupling_) coupling_->set_extent(extent_);
-  nevery = 1;
   if (const SphereMemory *memory = contact_->memory()) {
     create_attribute = 1;
     comm->maxexchange_fix += memory->columns();
@@ -107,13 +99,6 @@ FixWallPlate::~FixWallPlate() {
 }
 
 /* --- the step ------------------------------------------------------------------------------------------------ */
-
-int FixWallPlate::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
-
-void FixWallPlate::init() {
-  FixWallGran::init();
-  agglomerates_->follow(fix_that_is<StoneStream>(modify));
-}
 
 void FixWallPlate::setup(int vflag) {
   contact_->setup();
@@ -130,24 +115,16 @@ void FixWallPlate::setup(int vflag) {
   work_on_plate_ = on_plate;
 }
 
-void FixWallPlate::pre_force(int) {
-  if (!rebuildPrimitiveNeighlist_) return;
-  rebuildPrimitiveNeighlist_ = false;
-  list_near();
-}
-
-// The list that the stock wall goes through: everything that the plate could reach before the next build.
 void FixWallPlate::list_near() {
   listed_reach_ = coupling_ ? std::max(LEAST_LISTED_REACH_M, 2 * coupling_->reach()) : 0;
   const double listed = neighbor->skin + listed_reach_ + contact_->listed_height();
   primitiveWall_->buildNeighList(listed, atom->x, atom->radius, atom->nlocal);
-  int *list;
-  const int n = primitiveWall_->getNeighbors(list);
-  near_.assign(n, NearSphere());
-  for (int k = 0; k < n; k++) near_[k].i = list[k];
+  take_list_of_stock_wall();
+  const size_t n = near_.size();
   for (const int tag : contact_->always_listed()) {
     const int i = atom->map(tag);
-    if (i < 0 || i >= atom->nlocal || std::find(list, list + n, i) != list + n) continue;
+    const bool is_listed = std::any_of(near_.begin(), near_.begin() + n, [i](const NearSphere &p) { return p.i == i; });
+    if (i < 0 || i >= atom->nlocal || is_listed) continue;
     near_.emplace_back();
     near_.back().i = i;
   }
@@ -171,7 +148,7 @@ void FixWallPlate::post_force(int vflag) {
 
 void FixWallPlate::add_work() {
   const double dt = update->dt;
-  add_work_of_wall(work_on_stone_, near_, atom, *agglomerates_, 0.5 * dt);
+  add_half_work();
   for (const NearSphere &p : near_) {
     if (!p.touches) continue;
     work_on_plate_[agglomerates_->of_tag(atom->tag[p.i])] -=
@@ -180,7 +157,7 @@ void FixWallPlate::add_work() {
 }
 
 void FixWallPlate::post_integrate() {
-  add_work_of_wall(work_on_stone_, near_, atom, *agglomerates_, 0.5 * update->dt);
+  FixWall::post_integrate();
   step_in_co_step_++;
 }
 
@@ -224,8 +201,6 @@ Vec FixWallPlate::from_wall(const NearSphere &p) const {
   return Vec(across[0], across[1], z);
 }
 
-double *FixWallPlate::history(int i) { return fix_history_primitive_->array_atom[i]; }
-
 /* --- for the ledger and for bodies in free flight ------------------------------------------------------------ */
 
 void FixWallPlate::add_to(LedgerRows &rows) {
@@ -266,20 +241,18 @@ void FixWallPlate::save(CheckpointWriter &out) {
   recorder_->save(out);
   if (coupling_) coupling_->save(out);
   contact_->save(out, near_);
-  out.sum("wall_work_on_stone", work_on_stone_);
   out.sum("wall_work_on_plate", work_on_plate_);
   out.common("wall_step_in_co_step", {static_cast<double>(step_in_co_step_)});
-  save_touching(out, "wall_contacts", near_, atom);
+  save_wall(out, "wall_work_on_stone", "wall_contacts");
 }
 
 void FixWallPlate::restore(const CheckpointReader &in) {
   recorder_->restore(in);
   if (coupling_) coupling_->restore(in);
   contact_->restore(in);
-  work_on_stone_ = in.sum("wall_work_on_stone", work_on_stone_.size());
   work_on_plate_ = in.sum("wall_work_on_plate", work_on_plate_.size());
   step_in_co_step_ = static_cast<int>(in.common("wall_step_in_co_step", 1)[0]);
-  near_ = touching_from(in, "wall_contacts", atom);
+  restore_wall(in, "wall_work_on_stone", "wall_contacts");
 }
 
 void FixWallPlate::saved(long long step) {

@@ -1,15 +1,10 @@
 #pragma once
 #include <memory>
-#include <string>
 #include <vector>
 
-#include "agglomerates.h"
-#include "checkpointed.h"
 #include "contact_recorder.h"
-#include "energy_holder.h"
-#include "fix_wall_gran.h"
+#include "fix_wall.h"
 #include "free_flight_partners.h"
-#include "granular_contact.h"
 #include "plate_contact.h"
 #include "plate_coupling.h"
 
@@ -26,20 +21,11 @@ namespace LAMMPS_NS {
 // ContactRecorder, whose rows of forces cover `rows` steps, or a co-step). With a `surface` file bonded stones touch as
 // the smooth bodies that they stand for (SmoothContact), with a file of `faces` those are columns of rock (FaceColumns).
 // Forces and lengths are in SI units.
-class FixWallPlate : public FixWallGran,
-                     public Checkpointed,
-                     public EnergyHolder,
-                     public Obstacle,
-                     public Pushed,
-                     public StoneKeeper,
-                     public StockWall,
-                     public PlateBeneath {
+class FixWallPlate : public FixWall, public Obstacle, public Pushed, public StoneKeeper, public PlateBeneath {
  public:
   FixWallPlate(class LAMMPS *, int, char **);
   ~FixWallPlate() override;
 
-  int setmask() override;
-  void init() override;
   void setup(int) override;
   void post_integrate() override;
   void post_force(int) override;
@@ -71,37 +57,28 @@ class FixWallPlate : public FixWallGran,
   void skip(long long co_steps) override;
   void ask_reach() override;
 
- protected:
-  void pre_force(int) override;
-
  private:
-  std::unique_ptr<Agglomerates> agglomerates_;
   std::unique_ptr<PlateContact> contact_;
   std::unique_ptr<PlateCoupling> coupling_;  // only of a plate that moves
   std::unique_ptr<ContactRecorder> recorder_;
-  std::vector<NearSphere> near_;
   double extent_[4];           // XMIN XMAX YMIN YMAX, m
   int co_step_ = 1, step_in_co_step_ = 0;
   int contacts_every_ = 1;     // steps between two records of all contacts
   double listed_reach_ = 0;    // of the plate, with which near_ was listed, m
-  std::vector<double> work_on_stone_, work_on_plate_;  // of the contact so far, by agglomerate, J
+  std::vector<double> work_on_plate_;  // of the stones so far, by agglomerate, J
 
   struct Options;
   Options read_options(int narg, char **arg);
   double plate_reach() const { return coupling_ ? coupling_->reach() : 0; }
-  void list_near();
+  void list_near() override;
   void end_co_step(bool first);
   void add_work();
   void add_forces(double weight);
 
-  int type() const override { return atom_type_wall_; }
   Vec from_wall(const NearSphere &) const override;
   void find_plate(size_t near) override {
     if (coupling_) coupling_->find(near_[near], near, step_in_co_step_);
   }
-  void act(int vflag) override { FixWallGran::post_force(vflag); }
-  int history_size() const override { return dnum_; }
-  double *history(int i) override;
 };
 
 }  // namespace LAMMPS_NS

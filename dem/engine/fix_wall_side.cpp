@@ -8,17 +8,12 @@
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
-#include "fix_property_atom.h"
-#include "fixes.h"
 #include "force.h"
 #include "neighbor.h"
 #include "primitive_wall.h"
-#include "stone_stream.h"
-#include "touching.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
-using namespace FixConst;
 
 /* --- the line of the deck ------------------------------------------------------------------------------------ */
 
@@ -51,12 +46,9 @@ std::string FixWallSide::read_options(int narg, char **arg) {
   return agglomerates;
 }
 
-FixWallSide::FixWallSide(LAMMPS *lmp, int narg, char **arg)
-    : FixWallGran(lmp, arguments_of_stock_wall(narg, arg).size(), arguments_of_stock_wall(narg, arg).data()) {
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, read_options(narg, arg));
+FixWallSide::FixWallSide(LAMMPS *lmp, int narg, char **arg) : FixWall(lmp, narg, arg) {
+  read_agglomerates(read_options(narg, arg));
   contact_ = std::make_unique<GranularContact>(lmp, *agglomerates_, *this, 0.0, id);
-  work_.assign(agglomerates_->count(), 0);
-  nevery = 1;
 }
 
 FixWallSide::~FixWallSide() {
@@ -64,13 +56,6 @@ FixWallSide::~FixWallSide() {
 }
 
 /* --- the step ------------------------------------------------------------------------------------------------ */
-
-int FixWallSide::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
-
-void FixWallSide::init() {
-  FixWallGran::init();
-  agglomerates_->follow(fix_that_is<StoneStream>(modify));
-}
 
 void FixWallSide::setup(int vflag) {
   contact_->setup();
@@ -82,10 +67,8 @@ void FixWallSide::setup(int vflag) {
 
 Vec FixWallSide::from_box(int i) const { return LAMMPS_NS::from_wall(Vec(atom->x[i]), box_); }
 
-// The list that the stock wall goes through. It looks for what is near z = 0.
-void FixWallSide::pre_force(int) {
-  if (!rebuildPrimitiveNeighlist_) return;
-  rebuildPrimitiveNeighlist_ = false;
+// The stock wall looks for what is near z = 0.
+void FixWallSide::list_near() {
   std::vector<double> z(atom->nlocal);
   for (int i = 0; i < atom->nlocal; i++) {
     z[i] = atom->x[i][2];
@@ -93,18 +76,14 @@ void FixWallSide::pre_force(int) {
   }
   primitiveWall_->buildNeighList(neighbor->skin, atom->x, atom->radius, atom->nlocal);
   for (int i = 0; i < atom->nlocal; i++) atom->x[i][2] = z[i];
-  int *list;
-  near_.assign(primitiveWall_->getNeighbors(list), NearSphere());
-  for (size_t k = 0; k < near_.size(); k++) near_[k].i = list[k];
+  take_list_of_stock_wall();
 }
 
 void FixWallSide::post_force(int vflag) {
   contact_->add_forces(near_, 0, vflag);
-  add_work_of_wall(work_, near_, atom, *agglomerates_, 0.5 * update->dt);
+  add_half_work();
   add_pushes();
 }
-
-void FixWallSide::post_integrate() { add_work_of_wall(work_, near_, atom, *agglomerates_, 0.5 * update->dt); }
 
 void FixWallSide::end_of_step() {
   std::vector<double> beside;  // a contact alone gives nothing but its force
@@ -139,10 +118,8 @@ void FixWallSide::flush() {
   if (forces_ && std::fflush(forces_) != 0) error->one(FLERR, "cannot write the forces on a wall");
 }
 
-double *FixWallSide::history(int i) { return fix_history_primitive_->array_atom[i]; }
-
 void FixWallSide::add_to(LedgerRows &rows) {
-  rows.add(WALL_WORK, work_);
+  rows.add(WALL_WORK, work_on_stone_);
   contact_->add_energies(rows, near_);
 }
 
@@ -152,17 +129,15 @@ void FixWallSide::save(CheckpointWriter &out) {
   flush();
   const std::string name = id;
   contact_->save(out, near_);
-  out.sum(name + "_work", work_);
   out.sum(name + "_pushed", {pushed_.x, pushed_.y, pushed_.z});
   out.common(name + "_row_end", {static_cast<double>(row_end_)});
-  save_touching(out, name + "_contacts", near_, atom);
+  save_wall(out, name + "_work", name + "_contacts");
 }
 
 void FixWallSide::restore(const CheckpointReader &in) {
   const std::string name = id;
   contact_->restore(in);
-  work_ = in.sum(name + "_work", work_.size());
   pushed_ = Vec(in.sum(name + "_pushed", 3).data());
   row_end_ = static_cast<bigint>(in.common(name + "_row_end", 1)[0]);
-  near_ = touching_from(in, name + "_contacts", atom);
+  restore_wall(in, name + "_work", name + "_contacts");
 }

@@ -2,16 +2,11 @@
 #include <cstdio>
 #include <memory>
 #include <string>
-#include <vector>
 
-#include "agglomerates.h"
-#include "checkpointed.h"
-#include "energy_holder.h"
-#include "fix_wall_gran.h"
+#include "fix_wall.h"
 #include "free_flight_partners.h"
 #include "granular_contact.h"
 #include "outline.h"
-#include "plate_contact.h"
 
 namespace LAMMPS_NS {
 
@@ -23,19 +18,12 @@ namespace LAMMPS_NS {
 //
 // Forces file: int64 step, double x, y, z, N: a row for each N steps, up to and with this one, in which something pushed
 // on the wall, with the mean force on it.
-class FixWallSide : public FixWallGran,
-                    public Checkpointed,
-                    public EnergyHolder,
-                    public SideWall,
-                    public StockWall {
+class FixWallSide : public FixWall, public SideWall {
  public:
   FixWallSide(class LAMMPS *, int, char **);
   ~FixWallSide() override;
 
-  int setmask() override;
-  void init() override;
   void setup(int) override;
-  void post_integrate() override;
   void post_force(int) override;
   void end_of_step() override;
   void post_run() override { flush(); }
@@ -46,18 +34,12 @@ class FixWallSide : public FixWallGran,
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
 
- protected:
-  void pre_force(int) override;
-
  private:
-  std::unique_ptr<Agglomerates> agglomerates_;
   std::unique_ptr<GranularContact> contact_;
-  std::vector<NearSphere> near_;
   WallOutline box_;
-  std::vector<double> work_;  // of the wall on the sub-spheres so far, by agglomerate, J
-  int every_ = 0;             // steps of a row of forces
-  bigint row_end_ = 0;        // step at which the present one ends
-  Vec pushed_;                // sum over the steps of the row so far, on this rank, N
+  int every_ = 0;       // steps of a row of forces
+  bigint row_end_ = 0;  // step at which the present one ends
+  Vec pushed_;          // sum over the steps of the row so far, on this rank, N
   FILE *forces_ = nullptr;
 
   std::string read_options(int narg, char **arg);
@@ -65,12 +47,8 @@ class FixWallSide : public FixWallGran,
   void add_pushes();
   void write_row();
   void flush();
-
-  int type() const override { return atom_type_wall_; }
+  void list_near() override;
   Vec from_wall(const NearSphere &p) const override { return from_box(p.i); }
-  void act(int vflag) override { FixWallGran::post_force(vflag); }
-  int history_size() const override { return dnum_; }
-  double *history(int i) override;
 };
 
 }  // namespace LAMMPS_NS

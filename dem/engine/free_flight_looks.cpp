@@ -9,6 +9,7 @@
 #include "force.h"
 #include "neigh_list.h"
 #include "pair.h"
+#include "reach_pairs.h"
 #include "stone_stream.h"
 #include "update.h"
 
