@@ -77,6 +77,10 @@ def _lay_out(figure: Figure) -> None:
     nothing, `savefig` draws all of the figure twice."""
     FigureCanvasSVG(figure)
     figure.dpi = FigureCanvasSVG.fixed_dpi
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if not axis.get_label_text():  # its place would be sought from all tick labels, each time again
+                axis.set_label_coords(0.5, 0.0)
     engine = figure.get_layout_engine()
     if engine is not None:
         for axes in figure.axes:
