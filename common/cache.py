@@ -44,9 +44,11 @@ def user_cache() -> Path:
 def key_of(code: Path, *inputs: Any) -> str:
     """Return the key of what the modules in the directory `code` find from `inputs`, whose repr must tell all of them.
 
-    Libraries and the kind of machine belong to it, since round-off differs between them.
+    Libraries, the kind of machine and the number of threads of linear algebra belong to it, since round-off differs
+    between them.
     """
-    text = f"{_modules(code)} {np.__version__} {scipy.__version__} {platform.machine()} {inputs!r}"
+    threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or os.cpu_count()
+    text = f"{_modules(code)} {np.__version__} {scipy.__version__} {platform.machine()} {threads} {inputs!r}"
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 

@@ -2,25 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     import pandas as pd
 
+#: A table as a run makes it, without pandas, which takes longer to import than all else that a run needs: arrays of one
+#: length by name.
+Columns = dict[str, np.ndarray]
 
-def write_parquet(table: pd.DataFrame, file: Path) -> None:
+
+def write_parquet(table: pd.DataFrame | Mapping[str, np.ndarray], file: Path) -> None:
     """Write a table without its index, with a CRC-32 in each page.
 
     Of numbers in double precision each byte is a stream of its own: signals are smooth in the upper ones, which then
     compress (docs/runs.md).
     """
-    numbers = [name for name in table.columns if table[name].dtype.kind == "f"]
-    others = [name for name in table.columns if name not in numbers]
-    table.to_parquet(file, index=False, compression="zstd", use_dictionary=others, use_byte_stream_split=numbers,
-                     write_page_checksum=True)
+    import pyarrow as pa
+    from pyarrow.parquet import write_table
+
+    if isinstance(table, Mapping):
+        arrow = pa.Table.from_arrays([_arrow(values) for values in table.values()], names=list(table))
+    else:
+        arrow = pa.Table.from_pandas(table, preserve_index=False)
+    numbers = [column.name for column in arrow.schema if pa.types.is_floating(column.type)]
+    others = [name for name in arrow.column_names if name not in numbers]
+    write_table(arrow, file, compression="zstd", use_dictionary=others, use_byte_stream_split=numbers,
+                write_page_checksum=True)
+
+
+def _arrow(values: np.ndarray) -> Any:
+    """Numbers, of which NaN is no number, or text as an array of pyarrow; `pyarrow.array` imports pandas."""
+    import pyarrow as pa
+
+    if values.dtype.kind not in "fiu":
+        texts = [str(text).encode() for text in values.tolist()]
+        ends = np.cumsum([0, *map(len, texts)], dtype=np.int64)
+        buffers = [None, pa.py_buffer(ends), pa.py_buffer(b"".join(texts))]
+        return pa.Array.from_buffers(pa.large_string(), len(texts), buffers)
+    missing = np.isnan(values) if values.dtype.kind == "f" else np.zeros(0, dtype=bool)
+    known = pa.py_buffer(np.packbits(~missing, bitorder="little")) if missing.any() else None
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values),
+                                 [known, pa.py_buffer(np.ascontiguousarray(values))])
 
 
 def read_parquet(file: Path) -> pd.DataFrame:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import ctypes
-import multiprocessing
 import os
 import signal
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
 
 Result = TypeVar("Result")
 PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
@@ -35,7 +35,7 @@ def side_by_side(work: Callable[[int], Result], count: int,
     if processes <= 1:
         beside()
         return [work(number) for number in range(count)]
-    pool = ProcessPoolExecutor(processes, multiprocessing.get_context("fork"), _begin, (work,))
+    pool = _pool(processes, work)
     try:
         found = pool.map(_do, range(count))
         beside()
@@ -53,13 +53,22 @@ def apart(work: Callable[[], Result]) -> Result:
     Raises Crashed then, else what `work` raises."""
     if sys.platform != "linux":
         return work()
-    pool = ProcessPoolExecutor(1, multiprocessing.get_context("fork"), _begin, (lambda _: work(),))
+    from concurrent.futures.process import BrokenProcessPool  # late, as in `_pool`
+
+    pool = _pool(1, lambda _: work())
     try:
         return pool.submit(_do, 0).result()
     except BrokenProcessPool:
         raise Crashed("the process that worked for this one crashed") from None
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _pool(processes: int, work: Callable[[int], Any]) -> ProcessPoolExecutor:
+    import multiprocessing  # late: a tenth of the time that a command which only reads may take
+    from concurrent.futures import ProcessPoolExecutor
+
+    return ProcessPoolExecutor(processes, multiprocessing.get_context("fork"), _begin, (work,))
 
 
 def _begin(work: Callable[[int], Any]) -> None:

@@ -88,7 +88,7 @@ def _lowest(part: Part, limit: float, count: int) -> tuple[np.ndarray, np.ndarra
         inverse = LinearOperator(stiffness.shape, part.inverse.solve, dtype=float)
         start = np.random.default_rng(1).standard_normal(size)
         values, vectors = eigsh(
-            stiffness, count + 1, mass, sigma=-part.shift, OPinv=inverse, v0=start, ncv=kept, tol=1e-12
+            stiffness, count + 1, mass.tocsr(), sigma=-part.shift, OPinv=inverse, v0=start, ncv=kept, tol=1e-12
         )
     order = np.argsort(values)
     values, vectors = values[order], vectors[:, order]

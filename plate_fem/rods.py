@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.sparse as sp
@@ -68,16 +69,17 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     """
     points, weights = disc_quadrature(rod.x_m, rod.y_m, rod.diameter_m / 2)
     mean = sp.csr_array(weights[None, :])
-    stiffness, mass, top, base = _bar(rod, max_frequency_Hz)
+    alike = rod.model_copy(update={"x_m": 0.0, "y_m": 0.0})  # of equal rods the matrices are made once
+    stiffness, mass, top, base = _bar(alike, max_frequency_Hz)
     bar = Part(stiffness, mass, (top[0],), mean @ system.deflection(points), (base[0],))
     spring = system.plate.youngs_modulus_Pa * (rod.diameter_m / 2) ** 3 / JOINT_COMPLIANCE
-    stiffness, mass, top, base = _joined(*_beam(rod, max_frequency_Hz), spring)
+    stiffness, mass, top, base = _joined(*_beam(alike, max_frequency_Hz), spring)
     lower_m = -system.plate.thickness_m / 2
     sideways = [system.lateral(points, axis, lower_m) for axis in (0, 1)]
     turned = [system.rotation(points, axis) for axis in (0, 1)]
     rows = [sp.csr_array(sp.vstack([mean @ v, mean @ psi])) for v, psi in zip(sideways, turned, strict=True)]
     beams = [Part(stiffness, mass, tuple(top), row, tuple(base)) for row in rows]
-    stiffness, mass, top, base = _shaft(rod, max_frequency_Hz)
+    stiffness, mass, top, base = _shaft(alike, max_frequency_Hz)
     shaft = Part(stiffness, mass, (top[0],), system.yaw(), (base[0],))
     return [bar, *beams, shaft]
 
@@ -113,12 +115,13 @@ def _area(rod: Rod) -> float:
     return math.pi * rod.diameter_m**2 / 4
 
 
-
+@lru_cache(maxsize=4)
 def _bar(rod: Rod, max_frequency_Hz: float) -> Matrices:
     """Return the bar in tension."""
     return _second_order(rod, rod.youngs_modulus_Pa * _area(rod), rod.density_kg_m3 * _area(rod), max_frequency_Hz)
 
 
+@lru_cache(maxsize=4)
 def _shaft(rod: Rod, max_frequency_Hz: float) -> Matrices:
     """Return the shaft in torsion."""
     polar = math.pi * rod.diameter_m**4 / 32
@@ -134,6 +137,7 @@ def _second_order(rod: Rod, stiff: float, inertia: float, max_frequency_Hz: floa
     return stiffness, mass, basis.nodal_dofs[:, 0], basis.nodal_dofs[:, -1]
 
 
+@lru_cache(maxsize=4)
 def _beam(rod: Rod, max_frequency_Hz: float) -> Matrices:
     """Return the Timoshenko beam: lateral displacement v and rotation of its sections psi at its top and at its base.
 

@@ -8,7 +8,7 @@ without any loss of freedom, and the element cannot lock, although every integra
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -47,6 +47,7 @@ class PlateSystem:
     basis_w: skfem.Basis
     order_w: np.ndarray  # number in basis_w of each deflection unknown
     rotation_basis: skfem.Basis | None = None  # of one rotation (Mindlin)
+    _last_probes: dict[bytes, sp.coo_array] = field(default_factory=dict, repr=False)
 
     @property
     def n_nodes(self) -> int:
@@ -66,9 +67,18 @@ class PlateSystem:
         if self.theory == "kirchhoff":
             return self.deflection(points_m, (1, 0) if axis == 0 else (0, 1))
         assert self.rotation_basis is not None  # a Mindlin plate has one
-        rows = sp.coo_array(self.rotation_basis.probes(np.asarray(points_m, float).T))
+        rows = self._probes(self.rotation_basis, np.asarray(points_m, float))
         start = 4 * self.n_nodes + axis * self.rotation_basis.N
         return sp.csr_array((rows.data, (rows.row, rows.col + start)), shape=(rows.shape[0], self.size))
+
+    def _probes(self, basis: skfem.Basis, points_m: np.ndarray) -> sp.coo_array:
+        """The values of a rotation's basis at points (k, 2), kept of the last ones: both rotations and both
+        displacements are asked for at the same points."""
+        key = points_m.tobytes()
+        if key not in self._last_probes:
+            self._last_probes.clear()
+            self._last_probes[key] = sp.coo_array(basis.probes(points_m.T))
+        return self._last_probes[key]
 
     def lateral(self, points_m: np.ndarray, axis: int, z_m: float) -> sp.csr_array:
         """Return the sparse matrix (k, size) of the displacement along x (axis 0) or y (axis 1) at points (k, 2).

@@ -118,3 +118,14 @@ def test_a_find_that_fails_leaves_nothing(tmp_path):
         cached(tmp_path, "test", KEY, lambda: {"values": 1 // 0})
     assert not entry_file(tmp_path, "test", KEY).exists()
     assert len(cached(tmp_path, "test", KEY, lambda: ARRAYS)) == 3
+
+
+@pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"])
+def test_what_was_found_with_other_threads_is_another_entry(tmp_path, monkeypatch, name):
+    """Modes of the paper's plate differ in their last bits, and after 0.6 s the bonds that break."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    keys = set()
+    for threads in ("1", "2", "1"):
+        monkeypatch.setenv(name, threads)
+        keys.add(key_of(tmp_path, "modes"))
+    assert len(keys) == 2

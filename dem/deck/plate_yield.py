@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from common import hertz
+from common.parquet import Columns
 from common.scene import Scene
 from dem.stones.assembly import Assembly
 from plate_fem.contact_stress import YIELD_PRESSURE, HertzContact
@@ -81,7 +81,7 @@ def _verdict(report: dict[str, Any]) -> str:
     return f"{contacts}; bending {'yields' if bending >= limit else 'stays elastic'}"
 
 
-def read_contacts(file: Path, dt_s: float) -> pd.DataFrame:
+def read_contacts(file: Path, dt_s: float) -> Columns:
     """Read the contacts with the plate at each sample: t_s, stone (agglomerate, 1-based), place, elastic normal force,
     radius of the sphere that presses (that of the flattened contact where the plate has yielded)."""
     data, rows, at = np.fromfile(file, dtype="<f8"), [], 0
@@ -93,4 +93,5 @@ def read_contacts(file: Path, dt_s: float) -> pd.DataFrame:
         at += 2 + 5 * n
     table = np.vstack(rows) if rows else np.zeros((0, 6))
     names = ["t_s", "agglomerate", "x_m", "y_m", "force_N", "radius_m"]
-    return pd.DataFrame(table, columns=names).astype({"agglomerate": int})
+    columns = dict(zip(names, table.T, strict=True))
+    return columns | {"agglomerate": columns["agglomerate"].astype(int)}

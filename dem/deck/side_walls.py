@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
+from common.parquet import Columns
 from common.scene import PLATE, ContactTable, Scene, contact_key
 from dem.deck.time_step import TimeStep
 
@@ -42,27 +42,28 @@ def contact_of_types(scene: Scene, first: str, second: str, stones_meet: bool) -
     return scene.contacts.get(contact_key(first, second)) if stones_meet or PLATE in names else None
 
 
-def read_walls(scene: Scene, deck: Path, step: TimeStep) -> pd.DataFrame | None:
+def read_walls(scene: Scene, deck: Path, step: TimeStep) -> Columns | None:
     """The mean forces on the walls at each row of the fast stream at which something pushed on one: t_s, at the end of
     the row, wall, force_x_N, force_y_N, force_z_N in the frame of the plate. None without walls."""
     walls = scene.plate.walls
     if walls is None:
         return None
     row = np.dtype([("step", "<i8"), ("force", "<f8", (3,))])
-    tables = []
-    for edge in walls.edges:
-        data = np.fromfile(deck / _file(edge), row)
-        tables.append(pd.DataFrame({"t_s": data["step"] * step.dt_s, "wall": edge, **{
-            f"force_{axis}_N": data["force"][:, k] for k, axis in enumerate(AXES)}}))
-    return pd.concat(tables).sort_values("t_s", kind="stable", ignore_index=True)
+    of_walls = [np.fromfile(deck / _file(edge), row) for edge in walls.edges]
+    rows, edges = np.concatenate(of_walls), np.repeat(list(walls.edges), [len(one) for one in of_walls])
+    t_s = rows["step"] * step.dt_s
+    order = np.argsort(t_s, kind="stable")
+    return {"t_s": t_s[order], "wall": edges[order],
+            **{f"force_{axis}_N": rows["force"][order, k] for k, axis in enumerate(AXES)}}
 
 
-def wall_impulse_N_s(scene: Scene, walls: pd.DataFrame, step: TimeStep) -> dict[str, list[float]]:
+def wall_impulse_N_s(scene: Scene, walls: Columns, step: TimeStep) -> dict[str, list[float]]:
     """Impulse (x, y, z) on each wall, from what `read_walls` gave."""
     assert scene.plate.walls is not None
     row_s = step.fast_steps * step.dt_s
     forces = [f"force_{axis}_N" for axis in AXES]
-    return {edge: (walls.loc[walls["wall"] == edge, forces].sum() * row_s).tolist() for edge in scene.plate.walls.edges}
+    return {edge: [float(walls[name][walls["wall"] == edge].sum() * row_s) for name in forces]
+            for edge in scene.plate.walls.edges}
 
 
 def _file(edge: str) -> str:

@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
+
+from common.parquet import Columns
 
 # As fix_ledger.cpp writes them.
 COLUMNS = ["kinetic_J", "momentum_z_kg_m_s", "mass_height_kg_m", "bond_elastic_J", "bond_work_J", "released_J",
@@ -110,11 +111,11 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
     return parts | {"given_to_stones_J": took - known - unexplained, UNEXPLAINED: unexplained + np.zeros_like(took)}
 
 
-def energy_table(parts: dict[str, np.ndarray], ledger: StoneLedger, dt_s: float) -> pd.DataFrame:
+def energy_table(parts: dict[str, np.ndarray], ledger: StoneLedger, dt_s: float) -> Columns:
     """What `stone_energies` gave as a table, one row a time and agglomerate (1-based) that was near then."""
     row, agglomerate = np.nonzero(ledger.is_near)
     index = {"t_s": (ledger.step * dt_s)[row], "agglomerate": agglomerate + 1}
-    return pd.DataFrame(index | {name: values[ledger.is_near] for name, values in parts.items()})
+    return index | {name: values[ledger.is_near] for name, values in parts.items()}
 
 
 def energy_ledger(parts: dict[str, np.ndarray], plate: PlateEnergy, kinetic_start_J: np.ndarray) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from scipy.interpolate import RegularGridInterpolator
 
+from common.parquet import Columns
 from common.plate import FlexiblePlate
 from common.resources import resource
 from common.scene import Scene
@@ -36,7 +36,7 @@ WALLS = "view/walls.vtu"  # one for all pictures, since they do not move
 MeshesOfPlate = Callable[[int, list[HertzContact]], dict[str, Mesh]]
 
 
-def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, meshes_of_plate: MeshesOfPlate) -> None:
+def write_view(directory: Path, prepared: PreparedRun, events: Columns, meshes_of_plate: MeshesOfPlate) -> None:
     """Turn the engine's pictures in `directory`/deck into view/*.vtu, view.pvd and view.py in `directory`; dumps of
     LIGGGHTS, if there are any, get their times and the bonds in deck/dumps.pvd.
 
@@ -46,7 +46,7 @@ def write_view(directory: Path, prepared: PreparedRun, events: pd.DataFrame, mes
     assembly, dt_s = prepared.assembly, prepared.step.dt_s
     (directory / "view").mkdir()
     broken_at = np.full(assembly.n_bonds, np.inf)
-    broken_at[events["bond"].to_numpy(dtype=int) - 1] = events["t_s"]
+    broken_at[events["bond"] - 1] = events["t_s"]
     writers = {part: VtuWriter() for part in PARTS}
     stones, walls = StoneMeshes(assembly), wall_mesh(prepared.scene)
     if walls is not None:
@@ -229,6 +229,8 @@ def read_pictures(file: Path, sizes: np.ndarray) -> Iterator[tuple[int, np.ndarr
 def read_dump(file: Path) -> Iterator[tuple[int, np.ndarray]]:
     """Yield DEM step and array (n, columns), sorted by id, of each frame of `dump custom id x y z ...`. Raises
     RuntimeError for a file that is cut off, damaged or something else."""
+    import pandas as pd  # late: slow to import, and no run needs it
+
     with open(file) as lines:
         for line in lines:
             if not line.startswith("ITEM: TIMESTEP"):

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
+from common.parquet import Columns
 from common.plate import FlexiblePlate
 from dem.coupling.checkpoint import State, plate_file, read_plate_state, write_plate_state
 from dem.coupling.monitor import PlateMonitor
@@ -44,9 +44,9 @@ class RigidPlateParticipant:
     def take_part(self, deck: Path, alive: Callable[[], bool], progress: Callable[[int], None]) -> None:
         """The engine asks a rigid plate nothing."""
 
-    def signals(self, dem_steps: range) -> pd.DataFrame:
-        """A table without columns, one row for each of `dem_steps`."""
-        return pd.DataFrame(index=range(len(dem_steps)))
+    def signals(self, dem_steps: range) -> Columns:
+        """No columns."""
+        return {}
 
     def energy(self) -> PlateEnergy:
         """No energy."""
@@ -121,11 +121,11 @@ class FlexiblePlateParticipant:
         participant.run(self._pipes,
                         lambda dem_step: write_plate_state(deck / "checkpoint", dem_step, self._checkpoint()))
 
-    def signals(self, dem_steps: range) -> pd.DataFrame:
+    def signals(self, dem_steps: range) -> Columns:
         """The plate's signals, one row for each of `dem_steps`. Raises RuntimeError if others were recorded."""
         if self._recorder.steps != list(dem_steps):
             raise RuntimeError("the plate was not recorded at every row of the fast stream")
-        return self._recorder.frame()
+        return self._recorder.signals()
 
     def energy(self) -> PlateEnergy:
         """Where the plate's energy is now."""

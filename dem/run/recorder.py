@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from common.parquet import write_parquet
+from common.parquet import Columns, write_parquet
 from common.plate import FlexiblePlate
 from common.scene import Scene
 from dem.coupling.participant import PlateStates
@@ -94,10 +93,10 @@ class PlateRecorder:
     def _rows(self) -> np.ndarray:
         return np.concatenate([np.empty((0, len(self.columns))), *self._blocks])
 
-    def frame(self) -> pd.DataFrame:
+    def signals(self) -> Columns:
         """The signals of all rows."""
         self._evaluate()
-        return pd.DataFrame(self._rows(), columns=self.columns)
+        return dict(zip(self.columns, self._rows().T, strict=True))
 
 
 @dataclass(frozen=True)
@@ -131,42 +130,51 @@ def read_forces(file: Path) -> Pushes:
                   all_["step"], all_["number"][:, 0], all_["number"][:, 1])
 
 
-def fast_stream(step: TimeStep, pushes: Pushes, plate_signals: pd.DataFrame, columns_of: int) -> pd.DataFrame:
+def fast_stream(step: TimeStep, pushes: Pushes, plate_signals: Columns, columns_of: int) -> Columns:
     """All rows at the fast rate. A force is the mean over the row's interval; the plate's state is at its end.
 
     `plate_signals` has a row for each of the fast stream; the first `columns_of` stones have a column each. Raises
     RuntimeError if a signal holds a value that is no number.
     """
     n_rows = step.steps // step.fast_steps + 1
-    time = np.arange(n_rows) * step.fast_steps * step.dt_s
-    table = pd.concat([pd.DataFrame({"t_s": time}), plate_signals], axis=1)
     total, mean = np.zeros(n_rows), np.zeros((n_rows, columns_of))
     total[pushes.all_step // step.fast_steps] = pushes.all_mean_N
     own = pushes.stone < columns_of
     mean[pushes.step[own] // step.fast_steps, pushes.stone[own]] = pushes.mean_N[own]
-    table["force_N"] = total
-    for k in range(columns_of):
-        table[f"force_{k + 1:02d}_N"] = mean[:, k]
-    if not np.all(np.isfinite(table.to_numpy())):
+    table = {"t_s": np.arange(n_rows) * step.fast_steps * step.dt_s, **plate_signals, "force_N": total,
+             **{f"force_{k + 1:02d}_N": mean[:, k] for k in range(columns_of)}}
+    if not all(np.isfinite(values).all() for values in table.values()):
         raise RuntimeError("a signal holds a value that is no number")
     return table
 
 
-def write_streams(directory: Path, fast: pd.DataFrame, step: TimeStep) -> pd.DataFrame:
+def write_streams(directory: Path, fast: Columns, step: TimeStep) -> Columns:
     """Write fast.parquet and its rows at the samples, signals.parquet. Returns the latter."""
     write_parquet(fast, directory / "fast.parquet")
-    signals = fast.iloc[:: step.sample_steps // step.fast_steps].reset_index(drop=True)
+    every = step.sample_steps // step.fast_steps
+    signals = {name: values[::every] for name, values in fast.items()}
     write_parquet(signals, directory / "signals.parquet")
     return signals
 
 
-def read_events(file: Path, step: TimeStep) -> pd.DataFrame:
+def read_events(file: Path, step: TimeStep) -> Columns:
     """Read the broken bonds, one row each: t_s, bond (1-based), agglomerate (1-based), place, mode, stress, energy,
     area."""
-    columns = ["t_s", "bond", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2"]
+    kinds = {"step": int, "bond": int, "agglomerate": int, "x_m": float, "y_m": float, "z_m": float, "mode": str,
+             "stress_Pa": float, "energy_J": float, "area_m2": float}
+    events = read_text_columns(file, kinds)
+    return {"t_s": events.pop("step") * step.dt_s, **events}
+
+
+def read_text_columns(file: Path, kinds: dict[str, type]) -> Columns:
+    """Read a file of the engine with values between commas under a line of names, which are those of `kinds`; no rows
+    where there is no file. Raises ValueError for another file."""
     if not file.exists():
-        return pd.DataFrame({c: pd.Series(dtype=str if c == "mode" else int if c in columns[1:3] else float)
-                             for c in columns})
-    events = pd.read_csv(file, dtype={"mode": str})
-    events.insert(0, "t_s", events.pop("step") * step.dt_s)
-    return events[columns]
+        return {name: np.array([], dtype=kind) for name, kind in kinds.items()}
+    head, *lines = file.read_text().splitlines()
+    if head.split(",") != list(kinds):
+        raise ValueError(f"{file}: its first line is not {','.join(kinds)}")
+    rows = [line.split(",") for line in lines]
+    if any(len(row) != len(kinds) for row in rows):
+        raise ValueError(f"{file}: cut off or damaged")
+    return {name: np.array([kind(row[k]) for row in rows], dtype=kind) for k, (name, kind) in enumerate(kinds.items())}

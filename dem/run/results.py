@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from scipy.integrate import trapezoid
 
-from common.parquet import write_parquet
+from common.parquet import Columns, write_parquet
 from common.plate import FlexiblePlate
 from common.run_summary import RecordedScene, YieldReport
 from common.scene import Scene
@@ -41,14 +40,14 @@ class Results:
     """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,);
     `energy` is that of dem.run.energy_balance.energy_ledger; `walls` that of dem.deck.side_walls.read_walls."""
 
-    events: pd.DataFrame
-    fast: pd.DataFrame
-    signals: pd.DataFrame
+    events: Columns
+    fast: Columns
+    signals: Columns
     pushes: Pushes
     ledger: StoneLedger
     stone_mass_kg: np.ndarray
     energy: dict[str, Any]
-    walls: pd.DataFrame | None = None
+    walls: Columns | None = None
 
 
 def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> Results:
@@ -116,7 +115,7 @@ def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dic
         "n_bonds": assembly.n_bonds,
         "n_modes": plate.n_modes,
         "plate_energy_left_out": plate_energy_left_out(scene, assembly),
-        "n_samples": len(results.signals),
+        "n_samples": len(results.signals["t_s"]),
     }
 
 
@@ -125,12 +124,12 @@ def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict
     scene, step, pushes = prepared.scene, prepared.step, results.pushes
     end = {name: values[-1] for name, values in results.ledger.column.items()}
     stones = range(1, len(results.stone_mass_kg) + 1)
-    broken = results.events.groupby("agglomerate").size().reindex(stones, fill_value=0)
+    broken = np.bincount(results.events["agglomerate"], minlength=len(stones) + 1)[1:]
     momentum_start = results.ledger.has_entered[-1] * prepared.assembly.momentum_start_kg_m_s[:, 2]
     yielded = yield_report(scene, prepared.assembly, pushes.of_stones(len(stones)), end["wall_deepest"],
                            plate.bending())
     return {
-        "n_bonds_broken": len(results.events),
+        "n_bonds_broken": len(results.events["t_s"]),
         "n_bonds_broken_by_agglomerate": broken.tolist(),
         "peak_force_N": float(pushes.all_largest_N.max(initial=0.0)),
         "impulse_N_s": float(pushes.all_mean_N.sum() * step.fast_steps * step.dt_s),
@@ -145,7 +144,7 @@ def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict
     }
 
 
-def plate_momentum(prepared: PreparedRun, fast: pd.DataFrame) -> dict[str, list[float] | float]:
+def plate_momentum(prepared: PreparedRun, fast: Columns) -> dict[str, list[float] | float]:
     """What the feet of the rods got, downwards, and the plate's momentum at the end, where nothing else holds it.
 
     The impulse of the stones on the plate is the sum of the first less the second, but for the rods' own momentum.
@@ -153,9 +152,9 @@ def plate_momentum(prepared: PreparedRun, fast: pd.DataFrame) -> dict[str, list[
     modes = prepared.modes
     if modes is None or not len(modes.lateral):  # it has some where the plate stands on rods alone
         return {}
-    rods = fast[[f"rod_{k + 1}_N" for k in range(len(modes.rod_force))]].to_numpy()
-    impulse = -trapezoid(rods, fast["t_s"].to_numpy(), axis=0)
-    return {"rod_impulse_N_s": impulse.tolist(), "plate_momentum_kg_m_s": modes.mass_kg * float(fast["v_m_s"].iloc[-1])}
+    rods = np.array([fast[f"rod_{k + 1}_N"] for k in range(len(modes.rod_force))]).T
+    impulse = -trapezoid(rods, fast["t_s"], axis=0)
+    return {"rod_impulse_N_s": impulse.tolist(), "plate_momentum_kg_m_s": modes.mass_kg * float(fast["v_m_s"][-1])}
 
 
 def plate_energy_left_out(scene: Scene, assembly: Assembly) -> float | None:
@@ -165,10 +164,10 @@ def plate_energy_left_out(scene: Scene, assembly: Assembly) -> float | None:
     return energy_left_out(scene.plate.max_frequency_Hz, stone_contact_time_s(scene, assembly))
 
 
-def plate_maxima(fast: pd.DataFrame) -> dict[str, float]:
+def plate_maxima(fast: Columns) -> dict[str, float]:
     """Largest absolute value of each signal of the plate, in its unit."""
-    names = [c for c in fast.columns if c != "t_s" and not c.startswith("force_")]
-    return {f"max_{name}": float(fast[name].abs().max()) for name in names}
+    names = [c for c in fast if c != "t_s" and not c.startswith("force_")]
+    return {f"max_{name}": float(abs(fast[name]).max()) for name in names}
 
 
 def versions() -> dict[str, str]:

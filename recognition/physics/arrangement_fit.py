@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from sklearn.model_selection import GroupKFold
@@ -105,8 +106,7 @@ def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceSta
     damping = np.array([force.plate.damping_ratio for force in forces])
     scale = np.sqrt(np.mean(signals**2, axis=(0, 2)))
     stride, samples = round(forces[0].sample_s / forces[0].step_s), signals.shape[2]
-    bins = force_bins(forces[0])
-    laws, covariance, stones = force_laws(forces, bins, groups[chosen], float(speed.mean()))
+    laws, covariance, stones = force_laws(forces, groups[chosen], float(speed.mean()))
     left = [one - force.modelled[:, :samples * stride:stride] for one, force in zip(signals, forces, strict=True)]
     residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
     deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.place_m) for force in forces]))
@@ -140,12 +140,11 @@ def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m
                             deviation_m, *statistics.speed_m_s)
 
 
-def force_laws(forces: list[ForceRecord], bins: Floats, groups: Floats,
-               middle_m_s: float) -> tuple[list[Floats], Floats, int]:
+def force_laws(forces: list[ForceRecord], groups: Floats, middle_m_s: float) -> tuple[list[Floats], Floats, int]:
     """`force_law` of coal and of gangue, the mean of their covariances, since a place has one or the other, and the
     fewest different stones of either. RecognitionError for too few."""
     laws, covariances, counts = [], [], []
-    to_bins = np.asarray(np.linalg.pinv(bins), dtype=float)
+    to_bins = _to_bins(*_bin_size(forces[0]))
     for gangue in (False, True):
         force, speed_m_s, stones = _forces_of(forces, to_bins, groups, gangue, middle_m_s)
         if stones < LEAST_STONES:
@@ -167,8 +166,22 @@ def _scatter_by_damping(coal: Floats, gangue: Floats) -> Floats:
 
 def force_bins(record: ForceRecord) -> Floats:
     """Hat functions (steps, bins) over the first FORCE_S of a force record."""
-    width, steps = _steps_per_bin(record), min(round(FORCE_S / record.step_s), record.force_N.shape[1])
+    return _bins(*_bin_size(record))
+
+
+def _bin_size(record: ForceRecord) -> tuple[int, int]:
+    """Steps of a bin and of all bins."""
+    return _steps_per_bin(record), min(round(FORCE_S / record.step_s), record.force_N.shape[1])
+
+
+def _bins(width: int, steps: int) -> Floats:
     return hats(width, steps, steps // width - 1)
+
+
+@lru_cache(maxsize=4)
+def _to_bins(width: int, steps: int) -> Floats:
+    """Inverse (bins, steps) of the hat functions, the same in every fold."""
+    return np.asarray(np.linalg.pinv(_bins(width, steps)), dtype=float)
 
 
 def _forces(record: ForceRecord, law: Floats) -> Floats:

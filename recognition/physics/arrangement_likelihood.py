@@ -286,6 +286,8 @@ def _sampled(response: Floats, rows: Floats) -> Floats:
     Shape (channels, n, m)."""
     low = np.floor(rows).astype(int)
     share = (rows - low)[:, None]
+    if not share.any():
+        return np.where((low >= 0)[:, None], response[:, np.maximum(low, 0)], 0.0)
     parts = [np.where((at >= 0)[:, None], response[:, np.maximum(at, 0)], 0.0) for at in (low, low + 1)]
     return np.asarray((1 - share) * parts[0] + share * parts[1])
 

@@ -17,7 +17,7 @@ from analysis.runs import Run
 from analysis.setup import places_of
 from common.cache import user_cache
 from common.plate import FlexiblePlate
-from plate_fem.modes import plate_modes
+from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.response import pulse_response
 from recognition.estimation.arrays import Booleans, Floats
 
@@ -104,14 +104,23 @@ def response_to(unit_response: Floats, force_N: Floats) -> Floats:
 @lru_cache(maxsize=64)
 def _unit_force_response(plate_json: str, places: Places, moved_m: Places, step_s: float, steps: int,
                          modes_dir: Path | None) -> Floats:
-    plate = FlexiblePlate.model_validate_json(plate_json)
-    modes = plate_modes(plate, modes_dir, np.array(places))
-    amplitude, _, acceleration = pulse_response(modes, step_s, steps)
+    plate, modes, amplitude, acceleration = _pulse(plate_json, places, step_s, steps, modes_dir)
     down = -modes.shape_at(np.array(places) + np.array(moved_m))
     sensors = sorted(plate.sensors, key=lambda sensor: f"acc_{sensor.name}_m_s2")  # as sorted columns are
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
     rods = modes.rod_force[sorted(range(len(modes.rod_force)), key=lambda k: f"rod_{k + 1}_N")]
     return np.concatenate([_channels(acceleration, at_sensors, down), _channels(amplitude, rods, down)])
+
+
+@lru_cache(maxsize=8)
+def _pulse(plate_json: str, places: Places, step_s: float, steps: int,
+           modes_dir: Path | None) -> tuple[FlexiblePlate, PlateModes, Floats, Floats]:
+    """A plate, its modes, and their amplitudes and accelerations (steps, n) under a unit modal force in the first step,
+    which are the same wherever it acts."""
+    plate = FlexiblePlate.model_validate_json(plate_json)
+    modes = plate_modes(plate, modes_dir, np.array(places))
+    amplitude, _, acceleration = pulse_response(modes, step_s, steps)
+    return plate, modes, amplitude, acceleration
 
 
 def _channels(motion: Floats, observed: Floats, down: Floats) -> Floats:

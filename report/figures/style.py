@@ -73,15 +73,20 @@ def to_uri(figure: Figure, name: str) -> str:
 
 
 def _lay_out(figure: Figure) -> None:
-    """Place the axes as an SVG has its text. `savefig` would draw all of the figure once more to do so."""
+    """Place the axes as an SVG has its text, and leave the figure without a layout engine: with one, even one that does
+    nothing, `savefig` draws all of the figure twice."""
     FigureCanvasSVG(figure)
     figure.dpi = FigureCanvasSVG.fixed_dpi
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if not axis.get_label_text():  # its place would be sought from all tick labels, each time again
+                axis.set_label_coords(0.5, 0.0)
     engine = figure.get_layout_engine()
     if engine is not None:
         for axes in figure.axes:
             axes.apply_aspect()
         engine.execute(figure)
-        figure.set_layout_engine("none")
+        figure.set_layout_engine(None)
 
 
 def to_picture_uri(figure: Figure) -> str:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
-from analysis import Sweep
+from analysis import Sweep, emd_rules
 from analysis.emd import Decomposition, decompose
 from analysis.emd_rules import RuleCost, compare_rules
 from analysis.features import TIME_PARAMETERS, time_features
 from analysis.hilbert import marginal_spectrum
+from common.cache import cached, key_of, user_cache
 from report.results.missing import MissingResult
+
+RULE_SAMPLES = (267, 4000, 20000)
 
 
 class SignalResults:
@@ -44,5 +50,12 @@ class SignalResults:
 
     @cached_property
     def rule_costs(self) -> list[RuleCost]:
-        """Error and time of the EMD stopping rules, on a signal whose modes are known and not on the runs."""
-        return [cost for samples in (267, 4000, 20000) for cost in compare_rules(samples, repeats=2)]
+        """Error and time of the EMD stopping rules, on a signal whose modes are known and not on the runs. They are
+        measured once with this code and these libraries, and kept in the user's cache."""
+        kept = cached(user_cache(), "rules", key_of(Path(emd_rules.__file__).parent, RULE_SAMPLES), _rule_costs)
+        return [RuleCost(**json.loads(text)) for text in kept["costs"].tolist()]
+
+
+def _rule_costs() -> dict[str, list[str]]:
+    costs = [cost for samples in RULE_SAMPLES for cost in compare_rules(samples, repeats=2)]
+    return {"costs": [json.dumps(asdict(cost)) for cost in costs]}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from analysis import RecordError, read_record
@@ -187,3 +188,18 @@ def test_a_parquet_table_of_numbers_is_the_one_that_pandas_reads(tmp_path, table
     (tmp_path / "a.parquet").write_bytes(data)
     with pytest.raises((OSError, ValueError)):
         read_numbers(tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize("rows", [0, 1, 11])
+def test_a_table_of_arrays_is_written_as_pandas_writes_it(tmp_path, rows):
+    rng = np.random.default_rng(rows)
+    numbers = rng.normal(size=(rows, 3))
+    numbers[::2, 1] = np.nan
+    table = {"a": numbers[:, 0], "gap": numbers[:, 1], "n": np.arange(rows),
+             "word": np.array([["coal", "", "Grün"][k % 3] for k in range(rows)], dtype=str)}
+    write_parquet(table, tmp_path / "own.parquet")
+    write_parquet(pd.DataFrame(table), tmp_path / "pandas.parquet")
+    files = tmp_path / "own.parquet", tmp_path / "pandas.parquet"
+    own, of_pandas = (pq.read_table(file).replace_schema_metadata() for file in files)
+    assert own.equals(of_pandas) and own.column("gap").null_count == -(-rows // 2)
+    pd.testing.assert_frame_equal(*map(pd.read_parquet, files))

@@ -50,5 +50,6 @@ def test_features_of_a_record_import_only_what_they_use(tmp_path, ending):
 
 def test_a_run_imports_only_what_it_uses():
     """All that a run needs whose modes and packings are known; finite elements and mesh files are not among it."""
-    loaded = modules_after("import dem.run.run, dem.__main__")
-    assert not {"matplotlib", "scipy.signal", "scipy.stats", "sklearn", "skfem", "meshio", "PyEMD"} & loaded
+    loaded = modules_after("import dem.run.run, dem.__main__, numpy, io\nfrom common.parquet import write_parquet\n"
+                           "write_parquet({'a': numpy.ones(2), 'b': numpy.array(['x', 'y'])}, io.BytesIO())")
+    assert not {"pandas", "matplotlib", "scipy.signal", "scipy.stats", "sklearn", "skfem", "meshio", "PyEMD"} & loaded
