@@ -1,0 +1,121 @@
+"""Mean and covariance of the record of a volley, for each number of gangue stones in it.
+
+A record is x = sum_i J_i r(place_i, delay_i) + e, with impulses J by material and responses r = sum_k phi_k(place) a_k.
+Places and delays of stones are independent draws, so that
+
+    mean = (sum J_i) E[r],    covariance = (sum E[J_i^2]) E[r r'] - (sum E[J_i]^2) E[r] E[r]'
+
+with the expectations over places and delays. To this come what the taps left unknown of the plate, impulses that
+differ by a factor common to all stones, and the noise of the sensors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from recognition.estimation.arrays import Floats
+from recognition.plate.plate_model import PlateModel
+from recognition.stream.forces import StoneForces
+from recognition.volley.responses import DELAY_STEP_S, SPREAD_S, HIGHEST_Hz, Responses, Stones
+
+#: Impulse of a stone of a volley in m v, of coal and of gangue, with the relative standard deviations that stones have
+#: in common and each of its own: of ten stones at 3 m/s on the paper's plate, on its circle and anywhere
+#: (benchmarks/volleys.py). Alone a stone pushes up to 7 % more: here others move the plate away from it.
+IMPULSE_SHARE, COMMON_SD, OWN_SD = np.array([1.795, 1.728]), 0.02, 0.02
+PHASES = 2  # of an arrival within a sample
+PLACES = 41  # along a side, over which shapes are averaged
+BEYOND = 4  # counts of gangue below none and above all, by which impulses of other stones are noticed
+PATCHES = 3.0  # parts of a plate over which the error of a shape is independent
+LOST = 1e-4  # of the largest direction: smaller ones of the basis are left out
+
+
+@dataclass(frozen=True)
+class Sums:
+    """gangue (k,): numbers of gangue stones; basis (r, c n): orthonormal, of all that stones can make of channels that
+    are divided by their noise; mean (phase, k, r) and covariance (phase, k, r, r) in it, without noise."""
+
+    gangue: Floats
+    basis: Floats
+    mean: Floats
+    covariance: Floats
+    samples: int
+
+    @classmethod
+    def of(cls, plate: PlateModel, sensors: tuple[int, ...], stones: Stones, forces: StoneForces,
+           noise: Floats) -> Sums:
+        plate = plate.below(HIGHEST_Hz)
+        width = round(SPREAD_S / DELAY_STEP_S) + 1
+        a = Responses.of(plate, stones, forces, width + PHASES - 1)
+        seen = plate.sensor_shape[list(sensors)] / noise[:, None]
+
+        def observed(motion: Floats) -> Floats:  # (m, n) -> (m, c n)
+            return (seen.T[:, :, None] * motion[:, None, :]).reshape(len(motion), -1)
+
+        delayed = [observed(motion) for motion in a.delayed]
+        slopes = [observed(motion) * sd[:, None] for motion, sd in
+                  ((a.by_frequency, plate.frequency_sd), (a.by_damping, plate.damping_sd))]
+        basis = _basis(np.vstack([*delayed, *slopes]))
+        error = plate.shape_sd * plate.rms_shape
+        middle = a.delayed[len(delayed) // 2]
+        at_sensors = [_alone(middle, c, noise) * error[:, None] for c in range(len(noise))]
+        doubt = np.array([rows @ basis.T for rows in [*slopes, *at_sensors]])
+        at_places = (delayed[len(delayed) // 2] * error[:, None]) @ basis.T
+        projected = np.array([rows @ basis.T for rows in delayed])
+        gangue = np.arange(-BEYOND, stones.count + BEYOND + 1.0)
+        found = [_moments(projected[p:p + width], plate, stones, forces, gangue, doubt, at_places)
+                 for p in range(PHASES)]
+        mean, covariance = (np.array(values) for values in zip(*found, strict=True))
+        return cls(gangue, basis, mean, covariance, middle.shape[-1])
+
+
+def impulses(stones: Stones, forces: StoneForces) -> Floats:
+    """(2,): of a stone of coal and of gangue, N s."""
+    mass = 4 / 3 * np.pi * stones.radius_m**3 * forces.density_kg_m3
+    return np.asarray(IMPULSE_SHARE * mass * stones.speed_m_s)
+
+
+def _moments(delayed: Floats, plate: PlateModel, stones: Stones, forces: StoneForces, gangue: Floats, doubt: Floats,
+             at_places: Floats) -> tuple[Floats, Floats]:
+    """Mean (k, r) and covariance (k, r, r) of stones whose delays are those of `delayed` (delays, m, r)."""
+    shape, square = _over_places(plate, stones.radius_m)
+    weight = np.where(np.isin(np.arange(len(delayed)), (0, len(delayed) - 1)), 0.5, 1.0) / (len(delayed) - 1)
+    response = np.einsum("d,dmr,m->r", weight, delayed, shape, optimize=True)
+    power = np.einsum("d,dmr,mn,dns->rs", weight, delayed, square, delayed, optimize=True)
+    own = (1 + OWN_SD**2) * power - np.outer(response, response)
+    own += _weighted(doubt, square.diagonal() - shape**2)
+    common = COMMON_SD**2 * np.outer(response, response) + at_places.T @ at_places / PATCHES
+    common += _weighted(doubt, shape**2)
+    number = np.column_stack([stones.count - gangue, gangue])
+    impulse = impulses(stones, forces)
+    total, squares = number @ impulse, np.clip(number, 0, stones.count) @ impulse**2
+    return total[:, None] * response, squares[:, None, None] * own + (total**2)[:, None, None] * common
+
+
+def _weighted(doubt: Floats, weight: Floats) -> Floats:
+    """(r, r): covariance of rows (kind, m, r) whose variances are weights (m,)."""
+    rows = (doubt * np.sqrt(np.maximum(weight, 0.0))[:, None]).reshape(-1, doubt.shape[-1])
+    return np.asarray(rows.T @ rows)
+
+
+def _over_places(plate: PlateModel, radius_m: float) -> tuple[Floats, Floats]:
+    """Mean (m,) and mean product (m, m) of the shapes over the places of stones that lie within the plate's edges."""
+    middles = 2 * (np.arange(PLACES) + 0.5) / PLACES - 1
+    x, y = np.meshgrid(*(middles * (lines[-1] - radius_m) for lines in (plate.lines_x_m, plate.lines_y_m)))
+    shape = plate.shape(x.ravel(), y.ravel())
+    return shape.mean(axis=0), shape.T @ shape / len(shape)
+
+
+def _basis(rows: Floats) -> Floats:
+    """(r, columns): orthonormal, of the space that rows span."""
+    square, directions = np.linalg.eigh(rows @ rows.T)
+    kept = square > LOST**2 * square[-1]
+    return np.asarray((directions[:, kept] / np.sqrt(square[kept])).T @ rows)
+
+
+def _alone(motion: Floats, channel: int, noise: Floats) -> Floats:
+    """(m, c n): motions (m, n) of modes in one channel, as an error of their shapes at its sensor makes them."""
+    out = np.zeros((len(motion), len(noise), motion.shape[-1]))
+    out[:, channel] = motion / noise[channel]
+    return out.reshape(len(motion), -1)
