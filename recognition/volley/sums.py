@@ -64,7 +64,8 @@ class Sums:
         at_places = (delayed[len(delayed) // 2] * error[:, None]) @ basis.T
         projected = np.array([rows @ basis.T for rows in delayed])
         gangue = np.arange(-BEYOND, stones.count + BEYOND + 1.0)
-        found = [_moments(projected[p:p + width], plate, stones, forces, gangue, doubt, at_places)
+        places = _over_places(plate, stones.radius_m)
+        found = [_moments(projected[p:p + width], places, stones, forces, gangue, doubt, at_places)
                  for p in range(PHASES)]
         mean, covariance = (np.array(values) for values in zip(*found, strict=True))
         return cls(gangue, basis, mean, covariance, middle.shape[-1])
@@ -76,10 +77,10 @@ def impulses(stones: Stones, forces: StoneForces) -> Floats:
     return np.asarray(IMPULSE_SHARE * mass * stones.speed_m_s)
 
 
-def _moments(delayed: Floats, plate: PlateModel, stones: Stones, forces: StoneForces, gangue: Floats, doubt: Floats,
-             at_places: Floats) -> tuple[Floats, Floats]:
+def _moments(delayed: Floats, places: tuple[Floats, Floats], stones: Stones, forces: StoneForces, gangue: Floats,
+             doubt: Floats, at_places: Floats) -> tuple[Floats, Floats]:
     """Mean (k, r) and covariance (k, r, r) of stones whose delays are those of `delayed` (delays, m, r)."""
-    shape, square = _over_places(plate, stones.radius_m)
+    shape, square = places
     weight = np.where(np.isin(np.arange(len(delayed)), (0, len(delayed) - 1)), 0.5, 1.0) / (len(delayed) - 1)
     response = np.einsum("d,dmr,m->r", weight, delayed, shape, optimize=True)
     power = np.einsum("d,dmr,mn,dns->rs", weight, delayed, square, delayed, optimize=True)
@@ -102,8 +103,9 @@ def _weighted(doubt: Floats, weight: Floats) -> Floats:
 def _over_places(plate: PlateModel, radius_m: float) -> tuple[Floats, Floats]:
     """Mean (m,) and mean product (m, m) of the shapes over the places of stones that lie within the plate's edges."""
     middles = 2 * (np.arange(PLACES) + 0.5) / PLACES - 1
-    x, y = np.meshgrid(*(middles * (lines[-1] - radius_m) for lines in (plate.lines_x_m, plate.lines_y_m)))
-    shape = plate.shape(x.ravel(), y.ravel())
+    weights = [along(middles * (lines[-1] - radius_m))
+               for along, lines in zip(plate._splines, (plate.lines_x_m, plate.lines_y_m), strict=True)]
+    shape = np.einsum("ai,bj,ijm->abm", *weights, plate.grid_shape, optimize=True).reshape(PLACES**2, -1)
     return shape.mean(axis=0), shape.T @ shape / len(shape)
 
 
