@@ -24,7 +24,7 @@ from recognition.volley.responses import (
     Stones,
     part_of,
 )
-from recognition.volley.sums import Sums
+from recognition.volley.sums import PHASES, Sums
 
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
 LOUD = 8.0  # standard deviations of noise
@@ -109,5 +109,5 @@ def _likeliest(sums: Sums, values: Floats, loud: int) -> Found:
     by_count = weight.sum(axis=(0, 2)) / weight.sum()
     inside = sums.gangue[(sums.gangue >= 0) & (sums.gangue <= sums.gangue[-1] + sums.gangue[0])]
     kept = by_count[np.isin(sums.gangue, inside)]
-    arrival_s = (loud + TRIED[int(best[2])]) / RATE_Hz + int(best[0]) * DELAY_STEP_S
+    arrival_s = (loud + TRIED[int(best[2])]) / RATE_Hz + int(best[0]) % PHASES * DELAY_STEP_S
     return Found(inside, kept / kept.sum(), float(chi_square[best]) / len(sums.basis), float(1 - kept.sum()), arrival_s)

@@ -20,10 +20,13 @@ from recognition.plate.plate_model import PlateModel
 from recognition.stream.forces import StoneForces
 from recognition.volley.responses import DELAY_STEP_S, SPREAD_S, HIGHEST_Hz, Responses, Stones
 
-#: Impulse of a stone of a volley in m v, of coal and of gangue, with the relative standard deviations that stones have
-#: in common and each of its own: of ten stones at 3 m/s on the paper's plate, on its circle and anywhere
-#: (benchmarks/volleys.py). Alone a stone pushes up to 7 % more: here others move the plate away from it.
-IMPULSE_SHARE, COMMON_SD, OWN_SD = np.array([1.795, 1.728]), 0.02, 0.02
+#: How far from the plate's centre stones fall, as shares of its half sides: all are tried, as nobody knows.
+REACHES = (0.4, 0.6, 0.8, 1.0)
+#: Impulse of a stone of a volley in m v, of coal and of gangue, where stones fall as near as on the paper's circle and
+#: anywhere: of ten stones at 3 m/s in the families `ring` and `free` of scenes/dataset.toml. Alone a stone pushes up to
+#: 7 % more: here others move the plate away from it, the more the nearer they are.
+NEAR_SHARE, FAR_SHARE = np.array([1.774, 1.693]), np.array([1.816, 1.762])
+COMMON_SD, OWN_SD = 0.02, 0.02  # relative, of the impulses of all stones together and of each alone
 PHASES = 2  # of an arrival within a sample
 PLACES = 41  # along a side, over which shapes are averaged
 BEYOND = 4  # counts of gangue below none and above all, by which impulses of other stones are noticed
@@ -34,7 +37,8 @@ LOST = 1e-4  # of the largest direction: smaller ones of the basis are left out
 @dataclass(frozen=True)
 class Sums:
     """gangue (k,): numbers of gangue stones; basis (r, c n): orthonormal, of all that stones can make of channels that
-    are divided by their noise; mean (phase, k, r) and covariance (phase, k, r, r) in it, without noise."""
+    are divided by their noise; mean (h, k, r) and covariance (h, k, r, r) in it, without noise, for each
+    of REACHES and then of the phases."""
 
     gangue: Floats
     basis: Floats
@@ -64,22 +68,26 @@ class Sums:
         at_places = (delayed[len(delayed) // 2] * error[:, None]) @ basis.T
         projected = np.array([rows @ basis.T for rows in delayed])
         gangue = np.arange(-BEYOND, stones.count + BEYOND + 1.0)
-        places = _over_places(plate, stones.radius_m)
-        found = [_moments(projected[p:p + width], places, stones, forces, gangue, doubt, at_places)
-                 for p in range(PHASES)]
+        number = np.column_stack([stones.count - gangue, gangue])
+        found = [_moments(projected[p:p + width], _over_places(plate, stones.radius_m, reach),
+                          number @ impulses(stones, forces, reach),
+                          np.clip(number, 0, stones.count) @ impulses(stones, forces, reach) ** 2, doubt, at_places)
+                 for reach in REACHES for p in range(PHASES)]
         mean, covariance = (np.array(values) for values in zip(*found, strict=True))
         return cls(gangue, basis, mean, covariance, middle.shape[-1])
 
 
-def impulses(stones: Stones, forces: StoneForces) -> Floats:
-    """(2,): of a stone of coal and of gangue, N s."""
+def impulses(stones: Stones, forces: StoneForces, reach: float) -> Floats:
+    """(2,): of a stone of coal and of gangue, N s, of a volley that reaches so far."""
+    far = (reach - REACHES[0]) / (REACHES[-1] - REACHES[0])
     mass = 4 / 3 * np.pi * stones.radius_m**3 * forces.density_kg_m3
-    return np.asarray(IMPULSE_SHARE * mass * stones.speed_m_s)
+    return np.asarray((NEAR_SHARE + far * (FAR_SHARE - NEAR_SHARE)) * mass * stones.speed_m_s)
 
 
-def _moments(delayed: Floats, places: tuple[Floats, Floats], stones: Stones, forces: StoneForces, gangue: Floats,
-             doubt: Floats, at_places: Floats) -> tuple[Floats, Floats]:
-    """Mean (k, r) and covariance (k, r, r) of stones whose delays are those of `delayed` (delays, m, r)."""
+def _moments(delayed: Floats, places: tuple[Floats, Floats], total: Floats, squares: Floats, doubt: Floats,
+             at_places: Floats) -> tuple[Floats, Floats]:
+    """Mean (k, r) and covariance (k, r, r) of stones with sums `total` (k,) of their impulses and `squares` (k,) of the
+    squares, whose delays are those of `delayed` (delays, m, r)."""
     shape, square = places
     weight = np.where(np.isin(np.arange(len(delayed)), (0, len(delayed) - 1)), 0.5, 1.0) / (len(delayed) - 1)
     response = np.einsum("d,dmr,m->r", weight, delayed, shape, optimize=True)
@@ -88,9 +96,6 @@ def _moments(delayed: Floats, places: tuple[Floats, Floats], stones: Stones, for
     own += _weighted(doubt, square.diagonal() - shape**2)
     common = COMMON_SD**2 * np.outer(response, response) + at_places.T @ at_places / PATCHES
     common += _weighted(doubt, shape**2)
-    number = np.column_stack([stones.count - gangue, gangue])
-    impulse = impulses(stones, forces)
-    total, squares = number @ impulse, np.clip(number, 0, stones.count) @ impulse**2
     return total[:, None] * response, squares[:, None, None] * own + (total**2)[:, None, None] * common
 
 
@@ -100,9 +105,9 @@ def _weighted(doubt: Floats, weight: Floats) -> Floats:
     return np.asarray(rows.T @ rows)
 
 
-def _over_places(plate: PlateModel, radius_m: float) -> tuple[Floats, Floats]:
-    """Mean (m,) and mean product (m, m) of the shapes over the places of stones that lie within the plate's edges."""
-    middles = 2 * (np.arange(PLACES) + 0.5) / PLACES - 1
+def _over_places(plate: PlateModel, radius_m: float, reach: float) -> tuple[Floats, Floats]:
+    """Mean (m,) and mean product (m, m) of the shapes over places, up to a share `reach` of those on the plate."""
+    middles = reach * (2 * (np.arange(PLACES) + 0.5) / PLACES - 1)
     weights = [along(middles * (lines[-1] - radius_m))
                for along, lines in zip(plate._splines, (plate.lines_x_m, plate.lines_y_m), strict=True)]
     shape = np.einsum("ai,bj,ijm->abm", *weights, plate.grid_shape, optimize=True).reshape(PLACES**2, -1)
