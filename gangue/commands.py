@@ -60,6 +60,8 @@ COMMANDS = {
         "gangue check measured.csv --plate plate.json",), json=False),
     "listen": Command("recognition", "listen", "stones one by one, and the mixing ratio over time, from a stream", (
         "gangue listen stream.parquet --plate plate.json --out runs/heard",)),
+    "volley": Command("recognition", "volley", "mixing ratio of stones that arrive at once on unknown places", (
+        "gangue volley measured.csv --plate plate.json --stones 10",), json=False),
     "report": Command("report", "", "write report.html of a sweep", (
         "gangue report runs/paper",)),
     "compare": Command("report", "compare", "write a page of what differs between two runs or two sweeps", (

@@ -1,4 +1,4 @@
-"""Command line: `python -m recognition fit | recognise | evaluate | tap | check | listen`."""
+"""Command line: `python -m recognition fit | recognise | evaluate | tap | check | listen | volley`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _command(arguments: argparse.Namespace) -> int:
     from recognition.estimation.errors import RecognitionError
 
     command = {"fit": fit, "recognise": recognise, "evaluate": evaluate, "tap": tap, "check": check,
-               "listen": listen}[arguments.command]
+               "listen": listen, "volley": volley}[arguments.command]
     try:
         return command(arguments) or 0
     except (RecordError, RecognitionError, InputError) as error:
@@ -135,6 +135,12 @@ def listen(arguments: argparse.Namespace) -> int:
     return hear(arguments)
 
 
+def volley(arguments: argparse.Namespace) -> int:
+    from recognition.volley.command import volley as judge
+
+    return judge(arguments)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="python -m recognition", description="Recognise the gangue mixing ratio."
@@ -161,7 +167,18 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("record", help="run directory, .parquet or .csv with t_s and acc_NAME_m_s2")
     command.add_argument("--plate", required=True, help="plate that `tap` wrote")
     _add_listen(commands.add_parser("listen", help="stones one by one, and the mixing ratio over time, from a stream"))
+    _add_volley(commands.add_parser("volley", help="mixing ratio of stones that arrive at once on unknown places"))
     return parser
+
+
+def _add_volley(command: argparse.ArgumentParser) -> None:
+    command.add_argument("record", help="run directory, .parquet or .csv with t_s and acc_NAME_m_s2, from 20 kHz on")
+    command.add_argument("--plate", required=True, help="plate, from `tap` (.json)")
+    command.add_argument("--stones", type=int, default=10, help="how many arrive (default: %(default)d)")
+    command.add_argument("--radius", type=float, default=0.025, metavar="M",
+                         help="of all stones (default: %(default)g m)")
+    command.add_argument("--speed", type=float, default=3.0, metavar="M_S",
+                         help="of all stones (default: %(default)g m/s)")
 
 
 def _add_listen(command: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -113,6 +113,12 @@ class PlateModel:
                                        f"{lines[-1]:g}")
         along_x, along_y = self._splines
         return np.asarray(np.einsum("ni,nj,ijm->nm", along_x(x), along_y(y), self.grid_shape, optimize=True), float)
+
+    def below(self, limit_Hz: float) -> Self:
+        """The plate with its modes below a frequency alone."""
+        kept = self.frequency_Hz < limit_Hz
+        names = (*WITHOUT_SIGN, "sensor_shape", "rod_force_N_m", "grid_shape")
+        return replace(self, **{name: getattr(self, name)[..., kept] for name in names})
 
     @cached_property
     def _splines(self) -> tuple[Any, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -42,7 +42,7 @@ class Bank:
     @classmethod
     def of(cls, plate: PlateModel, channels: Channels, forces: StoneForces, whitening: Whitening,
            rate_Hz: float) -> Bank:
-        plate = _below(plate, HIGHEST_SHARE * rate_Hz)
+        plate = plate.below(HIGHEST_SHARE * rate_Hz)
         acceleration, amplitude = channels.observed(plate)
         table = _whitened(modal_table(plate, forces, rate_Hz, LAGS), acceleration, whitening)
         if channels.rods:
@@ -116,15 +116,6 @@ class Bank:
 
 _LOG_FIRST = float(np.log(DURATIONS_S[0]))
 _LOG_STEP = float(np.log(DURATIONS_S[1] / DURATIONS_S[0]))
-
-
-def _below(plate: PlateModel, limit_Hz: float) -> PlateModel:
-    """The plate's modes below a frequency."""
-    kept = plate.frequency_Hz < limit_Hz
-    arrays = {name: getattr(plate, name)[..., kept] for name in (
-        "frequency_Hz", "damping_ratio", "sensor_shape", "rod_force_N_m", "grid_shape", "frequency_sd", "damping_sd",
-        "shape_sd")}
-    return replace(plate, **arrays)
 
 
 def _nearest(position: float, count: int) -> tuple[int, float]:

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = {
     "dem": ["run", "deck", "plate", "sweep", "campaign", "dataset", "resume", "calibrate"],
     "plate_fem": ["modes"], "analysis": ["features"],
-    "recognition": ["fit", "recognise", "evaluate", "tap", "check", "listen"], "report": ["compare"],
+    "recognition": ["fit", "recognise", "evaluate", "tap", "check", "listen", "volley"], "report": ["compare"],
     "gangue": sorted({*gangue.commands.COMMANDS, *gangue.commands.OWN} - {"build-engine"}),
 }
 OPTIONS = ["--out", "--gangue", "--set", "--jobs", "--overwrite", "--walltime", "--profile", "--scene", "--model",

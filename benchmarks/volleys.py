@@ -1,0 +1,185 @@
+"""Volleys of ten stones on unknown places, and what `volley` makes of them: tables (csv) for docs/recognition.md.
+
+    python -m benchmarks.volleys DATASET [--held-out HELD_OUT] [--out runs/volleys] [good | silent | held_out | tables ...]
+
+Forces are those of stones that fell together in runs of the engine (families `ring` and `free` of scenes/dataset.toml,
+3 m/s); their sum goes through plates that are not the model's, as in benchmarks/listening.py (plates "1" and "2":
+frequencies, damping and shapes scattered by 1, 10 and 1 %), with 20 dB of noise at 20 kHz and four accelerometers.
+`volley` is given what four taps taught of the plate, the number, radius and speed of the stones, and neither places nor
+the time of arrival, which is anywhere within 1 ms. Rows that are in a table are not made again.
+
+good: runs of DATASET, of which the shares IMPULSE_SHARE and the limit of the misfit were made.
+silent: the same with something that `volley` is not told.
+held_out: runs of HELD_OUT (scenes/dataset_held_out.toml), of other seeds and packings.
+tables: prints what the other parts wrote.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from analysis.runs import Run
+from benchmarks.known_streams import ALL, tapped, true_plate, true_ratio
+from benchmarks.listening import added, there
+from benchmarks.stream_differences import scaled, with_factor
+from recognition.estimation.errors import RecognitionError
+from recognition.evaluation.dataset import DataSet, read_dataset
+from recognition.physics.force_records import ForceRecord, force_record_of
+from recognition.plate.plate_model import PlateModel
+from recognition.stream.forces import History
+from recognition.stream.law_file import load_forces
+from recognition.stream.simulated import stone_rows, stream_of
+from recognition.volley.recognise import recognise_volley
+from recognition.volley.responses import RATE_Hz, Stones
+
+PAPER = Stones(10, 0.025, 3.0)
+DENSITY = {False: 1380.0, True: 2400.0}
+FORCE_S, SILENCE_S, AFTER_S = 3e-3, 0.05, 0.16
+WRONG_points = 5.0
+RECORDS = {"free": 40, "ring": 20}  # of the good ones
+DIFFERENT = 6  # records of each difference
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What is other than `volley` is told: how many stones fall, their size and speed relative to the paper's (by
+    Hertz), how long they arrive after each other, the record, the plate."""
+
+    name: str
+    stones: int = 10
+    size: float = 1.0
+    speed: float = 1.0
+    within_s: float = 0.0
+    record: Callable[[np.ndarray], np.ndarray] | None = None
+    taps: str = "1"
+    plate: str = "1"
+
+
+DIFFERENCES = [
+    Difference("nothing"), Difference("stones within 0.1 ms", within_s=1e-4),
+    Difference("stones within 0.2 ms", within_s=2e-4), Difference("stones within 1 ms", within_s=1e-3),
+    Difference("8 stones", 8), Difference("12 stones", 12), Difference("radius 20 mm", size=0.8),
+    Difference("radius 30 mm", size=1.2), Difference("speed 2.5 m/s", speed=2.5 / 3), Difference("speed 3.5 m/s", speed=3.5 / 3),
+    Difference("taps of another plate", taps="2"), Difference("plate of another theory, tapped", taps="other theory",
+                                                              plate="other theory"),
+    Difference("one gain 0.8", record=with_factor(1, 0.8)), Difference("wrong sign", record=with_factor(1, -1.0)),
+    Difference("two sensors swapped", record=lambda v: v[[1, 0, 2, 3]])]
+
+
+def good(data: DataSet, out: Path) -> None:
+    for family, count in RECORDS.items():
+        _heard_all(data, family, count, out / "good.csv", out)
+
+
+def held_out(data: DataSet, out: Path) -> None:
+    _heard_all(data, "ring", len(data.of("ring")), out / "held_out.csv", out)
+
+
+def _heard_all(data: DataSet, family: str, count: int, file: Path, out: Path) -> None:
+    chosen = np.random.default_rng(1).permutation(data.of(family))[:count]
+    for number, k in enumerate(chosen):
+        kind = "12"[number % 2]
+        key: dict[str, object] = {"family": family, "number": number, "plate": kind}
+        if not there(key, file):
+            added({**key, **heard(data.runs[k], Difference("nothing", plate=kind, taps=kind), number, out)}, file)
+
+
+def silent(data: DataSet, out: Path) -> None:
+    chosen = np.random.default_rng(2).permutation(data.of("free"))[:2 * DIFFERENT]
+    for seed in range(DIFFERENT):
+        for difference in DIFFERENCES:
+            key: dict[str, object] = {"differs": difference.name, "seed": seed}
+            if not there(key, out / "silent.csv"):
+                runs = [data.runs[k] for k in chosen[[seed, seed + DIFFERENT]]]
+                added({**key, **heard(runs[0], difference, seed, out, runs[1])}, out / "silent.csv")
+
+
+def heard(run: Run, difference: Difference, seed: int, out: Path, more: Run | None = None) -> dict[str, object]:
+    """What is made of a run's stones; of more than it has, the rest are those of another run."""
+    rng = np.random.default_rng([23, seed])
+    record = force_record_of(run, FORCE_S)
+    fallen = stones_of(record)
+    if difference.stones > len(fallen) and more is not None:
+        fallen += stones_of(force_record_of(more, FORCE_S))
+    fallen = [(scaled(h, difference.size, difference.speed), place) for h, place in fallen[:difference.stones]]
+    histories = [h for h, _ in fallen]
+    arrival_s = SILENCE_S + rng.uniform(-1e-3, 1e-3) + np.sort(rng.uniform(0, difference.within_s, len(fallen)))
+    table = stone_rows(histories, np.arange(len(fallen)), arrival_s, np.array([place for _, place in fallen]))
+    values = stream_of(true_plate(difference.plate), ALL, histories, table, RATE_Hz, 20.0, rng, AFTER_S).values
+    if difference.record is not None:
+        values = difference.record(values.copy())
+    return judged(tapped(difference.taps, out), values, true_ratio(table, False), true_ratio(table, True))
+
+
+def stones_of(record: ForceRecord) -> list[tuple[History, np.ndarray]]:
+    """Force and place of each stone of a run."""
+    return [(History(force, record.step_s, bool(gangue), PAPER.radius_m, DENSITY[bool(gangue)], record.speed_m_s), place)
+            for force, gangue, place in zip(record.force_N, record.gangue, record.touch_m, strict=True)]
+
+
+def judged(plate: PlateModel, values: np.ndarray, right: float, right_mass: float) -> dict[str, object]:
+    forces, began = load_forces(), time.process_time()
+    row: dict[str, object] = {"ratio": right, "refused": ""}
+    try:
+        found = recognise_volley(plate, ALL.accelerometers, PAPER, forces, values)
+    except RecognitionError as error:
+        return {**row, "refused": str(error)}
+    row |= {"cpu_s": time.process_time() - began, "refused": found.refused, "misfit": found.misfit, "outside": found.outside}
+    for name, true, weight in (("number", right, (1.0, 1.0)), ("mass", right_mass, tuple(forces.density_kg_m3))):
+        low, middle, high = found.ratio(weight)
+        row |= {f"{name}_error": 100 * (middle - true), f"{name}_inside": low - 1e-9 <= true <= high + 1e-9}
+    return row
+
+
+def tables(out: Path) -> None:
+    """Errors in points over the records that were answered."""
+    for file, by in (("good", "family"), ("silent", "differs"), ("held_out", "family")):
+        if (out / f"{file}.csv").is_file():
+            rows = pd.read_csv(out / f"{file}.csv").fillna({"refused": ""})
+            print(f"\n{file}\n{pd.DataFrame({n: told_of(p) for n, p in rows.groupby(by, sort=False)}).T.to_string()}")
+
+
+def told_of(rows: pd.DataFrame) -> dict[str, object]:
+    answered = rows[rows["refused"] == ""]
+    told: dict[str, object] = {"records": len(rows), "refused": len(rows) - len(answered)}
+    for name in ("number", "mass"):
+        if "number_error" not in answered or answered.empty:
+            return told
+        size = answered[f"{name}_error"].abs()
+        told |= {f"{name}_mean": round(size.mean(), 2), f"{name}_95": round(float(np.quantile(size, 0.95)), 1),
+                 f"{name}_worst": round(size.max(), 1), f"{name}_bias": round(answered[f"{name}_error"].mean(), 1),
+                 f"{name}_wrong": int((size > WRONG_points).sum()),
+                 f"{name}_inside": int((answered[f"{name}_inside"] == True).sum())}  # noqa: E712, of strings
+    told["misfit"] = f"{rows['misfit'].min():.2f} to {rows['misfit'].max():.2f}"
+    told["cpu_s"] = round(float(rows["cpu_s"].mean()), 2)
+    return told
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("parts", nargs="*", choices=["good", "silent", "held_out", "tables"])
+    parser.add_argument("--held-out", type=Path)
+    parser.add_argument("--out", type=Path, default=Path("runs/volleys"))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    for part in options.parts or ["good", "silent", "tables"]:
+        if part == "tables":
+            tables(options.out)
+        elif part == "held_out":
+            if options.held_out is None:
+                parser.error("held_out needs --held-out")
+            held_out(read_dataset(options.held_out), options.out)
+        else:
+            {"good": good, "silent": silent}[part](read_dataset(options.dataset), options.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The mixing ratio of stones that arrive at once on unknown places."""
