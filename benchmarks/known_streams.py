@@ -104,7 +104,7 @@ def heard(plate: PlateModel, case: Case, record: Stream) -> dict[str, object]:
         "stones": case.count, "heard": len(stones), **matched(stones, truth), "cpu_s": time.process_time() - began,
         "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused,
         "unexplained": checks.unexplained, "gain": float(abs(checks.gain - 1).max()), "unlike": checks.unlike,
-        "silence": checks.silence}
+        "broken": checks.broken, "silence": checks.silence}
     for name, by_mass in (("number", False), ("mass", True)):
         low, middle, high = ratio_of(stones, by_mass)
         right = true_ratio(truth, by_mass)

@@ -24,6 +24,7 @@ class Limits:
     unexplained: float = 0.08
     gain: float = 0.1
     unlike: float = 0.05
+    broken: float = 0.5
     silence: float = 0.15
 
 
@@ -31,12 +32,14 @@ class Limits:
 class Checks:
     """unexplained: share of the innovations' energy above that of noise that no stone explains. gain (c,): of each
     channel, relative to what the stones make of all channels. unlike: share of stones that are none of the sizes,
-    speeds and materials that there should be. silence: variance of the innovations at the beginning, where only noise
-    should be, over what the filter makes of white noise."""
+    speeds and materials that there should be. broken: share of stones that seem to have broken, less the share that
+    breaks at their speeds: stones of another size seem so. silence: variance of the innovations at the beginning,
+    where only noise should be, over what the filter makes of white noise."""
 
     unexplained: float
     gain: Floats
     unlike: float
+    broken: float
     silence: float
 
     @classmethod
@@ -47,8 +50,9 @@ class Checks:
         explained = whole - left
         gain = np.sum(whole * explained, axis=1) / np.maximum(np.sum(explained**2, axis=1), 1e-300)
         evidence = np.array([h.log_evidence.max() for h in heard])
+        broken = [h.more_broken[h.log_evidence.argmax()] for h in heard]
         return cls(listener.unexplained(listener.end), gain, float(np.mean(evidence < UNLIKE)) if heard else 0.0,
-                   float(np.mean(whole[:, :silent] ** 2)) / of_noise)
+                   float(np.mean(broken)) if heard else 0.0, float(np.mean(whole[:, :silent] ** 2)) / of_noise)
 
     def reason(self, limits: Limits = Limits()) -> str:
         """Which limits are exceeded, "" if none is."""
@@ -56,6 +60,8 @@ class Checks:
                  ("a channel's gain is off", float(np.max(np.abs(self.gain - 1))), limits.gain),
                  (f"{self.unlike:.0%} of the stones have other sizes, speeds or materials than they should",
                   self.unlike, limits.unlike),
+                 (f"{self.broken:.0%} more of the stones seem broken than should be: they may have another size",
+                  self.broken, limits.broken),
                  ("the record does not begin with silence", abs(self.silence - 1), limits.silence)]
         return "; ".join(f"{text}, limit {limit:g}" for text, value, limit in found if value > limit)
 

@@ -35,15 +35,16 @@ class Heard:
     """A stone.
 
     stone (6,): its parameters, with covariance (6, 6), as the wide prior of the fit has them; log_evidence (2,): of
-    coal and gangue; weights (2, nodes) of the prior's radii and speeds; misfit: chi-square of its window per sample;
-    gain: of the log likelihood of the window by this stone; evidence: the same with the misfit as noise, and with what
-    is known of sizes and speeds.
+    coal and gangue; weights (2, nodes) of the prior's radii and speeds; more_broken (2,): as `StonePrior.evidence`
+    has it; misfit: chi-square of its window per sample; gain: of the log likelihood of the window by this stone;
+    evidence: the same with the misfit as noise, and with what is known of sizes and speeds.
     """
 
     stone: Floats
     covariance: Floats
     log_evidence: Floats
     weights: Floats
+    more_broken: Floats
     misfit: float
     gain: float
     evidence: float
@@ -207,6 +208,6 @@ def heard_of(fit: Fit, prior: StonePrior, window: Window, gain: float) -> Heard:
     stone = fit.stones[0]
     inverse = np.linalg.inv(fit.curvature + 1e-9 * np.eye(len(fit.curvature)))
     covariance = np.asarray(inverse[:PARAMETERS, :PARAMETERS], dtype=float)
-    log_evidence, weights = prior.evidence(stone[TRIPLE], covariance[np.ix_(TRIPLE, TRIPLE)])
-    return Heard(stone, covariance, log_evidence, weights, fit.chi_square / window.values.size, gain * window.temper,
-                 gain + float(log_evidence.max()))
+    log_evidence, weights, broken = prior.evidence(stone[TRIPLE], covariance[np.ix_(TRIPLE, TRIPLE)])
+    return Heard(stone, covariance, log_evidence, weights, broken, fit.chi_square / window.values.size,
+                 gain * window.temper, gain + float(log_evidence.max()))

@@ -90,9 +90,10 @@ class StonePrior:
         constant = np.linalg.slogdet(inner)[1] - np.sum(means * from_means, axis=-1)
         return inner, from_means, 0.5 * constant + log_share
 
-    def evidence(self, estimate: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    def evidence(self, estimate: Floats, covariance: Floats) -> tuple[Floats, Floats, Floats]:
         """Logarithm of the factor (materials,) by which the true prior of a material changes the evidence of a fit made
-        with the wide one, and the weights of the grid (materials, nodes).
+        with the wide one, the weights of the grid (materials, nodes), and by how much more than such stones do it
+        seems to have broken (materials,): the probability that it broke less that of a stone at its speed.
 
         estimate (3,), covariance (3, 3): of log s, b and log J with the wide prior. The likelihood alone is the
         quotient of that Gaussian and the wide prior.
@@ -109,7 +110,9 @@ class StonePrior:
                           + self._log_determinant - np.linalg.slogdet(posterior)[1])
         top = log_node.max(axis=1)
         weight = np.exp(log_node - top[:, None])
-        return top + np.log(weight.mean(axis=1)) - log_wide, weight / weight.sum(axis=1, keepdims=True)
+        relative = weight / weight.sum(axis=1, keepdims=True)
+        broke = np.exp(log_law[..., 1] - log_node) - np.exp(self._laws[0][..., 1])
+        return top + np.log(weight.mean(axis=1)) - log_wide, relative, np.sum(relative * broke, axis=1)
 
 
 def _between(mean: Floats, grid: Floats) -> Floats:

@@ -25,8 +25,8 @@ def stones_of(prior: StonePrior, gangue, radius_m, speed_m_s, rng) -> list[Heard
         stone[TRIPLE] = rng.multivariate_normal(mean(int(g), np.array(radius), np.array(speed)), scatter + errors)
         with_wide = np.linalg.inv(np.linalg.inv(errors) + prior.precision)
         linear = np.linalg.solve(errors, stone[TRIPLE]) + prior.precision @ prior.typical
-        log_evidence, weights = prior.evidence(with_wide @ linear, with_wide)
-        found.append(Heard(stone, covariance, log_evidence, weights, 1.0, 100.0, 100.0))
+        log_evidence, weights, broken = prior.evidence(with_wide @ linear, with_wide)
+        found.append(Heard(stone, covariance, log_evidence, weights, broken, 1.0, 100.0, 100.0))
     return found
 
 

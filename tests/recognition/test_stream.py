@@ -119,6 +119,22 @@ def test_stones_of_another_size_are_refused(heard, plate, forces):
     assert "other sizes" in found.refused
 
 
+def test_gangue_of_another_size_is_not_coal_that_breaks():
+    """By the shipped law. A stone of 20 mm, whole, pushes as one of 25 mm that broke, but as slow ones hardly ever do."""
+    prior = StonePrior(load_forces(), (0.025, 0.025), (2.0, 4.0))
+    error = np.diag([0.02, 0.4, 0.025]) ** 2
+    covariance = np.linalg.inv(np.linalg.inv(error) + prior.precision)
+
+    def more_broken(radius_m):
+        exact = prior.forces.mean(1, np.array(radius_m), np.array(2.6))
+        estimate = covariance @ (np.linalg.solve(error, exact) + prior.precision @ prior.typical)
+        log_evidence, _, more = prior.evidence(estimate, covariance)
+        return more[log_evidence.argmax()]
+
+    assert more_broken(0.025) < 0.1
+    assert more_broken(0.02) > 0.5
+
+
 @pytest.mark.parametrize("after_s", [1e-3, 20e-3])
 def test_a_record_without_silence_is_refused(heard, plate, forces, after_s):
     """It begins when the plate rings from the second stone, at once or later."""
