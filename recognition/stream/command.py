@@ -59,6 +59,8 @@ def listen(arguments: argparse.Namespace) -> int:
     if refused:
         print(f"NOT EXPLAINED, no ratio can be trusted: {refused}")
         return 3
+    if not found.tapped:
+        print("WARNING: no mode of the plate was tapped; the ratio may be 10 points off, outside its interval")
     for name, by_mass in (("number", False), ("mass", True)):
         low, middle, high = ratio_of(found.stones, by_mass)
         print(f"mixing ratio by {name} {100 * middle:.1f} %, 90 % interval {100 * low:.1f} to {100 * high:.1f}")

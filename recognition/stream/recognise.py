@@ -38,6 +38,7 @@ LEAST_FREQUENCY_SD = 0.003
 @dataclass(frozen=True)
 class Recognised:
     """Stones of a record (columns of `recognition.stream.stones`), how each was heard, and the plate as it rang.
+    tapped: whether any mode of the plate was known well before, as taps teach it.
     hearing_s: processor time from the record to the stones, without what is done once for a plate."""
 
     stones: pd.DataFrame
@@ -45,6 +46,7 @@ class Recognised:
     plate: PlateModel
     noise: Floats
     checks: Checks
+    tapped: bool
     hearing_s: float
 
     @property
@@ -70,7 +72,8 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     rms = np.sqrt(np.mean(values**2, axis=1))
     if not np.all(noise > 0) or not np.all(rms > noise):
         raise NotRecognised("a channel has no noise at all, or the record does not begin with silence")
-    if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:  # it was not tapped
+    tapped = bool(plate.frequency_sd.min() <= LEAST_FREQUENCY_SD)  # taps teach some modes, and others stay unknown
+    if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:
         plate = retuned(plate, channels, values, RATE_Hz, noise)
     plate = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
     listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(values, rms))
@@ -78,7 +81,7 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     heard = listener.hear(whitening(values))
     return Recognised(stone_table(with_speed_law(heard, prior), prior, RATE_Hz, LEAST_DOUBT), heard, plate, noise,
                       Checks.of(listener, heard, round(SILENCE_S * RATE_Hz), whitening.variance_of(noise)),
-                      process_time() - began_s)
+                      tapped, process_time() - began_s)
 
 
 def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise: Floats,

@@ -10,7 +10,7 @@ from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import FIT_LAGS, LAGS, TIME, Bank
-from recognition.stream.checks import without_offset_and_hum
+from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.forces import PULSE_S, History, StoneForces
 from recognition.stream.law_file import load_forces, save_forces
 from recognition.stream.prior import StonePrior
@@ -95,7 +95,7 @@ def test_stones_of_a_stream(heard):
     assert stones["impulse_N_s"].to_numpy() == pytest.approx(truth["impulse_N_s"].to_numpy(), rel=0.1)
     low, _, high = ratio_of(stones)
     assert low <= truth["gangue"].mean() <= high
-    assert found.refused == ""
+    assert found.refused == "" and found.tapped
 
 
 def test_another_plate_is_refused(heard, plate, forces):
@@ -133,6 +133,16 @@ def test_gangue_of_another_size_is_not_coal_that_breaks():
 
     assert more_broken(0.025) < 0.1
     assert more_broken(0.02) > 0.5
+
+
+def test_share_of_stones_that_arrive_at_once():
+    """Against every pair of 300 arrivals in a second, and what Poisson's law says of stones that do not."""
+    t_s = np.random.default_rng(6).uniform(0, 1, 300)
+    apart = np.abs(t_s[:, None] - t_s) + np.eye(300)
+    assert together(t_s) == np.mean(apart.min(axis=1) < 0.2e-3)
+    assert together(t_s) == pytest.approx(1 - np.exp(-2 * 300 * 0.2e-3), abs=0.06)
+    assert together(np.array([0.1, 0.10005, 0.2])) == pytest.approx(2 / 3)
+    assert together(np.zeros(0)) == together(np.zeros(1)) == 0.0
 
 
 @pytest.mark.parametrize("after_s", [1e-3, 20e-3])
