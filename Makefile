@@ -5,8 +5,7 @@ OUT ?= runs/$(patsubst %.toml,%,$(shell basename '$(SCENE)'))
 JOBS ?= 2
 
 PYTHON := .venv/bin/python
-# Python compiles what is imported when it is imported; most of what is installed never is.
-INSTALL := $(PYTHON) -m pip install --quiet --disable-pip-version-check --no-compile
+INSTALL := $(PYTHON) -m pip install --quiet --disable-pip-version-check
 LIGGGHTS_VERSION := 3.8.0+repack1-9+b2
 PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev zlib1g-dev g++ make python3-venv
 # Packages are walked; those that name what they export have their modules listed.
