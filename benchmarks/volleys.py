@@ -1,6 +1,6 @@
 """Volleys of ten stones on unknown places, and what `volley` makes of them: tables (csv) for docs/recognition.md.
 
-    python -m benchmarks.volleys DATASET [--held-out HELD_OUT] [--out runs/volleys] [good | silent | held_out | tables ...]
+    python -m benchmarks.volleys DATASET [--held-out HELD_OUT] [--out runs/volleys] [good | silent | held_out | shares | tables ...]
 
 Forces are those of stones that fell together in runs of the engine (families `ring` and `free` of scenes/dataset.toml,
 3 m/s); their sum goes through plates that are not the model's, as in benchmarks/listening.py (plates "1" and "2":
@@ -8,8 +8,9 @@ frequencies, damping and shapes scattered by 1, 10 and 1 %), with 20 dB of noise
 `volley` is given what four taps taught of the plate, the number, radius and speed of the stones, and neither places nor
 the time of arrival, which is anywhere within 1 ms. Rows that are in a table are not made again.
 
-good: runs of DATASET, of which the shares IMPULSE_SHARE and the limit of the misfit were made.
-silent: the same with something that `volley` is not told.
+shares: prints the impulse of a stone in m v, from which NEAR_SHARE and FAR_SHARE of recognition/volley/impulses.py are.
+good: runs of DATASET, of which those shares and the limits of misfit and gain were made.
+silent: the same with something that `volley` is not told, and with numbers and speeds that are told as ranges.
 held_out: runs of HELD_OUT (scenes/dataset_held_out.toml), of other seeds and packings.
 tables: prints what the other parts wrote.
 """
@@ -39,7 +40,7 @@ from recognition.stream.simulated import stone_rows, stream_of
 from recognition.volley.recognise import recognise_volley
 from recognition.volley.responses import RATE_Hz, Stones
 
-PAPER = Stones(10, 0.025, 3.0)
+PAPER, SOME, FAST = Stones((10, 10), 0.025, (3.0, 3.0)), Stones((8, 12), 0.025, (3.0, 3.0)), Stones((10, 10), 0.025, (2.5, 3.2))
 DENSITY = {False: 1380.0, True: 2400.0}
 FORCE_S, SILENCE_S, AFTER_S = 3e-3, 0.05, 0.16
 WRONG_points = 5.0
@@ -60,6 +61,7 @@ class Difference:
     record: Callable[[np.ndarray], np.ndarray] | None = None
     taps: str = "1"
     plate: str = "1"
+    told: Stones = PAPER
 
 
 DIFFERENCES = [
@@ -70,7 +72,9 @@ DIFFERENCES = [
     Difference("taps of another plate", taps="2"), Difference("plate of another theory, tapped", taps="other theory",
                                                               plate="other theory"),
     Difference("one gain 0.8", record=with_factor(1, 0.8)), Difference("wrong sign", record=with_factor(1, -1.0)),
-    Difference("two sensors swapped", record=lambda v: v[[1, 0, 2, 3]])]
+    Difference("two sensors swapped", record=lambda v: v[[1, 0, 2, 3]]),
+    *(Difference(f"{n} stones, 8 to 12 told", n, told=SOME) for n in (8, 10, 12)),
+    *(Difference(f"speed {v:g} m/s, 2.5 to 3.2 told", speed=v / 3, told=FAST) for v in (2.5, 3.0))]
 
 
 def good(data: DataSet, out: Path) -> None:
@@ -115,7 +119,7 @@ def heard(run: Run, difference: Difference, seed: int, out: Path, more: Run | No
     values = stream_of(true_plate(difference.plate), ALL, histories, table, RATE_Hz, 20.0, rng, AFTER_S).values
     if difference.record is not None:
         values = difference.record(values.copy())
-    return judged(tapped(difference.taps, out), values, true_ratio(table, False), true_ratio(table, True))
+    return judged(tapped(difference.taps, out), values, difference.told, true_ratio(table, False), true_ratio(table, True))
 
 
 def stones_of(record: ForceRecord) -> list[tuple[History, np.ndarray]]:
@@ -124,25 +128,41 @@ def stones_of(record: ForceRecord) -> list[tuple[History, np.ndarray]]:
             for force, gangue, place in zip(record.force_N, record.gangue, record.touch_m, strict=True)]
 
 
-def judged(plate: PlateModel, values: np.ndarray, right: float, right_mass: float) -> dict[str, object]:
+def judged(plate: PlateModel, values: np.ndarray, told: Stones, right: float, right_mass: float) -> dict[str, object]:
+    """expected: probability that `volley` itself gives its interval by number."""
     forces, began = load_forces(), time.process_time()
     row: dict[str, object] = {"ratio": right, "refused": ""}
     try:
-        found = recognise_volley(plate, ALL.accelerometers, PAPER, forces, values)
+        found = recognise_volley(plate, ALL.accelerometers, told, forces, values)
     except RecognitionError as error:
         return {**row, "refused": str(error)}
-    row |= {"cpu_s": time.process_time() - began, "refused": found.refused, "misfit": found.misfit, "outside": found.outside}
-    for name, true, weight in (("number", right, (1.0, 1.0)), ("mass", right_mass, tuple(forces.density_kg_m3))):
-        low, middle, high = found.ratio(weight)
-        row |= {f"{name}_error": 100 * (middle - true), f"{name}_inside": low - 1e-9 <= true <= high + 1e-9}
+    row |= {"cpu_s": time.process_time() - began, "refused": found.refused, "misfit": found.likelihood.misfit,
+            "outside": found.outside, "gain": float(abs(found.likelihood.gain - 1).max())}
+    for name, true, by_mass in (("number", right, False), ("mass", right_mass, True)):
+        low, middle, high = found.ratio(by_mass)
+        share, weight = found.posterior(by_mass)
+        row |= {f"{name}_error": 100 * (middle - true), f"{name}_inside": low - 1e-9 <= true <= high + 1e-9,
+                f"{name}_width": 100 * (high - low),
+                f"{name}_expected": float(weight[(share >= low - 1e-9) & (share <= high + 1e-9)].sum())}
     return row
+
+
+def shares(data: DataSet) -> None:
+    """Mean impulse of a stone of coal and of gangue in m v, over the families' runs at the paper's speed."""
+    for family in RECORDS:
+        found: dict[bool, list[float]] = {False: [], True: []}
+        for k in data.of(family):
+            for history, _ in stones_of(force_record_of(data.runs[k], FORCE_S)):
+                found[history.gangue].append(history.moments()[0] / (history.mass_kg * history.speed_m_s))
+        print(f"{family}: coal {np.mean(found[False]):.3f}, gangue {np.mean(found[True]):.3f} of m v")
 
 
 def tables(out: Path) -> None:
     """Errors in points over the records that were answered."""
     for file, by in (("good", "family"), ("silent", "differs"), ("held_out", "family")):
         if (out / f"{file}.csv").is_file():
-            rows = pd.read_csv(out / f"{file}.csv").fillna({"refused": ""})
+            rows = pd.read_csv(out / f"{file}.csv", dtype={"refused": object})
+            rows["refused"] = rows["refused"].fillna("")
             print(f"\n{file}\n{pd.DataFrame({n: told_of(p) for n, p in rows.groupby(by, sort=False)}).T.to_string()}")
 
 
@@ -156,7 +176,9 @@ def told_of(rows: pd.DataFrame) -> dict[str, object]:
         told |= {f"{name}_mean": round(size.mean(), 2), f"{name}_95": round(float(np.quantile(size, 0.95)), 1),
                  f"{name}_worst": round(size.max(), 1), f"{name}_bias": round(answered[f"{name}_error"].mean(), 1),
                  f"{name}_wrong": int((size > WRONG_points).sum()),
-                 f"{name}_inside": int((answered[f"{name}_inside"] == True).sum())}  # noqa: E712, of strings
+                 f"{name}_inside": int((answered[f"{name}_inside"] == True).sum()),  # noqa: E712, of strings
+                 f"{name}_width": round(answered[f"{name}_width"].mean(), 1),
+                 f"{name}_expected": round(answered[f"{name}_expected"].mean(), 3)}
     told["misfit"] = f"{rows['misfit'].min():.2f} to {rows['misfit'].max():.2f}"
     told["cpu_s"] = round(float(rows["cpu_s"].mean()), 2)
     return told
@@ -165,7 +187,7 @@ def told_of(rows: pd.DataFrame) -> dict[str, object]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=Path)
-    parser.add_argument("parts", nargs="*", choices=["good", "silent", "held_out", "tables"])
+    parser.add_argument("parts", nargs="*", choices=["good", "silent", "held_out", "shares", "tables"])
     parser.add_argument("--held-out", type=Path)
     parser.add_argument("--out", type=Path, default=Path("runs/volleys"))
     options = parser.parse_args()
@@ -173,6 +195,8 @@ def main() -> None:
     for part in options.parts or ["good", "silent", "tables"]:
         if part == "tables":
             tables(options.out)
+        elif part == "shares":
+            shares(read_dataset(options.dataset))
         elif part == "held_out":
             if options.held_out is None:
                 parser.error("held_out needs --held-out")

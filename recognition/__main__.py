@@ -174,11 +174,12 @@ def _parser() -> argparse.ArgumentParser:
 def _add_volley(command: argparse.ArgumentParser) -> None:
     command.add_argument("record", help="run directory, .parquet or .csv with t_s and acc_NAME_m_s2, from 20 kHz on")
     command.add_argument("--plate", required=True, help="plate, from `tap` (.json)")
-    command.add_argument("--stones", type=int, default=10, help="how many arrive (default: %(default)d)")
+    command.add_argument("--stones", type=int, nargs="+", default=[10], metavar="N",
+                         help="how many arrive, or the fewest and the most (default: 10)")
     command.add_argument("--radius", type=float, default=0.025, metavar="M",
                          help="of all stones (default: %(default)g m)")
-    command.add_argument("--speed", type=float, default=3.0, metavar="M_S",
-                         help="of all stones (default: %(default)g m/s)")
+    command.add_argument("--speed", type=float, nargs="+", default=[3.0], metavar="M_S",
+                         help="of all stones, or the lowest and the highest that it may be (default: 3 m/s)")
 
 
 def _add_listen(command: argparse.ArgumentParser) -> None:

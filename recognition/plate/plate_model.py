@@ -111,7 +111,7 @@ class PlateModel:
             if off.any():
                 raise RecognitionError(f"{name} = {values[off][0]:g}; must lie on the plate, between {lines[0]:g} and "
                                        f"{lines[-1]:g}")
-        along_x, along_y = self._splines
+        along_x, along_y = self.splines
         return np.asarray(np.einsum("ni,nj,ijm->nm", along_x(x), along_y(y), self.grid_shape, optimize=True), float)
 
     def below(self, limit_Hz: float) -> Self:
@@ -121,8 +121,8 @@ class PlateModel:
         return replace(self, **{name: getattr(self, name)[..., kept] for name in names})
 
     @cached_property
-    def _splines(self) -> tuple[Any, Any]:
-        """For either axis, the weights of the grid lines at a coordinate."""
+    def splines(self) -> tuple[Any, Any]:
+        """For either axis, the function of the weights (n, lines) of its grid lines at coordinates (n,)."""
         x, y = (make_interp_spline(lines, np.eye(len(lines)), k=3) for lines in (self.lines_x_m, self.lines_y_m))
         return x, y
 

@@ -6,13 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.special import logsumexp
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.checks import refuse_faulty, without_offset_and_hum
 from recognition.stream.forces import StoneForces
+from recognition.volley.impulses import Hypotheses, widened
+from recognition.volley.likelihood import Likelihood
+from recognition.volley.moments import PHASES, REACHES, Moments
 from recognition.volley.responses import (
     BEFORE_S,
     DECIMATION,
@@ -24,46 +27,68 @@ from recognition.volley.responses import (
     Stones,
     part_of,
 )
-from recognition.volley.sums import PHASES, Sums
 
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
 LOUD = 8.0  # standard deviations of noise
 TRIED = range(-3, 5)  # samples between the first that is loud and the arrival
-MOST_MISFIT, MOST_OUTSIDE = 1.6, 0.9
+MOST_MISFIT, MOST_OUTSIDE, MOST_GAIN = 1.6, 0.9, 0.1
 LEVELS = (0.05, 0.95)
+TOTALS = 400  # between which the probability of other stones is summed
 
 
 @dataclass(frozen=True)
 class Found:
-    """gangue (k,): numbers of gangue stones, with their probability (k,); misfit: chi-square of the likeliest, per
-    number; outside: probability that the impulse is that of other stones; arrival_s: of the first stone."""
+    """What a record says of the stones that it was told to have; arrival_s: of the first stone."""
 
-    gangue: Floats
-    probability: Floats
-    misfit: float
-    outside: float
+    likelihood: Likelihood
+    stones: Stones
+    forces: StoneForces
     arrival_s: float
 
-    def ratio(self, weight: Sequence[float] = (1.0, 1.0)) -> tuple[float, float, float]:
-        """Low end, mean and high end of the 90 % interval of the mixing ratio; weight: of a stone of coal and of
-        gangue."""
-        share = self.gangue * weight[1]
-        share = share / (share + self.gangue[::-1] * weight[0])
-        below = np.cumsum(self.probability)
+    def posterior(self, by_mass: bool = False, stones: Stones | None = None) -> tuple[Floats, Floats]:
+        """Mixing ratios (n,), rising, and their probability (n,); stones: others than those told."""
+        told = Hypotheses.of(stones or self.stones, self.forces)
+        log = logsumexp([self.likelihood.at(k, told.total[k], told.squares[k]) for k in range(len(REACHES))], axis=0)
+        weight = told.prior * np.exp(log - log.max())
+        share = told.share(self.forces.density_kg_m3 if by_mass else np.ones(2))
+        order = np.argsort(share)
+        return share[order], weight[order] / weight.sum()
+
+    def ratio(self, by_mass: bool = False, stones: Stones | None = None) -> tuple[float, float, float]:
+        """Low end, mean and high end of the 90 % interval of the mixing ratio; stones: others than those told."""
+        share, weight = self.posterior(by_mass, stones)
+        below = np.cumsum(weight)
         low, high = (float(share[min(int(np.searchsorted(below, level)), len(share) - 1)]) for level in LEVELS)
-        return low, float(self.probability @ share), high
+        return low, float(weight @ share), high
+
+    @property
+    def outside(self) -> float:
+        """Probability that the total impulse is beyond those of all stones that are told, by half a stone at least, if
+        any were as likely."""
+        told, every = Hypotheses.of(self.stones, self.forces), self.likelihood
+        total = np.exp(np.linspace(every.log_total[0], every.log_total[-1], TOTALS))
+        number = np.exp(every.log_number.mean())
+        log = np.array([every.at(k, total, total**2 / number) for k in range(len(REACHES))])
+        inside = [(total > low) & (total < high) for low, high in zip(*told.reached, strict=True)]
+        weight = np.exp(log - log.max())
+        return float(1 - weight[np.array(inside)].sum() / weight.sum())
 
     @property
     def refused(self) -> str:
         """Why no ratio can be trusted, "" if it can."""
-        if self.misfit > MOST_MISFIT:
-            return f"such stones on this plate do not explain the record: misfit {self.misfit:.2f}, limit {MOST_MISFIT}"
+        off = self.likelihood.gain - 1
+        if self.likelihood.misfit > MOST_MISFIT:
+            return (f"such stones on this plate do not explain the record: misfit {self.likelihood.misfit:.2f}, "
+                    f"limit {MOST_MISFIT}")
+        if np.abs(off).max() > MOST_GAIN:
+            worst = off[np.abs(off).argmax()]
+            return f"the gain of a channel is {worst:+.0%} off, by what the others hear, limit {MOST_GAIN:.0%}"
         if self.outside > MOST_OUTSIDE:
             return "the stones push harder or less than so many of that size and speed can"
         return ""
 
 
-def recognise_volley(plate: PlateModel, sensors: tuple[int, ...], stones: Stones, forces: StoneForces,
+def recognise_volley(plate: PlateModel, sensors: Sequence[int], stones: Stones, forces: StoneForces,
                      values: Floats) -> Found:
     """What accelerations (c, samples) at RATE_Hz, which begin with silence, say of stones that arrive at once.
 
@@ -78,8 +103,12 @@ def recognise_volley(plate: PlateModel, sensors: tuple[int, ...], stones: Stones
     if not (noise > 0).all():
         raise NotRecognised("a channel has no noise at all: the record must begin with 20 ms of silence")
     loud = _first_loud(values, noise)
-    sums = Sums.of(plate, sensors, stones, forces, noise)
-    return _likeliest(sums, values / noise[:, None], loud)
+    moments = Moments.of(plate, tuple(sensors), stones, forces, noise)
+    starts = [loud + k - round(BEFORE_S * RATE_Hz) for k in TRIED]
+    parts = np.array([part_of(values / noise[:, None], start, moments.basis.shape[2]) for start in starts])
+    likelihood = Likelihood.of(moments, parts, *Hypotheses.of(widened(stones), forces).ranges)
+    arrival_s = (loud + TRIED[likelihood.start]) / RATE_Hz + likelihood.case % PHASES * DELAY_STEP_S
+    return Found(likelihood, stones, forces, arrival_s)
 
 
 def _first_loud(values: Floats, noise: Floats) -> int:
@@ -92,22 +121,3 @@ def _first_loud(values: Floats, noise: Floats) -> int:
     if first + after > values.shape[1]:
         raise NotRecognised(f"the record ends less than {LENGTH_S:g} s after the stones arrive")
     return first
-
-
-def _likeliest(sums: Sums, values: Floats, loud: int) -> Found:
-    """The counts' probabilities, all alike beforehand, over all arrivals that are tried."""
-    starts = [loud + k - round(BEFORE_S * RATE_Hz) for k in TRIED]
-    parts = np.array([sums.basis @ part_of(values, start, sums.samples).ravel() for start in starts])
-    log, chi_square = np.empty((2, len(sums.mean), len(sums.gangue), len(starts)))
-    for p, k in np.ndindex(*log.shape[:2]):
-        factor = cholesky(sums.covariance[p, k] + np.eye(len(sums.basis)) / DECIMATION, lower=True)
-        off = solve_triangular(factor, (parts - sums.mean[p, k]).T, lower=True)
-        chi_square[p, k] = np.sum(off**2, axis=0)
-        log[p, k] = -0.5 * chi_square[p, k] - np.log(factor.diagonal()).sum()
-    weight = np.exp(log - log.max())
-    best = np.unravel_index(int(log.argmax()), log.shape)
-    by_count = weight.sum(axis=(0, 2)) / weight.sum()
-    inside = sums.gangue[(sums.gangue >= 0) & (sums.gangue <= sums.gangue[-1] + sums.gangue[0])]
-    kept = by_count[np.isin(sums.gangue, inside)]
-    arrival_s = (loud + TRIED[int(best[2])]) / RATE_Hz + int(best[0]) % PHASES * DELAY_STEP_S
-    return Found(inside, kept / kept.sum(), float(chi_square[best]) / len(sums.basis), float(1 - kept.sum()), arrival_s)

@@ -28,12 +28,12 @@ FREQUENCY_STEP, DAMPING_STEP = 1e-5, 1e-3  # relative, of the slopes
 
 @dataclass(frozen=True)
 class Stones:
-    """What is told of a volley: how many stones, their radius and speed. Their places are anywhere on the plate, and
-    all of them arrive within SPREAD_S."""
+    """What is told of a volley: the fewest and the most stones, their radius, and the lowest and highest speed. All
+    have one radius and speed, their places are anywhere on the plate, and all of them arrive within SPREAD_S."""
 
-    count: int
+    counts: tuple[int, int]
     radius_m: float
-    speed_m_s: float
+    speeds_m_s: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Responses:
         """Of a plate with no modes above HIGHEST_Hz."""
         f, zeta = plate.frequency_Hz, plate.damping_ratio
         fine = round((BEFORE_S + LENGTH_S + MARGIN * DECIMATION / RATE_Hz) / FINE_S)
-        sizes = np.array(stones.radius_m), np.array(stones.speed_m_s)
+        sizes = np.array(stones.radius_m), np.array(np.mean(stones.speeds_m_s))
         duration_s = float(np.exp(np.mean([forces.mean(material, *sizes)[0] for material in (0, 1)])))
         t_s: Floats = (np.arange(fine, dtype=float) + 0.5) * FINE_S - BEFORE_S
         pulse = forces.pulse(0, duration_s, t_s)

@@ -13,12 +13,13 @@ from recognition.stream.forces import History
 from recognition.stream.law_file import load_forces
 from recognition.stream.signatures import FINE_S, Channels
 from recognition.stream.simulated import stone_rows, stream_of
+from recognition.volley.impulses import FAR_SHARE, Hypotheses
+from recognition.volley.moments import SPREADS_S, Moments
 from recognition.volley.recognise import SILENCE_S, RATE_Hz, recognise_volley
 from recognition.volley.responses import BEFORE_S, DECIMATION, Stones, part_of
-from recognition.volley.sums import Sums
 
 SENSORS = (0, 1, 2, 3)
-TEN = Stones(10, 0.025, 3.0)
+TEN = Stones((10, 10), 0.025, (3.0, 3.0))
 #: Impulse of a stone in m v, as the engine has it in volleys anywhere on the paper's plate at 3 m/s, and density.
 SHARE, DENSITY = {False: 1.82, True: 1.76}, {False: 1380.0, True: 2400.0}
 
@@ -76,8 +77,10 @@ def test_moments_are_those_of_simulated_volleys(true):
     exact = replace(true, frequency_sd=0 * true.frequency_sd)
     rng = np.random.default_rng(5)
     noise = np.full(4, 20.0)
-    sums = Sums.of(exact, SENSORS, TEN, load_forces(), noise)
-    k = int(np.flatnonzero(sums.gangue == 5)[0])
+    moments, told = Moments.of(exact, SENSORS, TEN, load_forces(), noise), Hypotheses.of(TEN, load_forces())
+    k = int(np.flatnonzero(told.gangue == 5)[0])
+    anywhere = len(moments.response) - 2  # within 0.1 ms, at the first phase
+    assert SPREADS_S[-1] == 1e-4
     squares = []
     for _ in range(20):
         kinds, places = rng.permutation(np.arange(10) < 5).astype(int), rng.uniform(-0.225, 0.225, (10, 2))
@@ -85,9 +88,9 @@ def test_moments_are_those_of_simulated_volleys(true):
         table["t_s"] -= 0.11e-3  # centres of forces arrive, not first touches
         values = stream_of(true, Channels(SENSORS), [stone(False), stone(True)], table, RATE_Hz, None, rng, 0.12).values
         values = values / noise[:, None] + rng.standard_normal(values.shape)
-        start = round((0.05 - BEFORE_S) * RATE_Hz)
-        off = sums.basis @ part_of(values, start, sums.samples).ravel() - sums.mean[-2, k]
-        covariance = sums.covariance[-2, k] + np.eye(len(off)) / DECIMATION
+        part = part_of(values, round((0.05 - BEFORE_S) * RATE_Hz), moments.basis.shape[2])
+        off = np.einsum("rcn,cn->r", moments.basis, part) - moments.mean(anywhere, told.total[-1, k])
+        covariance = moments.covariance(anywhere, told.total[-1, k], told.squares[-1, k]) + np.eye(len(off)) / DECIMATION
         squares.append(off @ np.linalg.solve(covariance, off) / len(off))
     assert np.mean(squares) == pytest.approx(1.0, abs=0.12)
 
@@ -95,6 +98,41 @@ def test_moments_are_those_of_simulated_volleys(true):
 def test_swapped_sensors_are_refused(volleys, known):
     found = recognise_volley(known, SENSORS, TEN, load_forces(), volleys[2][1][[1, 0, 2, 3]])
     assert "do not explain" in found.refused
+
+
+def test_hypotheses_against_a_sum_over_stones():
+    """Total and squares of each, one stone after the other; shares by mass are those of the stones' masses."""
+    forces, stones = load_forces(), Stones((2, 3), 0.03, (2.5, 3.0))
+    told = Hypotheses.of(stones, forces)
+    assert len(told.prior) == (3 + 4) * len(np.unique(told.speed_m_s)) and told.prior.sum() == pytest.approx(1)
+    assert told.prior[told.number == 2].sum() == pytest.approx(0.5)
+    mass = 4 / 3 * np.pi * 0.03**3 * forces.density_kg_m3
+    for k in (0, 17, len(told.prior) - 1):
+        kinds = [1] * int(told.gangue[k]) + [0] * int(told.number[k] - told.gangue[k])
+        each = [float(FAR_SHARE[kind] * mass[kind] * told.speed_m_s[k]) for kind in kinds]
+        assert told.total[-1, k] == pytest.approx(sum(each)) and told.squares[-1, k] == pytest.approx(
+            sum(impulse**2 for impulse in each))
+        gangue = sum(mass[1] for kind in kinds if kind)
+        assert told.share(forces.density_kg_m3)[k] == pytest.approx(gangue / sum(mass[kind] for kind in kinds))
+
+
+def test_numbers_that_are_told_as_a_range(volleys, true, known):
+    """Eight stones, with eight to twelve told: the interval holds, and is wider than with eight told; with ten told the
+    answer is another one."""
+    values, forces = record(true, 6, np.random.default_rng(4), count=8), load_forces()
+    low, _, high = recognise_volley(known, SENSORS, replace(TEN, counts=(8, 12)), forces, values).ratio()
+    exact = recognise_volley(known, SENSORS, replace(TEN, counts=(8, 8)), forces, values)
+    assert low <= 0.75 <= high and high - low > exact.ratio()[2] - exact.ratio()[0]
+    assert exact.ratio()[1] == pytest.approx(0.75, abs=0.13)
+    assert exact.ratio(stones=TEN)[1] < 0.5
+
+
+def test_a_gain_is_refused(volleys, known):
+    """One channel 0.8 of what it was; with all channels alike only the stones seem smaller."""
+    values = volleys[2][1] * np.array([[1.0], [0.8], [1.0], [1.0]])
+    found = recognise_volley(known, SENSORS, TEN, load_forces(), values)
+    assert "gain of a channel" in found.refused
+    assert found.likelihood.gain[1] == pytest.approx(0.8, abs=0.05)
 
 
 def test_stones_that_push_too_little_are_refused(true, known):
@@ -128,7 +166,13 @@ def test_command(volleys, known, tmp_path, capsys):
     low, high = said[1].rsplit(" ", 3)[1:4:2]
     assert said[1].startswith("mixing ratio by number") and float(low) <= 10 * gangue <= float(high)
     assert said[2].startswith("mixing ratio by mass")
-    assert main([*words, "--speed", "5"]) == 2
-    assert capsys.readouterr().err == "recognition: --speed 5: must lie between 2 and 3.2\n"
+    assert said[3].startswith("the record does not tell whether the stones are those told; by number it would be with one")
+    for wrong, text in (("5", "5"), ("3 2.5", "3 2.5"), ("2 2.5 3", "2 2.5 3")):
+        assert main([*words, "--speed", *wrong.split()]) == 2
+        assert capsys.readouterr().err == (f"recognition: --speed {text}: must be a number between 2 and 3.2, "
+                                           "or two such numbers, the lower first\n")
+    assert main([*words, "--stones", "8", "12", "--speed", "2.8", "3.2"]) == 0
+    wide_low, wide_high = capsys.readouterr().out.splitlines()[1].rsplit(" ", 3)[1:4:2]
+    assert float(wide_low) <= float(low) and float(wide_high) >= float(high)
     assert main([*words, "--stones", "30"]) == 3
     assert "no ratio" in capsys.readouterr().out
