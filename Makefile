@@ -7,7 +7,7 @@ JOBS ?= 2
 PYTHON := .venv/bin/python
 INSTALL := $(PYTHON) -m pip install --quiet --disable-pip-version-check
 LIGGGHTS_VERSION := 3.8.0+repack1-9+b2
-PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev zlib1g-dev g++ make python3-venv
+PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev zlib1g-dev g++ make
 # Packages are walked; those that name what they export have their modules listed.
 MODULES := $(subst /,.,$(filter-out %__init__ %__main__,$(basename $(wildcard analysis/*.py recognition/*.py recognition/*/*.py))))
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
@@ -88,17 +88,22 @@ lint: setup .venv/lint  ## style and types of the Python code
 docs: setup .venv/docs  ## pages of the programming interface into build/docs; a warning is an error
 	$(PYTHON) -W error -m pdoc common dem plate_fem analysis recognition report gangue $(MODULES) -o build/docs
 
-# Packages are fetched while the engine compiles.
-setup: build/packages
-	@$(MAKE) --no-print-directory --jobs=$(JOBS) .venv/installed engine
+# Packages of Python are fetched while those of Debian are unpacked, after which the engine compiles.
+setup:
+	@$(MAKE) --no-print-directory --jobs=$(JOBS) engine .venv/installed
 
 engine: build/engine/liggghts-bonded  ## the engine: LIGGGHTS with bonds and the moving plate
 
 build/engine/liggghts-bonded: build/packages $(wildcard dem/engine/*)
 	$(MAKE) -C dem/engine BUILD=$(abspath build/engine)
 
-build/packages:
+build/python:
 	mkdir -p build
+	@python3 -c 'import ensurepip' 2>/dev/null || { $(SUDO) apt-get update && \
+	  $(SUDO) apt-get install -y --no-install-recommends python3-venv; }
+	touch $@
+
+build/packages: | build/python
 	@if [ "$$(dpkg-query -W -f='$${Version}' libliggghts-dev 2>/dev/null)" = "$(LIGGGHTS_VERSION)" ] \
 	  && command -v mpicxx >/dev/null && command -v liggghts >/dev/null && [ -f /usr/include/zlib.h ]; then \
 	  echo "Debian packages: there"; else \
@@ -127,7 +132,7 @@ build/chromium: | build/packages
 	  $(SUDO) apt-get install -y --no-install-recommends chromium; }
 	touch $@
 
-.venv/installed: pyproject.toml | build/packages
+.venv/installed: pyproject.toml | build/python
 	[ -x $(PYTHON) ] || python3 -m venv .venv
 	$(INSTALL) -e '.[report]'
 	touch $@

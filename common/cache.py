@@ -16,6 +16,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ ENTRY = re.compile(r"[a-z]+-[0-9a-f]{32}\.cache(\.\d+\.part)?")
 LOCKS = 16  # of each kind of entry; keys that share one wait for each other now and then
 
 Arrays = dict[str, np.ndarray]
+_WAITS = ContextVar("_WAITS", default=True)  # for an entry that another process finds
 
 
 def user_cache() -> Path:
@@ -67,7 +69,7 @@ def cached(directory: Path | None, kind: str, key: str, find: Callable[[], Mappi
     """Return the arrays that `find` returns, kept in `directory` from the first time on; without one they are found.
 
     `find` may ask for entries of other kinds, never of its own. Where the directory cannot be written, the arrays are
-    found and a warning tells so.
+    found and a warning tells so. Raises BeingFound within `not_waiting`.
     """
     if directory is None:
         return _as_arrays(find())
@@ -91,6 +93,20 @@ class CannotKeep(Exception):
     """The directory cannot be written."""
 
 
+class BeingFound(Exception):
+    """Another process finds an entry (or, now and then, one that shares its lock)."""
+
+
+@contextmanager
+def not_waiting() -> Iterator[None]:
+    """Within, an entry that another process finds raises BeingFound, so that this one may find another meanwhile."""
+    token = _WAITS.set(False)
+    try:
+        yield
+    finally:
+        _WAITS.reset(token)
+
+
 def _as_arrays(found: Mapping[str, Any]) -> Arrays:
     """In the order in memory that they will have when they are read, on which round-off depends."""
     return {name: np.array(value, order="A") for name, value in found.items()}
@@ -98,7 +114,7 @@ def _as_arrays(found: Mapping[str, Any]) -> Arrays:
 
 @contextmanager
 def _locked(directory: Path, kind: str, key: str) -> Iterator[None]:
-    """Hold the lock of a key, which the kernel lets go of when the process dies."""
+    """Hold the lock of a key, which the kernel lets go of when the process dies. Raises BeingFound, CannotKeep."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(directory / f"{kind}-{int(key, 16) % LOCKS}.lock", os.O_RDWR | os.O_CREAT, 0o600)
@@ -106,7 +122,9 @@ def _locked(directory: Path, kind: str, key: str) -> Iterator[None]:
         raise CannotKeep(error.strerror or str(error)) from error
     try:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if _WAITS.get() else fcntl.LOCK_NB))
+        except BlockingIOError:
+            raise BeingFound(f"{kind} {key}") from None
         except OSError as error:  # a file system without locks
             raise CannotKeep(error.strerror or str(error)) from error
         yield

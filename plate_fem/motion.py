@@ -76,7 +76,7 @@ class ModalMotion:
         self._decay_rate = zeta * self._omega
         self._omega_d = self._omega * np.sqrt(1 - zeta**2)
         self._rigid = np.flatnonzero(self._omega == 0)
-        self._flexibility = 1 / np.where(self._omega == 0, 1.0, self._omega**2)  # of each mode but the rigid ones, s^2
+        self._flexibility = np.where(self._omega == 0, 0.0, 1 / np.where(self._omega == 0, 1.0, self._omega**2))  # s^2
         rigid = self._omega_d == 0
         self._period_s = np.where(rigid, 0.0, 1 / np.where(rigid, 1.0, self._omega_d))  # per radian
         self._turns: dict[int, _Turn] = {}
@@ -85,6 +85,11 @@ class ModalMotion:
         # Number of intervals, and the state after as long a free motion: found by `predict`, used again by `advance`.
         self._free_end: tuple[int, np.ndarray] | None = None
         self.work_J, self._start_J = 0.0, 0.0
+
+    @property
+    def state(self) -> np.ndarray:
+        """Amplitude and rate (2, n)."""
+        return self._state
 
     @property
     def amplitude(self) -> np.ndarray:
@@ -115,16 +120,19 @@ class ModalMotion:
             h = np.arange(1, self.ROWS + 1)[:, None] * (intervals * self.interval_s)
             self._powers[intervals] = np.exp(h * (-self._decay_rate + 1j * self._omega_d)), h
         power, h = (values[:count] for values in self._powers[intervals])
-        rest = np.where(self._omega == 0, 0.0, force * self._flexibility)
+        rest = force * self._flexibility
         q, r = self.amplitude - rest, self.rate
         # q(t) = Re(c exp(..)); its derivative is y - zeta omega q with y = -Im(omega_d c exp(..))
-        turned = power * (q - 1j * (r + self._decay_rate * q) * self._period_s)
+        start = np.empty(len(q), complex)
+        start.real, start.imag = q, 0.0 - (r + self._decay_rate * q) * self._period_s
+        turned = power * start
         states = np.empty((count, 2, len(q)))
         states[:, 0] = turned.real + rest
         states[:, 1] = -self._omega_d * turned.imag - self._decay_rate * turned.real
-        pushed = force[self._rigid]
-        states[:, 0, self._rigid] = q[self._rigid] + h * r[self._rigid] + h**2 / 2 * pushed
-        states[:, 1, self._rigid] = r[self._rigid] + h * pushed
+        if len(self._rigid):
+            pushed = force[self._rigid]
+            states[:, 0, self._rigid] = q[self._rigid] + h * r[self._rigid] + h**2 / 2 * pushed
+            states[:, 1, self._rigid] = r[self._rigid] + h * pushed
         self.work_J += float(force @ (states[-1, 0] - self.amplitude))
         self._move_to(states[-1])
         return states

@@ -8,9 +8,11 @@ belongs to modes above a frequency is therefore the share of the spectrum |F|^2 
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
+from common.cache import cached, key_of, user_cache
 from common.plate import FlexiblePlate
 
 
@@ -39,8 +41,17 @@ def with_max_frequency(plate: FlexiblePlate, contact_time_s: float) -> FlexibleP
 
 @cache
 def _pulse_share() -> tuple[np.ndarray, np.ndarray]:
+    """As `_found_pulse_share`, from the user's cache if it is there."""
+    def find() -> dict[str, np.ndarray]:
+        return dict(zip(("cut_off", "share"), _found_pulse_share(), strict=True))
+
+    kept = cached(user_cache(), "pulse", key_of(Path(__file__).parent), find)
+    return kept["cut_off"], kept["share"]
+
+
+def _found_pulse_share() -> tuple[np.ndarray, np.ndarray]:
     """Return cut-off frequencies times contact time, ascending, and the share of a Hertz pulse's energy above each."""
-    from scipy.integrate import solve_ivp  # late: slow to import, and only a tolerance needs it
+    from scipy.integrate import solve_ivp  # late: slow to import, and seldom needed
 
     duration = 2.943275 * 1.25**0.4  # of d'' = -d^(3/2) from d' = 1: 2.94 times the largest deformation
     n, padding = 4096, 64

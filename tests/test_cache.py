@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from common import cache
-from common.cache import cached, entry_file, key_of
+from common.cache import BeingFound, cached, entry_file, key_of, not_waiting
 
 KEY = key_of(Path(__file__).parent, "a key")
 ARRAYS = {"values": np.arange(1000) / 7, "scalar": np.float64(3.0), "turned": np.arange(12.0).reshape(3, 4).T}
@@ -53,6 +53,19 @@ def test_a_process_that_is_killed_while_it_finds_holds_up_nobody(tmp_path):
     assert float(second.communicate(timeout=60)[0]) == ARRAYS["values"].sum()
     first.communicate()
     assert (tmp_path / "log").read_text() == "found\nfound\n"
+
+
+def test_who_does_not_wait_is_told_that_another_process_finds_the_entry(tmp_path):
+    first = ask(tmp_path, 1000)
+    while not (tmp_path / "log").exists():
+        assert first.poll() is None
+        time.sleep(0.01)
+    with not_waiting(), pytest.raises(BeingFound):
+        cached(tmp_path / "cache", "test", KEY, lambda: pytest.fail("found beside another"))
+    first.kill()
+    first.communicate()
+    with not_waiting():
+        assert len(cached(tmp_path / "cache", "test", KEY, lambda: ARRAYS)) == 3
 
 
 def test_what_is_kept_is_the_same_to_the_bit_and_in_its_order(tmp_path):

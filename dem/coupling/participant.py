@@ -7,7 +7,7 @@ exactly. The scheme is of second order in the time between messages, and conserv
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,18 +30,16 @@ class CouplingState:
     extrapolated_co_steps: int = 0
 
 
-# Modal amplitude and rate, each (modes,), of one or more rows
-PlateStates = np.ndarray | Sequence[tuple[np.ndarray, np.ndarray]]
-Recorder = Callable[[range, PlateStates, list[np.ndarray]], None]
+Recorder = Callable[[range, np.ndarray, np.ndarray, np.ndarray], None]
 
 
 @dataclass
 class PlateParticipant:
     """A plate in `motion` that answers the engine; `state` says where to go on and is kept up to date.
 
-    `record(dem_steps, states, modal_forces)` is called with one or several rows of the fast stream: the state
-    (amplitude, rate) at each, and the force then acting. That is the mean over the time that ends there, extrapolated
-    by half of that time to its end.
+    `record(dem_steps, states, force, last_force)` is called with one or several rows of the fast stream: amplitude and
+    rate (rows, 2, modes) at each, and the force then acting, (modes,), which is another one at the last row. There it
+    is the mean over the time that ends there, extrapolated by half of that time to its end.
     """
 
     motion: ModalMotion
@@ -55,7 +53,7 @@ class PlateParticipant:
         none = np.zeros_like(self.motion.amplitude)
         if self.state.last_force is None:
             self.state.last_force = none
-            self.record(range(1), [(self.motion.amplitude, self.motion.rate)], [none])
+            self.record(range(1), self.motion.state[None], none, none)
         while isinstance(message := pipes.receive(), (ForceMessage, CheckpointMessage)):
             if isinstance(message, CheckpointMessage):
                 keep(message.step)
@@ -88,15 +86,14 @@ class PlateParticipant:
         end = now + co_steps * step.co_step
         while now < end:
             rows = min((end - now) // step.fast_steps, motion.ROWS)
-            states: PlateStates
             if rows > 1 and now % step.fast_steps == 0:
                 states = motion.advance_rows(force, step.fast_steps // step.co_step, rows)
                 steps = range(now + step.fast_steps, now + rows * step.fast_steps + 1, step.fast_steps)
             else:
                 stop = min(end, (now // step.fast_steps + 1) * step.fast_steps)
                 motion.advance(force, (stop - now) // step.co_step)
-                states, steps = [(motion.amplitude, motion.rate)], range(stop, stop + 1)
+                states, steps = motion.state[None], range(stop, stop + 1)
             now = steps[-1]
             if now % step.fast_steps == 0:
-                self.record(steps, states, [force] * (len(steps) - 1) + [force_at_end if now == end else force])
+                self.record(steps, states, force, force_at_end if now == end else force)
         self.state.dem_step = now

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import math
-import zlib
 from pathlib import Path
 from typing import Any, TextIO
 
 import jinja2
 import numpy as np
+from isal import isal_zlib
 
 from common.resources import resource
 from common.scene import PLATE, Scene, contact_key
@@ -247,4 +247,4 @@ def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
     with open(file, "wb") as out:
         np.array(shape.shape, dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
-        out.write(zlib.compress(by_mode.reshape(-1, 1).view("u1").T.tobytes(), 1))
+        out.write(isal_zlib.compress(by_mode.reshape(-1, 1).view("u1").T.tobytes(), 1))

@@ -14,7 +14,7 @@
 namespace LAMMPS_NS {
 
 namespace {
-const int CONTACT_COLUMNS = 5;
+const int RECORD_COLUMNS = 5;
 }
 
 ContactRecorder::ContactRecorder(LAMMPS *lmp, const Agglomerates &agglomerates, const std::string &forces_file,
@@ -116,7 +116,7 @@ std::vector<double> ContactRecorder::contacts(const std::vector<NearSphere> &nea
 }
 
 void ContactRecorder::write(const std::vector<double> &contacts) const {
-  const long long head[2] = {lmp_->update->ntimestep, static_cast<long long>(contacts.size() / CONTACT_COLUMNS)};
+  const long long head[2] = {lmp_->update->ntimestep, static_cast<long long>(contacts.size() / RECORD_COLUMNS)};
   if (std::fwrite(head, 8, 2, contacts_) != 2 ||
       std::fwrite(contacts.data(), 8, contacts.size(), contacts_) != contacts.size())
     lmp_->error->one(FLERR, "cannot write the contacts with the plate");

@@ -15,14 +15,14 @@
 namespace LAMMPS_NS {
 
 namespace {
-const int COLUMNS = 3;         // of the memory
+const int FACE_COLUMNS = 3;    // of the memory
 const double ALONE = -1;       // the sub-sphere itself presses
 const double PARALLEL_rad = 0.005;  // a face turned further from the plate's meets it with an edge or a corner
 const double SUDDEN = 2;       // steps: what is deeper than it came in so many begins without force
 }  // namespace
 
 FaceColumns::FaceColumns(LAMMPS *lmp, const std::string &file, int tags)
-    : lmp_(lmp), atom_(lmp->atom), columns_(tags + 1), memory_(lmp, COLUMNS, "wall/plate:faces") {
+    : lmp_(lmp), atom_(lmp->atom), columns_(tags + 1), memory_(lmp, FACE_COLUMNS, "wall/plate:faces") {
   std::ifstream in(file);
   std::string word;
   double row[EnteringStone::FACE_COLUMNS];

@@ -21,10 +21,6 @@
 using namespace LAMMPS_NS;
 using namespace FixConst;
 
-namespace {
-const bigint FAR_AHEAD = 1000000000000000;  // steps
-}  // namespace
-
 FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   std::string agglomerates;
   nevery = 0;

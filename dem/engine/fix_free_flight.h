@@ -14,6 +14,8 @@
 
 namespace LAMMPS_NS {
 
+const bigint FAR_AHEAD = 1000000000000000;  // steps
+
 // fix ID group free_flight agglomerates FILE [gravity G] [down X Y Z] speed V tolerance TOL every N [least_fragment M]
 //
 // Bodies (sub-spheres that intact bonds hold together) that touch nothing and do not vibrate leave LIGGGHTS's arrays

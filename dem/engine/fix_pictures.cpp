@@ -18,7 +18,7 @@ using namespace LAMMPS_NS;
 using namespace FixConst;
 
 namespace {
-const int COLUMNS = 6;  // x y z vx vy vz
+const int MOTION_COLUMNS = 6;  // x y z vx vy vz
 const size_t CONTACT_COLUMNS = 5;
 }
 
@@ -86,10 +86,10 @@ void FixPictures::write() {
   const std::vector<int> &near = agglomerates_->near();
   size_t count = 0;
   for (const int a : near) row_of_[a] = static_cast<int>(count), count += agglomerates_->size(a);
-  std::vector<float> mine(count * COLUMNS, 0.0f), all(comm->me == 0 ? mine.size() : 0);
+  std::vector<float> mine(count * MOTION_COLUMNS, 0.0f), all(comm->me == 0 ? mine.size() : 0);
   auto note = [&](int tag, const double *x, const double *v) {
     const int a = agglomerates_->of_tag(tag);
-    float *row = &mine[static_cast<size_t>(row_of_[a] + tag - agglomerates_->first_tag(a)) * COLUMNS];
+    float *row = &mine[static_cast<size_t>(row_of_[a] + tag - agglomerates_->first_tag(a)) * MOTION_COLUMNS];
     std::copy_n(x, 3, row);
     std::copy_n(v, 3, row + 3);
   };

@@ -25,7 +25,6 @@ const double TRAPPED_ENERGY = 1e-3;
 const int TRAPPED_LOOKS = 50;
 const double REACH_MARGIN = 1.1;  // the reach may grow by this before all times are found anew
 const double CLEARANCE_M = 1e-5;
-const bigint FAR_AHEAD = 1000000000000000;  // steps
 }  // namespace
 
 // What one look sees: the bodies in the arrays, then those in free flight, and who of them could meet soon.

@@ -16,6 +16,7 @@
 
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <new>
 
 #include "comm.h"
@@ -62,6 +63,14 @@ void add_styles(LAMMPS *lmp) {
   styles["stones"] = &create<FixStones>;
 }
 
+// What MPI does at the start and this engine has no use for, unless the user asks for it. Its look for graphics cards
+// connects to X displays of "localhost", ten times, each of which waits for the name server where that name is unknown.
+// A single rank starts a daemon of its own, with which it could start others.
+void start_without_detours() {
+  setenv("HWLOC_COMPONENTS", "-gl", 0);
+  setenv("OMPI_MCA_ess_singleton_isolated", "1", 0);
+}
+
 }  // namespace
 
 int main(int argc, char **argv) {
@@ -70,6 +79,7 @@ int main(int argc, char **argv) {
   sigemptyset(&stop);
   sigaddset(&stop, SIGUSR1);
   sigprocmask(SIG_UNBLOCK, &stop, nullptr);
+  start_without_detours();
   MPI_Init(&argc, &argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);  // an error of one rank aborts, and must not take its message along
   int exit_code = 0;

@@ -10,13 +10,13 @@
 namespace LAMMPS_NS {
 
 namespace {
-const int COLUMNS = 3;
-const double CLEAR = 1e-6;  // of the radius: between the elastic contact and a sub-sphere that is not pressed
+const int INDENTATION_COLUMNS = 3;
+const double UNPRESSED = 1e-6;  // of the radius: between the elastic contact and a sub-sphere that is not pressed
 }  // namespace
 
 PlasticIndentation::PlasticIndentation(LAMMPS *lmp, const Agglomerates &agglomerates, double yield_pressure_Pa)
     : atom_(lmp->atom), agglomerates_(agglomerates), law_(yield_pressure_Pa),
-      memory_(lmp, COLUMNS, "wall/plate:indentation"), energy_(agglomerates.count(), 0.0) {}
+      memory_(lmp, INDENTATION_COLUMNS, "wall/plate:indentation"), energy_(agglomerates.count(), 0.0) {}
 
 double PlasticIndentation::press(int i, double modulus, double depth) {
   const double R = atom_->radius[i], *x = atom_->x[i];
@@ -35,7 +35,7 @@ double PlasticIndentation::press(int i, double modulus, double depth) {
   const double force = law_.force(modulus, R, depth, largest);
   if (force > 0) x0 = x[0], y0 = x[1];
   // A sub-sphere in its indentation that is not pressed is just clear of the elastic contact.
-  return force > 0 ? PlasticLaw::hertz_overlap(modulus, R, force) : std::min(depth, -CLEAR * R);
+  return force > 0 ? PlasticLaw::hertz_overlap(modulus, R, force) : std::min(depth, -UNPRESSED * R);
 }
 
 PlasticLaw::Indentation PlasticIndentation::under(int i, double modulus) const {

@@ -15,7 +15,7 @@ namespace LAMMPS_NS {
 
 namespace {
 const double SHAPE_TOLERANCE_M = 2e-6;  // a mode shape is taken anew when its sub-sphere moved this far in the plane
-const double CLEARANCE_M = 1e-6;        // added to what the plate can reach
+const double PLATE_CLEARANCE_M = 1e-6;  // added to what the plate can reach
 }  // namespace
 
 PlateCoupling::PlateCoupling(LAMMPS *lmp, const std::string &shapes_file, const std::string &to_plate,
@@ -44,7 +44,7 @@ void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
   const Atom *atom = lmp_->atom;
   const double *x = atom->x[p.i];
   const double reach = link_.reach + 2 * std::fabs(atom->v[p.i][2]) * interval_s();
-  site.is_active = p.stands_for_patch || x[2] - atom->radius[p.i] < reach + p.outside + CLEARANCE_M;
+  site.is_active = p.stands_for_patch || x[2] - atom->radius[p.i] < reach + p.outside + PLATE_CLEARANCE_M;
   std::fill_n(site.way, 3, Site::Way());
   if (!site.is_active) return;
   const double foot_x = std::clamp(x[0] + p.to_foot[0], extent_[0], extent_[1]);
@@ -122,7 +122,7 @@ bool PlateCoupling::anything_near(const std::vector<NearSphere> &near) const {
   const double T = interval_s();
   for (const NearSphere &p : near) {
     const double clearance = atom->x[p.i][2] - atom->radius[p.i];
-    mine |= p.touches || clearance < link_.reach + 2 * T * std::fabs(atom->v[p.i][2]) + p.outside + CLEARANCE_M;
+    mine |= p.touches || clearance < link_.reach + 2 * T * std::fabs(atom->v[p.i][2]) + p.outside + PLATE_CLEARANCE_M;
   }
   MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, lmp_->world);
   return any;
@@ -146,7 +146,7 @@ int PlateCoupling::co_steps_to_extrapolate(const std::vector<NearSphere> &near) 
     const double clearance = atom->x[p.i][2] - atom->radius[p.i], speed = std::fabs(atom->v[p.i][2]);
     const double way = 2 * co_step_ * update->dt * speed;
     while (mine > 1 && speed * mine > weak_.speed_m_s * weak_.co_steps &&
-           clearance < link_.reach + mine * way + p.outside + CLEARANCE_M)
+           clearance < link_.reach + mine * way + p.outside + PLATE_CLEARANCE_M)
       mine--;
   }
   MPI_Allreduce(&push, &all_push, 1, MPI_DOUBLE, MPI_SUM, lmp_->world);

@@ -15,7 +15,7 @@ from common.parquet import Columns
 from common.plate import FlexiblePlate
 from dem.coupling.checkpoint import State, plate_file, read_plate_state, write_plate_state
 from dem.coupling.monitor import PlateMonitor
-from dem.coupling.participant import CouplingState, PlateParticipant, PlateStates
+from dem.coupling.participant import CouplingState, PlateParticipant
 from dem.coupling.pipes import PlatePipes
 from dem.deck.pictures import picture_schedule
 from dem.run.energy_balance import PlateEnergy
@@ -112,8 +112,8 @@ class FlexiblePlateParticipant:
         DEM steps that were recorded. Raises CouplingError, or Unstable if the plate gets too much energy."""
         assert self._pipes is not None  # connected
 
-        def record(dem_steps: range, states: PlateStates, modal_forces: list[np.ndarray]) -> None:
-            self._recorder(dem_steps, states, modal_forces)
+        def record(dem_steps: range, states: np.ndarray, force: np.ndarray, last_force: np.ndarray) -> None:
+            self._recorder(dem_steps, states, force, last_force)
             progress(dem_steps[-1])
 
         self._pipes.open(alive)

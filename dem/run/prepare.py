@@ -5,10 +5,11 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from common.cache import BeingFound, not_waiting
 from common.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
 from dem.deck.plausible import warnings_of
@@ -81,17 +82,25 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     """Check, pack, find the modes and choose the time step.
 
     `source` is the scene's file, for messages; `cache` a directory that keeps packings and the plate's modes. What
-    can be refused without the plate is refused before its modes are sought. Raises InputError before anything is
-    written.
+    can be refused without the plate is refused before its modes are sought, but where another process packs the same
+    stones: the two share the work, and this one seeks the modes while the other packs. Raises InputError before
+    anything is written.
     """
     stages, stones = Stages(), stones_of(scene, source)
     _refuse_late(stones, scene, source)
     warnings = warnings_of(scene, stones)
     for line in warnings:
         print(f"warning: {source}: {line}", file=sys.stderr)
+
+    def seek_modes() -> None:
+        """Into the cache. A tolerance chooses the highest mode by the stones, which are not there yet."""
+        if scene.plate.model == "flexible" and scene.tolerance is None and scene.plate.truncation_tolerance is None:
+            with suppress(BeingFound), not_waiting(), refused_in(source, "plate"):
+                modes_for_loads(scene.plate, cache, places_m(stones))
+
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
-            assembly = assemble(scene, stones, cache)
+            assembly = assemble(scene, stones, cache, seek_modes)
     limits = step_limits(scene, assembly, source)
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":

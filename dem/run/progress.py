@@ -17,32 +17,30 @@ class Progress:
         self._name, self._duration_s = name, duration_s
         self._shown = shown and _log.isEnabledFor(logging.INFO)
         self._start = self._last = time.monotonic()
-        self._tenth = 0
+        self._tenth, self._on_terminal = 0, sys.stderr.isatty()
         self._first_share: float | None = None  # above zero for a run that was taken up again
 
     def __call__(self, t_s: float) -> None:
         """Take note of the simulated time; called often, it writes seldom."""
         if not self._shown:
             return
-        now = time.monotonic()
         share = t_s / self._duration_s
         if self._first_share is None:
             self._first_share, self._tenth = share, int(10 * share)
-        if sys.stderr.isatty():
-            if now - self._last < INTERVAL_s:
-                return
-        elif int(10 * share) <= self._tenth:
+        if not self._on_terminal and int(10 * share) <= self._tenth:
+            return
+        now = time.monotonic()
+        if self._on_terminal and now - self._last < INTERVAL_s:
             return
         self._last, self._tenth = now, int(10 * share)
         done = share - self._first_share
         left = (now - self._start) * max(0.0, 1 - share) / done if done > 0 else float("inf")
-        end = "" if sys.stderr.isatty() else "\n"
-        start = "\r" if sys.stderr.isatty() else ""
+        start, end = ("\r", "") if self._on_terminal else ("", "\n")
         self._write(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  left {left:4.0f} s{end}")
 
     def end(self) -> None:
         """Clear the line on a terminal."""
-        if self._shown and sys.stderr.isatty():
+        if self._shown and self._on_terminal:
             self._write("\r\033[K")
 
     @staticmethod

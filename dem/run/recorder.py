@@ -11,7 +11,6 @@ import numpy as np
 from common.parquet import Columns, write_parquet
 from common.plate import FlexiblePlate
 from common.scene import Scene
-from dem.coupling.participant import PlateStates
 from dem.deck.pictures import PictureSchedule
 from dem.deck.time_step import TimeStep
 from plate_fem.modes import PlateModes
@@ -46,27 +45,34 @@ class PlateRecorder:
         self.view_amplitude: dict[int, np.ndarray] = {}  # by DEM step
         self.bending = StressPeak(modes, scene.plate.rods)
         self._blocks: list[np.ndarray] = []
-        self._waiting: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # amplitude, rate, modal force
+        self._evaluated = 0                                       # rows
+        self._block = np.empty((3, self.BLOCK, len(self._mean)))  # amplitude, rate and modal force of rows that wait,
+        self._waiting = 0                                         # and how many of them there are
 
-    def __call__(self, dem_steps: range, states: PlateStates, modal_forces: list[np.ndarray]) -> None:
-        """Record rows at `dem_steps`: amplitude and rate of each, and the force on it, arrays (modes,) that are not
-        changed later."""
+    def __call__(self, dem_steps: range, states: np.ndarray, force: np.ndarray, last_force: np.ndarray) -> None:
+        """Record rows at `dem_steps`: amplitude and rate of each, (rows, 2, modes), and the modal force on it, which is
+        `last_force` at the last."""
         if self._pictures:
             for dem_step in self._pictures.possible(dem_steps):
-                self.view_amplitude[dem_step] = states[dem_steps.index(dem_step)][0].copy()
+                self.view_amplitude[dem_step] = states[dem_steps.index(dem_step), 0].copy()
         self.steps.extend(dem_steps)
-        self._waiting.extend((amplitude, rate, force)
-                             for (amplitude, rate), force in zip(states, modal_forces, strict=True))
-        while len(self._waiting) >= self.BLOCK:
-            self._evaluate()
+        taken = 0
+        while taken < len(states):
+            here = states[taken:taken + self.BLOCK - self._waiting]
+            first, taken, self._waiting = self._waiting, taken + len(here), self._waiting + len(here)
+            self._block[:2, first:self._waiting] = here.swapaxes(0, 1)
+            self._block[2, first:self._waiting] = force
+            if taken == len(states):
+                self._block[2, self._waiting - 1] = last_force
+            if self._waiting == self.BLOCK:
+                self._evaluate()
 
     def _evaluate(self) -> None:
-        """Compute the signals of the rows that wait, of one block at most."""
+        """Compute the signals of the rows that wait."""
         if not self._waiting:
             return
-        first = len(self.steps) - len(self._waiting)
-        amplitude, rate, force = (np.array(values) for values in zip(*self._waiting[:self.BLOCK], strict=True))
-        t_s = np.array(self.steps[first:first + len(amplitude)]) * self._step.dt_s
+        t_s = np.array(self.steps[self._evaluated:self._evaluated + self._waiting]) * self._step.dt_s
+        amplitude, rate, force = self._block[:, :self._waiting]
         acceleration = self._motion.acceleration_at(amplitude, rate, force)
         kinetic, internal = self._motion.energies_at(amplitude, rate)
         self._check(t_s, kinetic + internal)
@@ -74,19 +80,21 @@ class PlateRecorder:
             amplitude @ self._mean, rate @ self._mean, acceleration @ self._mean, kinetic, internal, kinetic + internal,
             acceleration @ self._sensor.T, amplitude @ self._rod.T]))
         self.bending.add(t_s, amplitude)
-        del self._waiting[:self.BLOCK]
+        self._evaluated, self._waiting = self._evaluated + self._waiting, 0
 
     def get_state(self) -> dict[str, np.ndarray]:
         """All that was recorded, for `set_state`. The rows that wait for their block still wait, so that a run that
         goes on from here computes the same blocks."""
-        return {"rows": self._rows(), "steps": np.array(self.steps), "waiting": np.array(self._waiting),
+        return {"rows": self._rows(), "steps": np.array(self.steps),
+                "waiting": self._block[:, :self._waiting].swapaxes(0, 1),
                 "view_steps": np.array(list(self.view_amplitude), dtype=int),
                 "view_amplitude": np.array(list(self.view_amplitude.values())), **self.bending.get_state()}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         """Go on from what `get_state` gave."""
-        self._blocks, self.steps = [state["rows"]], state["steps"].tolist()
-        self._waiting = [(amplitude, rate, force) for amplitude, rate, force in state["waiting"]]
+        self._blocks, self.steps, self._evaluated = [state["rows"]], state["steps"].tolist(), len(state["rows"])
+        self._waiting = len(state["waiting"])
+        self._block[:, :self._waiting] = state["waiting"].reshape(self._waiting, 3, -1).swapaxes(0, 1)
         self.view_amplitude = dict(zip(state["view_steps"].tolist(), state["view_amplitude"], strict=True))
         self.bending.set_state(state)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from common.cache import BeingFound, not_waiting
 from common.scene import Scene
 from common.scene_shapes import ShapeTable
 from common.scene_stones import SPHERE
@@ -197,10 +198,27 @@ def turned(attitude: tuple[float, float, float, float], packing: Packing, bonds:
     return packing, bonds, surface
 
 
-def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = None) -> Assembly:
-    """Pack each stone and set it where it enters. Raises Refused as `stone_parts` does."""
+def _all_parts(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None,
+               meanwhile: Callable[[], None]) -> list[StoneParts]:
+    """The parts of each stone. Where another process packs a stone, this one goes on with the next and comes back."""
+    parts, left = dict[int, StoneParts](), list[int]()
+    for k, stone in enumerate(stones):
+        try:
+            with not_waiting():
+                parts[k] = stone_parts(scene, stone, cache_dir)
+        except BeingFound:
+            if not left:
+                meanwhile()
+            left.append(k)
+    return [parts[k] if k in parts else stone_parts(scene, stone, cache_dir) for k, stone in enumerate(stones)]
+
+
+def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = None,
+             meanwhile: Callable[[], None] = lambda: None) -> Assembly:
+    """Pack each stone and set it where it enters. Where another process is packing one of them, `meanwhile` is done
+    once, and then the others. Raises Refused as `stone_parts` does."""
     materials = sorted({stone.material for stone in stones})  # LIGGGHTS wants types without gaps
-    parts = [stone_parts(scene, stone, cache_dir) for stone in stones]
+    parts = _all_parts(scene, stones, cache_dir, meanwhile)
     sizes, bonds = [len(p.radius_m) for p in parts], [len(p.bonds) for p in parts]
     first = np.cumsum([0, *sizes])
     return Assembly(

@@ -2,10 +2,13 @@
 
 import os
 import resource
+import socket
 import subprocess
 
+import pytest
+
 from dem.__main__ import main
-from dem.coupling.launch import mpirun
+from dem.coupling.launch import mpirun, start_engine
 from tests.robustness.small import HERTZ
 
 
@@ -25,3 +28,15 @@ def test_two_ranks_share_one_core(tmp_path):
     assert main(["deck", str(HERTZ), "--out", str(tmp_path / "out"), *short]) == 0
     deck = tmp_path / "out" / "deck"
     assert processor_time_s(deck, 2) < 10 * processor_time_s(deck, 1)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_engine_asks_no_screen_for_graphics_cards(tmp_path, ranks):
+    """MPI does so at its start, unless told otherwise: at "localhost", for which it asks a name server where no file
+    names it, and that may take half a minute each of ten times."""
+    (tmp_path / "deck.liggghts").write_text("units si\n")
+    with socket.create_server(("localhost", 6000)) as screen:
+        screen.setblocking(False)
+        start_engine(tmp_path, ranks).wait(timeout=300)
+        with pytest.raises(BlockingIOError):
+            screen.accept()
