@@ -102,14 +102,15 @@ def heard(plate: PlateModel, case: Case, record: Stream) -> dict[str, object]:
     stones, truth, checks = found.stones, record.truth, found.checks
     row: dict[str, object] = {
         "stones": case.count, "heard": len(stones), **matched(stones, truth), "cpu_s": time.process_time() - began,
-        "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused,
+        "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused, "warned": not found.tapped,
         "unexplained": checks.unexplained, "gain": float(abs(checks.gain - 1).max()), "unlike": checks.unlike,
-        "broken": checks.broken, "silence": checks.silence}
+        "broken": checks.broken, "together": checks.together, "silence": checks.silence}
     for name, by_mass in (("number", False), ("mass", True)):
         low, middle, high = ratio_of(stones, by_mass)
         right = true_ratio(truth, by_mass)
         told = [told_of_part(stones, part, by_mass) for part in parts(truth)]
         row |= {f"{name}_error": 100 * (middle - right), f"{name}_inside": low <= right <= high,
+                f"{name}_width": 100 * (high - low),
                 f"{name}_parts_inside": sum(inside for inside, _ in told),
                 f"{name}_parts_exact": sum(exact for _, exact in told), "parts": len(told)}
     return row
