@@ -34,6 +34,8 @@ SCENE = "scenes/single.toml"
 REACH_m, PAPER_m, SIZES_m, SPEEDS_m_s = 0.2, 0.025, (0.015, 0.035), (2.0, 4.0)
 ALL, ONE = Channels((0, 1, 2, 3)), Channels((0,))
 HIGHEST_Hz, TRUE_Hz = 12500.0, 20000.0  # of the modes that the model has, and of the plate's
+#: Of a solid up to TRUE_Hz: python benchmarks/solid_plate.py --highest 20000 --out runs/solid_plate_20kHz.npz
+SOLID = Path("runs/solid_plate_20kHz.npz")
 PART = 20  # stones of the windows by which intervals are counted
 WITHIN_s = 1e-4  # of the stones of a volley
 NO_ERROR = np.array([1e-3, 1e-2, 1e-3])  # of log s, b and log J, next to the scatter of stones
@@ -58,6 +60,8 @@ def true_plate(kind: str) -> PlateModel:
     exact = PlateModel.from_scene(SCENE, TRUE_Hz)
     if kind == "other theory":
         return other_plates.other_theory(exact, SCENE)
+    if kind == "solid":
+        return other_plates.solid_plate(exact, file=SOLID, highest_Hz=TRUE_Hz)
     scatter = 0.03 if kind == "3 %" else 0.01
     return other_plates.scattered(exact, scatter, np.random.default_rng([100, int(kind[0])]))
 
