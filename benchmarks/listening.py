@@ -109,13 +109,15 @@ def tables(out: Path) -> None:
 def told_of(rows: pd.DataFrame) -> dict[str, object]:
     """A line of a table: rows are streams."""
     answered = rows[rows["refused"] == ""]
-    told: dict[str, object] = {"streams": len(rows), "refused": len(rows) - len(answered)}
+    warned = answered["warned"].astype(str) == "True"  # strings and NaN, where streams were refused at once
+    told: dict[str, object] = {"streams": len(rows), "refused": len(rows) - len(answered), "warned": int(warned.sum())}
     if "number_error" not in answered or answered.empty:
         return told
     for name in ("number", "mass"):
         size = answered[f"{name}_error"].abs()
         told |= {f"{name}_mean": round(size.mean(), 2), f"{name}_95": round(float(np.quantile(size, 0.95)), 2),
-                 f"{name}_silently_wrong": int((size > SILENTLY_WRONG).sum()),
+                 f"{name}_wrong": int((size > SILENTLY_WRONG).sum()),
+                 f"{name}_silently_wrong": int(((size > SILENTLY_WRONG) & ~warned).sum()),
                  f"{name}_inside": int((answered[f"{name}_inside"] == True).sum()),  # noqa: E712, of strings and NaN
                  f"{name}_parts_inside": f"{answered[f'{name}_parts_inside'].sum():g}/{answered['parts'].sum():g}",
                  f"{name}_parts_exact": int(answered[f"{name}_parts_exact"].sum())}
@@ -129,7 +131,7 @@ def told_of(rows: pd.DataFrame) -> dict[str, object]:
 
 
 def silent(out: Path) -> None:
-    """Row by row, those first that were silently wrong before a check was made for them."""
+    """Row by row, those first that were silently wrong before a check was made for them, and at last those with a warning."""
     for difference in differences():
         for seed in range(SILENT_STREAMS):
             key: dict[str, object] = {"differs": difference.name, "seed": seed}

@@ -102,9 +102,9 @@ def history_of(case: pd.Series, out: Path) -> History:
 
 def simulated(name: str, out: Path) -> list[History]:
     """The stones of a set; what is missing in a directory is run. A run that failed is passed over, and told."""
-    found = []
-    for k, case in cases(name).iterrows():
-        directory = out / _key(name) / f"s{k:03d}"
+    found, table = [], cases(name)
+    for k, case in table.iterrows():
+        directory = out / _key(table) / f"s{k:03d}"
         if not (directory / "fast.parquet").is_file():
             simulate(case, directory)
         if not (directory / "fast.parquet").is_file():
@@ -114,9 +114,9 @@ def simulated(name: str, out: Path) -> list[History]:
     return found
 
 
-def _key(name: str) -> str:
-    """Of the runs of a set by one engine and one scene."""
-    made_by = [ENGINE.read_bytes(), read_scene(SCENE).model_dump_json().encode(), cases(name).to_csv().encode()]
+def _key(table: pd.DataFrame) -> str:
+    """Of the runs of some cases by one engine and one scene."""
+    made_by = [ENGINE.read_bytes(), read_scene(SCENE).model_dump_json().encode(), table.to_csv().encode()]
     return hashlib.sha256(b"".join(made_by)).hexdigest()[:12]
 
 
