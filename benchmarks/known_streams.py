@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.evaluation import other_plates
 from recognition.evaluation.tap_records import hammer_taps
@@ -150,7 +151,12 @@ def exactly_heard(history: History, prior: StonePrior, centre_s: float) -> Heard
     """What a fit without error would make of a stone."""
     impulse, _, duration = history.moments()
     triple = np.array([np.log(duration), breaking_of(history, prior.forces), np.log(impulse)])
-    information = np.diag(NO_ERROR**-2.0)
+    return heard_as(triple, np.diag(NO_ERROR**2), prior, centre_s)
+
+
+def heard_as(triple: Floats, errors: Floats, prior: StonePrior, centre_s: float = 0.0) -> Heard:
+    """What a fit makes of a stone that it measures as log s, b and log J, with errors of that covariance (3, 3)."""
+    information = np.linalg.inv(errors)
     covariance = np.asarray(np.linalg.inv(information + prior.precision), dtype=float)
     estimate = np.asarray(covariance @ (information @ triple + prior.precision @ prior.typical), dtype=float)
     log_evidence, weights, broken = prior.evidence(estimate, covariance)
