@@ -12,17 +12,21 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.evaluation import other_plates
 from recognition.evaluation.tap_records import hammer_taps
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.forces import History
+from recognition.stream.bank import TIME
+from recognition.stream.forces import History, breaking_of
 from recognition.stream.law_file import load_forces
-from recognition.stream.prior import StonePrior
-from recognition.stream.recognise import RATE_Hz, recognise_stream
+from recognition.stream.listen import Heard
+from recognition.stream.prior import TRIPLE, StonePrior
+from recognition.stream.recognise import LEAST_DOUBT, RATE_Hz, recognise_stream
 from recognition.stream.signatures import Channels
 from recognition.stream.simulated import Stream, draw_stones, stream_of
-from recognition.stream.stones import ratio_of
+from recognition.stream.speed_law import with_speed_laws
+from recognition.stream.stones import ratio_of, stone_table
 from recognition.tapping.command import refuse_unexplained
 from recognition.tapping.fit import fit_plate
 from recognition.tapping.learnt import learnt
@@ -31,8 +35,11 @@ SCENE = "scenes/single.toml"
 REACH_m, PAPER_m, SIZES_m, SPEEDS_m_s = 0.2, 0.025, (0.015, 0.035), (2.0, 4.0)
 ALL, ONE = Channels((0, 1, 2, 3)), Channels((0,))
 HIGHEST_Hz, TRUE_Hz = 12500.0, 20000.0  # of the modes that the model has, and of the plate's
+#: Of a solid up to TRUE_Hz: python benchmarks/solid_plate.py --highest 20000 --out runs/solid_plate_20kHz.npz
+SOLID = Path("runs/solid_plate_20kHz.npz")
 PART = 20  # stones of the windows by which intervals are counted
 WITHIN_s = 1e-4  # of the stones of a volley
+NO_ERROR = np.array([1e-3, 1e-2, 1e-3])  # of log s, b and log J, next to the scatter of stones
 MATCH_s = 1.5e-4  # a stone is heard if its arrival is
 
 
@@ -54,6 +61,8 @@ def true_plate(kind: str) -> PlateModel:
     exact = PlateModel.from_scene(SCENE, TRUE_Hz)
     if kind == "other theory":
         return other_plates.other_theory(exact, SCENE)
+    if kind == "solid":
+        return other_plates.solid_plate(exact, file=SOLID, highest_Hz=TRUE_Hz)
     scatter = 0.03 if kind == "3 %" else 0.01
     return other_plates.scattered(exact, scatter, np.random.default_rng([100, int(kind[0])]))
 
@@ -76,11 +85,16 @@ def learnt_by_taps(true: PlateModel, file: Path, rng: np.random.Generator) -> Pl
 
 
 def stream(plate: PlateModel, case: Case, pool: Sequence[History], rng: np.random.Generator) -> Stream:
-    chosen = [h for h in pool if (abs(h.radius_m - PAPER_m) > 0.01 * PAPER_m) == case.all_sizes]
+    chosen = of_case(case, pool)
     truth = draw_stones(chosen, case.count, case.rate_1_s, REACH_m, case.gangue, rng)
     if case.at_once > 1:
         truth = in_volleys(truth, case.at_once, rng)
     return stream_of(plate, case.channels, chosen, truth, RATE_Hz, case.noise_db, rng)
+
+
+def of_case(case: Case, pool: Sequence[History]) -> list[History]:
+    """The stones of a pool that a case is about: those of the paper's size, or the others."""
+    return [h for h in pool if (abs(h.radius_m - PAPER_m) > 0.01 * PAPER_m) == case.all_sizes]
 
 
 def in_volleys(truth: pd.DataFrame, count: int, rng: np.random.Generator) -> pd.DataFrame:
@@ -90,10 +104,13 @@ def in_volleys(truth: pd.DataFrame, count: int, rng: np.random.Generator) -> pd.
     return truth.assign(t_s=now, centre_s=truth["centre_s"] + now - before)
 
 
+def prior_of(case: Case) -> StonePrior:
+    return StonePrior(load_forces(), SIZES_m if case.all_sizes else (PAPER_m, PAPER_m), SPEEDS_m_s)
+
+
 def heard(plate: PlateModel, case: Case, record: Stream) -> dict[str, object]:
     """What is made of a record: errors in points, checks, and how often the interval of PART stones holds."""
-    size = SIZES_m if case.all_sizes else (PAPER_m, PAPER_m)
-    prior = StonePrior(load_forces(), size, SPEEDS_m_s)
+    prior = prior_of(case)
     began = time.process_time()
     try:
         found = recognise_stream(plate, case.channels, prior, record.values)
@@ -102,17 +119,51 @@ def heard(plate: PlateModel, case: Case, record: Stream) -> dict[str, object]:
     stones, truth, checks = found.stones, record.truth, found.checks
     row: dict[str, object] = {
         "stones": case.count, "heard": len(stones), **matched(stones, truth), "cpu_s": time.process_time() - began,
-        "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused,
+        "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused, "warned": not found.tapped,
         "unexplained": checks.unexplained, "gain": float(abs(checks.gain - 1).max()), "unlike": checks.unlike,
-        "broken": checks.broken, "silence": checks.silence}
+        "broken": checks.broken, "together": checks.together, "silence": checks.silence}
     for name, by_mass in (("number", False), ("mass", True)):
         low, middle, high = ratio_of(stones, by_mass)
         right = true_ratio(truth, by_mass)
         told = [told_of_part(stones, part, by_mass) for part in parts(truth)]
         row |= {f"{name}_error": 100 * (middle - right), f"{name}_inside": low <= right <= high,
+                f"{name}_width": 100 * (high - low),
                 f"{name}_parts_inside": sum(inside for inside, _ in told),
                 f"{name}_parts_exact": sum(exact for _, exact in told), "parts": len(told)}
     return row
+
+
+def told_by_force(case: Case, pool: Sequence[History], truth: pd.DataFrame) -> dict[str, object]:
+    """Errors in points of the answer to stones whose impulse, duration and form are known exactly: no ear can do
+    better with this law of forces."""
+    prior, chosen = prior_of(case), of_case(case, pool)
+    stones = [exactly_heard(chosen[k], prior, t_s) for k, t_s in zip(truth["history"], truth["centre_s"], strict=True)]
+    table = stone_table(*with_speed_laws(stones, prior), prior, RATE_Hz, LEAST_DOUBT)
+    row: dict[str, object] = {}
+    for name, by_mass in (("number", False), ("mass", True)):
+        low, middle, high = ratio_of(table, by_mass)
+        right = true_ratio(truth, by_mass)
+        row |= {f"force_{name}_error": 100 * (middle - right), f"force_{name}_inside": low <= right <= high}
+    return row
+
+
+def exactly_heard(history: History, prior: StonePrior, centre_s: float) -> Heard:
+    """What a fit without error would make of a stone."""
+    impulse, _, duration = history.moments()
+    triple = np.array([np.log(duration), breaking_of(history, prior.forces), np.log(impulse)])
+    return heard_as(triple, np.diag(NO_ERROR**2), prior, centre_s)
+
+
+def heard_as(triple: Floats, errors: Floats, prior: StonePrior, centre_s: float = 0.0) -> Heard:
+    """What a fit makes of a stone that it measures as log s, b and log J, with errors of that covariance (3, 3)."""
+    information = np.linalg.inv(errors)
+    covariance = np.asarray(np.linalg.inv(information + prior.precision), dtype=float)
+    estimate = np.asarray(covariance @ (information @ triple + prior.precision @ prior.typical), dtype=float)
+    log_evidence, weights, broken = prior.evidence(estimate, covariance)
+    stone, all_six = np.zeros(6), np.zeros((6, 6))
+    stone[TRIPLE], all_six[np.ix_(TRIPLE, TRIPLE)] = estimate, covariance
+    stone[TIME] = centre_s * RATE_Hz
+    return Heard(stone, all_six, log_evidence, weights, broken, 1.0, np.inf, np.inf)
 
 
 def true_ratio(truth: pd.DataFrame, by_mass: bool) -> float:

@@ -1,10 +1,11 @@
 """Forces of single stones on the plate, and the law of them by which `listen` tells coal from gangue.
 
-    python -m benchmarks.stone_forces [--out runs/stone_forces]
+    python -m benchmarks.stone_forces [--out runs/stone_forces] [SET ...]
 
-Runs scenes/single.toml for each stone of `cases()`, then writes recognition/evaluation/data/stone_histories.npz (all
-histories) and recognition/stream/stone_forces.json (the law, from those of the set "learnt"): 204 runs of three to
-five seconds of processor time each. Runs of the same engine and scene that are there are kept.
+Runs scenes/single.toml for each stone of the sets (all, unless some are named), then writes
+recognition/evaluation/data/stone_histories.npz (all histories; those of sets that are not named stay as they are) and
+recognition/stream/stone_forces.json (the law, from those of the set "learnt"): 364 runs of three to five seconds of
+processor time each. Runs of the same engine and scene that are there are kept.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.stats import qmc
 
 from common.scene import read_scene
 from dem.__main__ import main as dem
 from dem.coupling.launch import ENGINE
-from recognition.evaluation.stone_histories import SETS, STEPS, histories, rock_of, write_histories
+from recognition.evaluation.stone_histories import SETS, STEPS, histories, rock_of, stored_rock, write_histories
 from recognition.stream.forces import History, StoneForces
 from recognition.stream.law_file import SHIPPED, save_forces
 
@@ -28,18 +30,35 @@ SCENE = Path("scenes/single.toml")
 #: held-out set that was looked at five times.
 PLAN = {"learnt": (0, 28, 20), "tried": (1, 20, 12), "other_rock": (3, 12, 0), "held_out": (4, 24, 44),
         "one_fall": (5, 0, 44)}
+STRATIFIED = {"any_fall": (6, 160)}  # seed, and how many stones of any size and speed
 DRAWN = 88  # of each set, half of them of the paper's size
 FALL_m_s = 3.0  # of all stones of the set "one_fall"
 PAPER_m, RADII_m, SPEEDS_m_s, REACH_m, DURATION_s = 0.025, (0.015, 0.035), (2.0, 4.0), 0.18, 2.5e-3
 OTHER_STRENGTH = (0.75, 1.25)  # of the bonds of the set "other_rock", relative
 
 
-def cases() -> pd.DataFrame:
-    """What is run: set, gangue, speed_m_s, radius_m, x_m, y_m, seed, strength (relative)."""
-    return pd.concat([_set(name) for name in SETS], ignore_index=True)
+def cases(name: str) -> pd.DataFrame:
+    """What is run of one of SETS: set, gangue, speed_m_s, radius_m, x_m, y_m, seed, strength (relative)."""
+    digits = {"speed_m_s": 4, "radius_m": 5, "x_m": 4, "y_m": 4}
+    table = _stratified(name) if name in STRATIFIED else _drawn(name)
+    return table.round(digits).reset_index(drop=True)
 
 
-def _set(name: str) -> pd.DataFrame:
+def _stratified(name: str) -> pd.DataFrame:
+    """Stones of any size and speed. Those of each material are a Latin hypercube, so that few have the distribution of
+    many: what is drawn by chance leaves 80 stones with a tenth too few fast ones now and then."""
+    seed, count = STRATIFIED[name]
+    limits = [SPEEDS_m_s, RADII_m, (-REACH_m, REACH_m), (-REACH_m, REACH_m)]
+    low, high = np.transpose(limits)
+    parts = []
+    for gangue in (False, True):
+        points = qmc.LatinHypercube(len(limits), optimization="random-cd", seed=100 * seed + gangue).random(count // 2)
+        part = pd.DataFrame(qmc.scale(points, low, high), columns=["speed_m_s", "radius_m", "x_m", "y_m"])
+        parts.append(part.assign(set=name, gangue=gangue))
+    return pd.concat(parts, ignore_index=True).assign(seed=30011 + 1000 * seed + np.arange(count), strength=1.0)
+
+
+def _drawn(name: str) -> pd.DataFrame:
     seed, paper, any_size = PLAN[name]
     rng, n = np.random.default_rng([18, seed]), DRAWN
     radius = np.where(np.arange(n) < n // 2, PAPER_m, rng.uniform(*RADII_m, n))
@@ -52,8 +71,7 @@ def _set(name: str) -> pd.DataFrame:
     if name == "one_fall":
         table["speed_m_s"] = FALL_m_s
     chosen = np.r_[:paper, n // 2:n // 2 + any_size]
-    digits = {"speed_m_s": 4, "radius_m": 5, "x_m": 4, "y_m": 4}
-    return table.take(chosen).round(digits)
+    return table.take(chosen)
 
 
 def simulate(case: pd.Series, out: Path) -> None:
@@ -82,34 +100,41 @@ def history_of(case: pd.Series, out: Path) -> History:
                    case.speed_m_s)
 
 
-def simulated(out: Path) -> tuple[list[History], list[str]]:
-    """All cases, and the set of each; what is missing in a directory is run. A run that failed is passed over, and
-    told."""
-    found, sets = [], []
-    table = cases()
+def simulated(name: str, out: Path) -> list[History]:
+    """The stones of a set; what is missing in a directory is run. A run that failed is passed over, and told."""
+    found, table = [], cases(name)
     for k, case in table.iterrows():
-        directory = out / f"s{k:03d}"
+        directory = out / _key(table) / f"s{k:03d}"
         if not (directory / "fast.parquet").is_file():
             simulate(case, directory)
         if not (directory / "fast.parquet").is_file():
-            print(f"case {k} has no run: passed over", flush=True)
+            print(f"case {k} of {name} has no run: passed over", flush=True)
             continue
         found.append(history_of(case, directory))
-        sets.append(case.set)
-    return found, sets
+    return found
 
 
-def _key() -> str:
-    """Of the runs of one engine, one scene and one plan."""
-    made_by = [ENGINE.read_bytes(), read_scene(SCENE).model_dump_json().encode(), cases().to_csv().encode()]
+def _key(table: pd.DataFrame) -> str:
+    """Of the runs of some cases by one engine and one scene."""
+    made_by = [ENGINE.read_bytes(), read_scene(SCENE).model_dump_json().encode(), table.to_csv().encode()]
     return hashlib.sha256(b"".join(made_by)).hexdigest()[:12]
+
+
+def kept(name: str) -> list[History]:
+    """The stored stones of a set that is not run. ValueError where they are of another rock than the scene's."""
+    if stored_rock() != rock_of(SCENE):
+        raise ValueError(f"the stored stones of {name!r} are of another rock than {SCENE}: all sets must be run")
+    return histories(name)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sets", nargs="*", choices=SETS, default=SETS, metavar="SET")
     parser.add_argument("--out", type=Path, default=Path("runs/stone_forces"))
-    out: Path = parser.parse_args().out
-    write_histories(*simulated(out / _key()), rock_of(SCENE))
+    options = parser.parse_args()
+    found = {name: simulated(name, options.out) if name in options.sets else kept(name) for name in SETS}
+    write_histories([h for stones in found.values() for h in stones],
+                    [name for name, stones in found.items() for _ in stones], rock_of(SCENE))
     learnt = histories("learnt")
     save_forces(StoneForces.fit(learnt), SHIPPED)
     print(f"law of {len(learnt)} stones written to {SHIPPED}")

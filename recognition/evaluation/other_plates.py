@@ -26,9 +26,11 @@ def other_theory(plate: PlateModel, scene: str | Path | FlexiblePlate) -> PlateM
     return PlateModel.from_scene(table.model_copy(update={"theory": other}), plate.max_frequency_Hz)
 
 
-def solid_plate(plate: PlateModel, damping_ratio: float = 0.01) -> PlateModel:
-    """The paper's plate as a solid (CalculiX, up to 8 kHz), with the sensors of `plate`. It has no rod forces."""
-    with np.load(SOLID) as data:
+def solid_plate(plate: PlateModel, damping_ratio: float = 0.01, file: Path = SOLID,
+                highest_Hz: float = 8000.0) -> PlateModel:
+    """The paper's plate as a solid (CalculiX, up to 8 kHz), with the sensors of `plate`. It has no rod forces. `file`
+    may be another of benchmarks/solid_plate.py, with modes up to highest_Hz."""
+    with np.load(file) as data:
         frequency, mirror = data["frequency_Hz"], data["mirror"]
         half_m, grid = data["lines_m"], data["quarter_shape"].astype(float)
     for axis in (0, 1):
@@ -38,7 +40,7 @@ def solid_plate(plate: PlateModel, damping_ratio: float = 0.01) -> PlateModel:
     m = frequency.size
     solid = PlateModel(frequency, np.full(m, damping_ratio), plate.sensor_names, plate.sensor_m,
                        np.zeros((len(plate.sensor_m), m)), np.zeros((0, m)), lines, lines, grid, np.zeros(m),
-                       np.zeros(m), np.zeros(m), 8000.0)
+                       np.zeros(m), np.zeros(m), highest_Hz)
     return replace(solid, sensor_shape=solid.shape(*plate.sensor_m.T))
 
 

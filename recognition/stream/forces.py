@@ -140,13 +140,21 @@ def form_grid() -> Floats:
     return np.arange(-FORM_REACH, FORM_REACH + FORM_STEP / 2, FORM_STEP)
 
 
+def breaking_of(history: History, forces: StoneForces) -> float:
+    """b of a stone: its form less g_0, by g_1."""
+    return float((_form(history) - forces.form[0]) @ forces.form[1] / (forces.form[1] @ forces.form[1]))
+
+
+def _form(history: History) -> Floats:
+    """(n,): the form of one stone."""
+    impulse, centre, duration = history.moments()
+    t = ((np.arange(len(history.force_N)) + 0.5) * history.step_s - centre) / duration
+    return np.interp(form_grid(), t, history.force_N * duration / impulse, left=0.0, right=0.0)
+
+
 def _forms(histories: Sequence[History]) -> tuple[Floats, Floats]:
     """g_0 and g_1 (2, n), and b (histories,)."""
-    forms = []
-    for h in histories:
-        impulse, centre, duration = h.moments()
-        t = ((np.arange(len(h.force_N)) + 0.5) * h.step_s - centre) / duration
-        forms.append(np.interp(form_grid(), t, h.force_N * duration / impulse, left=0.0, right=0.0))
+    forms = [_form(h) for h in histories]
     mean = np.mean(forms, axis=0)
     _, size, directions = np.linalg.svd(forms - mean, full_matrices=False)
     scale = size[0] / np.sqrt(len(forms))

@@ -18,7 +18,7 @@ from recognition.stream.prior import StonePrior
 from recognition.stream.retuning import retuned
 from recognition.stream.search import Dictionary
 from recognition.stream.signatures import Channels
-from recognition.stream.speed_law import with_speed_law
+from recognition.stream.speed_law import with_speed_laws
 from recognition.stream.stones import stone_table
 from recognition.stream.whitening import Whitening
 
@@ -79,7 +79,8 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(values, rms))
     began_s = process_time()
     heard = listener.hear(whitening(values))
-    return Recognised(stone_table(with_speed_law(heard, prior), prior, RATE_Hz, LEAST_DOUBT), heard, plate, noise,
+    stones = stone_table(*with_speed_laws(heard, prior), prior, RATE_Hz, LEAST_DOUBT)
+    return Recognised(stones, heard, plate, noise,
                       Checks.of(listener, heard, round(SILENCE_S * RATE_Hz), whitening.variance_of(noise)),
                       tapped, process_time() - began_s)
 

@@ -12,6 +12,7 @@ g maximise Whittle's likelihood of the record's spectrum times the prior of the 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -25,6 +26,7 @@ HIGHEST_SHARE = 0.42  # of the sample rate: above it the low pass of the record 
 SEGMENT_S = 1.0
 FORCE_DEGREE = 6  # of log g in the frequency
 DAMPING_SD = 0.05  # of log zeta, where the plate model is sure of it
+BINS = 256  # of the spectrum that are worked on at once: more do not fit into a processor's cache, and take longer
 
 
 @dataclass
@@ -46,22 +48,34 @@ class _Spectrum:
         n = self.shape.shape[1]
         u, d, level = x[:n], x[n:2 * n], x[2 * n:]
         f_j, zeta = self.start[0] * np.exp(self.sd[0] * u), self.start[1] * np.exp(self.sd[1] * d)
-        f2, b = self.f_Hz[:, None] ** 2, f_j**2
-        apart, width = b - f2, 4 * zeta**2 * b * f2
-        a = f2**2 / (apart**2 + width)
-        g = np.exp(self.smooth @ level)
-        pairs = np.einsum("cj,dj->jcd", self.shape, self.shape)
-        modes = np.tensordot(a, pairs, 1)
-        model = g[:, None, None] * modes + np.diag(self.noise)
-        inverse = np.linalg.inv(model)
-        slope = self.count * (inverse - inverse @ self.spectrum @ inverse)  # of the cost, by the model's entries
-        value = self.count * float(np.linalg.slogdet(model)[1].sum() + np.einsum("kcd,kdc->", inverse, self.spectrum))
-        by_mode = g[:, None] * np.tensordot(slope, pairs, ((1, 2), (1, 2))) * (a * a / f2**2)
-        by_f = -(by_mode * (4 * apart * b + 2 * width)).sum(axis=0)
-        by_zeta = -(by_mode * 2 * width).sum(axis=0)
-        by_level = self.smooth.T @ (g * np.einsum("kcd,kdc->k", slope, modes))
+        value, by_f, by_zeta, by_level = 0.0, np.zeros(n), np.zeros(n), np.zeros(len(level))
+        for first in range(0, len(self.f_Hz), BINS):
+            part = self._of_bins(slice(first, first + BINS), f_j**2, zeta, level)
+            value, by_f, by_zeta, by_level = value + part[0], by_f + part[1], by_zeta + part[2], by_level + part[3]
         gradient = np.concatenate([by_f * self.sd[0] + u, by_zeta * self.sd[1] + d, by_level])
         return value + 0.5 * float(u @ u + d @ d), gradient
+
+    def _of_bins(self, bins: slice, b: Floats, zeta: Floats, level: Floats) -> tuple[float, Floats, Floats, Floats]:
+        """Minus the log likelihood of some bins, and its slopes by log f, log zeta and log g. b: squares of the modes'
+        frequencies."""
+        f2, spectrum, smooth = self.f_Hz[bins, None] ** 2, self.spectrum[bins], self.smooth[bins]
+        apart, width = b - f2, 4 * zeta**2 * b * f2
+        a = f2**2 / (apart**2 + width)
+        g, pairs = np.exp(smooth @ level), self._pairs
+        modes = (a @ pairs).reshape(spectrum.shape)
+        model = g[:, None, None] * modes + np.diag(self.noise)
+        inverse = np.linalg.inv(model)
+        slope = self.count * (inverse - inverse @ spectrum @ inverse)  # of the cost, by the model's entries
+        value = self.count * float(np.linalg.slogdet(model)[1].sum() + np.sum(inverse * spectrum.swapaxes(1, 2)))
+        by_mode = (g[:, None] / f2**2 * slope.reshape(len(slope), -1)) @ pairs.T * a**2
+        by_zeta = -2 * np.einsum("kj,kj->j", by_mode, width)
+        by_f = by_zeta - 4 * b * np.einsum("kj,kj->j", by_mode, apart)
+        return value, by_f, by_zeta, smooth.T @ (g * np.einsum("kcd,kdc->k", slope, modes))
+
+    @cached_property
+    def _pairs(self) -> Floats:
+        """(n, c c): of each mode, products of its shape at two sensors."""
+        return np.asarray(np.einsum("cj,dj->jcd", self.shape, self.shape).reshape(self.shape.shape[1], -1))
 
 
 def retuned(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: float, noise: Floats) -> PlateModel:

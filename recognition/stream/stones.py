@@ -19,25 +19,28 @@ LEVELS = (0.05, 0.5, 0.95)
 DEAD_S, MOST_MISSED = 0.2e-3, 0.5
 
 
-def stone_table(heard: Sequence[Heard], prior: StonePrior, rate_Hz: float, least_doubt: float) -> pd.DataFrame:
-    """One row for each stone, in order of arrival: first touch t_s, place, probability of gangue, and mean and standard
-    deviation of mass, radius and speed over both materials.
+def stone_table(heard: Sequence[Heard], log_odds: Floats, prior: StonePrior, rate_Hz: float,
+                least_doubt: float) -> pd.DataFrame:
+    """One row for each stone, in order of arrival: first touch t_s, place, probability of gangue, mean and standard
+    deviation of mass, radius and speed over both materials, and the probability of gangue by each law of the speeds.
 
-    least_doubt: no material is surer than 1 - least_doubt, the share of stones whose material is wrong in a stream of
-    known truth.
+    log_odds (stones, laws): of gangue, by laws that are equally likely. least_doubt: no material is surer than
+    1 - least_doubt, the share of stones whose material is wrong in a stream of known truth.
     """
     rows = [_row(h, prior, rate_Hz, least_doubt) for h in heard]
-    return pd.DataFrame(rows, columns=COLUMNS).sort_values("t_s", ignore_index=True)
+    by_law = pd.DataFrame(_doubted(log_odds, least_doubt)).rename(columns=lambda k: f"{BY_LAW}{k + 1}")
+    return pd.concat([pd.DataFrame(rows, columns=COLUMNS), by_law], axis=1).sort_values("t_s", ignore_index=True)
 
 
 COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s", "duration_s", "radius_m",
            "radius_sd_m", "speed_m_s", "speed_sd_m_s", "mass_coal_kg", "mass_gangue_kg", "mass_coal_sd_kg",
            "mass_gangue_sd_kg", "misfit"]
+BY_LAW = "gangue_by_law_"  # of the columns after these, one for each law of the speeds
 
 
 def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> list[float]:
     odds = h.log_evidence[1] - h.log_evidence[0]  # of one stone alone: either material is as likely beforehand
-    gangue = least_doubt + (1 - 2 * least_doubt) / (1 + np.exp(-np.clip(odds, -50, 50)))
+    gangue = float(_doubted(odds, least_doubt))
     m = int(gangue > 0.5)
     stone, cov = h.stone, h.covariance
     t_s = stone[TIME] / rate_Hz - prior.forces.start[m] * np.exp(stone[DURATION])
@@ -51,6 +54,11 @@ def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> lis
             rock_sd, h.misfit]
 
 
+def _doubted(log_odds: Floats, least_doubt: float) -> Floats:
+    """Probabilities of any log odds."""
+    return np.asarray(least_doubt + (1 - 2 * least_doubt) / (1 + np.exp(-np.clip(log_odds, -50, 50))))
+
+
 def _moments(share: Floats, weights: Sequence[Floats] | Floats, values: Sequence[Floats]) -> tuple[float, float]:
     mean = sum(s * float(w @ v) for s, w, v in zip(share, weights, values, strict=True))
     square = sum(s * float(w @ v**2) for s, w, v in zip(share, weights, values, strict=True))
@@ -61,15 +69,19 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
     """Low end, median and high end of the 90 % interval of the mixing ratio of some stones, NaN for none.
 
     Each stone is gangue with a probability p that is the same for all and unknown, uniform beforehand. Its posterior
-    follows from all stones; were it taken as 1/2, stones of uncertain material would pull the ratio there. Of two
-    stones that arrive almost at once one is missed, which is gangue with p too. The distribution is drawn from, always
-    with the same seed.
+    follows from all stones; were it taken as 1/2, stones of uncertain material would pull the ratio there. The law of
+    the speeds is unknown too: each of some has its columns, without any only "gangue" counts. Of two stones that
+    arrive almost at once one is missed, which is gangue with p too. The distribution is drawn from, always with the
+    same seed.
     """
     if len(stones) == 0:
         return (np.nan, np.nan, np.nan)
     rng = np.random.default_rng(1)
-    one = stones["gangue"].to_numpy()
-    p = _drawn_share(one, rng)
+    by_law = [name for name in stones.columns if name.startswith(BY_LAW)]
+    one = stones[by_law or ["gangue"]].to_numpy()
+    law = np.arange(DRAWS) % one.shape[1]
+    p = _drawn_share(one, rng)[law, np.arange(DRAWS)]
+    one = one.T[law]  # (DRAWS, n)
     of_gangue, of_coal = p[:, None] * one, (1 - p[:, None]) * (1 - one)
     gangue = rng.random(of_gangue.shape) * (of_gangue + of_coal) < of_gangue
     weight = np.ones_like(gangue, dtype=float)
@@ -87,11 +99,13 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
 
 
 def _drawn_share(one: Floats, rng: np.random.Generator) -> Floats:
-    """(DRAWS,): shares p of gangue, from their posterior by stones whose probabilities are `one` (n,) with p = 1/2."""
+    """(laws, DRAWS): shares p of gangue, from their posterior by stones whose probabilities are `one` (n, laws) with
+    p = 1/2."""
     p = (np.arange(SHARES) + 0.5) / SHARES
-    log = np.log(p[:, None] * one + (1 - p[:, None]) * (1 - one)).sum(axis=1)
-    weight = np.exp(log - log.max())
-    return rng.choice(p, DRAWS, p=weight / weight.sum()) + (rng.random(DRAWS) - 0.5) / SHARES
+    log = np.log(p[:, None, None] * one + (1 - p[:, None, None]) * (1 - one)).sum(axis=1)
+    weight = np.exp(log - log.max(axis=0))
+    drawn = [rng.choice(p, DRAWS, p=w / w.sum()) for w in weight.T]
+    return np.asarray(drawn) + (rng.random((one.shape[1], DRAWS)) - 0.5) / SHARES
 
 
 def _with_missed(weight: Floats, chosen: NDArray[np.bool_], missed: NDArray[np.int64]) -> Floats:

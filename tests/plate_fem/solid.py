@@ -122,7 +122,7 @@ def _deck(points, element, middle, base, material, symmetry, count):
 
 
 def _read(file, points, middle, count):
-    text = file.read_text()
+    text = re.sub(r"(\d)([-+]\d{3})\b", r"\1E\2", file.read_text())  # Fortran leaves out the E of long exponents
     table = text[text.index("E I G E N V A L U E") :]
     rows = re.findall(r"^\s+(\d+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s*$", table, re.MULTILINE)
     frequency = np.array([float(row[3]) for row in rows[:count]])

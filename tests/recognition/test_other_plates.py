@@ -10,7 +10,7 @@ from recognition.evaluation.force_pulses import hertz_pulse
 from recognition.evaluation.other_plates import other_theory, scattered, solid_plate
 from recognition.evaluation.stone_histories import SETS, histories, rock_of, stored_rock
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.forces import StoneForces
+from recognition.stream.forces import StoneForces, breaking_of
 from recognition.stream.law_file import load_forces
 
 SCENE = resource("scenes") / "paper.toml"
@@ -63,6 +63,23 @@ def test_histories_conserve_momentum():
         assert {h.gangue for h in found} == {True, False}
         share = np.array([h.moments()[0] / (h.mass_kg * h.speed_m_s) for h in found])
         assert np.all((share > 1.0) & (share < 2.0))
+
+
+def test_stones_of_any_fall_are_spread_evenly():
+    """Each tenth of the speeds, and of the sizes, holds a tenth of the stones of each material."""
+    found = histories("any_fall")
+    for gangue in (False, True):
+        some = [h for h in found if h.gangue == gangue]
+        assert len(some) == 80
+        for values, limits in (([h.speed_m_s for h in some], (2.0, 4.0)), ([h.radius_m for h in some], (0.015, 0.035))):
+            assert np.all(np.histogram(values, 10, limits)[0] == 8)
+
+
+def test_number_of_breaking_is_that_of_the_law():
+    """It has mean 0 and standard deviation 1 over the stones that the law was learnt from."""
+    found = [breaking_of(h, load_forces()) for h in histories("learnt")]
+    assert np.mean(found) == pytest.approx(0, abs=1e-3)
+    assert np.std(found) == pytest.approx(1, abs=1e-3)
 
 
 def test_histories_and_law_are_of_the_rock_of_today():
