@@ -29,8 +29,8 @@ FORCE_S = 1.5e-3  # that a force is taken to last; what pushes later counts as r
 MOST_HELD_OUT = 100  # records by which the limits are set, or a few more, each with these
 NOISES = (0.0, 0.01, 0.03, 0.1)  # in shares of the rms of a signal
 #: The least misfit that is expected with each of these. A misfit of 1 is what the law expects, but it takes the scatter
-#: of forces to be normal: good records of two of 21 sets of packings have up to 2.4 without noise, where volleys of another
-#: number of stones have 5 and more. With noise of 0.1 these have 1.9, so nothing is added there.
+#: of forces to be normal: good records of two of 21 sets of packings have up to 2.4 without noise, where volleys of
+#: another number of stones have 5 and more. With noise of 0.1 these have 1.9, so nothing is added there.
 LEAST_MISFITS = (1.6, 1.6, 1.5, 1.0)
 #: Share of the held-out records whose misfit is kept. Of 187 runs, ten with one and the same coal stone, which pushed a
 #: quarter less and twice as long, have ten times the misfit of all others; a limit beyond them would let pass volleys
