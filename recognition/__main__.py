@@ -96,6 +96,8 @@ def recognise(arguments: argparse.Namespace) -> int:
 def _print_best(name: str, answer: Answer) -> None:
     print(f"mixing ratio {100 * answer.ratio:.1f} %, 90 % interval {100 * answer.low:.1f} to {100 * answer.high:.1f}, "
           f"by {name}")
+    if answer.warning:
+        print(answer.warning)
 
 
 def evaluate(arguments: argparse.Namespace) -> None:

@@ -5,6 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isnan, nan
 
+#: An interval that reaches farther than this to either side of the ratio calls for a warning.
+WIDE_points = 5.0
+
+
+def warning_of(low: float, ratio: float, high: float) -> str:
+    """What is printed of a 90 % interval that is so wide that the ratio alone would mislead, "" of any other."""
+    reach_points = 100 * max(ratio - low, high - ratio)
+    if not reach_points > WIDE_points + 1e-9:  # ratios are rounded
+        return ""
+    return f"WARNING: uncertain, the 90 % interval reaches {reach_points:.1f} points from the ratio"
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -29,3 +40,7 @@ class Answer:
     @property
     def has_interval(self) -> bool:
         return not (isnan(self.low) or isnan(self.high))
+
+    @property
+    def warning(self) -> str:
+        return warning_of(self.low, self.ratio, self.high)

@@ -28,6 +28,10 @@ BIN_S = 10e-6
 FORCE_S = 1.5e-3  # that a force is taken to last; what pushes later counts as residual
 MOST_HELD_OUT = 100  # records by which the limits are set, or a few more, each with these
 NOISES = (0.0, 0.01, 0.03, 0.1)  # in shares of the rms of a signal
+#: The least misfit that is expected with each of these. A misfit of 1 is what the law expects, but it takes the scatter
+#: of forces to be normal: good records of two of 21 sets of packings have up to 2.4 without noise, where volleys of
+#: another number of stones have 5 and more. With noise of 0.1 these have 1.9, so nothing is added there.
+LEAST_MISFITS = (1.6, 1.6, 1.5, 1.0)
 #: Share of the held-out records whose misfit is kept. Of 187 runs, ten with one and the same coal stone, which pushed a
 #: quarter less and twice as long, have ten times the misfit of all others; a limit beyond them would let pass volleys
 #: of another number of stones.
@@ -259,7 +263,7 @@ def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> t
 
 
 def _expected_misfit(found: Sequence[Sequence[ArrangementEstimate]]) -> ExpectedMisfit:
-    """From estimates of the same records with more and more noise; a misfit of 1 is what the law itself expects."""
+    """From estimates of the same records with more and more noise."""
     kept = [held_out_quantile(np.array([one.misfit for one in estimates]), USUAL) for estimates in found]
     return ExpectedMisfit(np.array([np.mean([one.noise_share for one in estimates]) for estimates in found]),
-                          np.maximum(1.0, kept))
+                          np.maximum(LEAST_MISFITS, kept))

@@ -14,6 +14,7 @@ from analysis.resample import resample
 from common.files import written_whole
 from common.output_directory import at_work_in
 from common.parquet import write_parquet
+from recognition.estimation.answer import warning_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
@@ -64,6 +65,8 @@ def listen(arguments: argparse.Namespace) -> int:
     for name, by_mass in (("number", False), ("mass", True)):
         low, middle, high = ratio_of(found.stones, by_mass)
         print(f"mixing ratio by {name} {100 * middle:.1f} %, 90 % interval {100 * low:.1f} to {100 * high:.1f}")
+        if warning := warning_of(low, middle, high):
+            print(warning)
     return 0
 
 

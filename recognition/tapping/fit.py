@@ -2,7 +2,9 @@
 
 What is known beforehand are standard deviations: of the frequencies and damping of the starting plate, of gains, and of
 where sensors and taps are. What the starting modes cannot explain is an error of the model, which is taken as noise of
-the power that is left in the band of each frequency.
+the power that is left in the band of each frequency. Frequencies of another plate may differ the more the higher they
+are, and by more than their standard deviation; so low bands are fitted first, and their trend tells where the higher
+modes are sought.
 """
 
 from __future__ import annotations
@@ -19,10 +21,13 @@ from recognition.plate.plate_model import PlateModel
 from recognition.tapping.force import Force, force_of
 from recognition.tapping.structure import Parameters, Structure
 from recognition.tapping.taps import Tap, check_taps
-from recognition.tapping.window import Spectra, band_power, check_band, noise_power, samples_of, spectra
+from recognition.tapping.trend import stretched
+from recognition.tapping.window import LEAST_PERIODS, Spectra, band_power, check_band, noise_power, samples_of, spectra
 
 BEYOND = 1.25  # modes up to so many times the highest frequency of the fit are needed
 STAGES_1_s = (2000.0, 800.0, 300.0, 100.0)  # alpha of the windows before the last, which the record's length sets
+BANDS = (0.2, 0.3, 0.45, 0.67)  # of the highest frequency, that are fitted before the whole
+IDENTIFIED = 0.3  # a mode is, where its frequency is known so many times better than before
 LAST_DECAY = 5.0  # alpha times the duration of the record, in the last window
 STEPS, LAST_STEPS = 4, 8  # of Gauss-Newton, in each window
 ROUGH = 0.3  # error of the model as a share of the record, in all windows but the last
@@ -213,18 +218,42 @@ def fit_plate(plate: PlateModel, taps: Sequence[Tap], prior: Prior | None = None
     check_taps(taps, len(plate.sensor_names))
     check_band(taps, plate.max_frequency_Hz / BEYOND, plate.frequency_Hz.size, LEAD_S)
     taps = [replace(tap, rate_Hz=taps[0].rate_Hz) for tap in taps]  # rounding of times would give other frequencies
-    structure, prior = Structure(plate), prior or Prior()
-    last = LAST_DECAY / min(tap.duration_s for tap in taps)
-    stages = [alpha for alpha in STAGES_1_s if alpha > 1.5 * last] + [last]
+    prior, start = prior or Prior(), plate
     try:
-        state, fit = _sought(structure, taps, prior, stages)
-        covariance = _covariance(fit, state)
+        for band_Hz in _bands(plate, taps):
+            part = replace(start.below(BEYOND * band_Hz), max_frequency_Hz=BEYOND * band_Hz)
+            start = _by_trend(plate, _fitted(part, taps, prior), prior)
+        return _fitted(start, taps, prior)
     except np.linalg.LinAlgError:
         weakest = min(taps, key=lambda tap: float(abs(tap.acceleration).max()))
         raise RecognitionError(f"{weakest.name}: at most {abs(weakest.acceleration).max():.2g} m/s^2, which rounding "
                                "errors hide in the fit; needs a harder tap, its force, or another unit") from None
-    return Fitted(structure, state, covariance, fit.residuals(state), [one.acceleration for one in fit.spectra],
-                  fit.noise, [_frequency(one) for one in fit.spectra])
+
+
+def _bands(plate: PlateModel, taps: Sequence[Tap]) -> list[float]:
+    """Where the fits before the last end, in Hz: those of which the records have periods enough."""
+    after_s = samples_of(taps, LEAD_S) / taps[0].rate_Hz
+    every = [share * plate.max_frequency_Hz / BEYOND for share in BANDS]
+    return [band_Hz for band_Hz in every if after_s * band_Hz >= LEAST_PERIODS and (plate.frequency_Hz < band_Hz).any()]
+
+
+def _by_trend(plate: PlateModel, fitted: Fitted, prior: Prior) -> PlateModel:
+    """The plate with its frequencies moved by the trend of the modes that a fit of a part of them has identified."""
+    part = fitted.structure.plate
+    own = np.arange(part.frequency_Hz.size)  # S of each mode with itself comes first
+    found_Hz = part.frequency_Hz * np.sqrt(np.maximum(1 + 2 * fitted.state.parameters.coupling[own], 0.0))
+    known = (np.sqrt(np.diag(fitted.covariance)[own]) < IDENTIFIED * prior.frequency) & (found_Hz > 0)
+    known &= found_Hz < part.max_frequency_Hz / BEYOND
+    return stretched(plate, plate.frequency_Hz[own[known]], found_Hz[known])
+
+
+def _fitted(plate: PlateModel, taps: Sequence[Tap], prior: Prior) -> Fitted:
+    """The fit about one starting plate. LinAlgError where rounding errors hide the records."""
+    structure, last = Structure(plate), LAST_DECAY / min(tap.duration_s for tap in taps)
+    stages = [alpha for alpha in STAGES_1_s if alpha > 1.5 * last] + [last]
+    state, fit = _sought(structure, taps, prior, stages)
+    return Fitted(structure, state, _covariance(fit, state), fit.residuals(state),
+                  [one.acceleration for one in fit.spectra], fit.noise, [_frequency(one) for one in fit.spectra])
 
 
 def _sought(structure: Structure, taps: Sequence[Tap], prior: Prior, stages: Sequence[float]) -> tuple[State, Fit]:

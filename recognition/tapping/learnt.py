@@ -10,12 +10,11 @@ from scipy.optimize import linear_sum_assignment
 from recognition.estimation.arrays import Booleans, Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
-from recognition.tapping.fit import BEYOND, Fitted, Prior
+from recognition.tapping.fit import BEYOND, IDENTIFIED, Fitted, Prior
 from recognition.tapping.structure import Parameters
 from recognition.tapping.window import BAND
 
 DRAWS, SEED = 64, 1  # of the posterior
-IDENTIFIED = 0.3  # a mode is, where its frequency is known so many times better than before
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ import pytest
 from analysis import read_sweep
 from common.files import SEAL, seal
 from recognition import Model, RecognitionError, leave_one_out
-from recognition.__main__ import main
+from recognition.__main__ import _print_best, main
+from recognition.estimation.answer import Answer
 from recognition.methods import METHODS
 from tests.analysis.synthetic import write_run, write_sweep
 
@@ -120,6 +121,14 @@ def test_command_line(sweep_path, tmp_path, capsys):
         assert main(arguments) == 2
         captured = capsys.readouterr()
         assert captured.out == "" and captured.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("low", "high", "reach"), [(0.4, 0.5, "10.0"), (0.5, 0.56, "6.0"), (0.45, 0.55, ""), (0.5, 0.5, "")])
+def test_a_wide_interval_is_warned_of(low, high, reach, capsys):
+    _print_best("arrangement_likelihood", Answer(0.5, low, high))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("mixing ratio 50.0 %")
+    assert ["WARNING" in line and f"{reach} points" in line for line in lines[1:]] == ([True] if reach else [])
 
 
 def test_too_few_ratios(tmp_path):
