@@ -169,7 +169,8 @@ def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate
 
 
 class StoppedRun:
-    """A run of which one side, `engine` or `plate`, was stopped as soon as the engine had set up."""
+    """A run of which one side, `engine` or `plate`, is stopped as soon as the engine has set up; `noticed_s` is the time
+    after which the other side tells."""
 
     def __init__(self, directory, side):
         scene = directory / "scene.toml"
@@ -181,37 +182,39 @@ class StoppedRun:
                                     cwd=SCENES.parent, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                                     stderr=subprocess.PIPE, text=True)
         self.side, self.output = side, directory / "run.partial" / "deck" / "engine.out"
-        while "Setting up run" not in self.said():
-            assert self.run.poll() is None
-            time.sleep(0.002)
-        pid = self.run.pid
-        self.engine = int(Path(f"/proc/{pid}/task/{pid}/children").read_text().split()[0])
-        os.kill(self.engine if side == "engine" else pid, signal.SIGSTOP)
-        self.start = time.monotonic()
+        self.engine = self.start = self.noticed_s = None
 
     def said(self):
         return self.output.read_text(errors="replace") if self.output.exists() else ""
 
-    def is_noticed(self):
-        """By the other side."""
-        return self.run.poll() is not None if self.side == "engine" else "ERROR" in self.said()
+    def watch(self):
+        """Stop the side if it is time, and see whether the other one has noticed."""
+        if self.start is None:
+            assert self.run.poll() is None
+            if "Setting up run" in self.said():
+                pid = self.run.pid
+                self.engine = int(Path(f"/proc/{pid}/task/{pid}/children").read_text().split()[0])
+                os.kill(self.engine if self.side == "engine" else pid, signal.SIGSTOP)
+                self.start = time.monotonic()
+        elif self.noticed_s is None:
+            waited_s = time.monotonic() - self.start
+            assert waited_s < 60
+            if self.run.poll() is not None if self.side == "engine" else "ERROR" in self.said():
+                self.noticed_s = waited_s
 
 
 def test_a_side_that_is_stopped_ends_the_run_within_seconds(tmp_path):
-    """SIGSTOP: the process lives, its pipes are open, and it says nothing. The other one sees that it uses no time."""
-    runs, noticed_s = [StoppedRun(tmp_path / side, side) for side in ("engine", "plate")], {}
-    while len(noticed_s) < len(runs):
+    """SIGSTOP: the process lives, its pipes are open, and it says nothing. The other one sees that it uses no time.
+    Both sides are tried at once, since all this is waiting."""
+    engine, plate = runs = [StoppedRun(tmp_path / side, side) for side in ("engine", "plate")]
+    while any(one.noticed_s is None for one in runs):
         for one in runs:
-            waited_s = time.monotonic() - one.start
-            assert one.side in noticed_s or waited_s < 60
-            if one.side not in noticed_s and one.is_noticed():
-                noticed_s[one.side] = waited_s
-        time.sleep(0.1)
-    engine, plate = runs
+            one.watch()
+        time.sleep(0.002)
     assert engine.run.returncode == 1
     assert f"the engine (process {engine.engine}) is stopped by a signal" in engine.run.stderr.read().splitlines()[-1]
     assert f"The plate (process {plate.run.pid}) is stopped by a signal" in plate.said()
     plate.run.kill()
     for one in runs:
         one.run.communicate()
-    assert all(9 < waited_s < 40 for waited_s in noticed_s.values())
+    assert all(9 < one.noticed_s < 40 for one in runs)
