@@ -18,7 +18,7 @@ from recognition.evaluation import other_plates
 from recognition.evaluation.tap_records import hammer_taps
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import TIME
-from recognition.stream.forces import History, breaking_of
+from recognition.stream.forces import History, heard_of
 from recognition.stream.law_file import load_forces
 from recognition.stream.listen import Heard
 from recognition.stream.prior import TRIPLE, StonePrior
@@ -149,9 +149,7 @@ def told_by_force(case: Case, pool: Sequence[History], truth: pd.DataFrame) -> d
 
 def exactly_heard(history: History, prior: StonePrior, centre_s: float) -> Heard:
     """What a fit without error would make of a stone."""
-    impulse, _, duration = history.moments()
-    triple = np.array([np.log(duration), breaking_of(history, prior.forces), np.log(impulse)])
-    return heard_as(triple, np.diag(NO_ERROR**2), prior, centre_s)
+    return heard_as(heard_of(history, prior.forces.form), np.diag(NO_ERROR**2), prior, centre_s)
 
 
 def heard_as(triple: Floats, errors: Floats, prior: StonePrior, centre_s: float = 0.0) -> Heard:

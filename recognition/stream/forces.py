@@ -1,9 +1,11 @@
 """What the force of one stone on the plate looks like, learnt from simulated histories of single stones.
 
-The force of a stone is F(t) = J/s g((t - c)/s): impulse J, centre of time c, duration s (standard deviation of time
-under the force), and a form g with unit area, mean 0 and standard deviation 1. Stones that break have another form than
-stones that stay whole: g = g_0 + b g_1 with the mean g_0 of all histories, their first principal component g_1, and a
-number b (`breaking`) for each stone. Hertz' contact gives s ~ R v^(-1/5) and J ~ rho R^3 v. So, for each material,
+The force of a stone is F(t) = J/s g((t - c)/s): impulse J, centre of time c, duration s, and a form g with unit area.
+Stones that break have another form than stones that stay whole: g = g_0 + b g_1 with the mean g_0 of all histories,
+each stretched to mean 0 and standard deviation 1, their first principal component g_1, and a number b (`breaking`) for
+each stone. J, c, s and b are those of the nearest such force below HEARD_Hz, where a record ends: what lies above is
+not heard, and moments of a whole force depend on it. Hertz' contact gives s ~ R v^(-1/5) and J ~ rho R^3 v. So, for
+each material,
 
     log s = a_s + log(R/v^(1/5)) + e_s,    b = a_b + e_b,    log J = a_J + log(m v) + e_J.
 
@@ -19,12 +21,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from recognition.estimation.arrays import Floats
 
 MATERIALS = ("coal", "gangue")
 PULSE_S = 0.8e-3  # the longest contact of a stone; what fragments do later is noise
 FORM_STEP, FORM_REACH = 0.05, 6.0  # of the form g, in durations s
+HEARD_Hz, HEARD_STEP_Hz = 10_000.0, 100.0  # where a record of 20 kHz ends, and between the frequencies of a fit
 #: Least standard deviations of log s, b and log J about their laws: stones that fall on a slope, spin or have another
 #: number of sub-spheres than those of the histories are off by so much.
 LEAST_SCATTER = np.array([0.03, 0.3, 0.03])
@@ -72,7 +76,7 @@ class History:
 class StoneForces:
     """The law above for coal and gangue, in this order.
 
-    form (2, n): g_0 and g_1 on the grid `form_grid()`, g_1 such that b has standard deviation 1 over the histories;
+    form (2, n): g_0 and g_1 on the grid `form_grid()`, g_1 by one standard deviation over the histories;
     whole (2, 2, 3): a_s, a_b, a_J at REFERENCE_m and their slopes in log R; scatter (2, 3, 3): covariance of e_s, e_b,
     e_J; radius_m (2,): the smallest and largest of the histories, beyond which a is constant; broken (3,) and
     broken_scatter (3, 3): the same of broken stones; broken_share (2, speeds): of the stones of a material, at
@@ -92,8 +96,8 @@ class StoneForces:
     @classmethod
     def fit(cls, histories: Sequence[History]) -> StoneForces:
         """The law of histories, of which each material needs at least four that stay whole (ValueError)."""
-        form, breaking = _forms(histories)
-        rows = np.array([_row(h, b) for h, b in zip(histories, breaking, strict=True)])
+        form = _forms(histories)
+        rows = np.array([heard_of(h, form) - _expected(h) for h in histories])
         gangue = np.array([h.gangue for h in histories])
         size = np.log([h.radius_m / REFERENCE_m for h in histories])
         broke = np.zeros(len(rows), dtype=bool)
@@ -140,32 +144,41 @@ def form_grid() -> Floats:
     return np.arange(-FORM_REACH, FORM_REACH + FORM_STEP / 2, FORM_STEP)
 
 
-def breaking_of(history: History, forces: StoneForces) -> float:
-    """b of a stone: its form less g_0, by g_1."""
-    return float((_form(history) - forces.form[0]) @ forces.form[1] / (forces.form[1] @ forces.form[1]))
-
-
-def _form(history: History) -> Floats:
-    """(n,): the form of one stone."""
+def heard_of(history: History, form: Floats) -> Floats:
+    """(3,): log s, b and log J of the force with the form g_0 + b g_1 that is nearest to a history below HEARD_Hz, by
+    least squares over its spectrum. form (2, n): g_0 and g_1."""
     impulse, centre, duration = history.moments()
-    t = ((np.arange(len(history.force_N)) + 0.5) * history.step_s - centre) / duration
-    return np.interp(form_grid(), t, history.force_N * duration / impulse, left=0.0, right=0.0)
+    frequency_Hz = np.arange(HEARD_STEP_Hz, HEARD_Hz + 0.5 * HEARD_STEP_Hz, HEARD_STEP_Hz)
+    turn = -2j * np.pi * frequency_Hz
+    t_s = (np.arange(len(history.force_N)) + 0.5) * history.step_s
+    measured = history.force_N @ np.exp(np.outer(t_s, turn)) * history.step_s / impulse
+
+    def left(x: Floats) -> Floats:
+        stretched, breaking, relative, late_s = np.exp(x[0]), x[1], np.exp(x[2]), x[3]
+        unit = FORM_STEP * (form[0] + breaking * form[1]) @ np.exp(np.outer(stretched * duration * form_grid(), turn))
+        off = measured - relative * unit * np.exp((centre + late_s) * turn)
+        return np.concatenate([off.real, off.imag])
+
+    found = least_squares(left, np.zeros(4), x_scale=[0.01, 0.3, 0.01, 1e-6]).x
+    return np.array([np.log(duration) + found[0], found[1], np.log(impulse) + found[2]])
 
 
-def _forms(histories: Sequence[History]) -> tuple[Floats, Floats]:
-    """g_0 and g_1 (2, n), and b (histories,)."""
-    forms = [_form(h) for h in histories]
+def _expected(history: History) -> Floats:
+    """(3,): what size and speed make of log s, b and log J."""
+    return np.array([np.log(history.radius_m / history.speed_m_s**0.2), 0.0,
+                     np.log(history.mass_kg * history.speed_m_s)])
+
+
+def _forms(histories: Sequence[History]) -> Floats:
+    """g_0 and g_1 (2, n)."""
+    forms = []
+    for h in histories:
+        impulse, centre, duration = h.moments()
+        t = ((np.arange(len(h.force_N)) + 0.5) * h.step_s - centre) / duration
+        forms.append(np.interp(form_grid(), t, h.force_N * duration / impulse, left=0.0, right=0.0))
     mean = np.mean(forms, axis=0)
     _, size, directions = np.linalg.svd(forms - mean, full_matrices=False)
-    scale = size[0] / np.sqrt(len(forms))
-    return np.array([mean, scale * directions[0]]), (forms - mean) @ directions[0] / scale
-
-
-def _row(history: History, breaking: float) -> list[float]:
-    """log s, b and log J less what size and speed make of them."""
-    impulse, _, duration = history.moments()
-    return [np.log(duration * history.speed_m_s**0.2 / history.radius_m), breaking,
-            np.log(impulse / (history.mass_kg * history.speed_m_s))]
+    return np.array([mean, size[0] / np.sqrt(len(forms)) * directions[0]])
 
 
 def _whole(rows: Floats, size: Floats) -> tuple[Floats, Floats]:

@@ -13,7 +13,7 @@ from common.tables import InputError
 from recognition.estimation.errors import RecognitionError
 from recognition.stream.forces import StoneForces
 
-FORMAT = "stone forces 4"
+FORMAT = "stone forces 5"
 #: Of the rock of scenes/single.toml: the stones of the set "learnt" of benchmarks/stone_forces.py.
 SHIPPED = Path(__file__).parent / "stone_forces.json"
 
