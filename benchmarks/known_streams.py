@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from recognition.estimation.answer import warning_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.evaluation import other_plates
@@ -119,7 +120,8 @@ def heard(plate: PlateModel, case: Case, record: Stream) -> dict[str, object]:
     stones, truth, checks = found.stones, record.truth, found.checks
     row: dict[str, object] = {
         "stones": case.count, "heard": len(stones), **matched(stones, truth), "cpu_s": time.process_time() - began,
-        "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused, "warned": not found.tapped,
+        "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused,
+        "warned": not found.tapped or bool(warning_of(*ratio_of(stones))),
         "unexplained": checks.unexplained, "gain": float(abs(checks.gain - 1).max()), "unlike": checks.unlike,
         "broken": checks.broken, "together": checks.together, "silence": checks.silence}
     for name, by_mass in (("number", False), ("mass", True)):
