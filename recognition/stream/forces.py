@@ -97,7 +97,7 @@ class StoneForces:
     def fit(cls, histories: Sequence[History]) -> StoneForces:
         """The law of histories, of which each material needs at least four that stay whole (ValueError)."""
         form = _forms(histories)
-        rows = np.array([heard_of(h, form) - _expected(h) for h in histories])
+        rows = np.array([heard_of(h, form) - _of_size(h.radius_m, h.speed_m_s, h.mass_kg) for h in histories])
         gangue = np.array([h.gangue for h in histories])
         size = np.log([h.radius_m / REFERENCE_m for h in histories])
         broke = np.zeros(len(rows), dtype=bool)
@@ -131,8 +131,7 @@ class StoneForces:
 
     def _by_size(self, material: int, radius_m: Floats, speed_m_s: Floats) -> Floats:
         mass = 4 / 3 * np.pi * radius_m**3 * self.density_kg_m3[material]
-        return np.stack([np.log(radius_m / speed_m_s**0.2), np.zeros_like(mass * speed_m_s), np.log(mass * speed_m_s)],
-                        axis=-1)
+        return _of_size(radius_m, speed_m_s, mass)
 
     def pulse(self, form: int, duration_s: float, t_s: Floats) -> Floats:
         """Force (n,) in N of unit impulse by g_0 or g_1 at times (n,) from the centre."""
@@ -163,10 +162,10 @@ def heard_of(history: History, form: Floats) -> Floats:
     return np.array([np.log(duration) + found[0], found[1], np.log(impulse) + found[2]])
 
 
-def _expected(history: History) -> Floats:
-    """(3,): what size and speed make of log s, b and log J."""
-    return np.array([np.log(history.radius_m / history.speed_m_s**0.2), 0.0,
-                     np.log(history.mass_kg * history.speed_m_s)])
+def _of_size(radius_m: Floats | float, speed_m_s: Floats | float, mass_kg: Floats | float) -> Floats:
+    """(..., 3): what size and speed make of log s, b and log J."""
+    momentum = np.asarray(mass_kg * speed_m_s)
+    return np.stack([np.log(radius_m / speed_m_s**0.2), np.zeros_like(momentum), np.log(momentum)], axis=-1)
 
 
 def _forms(histories: Sequence[History]) -> Floats:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from sklearn.linear_model import BayesianRidge
 
 from recognition.estimation.arrays import Floats
 from recognition.plate.plate_model import PlateModel
@@ -27,6 +26,8 @@ def stretched(plate: PlateModel, thought_Hz: Floats, found_Hz: Floats) -> PlateM
     """
     if thought_Hz.size < LEAST_MODES:
         return plate
+    from sklearn.linear_model import BayesianRidge  # late: slow to import
+
     trend = BayesianRidge(fit_intercept=False).fit(_terms(thought_Hz, plate), np.log(found_Hz / thought_Hz))
     return replace(plate, frequency_Hz=plate.frequency_Hz * np.exp(trend.predict(_terms(plate.frequency_Hz, plate))))
 

@@ -68,7 +68,7 @@ def _over_totals(moments: Moments, case: int, total: Floats, number: float, x: F
 
     The covariance is that of the likeliest total, whatever the total, so that the mean alone tells totals from each
     other (a quasi-likelihood, Wedderburn 1974). The power of what scatters would tell them too, but it is known badly:
-    with it, totals came out 1 to 2 % too low.
+    with it, totals came out up to 2 % lower.
     """
     values, axes = np.linalg.eigh(moments.own[case] / number + moments.common[case])
     variance = total[:, None] ** 2 * np.maximum(values, 0.0) + 1 / DECIMATION
