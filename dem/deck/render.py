@@ -69,6 +69,8 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     friction = [c.friction if c else 0.0 for c in contacts]
     tangential = " tangential history" if any(friction) else ""
     half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
+    free_flight = _free_flight(scene, assembly, step)
+    skin = skin_m(assembly, knows_bodies=free_flight is not None)
     return environment.get_template("deck.liggghts.j2").render(
         name=scene.name,
         stones=_describe(scene, assembly),
@@ -85,9 +87,9 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         tangential=tangential,
         gravity_m_s2=scene.time.gravity_m_s2,
         bonds=_bonds(scene, assembly, step) if assembly.n_bonds else None,
-        skin_m=skin_m(assembly),
-        # Bins a little larger than the range of a contact: a rebuild clears few and looks through 27.
-        bin_m=float(f"{1.2 * (2 * assembly.radius_m.max() + skin_m(assembly)):.3g}"),
+        skin_m=skin,
+        # Bins as large as the range of a contact: a rebuild clears few and looks through 27.
+        bin_m=float(f"{1.002 * (2 * assembly.radius_m.max() + skin):.4g}"),
         dt_s=repr(step.dt_s),
         sample_steps=step.sample_steps,
         fast_steps=step.fast_steps,
@@ -107,7 +109,8 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
             assembly.mass_kg @ (assembly.center_m @ np.array(assembly.up))),
         pictures=picture_schedule(scene, assembly, step),
         dumps=scene.output.dumps,
-        free_flight=_free_flight(scene, assembly, step),
+        free_flight=free_flight,
+        integrated="unheld" if free_flight else "all",
         checkpoint_steps=CHECKPOINT_SAMPLES * step.sample_steps,
         streams=streams(scene, assembly),
     )
@@ -160,16 +163,20 @@ def _free_flight(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, 
     if scene.time.free_flight_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
         return None
     every = step.co_step * max(1, round(FREE_FLIGHT_EVERY / step.co_step))
-    return {"speed_m_s": assembly.impact_speed_m_s, "tolerance": scene.time.free_flight_tolerance, "every": every,
+    return {"speed_m_s": assembly.impact_speed_m_s, "body_skin_m": body_skin_m(assembly), "tolerance": scene.time.free_flight_tolerance, "every": every,
             "least_fragment": scene.stones.stream.least_fragment if scene.stones.stream else None}
 
 
-def skin_m(assembly: Assembly) -> float:
-    """Neighbour skin. Smaller than the gap of bonded pairs, so that lists stay empty where bonds hold."""
-    radius = assembly.radius_m.min()
-    if assembly.n_bonds == 0:
-        return float(f"{0.25 * radius:.3g}")
-    return float(f"{0.9 * 2 * (1 / CONTACT_RADIUS_RATIO - 1) * radius:.3g}")
+def skin_m(assembly: Assembly, knows_bodies: bool = False) -> float:
+    """Neighbour skin. Pairs within a body have one of their own where the engine knows bodies, as fix free_flight does."""
+    if assembly.n_bonds and not knows_bodies:
+        return body_skin_m(assembly)
+    return float(f"{0.25 * assembly.radius_m.min():.3g}")
+
+
+def body_skin_m(assembly: Assembly) -> float:
+    """Neighbour skin within a body, smaller than the gap of bonded pairs, so that lists stay empty where bonds hold."""
+    return float(f"{0.9 * 2 * (1 / CONTACT_RADIUS_RATIO - 1) * assembly.radius_m.min():.3g}")
 
 
 def _describe(scene: Scene, assembly: Assembly) -> str:

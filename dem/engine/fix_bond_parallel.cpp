@@ -126,6 +126,7 @@ void FixBondParallel::post_integrate() {
     return g.f[0] * v[i][0] + g.f[1] * v[i][1] + g.f[2] * v[i][2] + g.torque[0] * omega[i][0] +
            g.torque[1] * omega[i][1] + g.torque[2] * omega[i][2];
   });
+  if (turned_.empty()) list_turned();
   for (const auto &[first, count] : turned_) turn_all(quaternion_[first], omega[first], count, 0.5 * update->dt);
 }
 
@@ -420,11 +421,17 @@ const std::vector<BodyMaker::Support> &FixBondParallel::supports_of_tags() {
 void FixBondParallel::hold(int tag, bool held) {
   held_[tag] = held;
   listed_ = false;
+  is_turned_[atom->map(tag)] = !held;
+  turned_.clear();
 }
 
 void FixBondParallel::take_energy(int tag, double energy) { work_[agglomerates_->of_tag(tag)] -= energy; }
 
-void FixBondParallel::forget_forces(int i) { forces_[i] = ForceRecord(); }
+void FixBondParallel::let_leave(int i) {
+  forces_[i] = ForceRecord();
+  is_turned_[i] = 0;
+  turned_.clear();
+}
 
 void FixBondParallel::rotate(int i, const Rotation &turned) {
   double *q = quaternion_[i];

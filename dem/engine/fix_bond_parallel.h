@@ -74,7 +74,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   const std::vector<Support> &supports_of_tags() override;
   void hold(int tag, bool held) override;
   void take_energy(int tag, double energy) override;
-  void forget_forces(int i) override;
+  void let_leave(int i) override;
   void rotate(int i, const Rotation &) override;
 
   const std::vector<Bond> &bonds() const override { return bonds_; }
@@ -127,8 +127,9 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   std::vector<Support> supports_;
   long long changes_at_supports_ = -1;
   std::vector<char> held_;         // by tag
-  std::vector<int> computed_;      // local indices of the sub-spheres with bonds that the kernel has, and
-  std::vector<std::pair<int, int>> turned_;  // those of this rank with any bond that holds: first ones and numbers
+  std::vector<int> computed_;      // local indices of the sub-spheres with bonds that the kernel has
+  std::vector<char> is_turned_;    // of this rank: those with any bond that holds, and not held or on their way out
+  std::vector<std::pair<int, int>> turned_;  // these: first ones and numbers; none: not known
   BondEvents events_;
 
   const Bond &bond_of(int id) const;
@@ -140,7 +141,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void share_broken();
   void fill_records();
   void list_sub_spheres(const std::vector<LocalBond> &computed);
-  void list_turned(const std::vector<char> &is_turned);
+  void list_turned();
   void fill_delayed_records();
   AtomRecord record(int i) const;
   AtomRecord half_a_step_ago(int i) const;

@@ -58,21 +58,23 @@ const std::vector<FixBondParallel::Stretch> &FixBondParallel::stretches_of_bonds
 }
 
 void FixBondParallel::list_sub_spheres(const std::vector<LocalBond> &computed) {
-  std::vector<char> is_computed(atom->nlocal + atom->nghost, 0), is_turned(is_computed);
+  std::vector<char> is_computed(atom->nlocal + atom->nghost, 0);
   for (const LocalBond &b : computed) is_computed[b.i] = is_computed[b.j] = 1;
-  for (const LocalBond &b : local_) is_turned[b.i] = is_turned[b.j] = 1;
+  is_turned_.assign(is_computed.size(), 0);
+  for (const LocalBond &b : local_)
+    if (!held_[b.bond->tag_i]) is_turned_[b.i] = is_turned_[b.j] = 1;
   computed_.clear();
   for (int i = 0; i < atom->nlocal + atom->nghost; i++)
     if (is_computed[i]) computed_.push_back(i);
-  is_turned.resize(atom->nlocal);
-  list_turned(is_turned);
+  is_turned_.resize(atom->nlocal);
+  list_turned();
 }
 
-void FixBondParallel::list_turned(const std::vector<char> &is_turned) {
+void FixBondParallel::list_turned() {
   turned_.clear();
-  for (size_t i = 0; i < is_turned.size(); i++) {
-    if (!is_turned[i]) continue;
-    if (i == 0 || !is_turned[i - 1]) turned_.emplace_back(i, 0);
+  for (size_t i = 0; i < is_turned_.size(); i++) {
+    if (!is_turned_[i]) continue;
+    if (i == 0 || !is_turned_[i - 1]) turned_.emplace_back(i, 0);
     turned_.back().second++;
   }
 }

@@ -123,13 +123,12 @@ void FixBondParallel::save(CheckpointWriter &out) {
   if (softening_.needed()) softening_.save(out, bonds_);
   std::vector<double> rows;
   rows.reserve(STATE_COLUMNS * static_cast<size_t>(atom->nlocal));
-  std::vector<char> is_computed(atom->nlocal + atom->nghost, 0), is_turned(is_computed);
+  std::vector<char> is_computed(atom->nlocal + atom->nghost, 0);
   for (int i : computed_) is_computed[i] = 1;
-  for (const auto &[first, count] : turned_) std::fill_n(is_turned.begin() + first, count, 1);
   for (int i = 0; i < atom->nlocal; i++) {
     if (!is_computed[i]) forces_[i] = ForceRecord();
     rows.insert(rows.end(), {static_cast<double>(atom->tag[i]), static_cast<double>(is_computed[i]),
-                             static_cast<double>(is_turned[i])});
+                             static_cast<double>(is_turned_[i])});
     rows.insert(rows.end(), quaternion_[i], quaternion_[i] + 4);
     rows.insert(rows.end(), forces_[i].f, forces_[i].f + 3);
     rows.insert(rows.end(), forces_[i].torque, forces_[i].torque + 3);
@@ -149,16 +148,16 @@ void FixBondParallel::restore(const CheckpointReader &in) {
   forces_.assign(atom->nlocal + atom->nghost + 2, ForceRecord{});
   const std::vector<double> &rows = in.rows("bond_atoms", STATE_COLUMNS);
   computed_.clear();
-  std::vector<char> is_turned(atom->nlocal, 0);
+  is_turned_.assign(atom->nlocal, 0);
   for (size_t k = 0; k < rows.size(); k += STATE_COLUMNS) {
     const int i = atom->map(static_cast<int>(rows[k]));
     if (i < 0 || i >= atom->nlocal) continue;
     if (rows[k + 1] != 0) computed_.push_back(i);
-    if (rows[k + 2] != 0) is_turned[i] = 1;
+    if (rows[k + 2] != 0) is_turned_[i] = 1;
     std::copy_n(&rows[k + 3], 4, quaternion_[i]);
     std::copy_n(&rows[k + 7], 3, forces_[i].f);
     std::copy_n(&rows[k + 10], 3, forces_[i].torque);
   }
   std::sort(computed_.begin(), computed_.end());
-  list_turned(is_turned);
+  list_turned();
 }

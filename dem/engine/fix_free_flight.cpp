@@ -11,6 +11,7 @@
 #include "fix_contact_history.h"
 #include "fixes.h"
 #include "force.h"
+#include "group.h"
 #include "neigh_list.h"
 #include "output.h"
 #include "pair.h"
@@ -35,16 +36,19 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
     else if (key == "tolerance") tolerance_ = force->numeric(FLERR, arg[k + 1]);
     else if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
     else if (key == "least_fragment") least_fragment_ = force->inumeric(FLERR, arg[k + 1]);
+    else if (key == "unheld" && group->find(arg[k + 1]) > 0) unheld_ = group->bitmask[group->find(arg[k + 1])];
+    else if (key == "body_skin") body_skin_ = force->numeric(FLERR, arg[k + 1]);
     else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
   }
-  if (agglomerates.empty() || speed_ <= 0 || tolerance_ <= 0 || nevery < 1)
-    error->fix_error(FLERR, this, "needs agglomerates FILE [gravity G] speed V tolerance TOL every N");
+  if (agglomerates.empty() || speed_ <= 0 || tolerance_ <= 0 || nevery < 1 || !unheld_)
+    error->fix_error(FLERR, this, "needs agglomerates FILE [gravity G] speed V tolerance TOL every N unheld GROUP");
   if (comm->nprocs > 1)
     error->fix_error(FLERR, this, "works on one rank only; `time.free_flight_tolerance = 0` leaves it out");
   if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   calm_.assign(agglomerates_->tags() + 1, 0);
-  held_ = std::make_unique<HeldBodies>(lmp, weight(), speed_, tolerance_, agglomerates_->tags());
+  held_ = std::make_unique<HeldBodies>(lmp, weight(), speed_, tolerance_, agglomerates_->tags(), unheld_);
+  create_attribute = 1;
   force_reneighbor = 1;
   next_reneighbor = -1;
   scalar_flag = vector_flag = global_freq = 1;
@@ -127,6 +131,7 @@ void FixFreeFlight::check_count() const {
 }
 
 void FixFreeFlight::add_to(LedgerRows &rows) {
+  held_->turn_along();  // before the bonds, whose turn comes later, are asked for their energy
   for (const FreeBody *b : bodies_in_flight()) {
     const int a = b->agglomerate;
     rows.at(a, KINETIC) += b->kinetic();
@@ -262,6 +267,7 @@ double FixFreeFlight::compute_vector(int n) { return n == 0 ? jumped_ : departur
 // The attitude is integrated from one call to the next, so every run must call at the same steps.
 void FixFreeFlight::begin_anew() {
   for (FreeBody *b : bodies_in_flight()) b->attitude();
+  held_->turn_along();
 }
 
 void FixFreeFlight::save(CheckpointWriter &out) {

@@ -16,14 +16,16 @@ namespace LAMMPS_NS {
 
 const bigint FAR_AHEAD = 1000000000000000;  // steps
 
-// fix ID group free_flight agglomerates FILE [gravity G] [down X Y Z] speed V tolerance TOL every N [least_fragment M]
+// fix ID group free_flight agglomerates FILE [gravity G] [down X Y Z] speed V tolerance TOL every N unheld GROUP
+//     [least_fragment M] [body_skin S]
 //
 // Bodies (sub-spheres that intact bonds hold together) that touch nothing and do not vibrate leave LIGGGHTS's arrays
 // and fly as rigid bodies on their exact path until they could touch something. When all bodies are in free flight,
 // time jumps (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2,
 // V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along `down`, a unit
 // vector with a Z below 0, or along -z. What has left the plate for good goes to fix stones, if there is one, and so
-// does a fragment of fewer than M sub-spheres as soon as it flies. It works on one rank, and comes after all other
+// does a fragment of fewer than M sub-spheres as soon as it flies. Within a body, neighbours are listed with the skin S (m).
+// The fixes that integrate, and that add weight, act on GROUP: the sub-spheres of a body that is held leave it. It works on one rank, and comes after all other
 // fixes.
 class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl,
                       public FlyingSpheres {
@@ -48,11 +50,14 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void each_in_flight(const Visit &) const override;
   void each_in_flight_near(const Vec &point, double range, const Visit &) const override;
 
+  void set_arrays(int i) override { atom->mask[i] |= unheld_; }
+
   void jump() override;
   void change_arrays() override;
   void show() override;
   void hide() override;
   void bring_back() override;
+  double body_skin() const override { return body_skin_; }
 
  private:
   std::unique_ptr<Agglomerates> agglomerates_;
@@ -70,6 +75,8 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   std::vector<int> calm_;      // looks in a row at which a body was calm, by its least tag
   PlateOutline outline_;       // of the plate, with the reach that all safe_until hold for
   double largest_modulus_ = 0;  // E* of all pairs of types, Pa
+  int unheld_ = 0;             // bit of the group
+  double body_skin_ = 0;       // of neighbours within a body, m; 0: that of the deck
   size_t least_fragment_ = 0;  // sub-spheres: a fragment of fewer is taken out as soon as it flies
   int shown_ = 0;              // sub-spheres appended by show
   bigint jumped_ = 0, departures_ = 0;

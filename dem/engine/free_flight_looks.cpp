@@ -252,7 +252,7 @@ void FixFreeFlight::depart(ArrayBody &b) {
   const int agglomerate = agglomerates_->of_tag(b.label);
   bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, update->dt));
   if (bonds_)
-    for (int i : b.atoms) bonds_->forget_forces(i);
+    for (int i : b.atoms) bonds_->let_leave(i);
   calm_[b.label] = 0;
   departures_++;
 }
@@ -261,6 +261,7 @@ void FixFreeFlight::depart(ArrayBody &b) {
 void FixFreeFlight::note_elastic_energies() {
   auto may_hold = [](auto &b) { return b->is_leaving && b->parts.size() > 1; };
   if (std::none_of(bodies_.begin(), bodies_.end(), may_hold)) return;
+  held_->turn_along();
   bond_energy_.resize(calm_.size()), pair_energy_.resize(calm_.size());
   for (int i = 0; i < atom->nlocal; i++) bond_energy_[body_of(atom->tag[i])] = pair_energy_[body_of(atom->tag[i])] = 0;
   if (bonds_) bonds_->add_elastic_energy_by_body(bond_energy_.data());

@@ -23,10 +23,12 @@ class BodyMaker {
     int bonds = 0;
   };
   virtual const std::vector<Support> &supports_of_tags() = 0;
-  virtual void hold(int tag, bool held) = 0;            // held: its bonds are not computed from the next build on
+  // Held: its bonds are not computed from the next build on, nor is it turned, which `rotate` does.
+  virtual void hold(int tag, bool held) = 0;
   virtual void take_energy(int tag, double energy) = 0; // counts inner motion as damped by the bonds, J
-  virtual void forget_forces(int i) = 0;                // does no work on sub-sphere i in the coming half step
-  virtual void rotate(int i, const Rotation &turned) = 0;  // sub-sphere i has turned while it was away
+  // Sub-sphere i leaves at the next build: it is neither turned nor worked on until then.
+  virtual void let_leave(int i) = 0;
+  virtual void rotate(int i, const Rotation &turned) = 0;  // sub-sphere i has turned meanwhile
 };
 
 // The plate for what shows it.
@@ -85,6 +87,7 @@ class FlightControl {
   virtual void show() = 0;           // appends bodies in free flight to the arrays if a dump or a restart is due
   virtual void hide() = 0;           // and takes them out again
   virtual void bring_back() = 0;     // all bodies in free flight, for good, at the end of a run
+  virtual double body_skin() const = 0;  // of pairs within a body, m; 0: as of all others
 };
 
 }  // namespace LAMMPS_NS

@@ -16,8 +16,8 @@ const double STRENGTH_SHARE = 0.1;
 const double TAKEN_SHARE = 0.5;     // of the limit: a body that is pushed harder is not taken
 }  // namespace
 
-HeldBodies::HeldBodies(LAMMPS *lmp, const Vec &gravity_m_s2, double speed_m_s, double tolerance, int tags)
-    : lmp_(lmp), gravity_(gravity_m_s2), speed_(speed_m_s), tolerance_(tolerance), held_(tags + 1, 0),
+HeldBodies::HeldBodies(LAMMPS *lmp, const Vec &gravity_m_s2, double speed_m_s, double tolerance, int tags, int unheld)
+    : lmp_(lmp), gravity_(gravity_m_s2), speed_(speed_m_s), tolerance_(tolerance), unheld_(unheld), held_(tags + 1, 0),
       still_(tags + 1, 0) {}
 
 void HeldBodies::count_still(const std::vector<ArrayBody> &bodies) {
@@ -69,15 +69,29 @@ bool HeldBodies::take(const ArrayBody &b, const Limits &most) {
   for (int i : b.atoms) push += Vec(atom->f[i]) - atom->rmass[i] * gravity_;
   if (norm(push) > TAKEN_SHARE * most.least_N) return false;
   bodies_.push_back(std::make_unique<HeldBody>(atom, b, most.parts_N, most.all_N));
-  held_[b.label] = 1;
-  for (int i : b.atoms) bonds_->hold(atom->tag[i], true);
+  set_held(*bodies_.back(), true);
   bonds_->take_energy(b.label, b.inner_energy);
   return true;
 }
 
+void HeldBodies::set_held(const HeldBody &b, bool held) {
+  held_[b.label()] = held;
+  for (const HeldBody::Part &p : b.parts()) {
+    bonds_->hold(p.tag, held);
+    int &groups = lmp_->atom->mask[lmp_->atom->map(p.tag)];
+    groups = held ? groups & ~unheld_ : groups | unheld_;
+  }
+}
+
+// The integrator goes on with its sub-spheres, and expects their weight in the forces of the last step.
 void HeldBodies::erase(size_t k) {
-  for (const HeldBody::Part &p : bodies_[k]->parts()) bonds_->hold(p.tag, false);
-  held_[bodies_[k]->label()] = 0;
+  Atom *atom = lmp_->atom;
+  turn_along(*bodies_[k]);
+  set_held(*bodies_[k], false);
+  for (const HeldBody::Part &p : bodies_[k]->parts()) {
+    const int i = atom->map(p.tag);
+    (Vec(atom->f[i]) + atom->rmass[i] * gravity_).to(atom->f[i]);
+  }
   still_[bodies_[k]->label()] = 0;
   bodies_.erase(bodies_.begin() + k);
 }
@@ -98,10 +112,19 @@ void HeldBodies::move() {
 bool HeldBodies::push() {
   const size_t before = bodies_.size();
   for (size_t k = bodies_.size(); k-- > 0;) {
-    bodies_[k]->push(lmp_->atom, lmp_->update->dt);
-    if (bodies_[k]->is_overloaded(lmp_->atom, gravity_)) erase(k);
+    bodies_[k]->push(lmp_->atom, lmp_->update->dt, gravity_);
+    if (bodies_[k]->is_overloaded()) erase(k);
   }
   return bodies_.size() < before;
+}
+
+void HeldBodies::turn_along() {
+  for (auto &b : bodies_) turn_along(*b);
+}
+
+void HeldBodies::turn_along(HeldBody &b) {
+  const Rotation turn = b.take_turn();
+  for (const HeldBody::Part &p : b.parts()) bonds_->rotate(lmp_->atom->map(p.tag), turn);
 }
 
 void HeldBodies::save(CheckpointWriter &out) const {
@@ -120,8 +143,7 @@ void HeldBodies::restore(const CheckpointReader &in) {
   const double *row = in.rows("held_bodies", 1).data();
   for (int k = 0; k < static_cast<int>(in.common("held_count", 1)[0]); k++) {
     bodies_.push_back(std::make_unique<HeldBody>(row));
-    held_[bodies_.back()->label()] = 1;
-    for (const HeldBody::Part &p : bodies_.back()->parts()) bonds_->hold(p.tag, true);
+    set_held(*bodies_.back(), true);
   }
   find();
 }

@@ -21,8 +21,9 @@ class LAMMPS;
 //   sub-spheres on bonds of the stiffness k_n.
 class HeldBodies {
  public:
-  // Inner energies below `tolerance` of m speed^2/2 count as none.
-  HeldBodies(LAMMPS *lmp, const Vec &gravity_m_s2, double speed_m_s, double tolerance, int tags);
+  // Inner energies below `tolerance` of m speed^2/2 count as none. The fixes that integrate and that add weight act on
+  // the group with the bit `unheld`, of which a body's sub-spheres are taken out while it is held.
+  HeldBodies(LAMMPS *lmp, const Vec &gravity_m_s2, double speed_m_s, double tolerance, int tags, int unheld);
   void set_bonds(BodyMaker *bonds) { bonds_ = bonds; }
 
   // At a look: counts looks at which each body was still, and takes those that stay in the arrays although they were
@@ -38,6 +39,8 @@ class HeldBodies {
   // The second half. True if a body was let go, which is where the deck's own steps can begin.
   bool push();
 
+  void turn_along();                // what the bonds keep of the sub-spheres, who have turned with their bodies
+
   void save(CheckpointWriter &) const;
   void restore(const CheckpointReader &);
 
@@ -46,6 +49,7 @@ class HeldBodies {
   BodyMaker *bonds_ = nullptr;
   const Vec gravity_;
   const double speed_, tolerance_;
+  const int unheld_;
   std::vector<std::unique_ptr<HeldBody>> bodies_;
   std::vector<char> held_;   // by label
   std::vector<int> still_;   // looks in a row, by label
@@ -58,6 +62,8 @@ class HeldBodies {
   };
   Limits limits(const ArrayBody &) const;
   bool take(const ArrayBody &, const Limits &);
+  void set_held(const HeldBody &, bool);
+  void turn_along(HeldBody &);
   void erase(size_t k);
 };
 

@@ -10,6 +10,8 @@
 namespace LAMMPS_NS {
 
 namespace {
+bool is_zero(const Vec &a) { return a.x == 0 && a.y == 0 && a.z == 0; }
+
 Rotation turned(const Rotation &attitude, const Vec &spin, double time) {
   double q[4] = {attitude.w, attitude.v.x, attitude.v.y, attitude.v.z}, omega[3];
   spin.to(omega);
@@ -30,7 +32,7 @@ HeldBody::HeldBody(Atom *atom, const ArrayBody &b, const std::vector<double> &pa
     arm_.push_back(parts_.back().place);
   }
   index_ = b.atoms;
-  add_up_forces(atom);
+  add_up_forces(atom, Vec());  // they hold the weight of this step
   set_velocities(atom, spin(now_.attitude));
 }
 
@@ -79,21 +81,28 @@ void HeldBody::move(Atom *atom, double dt) {
   set_velocities(atom, in_middle);
 }
 
-void HeldBody::push(Atom *atom, double dt) {
-  add_up_forces(atom);
+void HeldBody::push(Atom *atom, double dt, const Vec &gravity) {
+  add_up_forces(atom, now_.mass * gravity);
   now_.velocity += 0.5 * dt / now_.mass * now_.force;
   now_.momentum += 0.5 * dt * now_.torque;
   set_velocities(atom, spin(now_.attitude));
 }
 
-void HeldBody::add_up_forces(const Atom *atom) {
+void HeldBody::add_up_forces(const Atom *atom, const Vec &weight_N) {
   const double *f = atom->f[0], *t = atom->torque[0];
-  Vec all, turning;
+  Vec all = weight_N, turning;
+  double pushed_N = 0;
+  overloaded_ = false;
   for (size_t k = 0; k < parts_.size(); k++) {
-    const Vec force(f + 3 * index_[k]);
+    const Vec force(f + 3 * index_[k]), torque(t + 3 * index_[k]);
+    if (is_zero(force) && is_zero(torque)) continue;  // most of them touch nothing
     all += force;
-    turning += cross(arm_[k], force) + Vec(t + 3 * index_[k]);
+    turning += cross(arm_[k], force) + torque;
+    const double size = norm(force);
+    overloaded_ = overloaded_ || size > parts_[k].limit_N;
+    pushed_N += size;
   }
+  overloaded_ = overloaded_ || pushed_N > now_.limit_N;
   now_.force = all, now_.torque = turning;
 }
 
@@ -106,18 +115,10 @@ void HeldBody::set_velocities(Atom *atom, const Vec &spin) const {
   }
 }
 
-bool HeldBody::is_overloaded(const Atom *atom, const Vec &gravity) const {
-  const double *f = atom->f[0], *mass = atom->rmass;
-  double sum = 0;
-  for (size_t k = 0; k < parts_.size(); k++) {
-    const int i = index_[k];
-    const Vec contact = Vec(f + 3 * i) - mass[i] * gravity;
-    if (contact.x == 0 && contact.y == 0 && contact.z == 0) continue;  // most of them touch nothing
-    const double size = norm(contact);
-    if (size > parts_[k].limit_N) return true;
-    sum += size;
-  }
-  return sum > now_.limit_N;
+Rotation HeldBody::take_turn() {
+  const Rotation turn = now_.attitude * now_.attitude_told.inverse();
+  now_.attitude_told = now_.attitude;
+  return turn;
 }
 
 }  // namespace LAMMPS_NS

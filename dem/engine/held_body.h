@@ -9,7 +9,7 @@ class ArrayBody;
 class Atom;
 
 // A body in LIGGGHTS's arrays that touches something and does not vibrate. It moves as a rigid body under the forces on
-// its sub-spheres, and its bonds are not computed, which they need not be as long as these forces stay below its
+// its sub-spheres and its weight, and its bonds are not computed, which they need not be as long as these forces stay below its
 // limits. Its deformation is frozen. The step is that of the integrator: half a kick, a drift, half a kick. SI units.
 class HeldBody {
  public:
@@ -28,13 +28,15 @@ class HeldBody {
   const std::vector<Part> &parts() const { return parts_; }
   void find(const Atom *);               // after a change of the arrays
   void move(Atom *, double dt);          // the first half of the integrator's step
-  void push(Atom *, double dt);          // the second half, when the forces are known
-  bool is_overloaded(const Atom *, const Vec &gravity) const;  // by the forces of this step
+  void push(Atom *, double dt, const Vec &gravity);  // the second half, when the forces of contacts are known
+  bool is_overloaded() const { return overloaded_; }   // by the forces of this step
+  Rotation take_turn();                  // since it was last asked
 
  private:
   struct State {  // kept in a checkpoint as it lies in memory
     Vec center, velocity, momentum;  // angular momentum about the centre of mass
     Rotation attitude;               // since it was taken
+    Rotation attitude_told;          // when `take_turn` was last asked
     Tensor inverse_inertia;          // then
     Vec force, torque;               // of the last step
     double mass, limit_N;
@@ -44,9 +46,10 @@ class HeldBody {
   std::vector<Part> parts_;
   std::vector<int> index_;   // local, of each part
   std::vector<Vec> arm_;
+  bool overloaded_ = false;
 
   Vec spin(const Rotation &attitude) const;
-  void add_up_forces(const Atom *);
+  void add_up_forces(const Atom *, const Vec &weight_N);
   void set_velocities(Atom *, const Vec &spin) const;
 };
 

@@ -17,6 +17,7 @@ using namespace LAMMPS_NS;
 void VerletFreeFlight::init() {
   Verlet::init();
   flight_ = fix_that_is<FlightControl>(modify);
+  lists_.init(fix_that_is<BodyMaker>(modify), flight_ ? flight_->body_skin() : 0);
 }
 
 void VerletFreeFlight::setup() {
@@ -42,7 +43,7 @@ void VerletFreeFlight::step() {
   modify->initial_integrate(vflag);
   if (modify->n_post_integrate) modify->post_integrate();
 
-  if (neighbor->decide()) rebuild();
+  if (lists_.must_build()) rebuild();
   else comm->forward_comm();
 
   force_clear();
@@ -79,6 +80,6 @@ void VerletFreeFlight::rebuild() {
   comm->borders();
   timer->stamp(TIME_COMM);
   if (modify->n_pre_neighbor) modify->pre_neighbor();
-  neighbor->build();
+  lists_.build();
   timer->stamp(TIME_NEIGHBOR);
 }

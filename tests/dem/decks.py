@@ -92,7 +92,8 @@ def bond_line(modulus=5e9, ratio=2.0, tension=1e30, shear=1e30, tan_friction=0.0
 def deck(dt, steps, every, lines="", bonds=None, velocity=""):
     return (HEAD + "read_data atoms.data\n" + MATERIAL + f"timestep {float(dt)!r}\n"
             f"fix ledger all ledger agglomerates agglomerates.txt every {every} file ledger.bin\n"
-            "fix motion all nve/sphere\n" + (bonds or "") + lines + velocity +
+            "group unheld type > 0\n"
+            "fix motion unheld nve/sphere\n" + (bonds or "") + lines + velocity +
             f"dump view all custom {every} view.dump id {DUMPED}\n"
             f'dump_modify view format "%d{DUMP_NUMBERS}" first yes\n'
             f"run {steps}\n")

@@ -16,8 +16,8 @@ from dem.coupling.checkpoint import engine_file, steps_of
 from dem.coupling.launch import ENGINE
 
 EVERY, STEPS = 250, 1000
-AWAY = ("fix gravity all gravity 6000 vector 0 0 -1\n"
-        f"fix free_flight all {FREE_FLIGHT} agglomerates agglomerates.txt gravity 6000 speed 5 tolerance 1e-3 every 50\n")
+AWAY = ("fix gravity unheld gravity 6000 vector 0 0 -1\n"
+        f"fix free_flight all {FREE_FLIGHT} agglomerates agglomerates.txt gravity 6000 speed 5 tolerance 1e-3 every 50 unheld unheld\n")
 GATE = "until [ -e go ]; do sleep 0.01; done\n"  # the deck passes when the file is there
 STREAMS = ("view.dump", "forces.bin", "ledger.bin", "events.csv")
 
@@ -31,7 +31,7 @@ def write_strike(directory, steps=STEPS, extra="", fracture=0.0):
     (directory / "deck.liggghts").write_text(
         HEAD + "variable resume index 0\nshell sh gate.sh\nread_data atoms.data\n" + MATERIAL + f"timestep {float(0.2 * t0)!r}\n"
         "fix ledger all ledger agglomerates agglomerates.txt every 50 file ledger.bin\n"
-        "fix motion all nve/sphere\n" + bond_line(tension=1e6, shear=1e6, damping_time=0.1 * t0, fracture=fracture) +
+        "group unheld type > 0\nfix motion unheld nve/sphere\n" + bond_line(tension=1e6, shear=1e6, damping_time=0.1 * t0, fracture=fracture) +
         "fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
         "contact model hertz tangential history primitive type 2 zplane 0.0\n" + extra +
         "velocity all set 2 1 -5 units box\n"

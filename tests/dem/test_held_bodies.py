@@ -8,8 +8,8 @@ from dem.run.recorder import read_forces
 
 GRAVITY = 9.8
 DT = 2e-7
-FREE = (f"fix free_flight all {FREE_FLIGHT} agglomerates agglomerates.txt gravity {GRAVITY} speed 3 tolerance 1e-4 every 60\n")
-WEIGHT = f"fix gravity all gravity {GRAVITY} vector 0 0 -1\n"
+FREE = (f"fix free_flight all {FREE_FLIGHT} agglomerates agglomerates.txt gravity {GRAVITY} speed 3 tolerance 1e-4 every 60 unheld unheld\n")
+WEIGHT = f"fix gravity unheld gravity {GRAVITY} vector 0 0 -1\n"
 PLATE = ("fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 20 "
          "contact model hertz tangential history primitive type 2 zplane 0.0\n")
 
