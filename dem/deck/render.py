@@ -163,12 +163,13 @@ def _free_flight(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, 
     if scene.time.free_flight_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
         return None
     every = step.co_step * max(1, round(FREE_FLIGHT_EVERY / step.co_step))
-    return {"speed_m_s": assembly.impact_speed_m_s, "body_skin_m": body_skin_m(assembly), "tolerance": scene.time.free_flight_tolerance, "every": every,
+    return {"speed_m_s": assembly.impact_speed_m_s, "tolerance": scene.time.free_flight_tolerance, "every": every,
+            "body_skin_m": body_skin_m(assembly),
             "least_fragment": scene.stones.stream.least_fragment if scene.stones.stream else None}
 
 
 def skin_m(assembly: Assembly, knows_bodies: bool = False) -> float:
-    """Neighbour skin. Pairs within a body have one of their own where the engine knows bodies, as fix free_flight does."""
+    """Neighbour skin. Pairs within a body have their own where the engine knows bodies, as fix free_flight does."""
     if assembly.n_bonds and not knows_bodies:
         return body_skin_m(assembly)
     return float(f"{0.25 * assembly.radius_m.min():.3g}")

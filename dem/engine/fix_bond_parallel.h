@@ -73,6 +73,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void add_elastic_energy_by_body(double *energy) override;
   const std::vector<Support> &supports_of_tags() override;
   void hold(int tag, bool held) override;
+  bool is_held(int tag) const override { return held_[tag]; }
   void take_energy(int tag, double energy) override;
   void let_leave(int i) override;
   void rotate(int i, const Rotation &) override;

@@ -151,7 +151,9 @@ void FixLedger::add_damping() {
 void FixLedger::post_force(int) {
   felt_.clear();
   const double half_dt = 0.5 * update->dt;
-  for (int i = 0; i < atom->nlocal; i++) {
+  const NeighList *list = force->pair->list;
+  for (int k = 0; k < list->inum; k++) {
+    const int i = list->ilist[k];
     const double *f = atom->f[i], *t = atom->torque[i];
     if (f[0] == 0 && f[1] == 0 && f[2] == 0) continue;
     const double *v = atom->v[i], *w = atom->omega[i];

@@ -25,6 +25,7 @@ class BodyMaker {
   virtual const std::vector<Support> &supports_of_tags() = 0;
   // Held: its bonds are not computed from the next build on, nor is it turned, which `rotate` does.
   virtual void hold(int tag, bool held) = 0;
+  virtual bool is_held(int tag) const = 0;
   virtual void take_energy(int tag, double energy) = 0; // counts inner motion as damped by the bonds, J
   // Sub-sphere i leaves at the next build: it is neither turned nor worked on until then.
   virtual void let_leave(int i) = 0;

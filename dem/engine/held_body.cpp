@@ -10,7 +10,7 @@
 namespace LAMMPS_NS {
 
 namespace {
-bool is_zero(const Vec &a) { return a.x == 0 && a.y == 0 && a.z == 0; }
+double sum_of_sizes(const Vec &a) { return std::fabs(a.x) + std::fabs(a.y) + std::fabs(a.z); }
 
 Rotation turned(const Rotation &attitude, const Vec &spin, double time) {
   double q[4] = {attitude.w, attitude.v.x, attitude.v.y, attitude.v.z}, omega[3];
@@ -71,11 +71,12 @@ void HeldBody::move(Atom *atom, double dt) {
   now_.center += dt * now_.velocity;
   const Vec in_middle = spin(turned(now_.attitude, spin(now_.attitude), 0.5 * dt));
   now_.attitude = turned(now_.attitude, in_middle, dt);
-  const Rotation attitude = now_.attitude;
   const Vec center = now_.center;
+  const Vec ex = now_.attitude(Vec(1, 0, 0)), ey = now_.attitude(Vec(0, 1, 0)), ez = now_.attitude(Vec(0, 0, 1));
   double *x = atom->x[0];
   for (size_t k = 0; k < parts_.size(); k++) {
-    arm_[k] = attitude(parts_[k].place);
+    const Vec place = parts_[k].place;
+    arm_[k] = place.x * ex + place.y * ey + place.z * ez;
     (center + arm_[k]).to(x + 3 * index_[k]);
   }
   set_velocities(atom, in_middle);
@@ -95,7 +96,7 @@ void HeldBody::add_up_forces(const Atom *atom, const Vec &weight_N) {
   overloaded_ = false;
   for (size_t k = 0; k < parts_.size(); k++) {
     const Vec force(f + 3 * index_[k]), torque(t + 3 * index_[k]);
-    if (is_zero(force) && is_zero(torque)) continue;  // most of them touch nothing
+    if (sum_of_sizes(force) + sum_of_sizes(torque) == 0) continue;  // most of them touch nothing
     all += force;
     turning += cross(arm_[k], force) + torque;
     const double size = norm(force);

@@ -97,6 +97,7 @@ void NeighbourLists::build() {
   if (!bodies_) return;
   note_groups();
   thin_out();
+  leave_out_lonely();
 }
 
 void NeighbourLists::note_groups() {
@@ -105,6 +106,7 @@ void NeighbourLists::note_groups() {
   group_of_label_.assign(label_of.size(), -1);
   groups_.clear();
   for (int i = 0; i < atom->nlocal; i++) {
+    if (bodies_->is_held(atom->tag[i])) continue;  // it keeps its form
     int &group = group_of_label_[label_of[atom->tag[i]]];
     if (group < 0) group = groups_.size(), groups_.emplace_back();
     groups_[group].members.push_back(i);
@@ -120,10 +122,23 @@ void NeighbourLists::note_groups() {
   }
 }
 
+// What loops over the lists need not see sub-spheres without a pair. The last one stays, since LIGGGHTS's history of
+// contacts takes it for the end of the arrays.
+void NeighbourLists::leave_out_lonely() {
+  NeighList *list = lmp_->force->pair->list;
+  int kept = 0;
+  for (int k = 0; k < list->inum; k++) {
+    const int i = list->ilist[k];
+    if (has_neighbour_[i] || k == list->inum - 1) list->ilist[kept++] = i;
+  }
+  list->inum = kept;
+}
+
 // Takes pairs within a body out of the lists that its own skin does not reach. They do not touch, so they have no
 // history.
-void NeighbourLists::thin_out() const {
+void NeighbourLists::thin_out() {
   const Atom *atom = lmp_->atom;
+  has_neighbour_.assign(atom->nlocal, 0);
   const std::vector<int> &label_of = bodies_->body_of_tag();
   NeighList *list = lmp_->force->pair->list, *history = list->listgranhistory;
   const int numbers = history ? history->dnum : 0;
@@ -136,6 +151,7 @@ void NeighbourLists::thin_out() const {
       const double reach = factor * (atom->radius[i] + atom->radius[j]) + body_skin_;
       if (label_of[atom->tag[j]] == label && square(place_[i] - place_[j]) > reach * reach) continue;
       near[kept] = near[m];
+      has_neighbour_[i] = has_neighbour_[j] = 1;
       if (history) {
         history->firstneigh[i][kept] = history->firstneigh[i][m];
         double *values = history->firstdouble[i];

@@ -43,12 +43,14 @@ class NeighbourLists {
   std::vector<Vec> place_;   // of each sub-sphere when they were made
   std::vector<Group> groups_;
   std::vector<int> group_of_label_;
+  std::vector<char> has_neighbour_;  // by local index
 
   bool is_asked_for() const;
   bool have_moved() const;
   bool has_deformed(const Group &) const;
   void note_groups();
-  void thin_out() const;
+  void thin_out();
+  void leave_out_lonely();
   template <class Field> RigidField fit(const Group &, Field field) const;
 };
 
