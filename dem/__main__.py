@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from common.command import Parser, jobs, listen_for_interrupt, run_command, say
+from common.command import Parser, jobs, listen_for_interrupt, run_command
 
 if __name__ == "__main__":
     listen_for_interrupt()
@@ -30,22 +30,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _command(options: argparse.Namespace) -> int:
-    from common.output_directory import Busy  # late, as all below: they take a second, and --help does not need them
-    from common.tables import InputError
-    from dem.coupling.messages import CouplingError
-    from dem.run.errors import RunError, Stopped
+    from dem.run.told import exit_code_of  # late, as all below: they take a second, and --help does not need them
 
-    try:
-        return options.command(options)
-    except InputError as error:
-        say(str(error))
-        return 2
-    except Stopped as stopped:
-        say(str(stopped))
-        return STOPPED
-    except (RunError, CouplingError, Busy) as error:
-        say(str(error))
-        return 1
+    return exit_code_of(lambda: options.command(options))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -139,6 +126,7 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 def _run(options: argparse.Namespace) -> int:
     from dem.run.run import run_scene
+    from dem.run.told import one_line
 
     print(one_line(run_scene(_scene(options), str(options.scene), options.out, True, options.walltime,
                              options.overwrite)))
@@ -147,6 +135,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _resume(options: argparse.Namespace) -> int:
     from dem.run.run import resume
+    from dem.run.told import one_line
 
     print(one_line(resume(options.out, walltime_s=options.walltime)))
     return 0
@@ -157,14 +146,6 @@ def _seconds(text: str) -> float:
     if not 0 <= value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text}: must be a time in s, at least 0")
     return value
-
-
-def one_line(summary: dict[str, Any]) -> str:
-    """A finished run in one line."""
-    return (f"{summary['scene']['name']} {summary['gangue_ratio']:4.0%}: peak force {summary['peak_force_N']:9.1f} N, "
-            f"{summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
-            f"energy closes to {summary['energy']['closure']:.1e}, "
-            f"{sum(summary['wall_time_s'].values()):.0f} s")
 
 
 def _deck(options: argparse.Namespace) -> int:

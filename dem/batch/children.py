@@ -2,45 +2,62 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import ForkProcess
 
 from common.processes import die_with_parent
 
-POLL_s = 0.05
+Work = Callable[[], tuple[int, str]]  # returns an exit code and what there is to tell
 
 
-def ignore_interrupt() -> None:
-    """A terminal sends Ctrl-C to every process that it started; the one that started the others tells of it and ends
-    them. Called in a new process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    die_with_parent()
+@dataclass(frozen=True)
+class _Child:
+    number: int
+    process: ForkProcess
+    answer: Connection
 
 
-def run_all(commands: Sequence[Sequence[str]], at_a_time: int) -> Iterator[tuple[int, str]]:
-    """Run `python -m dem` with each of the argument lists; yield exit code and output of each as it ends. If this ends
-    early, as by Ctrl-C, so do all that still run; their checkpoints stay."""
-    waiting, running = list(commands)[::-1], list[subprocess.Popen[str]]()
+def run_all(works: Sequence[Work], at_a_time: int) -> Iterator[tuple[int, int, str]]:
+    """Do each work in a copy of this process, which has imported already what it needs; yield its number, its exit code
+    and what it tells as it ends, nothing where it was killed. If this ends early, as by Ctrl-C, so do all that still
+    run; their checkpoints stay."""
+    fork = multiprocessing.get_context("fork")
+    waiting, running = list(enumerate(works))[::-1], list[_Child]()
     try:
         while waiting or running:
             while waiting and len(running) < at_a_time:
-                running.append(_start(waiting.pop()))
-            ended = next((child for child in running if child.poll() is not None), None)
-            if ended is None:
-                time.sleep(POLL_s)
-                continue
-            running.remove(ended)
-            yield ended.returncode, ended.communicate()[0]
+                number, work = waiting.pop()
+                ours, theirs = fork.Pipe(duplex=False)
+                running.append(_Child(number, fork.Process(target=_do, args=(work, theirs)), ours))
+                running[-1].process.start()
+                theirs.close()
+            ended = wait([child.process.sentinel for child in running])
+            for child in [child for child in running if child.process.sentinel in ended]:
+                running.remove(child)
+                child.process.join()
+                yield child.number, *_answer_of(child)
     finally:
         for child in running:
-            child.kill()
+            child.process.kill()
         for child in running:
-            child.communicate()
+            child.process.join()
 
 
-def _start(arguments: Sequence[str]) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, "-m", "dem", *arguments], stdout=subprocess.PIPE, text=True,
-                            preexec_fn=ignore_interrupt)  # noqa: PLW1509 - takes no lock
+def _do(work: Work, answer: Connection) -> None:
+    """A terminal sends Ctrl-C to every process that it started; the one that started the others tells of it and ends
+    them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent()
+    answer.send(work())
+
+
+def _answer_of(child: _Child) -> tuple[int, str]:
+    with child.answer:
+        try:
+            return child.answer.recv()
+        except EOFError:  # it was killed, or ended by an error
+            return child.process.exitcode or 1, ""

@@ -9,13 +9,11 @@ alone, so that more groups or other families leave the rest as it is.
 from __future__ import annotations
 
 import logging
-import multiprocessing
 import shutil
 import time
 import zlib
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -26,7 +24,7 @@ from common.cache import user_cache
 from common.output_directory import at_work_in
 from common.scene import Scene, changed_scene, ratio_name, scene_hash
 from common.tables import InputError, NotNegative, Positive, Refused, Table, check, read_toml, refused_in
-from dem.batch.children import ignore_interrupt
+from dem.batch.children import run_all
 from dem.batch.dataset_streams import StreamFamily, draw_stream
 from dem.batch.sweep import is_finished
 from dem.coupling.launch import check_engine
@@ -220,32 +218,24 @@ def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int
 def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: bool) -> int:
     """Returns how many failed. The processes at work end with this one, and if this ends early."""
     start, failed = time.monotonic(), 0
-    with ProcessPoolExecutor(jobs, initializer=ignore_interrupt) as pool:
-        try:
-            running = {pool.submit(run_one, run, out, overwrite): run for run in missing}
-            for number, done in enumerate(as_completed(running), 1):
-                text, ok = done.result()
-                failed += not ok
-                left_min = (time.monotonic() - start) / number * (len(missing) - number) / 60
-                _log.info("%d of %d, left %.0f min: %s: %s", number, len(missing), left_min,
-                          running[done].directory, text)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in multiprocessing.active_children():
-                process.kill()
-            raise
+    works = [partial(run_one, run, out, overwrite) for run in missing]
+    for done, (number, code, text) in enumerate(run_all(works, jobs), 1):
+        failed += code != 0
+        left_min = (time.monotonic() - start) / done * (len(missing) - done) / 60
+        _log.info("%d of %d, left %.0f min: %s: %s", done, len(missing), left_min, missing[number].directory,
+                  text or f"its process ended with code {code}")
     return failed
 
 
-def run_one(planned: DatasetRun, out: Path, overwrite: bool = False) -> tuple[str, bool]:
-    """Make one run. Returns a line about it, and whether it finished."""
+def run_one(planned: DatasetRun, out: Path, overwrite: bool = False) -> tuple[int, str]:
+    """Make one run. Returns an exit code and a line about it."""
     directory = out / planned.directory
     try:
         prepared = prepare(planned.scene, planned.source, user_cache())
         summary = run_prepared(prepared, directory, overwrite=overwrite)
     except (InputError, RunError) as error:
-        return str(error), False
+        return 1, str(error)
     for name in NOT_KEPT:
         shutil.rmtree(directory / name) if (directory / name).is_dir() else (directory / name).unlink(missing_ok=True)
-    return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
-            f"{sum(summary['wall_time_s'].values()):.0f} s"), True
+    return 0, (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
+               f"{sum(summary['wall_time_s'].values()):.0f} s")

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from common.command import run_command
 from common.output_directory import at_work_in
 from common.run_summary import read_summary
 from common.scene import Scene, changed_scene, ratio_name, scene_hash
-from common.tables import InputError, inline_toml
+from common.tables import InputError
 from dem.batch.children import run_all
 from dem.coupling.launch import check_engine
 from dem.run.directory import RunDirectory
+from dem.run.run import run_scene
+from dem.run.told import exit_code_of, one_line
 from dem.stones.arrangement import stones_of
 
 RATIO = "stones.gangue_ratio"
@@ -44,15 +48,25 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
         for ratio in missing:
             RunDirectory(out / ratio_name(ratio)).refuse(scene_hash(scenes[ratio]), overwrite)
         _log.info("%s: %d ratios, %d to run", scene_file, len(scenes), len(missing))
-        flags = [word for key, value in changes.items() for word in ("--set", f"{key}={inline_toml(value)}")]
-        flags += ["--overwrite"] if overwrite else []
         failed = 0
-        for code, output in run_all([["run", str(scene_file), "--gangue", repr(ratio), "--out",
-                                      str(out / ratio_name(ratio)), *flags] for ratio in missing], jobs):
-            if output:  # what went wrong is on stderr already
-                _log.info(output.rstrip("\n"))
+        for _, code, line in run_all([partial(_run, scenes[ratio], str(scene_file), out / ratio_name(ratio), overwrite)
+                                      for ratio in missing], jobs):
+            if line:
+                _log.info(line)
             failed += code != 0
     return 1 if failed else 0
+
+
+def _run(scene: Scene, source: str, out: Path, overwrite: bool) -> tuple[int, str]:
+    """Returns the exit code, and a line about a run that finished; why one failed is said on standard error."""
+    line = ""
+
+    def finish() -> int:
+        nonlocal line
+        line = one_line(run_scene(scene, source, out, show_progress=True, overwrite=overwrite))
+        return 0
+
+    return run_command("dem", lambda: exit_code_of(finish)), line
 
 
 def is_finished(directory: Path, scene: Scene, overwrite: bool = False) -> bool:
