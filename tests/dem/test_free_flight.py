@@ -150,6 +150,30 @@ def test_a_spinning_body_comes_back_with_its_bonds_as_they_were(tmp_path):
     assert -1e-4 * kinetic[0] < energy[back] - energy[back - 1] <= 0
 
 
+def test_the_lists_leave_out_no_contact(tmp_path):
+    """A ball strikes the plate aslant and breaks: the elastic energy of the contacts that the engine lists, with a skin
+    of its own within bodies, is that of all pairs of sub-spheres that overlap."""
+    body = fcc_ball(5)
+    body.center_m[:, 2] += 1e-5 - (body.center_m[:, 2] - body.radius_m).min()
+    write_files(tmp_path, body)
+    text = deck(DT, 3000, 10, bonds=bond_line(tension=1e6, shear=1e6, damping_time=1e-7),
+                lines=WEIGHT + PLATE + FREE.format(1e-4).replace("\n", " body_skin 3e-5\n"),
+                velocity="velocity all set 2 1 -5 units box\nthermo_modify lost ignore\n")
+    run_engine(tmp_path, text.replace(" tangential history", ""))
+    modulus = 5e9 / (2 * (1 - 0.25**2))
+    f, rows = frames(tmp_path), ledger(tmp_path)
+    first, second = np.triu_indices(len(body.radius_m), 1)
+    expected = []
+    for x, radius in zip(f.x, f.radius):
+        overlap = radius[first] + radius[second] - np.linalg.norm(x[first] - x[second], axis=1)
+        reduced = radius[first] * radius[second] / (radius[first] + radius[second])
+        expected.append((8 / 15 * modulus * np.sqrt(reduced) * np.maximum(overlap, 0) ** 2.5).sum())
+    found = rows.column["pair_elastic_J"][:, 0][np.isin(rows.step, f.step)]
+    in_force = np.isin(f.step, rows.step)
+    assert np.count_nonzero(expected) > 50
+    assert found == pytest.approx(np.array(expected)[in_force], rel=1e-9, abs=1e-15)
+
+
 def drop(directory, fix):
     """An unbreakable ball falls 20 mm before it hits the rigid plate."""
     body = fcc_ball(4)
