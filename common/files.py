@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 from common.input_error import InputError, refuse_unreadable
 
 MOST_JSON_BYTES = 100e6
+AT_A_TIME = 16  # files that are forced to disk
 SEAL = "sha256"  # key of a JSON object under which the hash of its other keys stands
 
 
@@ -25,11 +26,24 @@ def written_whole(file: Path) -> Iterator[Path]:
     beside = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
         yield beside
-        with open(beside, "rb") as written:
-            os.fsync(written.fileno())
+        _force_to_disk(beside)
         beside.replace(file)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def force_to_disk(files: Iterable[Path]) -> None:
+    """Return when all that was written to the files is on disk, which takes many of them at a time hardly longer than
+    one."""
+    from concurrent.futures import ThreadPoolExecutor  # late: slow beside what a command that only reads may take
+
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        list(pool.map(_force_to_disk, files))
+
+
+def _force_to_disk(file: Path) -> None:
+    with open(file, "rb") as written:
+        os.fsync(written.fileno())
 
 
 def write_text(file: Path, text: str) -> None:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from common.files import is_sealed, read_json, read_sealed_json, seal, write_json
+from common.files import force_to_disk, is_sealed, read_json, read_sealed_json, seal, write_json
 from common.output_directory import CONTENTS, files_in, locked, refuse_replacing, write_contents
 from common.run_summary import RunSummary, read_summary
 from common.tables import InputError
@@ -140,10 +140,7 @@ class RunDirectory:
 
     def publish(self) -> None:
         """Give the whole directory its name, in the place of an earlier run."""
-        for entry in self.path.rglob("*"):
-            if entry.is_file():
-                with open(entry, "rb") as file:
-                    os.fsync(file.fileno())
+        force_to_disk(entry for entry in self.path.rglob("*") if entry.is_file())
         write_contents(self.path, KIND, self._own_files())
         earlier = self.out.with_name(self.out.name + EARLIER)
         refuse_replacing(self.out, KIND)  # it may have come since the run began
