@@ -65,10 +65,12 @@ void add_styles(LAMMPS *lmp) {
 
 // What MPI does at the start and this engine has no use for, unless the user asks for it. Its look for graphics cards
 // connects to X displays of "localhost", ten times, each of which waits for the name server where that name is unknown.
-// A single rank starts a daemon of its own, with which it could start others.
+// A single rank starts a daemon of its own, with which it could start others. Messages go through shared memory or TCP;
+// drivers of other networks wait 0.2 s for their cards.
 void start_without_detours() {
   setenv("HWLOC_COMPONENTS", "-gl", 0);
   setenv("OMPI_MCA_ess_singleton_isolated", "1", 0);
+  setenv("OMPI_MCA_pml", "ob1", 0);
 }
 
 }  // namespace
