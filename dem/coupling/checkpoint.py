@@ -25,7 +25,7 @@ from common.tables import InputError
 HEADER = struct.Struct("<8sqqq")  # magic, version, bytes that follow, their CRC-32
 BLOCK = struct.Struct("<32sq")  # of an engine's file: name, count of the numbers that follow
 ENGINE, PLATE = b"CGISTATE", b"CGIPLATE"
-VERSION = {ENGINE: 4, PLATE: 1}
+VERSION = {ENGINE: 5, PLATE: 1}
 KEPT = 2  # checkpoints: the one before the last is there for when the last is damaged
 
 State = dict[str, np.ndarray]

@@ -24,9 +24,9 @@ const bigint FAR_AHEAD = 1000000000000000;  // steps
 // time jumps (docs/free_flight.md). A body is calm when the kinetic energy of its inner motion is below TOL x m V^2/2,
 // V (m/s) being the speed of the impact. The fix looks every N steps. Gravity (G, m/s^2) acts along `down`, a unit
 // vector with a Z below 0, or along -z. What has left the plate for good goes to fix stones, if there is one, and so
-// does a fragment of fewer than M sub-spheres as soon as it flies. Within a body, neighbours are listed with the skin S (m).
-// The fixes that integrate, and that add weight, act on GROUP: the sub-spheres of a body that is held leave it. It works on one rank, and comes after all other
-// fixes.
+// does a fragment of fewer than M sub-spheres as soon as it flies. Within a body, neighbours are listed with the skin S
+// (m). The fixes that integrate, and that add weight, act on GROUP, which the sub-spheres of a body that is held leave.
+// The fix works on one rank, and comes after all other fixes.
 class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, public FlightControl,
                       public FlyingSpheres {
  public:

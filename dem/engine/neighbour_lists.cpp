@@ -55,9 +55,8 @@ bool NeighbourLists::is_asked_for() const {
 bool NeighbourLists::have_moved() const {
   const Atom *atom = lmp_->atom;
   const double ahead = FASTER * LOOK_STEPS * lmp_->update->dt, limit = 0.5 * lmp_->neighbor->skin;
-  for (int i = 0; i < atom->nlocal; i++) {
+  for (int i = 0; i < atom->nlocal; i++)
     if (exceeds(limit, Vec(atom->x[i]) - place_[i], ahead * Vec(atom->v[i]))) return true;
-  }
   return std::any_of(groups_.begin(), groups_.end(), [this](const Group &g) { return has_deformed(g); });
 }
 

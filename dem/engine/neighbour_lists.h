@@ -11,7 +11,7 @@ class LAMMPS;
 // When LIGGGHTS's lists of neighbours are made anew, and which pairs they keep, SI units.
 //
 // A list holds the pairs that are nearer than the skin, and is good until two sub-spheres may have come nearer by as
-// much. Bodies move by meters a second, so a thin skin means many lists; a wide one means pairs within a body that never
+// much. Bodies move by metres a second, so a thin skin means many lists; a wide one means pairs within a body that never
 // touch, since its bonds keep them apart. Pairs within a body are therefore listed with a thin skin of their own, and a
 // body's rigid motion, which brings none of them nearer, does not count for it.
 class NeighbourLists {
