@@ -421,8 +421,6 @@ const std::vector<BodyMaker::Support> &FixBondParallel::supports_of_tags() {
 void FixBondParallel::hold(int tag, bool held) {
   held_[tag] = held;
   listed_ = false;
-  is_turned_[atom->map(tag)] = !held;
-  turned_.clear();
 }
 
 void FixBondParallel::take_energy(int tag, double energy) { work_[agglomerates_->of_tag(tag)] -= energy; }

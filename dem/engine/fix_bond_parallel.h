@@ -129,7 +129,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   long long changes_at_supports_ = -1;
   std::vector<char> held_;         // by tag
   std::vector<int> computed_;      // local indices of the sub-spheres with bonds that the kernel has
-  std::vector<char> is_turned_;    // of this rank: those with any bond that holds, and not held or on their way out
+  std::vector<char> is_turned_;    // of this rank: those with any bond that holds, and not on their way out
   std::vector<std::pair<int, int>> turned_;  // these: first ones and numbers; none: not known
   BondEvents events_;
 

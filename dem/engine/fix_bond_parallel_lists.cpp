@@ -61,8 +61,7 @@ void FixBondParallel::list_sub_spheres(const std::vector<LocalBond> &computed) {
   std::vector<char> is_computed(atom->nlocal + atom->nghost, 0);
   for (const LocalBond &b : computed) is_computed[b.i] = is_computed[b.j] = 1;
   is_turned_.assign(is_computed.size(), 0);
-  for (const LocalBond &b : local_)
-    if (!held_[b.bond->tag_i]) is_turned_[b.i] = is_turned_[b.j] = 1;
+  for (const LocalBond &b : local_) is_turned_[b.i] = is_turned_[b.j] = 1;
   computed_.clear();
   for (int i = 0; i < atom->nlocal + atom->nghost; i++)
     if (is_computed[i]) computed_.push_back(i);

@@ -131,7 +131,6 @@ void FixFreeFlight::check_count() const {
 }
 
 void FixFreeFlight::add_to(LedgerRows &rows) {
-  held_->turn_along();  // before the bonds, whose turn comes later, are asked for their energy
   for (const FreeBody *b : bodies_in_flight()) {
     const int a = b->agglomerate;
     rows.at(a, KINETIC) += b->kinetic();
@@ -267,7 +266,6 @@ double FixFreeFlight::compute_vector(int n) { return n == 0 ? jumped_ : departur
 // The attitude is integrated from one call to the next, so every run must call at the same steps.
 void FixFreeFlight::begin_anew() {
   for (FreeBody *b : bodies_in_flight()) b->attitude();
-  held_->turn_along();
 }
 
 void FixFreeFlight::save(CheckpointWriter &out) {

@@ -261,7 +261,6 @@ void FixFreeFlight::depart(ArrayBody &b) {
 void FixFreeFlight::note_elastic_energies() {
   auto may_hold = [](auto &b) { return b->is_leaving && b->parts.size() > 1; };
   if (std::none_of(bodies_.begin(), bodies_.end(), may_hold)) return;
-  held_->turn_along();
   bond_energy_.resize(calm_.size()), pair_energy_.resize(calm_.size());
   for (int i = 0; i < atom->nlocal; i++) bond_energy_[body_of(atom->tag[i])] = pair_energy_[body_of(atom->tag[i])] = 0;
   if (bonds_) bonds_->add_elastic_energy_by_body(bond_energy_.data());

@@ -23,13 +23,12 @@ class BodyMaker {
     int bonds = 0;
   };
   virtual const std::vector<Support> &supports_of_tags() = 0;
-  // Held: its bonds are not computed from the next build on, nor is it turned, which `rotate` does.
-  virtual void hold(int tag, bool held) = 0;
+  virtual void hold(int tag, bool held) = 0;            // held: its bonds are not computed from the next build on
   virtual bool is_held(int tag) const = 0;
   virtual void take_energy(int tag, double energy) = 0; // counts inner motion as damped by the bonds, J
   // Sub-sphere i leaves at the next build: it is neither turned nor worked on until then.
   virtual void let_leave(int i) = 0;
-  virtual void rotate(int i, const Rotation &turned) = 0;  // sub-sphere i has turned meanwhile
+  virtual void rotate(int i, const Rotation &turned) = 0;  // sub-sphere i has turned while it was away
 };
 
 // The plate for what shows it.

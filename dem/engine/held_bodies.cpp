@@ -86,7 +86,6 @@ void HeldBodies::set_held(const HeldBody &b, bool held) {
 // The integrator goes on with its sub-spheres, and expects their weight in the forces of the last step.
 void HeldBodies::erase(size_t k) {
   Atom *atom = lmp_->atom;
-  turn_along(*bodies_[k]);
   set_held(*bodies_[k], false);
   for (const HeldBody::Part &p : bodies_[k]->parts()) {
     const int i = atom->map(p.tag);
@@ -116,15 +115,6 @@ bool HeldBodies::push() {
     if (bodies_[k]->is_overloaded()) erase(k);
   }
   return bodies_.size() < before;
-}
-
-void HeldBodies::turn_along() {
-  for (auto &b : bodies_) turn_along(*b);
-}
-
-void HeldBodies::turn_along(HeldBody &b) {
-  const Rotation turn = b.take_turn();
-  for (const HeldBody::Part &p : b.parts()) bonds_->rotate(lmp_->atom->map(p.tag), turn);
 }
 
 void HeldBodies::save(CheckpointWriter &out) const {

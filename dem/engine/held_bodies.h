@@ -39,8 +39,6 @@ class HeldBodies {
   // The second half. True if a body was let go, which is where the deck's own steps can begin.
   bool push();
 
-  void turn_along();                // what the bonds keep of the sub-spheres, who have turned with their bodies
-
   void save(CheckpointWriter &) const;
   void restore(const CheckpointReader &);
 
@@ -63,7 +61,6 @@ class HeldBodies {
   Limits limits(const ArrayBody &) const;
   bool take(const ArrayBody &, const Limits &);
   void set_held(const HeldBody &, bool);
-  void turn_along(HeldBody &);
   void erase(size_t k);
 };
 

@@ -116,10 +116,4 @@ void HeldBody::set_velocities(Atom *atom, const Vec &spin) const {
   }
 }
 
-Rotation HeldBody::take_turn() {
-  const Rotation turn = now_.attitude * now_.attitude_told.inverse();
-  now_.attitude_told = now_.attitude;
-  return turn;
-}
-
 }  // namespace LAMMPS_NS

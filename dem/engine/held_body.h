@@ -30,13 +30,11 @@ class HeldBody {
   void move(Atom *, double dt);          // the first half of the integrator's step
   void push(Atom *, double dt, const Vec &gravity);  // the second half, when the forces of contacts are known
   bool is_overloaded() const { return overloaded_; }   // by the forces of this step
-  Rotation take_turn();                  // since it was last asked
 
  private:
   struct State {  // kept in a checkpoint as it lies in memory
     Vec center, velocity, momentum;  // angular momentum about the centre of mass
     Rotation attitude;               // since it was taken
-    Rotation attitude_told;          // when `take_turn` was last asked
     Tensor inverse_inertia;          // then
     Vec force, torque;               // of the last step
     double mass, limit_N;
