@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <unordered_map>
 
 #include "atom.h"
 #include "checkpoint_file.h"
@@ -132,6 +133,19 @@ void FixWallPlate::list_near() {
   if (coupling_) coupling_->list(near_);
 }
 
+// The plate reaches farther than the list. What touches goes on as it is, since its step has not ended: half of its
+// work and the coming half of its force are still to be counted.
+void FixWallPlate::list_farther() {
+  std::unordered_map<int, NearSphere> known;
+  for (const NearSphere &p : near_)
+    if (p.touches) known[p.i] = p;
+  list_near();
+  for (NearSphere &p : near_) {
+    const auto found = known.find(p.i);
+    if (found != known.end()) p = found->second;
+  }
+}
+
 void FixWallPlate::post_force(int vflag) {
   if (coupling_) coupling_->place(near_, step_in_co_step_);
   contact_->add_forces(near_, plate_reach(), vflag);
@@ -171,7 +185,7 @@ void FixWallPlate::end_co_step(bool first) {
   if (!first) recorder_->end_co_step();
   step_in_co_step_ = 0;
   if (!coupling_ || !coupling_->end_co_step(near_, first)) return;
-  if (coupling_->reach() > listed_reach_) list_near();
+  if (coupling_->reach() > listed_reach_) list_farther();
   coupling_->predict(near_);
 }
 

@@ -71,6 +71,7 @@ class FixWallPlate : public FixWall, public Obstacle, public Pushed, public Ston
   Options read_options(int narg, char **arg);
   double plate_reach() const { return coupling_ ? coupling_->reach() : 0; }
   void list_near() override;
+  void list_farther();
   void end_co_step(bool first);
   void add_work();
   void add_forces(double weight);

@@ -239,3 +239,14 @@ def test_chips_need_the_plate_seldom(runs, monkeypatch):
     for name in ("force_N", "v_m_s", "a_m_s2", "total_J"):
         seldom, often = (fast[name].to_numpy() for _, fast in found)
         assert np.linalg.norm(seldom - often) < 1e-3 * np.linalg.norm(often), name
+
+
+@pytest.mark.parametrize("thickness_m", [0.001, 0.002])
+def test_a_plate_that_gives_way_by_millimetres_keeps_energy_and_momentum(runs, thickness_m):
+    """It comes to reach beyond the sub-spheres that were listed, in the middle of a contact: nothing of the work and of the
+    force at that step is lost."""
+    scene = changed("elastic_plate", {"stones.speed_m_s": 3.0, "time.duration_s": 2e-3, "time.gravity_m_s2": 0.0,
+                                      "plate.thickness_m": thickness_m, "plate.max_frequency_Hz": 1000.0})
+    summary = run_scene(scene, "thin", runs / f"thin_{thickness_m}")
+    assert abs(summary["energy"]["closure"]) < 1e-4
+    assert summary["impulse_N_s"] == pytest.approx(summary["momentum_change_kg_m_s"], rel=1e-6)
