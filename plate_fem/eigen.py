@@ -33,9 +33,9 @@ class Part:
 
 
 def independent_parts(stiffness: sp.csc_array, mass: sp.csc_array, max_frequency_Hz: float) -> list[Part]:
-    """Return the parts that stiffness does not connect."""
+    """Return the parts that neither stiffness nor mass connects."""
     shift = 1e-4 * (2 * np.pi * max_frequency_Hz) ** 2
-    count, part = sp.csgraph.connected_components(stiffness, directed=False)
+    count, part = sp.csgraph.connected_components(stiffness + shift * mass, directed=False)
     numbers = [np.flatnonzero(part == k) for k in range(count)]
     return [Part(k, stiffness[k][:, k], mass[k][:, k], shift) for k in numbers]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -183,7 +182,7 @@ def table_hash(
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
     points = np.asarray(residual_points_m, float).tolist()
-    return key_of(Path(__file__).parent, version("scikit-fem"), table, points, residual_rods)
+    return key_of(Path(__file__).parent, table, points, residual_rods)
 
 
 def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, np.ndarray]:
@@ -207,7 +206,7 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
 def _compute(
     plate: FlexiblePlate, residual_points_m: np.ndarray, residual_rods: bool, cache_dir: Path | None
 ) -> PlateModes:
-    from plate_fem.model import build_model  # late: scikit-fem is slow to import, and most modes are in the cache
+    from plate_fem.model import build_model  # late: most modes are in the cache
     from plate_fem.residual import load_rows, residual_modes
     from plate_fem.stress_recovery import modal_surface_stress
     from plate_fem.system import sways
