@@ -13,7 +13,7 @@ from common.plate import FlexiblePlate
 from plate_fem import mirror, rods
 from plate_fem.eigen import Part, independent_parts
 from plate_fem.mesh import highest_frequency_Hz
-from plate_fem.system import PlateSystem, assemble, without_rounding
+from plate_fem.system import PlateSystem, assemble, grown, without_rounding
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
     parts = [part for of_rod in attached for part in of_rod]
     ties = _place([part.tie() for part in parts], system.size)
     size = ties[-1].shape[1] if ties else system.size
-    stiffness, mass = _grow(system.stiffness, size), _grow(system.mass, size)
+    stiffness, mass = grown(system.stiffness, size), grown(system.mass, size)
     if parts:
         tie = sp.csr_array(sp.vstack(ties))
         stiffness = stiffness + tie.T @ sp.block_diag([part.stiffness for part in parts], format="csr") @ tie
@@ -60,17 +60,17 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
     expansion = sp.csr_array(sp.hstack([basis for _, basis in blocks]))
     return PlateModel(
         system,
-        sp.block_diag([without_rounding(rows @ stiffness @ basis) for rows, basis in blocks], format="csc"),
-        sp.block_diag([without_rounding(rows @ mass @ basis) for rows, basis in blocks], format="csc"),
+        _in_blocks(stiffness, blocks),
+        _in_blocks(mass, blocks),
         sp.csr_array(expansion[: system.size]),
         sp.csr_array(rod_force @ expansion),
     )
 
 
-def _grow(matrix: sp.csr_array, size: int) -> sp.csr_array:
-    """Append rows and columns of zeros to a square matrix."""
-    rows = sp.coo_array(matrix)
-    return sp.csr_array((rows.data, (rows.row, rows.col)), shape=(size, size))
+def _in_blocks(matrix: sp.csr_array, blocks: list[tuple[sp.csr_array, sp.csr_array]]) -> sp.csc_array:
+    """Return a symmetric matrix (size, size) over the free unknowns: its blocks one after the other."""
+    by_rows = sp.block_diag([without_rounding(rows @ matrix @ basis) for rows, basis in blocks], format="csr")
+    return sp.csc_array(by_rows.T)  # symmetric, so that its rows are its columns
 
 
 def _place(ties: list[sp.csr_array], plate_size: int) -> list[sp.csr_array]:

@@ -92,12 +92,12 @@ def assemble(plate: FlexiblePlate) -> PlateSystem:
     stiffness, mass = _kirchhoff(plate, w) if theta is None else _mindlin(plate, w, theta)
     held = [_held_deflections(w, plate.edges)] if theta is None else [_held_in_mindlin(w, theta, plate.edges)]
     size = stiffness.shape[0] + IN_PLANE
+    rigid = sp.diags_array(np.append(np.zeros(size - IN_PLANE), _rigid_mass(plate)), format="csr")
     if not sways(plate):
         held.append(np.arange(size - IN_PLANE, size))
     return PlateSystem(
         plate, theory, lines_x, lines_y,
-        sp.csr_array(sp.block_diag([stiffness, sp.csr_array((IN_PLANE, IN_PLANE))], format="csr")),
-        sp.csr_array(sp.block_diag([mass, sp.diags_array(_rigid_mass(plate))], format="csr")),
+        grown(stiffness, size), sp.csr_array(grown(mass, size) + rigid),
         np.concatenate(held), w, theta,
     )  # fmt: skip
 
@@ -113,12 +113,20 @@ def _rigid_mass(plate: FlexiblePlate) -> list[float]:
     return [mass, mass, mass * (plate.length_m**2 + plate.width_m**2) / 12]
 
 
-def without_rounding(matrix: Any) -> sp.csr_array:
-    """Return a symmetric matrix (n, n) without the entries that are zero but for rounding, a third of them."""
-    entries = sp.coo_array(matrix)
-    scale = np.sqrt(entries.diagonal())
-    kept = abs(entries.data) > 1e-14 * scale[entries.row] * scale[entries.col]
-    return sp.csr_array((entries.data[kept], (entries.row[kept], entries.col[kept])), shape=entries.shape)
+def grown(matrix: sp.csr_array, size: int) -> sp.csr_array:
+    """Append rows and columns of zeros to a square matrix."""
+    start = np.append(matrix.indptr, np.full(size - matrix.shape[0], matrix.indptr[-1]))
+    return sp.csr_array((matrix.data, matrix.indices, start), shape=(size, size))
+
+
+def without_rounding(matrix: sp.csr_array) -> sp.csr_array:
+    """Return a symmetric matrix (n, n) without the entries that are zero but for rounding."""
+    scale = np.sqrt(matrix.diagonal())
+    bound = np.repeat(1e-14 * scale, np.diff(matrix.indptr)) * scale[matrix.indices]
+    kept = sp.csr_array((np.where(abs(matrix.data) > bound, matrix.data, 0.0), matrix.indices, matrix.indptr),
+                        shape=matrix.shape)
+    kept.eliminate_zeros()
+    return kept
 
 
 def _kirchhoff(plate: FlexiblePlate, w: Products) -> tuple[Any, Any]:
