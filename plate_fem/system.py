@@ -123,8 +123,8 @@ def without_rounding(matrix: sp.csr_array) -> sp.csr_array:
     """Return a symmetric matrix (n, n) without the entries that are zero but for rounding."""
     scale = np.sqrt(matrix.diagonal())
     bound = np.repeat(1e-14 * scale, np.diff(matrix.indptr)) * scale[matrix.indices]
-    kept = sp.csr_array((np.where(abs(matrix.data) > bound, matrix.data, 0.0), matrix.indices, matrix.indptr),
-                        shape=matrix.shape)
+    kept = matrix.copy()
+    kept.data[abs(kept.data) <= bound] = 0.0
     kept.eliminate_zeros()
     return kept
 
