@@ -33,9 +33,9 @@ class Part:
 
 
 def independent_parts(stiffness: sp.csc_array, mass: sp.csc_array, max_frequency_Hz: float) -> list[Part]:
-    """Return the parts that stiffness does not connect."""
+    """Return the parts that neither stiffness nor mass connects."""
     shift = 1e-4 * (2 * np.pi * max_frequency_Hz) ** 2
-    count, part = sp.csgraph.connected_components(stiffness, directed=False)
+    count, part = sp.csgraph.connected_components(stiffness + shift * mass, directed=False)
     numbers = [np.flatnonzero(part == k) for k in range(count)]
     return [Part(k, stiffness[k][:, k], mass[k][:, k], shift) for k in numbers]
 
@@ -48,8 +48,10 @@ def solve_static(parts: list[Part], load: np.ndarray) -> np.ndarray:
     return response
 
 
-def eigenmodes(parts: list[Part], max_frequency_Hz: float) -> tuple[np.ndarray, np.ndarray]:
+def eigenmodes(parts: list[Part], max_frequency_Hz: float) -> tuple[np.ndarray, sp.csc_array]:
     """Return omega^2 (n,) in 1/s^2 and mass-normalised vectors (size, n) of all modes up to max_frequency_Hz.
+
+    The vectors are sparse, since each moves one part alone.
 
     The number of modes of a part is that of the negative pivots of K - limit M (Sylvester's law of inertia). The modes
     come from shift-invert Lanczos about the small negative shift of the part.
@@ -65,14 +67,19 @@ def eigenmodes(parts: list[Part], max_frequency_Hz: float) -> tuple[np.ndarray, 
     if count > MODES_AT_MOST:
         raise Refused("max_frequency_Hz", max_frequency_Hz, f"{count} modes of plate and rods lie below it, the limit "
                       f"is {MODES_AT_MOST}: it must be lower, or the rods stiffer")
-    values, vectors, start = np.empty(count), np.zeros((sum(len(part.number) for part in parts), count)), 0
-    for part, n in zip(parts, counts, strict=True):
-        if n:
-            values[start : start + n], vectors[part.number, start : start + n] = _lowest(part, limit, n)
-            start += n
+    size = sum(len(part.number) for part in parts)
+    found = [(part.number, *_lowest(part, limit, n)) for part, n in zip(parts, counts, strict=True) if n]
+    values = np.concatenate([of_part for _, of_part, _ in found])
     values[values < 1e-9 * limit] = 0.0  # rigid-body modes, zero but for rounding
     order = np.argsort(values, kind="stable")
+    vectors = sp.hstack([_placed(of_part, number, size) for number, _, of_part in found], format="csc")
     return values[order], vectors[:, order]
+
+
+def _placed(vectors: np.ndarray, number: np.ndarray, size: int) -> sp.csc_array:
+    """Return columns (size, n) that have the numbers of vectors (k, n) at the rows `number` (k,)."""
+    k, n = vectors.shape
+    return sp.csc_array((vectors.T.ravel(), np.tile(number, n), k * np.arange(n + 1)), shape=(size, n))
 
 
 def _count_below(part: Part, limit: float) -> int:
@@ -81,14 +88,14 @@ def _count_below(part: Part, limit: float) -> int:
 
 def _lowest(part: Part, limit: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the `count` lowest omega^2, which must be all up to `limit`, and their mass-normalised vectors."""
-    stiffness, mass, size, kept = part.stiffness, part.mass, len(part.number), 2 * count + 20
+    stiffness, mass, size, kept = part.stiffness, part.mass, len(part.number), int(1.6 * count) + 10
     if kept >= size:
         values, vectors = scipy.linalg.eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count])
     else:
         inverse = LinearOperator(stiffness.shape, part.inverse.solve, dtype=float)
         start = np.random.default_rng(1).standard_normal(size)
         values, vectors = eigsh(
-            stiffness, count + 1, mass.tocsr(), sigma=-part.shift, OPinv=inverse, v0=start, ncv=kept, tol=1e-12
+            stiffness, count + 1, mass.tocsr(), sigma=-part.shift, OPinv=inverse, v0=start, ncv=kept, tol=1e-10
         )
     order = np.argsort(values)
     values, vectors = values[order], vectors[:, order]

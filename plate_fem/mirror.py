@@ -12,10 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
-import skfem
-from scipy.spatial import cKDTree
 
 from common.plate import FlexiblePlate, PointSupport, Rod
+from plate_fem.products import Products
 from plate_fem.rods import PARTS
 from plate_fem.system import IN_PLANE, PlateSystem
 
@@ -68,17 +67,13 @@ def _mirror(system: PlateSystem, own: list[np.ndarray], size: int, axis: int) ->
     Slopes, rotations, sway and beams along the axis change their sign; so do yaw and shafts.
     """
     image, sign = np.arange(size), np.ones(size, int)
-    n, n_y = system.n_nodes, len(system.lines_y_m)
-    node = np.flip(np.arange(n).reshape(-1, n_y), axis).ravel()
-    for kind in range(4):  # w, w_x, w_y, w_xy
-        image[kind * n : (kind + 1) * n] = kind * n + node
-        sign[kind * n : (kind + 1) * n] = -1 if kind == 3 or kind == axis + 1 else 1
-    if system.rotation_basis is not None:
-        partner, odd = _mirrored_rotation(system.rotation_basis, axis)
+    image[: system.deflections.size], sign[: system.deflections.size] = _mirrored(system.deflections, axis)
+    if system.rotations is not None:
+        partner, odd = _mirrored(system.rotations, axis)
         for kind in (0, 1):
-            start, end = 4 * n + kind * len(partner), 4 * n + (kind + 1) * len(partner)
-            image[start:end] = start + partner
-            sign[start:end] = -odd if kind == axis else odd
+            start = system.deflections.size + kind * len(partner)
+            image[start : start + len(partner)] = start + partner
+            sign[start : start + len(partner)] = -odd if kind == axis else odd
     sign[[system.size - IN_PLANE + axis, system.size - 1]] = -1
     for rod, other in enumerate(_partners(system.plate, system.plate.rods, axis) or []):
         for kind in range(PARTS):
@@ -87,25 +82,15 @@ def _mirror(system: PlateSystem, own: list[np.ndarray], size: int, axis: int) ->
     return sp.csr_array((sign, (image, np.arange(size))), shape=(size, size))
 
 
-def _mirrored_rotation(basis: skfem.Basis, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of the image of each of the (n,) unknowns of one rotation, and 1 or -1 if the function is odd.
-
-    A function is a product of polynomials in x and y: linear at a node; of degree 2 or 3, that is even or odd about its
-    middle, along a facet and within a cell.
-    """
-    points, facets, cells = basis.mesh.p, basis.mesh.facets, basis.mesh.t
-    place, degree = np.empty((basis.N, 2)), np.ones((basis.N, 2), int)
-    place[basis.nodal_dofs[0]] = points.T
-    along_x = abs(np.diff(points[:, facets], axis=1)[:, 0]).argmax(axis=0)[:, None] == (0, 1)
-    for k, numbers in enumerate(basis.facet_dofs):
-        place[numbers] = points[:, facets].mean(axis=1).T
-        degree[numbers] = np.where(along_x, 2 + k, 1)
-    for k, numbers in enumerate(basis.interior_dofs):
-        place[numbers] = points[:, cells].mean(axis=1).T
-        degree[numbers] = 2 + k // 2, 2 + k % 2
-    key = np.hstack([place, degree * abs(place).max()])
-    mirrored = key * np.where(np.arange(4) == axis, -1, 1)
-    return np.asarray(cKDTree(key).query(mirrored)[1]), np.where(degree[:, axis] == 3, -1, 1)
+def _mirrored(functions: Products, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number and the sign (size,) of the image of each product, reversed along one axis."""
+    along = (functions.along_x, functions.along_y)[axis]
+    image, sign = along.mirrored()
+    number, size = functions.number, functions.size
+    images, signs = np.empty(size, int), np.empty(size, int)
+    images[number.ravel()] = np.take(number, image, axis).ravel()
+    signs[number.ravel()] = np.broadcast_to(sign[:, None] if axis == 0 else sign, number.shape).ravel()
+    return images, signs
 
 
 def _even_or_odd(mirrors: list[sp.csr_array], signs: tuple[int, ...], size: int) -> sp.csr_array:

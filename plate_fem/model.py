@@ -13,7 +13,7 @@ from common.plate import FlexiblePlate
 from plate_fem import mirror, rods
 from plate_fem.eigen import Part, independent_parts
 from plate_fem.mesh import highest_frequency_Hz
-from plate_fem.system import PlateSystem, assemble, without_rounding
+from plate_fem.system import PlateSystem, assemble, grown, without_rounding
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
     parts = [part for of_rod in attached for part in of_rod]
     ties = _place([part.tie() for part in parts], system.size)
     size = ties[-1].shape[1] if ties else system.size
-    stiffness, mass = _grow(system.stiffness, size), _grow(system.mass, size)
+    stiffness, mass = grown(system.stiffness, size), grown(system.mass, size)
     if parts:
         tie = sp.csr_array(sp.vstack(ties))
         stiffness = stiffness + tie.T @ sp.block_diag([part.stiffness for part in parts], format="csr") @ tie
@@ -56,21 +56,21 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
     forces = [rods.base_force_row(bar) @ tie for bar, tie in bars]
     rod_force = sp.vstack(forces) if forces else sp.csr_array((0, size))
     own = [np.unique(tie.indices[tie.indices >= system.size]) for tie in ties]
-    free = [_free(system, basis) for basis in mirror.blocks(system, own, size)]
-    expansion = sp.csr_array(sp.hstack(free))
+    blocks = [_free(system, basis) for basis in mirror.blocks(system, own, size)]
+    expansion = sp.csr_array(sp.hstack([basis for _, basis in blocks]))
     return PlateModel(
         system,
-        sp.block_diag([without_rounding(basis.T @ stiffness @ basis) for basis in free], format="csc"),
-        sp.block_diag([without_rounding(basis.T @ mass @ basis) for basis in free], format="csc"),
+        _in_blocks(stiffness, blocks),
+        _in_blocks(mass, blocks),
         sp.csr_array(expansion[: system.size]),
         sp.csr_array(rod_force @ expansion),
     )
 
 
-def _grow(matrix: sp.csr_array, size: int) -> sp.csr_array:
-    """Append rows and columns of zeros to a square matrix."""
-    rows = sp.coo_array(matrix)
-    return sp.csr_array((rows.data, (rows.row, rows.col)), shape=(size, size))
+def _in_blocks(matrix: sp.csr_array, blocks: list[tuple[sp.csr_array, sp.csr_array]]) -> sp.csc_array:
+    """Return a symmetric matrix (size, size) over the free unknowns: its blocks one after the other."""
+    by_rows = sp.block_diag([without_rounding(rows @ matrix @ basis) for rows, basis in blocks], format="csr")
+    return sp.csc_array(by_rows.T)  # symmetric, so that its rows are its columns
 
 
 def _place(ties: list[sp.csr_array], plate_size: int) -> list[sp.csr_array]:
@@ -86,16 +86,31 @@ def _place(ties: list[sp.csr_array], plate_size: int) -> list[sp.csr_array]:
     return placed
 
 
-def _free(system: PlateSystem, basis: sp.csr_array) -> sp.csr_array:
-    """Return a basis (size, n) of what edges and supports leave free of a basis (size, m) of all unknowns."""
+def _free(system: PlateSystem, basis: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
+    """Return a basis (size, n) of what edges and supports leave free of a basis (size, m) of all unknowns.
+
+    Before it comes the matrix (n, size) that stands for the transposed basis where a matrix is reduced, with a fraction
+    of its numbers: what mirrors leave as it is makes an even or odd vector of another, and one row of each group of
+    images tells which.
+    """
     held = np.zeros(basis.shape[0])
     held[system.fixed] = 1.0
     basis = basis[:, abs(basis).T @ held == 0]  # an edge holds each of an unknown's images or none
+    rows = _one_image(basis)
     constraint = (_support_rows(system) @ basis[: system.size]).toarray()
     constraint = constraint[abs(constraint).max(axis=1, initial=0) > 0]  # a support on a held edge adds nothing
     if not len(constraint):
-        return basis
-    return basis @ _null_space(constraint)
+        return rows, basis
+    free = _null_space(constraint)
+    return free.T @ rows, basis @ free
+
+
+def _one_image(basis: sp.csr_array) -> sp.csr_array:
+    """Return the inverse (m, size) of a basis (size, m) of groups of images that takes one image of each group."""
+    columns = basis.tocsc()
+    first = columns.indptr[:-1]
+    rows, entries = columns.indices[first], columns.data[first]
+    return sp.csr_array((1 / entries, rows, np.arange(len(first) + 1)), shape=(len(first), basis.shape[0]))
 
 
 def _support_rows(system: PlateSystem) -> sp.csr_array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -183,42 +182,38 @@ def table_hash(
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
     points = np.asarray(residual_points_m, float).tolist()
-    return key_of(Path(__file__).parent, version("scikit-fem"), table, points, residual_rods)
+    return key_of(Path(__file__).parent, table, points, residual_rods)
 
 
-def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return omega^2 (n,) and vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there.
-
-    The vectors are kept without their zeros, which are most of them where the plate has mirror planes.
-    """
+def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, sp.csc_array]:
+    """Return omega^2 (n,) and sparse vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there."""
 
     def find() -> dict[str, np.ndarray]:
         from plate_fem.eigen import eigenmodes
 
-        omega_squared, dense = eigenmodes(model.parts, highest_frequency_Hz(plate))
-        sparse = sp.csc_array(dense)
-        return {"omega_squared": omega_squared, "data": sparse.data, "row": sparse.indices, "start": sparse.indptr}
+        omega_squared, vectors = eigenmodes(model.parts, highest_frequency_Hz(plate))
+        return {"omega_squared": omega_squared, "data": vectors.data, "row": vectors.indices, "start": vectors.indptr}
 
     kept = cached(cache_dir, "eigen", table_hash(plate), find)
     shape = (model.stiffness.shape[0], len(kept["omega_squared"]))
-    return kept["omega_squared"], sp.csc_array((kept["data"], kept["row"], kept["start"]), shape=shape).toarray()
+    return kept["omega_squared"], sp.csc_array((kept["data"], kept["row"], kept["start"]), shape=shape)
 
 
 def _compute(
     plate: FlexiblePlate, residual_points_m: np.ndarray, residual_rods: bool, cache_dir: Path | None
 ) -> PlateModes:
-    from plate_fem.model import build_model  # late: scikit-fem is slow to import, and most modes are in the cache
+    from plate_fem.model import build_model  # late: most modes are in the cache
     from plate_fem.residual import load_rows, residual_modes
     from plate_fem.stress_recovery import modal_surface_stress
     from plate_fem.system import sways
 
     model = build_model(plate)
-    omega_squared, vectors = _kept_modes(plate, model, cache_dir)
-    n_residual = 0
+    omega_squared, kept = _kept_modes(plate, model, cache_dir)
+    vectors, n_residual = kept.toarray(), 0
     loads = [load_rows(model.system, residual_points_m) @ model.expansion] if len(residual_points_m) else []
     loads += [model.rod_force] if residual_rods and plate.rods else []
     if loads:
-        more_omega_squared, more = residual_modes(model, vectors, sp.csr_array(sp.vstack(loads)))
+        more_omega_squared, more = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
         omega_squared, vectors = np.append(omega_squared, more_omega_squared), np.hstack([vectors, more])
         n_residual = len(more_omega_squared)
     system = model.system

@@ -31,13 +31,13 @@ from plate_fem.system import PlateSystem
 LOAD_RADIUS = 1.4  # times the thickness
 
 
-def residual_modes(model: PlateModel, kept: np.ndarray, loads: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
+def residual_modes(model: PlateModel, kept: sp.csc_array, loads: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
     """Return omega^2 (m,) in 1/s^2 and vectors (n, m) of the residual modes for loads, sparse (k, n), with m <= k.
 
-    `kept` (n, p) holds the mass-normalised modes of the model that are kept. A load at a point is a row of `load_rows`
-    times model.expansion; the displacement of a rod's foot is a row of model.rod_force.
+    `kept`, sparse (n, p), holds the mass-normalised modes of the model that are kept. A load at a point is a row of
+    `load_rows` times model.expansion; the displacement of a rod's foot is a row of model.rod_force.
     """
-    projected = loads.T.toarray() - model.mass @ (kept @ (loads @ kept).T)
+    projected = loads.T.toarray() - model.mass @ (kept @ (loads @ kept).toarray().T)
     response = solve_static(model.parts, projected)
     response -= kept @ (kept.T @ (model.mass @ response))
     response /= np.sqrt(np.einsum("ij,ij->j", response, model.mass @ response))

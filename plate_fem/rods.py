@@ -9,10 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 import scipy.sparse as sp
-import skfem
-from skfem.helpers import d, dot, grad
 
 from common.plate import Rod
+from plate_fem.line import integral, parabolas, smooth_cubics
 from plate_fem.system import PlateSystem
 
 PARTS = 4  # of each rod
@@ -106,9 +105,10 @@ def base_force_row(bar: Part) -> sp.csr_array:
     return -sp.csr_array(bar.stiffness)[list(bar.held)]
 
 
-def _line(rod: Rod, wavelength_m: float) -> skfem.MeshLine:
+def _lines_m(rod: Rod, wavelength_m: float) -> np.ndarray:
+    """Return grid lines from the plate down to the base."""
     n = max(2, math.ceil(CELLS_PER_WAVELENGTH * rod.length_m / wavelength_m))
-    return skfem.MeshLine(np.linspace(0.0, rod.length_m, n + 1))  # from the plate down to the base
+    return np.linspace(0.0, rod.length_m, n + 1)
 
 
 def _area(rod: Rod) -> float:
@@ -131,10 +131,10 @@ def _shaft(rod: Rod, max_frequency_Hz: float) -> Matrices:
 
 def _second_order(rod: Rod, stiff: float, inertia: float, max_frequency_Hz: float) -> Matrices:
     """Return a line whose energies are stiff u'^2 / 2 and inertia du/dt^2 / 2 a unit of length."""
-    basis = skfem.Basis(_line(rod, math.sqrt(stiff / inertia) / max_frequency_Hz), skfem.ElementLineP2(), intorder=4)
-    stiffness = skfem.BilinearForm(lambda u, v, _: stiff * dot(grad(u), grad(v))).assemble(basis)
-    mass = skfem.BilinearForm(lambda u, v, _: inertia * u * v).assemble(basis)
-    return stiffness, mass, basis.nodal_dofs[:, 0], basis.nodal_dofs[:, -1]
+    lines = _lines_m(rod, math.sqrt(stiff / inertia) / max_frequency_Hz)
+    u = parabolas(lines)
+    top, base = np.array([0]), np.array([len(lines) - 1])
+    return stiff * integral(u, u, 1, 1), inertia * integral(u, u), top, base
 
 
 @lru_cache(maxsize=4)
@@ -148,14 +148,12 @@ def _beam(rod: Rod, max_frequency_Hz: float) -> Matrices:
     bending, inertia = rod.youngs_modulus_Pa * second_moment, rod.density_kg_m3 * _area(rod)
     shear = 6 * (1 + nu) / (7 + 6 * nu) * rod.youngs_modulus_Pa / (2 * (1 + nu)) * _area(rod)
     wavelength = 2 * math.pi * (bending / inertia) ** 0.25 / math.sqrt(2 * math.pi * max_frequency_Hz)
-    basis_v = skfem.Basis(_line(rod, wavelength), skfem.ElementLineHermite(), intorder=6)
-    basis_psi = basis_v.with_element(skfem.ElementLineP2())
-    k_vv = skfem.BilinearForm(lambda u, v, _: shear * d(u)[0] * d(v)[0]).assemble(basis_v)
-    k_vp = skfem.BilinearForm(lambda u, v, _: -shear * u * d(v)[0]).assemble(basis_psi, basis_v)
-    k_pp = skfem.BilinearForm(lambda u, v, _: bending * dot(grad(u), grad(v)) + shear * u * v).assemble(basis_psi)
-    m_v = skfem.BilinearForm(lambda u, v, _: inertia * u * v).assemble(basis_v)
-    m_psi = skfem.BilinearForm(lambda u, v, _: rod.density_kg_m3 * second_moment * u * v).assemble(basis_psi)
-    stiffness = sp.csr_array(sp.block_array([[k_vv, k_vp], [k_vp.T, k_pp]]))
-    top, base = (
-        np.array([basis_v.nodal_dofs[0, node], basis_v.N + basis_psi.nodal_dofs[0, node]]) for node in (0, -1))
-    return stiffness, sp.csr_array(sp.block_diag([m_v, m_psi])), top, base
+    lines = _lines_m(rod, wavelength)
+    v, psi = smooth_cubics(lines), parabolas(lines)
+    k_vp = -shear * integral(v, psi, 1, 0)
+    k_pp = bending * integral(psi, psi, 1, 1) + shear * integral(psi, psi)
+    stiffness = sp.csr_array(sp.block_array([[shear * integral(v, v, 1, 1), k_vp], [k_vp.T, k_pp]]))
+    rotary = rod.density_kg_m3 * second_moment * integral(psi, psi)
+    mass = sp.csr_array(sp.block_diag([inertia * integral(v, v), rotary]))
+    top, base = (np.array([node, v.size + node]) for node in (0, len(lines) - 1))
+    return stiffness, mass, top, base

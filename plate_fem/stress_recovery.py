@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import scipy.sparse as sp
-import skfem
-from scipy.linalg import solveh_banded
-from skfem.helpers import dd, grad
+import scipy.linalg
 
+from plate_fem import line
+from plate_fem.products import Products
 from plate_fem.system import IN_PLANE, PlateSystem
 
 
@@ -19,71 +18,37 @@ def curvature_operator(system: PlateSystem) -> Callable[[np.ndarray], np.ndarray
     The curvatures are theta_x,x, theta_y,y and theta_x,y + theta_y,x, with theta = grad w in Kirchhoff's theory. They
     are least-squares projections of the discontinuous derivatives on continuous biquadratics.
     """
-    target = system.basis_w.with_element(skfem.ElementQuad2())
-    solve = _mass_solver(system, target)
-    rows = _kirchhoff_rows(system, target) if system.theory == "kirchhoff" else _mindlin_rows(system, target)
+    w, theta = system.deflections, system.rotations
 
     def curvature(u: np.ndarray) -> np.ndarray:
         bending = u[:-IN_PLANE]
-        return np.array([solve(row @ bending) for row in rows])
+        if theta is None:
+            of_w = [_derivative(w, bending, order) for order in ((2, 0), (0, 2), (1, 1))]
+            return np.array([of_w[0], of_w[1], 2 * of_w[2]])
+        x, y = bending[w.size : w.size + theta.size], bending[w.size + theta.size :]
+        twist = _derivative(theta, x, (0, 1)) + _derivative(theta, y, (1, 0))
+        return np.array([_derivative(theta, x, (1, 0)), _derivative(theta, y, (0, 1)), twist])
 
     return curvature
 
 
-def _mass_solver(system: PlateSystem, target: skfem.Basis) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function from moments (target.N, n) to values at the nodes (n_nodes, n), which inverts the mass matrix
-    of biquadratics. On a grid of rectangles that is the product of those of quadratics along x and along y."""
-    lines = system.lines_x_m, system.lines_y_m
-    of_x, of_y = (abs(place[:, None] - _with_middles(along)).argmin(axis=1)
-                  for place, along in zip(target.doflocs, lines, strict=True))
-    mass_x, mass_y = (_mass_along(along) for along in lines)
-    nodes = target.nodal_dofs[0]
+def _derivative(functions: Products, u: np.ndarray, order: tuple[int, int]) -> np.ndarray:
+    """Return the projection of a derivative of functions with coefficients u (size, n) at the nodes, (n_nodes, n).
 
-    def solve(moments: np.ndarray) -> np.ndarray:
-        grid = np.empty((mass_x.shape[1], mass_y.shape[1], moments.shape[1]))
-        grid[of_x, of_y] = moments
-        if grid.size == 0:  # no modes
-            return np.empty((len(nodes), 0))
-        at_nodes_x = solveh_banded(mass_x, grid.reshape(len(grid), -1))[::2].reshape(-1, *grid.shape[1:])
-        by_y = at_nodes_x.transpose(1, 0, 2)
-        at_nodes = solveh_banded(mass_y, by_y.reshape(len(by_y), -1))[::2].reshape(-1, *by_y.shape[1:])
-        return at_nodes[of_y[nodes] // 2, of_x[nodes] // 2]
-
-    return solve
+    On a grid of rectangles it is a projection along x after one along y.
+    """
+    along_x, along_y = _projection(functions.along_x, order[0]), _projection(functions.along_y, order[1])
+    by_y = np.tensordot(along_x, u[functions.number], 1)
+    return np.matmul(along_y, by_y).reshape(-1, u.shape[1])
 
 
-def _with_middles(lines: np.ndarray) -> np.ndarray:
-    """Return grid lines (n,) with those halfway between them, (2 n - 1,)."""
-    return np.interp(np.arange(2 * len(lines) - 1) / 2, np.arange(len(lines)), lines)
-
-
-def _mass_along(lines: np.ndarray) -> np.ndarray:
-    """Return the mass matrix of quadratics between grid lines (n,), as the upper bands (3, 2 n - 1) of scipy."""
-    h, bands = np.diff(lines) / 30, np.zeros((3, 2 * len(lines) - 1))
-    bands[2, 1::2] = 16 * h
-    bands[2, :-2:2] += 4 * h
-    bands[2, 2::2] += 4 * h
-    bands[1, 1:] = np.repeat(2 * h, 2)
-    bands[0, 2::2] = -h
-    return bands
-
-
-def _kirchhoff_rows(system: PlateSystem, target: skfem.Basis) -> list[sp.csr_array]:
-    def moments(i: int, j: int, factor: float) -> sp.csr_array:
-        matrix = skfem.BilinearForm(lambda u, v, _: factor * dd(u)[i, j] * v).assemble(system.basis_w, target)
-        return sp.csr_array(matrix)[:, system.order_w]
-
-    return [moments(0, 0, 1.0), moments(1, 1, 1.0), moments(0, 1, 2.0)]
-
-
-def _mindlin_rows(system: PlateSystem, target: skfem.Basis) -> list[sp.csr_array]:
-    assert system.rotation_basis is not None  # a Mindlin plate has one
-    derivative = [
-        skfem.BilinearForm(lambda u, v, _, i=i: grad(u)[i] * v).assemble(system.rotation_basis, target) for i in (0, 1)
-    ]
-    zero_w, zero_t = (sp.csr_array((target.N, b.N)) for b in (system.basis_w, system.rotation_basis))
-    blocks = [(derivative[0], zero_t), (zero_t, derivative[1]), (derivative[1], derivative[0])]
-    return [sp.csr_array(sp.hstack([zero_w, *block])) for block in blocks]
+def _projection(functions: line.Functions, derivative: int) -> np.ndarray:
+    """Return the matrix (m, size) from coefficients to the values at the m grid lines of the derivative's projection on
+    continuous parabolas."""
+    target = line.parabolas(functions.lines_m)
+    mass, moments = line.integral(target, target), line.integral(target, functions, 0, derivative)
+    values = scipy.linalg.solve(mass.toarray(), moments.toarray(), assume_a="pos")
+    return np.asarray(values[: len(functions.lines_m)])
 
 
 def modal_surface_stress(system: PlateSystem, u: np.ndarray) -> np.ndarray:

@@ -171,7 +171,7 @@ def plate_maxima(fast: Columns) -> dict[str, float]:
 
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on."""
-    packages = ["numpy", "scipy", "scikit-fem", "pandas", "meshio"]
+    packages = ["numpy", "scipy", "pandas", "meshio"]
     return {"liggghts": LIGGGHTS_VERSION, "python": platform.python_version(), "machine": platform.machine(),
             **{name: importlib.metadata.version(name) for name in packages},
             "coal-gangue-impact": own_version()}

@@ -38,7 +38,8 @@ def static_stress(table, points_m):
     model = build_model(table)
     u = model.expansion @ static_response(model, -pressure_load(model))
     stress = modal_surface_stress(model.system, u[:, None])[:, :, 0]
-    node = model.system.basis_w.mesh.p.T
+    x, y = np.meshgrid(model.system.lines_x_m, model.system.lines_y_m, indexing="ij")
+    node = np.column_stack([x.ravel(), y.ravel()])
     nearest = [np.argmin(np.linalg.norm(node - p, axis=1)) for p in points_m]
     return node[nearest], stress[nearest]
 
