@@ -13,7 +13,7 @@ from common.tables import Refused
 SHEAR_ERROR_ALLOWED = 0.005  # Kirchhoff's theory is used while its highest frequency is at most this much too high
 MOST_CELLS, MOST_LINES = 20_000, 500  # these need some GB of memory
 GROWTH = 0.7  # of a cell's side with the distance from a rod; 0.2 moves no mode of four plates by more than 2e-4
-CELLS_PER_WAVELENGTH = {"kirchhoff": 5.6, "mindlin": 4.5}  # highest mode kept within 1e-3
+CELLS_PER_WAVELENGTH = {"kirchhoff": 5.6, "mindlin": 4.5}  # modes kept within 2e-3, docs/plate.md
 
 
 def shear_factor(poisson_ratio: float) -> float:
