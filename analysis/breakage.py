@@ -189,15 +189,15 @@ def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
         raise RecordError(f"{run.path}: no column {column!r} in the streams")
     t_s = table["t_s"].to_numpy(dtype=float)
     force_N = table[column].to_numpy(dtype=float)
-    touching = t_s[force_N != 0]
+    touching = np.flatnonzero(force_N)
     if touching.size == 0:
         return []
-    breaks = np.flatnonzero(np.diff(touching) > COLLISION_GAP_S)
-    begins = touching[np.concatenate([[0], breaks + 1])]
-    ends = touching[np.concatenate([breaks, [touching.size - 1]])]
-    largest = [force_N[(t_s >= begin) & (t_s <= end)].max() for begin, end in zip(begins, ends, strict=True)]
+    breaks = np.flatnonzero(np.diff(t_s[touching]) > COLLISION_GAP_S)
+    firsts = touching[np.concatenate([[0], breaks + 1])]
+    lasts = touching[np.concatenate([breaks, [touching.size - 1]])]
+    largest = [force_N[first:last + 1].max() for first, last in zip(firsts, lasts, strict=True)]
     hard = np.array(largest) >= LEAST_FORCE_SHARE * max(largest)
-    return list(zip(begins[hard].tolist(), ends[hard].tolist(), strict=True))
+    return list(zip(t_s[firsts[hard]].tolist(), t_s[lasts[hard]].tolist(), strict=True))
 
 
 def first_collision_end_s(run: Run) -> np.ndarray:

@@ -87,6 +87,12 @@ class Run:
         return read_table(path) if path.is_file() else None
 
     @cached_property
+    def stones(self) -> pd.DataFrame | None:
+        """One row per stone, None if not written."""
+        path = self.path / "stones.parquet"
+        return read_table(path) if path.is_file() else None
+
+    @cached_property
     def breakage(self) -> pd.DataFrame:
         """One row per broken bond, in order of time."""
         path = self.path / "breakage.parquet"

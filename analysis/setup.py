@@ -7,7 +7,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from analysis.readers import read_table
 from analysis.records import RecordError
 from analysis.runs import Run
 from analysis.theory import Elastic, ring_positions_m
@@ -59,9 +58,9 @@ def setup_of(run: Run) -> Setup:
 def places_of(run: Run) -> np.ndarray:
     """Where the particles hit, shape (count, 2), by stones.parquet, or by the scene of a run without one. RecordError,
     naming the key, where neither says."""
-    stones, listed = run.scene.stones, run.path / "stones.parquet"
-    if listed.is_file():
-        return read_table(listed)[["place_x_m", "place_y_m"]].to_numpy(dtype=float)
+    stones = run.scene.stones
+    if run.stones is not None:
+        return run.stones[["place_x_m", "place_y_m"]].to_numpy(dtype=float)
     if stones.positions:
         return np.array([[place.x_m, place.y_m] for place in stones.positions], dtype=float)
     return ring_positions_m(_given(run, "stones.count", stones.count),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import os
 import signal
 import sys
@@ -72,8 +73,10 @@ def _pool(processes: int, work: Callable[[int], Any]) -> ProcessPoolExecutor:
 
 
 def _begin(work: Callable[[int], Any]) -> None:
-    """In a new process, which leaves the answer to Ctrl-C to the one that it came from."""
+    """In a new process, which leaves the answer to Ctrl-C to the one that it came from, and does not seek garbage among
+    what was there before it: that takes long, and writes on the pages that both share."""
     global _work  # noqa: PLW0603 - found again by name in the copy
+    gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()
     _work = work

@@ -228,8 +228,11 @@ class PreparedRuns:
     def answers_without(self, held_out: int) -> dict[str, Answer]:
         """Answers to one run by the runs of all other ratios, the moment of the impact being known."""
         ratio = self.runs[held_out].gangue_ratio
-        model = self.fit([k for k, run in enumerate(self.runs) if run.gangue_ratio != ratio])
-        return model.at_impact().answers_to(lambda name: self.features[name][held_out])
+        return self.answers_by(self.fit([k for k, run in enumerate(self.runs) if run.gangue_ratio != ratio]), held_out)
+
+    def answers_by(self, model: Model, index: int) -> dict[str, Answer]:
+        """Answers of a model to one of these runs, the moment of the impact being known."""
+        return model.at_impact().answers_to(lambda name: self.features[name][index])
 
 
 def _answer(name: str, method: Method, features: Any) -> Answer:

@@ -10,7 +10,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from common.command import Parser, listen_for_interrupt, run_command, say
+from common.command import Parser, imports, listen_for_interrupt, run_command, say
 
 if __name__ == "__main__":
     listen_for_interrupt()
@@ -41,10 +41,10 @@ def _compare_parser() -> argparse.ArgumentParser:
 
 
 def _report(directory: str) -> int:
-    from common.tables import InputError  # late, as what follows: it takes seconds to import, and --help needs none
-    from report.page import write_report
-    from report.results.missing import MISSING_RESULT
-
+    with imports():  # late: they take seconds, and --help needs none
+        from common.tables import InputError
+        from report.page import write_report
+        from report.results.missing import MISSING_RESULT
     try:
         print(f"report written to {write_report(directory)}")
     except (InputError, *MISSING_RESULT) as error:

@@ -121,9 +121,8 @@ def write_report(directory: str | Path) -> Path:
 
 
 def _parts(results: SweepResults) -> Parts:
-    specs: list[Spec] = [ANSWER]
-    for _, figures, chapter_tables in CHAPTERS:
-        specs += [*figures, *chapter_tables]
+    longest_first: list[Spec] = [table for _, _, chapter_tables in CHAPTERS for table in chapter_tables]
+    specs = [*longest_first, ANSWER, *(figure for _, figures, _ in CHAPTERS for figure in figures)]
     return make_parts(results, specs, STATEMENTS)
 
 

@@ -52,6 +52,7 @@ def make_parts(results: SweepResults, specs: Sequence[Spec], statements: Sequenc
         for shared in SHARED:
             _attempt(partial(shared, results))
 
+    _attempt(lambda: recognition.prepared)  # else each process prepares them
     works: list[Work] = [recognition.of_model, *(partial(recognition.held_out, k) for k in runs)]
     model, *held_out = _all(works, beside)
     if not any(isinstance(one, Exception) for one in (model, *held_out)):  # else it is told where it is asked for

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from sklearn.linear_model import LinearRegression
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.channels import channels_of
@@ -24,6 +23,12 @@ def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
     return np.asarray(np.sqrt(np.mean(channels_of(signals, "centre")[1:] ** 2, axis=1)))
 
 
+def _line() -> EstimatorMethod:
+    from sklearn.linear_model import LinearRegression  # late: an evaluation alone needs it
+
+    return EstimatorMethod(rms_of_acceleration, LinearRegression())
+
+
 BASELINES: Registry = {
     "arrangement_likelihood_fast": MethodEntry("likelihood of arrangements, trigger known, at 40 kHz",
                                                partial(ArrangementLikelihood, exact_trigger=True),
@@ -31,6 +36,5 @@ BASELINES: Registry = {
     "arrangement_likelihood_timed": MethodEntry("likelihood of arrangements, trigger known",
                                                 partial(ArrangementLikelihood, exact_trigger=True)),
     "impulse": MethodEntry("impulse from plate and rods", partial(FeatureRegression, "impulse")),
-    "rms_line": MethodEntry(
-        "RMS and a straight line", lambda: EstimatorMethod(rms_of_acceleration, LinearRegression())),
+    "rms_line": MethodEntry("RMS and a straight line", _line),
 }

@@ -12,6 +12,7 @@ by least squares:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -59,26 +60,28 @@ def fit_form(form: str, ratios: Floats, values: Floats) -> Fits:
     """
     scan = np.linspace(*BRACKETS[form], SCAN)
     scan = scan[np.abs(scan) > 1e-9]  # exp(0 beta) is no function of beta
-    squares = np.stack([_regress(form, ratios, values, np.full(values.shape[1], c))[2] for c in scan])
+    middle = values.mean(axis=0)
+    off = values - middle
+    squares = np.stack([_regress(form, ratios, off, np.array([c]))[2] for c in scan])
     best = np.argmin(squares, axis=0)
     low, high = scan[np.maximum(best - 1, 0)], scan[np.minimum(best + 1, scan.size - 1)]
     for _ in range(GOLDEN_STEPS):
         width = GOLDEN * (high - low)
-        left_better = (
-            _regress(form, ratios, values, high - width)[2] < _regress(form, ratios, values, low + width)[2]
-        )
+        left_better = _regress(form, ratios, off, high - width)[2] < _regress(form, ratios, off, low + width)[2]
         low, high = np.where(left_better, low, high - width), np.where(left_better, low + width, high)
     c = 0.5 * (low + high)
-    a, b, squares = _regress(form, ratios, values, c)
-    return _fits(form, np.column_stack([a, b, c]), squares, values, 3)
+    g, b, squares = _regress(form, ratios, off, c)
+    return _fits(form, np.column_stack([middle - b * g, b, c]), squares, values, 3)
 
 
-def _regress(form: str, ratios: Floats, values: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
-    """a, b and the sum of squared residuals of each column for given c, shape (k,) each."""
+def _regress(form: str, ratios: Floats, off: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean of g, b and the sum of squared residuals of each column for given c, one for each or for all; off (n, k):
+    the values less their mean."""
     g = _shape(form, ratios[:, None], c[None, :])
-    g_off, y_off = g - g.mean(axis=0), values - values.mean(axis=0)
-    b = np.sum(g_off * y_off, axis=0) / np.sum(g_off**2, axis=0)
-    return values.mean(axis=0) - b * g.mean(axis=0), b, np.sum((y_off - b * g_off) ** 2, axis=0)
+    middle = g.mean(axis=0)
+    g_off = g - middle
+    b = np.sum(g_off * off, axis=0) / np.sum(g_off**2, axis=0)
+    return middle, b, np.sum((off - b * g_off) ** 2, axis=0)
 
 
 def fit_polynomials(degree: int, ratios: Floats, values: Floats) -> Fits:
@@ -112,14 +115,18 @@ class FunctionSpace:
         if self.form.min() < 0 or self.form.max() >= len(FORMS):
             raise ValueError(f"forms lie outside 0..{len(FORMS) - 1}")
 
+    @cached_property
+    def _kinds(self) -> Integers:
+        """The forms that there are."""
+        return np.unique(self.form)
+
     def __call__(self, k: Integers, beta: Floats) -> Floats:
         """Value of function number k at beta, elementwise after broadcasting."""
+        if self._kinds.size == 1:
+            return np.broadcast_to(self._of(int(self._kinds[0]), k, beta), np.broadcast_shapes(k.shape, beta.shape))
         k, beta = np.broadcast_arrays(k, beta)
-        kinds = np.unique(self.form)
-        if kinds.size == 1:
-            return self._of(int(kinds[0]), k, beta)
         out = np.empty(k.shape)
-        for kind in kinds:
+        for kind in self._kinds:
             chosen = self.form[k] == kind
             out[chosen] = self._of(int(kind), k[chosen], beta[chosen])
         return out

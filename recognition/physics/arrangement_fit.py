@@ -20,7 +20,7 @@ from recognition.physics.arrangement_likelihood import (
     ExpectedMisfit,
     hats,
 )
-from recognition.physics.force_records import ForceRecord, response_to, unit_force_response
+from recognition.physics.force_records import ForceRecord, pulse_force_response, response_to
 
 #: About the width of the bins of a force, which is linear between them. With 25 us what begins and ends in a bin makes
 #: an error of 4 to 6 % of the accelerations, with 10 us of 0.5 to 0.9 %.
@@ -115,8 +115,13 @@ def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceSta
     residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
     deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.place_m) for force in forces]))
     return ForceStatistics(X[chosen[0]].names, laws, covariance, stones, stride, samples, scale,
-                           np.hypot(residual, LEAST_RESIDUAL), (damping.mean(), damping.std()),
+                           np.hypot(residual, LEAST_RESIDUAL), _mean_and_deviation(damping),
                            (float(speed.mean()), float(speed.min()), float(speed.max())), float(deviation_m)), forces[0]
+
+
+def _mean_and_deviation(values: Floats) -> tuple[float, float]:
+    """Of equal numbers exactly that number and none: round-off would make another plate of them, which scatters."""
+    return (float(values.mean()), float(values.std())) if np.ptp(values) > 0 else (float(values[0]), 0.0)
 
 
 def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
@@ -230,11 +235,9 @@ def _hat_response(statistics: ForceStatistics, record: ForceRecord, moved_m: tup
                   damping_ratio: float | None = None) -> Floats:
     """Responses (channels, steps, stones) to a force in the first bin on each place, each channel in shares of its
     scale. The plate does not change with time: the other bins' are the same, later."""
-    unit = unit_force_response(record, statistics.damping_ratio[0] if damping_ratio is None else damping_ratio, moved_m)
-    hat = np.zeros((unit.shape[1], 1))
-    first = force_bins(record)[:, :1]
-    hat[:len(first)] = first
-    return response_to(unit, hat) / statistics.scale[:, None, None]
+    damping_ratio = statistics.damping_ratio[0] if damping_ratio is None else damping_ratio
+    response = pulse_force_response(record, force_bins(record)[:, 0], damping_ratio, moved_m)
+    return response / statistics.scale[:, None, None]
 
 
 def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> tuple[ExpectedMisfit, Floats, float]:

@@ -183,9 +183,9 @@ class ArrangementModel:
 
     def _law_at(self, shift: float) -> RecordLaw:
         rows = shift + self.stride * np.arange(self.samples, dtype=float)
-        delays = self.width * np.arange(self.laws.shape[2])
-        unit = np.stack([_sampled(self.hat, rows - delay) for delay in delays], axis=-1)
-        unit = unit.reshape(-1, *unit.shape[2:])  # (channels x samples, stones, bins)
+        delayed = rows[:, None] - self.width * np.arange(self.laws.shape[2])
+        unit = _sampled(self.hat, delayed.ravel()).reshape(-1, delayed.shape[1], self.stones)
+        unit = np.ascontiguousarray(unit.swapaxes(1, 2))  # (channels x samples, stones, bins)
         coal, gangue = (np.einsum("dib,pb->pdi", unit, law, optimize=True) for law in self.laws)
         mean = np.concatenate([coal.sum(axis=2, keepdims=True), gangue - coal], axis=2)
         root = np.linalg.cholesky(self.covariance)

@@ -22,6 +22,8 @@ from plate_fem.response import pulse_response
 from recognition.estimation.arrays import Booleans, Floats
 
 Places = tuple[tuple[float, ...], ...]
+#: Plate as JSON, where the stones fall and how far off they touch, interval and number of steps, directory of modes.
+Excitation = tuple[str, Places, Places, float, int, Path | None]
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,9 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     sample_s: interval between samples of the record, that of `signals.parquet` if None. RecordError without a fast
     stream of that length, a flexible plate or places of the stones.
     """
-    path = run.path / "fast.parquet"
-    table = read_table(path)
+    path, place_m = run.path / "fast.parquet", places_of(run)
+    forces = [f"force_{number:02d}_N" for number in range(1, len(place_m) + 1)]
+    table = read_table(path, ["t_s", *forces])
     t_s = table["t_s"].to_numpy(dtype=float)
     step_s = float(t_s[1] - t_s[0]) if len(t_s) > 1 else duration_s
     steps = round(duration_s / step_s)
@@ -69,19 +72,16 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     stones = run.scene.stones
     if stones.speed_m_s is None:
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
-    forces = [name for name in table.columns.astype(str) if name.startswith("force_") and name != "force_N"]
-    place_m = places_of(run)
     return ForceRecord(flexible_plate(run), user_cache(), place_m, _touches_of(run, place_m), stones.arrival_s is None,
                        stones.speed_m_s, sample_s or 1 / run.rate_Hz, step_s,
-                       table[forces].to_numpy(dtype=float)[1:steps + 1].T, np.array(run.materials) == "gangue")
+                       table[forces][1:steps + 1].to_numpy(dtype=float).T, np.array(run.materials) == "gangue")
 
 
 def _touches_of(run: Run, place_m: Floats) -> Floats:
     """Where the stones of a run touch the plate first (stones, 2); where one never does, its place. RecordError."""
-    path = run.path / "stones.parquet"
-    table = read_table(path)
-    if not {"first_x_m", "first_y_m"} <= set(table.columns) or len(table) != len(place_m):
-        raise RecordError(f"{path}: needs first_x_m and first_y_m of {len(place_m)} stones")
+    table = run.stones
+    if table is None or not {"first_x_m", "first_y_m"} <= set(table.columns) or len(table) != len(place_m):
+        raise RecordError(f"{run.path}/stones.parquet: needs first_x_m and first_y_m of {len(place_m)} stones")
     touch_m = table[["first_x_m", "first_y_m"]].to_numpy(dtype=float)
     return np.where(np.isfinite(touch_m), touch_m, place_m)
 
@@ -90,15 +90,33 @@ def unit_force_response(record: ForceRecord, damping_ratio: float,
                         moved_m: Floats | tuple[float, float] = (0.0, 0.0)) -> Floats:
     """Response of each channel to a force of 1 N during the first step on each stone's place, displaced by moved_m (2,)
     or (stones, 2), shape (channels, steps, stones)."""
+    return _unit_force_response(*_hashable(record, damping_ratio, moved_m))
+
+
+def pulse_force_response(record: ForceRecord, pulse_N: Floats, damping_ratio: float,
+                         moved_m: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """The same to a force of pulse_N (k,) during the first k steps, which is kept: the models of all folds take it."""
+    return _pulse_force_response(tuple(pulse_N.tolist()), _hashable(record, damping_ratio, moved_m))
+
+
+def _hashable(record: ForceRecord, damping_ratio: float, moved_m: Floats | tuple[float, float]) -> Excitation:
     moved = np.broadcast_to(moved_m, record.place_m.shape)
     plate = record.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
-    return _unit_force_response(plate.model_dump_json(), tuple(map(tuple, record.place_m)), tuple(map(tuple, moved)),
-                                record.step_s, record.force_N.shape[1], record.modes_dir)
+    return (plate.model_dump_json(), tuple(map(tuple, record.place_m)), tuple(map(tuple, moved)), record.step_s,
+            record.force_N.shape[1], record.modes_dir)
 
 
 def response_to(unit_response: Floats, force_N: Floats) -> Floats:
     """Responses (channels, steps, stones) to forces (steps, stones) or, the same on every place, (steps, 1)."""
     return fftconvolve(unit_response, force_N[None], axes=1)[:, :unit_response.shape[1]]
+
+
+@lru_cache(maxsize=16)
+def _pulse_force_response(pulse_N: tuple[float, ...], excitation: Excitation) -> Floats:
+    unit = _unit_force_response(*excitation)
+    force_N = np.zeros((unit.shape[1], 1))
+    force_N[:len(pulse_N), 0] = pulse_N
+    return response_to(unit, force_N)
 
 
 @lru_cache(maxsize=64)

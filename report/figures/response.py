@@ -47,15 +47,18 @@ def stress_maps(
     rows = -(-len(ratios) // columns)
     figure, axes = canvas(rows, columns, height_in=1.75 * rows + 0.5)
     top_MPa = 1e-6 * max(field.max() for field in maps_Pa)
+    x_m, y_m = lines_m
+    extent_m = tuple(line[end] + half * (line[1] - line[0]) for line in lines_m for end, half in ((0, -0.5), (-1, 0.5)))
     for axis, field, ratio in zip(axes.ravel(), maps_Pa, ratios, strict=False):
-        axis.pcolormesh(
-            *lines_m, 1e-6 * field.T, cmap=STRESS_COLOURS, vmin=0, vmax=top_MPa, shading="gouraud", rasterized=True
-        )
+        # A map shaded as triangles looks the same and takes three times as long to draw.
+        axis.imshow(1e-6 * field.T, STRESS_COLOURS, vmin=0, vmax=top_MPa, origin="lower", interpolation="bilinear",
+                    extent=extent_m)
+        axis.set(xlim=x_m[[0, -1]], ylim=y_m[[0, -1]])
         axis.plot(*points_m.T, "w+", markersize=3)
         axis.set_title(f"{100 * ratio:.0f} %")
         hide_scales(axis)
     for axis in axes.ravel()[len(ratios) :]:
         axis.set_visible(False)
-    figure.colorbar(ScalarMappable(Normalize(0, top_MPa), STRESS_COLOURS), ax=axes, orientation="horizontal",
-                    fraction=0.03, aspect=40, pad=0.02, label="von Mises stress, MPa")  # fmt: skip
+    figure.colorbar(ScalarMappable(Normalize(0, top_MPa), STRESS_COLOURS), ax=axes[-1], orientation="horizontal",
+                    fraction=0.03 * rows, aspect=40, pad=0.02 * rows, label="von Mises stress, MPa")  # fmt: skip
     return figure

@@ -62,4 +62,5 @@ def pack_text(text: str) -> str:
 
 
 def _text(data: bytes) -> str:
-    return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode()
+    # With level 6 eleven films are 2.5 % smaller and take 0.56 instead of 0.34 s.
+    return base64.b64encode(gzip.compress(data, 4, mtime=0)).decode()

@@ -6,10 +6,13 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
 
-import meshio
 import numpy as np
 
+from report.film.vtu_file import Arrays, read_arrays
 from report.results.missing import MissingResult
+
+PARTICLES = ("points", "radius_m")
+PLATE = ("points", "quads", "displacement_m", "von_mises_Pa")
 
 
 @dataclass(frozen=True)
@@ -86,19 +89,21 @@ def choose(found: list[Instant], series: Series) -> list[Instant]:
 def read_film(chosen: list[Instant]) -> Film:
     """Read the pictures at the chosen instants. Raises MissingResult if one cannot be read or has lost sub-spheres."""
     try:
-        particles = [meshio.read(instant.particles) for instant in chosen]
-        plates = [meshio.read(instant.plate) for instant in chosen if instant.plate is not None]
-    except (OSError, SystemExit, ValueError, KeyError, meshio.ReadError) as error:
+        particles = [read_arrays(instant.particles, PARTICLES) for instant in chosen]
+        plates = [read_arrays(instant.plate, PLATE) for instant in chosen if instant.plate is not None]
+        return _film_of(np.array([instant.t_s for instant in chosen]), particles, plates)
+    except (OSError, ValueError, KeyError) as error:
         raise MissingResult(f"a picture cannot be read: {' '.join(str(error).split())}") from None
-    if len({len(mesh.points) for mesh in particles}) != 1 or len(plates) not in (0, len(particles)):
+
+
+def _film_of(t_s: np.ndarray, particles: list[Arrays], plates: list[Arrays]) -> Film:
+    if len({len(found["points"]) for found in particles}) != 1 or len(plates) not in (0, len(particles)):
         raise MissingResult("the pictures of the run do not show the same sub-spheres and plate")
-    t_s = np.array([instant.t_s for instant in chosen])
-    centre_m = np.stack([mesh.points for mesh in particles]).astype(np.float32)
-    radius_m = np.ravel(particles[0].point_data["radius_m"])
+    centre_m = np.stack([found["points"] for found in particles]).astype(np.float32)
+    radius_m = np.ravel(particles[0]["radius_m"])
     if not plates:
-        nothing = np.empty((len(chosen), 0))
+        nothing = np.empty((len(t_s), 0))
         return Film(t_s, centre_m, radius_m, nothing, nothing, np.empty((0, 2)), np.empty((0, 4), dtype=int))
-    deflection_m = np.stack([mesh.point_data["displacement_m"][:, 2] for mesh in plates])
-    stress_Pa = np.stack([np.ravel(mesh.point_data["von_mises_Pa"]) for mesh in plates])
-    quad = np.vstack([block.data for block in plates[0].cells if block.type == "quad"])
-    return Film(t_s, centre_m, radius_m, deflection_m, stress_Pa, plates[0].points[:, :2], quad)
+    deflection_m = np.stack([found["displacement_m"][:, 2] for found in plates])
+    stress_Pa = np.stack([np.ravel(found["von_mises_Pa"]) for found in plates])
+    return Film(t_s, centre_m, radius_m, deflection_m, stress_Pa, plates[0]["points"][:, :2], plates[0]["quads"])

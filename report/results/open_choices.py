@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.estimation.window import LEAST_RATIOS
 from recognition.paper.function_space import EXPONENTIAL, FORMS, LOGARITHMIC, POWER, Rule
 from recognition.paper.fusion import FUSIONS, Fusion
-from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.strategy import Strategy
 from report.results.methods import MODIFIED_STRATEGY, STRATEGY_AS_PUBLISHED
 from report.results.sweep_results import SweepResults
@@ -58,29 +58,46 @@ def compare_open_choices(results: SweepResults) -> list[ChoiceOutcome]:
     ratios = results.ratios
     if np.unique(ratios).size < LEAST_RATIOS:
         raise RecognitionError(f"{len(results.runs)} runs; needs at least {LEAST_RATIOS} different mixing ratios")
+
+    @cache
+    def curves(kind: str) -> list[tuple[np.ndarray, np.ndarray]]:
+        return _held_out_curves(kind, results.recognition.fusion_inputs(kind), ratios)
+
     outcomes = []
     for name, (kind, strategy) in OPEN_CHOICES.items():
         try:
-            errors = _held_out_errors_points(kind, strategy, results.recognition.fusion_inputs(kind), ratios)
+            errors = _held_out_errors_points(curves(kind), strategy, ratios)
             outcomes.append(ChoiceOutcome(name, errors))
         except RecognitionError as reason:
             outcomes.append(ChoiceOutcome(name, np.array([]), str(reason)))
     return outcomes
 
 
+def _held_out_curves(kind: str, responses: np.ndarray, ratios: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return for each run the curves of a fusion fitted to all other ratios: theirs (others, samples) and its own.
+
+    responses: shape (runs, m, samples), as the fusion takes them.
+    """
+    curves = []
+    for own, ratio in zip(responses, ratios, strict=True):
+        others = responses[ratios != ratio]
+        fusion = Fusion(kind).fit(others)
+        curves.append((fusion.transform(others), fusion.transform(own)))
+    return curves
+
+
 def _held_out_errors_points(
-    kind: str, strategy: Callable[[], Strategy], responses: np.ndarray, ratios: np.ndarray
+    curves: list[tuple[np.ndarray, np.ndarray]], strategy: Callable[[], Strategy], ratios: np.ndarray
 ) -> np.ndarray:
     """Return the error of each run, recognised by a strategy fitted to all other ratios; unanswered runs are left out.
 
-    responses: shape (runs, m, samples), as the fusion takes them. Raises RecognitionError if no fit is possible.
+    Raises RecognitionError if no fit is possible.
     """
     errors = []
-    for i, ratio in enumerate(ratios):
-        others = ratios != ratio
-        pipeline = FusionPipeline(Fusion(kind), strategy()).fit(responses[others], ratios[others])
+    for (others, own), ratio in zip(curves, ratios, strict=True):
+        fitted = strategy().fit(others, ratios[ratios != ratio])
         try:
-            errors.append(100 * (pipeline.recognise(responses[i]).ratio - ratio))
+            errors.append(100 * (fitted.recognise(own).ratio - ratio))
         except NotRecognised:
             continue
     return np.array(errors)

@@ -71,12 +71,13 @@ class RecognitionResults:
         self._signals = signals
 
     @cached_property
-    def _prepared(self) -> PreparedRuns:
+    def prepared(self) -> PreparedRuns:
+        """What every model takes of the runs."""
         return PreparedRuns.of(self._runs)
 
     @cached_property
     def _model(self) -> Model:
-        return self._prepared.fit(range(len(self._runs)))
+        return self.prepared.fit(range(len(self._runs)))
 
     @cached_property
     def _fusion_q(self) -> FusionQ:
@@ -91,11 +92,11 @@ class RecognitionResults:
 
     @cached_property
     def _by_all(self) -> list[dict[str, Answer]]:
-        return [self._model.at_impact().recognise(run.signals, str(run.path)) for run in self._runs]
+        return [self.prepared.answers_by(self._model, k) for k in range(len(self._runs))]
 
     @cached_property
     def _held_out(self) -> list[dict[str, Answer]]:
-        return side_by_side(self._prepared.answers_without, len(self._runs))
+        return side_by_side(self.prepared.answers_without, len(self._runs))
 
     def of_model(self) -> tuple[Model, list[dict[str, Answer]]]:
         """The model of all runs and its answers, for `take`."""
@@ -103,7 +104,7 @@ class RecognitionResults:
 
     def held_out(self, index: int) -> dict[str, Answer]:
         """Answers to run `index` by the other ratios, for `take`."""
-        return self._prepared.answers_without(index)
+        return self.prepared.answers_without(index)
 
     def take(self, of_model: tuple[Model, list[dict[str, Answer]]], held_out: list[dict[str, Answer]]) -> None:
         """Take what other processes found by `of_model` and by `held_out` of each run."""

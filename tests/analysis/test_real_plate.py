@@ -29,7 +29,7 @@ def run_of(path, info, **more):
     """As much of a run as the plate needs."""
     summary = SimpleNamespace(n_modes=info.get("n_modes"))
     scene = RecordedScene.model_validate(info["scene"])
-    return SimpleNamespace(path=Path(path), info=info, summary=summary, scene=scene, **more)
+    return SimpleNamespace(path=Path(path), info=info, summary=summary, scene=scene, stones=None, **more)
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,16 @@
 
 import json
 
+import meshio
 import numpy as np
 import pytest
 
 from analysis import read_run
+from dem.run.vtk_file import Mesh, VtuWriter
 from report.film.packing import OUTSIDE, pack_moving, quantised, unpack_moving
-from report.film.pictures import SERIES, choose, instants
+from report.film.pictures import SERIES, Instant, choose, instants, read_film
 from report.film.reel import QUANTUM_M, pack_run
+from report.film.vtu_file import read_arrays
 from report.results.envelope import envelope
 from report.results.missing import MissingResult
 from tests.analysis.synthetic import write_run
@@ -53,6 +56,31 @@ def test_the_view_has_the_walls_of_the_plate(tmp_path):
     (directory / "run.json").write_text(json.dumps(info))
     packed = json.loads(pack_run(read_run(directory), write_view(directory), SERIES[:1]))
     assert packed["plate"]["walls"] == [[0.25, 0.25, -0.2, 0.2, -0.01, 0.1]]
+
+
+def test_pictures_of_a_run_are_read_as_meshio_reads_them(tmp_path):
+    """The points take three blocks of the file."""
+    rng = np.random.default_rng(2)
+    points, cells = rng.normal(size=(200_000, 3)), rng.integers(0, 200_000, (1000, 4))
+    values = {"von_mises_Pa": rng.normal(size=200_000), "displacement_m": points[::-1]}
+    file = tmp_path / "plate_0000.vtu"
+    VtuWriter().write(file, Mesh(points, cells, {**values, "fragment": np.arange(200_000, dtype="i4")}))
+    found, mesh = read_arrays(file, ("points", "quads", "displacement_m", "von_mises_Pa")), meshio.read(file)
+    assert sorted(found) == ["displacement_m", "points", "quads", "von_mises_Pa"]
+    assert np.array_equal(found["points"], mesh.points) and np.array_equal(found["quads"], mesh.cells_dict["quad"])
+    for name in ("displacement_m", "von_mises_Pa"):
+        assert np.array_equal(found[name], mesh.point_data[name])
+
+
+@pytest.mark.parametrize("kept", [0.1, 0.5, 0.9])
+def test_a_picture_that_was_cut_off_is_refused(tmp_path, kept):
+    file = tmp_path / "particles_0000.vtu"
+    points = np.random.default_rng(3).normal(size=(5000, 3))
+    VtuWriter().write(file, Mesh(points, np.arange(5000).reshape(-1, 1), {"radius_m": points[:, 0]}))
+    data = file.read_bytes()
+    file.write_bytes(data[:int(kept * len(data))])
+    with pytest.raises(MissingResult, match="cannot be read"):
+        read_film([Instant(0.0, file, None)])
 
 
 def test_a_run_without_pictures_says_so(tmp_path):
