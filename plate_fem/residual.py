@@ -35,12 +35,16 @@ def residual_modes(model: PlateModel, kept: sp.csc_array, loads: sp.csr_array) -
     """Return omega^2 (m,) in 1/s^2 and vectors (n, m) of the residual modes for loads, sparse (k, n), with m <= k.
 
     `kept`, sparse (n, p), holds the mass-normalised modes of the model that are kept. A load at a point is a row of
-    `load_rows` times model.expansion; the displacement of a rod's foot is a row of model.rod_force.
+    `load_rows` times model.expansion; the displacement of a rod's foot is a row of model.rod_force. Raises RuntimeError
+    where a load has no response.
     """
     projected = loads.T.toarray() - model.mass @ (kept @ (loads @ kept).toarray().T)
     response = solve_static(model.parts, projected)
     response -= kept @ (kept.T @ (model.mass @ response))
-    response /= np.sqrt(np.einsum("ij,ij->j", response, model.mass @ response))
+    squares = np.einsum("ij,ij->j", response, model.mass @ response)
+    if not (squares > 0).all():  # a number that is none, too
+        raise RuntimeError("the static response to a load is nothing that can be told from rounding")
+    response /= np.sqrt(squares)
     size, directions = np.linalg.eigh(response.T @ (model.mass @ response))
     independent = size > 1e-8  # loads at one place, or mirrored ones on a held edge, have one response
     basis = response @ (directions[:, independent] / np.sqrt(size[independent]))

@@ -43,6 +43,7 @@ def test_runs_without_a_force_record(directory, tmp_path):
     with pytest.raises(RecordError, match="fast.parquet"):
         force_record_of(run, DURATION_S)
     shutil.copy(directory / "fast.parquet", tmp_path)
+    run = read_run(tmp_path)
     run.info["scene"]["plate"]["model"] = "rigid"
     with pytest.raises(RecordError, match="needs 'flexible'"):
         force_record_of(run, DURATION_S)
