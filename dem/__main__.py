@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from common.command import Parser, jobs, listen_for_interrupt, run_command
+from common.command import Parser, imports, jobs, listen_for_interrupt, run_command
 
 if __name__ == "__main__":
     listen_for_interrupt()
@@ -125,8 +125,9 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from dem.run.run import run_scene
-    from dem.run.told import one_line
+    with imports():
+        from dem.run.run import run_scene
+        from dem.run.told import one_line
 
     print(one_line(run_scene(_scene(options), str(options.scene), options.out, True, options.walltime,
                              options.overwrite)))
@@ -188,13 +189,15 @@ def _plate(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from dem.batch.sweep import sweep
+    with imports():  # for all runs, which are copies of this process
+        from dem.batch.sweep import sweep
 
     return sweep(options.scene, options.out, options.jobs, _changes(options), options.overwrite)
 
 
 def _dataset(options: argparse.Namespace) -> int:
-    from dem.batch.dataset import build
+    with imports():
+        from dem.batch.dataset import build
 
     return build(options.plan, options.out, options.jobs, options.overwrite)
 
