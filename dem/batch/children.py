@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
 
+import pyarrow.parquet  # noqa: F401 - every run writes tables, and its copy would import this by itself
+
 from common.processes import die_with_parent
 
 Work = Callable[[], tuple[int, str]]  # returns an exit code and what there is to tell
