@@ -94,8 +94,9 @@ def refuse_replacing(directory: Path, kind: str) -> None:
 
 
 @contextmanager
-def at_work_in(out: Path, kind: str) -> Iterator[None]:
-    """Make a directory of many runs, or take up one that this program began, and keep other processes out.
+def at_work_in(out: Path, kind: str) -> Iterator[int]:
+    """Make a directory of many runs, or take up one that this program began, and keep other processes out. Yield the
+    descriptor of the lock, which a copy of this process has to close: the lock lasts until all have.
 
     Raises InputError for a directory with anything else in it, Busy where another process is at work.
     """
@@ -109,7 +110,7 @@ def at_work_in(out: Path, kind: str) -> Iterator[None]:
     try:
         if kind_of(out) != kind:
             write_contents(out, kind)
-        yield
+        yield lock
     finally:
         os.close(lock)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -23,10 +24,10 @@ class _Child:
     answer: Connection
 
 
-def run_all(works: Sequence[Work], at_a_time: int) -> Iterator[tuple[int, int, str]]:
+def run_all(works: Sequence[Work], at_a_time: int, lock: int) -> Iterator[tuple[int, int, str]]:
     """Do each work in a copy of this process, which has imported already what it needs; yield its number, its exit code
     and what it tells as it ends, nothing where it was killed. If this ends early, as by Ctrl-C, so do all that still
-    run; their checkpoints stay."""
+    run; their checkpoints stay. The copies do not hold `lock`, a descriptor of this process."""
     fork = multiprocessing.get_context("fork")
     waiting, running = list(enumerate(works))[::-1], list[_Child]()
     try:
@@ -34,7 +35,7 @@ def run_all(works: Sequence[Work], at_a_time: int) -> Iterator[tuple[int, int, s
             while waiting and len(running) < at_a_time:
                 number, work = waiting.pop()
                 ours, theirs = fork.Pipe(duplex=False)
-                running.append(_Child(number, fork.Process(target=_do, args=(work, theirs)), ours))
+                running.append(_Child(number, fork.Process(target=_do, args=(work, theirs, lock)), ours))
                 running[-1].process.start()
                 theirs.close()
             ended = wait([child.process.sentinel for child in running])
@@ -49,11 +50,12 @@ def run_all(works: Sequence[Work], at_a_time: int) -> Iterator[tuple[int, int, s
             child.process.join()
 
 
-def _do(work: Work, answer: Connection) -> None:
+def _do(work: Work, answer: Connection, lock: int) -> None:
     """A terminal sends Ctrl-C to every process that it started; the one that started the others tells of it and ends
     them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()
+    os.close(lock)
     answer.send(work())
 
 

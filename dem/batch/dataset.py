@@ -207,19 +207,19 @@ def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int
     only. Raises InputError for bad input, Busy where another process is at work."""
     check_engine()
     planned = plan_dataset(plan_file)
-    with at_work_in(out, "dataset"):
+    with at_work_in(out, "dataset") as lock:
         missing = [run for run in planned if not is_finished(out / run.directory, run.scene, overwrite)]
         for run in missing:
             RunDirectory(out / run.directory).refuse(scene_hash(run.scene), overwrite)
         _log.info("%s: %d runs, %d to run", plan_file, len(planned), len(missing))
-        return 1 if _run_missing(missing, out, jobs, overwrite) else 0
+        return 1 if _run_missing(missing, out, jobs, overwrite, lock) else 0
 
 
-def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: bool) -> int:
+def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: bool, lock: int) -> int:
     """Returns how many failed. The processes at work end with this one, and if this ends early."""
     start, failed = time.monotonic(), 0
     works = [partial(run_one, run, out, overwrite) for run in missing]
-    for done, (number, code, text) in enumerate(run_all(works, jobs), 1):
+    for done, (number, code, text) in enumerate(run_all(works, jobs, lock), 1):
         failed += code != 0
         left_min = (time.monotonic() - start) / done * (len(missing) - done) / 60
         _log.info("%d of %d, left %.0f min: %s: %s", done, len(missing), left_min, missing[number].directory,

@@ -42,7 +42,7 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
     scenes = {k / count: changed_scene(scene_file, changes | {RATIO: k / count}) for k in range(count + 1)}
     for scene in scenes.values():
         stones_of(scene, str(scene_file))
-    with at_work_in(out, "sweep"):
+    with at_work_in(out, "sweep") as lock:
         missing = [ratio for ratio, scene in scenes.items()
                    if not is_finished(out / ratio_name(ratio), scene, overwrite)]
         for ratio in missing:
@@ -50,7 +50,7 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
         _log.info("%s: %d ratios, %d to run", scene_file, len(scenes), len(missing))
         failed = 0
         for _, code, line in run_all([partial(_run, scenes[ratio], str(scene_file), out / ratio_name(ratio), overwrite)
-                                      for ratio in missing], jobs):
+                                      for ratio in missing], jobs, lock):
             if line:
                 _log.info(line)
             failed += code != 0
