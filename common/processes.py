@@ -72,13 +72,17 @@ def _pool(processes: int, work: Callable[[int], Any]) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(processes, multiprocessing.get_context("fork"), _begin, (work,))
 
 
-def _begin(work: Callable[[int], Any]) -> None:
-    """In a new process, which leaves the answer to Ctrl-C to the one that it came from, and does not seek garbage among
-    what was there before it: that takes long, and writes on the pages that both share."""
-    global _work  # noqa: PLW0603 - found again by name in the copy
+def begin_copy() -> None:
+    """Called in a copy of a process, which leaves the answer to Ctrl-C to the one that it came from, dies with it, and
+    does not seek garbage among what was there before: that takes long, and writes on the pages that both share."""
     gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()
+
+
+def _begin(work: Callable[[int], Any]) -> None:
+    global _work  # noqa: PLW0603 - found again by name in the copy
+    begin_copy()
     _work = work
 
 

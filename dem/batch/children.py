@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -12,9 +11,11 @@ from multiprocessing.context import ForkProcess
 
 import pyarrow.parquet  # noqa: F401 - every run writes tables, and its copy would import this by itself
 
-from common.processes import die_with_parent
+from common.command import run_command
+from common.processes import begin_copy
+from dem.run.told import exit_code_of
 
-Work = Callable[[], tuple[int, str]]  # returns an exit code and what there is to tell
+Work = Callable[[], str]  # returns what there is to tell
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,9 @@ class _Child:
 
 def run_all(works: Sequence[Work], at_a_time: int, lock: int) -> Iterator[tuple[int, int, str]]:
     """Do each work in a copy of this process, which has imported already what it needs; yield its number, its exit code
-    and what it tells as it ends, nothing where it was killed. If this ends early, as by Ctrl-C, so do all that still
-    run; their checkpoints stay. The copies do not hold `lock`, a descriptor of this process."""
+    and what it tells as it ends. One that fails tells nothing here: why is said on standard error, in one line. If this
+    ends early, as by Ctrl-C, so do all that still run; their checkpoints stay. The copies do not hold `lock`, a
+    descriptor of this process."""
     fork = multiprocessing.get_context("fork")
     waiting, running = list(enumerate(works))[::-1], list[_Child]()
     try:
@@ -51,17 +53,21 @@ def run_all(works: Sequence[Work], at_a_time: int, lock: int) -> Iterator[tuple[
 
 
 def _do(work: Work, answer: Connection, lock: int) -> None:
-    """A terminal sends Ctrl-C to every process that it started; the one that started the others tells of it and ends
-    them."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    die_with_parent()
+    begin_copy()
     os.close(lock)
-    answer.send(work())
+    line = ""
+
+    def finish() -> int:
+        nonlocal line
+        line = work()
+        return 0
+
+    answer.send((run_command("dem", lambda: exit_code_of(finish)), line))
 
 
 def _answer_of(child: _Child) -> tuple[int, str]:
     with child.answer:
         try:
             return child.answer.recv()
-        except EOFError:  # it was killed, or ended by an error
+        except EOFError:  # it was killed
             return child.process.exitcode or 1, ""

@@ -29,7 +29,6 @@ from dem.batch.dataset_streams import StreamFamily, draw_stream
 from dem.batch.sweep import is_finished
 from dem.coupling.launch import check_engine
 from dem.run.directory import RunDirectory
-from dem.run.errors import RunError
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 from dem.stones.arrangement import stones_of
@@ -218,24 +217,20 @@ def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int
 def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: bool, lock: int) -> int:
     """Returns how many failed. The processes at work end with this one, and if this ends early."""
     start, failed = time.monotonic(), 0
-    works = [partial(run_one, run, out, overwrite) for run in missing]
+    works = [partial(_run, run, out, overwrite) for run in missing]
     for done, (number, code, text) in enumerate(run_all(works, jobs, lock), 1):
         failed += code != 0
         left_min = (time.monotonic() - start) / done * (len(missing) - done) / 60
         _log.info("%d of %d, left %.0f min: %s: %s", done, len(missing), left_min, missing[number].directory,
-                  text or f"its process ended with code {code}")
+                  text or f"failed with code {code}")
     return failed
 
 
-def run_one(planned: DatasetRun, out: Path, overwrite: bool = False) -> tuple[int, str]:
-    """Make one run. Returns an exit code and a line about it."""
+def _run(planned: DatasetRun, out: Path, overwrite: bool) -> str:
     directory = out / planned.directory
-    try:
-        prepared = prepare(planned.scene, planned.source, user_cache())
-        summary = run_prepared(prepared, directory, overwrite=overwrite)
-    except (InputError, RunError) as error:
-        return 1, str(error)
+    prepared = prepare(planned.scene, planned.source, user_cache())
+    summary = run_prepared(prepared, directory, overwrite=overwrite)
     for name in NOT_KEPT:
         shutil.rmtree(directory / name) if (directory / name).is_dir() else (directory / name).unlink(missing_ok=True)
-    return 0, (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
-               f"{sum(summary['wall_time_s'].values()):.0f} s")
+    return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
+            f"{sum(summary['wall_time_s'].values()):.0f} s")

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from common.command import run_command
 from common.output_directory import at_work_in
 from common.run_summary import read_summary
 from common.scene import Scene, changed_scene, ratio_name, scene_hash
@@ -17,7 +16,7 @@ from dem.batch.children import run_all
 from dem.coupling.launch import check_engine
 from dem.run.directory import RunDirectory
 from dem.run.run import run_scene
-from dem.run.told import exit_code_of, one_line
+from dem.run.told import one_line
 from dem.stones.arrangement import stones_of
 
 RATIO = "stones.gangue_ratio"
@@ -49,24 +48,16 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
             RunDirectory(out / ratio_name(ratio)).refuse(scene_hash(scenes[ratio]), overwrite)
         _log.info("%s: %d ratios, %d to run", scene_file, len(scenes), len(missing))
         failed = 0
-        for _, code, line in run_all([partial(_run, scenes[ratio], str(scene_file), out / ratio_name(ratio), overwrite)
-                                      for ratio in missing], jobs, lock):
+        works = [partial(_run, scenes[ratio], str(scene_file), out / ratio_name(ratio), overwrite) for ratio in missing]
+        for _, code, line in run_all(works, jobs, lock):
             if line:
                 _log.info(line)
             failed += code != 0
     return 1 if failed else 0
 
 
-def _run(scene: Scene, source: str, out: Path, overwrite: bool) -> tuple[int, str]:
-    """Returns the exit code, and a line about a run that finished; why one failed is said on standard error."""
-    line = ""
-
-    def finish() -> int:
-        nonlocal line
-        line = one_line(run_scene(scene, source, out, show_progress=True, overwrite=overwrite))
-        return 0
-
-    return run_command("dem", lambda: exit_code_of(finish)), line
+def _run(scene: Scene, source: str, out: Path, overwrite: bool) -> str:
+    return one_line(run_scene(scene, source, out, show_progress=True, overwrite=overwrite))
 
 
 def is_finished(directory: Path, scene: Scene, overwrite: bool = False) -> bool:
