@@ -83,7 +83,9 @@ def engines_below(process):
 @pytest.mark.parametrize("command", ["sweep", "dataset", "run", "campaign"])
 def test_one_interrupt_ends_the_children_and_what_waits_does_not_start(tmp_path, command):
     scene = small_stone(tmp_path, **{"count = 1\n": "count = 2\n", "gangue_order = [1]": "gangue_order = [2, 1]",
-                                     "{ x_m = 0.1, y_m = 0.0 }": "{ x_m = 0.1, y_m = 0.0 }, { x_m = -0.1, y_m = 0.0 }"})
+                                     "{ x_m = 0.1, y_m = 0.0 }": "{ x_m = 0.1, y_m = 0.0 }, { x_m = -0.1, y_m = 0.0 }",
+                                     # not done while Snakemake, which is asked first, waits for it
+                                     "duration_s = 6e-3": "duration_s = 0.6\nfree_flight_tolerance = 0.0"})
     (tmp_path / "plan.toml").write_text('scene = "stone.toml"\nseed = 1\n'
                                         '[families.one]\ngroups = 1\nruns_per_group = 3\n')
     (tmp_path / "values.toml").write_text('scene = "stone.toml"\n[vary]\n"stones.seed" = [1, 2, 3]\n')
