@@ -23,8 +23,8 @@ def test_what_is_cited_has_the_version_of_the_project():
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
 
 
-def blocks(kind):
-    return re.findall(rf"```{kind}\n(.*?)```", EXTENDING, re.DOTALL)
+def blocks(kind, text=EXTENDING):
+    return re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL)
 
 
 @pytest.mark.parametrize("code", blocks("python"), ids=["material", "parameter", "fusion"])
@@ -35,6 +35,17 @@ def test_examples_in_python(code, tmp_path, monkeypatch):
     if "runs" in code:
         names["runs"] = read_sweep(write_sweep(tmp_path / "runs")).runs
     exec(compile(code, "docs/extending.md", "exec"), names)  # noqa: S102  our own page
+
+
+@pytest.mark.parametrize("page, number", [("plate", 0), ("from_python", 0), ("from_python", 1)])
+def test_pages_run_as_they_stand(page, number, tmp_path, monkeypatch):
+    """Scripts of other pages. `OUT` is where they write, `SWEEP` a sweep of the paper's scene."""
+    monkeypatch.chdir(ROOT)
+    names = {"OUT": tmp_path}
+    code = blocks("python", (ROOT / "docs" / f"{page}.md").read_text())[number]
+    if "SWEEP" in code:
+        names["SWEEP"] = write_sweep(tmp_path / "runs")
+    exec(compile(code, f"docs/{page}.md", "exec"), names)  # noqa: S102  our own page
 
 
 def test_examples_of_commands(tmp_path):
