@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import dem.run.run
-from common.output_directory import Busy, at_work_in, locked, write_contents
+from common.output_directory import Busy, at_work_in, hash_of, locked, write_contents
 from common.tables import InputError
 from dem.__main__ import main
 from dem.run.errors import RunError
@@ -167,7 +167,7 @@ def test_a_damaged_run_is_replaced_with_overwrite(commands, tmp_path, capsys, mo
         directory = where.with_name(ratio)
         directory.mkdir(parents=True)
         (directory / "run.json").write_text(damaged)
-        write_contents(directory, "run", ["run.json"])
+        write_contents(directory, "run", {"run.json": hash_of(directory / "run.json")})
     write_contents(out, kind)
     assert "run.json" in refused(capsys, [*commands[kind], out])
     assert main([*commands[kind], str(out), "--overwrite"]) == 0
