@@ -1,27 +1,30 @@
 """What a command may write to: a new directory or file, or one that this program wrote itself.
 
 A directory that this program wrote says so in `contents.json`: its kind, and for a directory that is replaced as a
-whole the files in it with their hashes. Nothing that is not in that list, as it was written, is ever deleted.
+whole the files in it with their hashes. Nothing that is not in that list, as it was written, is ever deleted. A single
+file holds its hash itself: JSON as common.files.seal puts it, other text in a comment at its end.
 """
 
 from __future__ import annotations
 
 import fcntl
 import hashlib
+import json
 import os
 import re
 import stat
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from common.files import read_json, write_json
+from common.files import is_sealed, read_json, write_json
 from common.tables import InputError
 
 CONTENTS = "contents.json"
 WRITER = "coal-gangue-impact"
-GENERATOR = f'name="generator" content="{WRITER}"'  # by which the templates of pages say who wrote them
+STAMP = re.compile(rb"^(?:<!--|#) coal-gangue-impact ([0-9a-f]{64})(?: -->)?\n\Z", re.MULTILINE)
+IsOwn = Callable[[bytes], bool]  # of what is in a file: did this program write it?
 LOCK = ".lock"
 # What directories of earlier versions, which have no contents.json, are known by.
 RUNS_IN = {"sweep": "ratio_*/run.json", "campaign": "*/ratio_*/run.json", "dataset": "*/*/ratio_*/run.json"}
@@ -203,7 +206,7 @@ def _is_still(lock: int, file: Path) -> bool:
         return False
 
 
-def refuse_file(out: str, *known_by: str) -> None:
+def refuse_file(out: str, is_own: IsOwn) -> None:
     """Raises InputError for an `--out` that cannot become a file of this program: one that ends in no name, whose
     directory is not there, or where there is something that `refuse_foreign_file` refuses."""
     file = Path(out)
@@ -211,18 +214,41 @@ def refuse_file(out: str, *known_by: str) -> None:
         raise InputError(f"--out = {out}: must be the name of a file")
     if not file.parent.is_dir():
         raise InputError(f"--out = {out}: there is no directory {file.parent}")
-    refuse_foreign_file(file, *known_by)
+    refuse_foreign_file(file, is_own)
 
 
-def refuse_foreign_file(file: Path, *known_by: str) -> None:
-    """Raises InputError if there is something at `file` that this program did not write: no regular file, or one
-    with none of the texts `known_by` among its first 4096 bytes."""
-    if not file.exists() and not file.is_symlink():
+def refuse_foreign_file(file: Path, is_own: IsOwn) -> None:
+    """Raises InputError if there is something at `file` that this program did not write, or that was changed since."""
+    if not os.path.lexists(file):
         return
-    if not file.is_file() or not any(text.encode() in _beginning(file) for text in known_by):
-        raise InputError(f"{file}: is there, and this program did not write it; choose another name")
+    if not file.is_file() or not is_own(file.read_bytes()):
+        raise InputError(f"{file}: is there, and this program did not write it, or it was changed since; move it away "
+                         "or choose another name")
 
 
-def _beginning(file: Path) -> bytes:
-    with open(file, "rb") as opened:
-        return opened.read(4096)
+def stamped(text: str, comment: str = "<!-- {} -->") -> str:
+    """A text with a comment at its end that says who wrote it and what its hash is."""
+    text = text.rstrip("\n") + "\n"
+    return text + comment.format(f"{WRITER} {hashlib.sha256(text.encode()).hexdigest()}") + "\n"
+
+
+def is_stamped(content: bytes) -> bool:
+    """Is this what `stamped` gave, unchanged?"""
+    found = STAMP.search(content, max(0, len(content) - 200))
+    return found is not None and hashlib.sha256(content[:found.start()]).hexdigest() == found[1].decode()
+
+
+def is_sealed_as(form: str) -> IsOwn:
+    """Tells whether a file is JSON of this format, unchanged since this program wrote it."""
+    def is_own(content: bytes) -> bool:
+        try:
+            data = json.loads(content)
+        except (ValueError, RecursionError):
+            return False
+        return isinstance(data, dict) and data.get("format") == form and is_sealed(data)
+    return is_own
+
+
+def begins_with(line: str) -> IsOwn:
+    """Tells whether a table has this first line, or as much of it as is given."""
+    return lambda content: content.startswith(line.encode())

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from common.files import write_text
-from common.output_directory import GENERATOR, refuse_file
+from common.output_directory import is_stamped, refuse_file, stamped
 from common.resources import resource
 from report.compare import MAIN_NUMBERS, Comparison, Curve, Pair, compare
 from report.figures.style import ACCENT, GANGUE, PALE, RATIO_LABEL, canvas, styled, to_uri
@@ -23,8 +23,8 @@ def write_comparison(a: Path, b: Path, out: Path | None = None) -> Path:
     would replace, OSError where a file cannot be read or written.
     """
     out = out or page_of(a, b)
-    refuse_file(str(out), GENERATOR)
-    write_text(out, render(compare(a, b)))
+    refuse_file(str(out), is_stamped)
+    write_text(out, stamped(render(compare(a, b))))
     return out
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from analysis import Sweep, read_sweep
 from analysis.stream import is_stream
 from common.files import write_text
-from common.output_directory import GENERATOR, refuse_foreign_file
+from common.output_directory import begins_with, is_stamped, refuse_foreign_file, stamped
 from common.resources import resource
 from report import tables
 from report.chapters.breakage import BREAKAGE_FIGURES
@@ -106,17 +106,17 @@ def write_report(directory: str | Path) -> Path:
     cannot be used, and OSError where the files cannot be written.
     """
     file = Path(directory) / "report.html"
-    refuse_foreign_file(file, GENERATOR, "<title>Coal and gangue")  # the title is that of earlier versions
+    refuse_foreign_file(file, is_stamped)
     sweep = read_sweep(directory)
     if all(is_stream(run) for run in sweep.runs):
-        write_text(file, render_streams(sweep))
+        write_text(file, stamped(render_streams(sweep)))
         return file
-    refuse_foreign_file(file.with_name("claims.csv"), "claim,where,verdict")
+    refuse_foreign_file(file.with_name("claims.csv"), begins_with("claim,where,verdict,"))
     results = SweepResults(sweep)
     parts = _parts(results)
     parts = replace(parts, claims=[replace(c, value=local(c.value, results.sweep)) for c in parts.claims])
     write_text(file.with_name("claims.csv"), to_csv(parts.claims))
-    write_text(file, render(results, parts))
+    write_text(file, stamped(render(results, parts)))
     return file
 
 
