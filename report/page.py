@@ -11,6 +11,7 @@ from typing import Any
 
 import jinja2
 import numpy as np
+from markupsafe import Markup
 
 from analysis import Sweep, read_sweep
 from analysis.stream import is_stream
@@ -165,8 +166,13 @@ def _environment(sweep: Sweep) -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["local"] = lambda text: local(text, sweep)
+    environment.filters |= {"local": lambda text: local(text, sweep), "in_script": in_script}
     return environment
+
+
+def in_script(json_text: str) -> Markup:
+    """JSON for inside a script element: text in it, which may come from any run.json, cannot end the element."""
+    return Markup(json_text.replace("<", "\\u003c"))  # noqa: S704 - as htmlsafe_json_dumps does
 
 
 def local(text: str, sweep: Sweep) -> str:

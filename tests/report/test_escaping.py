@@ -1,0 +1,71 @@
+"""Whatever stands in run.json or is the name of a directory, pages show it as text: it adds no element and no attribute."""
+
+import json
+from html.parser import HTMLParser
+
+import pytest
+
+from report.compare_page import write_comparison
+from report.page import write_report
+from tests.analysis.synthetic import write_run
+from tests.report.synthetic_view import write_view
+
+EVIL = "</script><script>alert(1)</script><!--<img src=x onerror=alert(1)>\"'>${7*7}{{7*7}}$\\frac{"
+NAME = EVIL.replace("/", "|")  # of a directory
+NEEDED = ("status", "materials", "model")  # values that say what a run is
+
+
+class Elements(HTMLParser):
+    """Elements of a page with the names of their attributes, and the text of each script."""
+
+    def __init__(self, html):
+        super().__init__(convert_charrefs=True)
+        self.found, self.scripts = [], []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, sorted(name for name, _ in attrs)))
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_data(self, data):
+        if self.found and self.found[-1][0] == "script":
+            self.scripts[-1] += data
+
+
+def poisoned(value):
+    if isinstance(value, dict):
+        return {key: each if key in NEEDED else poisoned(each) for key, each in value.items()} | {EVIL: EVIL}
+    if isinstance(value, list):
+        return [poisoned(each) for each in value]
+    return value + EVIL if isinstance(value, str) else value
+
+
+def poison(run):
+    content = poisoned(json.loads((run / "run.json").read_text()))
+    for table in ("versions", "seeds", "wall_time_s", "energy"):  # of one type each
+        content[table].pop(EVIL)
+    content["scene"]["plate"]["rods"] = [{"x_m": 0.1, "y_m": 0.1, "note": EVIL}]
+    (run / "run.json").write_text(json.dumps(content))
+
+
+@pytest.fixture(scope="module")
+def sweeps(tmp_path_factory):
+    """The same run in a sweep of a harmless name and in one that is poisoned."""
+    here = tmp_path_factory.mktemp("escaping")
+    for name in ("harmless", NAME):
+        run = write_run(here / name / "ratio_050", 0.5)
+        write_view(run)
+        content = json.loads((run / "run.json").read_text())
+        content["scene"]["plate"]["rods"] = [{"x_m": 0.1, "y_m": 0.1}]
+        (run / "run.json").write_text(json.dumps(content))
+    poison(here / NAME / "ratio_050")
+    return here / "harmless", here / NAME
+
+
+def test_a_report_has_no_element_more(sweeps):
+    harmless, evil = (Elements(write_report(sweep).read_text()) for sweep in sweeps)
+    assert evil.found == harmless.found
+    films = [json.loads(script) for script in evil.scripts if '"bodies"' in script[:200]]
+    assert [film["plate"]["rods"][0]["note"] for film in films] == [EVIL]
