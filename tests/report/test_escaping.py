@@ -1,11 +1,16 @@
-"""Whatever stands in run.json or is the name of a directory, pages show it as text: it adds no element and no attribute."""
+"""What stands in run.json or is the name of a directory is text in a page: it adds no element and no attribute."""
 
 import json
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
-from report.compare_page import write_comparison
+import report.compare_page
+import report.page
+from report.compare import Curve
+from report.compare_page import draw_curve, write_comparison
+from report.figures.style import to_uri
 from report.page import write_report
 from tests.analysis.synthetic import write_run
 from tests.report.synthetic_view import write_view
@@ -36,7 +41,9 @@ class Elements(HTMLParser):
 
 def poisoned(value):
     if isinstance(value, dict):
-        return {key: each if key in NEEDED else poisoned(each) for key, each in value.items()} | {EVIL: EVIL}
+        of_tables = any(isinstance(each, dict) for each in value.values())
+        return {key: each if key in NEEDED else poisoned(each) for key, each in value.items()} | (
+            {} if of_tables else {EVIL: EVIL})
     if isinstance(value, list):
         return [poisoned(each) for each in value]
     return value + EVIL if isinstance(value, str) else value
@@ -46,7 +53,6 @@ def poison(run):
     content = poisoned(json.loads((run / "run.json").read_text()))
     for table in ("versions", "seeds", "wall_time_s", "energy"):  # of one type each
         content[table].pop(EVIL)
-    content["scene"]["plate"]["rods"] = [{"x_m": 0.1, "y_m": 0.1, "note": EVIL}]
     (run / "run.json").write_text(json.dumps(content))
 
 
@@ -57,15 +63,28 @@ def sweeps(tmp_path_factory):
     for name in ("harmless", NAME):
         run = write_run(here / name / "ratio_050", 0.5)
         write_view(run)
-        content = json.loads((run / "run.json").read_text())
-        content["scene"]["plate"]["rods"] = [{"x_m": 0.1, "y_m": 0.1}]
-        (run / "run.json").write_text(json.dumps(content))
     poison(here / NAME / "ratio_050")
     return here / "harmless", here / NAME
 
 
-def test_a_report_has_no_element_more(sweeps):
+def test_a_report_has_no_element_more(sweeps, monkeypatch):
+    monkeypatch.setattr(report.page, "CHAPTERS", report.page.CHAPTERS[:1])  # drawing takes its time
     harmless, evil = (Elements(write_report(sweep).read_text()) for sweep in sweeps)
     assert evil.found == harmless.found
     films = [json.loads(script) for script in evil.scripts if '"bodies"' in script[:200]]
-    assert [film["plate"]["rods"][0]["note"] for film in films] == [EVIL]
+    assert [film["plate"]["rods"][0][EVIL] for film in films] == [EVIL]
+
+
+def test_a_comparison_has_no_element_more(sweeps, tmp_path, monkeypatch):
+    monkeypatch.setattr(report.compare_page, "_figures", lambda *_: [("data:,", EVIL)])
+    harmless, evil = sweeps
+    pages = [write_comparison(a, b, tmp_path / f"{k}.html") for k, (a, b) in enumerate([sweeps, (evil, harmless)])]
+    one, other = (Elements(page.read_text()) for page in pages)
+    assert one.found == other.found and not {"script", "onerror"} & {word for tag, names in one.found
+                                                                     for word in (tag, *names)}
+
+
+def test_names_of_directories_in_pictures_are_no_formulas_and_are_shown():
+    t_s = np.linspace(0, 1, 5)
+    figure = draw_curve(Curve("force", t_s, t_s, t_s), ("_a$b$^{", "c$"))
+    assert to_uri(figure, "curve") and len(figure.axes[0].get_legend().texts) == 2
