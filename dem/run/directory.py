@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -12,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from common.files import force_to_disk, is_sealed, read_json, read_sealed_json, seal, write_json
-from common.output_directory import CONTENTS, files_in, locked, refuse_replacing, write_contents
+from common.output_directory import CONTENTS, files_in, locked_directory, refuse_replacing, write_contents
 from common.run_summary import RunSummary, read_summary
 from common.tables import InputError
 
@@ -81,21 +83,13 @@ class RunDirectory:
     def claimed(self) -> Iterator[int]:
         """Keep other processes out, as long as this one or an engine that it started is alive. Yields the lock's file
         descriptor, for the engine to inherit. Raises Busy."""
-        lock = self._locked()
+        lock = locked_directory(self.path, LOCK_WAIT_s, LOCK)
         try:
             if os.fstat(lock).st_size == 0:
                 os.write(lock, MARK.encode())
             yield lock
         finally:
             os.close(lock)
-
-    def _locked(self) -> int:
-        while True:
-            self.path.mkdir(parents=True, exist_ok=True)
-            try:
-                return locked(self.path / LOCK, LOCK_WAIT_s)
-            except FileNotFoundError:
-                continue  # who had it has just published the directory
 
     def started(self) -> dict[str, Any] | None:
         """What `start` wrote, None if no run was started here. Raises InputError if it cannot be read or is damaged."""
@@ -151,6 +145,11 @@ class RunDirectory:
         for name in WORKING:
             (self.out / name).unlink(missing_ok=True)
         shutil.rmtree(earlier, ignore_errors=True)
+
+
+def name_of(identity: Identity) -> str:
+    """The name of 64 characters that checkpoints of a run with this identity carry."""
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 
 
 def _is_own(name: str) -> bool:

@@ -71,6 +71,7 @@ class FakeEngine(threading.Thread):
                 w, mean = target, -impulse / self.interval_s
                 self.z.append(z)
             out.write(struct.pack("<qqqd", -1, 0, 0, 0.0))
+            assert struct.unpack("<qddd", answers.read(32))[0] == -1
 
 
 def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
