@@ -79,8 +79,8 @@ def last_whole(deck: Path, streams: Sequence[str], flexible: bool, identity: str
 
 
 def read_checked(file: Path, magic: bytes, identity: str) -> bytes:
-    """What follows the header of a file of checkpoints. Raises InputError for one that is cut off, damaged or no such file,
-    or of another run than `identity`."""
+    """What follows the header of a file of checkpoints. Raises InputError for one that is cut off, damaged, of another
+    run than `identity`, or no such file."""
     data = file.read_bytes()
     if len(data) < HEADER.size or data[:8] != magic:
         raise InputError(f"{file}: not a checkpoint of this program")

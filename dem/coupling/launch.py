@@ -11,7 +11,7 @@ import socket
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -77,7 +77,7 @@ def engine_running(directory: Path, np: int = 1, inherit: tuple[int, ...] = (),
     for name, value in variables.items():
         command += ["-var", name, str(value)]
     before = _before_engine if np == 1 else partial(die_with_parent, signal.SIGTERM)  # which mpirun passes on
-    with nullcontext(({}, ())) if np == 1 else _place_of_ranks() as (places, locks):
+    with _place_of_ranks(np) as (places, locks):
         with open(directory / "engine.out", "wb") as out:
             engine = subprocess.Popen(command, cwd=directory, env=_environment() | places, stdin=subprocess.DEVNULL,
                                       stdout=out, stderr=subprocess.STDOUT, pass_fds=inherit + locks,
@@ -91,10 +91,13 @@ def engine_running(directory: Path, np: int = 1, inherit: tuple[int, ...] = (),
 
 
 @contextmanager
-def _place_of_ranks() -> Iterator[tuple[dict[str, str], tuple[int, ...]]]:
+def _place_of_ranks(np: int) -> Iterator[tuple[dict[str, str], tuple[int, ...]]]:
     """A directory for what the ranks of one engine share. In the one that MPI gives all its programs, one that starts
     may miss what another that ends has just removed. Yields the variables of the environment that name it, and a lock
-    for the engine to inherit."""
+    for the engine to inherit; neither for one rank, which makes no such files."""
+    if np == 1:
+        yield {}, ()
+        return
     memory = SHARED_MEMORY if os.access(SHARED_MEMORY, os.W_OK) else Path(tempfile.gettempdir())
     for left in memory.glob(f"{PREFIX}*"):
         _remove_if_left(left)

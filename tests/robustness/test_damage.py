@@ -31,7 +31,7 @@ def stopped(tmp_path_factory):
 def of_other_damping(stopped, tmp_path_factory):
     """A run that differs in the plate's damping alone, which the engine does not know."""
     here = tmp_path_factory.mktemp("other")
-    scene = small_stone(here, **{"damping_ratio = 0.02\nmax_freq": "damping_ratio = 0.2\nmax_freq"})
+    scene = small_stone(here, **{"damping_ratio = 0.01": "damping_ratio = 0.2"})
     assert run("dem", "run", scene, "--out", here / "other", "--walltime", 0)[0] == 75
     return here / "other.partial"
 
@@ -122,9 +122,9 @@ def test_a_checkpoint_of_a_run_with_another_plate_is_refused(stopped, of_other_d
     there, here = of_other_damping / "deck", partial / "deck"
     step = steps_of(here / "checkpoint")[0]
     assert steps_of(there / "checkpoint")[0] == step
-    for part in parts:
-        name = f"checkpoint/{part}_{step}.checkpoint" if part in ("engine", "plate") else part
-        assert (there / name).read_bytes() != (here / name).read_bytes() or part not in parts[:2], part
+    names = [f"checkpoint/{part}_{step}.checkpoint" if part in ("engine", "plate") else part for part in parts]
+    assert (there / names[0]).read_bytes() != (here / names[0]).read_bytes()
+    for name in filter(lambda name: (there / name).exists(), names):
         shutil.copy(there / name, here / name)
     assert check_goes_on(stopped, tmp_path, "of another run")
 
