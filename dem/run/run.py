@@ -101,8 +101,8 @@ def _take_up(work: RunDirectory, prepared: PreparedRun, overwrite: bool) -> tupl
     """Put the deck in its place; return what the run is known by, and the step of the checkpoint to go on from, 0 if
     from the start.
 
-    Only a run with the same deck, plate, program and engine goes on; any other, and each with `overwrite`, starts anew
-    in an empty directory.
+    Only a run with the same deck, plate, program and engine goes on; any other starts anew in an empty directory, as
+    with `overwrite` each does that is not finished.
     """
     deck, fresh = work.path / "deck", work.path / "deck.fresh"
     work.remove(fresh.name)
@@ -110,7 +110,7 @@ def _take_up(work: RunDirectory, prepared: PreparedRun, overwrite: bool) -> tupl
         deck_hash = write_deck(fresh, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
     files = sorted(work.file(f"deck/{file.name}") for file in fresh.iterdir() if file.is_file())
     identity = _identity(prepared, deck_hash)
-    if overwrite or _identity_of(work) != identity:
+    if _identity_of(work) != identity or (overwrite and work.finished(identity) is None):
         work.clear(keep=(fresh.name,))
         fresh.rename(deck)
         work.start(identity, prepared.given.model_dump(mode="json"), prepared.source)
