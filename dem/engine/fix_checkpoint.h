@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "checkpoint_file.h"
+#include "checkpointed.h"
 #include "fix.h"
+#include "free_flight_partners.h"
 
 namespace LAMMPS_NS {
 
@@ -21,13 +23,15 @@ namespace LAMMPS_NS {
 // are cut back to their length at that step, and who starts the engine has checked what they hold until there. The last
 // two checkpoints stay on disk. The set-up of LIGGGHTS computes forces from velocities half a step too
 // late and advances contacts a second time; when it has finished they are put back as they were.
-class FixCheckpoint : public Fix {
+class FixCheckpoint : public Fix, public ResumesRun, public ActsInFreeFlight {
  public:
   FixCheckpoint(class LAMMPS *, int, char **);
   int setmask() override;
   void init() override;
   void setup(int) override;
   void end_of_step() override;
+  bool is_resuming() const override { return resumed_ != nullptr; }
+  int acts_every() const override { return nevery; }
 
   static void stop_at_next(int);  // handler of SIGUSR1
 
@@ -50,7 +54,7 @@ class FixCheckpoint : public Fix {
 
   bool due(bool stop);
   std::string file(long long step) const;
-  std::vector<class Checkpointed *> others() const;
+  std::vector<Checkpointed *> others() const;
   void save();
   void save_atoms(CheckpointWriter &);
   void save_contacts(CheckpointWriter &);

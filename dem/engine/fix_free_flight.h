@@ -77,7 +77,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   double largest_modulus_ = 0;  // E* of all pairs of types, Pa
   int unheld_ = 0;             // bit of the group
   double body_skin_ = 0;       // of neighbours within a body, m; 0: that of the deck
-  size_t least_fragment_ = 0;  // sub-spheres: a fragment of fewer is taken out as soon as it flies
+  int least_fragment_ = 0;   // sub-spheres: a fragment of fewer is taken out as soon as it flies
   int shown_ = 0;              // sub-spheres appended by show
   bigint jumped_ = 0, departures_ = 0;
 

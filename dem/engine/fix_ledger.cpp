@@ -8,6 +8,7 @@
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
+#include "fix_input.h"
 #include "fixes.h"
 #include "force.h"
 #include "neigh_list.h"
@@ -25,21 +26,14 @@ const double STICKS = 1e-9;  // of its stretch: a tangential spring that was sho
 
 FixLedger::FixLedger(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   std::string agglomerates, file;
-  if (narg != 9 && narg != 13) error->fix_error(FLERR, this, "needs agglomerates FILE every N file FILE [up X Y Z]");
-  for (int k = 3; k < narg; k += 2) {
-    const std::string key = arg[k];
-    if (key == "agglomerates") agglomerates = arg[k + 1];
-    else if (key == "every") every_ = force->inumeric(FLERR, arg[k + 1]);
-    else if (key == "file") file = arg[k + 1];
-    else if (key == "up" && k + 3 < narg) {
-      up_ = Vec(force->numeric(FLERR, arg[k + 1]), force->numeric(FLERR, arg[k + 2]),
-                force->numeric(FLERR, arg[k + 3]));
-      k += 2;
-    }
-    else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-  }
+  FixInput(lmp, this)
+      .text("agglomerates", agglomerates)
+      .whole("every", every_, 1)
+      .text("file", file)
+      .direction("up", up_)
+      .read(arg, 3, narg, {"agglomerates", "every", "file"});
   nevery = 1;
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
   pair_work_.assign(agglomerates_->count(), 0);
   pair_damped_ = friction_ = gained_ = pair_work_;
   row_of_.assign(agglomerates_->count(), 0);
@@ -56,15 +50,18 @@ FixLedger::~FixLedger() {
 int FixLedger::setmask() { return POST_INTEGRATE | PRE_FORCE | POST_FORCE | END_OF_STEP; }
 
 void FixLedger::init() {
+  for (int k = 0; modify->fix[k] != this; k++)
+    if (modify->fmask[k] & POST_FORCE)
+      FixInput(lmp, this).refuse(std::string("must come before fix ") + modify->fix[k]->id + ", which adds forces");
   holders_ = fixes_that_are<EnergyHolder>(modify);
   stream_ = fix_that_is<StoneStream>(modify);
-  agglomerates_->follow(stream_);
+  agglomerates_->init();
 }
 
 void FixLedger::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
   const NeighList *springs = force->pair->list->listgranhistory;
-  if (springs && springs->dnum != 3) error->fix_error(FLERR, this, "needs contacts with `tangential history`");
+  if (springs && springs->dnum != 3) FixInput(lmp, this).refuse("needs contacts with `tangential history`");
   if (resuming) return;
   // The step that ends here was counted by the run before, or never was.
   const std::vector<double> counted = pair_work_, friction = friction_, gained = gained_;
