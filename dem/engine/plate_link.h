@@ -41,6 +41,7 @@ class PlateLink {
   void send(long long step, long long co_steps, long long extrapolated, const double *modal_force);
   void receive(void *data, size_t bytes);
   void receive_answer(long long step);
+  void check_answer(long long step) const;
   void wait_for_input();
   void check_plate();
 };
