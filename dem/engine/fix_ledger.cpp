@@ -96,11 +96,12 @@ void FixLedger::find_contacts(bool touched_before) {
   }
 }
 
-// Of i over j across their normal, where they touch.
-Vec FixLedger::surface_velocity(const Contact &c) const {
+// Of i over j across their normal, where they touch; or what i has of it.
+Vec FixLedger::surface_velocity(const Contact &c, bool of_both) const {
   const double *a = atom->v[c.i], *b = atom->v[c.j];
   const double arm_i = atom->radius[c.i] - 0.5 * c.overlap, arm_j = atom->radius[c.j] - 0.5 * c.overlap;
-  const Vec v = Vec(a) - Vec(b), spin = arm_i * Vec(atom->omega[c.i]) + arm_j * Vec(atom->omega[c.j]);
+  Vec v(a), spin = arm_i * Vec(atom->omega[c.i]);
+  if (of_both) v = v - Vec(b), spin += arm_j * Vec(atom->omega[c.j]);
   return v - dot(v, c.normal) * c.normal - cross(spin, c.normal);
 }
 
@@ -131,15 +132,18 @@ void FixLedger::measure_friction() {
   }
 }
 
+// The velocity of a ghost is that of the middle of the step, when the force was found. Its own rank knows the one at the
+// end, and each of the two ranks adds what the dashpots took from its own sub-sphere.
 void FixLedger::add_damping() {
   const double dt = update->dt;
   for (const Contact &c : contacts_) {
+    const bool both = c.j < atom->nlocal;
     const double mi = atom->rmass[c.i], mj = atom->rmass[c.j];
-    const Vec v = Vec(atom->v[c.i]) - Vec(atom->v[c.j]);
-    const Vec gained = 0.5 * dt / mi * Vec(atom->f[c.i]) - 0.5 * dt / mj * Vec(atom->f[c.j]);
-    const double normal = law_->damping_power(atom->type[c.i], atom->type[c.j], c.radius, c.overlap,
-                                              mi * mj / (mi + mj), dot(v - gained, c.normal), dot(v, c.normal));
-    count(pair_damped_, c, dt * (normal + dot(c.rubbed, surface_velocity(c))));
+    const Vec vi(atom->v[c.i]), vj(atom->v[c.j]), gained = 0.5 * dt / mi * Vec(atom->f[c.i]);
+    const Vec at_force = both ? vi - vj - (gained - 0.5 * dt / mj * Vec(atom->f[c.j])) : vi - gained - vj;
+    const double normal = law_->damping_power(atom->type[c.i], atom->type[c.j], c.radius, c.overlap, mi * mj / (mi + mj),
+                                              dot(at_force, c.normal), dot(both ? vi - vj : vi, c.normal));
+    count(pair_damped_, c, dt / c.share * (normal + dot(c.rubbed, surface_velocity(c, both))));
   }
 }
 
