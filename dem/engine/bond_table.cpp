@@ -58,8 +58,11 @@ std::vector<Bond> read_bonds(const FixInput &input, const std::string &file, con
                              const Agglomerates &agglomerates) {
   std::ifstream in(file);
   std::vector<Bond> bonds;
-  for (double row[8]; in >> row[0] >> row[1] >> row[2] >> row[3] >> row[4] >> row[5] >> row[6] >> row[7];)
-    bonds.push_back(bond_of_row(input, row, static_cast<int>(bonds.size()), materials, agglomerates, file));
+  for (double row[8]; in >> row[0];) {
+    for (int k = 1; k < 8; k++) in >> row[k];
+    if (!in) in.clear(std::ios::failbit);  // cut off, which is not the end
+    else bonds.push_back(bond_of_row(input, row, static_cast<int>(bonds.size()), materials, agglomerates, file));
+  }
   if (!in.eof() || bonds.empty())
     input.refuse(file + ": after " + std::to_string(bonds.size()) + " bonds must come one of eight numbers");
   return bonds;

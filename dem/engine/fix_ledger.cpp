@@ -12,7 +12,7 @@
 #include "fixes.h"
 #include "force.h"
 #include "neigh_list.h"
-#include "pair.h"
+#include "pair_gran.h"
 #include "stone_stream.h"
 #include "tangential_law.h"
 #include "update.h"
@@ -50,9 +50,12 @@ FixLedger::~FixLedger() {
 int FixLedger::setmask() { return POST_INTEGRATE | PRE_FORCE | POST_FORCE | END_OF_STEP; }
 
 void FixLedger::init() {
+  const FixInput input(lmp, this);
+  auto *pair = dynamic_cast<PairGran *>(force->pair);
+  if (!pair || !pair->contact_match("normal", "hertz")) input.refuse("needs `pair_style gran model hertz`");
   for (int k = 0; modify->fix[k] != this; k++)
     if (modify->fmask[k] & POST_FORCE)
-      FixInput(lmp, this).refuse(std::string("must come before fix ") + modify->fix[k]->id + ", which adds forces");
+      input.refuse(std::string("must come before fix ") + modify->fix[k]->id + ", which adds forces");
   holders_ = fixes_that_are<EnergyHolder>(modify);
   stream_ = fix_that_is<StoneStream>(modify);
   agglomerates_->init();

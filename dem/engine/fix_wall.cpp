@@ -56,9 +56,9 @@ void FixWall::read_agglomerates(const std::string &file) {
 int FixWall::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
 
 void FixWall::init() {
+  if (!contact_match("normal", "hertz")) FixInput(lmp, this).refuse("knows `contact model hertz` only");
   FixWallGran::init();
   agglomerates_->init();
-  if (!contact_match("normal", "hertz")) FixInput(lmp, this).refuse("knows `contact model hertz` only");
 }
 
 void FixWall::pre_force(int) {
