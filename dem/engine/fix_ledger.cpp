@@ -54,7 +54,7 @@ void FixLedger::init() {
   auto *pair = dynamic_cast<PairGran *>(force->pair);
   if (!pair || !pair->contact_match("normal", "hertz")) input.refuse("needs `pair_style gran model hertz`");
   for (int k = 0; modify->fix[k] != this; k++)
-    if (modify->fmask[k] & POST_FORCE)
+    if ((modify->fmask[k] & POST_FORCE) && !dynamic_cast<FixLedger *>(modify->fix[k]))
       input.refuse(std::string("must come before fix ") + modify->fix[k]->id + ", which adds forces");
   holders_ = fixes_that_are<EnergyHolder>(modify);
   stream_ = fix_that_is<StoneStream>(modify);
