@@ -11,6 +11,7 @@
 #include "error.h"
 #include "fix_input.h"
 #include "fixes.h"
+#include "known_in_flight.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -77,7 +78,9 @@ void FixStones::make_room_for_tags() {
 
 void FixStones::init() {
   agglomerates_->init();
-  if (!fix_that_is<FlightControl>(modify)) FixInput(lmp, this).refuse("needs fix free_flight");
+  const FixInput input(lmp, this);
+  if (!fix_that_is<FlightControl>(modify)) input.refuse("needs fix free_flight");
+  refuse_other_weight(input, modify, weight_);
 }
 
 /* --- stones enter -------------------------------------------------------------------------------------------- */

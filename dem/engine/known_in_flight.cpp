@@ -1,11 +1,8 @@
 #include "known_in_flight.h"
 
-#include <mpi.h>
-
 #include <set>
 #include <string>
 
-#include "atom.h"
 #include "domain.h"
 #include "fix_checkpoint.h"
 #include "fix_gravity.h"
@@ -25,8 +22,7 @@ namespace {
 const double SAME_WEIGHT = 1e-6;  // of it
 
 // Of LIGGGHTS: these keep or show something, and push nothing.
-const std::set<std::string> HARMLESS = {"property/global", "property/atom", "contacthistory", "print", "ave/time",
-                                        "check/timestep/gran"};
+const std::set<std::string> HARMLESS = {"property/global", "property/atom", "contacthistory", "print", "ave/time"};
 
 // Looks at what fix gravity keeps to itself.
 struct Gravity : FixGravity {
@@ -57,23 +53,15 @@ template <class T> void refuse_several(const FixInput &input, const Modify *modi
   if (count > 1) input.refuse("the deck has " + std::to_string(count) + " " + what + "; free flight knows one");
 }
 
-void refuse_other_motion(const FixInput &input, LAMMPS *lmp, int unheld, const Vec &weight) {
-  const Modify *modify = lmp->modify;
+void refuse_other_motion(const FixInput &input, const Modify *modify, int unheld) {
   int integrators = 0;
-  Vec found;
   for (int k = 0; k < modify->nfix; k++) {
     Fix *fix = modify->fix[k];
-    auto *gravity = dynamic_cast<FixGravity *>(fix);
-    if (!gravity && !is_integrator(fix)) continue;
+    if (!is_integrator(fix) && !dynamic_cast<FixGravity *>(fix)) continue;
     if (fix->groupbit != unheld) input.refuse(name(fix) + " must act on the group that follows `unheld`");
-    integrators += !gravity;
-    if (!gravity) continue;
-    if (!Gravity::is_constant(gravity)) input.refuse(name(fix) + " varies; free flight knows constant gravity");
-    gravity->get_gravity(&found.x);
+    integrators += is_integrator(fix);
   }
   if (integrators != 1) input.refuse("needs one fix nve/sphere, which integrates all sub-spheres");
-  if (!(norm(found - weight) <= SAME_WEIGHT * norm(weight)))
-    input.refuse("gravity and down must be those of the deck's fix gravity, which is none where there is no such fix");
 }
 
 void refuse_other_contacts(const FixInput &input, LAMMPS *lmp) {
@@ -86,6 +74,16 @@ void refuse_other_contacts(const FixInput &input, LAMMPS *lmp) {
 
 }  // namespace
 
+void refuse_other_weight(const FixInput &input, const Modify *modify, const Vec &weight) {
+  Vec found;
+  if (auto *gravity = fix_that_is<FixGravity>(modify)) {
+    if (!Gravity::is_constant(gravity)) input.refuse(name(gravity) + " varies; free flight knows constant gravity");
+    gravity->get_gravity(&found.x);
+  }
+  if (!(norm(found - weight) <= SAME_WEIGHT * norm(weight)))
+    input.refuse("gravity and down must be those of the deck's fix gravity, which is none where there is no such fix");
+}
+
 void refuse_what_free_flight_does_not_know(LAMMPS *lmp, Fix *free_flight, int unheld, const Vec &weight) {
   const FixInput input(lmp, free_flight);
   const Modify *modify = lmp->modify;
@@ -95,7 +93,8 @@ void refuse_what_free_flight_does_not_know(LAMMPS *lmp, Fix *free_flight, int un
   refuse_several<StoneStream>(input, modify, "fixes stones");
   refuse_several<FlightControl>(input, modify, "fixes free_flight");
   refuse_several<FixGravity>(input, modify, "fixes gravity");
-  refuse_other_motion(input, lmp, unheld, weight);
+  refuse_other_motion(input, modify, unheld);
+  refuse_other_weight(input, modify, weight);
   refuse_other_contacts(input, lmp);
   if (lmp->domain->xperiodic || lmp->domain->yperiodic || lmp->domain->zperiodic)
     input.refuse("needs a box without periodic boundaries, such as `boundary m m m`");

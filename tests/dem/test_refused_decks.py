@@ -59,13 +59,18 @@ def bond(column, value, row=3):
 
 def test_the_deck_of_these_tests_runs(tmp_path):
     """With all that free flight knows."""
-    show = "compute ke all ke\nfix mean all ave/time 1 10 10 c_ke\nfix said all print 50 hello\nfix step all check/timestep/gran 100 0.5 0.5\n"
-    done = run(tmp_path, WEIGHT + PLATE + SIDE + PICTURES + show + FREE)
+    show = "compute ke all ke\nfix mean all ave/time 1 10 10 c_ke\nfix said all print 50 hello\n"
+    lines = WEIGHT + PLATE + SIDE + PICTURES + show + FREE
+    done = run(tmp_path, lines.replace("c_ke", "c_ke file mean.txt"), change=("run 100\n", "run 2000\n"))
     assert done.returncode == 0, done.stdout[-1000:]
+    rows = [line.split() for line in (tmp_path / "mean.txt").read_text().splitlines() if line[0] != "#"]
+    assert [int(row[0]) for row in rows] == list(range(10, 2001, 10))  # also while the ball flies, and the arrays are empty
+    assert float(rows[-2][1]) == 0
 
 
 @pytest.mark.parametrize("line, words", [
     ("fix drag all viscous 1e-3", ["fix drag of style viscous"]),
+    ("fix check all check/timestep/gran 100 0.5 0.5", ["fix check of style check/timestep/gran"]),
     ("fix push all addforce 0 0 1", ["fix push of style addforce"]),
     ("fix hold all setforce 0 0 0", ["fix hold of style setforce"]),
     ("fix ice all freeze", ["fix ice of style freeze"]),
