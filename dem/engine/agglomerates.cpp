@@ -21,7 +21,7 @@ Agglomerates::Agglomerates(LAMMPS *lmp, Fix *of, const std::string &file) : lmp_
   if (!lmp->atom->tag_enable || !lmp->atom->map_style) input.refuse("needs `atom_modify map array`");
   std::ifstream in(file);
   for (int size; in >> size;) {
-    if (size < 1) input.refuse(file + ": an agglomerate of " + std::to_string(size) + " sub-spheres; allowed is 1 or more");
+    if (size < 1) input.refuse(file + ": an agglomerate of " + std::to_string(size) + " sub-spheres; allowed is 1 on");
     first_tag_.push_back(of_tag_.size());
     of_tag_.insert(of_tag_.end(), size, count());
     size_.push_back(size);
@@ -41,12 +41,12 @@ void Agglomerates::init() {
   const auto *resumed = fix_that_is<ResumesRun>(lmp_->modify);
   const bool all_are_there = stream_ || (resumed && resumed->is_resuming()) || atom->natoms == tags();
   if (unknown || !all_are_there)
-    input.refuse("the deck has " + std::to_string(atom->natoms) + " sub-spheres, and the agglomerates those of tags 1 to " +
-                 std::to_string(tags()) + "; all of these must be there, and no others");
-  for (int k = 0; k < lmp_->modify->nfix; k++)
-    if (std::strncmp(lmp_->modify->fix[k]->style, "insert/", 7) == 0)
-      input.refuse(std::string("the deck has fix ") + lmp_->modify->fix[k]->id + " of style " +
-                   lmp_->modify->fix[k]->style + ", whose particles are of no agglomerate; fix stones lets stones come");
+    input.refuse("the deck has " + std::to_string(atom->natoms) + " sub-spheres, and the agglomerates those of tags 1 " +
+                 "to " + std::to_string(tags()) + "; all of these must be there, and no others");
+  for (const Fix *fix : fixes_that_are<Fix>(lmp_->modify))
+    if (std::strncmp(fix->style, "insert/", 7) == 0)
+      input.refuse(std::string("the deck has fix ") + fix->id + " of style " + fix->style +
+                   ", whose particles are of no agglomerate; fix stones lets stones come");
 }
 
 const std::vector<int> &Agglomerates::near() const { return stream_ ? stream_->near() : all_; }

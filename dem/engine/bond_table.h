@@ -45,8 +45,8 @@ struct Bond {
   const BondMaterial *material;
 };
 
-// The bond of `row`, which has the numbers of a line of the file below. `input` refuses it, with the name of its `source`, where
-// they are wrong.
+// The bond of `row`, which has the numbers of a line of the file below. Where they are wrong, `input` refuses it with
+// the name of its `source`.
 Bond bond_of_row(const FixInput &input, const double *row, int id, const std::vector<BondMaterial> &materials,
                  const Agglomerates &agglomerates, const std::string &source);
 

@@ -24,7 +24,7 @@ class FixInput {
   FixInput &number(const std::string &key, double &value, Allowed allowed);
   FixInput &numbers(const std::string &key, double *values, int count, Allowed allowed);
   FixInput &direction(const std::string &key, Vec &unit_vector);
-  // Keywords that need more: `take` gets the `count` words that follow, or with ALL_THE_REST those to the end of the line.
+  // Other keywords: `take` gets the `count` words that follow, or with ALL_THE_REST those to the end of the line.
   using Take = std::function<void(char **words, int count)>;
   FixInput &words(const std::string &key, int count, Take take);
   static const int ALL_THE_REST = -1;

@@ -135,8 +135,8 @@ void FixLedger::measure_friction() {
   }
 }
 
-// The velocity of a ghost is that of the middle of the step, when the force was found. Its own rank knows the one at the
-// end, and each of the two ranks adds what the dashpots took from its own sub-sphere.
+// The velocity of a ghost is that of the middle of the step, when the force was found. Its own rank knows the one at
+// the end, and each of the two ranks adds what the dashpots took from its own sub-sphere.
 void FixLedger::add_damping() {
   const double dt = update->dt;
   for (const Contact &c : contacts_) {
@@ -144,8 +144,9 @@ void FixLedger::add_damping() {
     const double mi = atom->rmass[c.i], mj = atom->rmass[c.j];
     const Vec vi(atom->v[c.i]), vj(atom->v[c.j]), gained = 0.5 * dt / mi * Vec(atom->f[c.i]);
     const Vec at_force = both ? vi - vj - (gained - 0.5 * dt / mj * Vec(atom->f[c.j])) : vi - gained - vj;
-    const double normal = law_->damping_power(atom->type[c.i], atom->type[c.j], c.radius, c.overlap, mi * mj / (mi + mj),
-                                              dot(at_force, c.normal), dot(both ? vi - vj : vi, c.normal));
+    const double normal = law_->damping_power(atom->type[c.i], atom->type[c.j], c.radius, c.overlap,
+                                              mi * mj / (mi + mj), dot(at_force, c.normal),
+                                              dot(both ? vi - vj : vi, c.normal));
     count(pair_damped_, c, dt / c.share * (normal + dot(c.rubbed, surface_velocity(c, both))));
   }
 }

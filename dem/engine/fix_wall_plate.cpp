@@ -52,7 +52,8 @@ FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
                   input.whole("weak_contact", words[3], 1)};
       })
       .read(arg, 3, position_of_contact(narg, arg), {"agglomerates", "forces", "extent", "co_step"});
-  if (!(extent_[0] < extent_[1] && extent_[2] < extent_[3])) input.refuse("extent: must be XMIN < XMAX and YMIN < YMAX");
+  if (!(extent_[0] < extent_[1] && extent_[2] < extent_[3]))
+    input.refuse("extent: must be XMIN < XMAX and YMIN < YMAX");
   if (o.row_steps == 0) o.row_steps = co_step_;
   if (o.row_steps % co_step_ != 0) input.refuse("needs rows in whole co-steps");
   if (o.shapes.empty() != o.to_plate.empty() || o.shapes.empty() != o.from_plate.empty())
