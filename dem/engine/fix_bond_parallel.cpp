@@ -73,7 +73,7 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   volumes_.enter(bonds_);
   softening_.enter(bonds_);
   work_.assign(agglomerates_->count(), 0);
-  released_ = broken_count_ = work_;
+  released_ = damped_ = broken_count_ = work_;
   held_.assign(agglomerates_->tags() + 1, 0);
 
   restart_global = restart_peratom = 1;
@@ -107,9 +107,10 @@ void FixBondParallel::setup(int vflag) {
   if (resuming) return;
   rebuild();
   // The step that ends here was counted by the run before, or never was; see add_work.
-  const std::vector<double> counted = work_;
+  const std::vector<double> counted = work_, damped = damped_;
   post_force(vflag);
   work_ = counted;
+  damped_ = damped;
 }
 
 // A bond must be seen by each rank that owns one of its ends.
@@ -121,7 +122,7 @@ double FixBondParallel::extend_cut_ghost() {
 // sub-sphere by its spin over one step.
 void FixBondParallel::post_integrate() {
   double *const *v = atom->v, *const *omega = atom->omega;
-  add_work(0.5 * update->dt, [&](int i) {
+  add_work(damping_time_, [&](int i) {
     const ForceRecord &g = forces_[i];
     return g.f[0] * v[i][0] + g.f[1] * v[i][1] + g.f[2] * v[i][2] + g.torque[0] * omega[i][0] +
            g.torque[1] * omega[i][1] + g.torque[2] * omega[i][2];
@@ -130,18 +131,22 @@ void FixBondParallel::post_integrate() {
   for (const auto &[first, count] : turned_) turn_all(quaternion_[first], omega[first], count, 0.5 * update->dt);
 }
 
-// Adds time x power(i) of every owned sub-sphere to the work of its agglomerate. Neighbours in memory mostly belong to
-// the same one, so the sum is kept in a register until that changes.
-template <class Power> void FixBondParallel::add_work(double time, Power power) {
+// Adds half a step of power(i) of every owned sub-sphere to the work of its agglomerate. Neighbours in memory mostly
+// belong to the same one, so the sum is kept in a register until that changes.
+//
+// A bond's force is F + tau dF/dt, so the damping takes -tau dF/dt . v: in a step -tau (F' - F) . v, where v is the
+// velocity between the forces F and F'. `damping_time` is tau with F, and -tau with F'.
+template <class Power> void FixBondParallel::add_work(double damping_time, Power power) {
+  const double half_dt = 0.5 * update->dt;
   int home = 0;
   double sum = 0;
   for (int i : computed_) {
     if (i >= atom->nlocal) break;
     const int a = agglomerates_->of_tag(atom->tag[i]);
-    if (a != home) work_[home] += time * sum, sum = 0, home = a;
+    if (a != home) work_[home] += half_dt * sum, damped_[home] += damping_time * sum, sum = 0, home = a;
     sum += power(i);
   }
-  work_[home] += time * sum;
+  work_[home] += half_dt * sum, damped_[home] += damping_time * sum;
 }
 
 void FixBondParallel::pre_neighbor() {
@@ -168,18 +173,12 @@ void FixBondParallel::share_broken() {
   if (softening_.needed()) softening_.share(world, [&](int id) -> Bond & { return bond_of(id); });
 }
 
-AtomRecord FixBondParallel::record(int i) const {
+// At x + later v, and turned on alike.
+AtomRecord FixBondParallel::record(int i, double later) const {
   AtomRecord r;
   r.dilatation = 0;
-  for (int k = 0; k < 3; k++) r.x[k] = atom->x[i][k];
-  for (int k = 0; k < 4; k++) r.q[k] = quaternion_[i][k];
-  return r;
-}
-
-AtomRecord FixBondParallel::half_a_step_ago(int i) const {
-  AtomRecord r = record(i);
-  for (int k = 0; k < 3; k++) r.x[k] -= 0.5 * update->dt * atom->v[i][k];
-  turn(r.q, atom->omega[i], -0.25 * update->dt);
+  for (int k = 0; k < 3; k++) r.x[k] = atom->x[i][k] + later * atom->v[i][k];
+  extrapolate(r.q, quaternion_[i], atom->omega[i], 0.5 * later);
   return r;
 }
 
@@ -187,25 +186,11 @@ void FixBondParallel::fill_records() {
   const int nall = atom->nlocal + atom->nghost;
   atoms_.resize(nall + 2);
   forces_.resize(nall + 2);
-  if (damping_time_ > 0) fill_delayed_records();
-  else
-    for (int i : computed_) atoms_[i] = record(i);
+  for (int i : computed_) atoms_[i] = record(i, damping_time_);
   atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
   atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
   for (int i : computed_) forces_[i] = ForceRecord();
   forces_[nall] = forces_[nall + 1] = ForceRecord();
-}
-
-// The sub-spheres at x + tau v and q + tau dq/dt, where the damped bonds are computed.
-void FixBondParallel::fill_delayed_records() {
-  const double tau = damping_time_, half_tau = 0.5 * tau;
-  double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
-  for (int i : computed_) {
-    AtomRecord &r = atoms_[i];
-    r.dilatation = 0;
-    for (int k = 0; k < 3; k++) r.x[k] = x[i][k] + tau * v[i][k];
-    extrapolate(r.q, quaternion_[i], omega[i], half_tau);
-  }
 }
 
 void FixBondParallel::post_force(int) {
@@ -216,7 +201,7 @@ void FixBondParallel::post_force(int) {
   if (n_broken) note_broken(n_broken);
 
   double *const *v = atom->v, *const *omega = atom->omega, **f = atom->f, **torque = atom->torque;
-  add_work(0.5 * update->dt, [&](int i) {
+  add_work(-damping_time_, [&](int i) {
     const ForceRecord &g = forces_[i];
     double sum = 0;
     for (int k = 0; k < 3; k++) {
@@ -254,24 +239,42 @@ std::vector<double> FixBondParallel::stretches_now() const {
   return sum;
 }
 
-// What the dilatations of both ends lose of their energy, J, when this bond, which still counts, loses `share` of what
-// it has. Of a ghost it is taken from the stretch at which the bond was judged.
-double FixBondParallel::released_volume_energy(int broken, int i, int j, double share) const {
-  auto stretch = [&](int bond) {
-    const Bond &b = bond_of(bond);
-    const AtomRecord from = half_a_step_ago(atom->map(b.tag_i)), to = half_a_step_ago(atom->map(b.tag_j));
-    return b.area * (norm(Vec(to.x) - Vec(from.x)) - b.length);
-  };
-  const double own = share * stretch(broken);
-  double energy = 0;
+// Area times elongation at x + later v, m^3.
+double FixBondParallel::stretch(const Bond &b, double later) const {
+  const int i = atom->map(b.tag_i), j = atom->map(b.tag_j);
+  const Vec branch = Vec(atom->x[j]) - Vec(atom->x[i]) + later * (Vec(atom->v[j]) - Vec(atom->v[i]));
+  return b.area * (norm(branch) - b.length);
+}
+
+// What is lost, J, when a bond, which still counts, loses `share` of what it has at x + later v: of its beam and of the
+// dilatations of its ends. Of a ghost all other bonds are taken as they were when the bond was judged.
+double FixBondParallel::lost_energy(const Bond &bond, double share, double later) const {
+  const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
+  double energy = share * bond_state(bond, record(i, later), record(j, later)).energy;
+  if (!bond.material->feels_dilatation()) return energy;
+  const double own = stretch(bond, later);
   for (int end : {i, j}) {
     const int tag = atom->tag[end];
     double sum = 0;
     if (end < atom->nlocal)
-      for (int bond : volumes_.bonds_of(tag)) sum += intact_[bond] ? stretch(bond) : 0;
-    else sum = volumes_.stretch(tag, atoms_[end].dilatation);
-    energy += volumes_.energy(tag, sum) - volumes_.energy(tag, sum - own);
+      for (int other : volumes_.bonds_of(tag)) sum += intact_[other] ? stretch(bond_of(other), later) : 0;
+    else sum = volumes_.stretch(tag, atoms_[end].dilatation) - stretch(bond, damping_time_) + own;
+    energy += volumes_.energy(tag, sum) - volumes_.energy(tag, sum - share * own);
   }
+  return energy;
+}
+
+// Of a bond whose force fell by `share` at this step, J. The step before ended with half a step's work by the force
+// before, and the damping of add_work sees the fall of the force as well, which is none. Both are exact to second order.
+double FixBondParallel::release(const Bond &bond, double share) {
+  const double dt = update->dt, tau = damping_time_;
+  const double before = lost_energy(bond, share, -0.5 * dt), now = lost_energy(bond, share, 0);
+  const double after = lost_energy(bond, share, 0.5 * dt);
+  const double rate = (after - before) / dt, curvature = 4 * (before - 2 * now + after) / (dt * dt);
+  const int a = agglomerates_->of_tag(bond.tag_i);
+  const double energy = now - 0.5 * dt * rate;
+  released_[a] += energy;
+  damped_[a] += tau * rate + tau * (0.5 * tau - 0.75 * dt) * curvature;
   return energy;
 }
 
@@ -280,8 +283,7 @@ void FixBondParallel::note_broken(int n) {
     if (!soften(broken_[k])) break_bond(broken_[k]);
 }
 
-// Weakens a bond that failed, whose force of this step is not yet there, where it does not break. What it loses of its
-// energy is that of half a step ago, as of a bond that breaks.
+// Weakens a bond that failed, whose force of this step is not yet there, where it does not break.
 bool FixBondParallel::soften(int id) {
   Bond &bond = bond_of(id);
   if (!bond.material->softens()) return false;
@@ -289,13 +291,7 @@ bool FixBondParallel::soften(int id) {
   const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
   const double left = softening_.yield(bond, judged.loading, judged.energy);
   if (left == 0) return false;
-  const double lost = 1 - left;
-  double energy = lost * bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy;
-  if (bond.material->feels_dilatation()) energy += released_volume_energy(id, i, j, lost);
-  if (i < atom->nlocal) {  // else another rank counts it
-    released_[agglomerates_->of_tag(bond.tag_i)] += energy;
-    softening_.spend(id, energy);
-  }
+  if (i < atom->nlocal) softening_.spend(id, release(bond, 1 - left));  // else another rank counts it
   softening_.weaken(bond);
   add_to_ends(bond_state(bond, atoms_[i], atoms_[j]), forces_[i], forces_[j]);
   kernel_->revive({i, j, id, &bond});
@@ -305,19 +301,15 @@ bool FixBondParallel::soften(int id) {
 void FixBondParallel::break_bond(int b) {
   const Bond &bond = bond_of(b);
   const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
-  const double of_volume =
-      bond.material->feels_dilatation() && i < atom->nlocal ? released_volume_energy(b, i, j, 1) : 0;
+  const double energy = i < atom->nlocal ? release(bond, 1) : 0;
   intact_[b] = 0;
   changes_++;
   if (comm->nprocs > 1) newly_broken_.push_back(b);
   if (i >= atom->nlocal) return;  // the rank that owns i reports
-  // The kernel judges at x + tau v, damping included; so does the event. The energy is the one
-  // stored half a step ago: the last work that the leapfrog scheme put in had the force of the step before.
+  // The kernel judges at x + tau v, damping included; so does the event.
   const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
-  const double energy = bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy + of_volume;
   const int a = agglomerates_->of_tag(bond.tag_i);
   const bool shear = judged.mode == SHEAR;
-  released_[a] += energy;
   broken_count_[a] += 1;
   char line[256];
   std::snprintf(line, sizeof line, BIGINT_FORMAT ",%d,%d,%.9g,%.9g,%.9g,%s,%.9g,%.9g,%.9g\n", update->ntimestep, b + 1,
@@ -330,7 +322,7 @@ void FixBondParallel::break_bond(int b) {
 // add(tag, J) of each bond that this rank counts, and of each of its sub-spheres where the dilatation has energy.
 template <class Add> void FixBondParallel::each_elastic_energy(Add add) const {
   for (const LocalBond &b : local_)
-    if (intact_[b.id] && b.i < atom->nlocal) add(b.bond->tag_i, bond_state(*b.bond, record(b.i), record(b.j)).energy);
+    if (intact_[b.id] && b.i < atom->nlocal) add(b.bond->tag_i, bond_state(*b.bond, record(b.i, 0), record(b.j, 0)).energy);
   if (!volumes_.needed()) return;
   const std::vector<double> stretch = stretches_now();
   for (int i = 0; i < atom->nlocal; i++) add(atom->tag[i], volumes_.energy(atom->tag[i], stretch[i]));
@@ -342,6 +334,7 @@ void FixBondParallel::add_to(LedgerRows &rows) {
   rows.add(BOND_ELASTIC, elastic);
   rows.add(BOND_WORK, work_);
   rows.add(RELEASED, released_);
+  rows.add(BOND_DAMPED, damped_);
   rows.add(BROKEN, broken_count_);
 }
 
@@ -423,7 +416,11 @@ void FixBondParallel::hold(int tag, bool held) {
   listed_ = false;
 }
 
-void FixBondParallel::take_energy(int tag, double energy) { work_[agglomerates_->of_tag(tag)] -= energy; }
+// As its damping would have, soon.
+void FixBondParallel::take_energy(int tag, double energy) {
+  work_[agglomerates_->of_tag(tag)] -= energy;
+  damped_[agglomerates_->of_tag(tag)] += energy;
+}
 
 void FixBondParallel::let_leave(int i) {
   forces_[i] = ForceRecord();

@@ -116,9 +116,9 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   BondSoftening softening_;
   std::vector<double> stretches_;    // of each sub-sphere where the bonds are computed, m^3
   bool sends_dilatations_ = false;   // or quaternions, to the ghosts
-  // By agglomerate, on this rank: work done by bonds on sub-spheres, J; elastic energy of bonds when they broke, J; and
-  // how many broke.
-  std::vector<double> work_, released_, broken_count_;
+  // By agglomerate, on this rank: work done by bonds on sub-spheres, J; elastic energy of bonds when they broke, J; what
+  // their damping took, J; and how many broke.
+  std::vector<double> work_, released_, damped_, broken_count_;
   double **quaternion_;
   double damping_time_;
   double longest_ = 0;  // of the bonds, m
@@ -135,7 +135,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
 
   const Bond &bond_of(int id) const;
   Bond &bond_of(int id);
-  template <class Power> void add_work(double time, Power power);
+  template <class Power> void add_work(double damping_time, Power power);
   void rebuild();
   void list_bonds(const Stretch &);
   const std::vector<Stretch> &stretches_of_bonds();
@@ -143,12 +143,12 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void fill_records();
   void list_sub_spheres(const std::vector<LocalBond> &computed);
   void list_turned();
-  void fill_delayed_records();
-  AtomRecord record(int i) const;
-  AtomRecord half_a_step_ago(int i) const;
+  AtomRecord record(int i, double later) const;
   void find_dilatations();
   std::vector<double> stretches_now() const;
-  double released_volume_energy(int bond, int i, int j, double share) const;
+  double stretch(const Bond &, double later) const;
+  double lost_energy(const Bond &, double share, double later) const;
+  double release(const Bond &, double share);
   template <class Add> void each_elastic_energy(Add add) const;
   void note_broken(int n);
   bool soften(int bond);

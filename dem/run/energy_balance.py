@@ -28,11 +28,11 @@ from common.parquet import Columns
 
 # As fix_ledger.cpp writes them.
 COLUMNS = ["kinetic_J", "momentum_z_kg_m_s", "mass_height_kg_m", "bond_elastic_J", "bond_work_J", "released_J",
-           "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
+           "bond_damped_J", "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
            "pair_elastic_J", "pair_damped_J", "wall_plastic_J", "wall_released_J", "friction_J", "springs_gained_J",
            "wall_deepest"]
 LEAST_SUPPLIED_J = 1e-300  # of a stone that has not entered, whose closure is 0
-UNEXPLAINED = "contacts_unexplained_J"  # by a contact law, and so in no sum
+UNEXPLAINED = ("bonds_unexplained_J", "contacts_unexplained_J")  # by the law of either, and so in no sum
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
         "potential_J": gravity_m_s2 * (c["mass_height_kg_m"] - ledger.has_entered * mass_height_start_kg_m),
         "bond_elastic_J": c["bond_elastic_J"],
         "contact_elastic_J": contact_elastic,
-        "bond_damping_J": -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"],
+        "bond_damping_J": c["bond_damped_J"],
         "contact_damping_J": contact_damping,
         "plastic_J": c["wall_plastic_J"],
         "friction_J": c["friction_J"],
@@ -102,13 +102,14 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
         "released_by_breakage_J": c["released_J"] + c["wall_released_J"],
         "given_to_plate_J": c["plate_work_J"],
     }
+    parts["bonds_unexplained_J"] = -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"] - c["bond_damped_J"]
     took = -(c["pair_work_J"] + c["wall_work_J"] + c["plate_work_J"])
     known = sum(parts[name] for name in ("contact_elastic_J", "contact_damping_J", "plastic_J", "friction_J",
                                          "contact_springs_J")) + c["wall_released_J"]
     # What a contact between two stones keeps or takes counts half for each, yet its force does more work on one than on
     # the other: the difference passes between them. Only the sum over the stones can see a wrong law.
     unexplained = (took - known).mean(axis=1, keepdims=True)
-    return parts | {"given_to_stones_J": took - known - unexplained, UNEXPLAINED: unexplained + np.zeros_like(took)}
+    return parts | {"given_to_stones_J": took - known - unexplained, "contacts_unexplained_J": unexplained + np.zeros_like(took)}
 
 
 def energy_table(parts: dict[str, np.ndarray], ledger: StoneLedger, dt_s: float) -> Columns:
@@ -123,7 +124,7 @@ def energy_ledger(parts: dict[str, np.ndarray], plate: PlateEnergy, kinetic_star
     agglomerate with what it gave to the plate. `kinetic_start_J` (agglomerates,), 0 of one that did not enter."""
     end = {name: values[-1] for name, values in parts.items()}
     supplied = np.maximum(kinetic_start_J + np.maximum(0.0, -parts["potential_J"].min(axis=0)), LEAST_SUPPLIED_J)
-    stones = sum(values for name, values in end.items() if name != UNEXPLAINED) - kinetic_start_J
+    stones = sum(values for name, values in end.items() if name not in UNEXPLAINED) - kinetic_start_J
     plate_energy = plate.kinetic_J + plate.internal_J + plate.damped_J
     total = float(stones.sum()) - float(end["given_to_plate_J"].sum()) + plate_energy
     return {
