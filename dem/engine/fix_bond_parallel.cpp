@@ -121,32 +121,38 @@ double FixBondParallel::extend_cut_ghost() {
 // Adds the second half of the work of the last forces, with the velocities of the coming step, then turns each
 // sub-sphere by its spin over one step.
 void FixBondParallel::post_integrate() {
-  double *const *v = atom->v, *const *omega = atom->omega;
-  add_work(damping_time_, [&](int i) {
-    const ForceRecord &g = forces_[i];
-    return g.f[0] * v[i][0] + g.f[1] * v[i][1] + g.f[2] * v[i][2] + g.torque[0] * omega[i][0] +
-           g.torque[1] * omega[i][1] + g.torque[2] * omega[i][2];
-  });
+  add_work(1);
   if (turned_.empty()) list_turned();
-  for (const auto &[first, count] : turned_) turn_all(quaternion_[first], omega[first], count, 0.5 * update->dt);
+  for (const auto &[first, count] : turned_) turn_all(quaternion_[first], atom->omega[first], count, 0.5 * update->dt);
 }
 
-// Adds half a step of power(i) of every owned sub-sphere to the work of its agglomerate. Neighbours in memory mostly
-// belong to the same one, so the sum is kept in a register until that changes.
+// Adds half a step's work of the forces to that of each agglomerate. Neighbours in memory mostly belong to the same one,
+// so the sums are kept in registers until that changes.
 //
-// A bond's force is F + tau dF/dt, so the damping takes -tau dF/dt . v: in a step -tau (F' - F) . v, where v is the
-// velocity between the forces F and F'. `damping_time` is tau with F, and -tau with F'.
-template <class Power> void FixBondParallel::add_work(double damping_time, Power power) {
-  const double half_dt = 0.5 * update->dt;
+// The damping makes a force F + tau dF/dt and takes -tau dF/dt . v. In a step from the forces F to F' that is
+// tau/2 (F - F') . (u + v), with the velocities u of the step before and v of this one: exactly what bonds without memory
+// take whose energy is quadratic. `side` is 1 with F and -1 with F'.
+void FixBondParallel::add_work(int side) {
+  const double half_dt = 0.5 * update->dt, half_tau = side * 0.5 * damping_time_;
+  const double *v = atom->v[0], *omega = atom->omega[0];
   int home = 0;
-  double sum = 0;
+  double power = 0, power_before = 0;
+  auto count = [&] {
+    work_[home] += half_dt * power, damped_[home] += half_tau * (power_before + power);
+    power = power_before = 0;
+  };
   for (int i : computed_) {
     if (i >= atom->nlocal) break;
     const int a = agglomerates_->of_tag(atom->tag[i]);
-    if (a != home) work_[home] += half_dt * sum, damped_[home] += damping_time * sum, sum = 0, home = a;
-    sum += power(i);
+    if (a != home) count(), home = a;
+    const ForceRecord &g = forces_[i];
+    const Motion &u = before_[i];
+    for (int k = 0; k < 3; k++) {
+      power += g.f[k] * v[3 * i + k] + g.torque[k] * omega[3 * i + k];
+      power_before += g.f[k] * u.v[k] + g.torque[k] * u.omega[k];
+    }
   }
-  work_[home] += half_dt * sum, damped_[home] += damping_time * sum;
+  count();
 }
 
 void FixBondParallel::pre_neighbor() {
@@ -173,20 +179,35 @@ void FixBondParallel::share_broken() {
   if (softening_.needed()) softening_.share(world, [&](int id) -> Bond & { return bond_of(id); });
 }
 
-// At x + later v, and turned on alike.
-AtomRecord FixBondParallel::record(int i, double later) const {
+namespace {
+// Where a sub-sphere is after `time` with the velocities v and omega.
+inline AtomRecord moved(const double *x, const double *q, const double *v, const double *omega, double time) {
   AtomRecord r;
   r.dilatation = 0;
-  for (int k = 0; k < 3; k++) r.x[k] = atom->x[i][k] + later * atom->v[i][k];
-  extrapolate(r.q, quaternion_[i], atom->omega[i], 0.5 * later);
+  for (int k = 0; k < 3; k++) r.x[k] = x[k] + time * v[k];
+  extrapolate(r.q, q, omega, 0.5 * time);
   return r;
+}
+}  // namespace
+
+// At x + s.now v + s.before u.
+AtomRecord FixBondParallel::record(int i, const Shift &s) const {
+  const Motion &u = before_[i];
+  double v[3], omega[3];
+  for (int k = 0; k < 3; k++) {
+    v[k] = s.now * atom->v[i][k] + s.before * u.v[k];
+    omega[k] = s.now * atom->omega[i][k] + s.before * u.omega[k];
+  }
+  return moved(atom->x[i], quaternion_[i], v, omega, 1);
 }
 
 void FixBondParallel::fill_records() {
   const int nall = atom->nlocal + atom->nghost;
   atoms_.resize(nall + 2);
   forces_.resize(nall + 2);
-  for (int i : computed_) atoms_[i] = record(i, damping_time_);
+  before_.resize(nall);
+  const double *x = atom->x[0], *q = quaternion_[0], *v = atom->v[0], *omega = atom->omega[0];
+  for (int i : computed_) atoms_[i] = moved(x + 3 * i, q + 4 * i, v + 3 * i, omega + 3 * i, damping_time_);
   atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
   atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
   for (int i : computed_) forces_[i] = ForceRecord();
@@ -196,21 +217,25 @@ void FixBondParallel::fill_records() {
 void FixBondParallel::post_force(int) {
   if (comm->nprocs > 1) comm->forward_comm_fix(this);
   fill_records();
+  if (!knows_motion_) remember_motion();
   if (volumes_.needed()) find_dilatations();
   const int n_broken = kernel_->add_forces(atoms_.data(), forces_.data(), broken_.data());
   if (n_broken) note_broken(n_broken);
 
-  double *const *v = atom->v, *const *omega = atom->omega, **f = atom->f, **torque = atom->torque;
-  add_work(-damping_time_, [&](int i) {
-    const ForceRecord &g = forces_[i];
-    double sum = 0;
-    for (int k = 0; k < 3; k++) {
-      f[i][k] += g.f[k];
-      torque[i][k] += g.torque[k];
-      sum += g.f[k] * v[i][k] + g.torque[k] * omega[i][k];
-    }
-    return sum;
-  });
+  add_work(-1);
+  double *f = atom->f[0], *torque = atom->torque[0];
+  for (int i : computed_) {
+    if (i >= atom->nlocal) break;
+    for (int k = 0; k < 3; k++) f[3 * i + k] += forces_[i].f[k], torque[3 * i + k] += forces_[i].torque[k];
+  }
+  remember_motion();
+}
+
+void FixBondParallel::remember_motion() {
+  const double *v = atom->v[0], *omega = atom->omega[0];
+  for (int i : computed_)
+    for (int k = 0; k < 3; k++) before_[i].v[k] = v[3 * i + k], before_[i].omega[k] = omega[3 * i + k];
+  knows_motion_ = true;
 }
 
 // Of all sub-spheres, into their records. Bonds of a ghost may be unknown here: its own rank says.
@@ -239,42 +264,45 @@ std::vector<double> FixBondParallel::stretches_now() const {
   return sum;
 }
 
-// Area times elongation at x + later v, m^3.
-double FixBondParallel::stretch(const Bond &b, double later) const {
-  const int i = atom->map(b.tag_i), j = atom->map(b.tag_j);
-  const Vec branch = Vec(atom->x[j]) - Vec(atom->x[i]) + later * (Vec(atom->v[j]) - Vec(atom->v[i]));
-  return b.area * (norm(branch) - b.length);
+double FixBondParallel::stretch(const Bond &b, const Shift &s) const {
+  const AtomRecord from = record(atom->map(b.tag_i), s), to = record(atom->map(b.tag_j), s);
+  return b.area * (norm(Vec(to.x) - Vec(from.x)) - b.length);
 }
 
-// What is lost, J, when a bond, which still counts, loses `share` of what it has at x + later v: of its beam and of the
-// dilatations of its ends. Of a ghost all other bonds are taken as they were when the bond was judged.
-double FixBondParallel::lost_energy(const Bond &bond, double share, double later) const {
+// What is lost, J, when a bond, which still counts, loses `share` of what it has: of its beam and of the dilatations of
+// its ends, whose other bonds may be taken at another time. Those of a ghost are taken as when the bond was judged.
+double FixBondParallel::lost_energy(const Bond &bond, double share, const Shift &s, const Shift &others) const {
   const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
-  double energy = share * bond_state(bond, record(i, later), record(j, later)).energy;
+  double energy = share * bond_state(bond, record(i, s), record(j, s)).energy;
   if (!bond.material->feels_dilatation()) return energy;
-  const double own = stretch(bond, later);
+  const double own = stretch(bond, s);
   for (int end : {i, j}) {
     const int tag = atom->tag[end];
-    double sum = 0;
-    if (end < atom->nlocal)
-      for (int other : volumes_.bonds_of(tag)) sum += intact_[other] ? stretch(bond_of(other), later) : 0;
-    else sum = volumes_.stretch(tag, atoms_[end].dilatation) - stretch(bond, damping_time_) + own;
+    double sum = own;
+    if (end < atom->nlocal) {
+      for (int other : volumes_.bonds_of(tag))
+        if (intact_[other] && other != bond.id) sum += stretch(bond_of(other), others);
+    } else sum += volumes_.stretch(tag, atoms_[end].dilatation) - stretch(bond, {damping_time_, 0});
     energy += volumes_.energy(tag, sum) - volumes_.energy(tag, sum - share * own);
   }
   return energy;
 }
 
-// Of a bond whose force fell by `share` at this step, J. The step before ended with half a step's work by the force
-// before, and the damping of add_work sees the fall of the force as well, which is none. Both are exact to second order.
+// Of a bond whose force fell by `share` at this step, J. Of the step before half was done with the force of then, and of
+// the coming one half will be done with a dilatation which still has the bond. What add_work takes for damping has the
+// fall of the force in it, which is none. All of it to second order in the step.
 double FixBondParallel::release(const Bond &bond, double share) {
   const double dt = update->dt, tau = damping_time_;
-  const double before = lost_energy(bond, share, -0.5 * dt), now = lost_energy(bond, share, 0);
-  const double after = lost_energy(bond, share, 0.5 * dt);
+  auto lost = [&](const Shift &s, const Shift &others) { return lost_energy(bond, share, s, others); };
+  const Shift later = {0.5 * dt, 0}, earlier = {-0.5 * dt, 0};
+  const Shift mean_later = {0.25 * dt, 0.25 * dt}, mean_earlier = {-0.25 * dt, -0.25 * dt};
+  const double now = lost({0, 0}, {0, 0});
+  const double energy = now - 0.5 * (lost(later, earlier) - lost(earlier, later));
+  const double after = lost(mean_later, mean_later), before = lost(mean_earlier, mean_earlier);
   const double rate = (after - before) / dt, curvature = 4 * (before - 2 * now + after) / (dt * dt);
   const int a = agglomerates_->of_tag(bond.tag_i);
-  const double energy = now - 0.5 * dt * rate;
   released_[a] += energy;
-  damped_[a] += tau * rate + tau * (0.5 * tau - 0.75 * dt) * curvature;
+  damped_[a] += tau * rate + 0.5 * tau * (tau - dt) * curvature;
   return energy;
 }
 
@@ -322,7 +350,7 @@ void FixBondParallel::break_bond(int b) {
 // add(tag, J) of each bond that this rank counts, and of each of its sub-spheres where the dilatation has energy.
 template <class Add> void FixBondParallel::each_elastic_energy(Add add) const {
   for (const LocalBond &b : local_)
-    if (intact_[b.id] && b.i < atom->nlocal) add(b.bond->tag_i, bond_state(*b.bond, record(b.i, 0), record(b.j, 0)).energy);
+    if (intact_[b.id] && b.i < atom->nlocal) add(b.bond->tag_i, bond_state(*b.bond, record(b.i, {0, 0}), record(b.j, {0, 0})).energy);
   if (!volumes_.needed()) return;
   const std::vector<double> stretch = stretches_now();
   for (int i = 0; i < atom->nlocal; i++) add(atom->tag[i], volumes_.energy(atom->tag[i], stretch[i]));

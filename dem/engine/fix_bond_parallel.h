@@ -58,7 +58,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void write_restart(FILE *) override;
   void restart(char *) override;
 
-  void begin_anew() override { listed_ = false; }  // the kernel sums in the order of its list
+  void begin_anew() override { listed_ = knows_motion_ = false; }  // the kernel sums in the order of its list
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
 
@@ -111,6 +111,14 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   std::vector<int> known_tags_;    // local order at the last build: if it stands, so does the kernel
   std::vector<AtomRecord> atoms_;
   std::vector<ForceRecord> forces_;
+  struct Motion {
+    double v[3], omega[3];
+  };
+  std::vector<Motion> before_;     // of the sub-spheres in the step before, by local index
+  bool knows_motion_ = false;      // else it is taken to be that of this step
+  struct Shift {                   // times with the velocities of this step and of the one before, s
+    double now, before;
+  };
   std::unique_ptr<BondKernel> kernel_;
   BondVolumes volumes_;
   BondSoftening softening_;
@@ -135,7 +143,8 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
 
   const Bond &bond_of(int id) const;
   Bond &bond_of(int id);
-  template <class Power> void add_work(double damping_time, Power power);
+  void add_work(int side);
+  void remember_motion();
   void rebuild();
   void list_bonds(const Stretch &);
   const std::vector<Stretch> &stretches_of_bonds();
@@ -143,11 +152,11 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void fill_records();
   void list_sub_spheres(const std::vector<LocalBond> &computed);
   void list_turned();
-  AtomRecord record(int i, double later) const;
+  AtomRecord record(int i, const Shift &) const;
   void find_dilatations();
   std::vector<double> stretches_now() const;
-  double stretch(const Bond &, double later) const;
-  double lost_energy(const Bond &, double share, double later) const;
+  double stretch(const Bond &, const Shift &) const;  // area times elongation, m^3
+  double lost_energy(const Bond &, double share, const Shift &, const Shift &others) const;
   double release(const Bond &, double share);
   template <class Add> void each_elastic_energy(Add add) const;
   void note_broken(int n);
