@@ -2,17 +2,16 @@
 
 The stones' side comes from the engine (fix ledger), the plate's side from the modal motion. Works are sums of force
 times displacement over every step, elastic energies are those of the state, and friction, dashpots and yielding of the
-contacts are each summed on their own. Only the bonds' damping is a work less what it stored:
-
-    bond damping = - work of the bonds - elastic energy in them - released by breakage
+contacts and the damping of the bonds are each summed on their own.
 
 A tangential spring whose stiffness grows with the normal force gains energy by that, and loses it as the force goes:
 `contact_springs_J` is what they lost on balance.
 
 Nothing in these refers to the kinetic energies, to the plate's own energy or to the work of the contacts, so the sum of
 all can miss the energy at the start; `closure` says by how much, relative to the energy supplied: the kinetic energy of
-the impact and what gravity did until the stones were lowest. `contacts_unexplained_J` is the part of it that a wrong
-contact law would have: what the contacts took from stones and plate (their work) less all that is known of it.
+the impact and what gravity did until the stones were lowest. `bonds_unexplained_J` and `contacts_unexplained_J` are the
+parts of it that a wrong law of either would have: what they took from stones and plate (their work) less all that is
+known of it.
 `given_to_stones_J` is what passed through contacts from one stone to others; over all stones it is zero.
 """
 
@@ -102,14 +101,17 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
         "released_by_breakage_J": c["released_J"] + c["wall_released_J"],
         "given_to_plate_J": c["plate_work_J"],
     }
-    parts["bonds_unexplained_J"] = -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"] - c["bond_damped_J"]
     took = -(c["pair_work_J"] + c["wall_work_J"] + c["plate_work_J"])
     known = sum(parts[name] for name in ("contact_elastic_J", "contact_damping_J", "plastic_J", "friction_J",
                                          "contact_springs_J")) + c["wall_released_J"]
     # What a contact between two stones keeps or takes counts half for each, yet its force does more work on one than on
     # the other: the difference passes between them. Only the sum over the stones can see a wrong law.
     unexplained = (took - known).mean(axis=1, keepdims=True)
-    return parts | {"given_to_stones_J": took - known - unexplained, "contacts_unexplained_J": unexplained + np.zeros_like(took)}
+    return parts | {
+        "given_to_stones_J": took - known - unexplained,
+        "bonds_unexplained_J": -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"] - c["bond_damped_J"],
+        "contacts_unexplained_J": unexplained + np.zeros_like(took),
+    }
 
 
 def energy_table(parts: dict[str, np.ndarray], ledger: StoneLedger, dt_s: float) -> Columns:
