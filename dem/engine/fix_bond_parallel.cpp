@@ -121,6 +121,7 @@ double FixBondParallel::extend_cut_ghost() {
 // Adds the second half of the work of the last forces, with the velocities of the coming step, then turns each
 // sub-sphere by its spin over one step.
 void FixBondParallel::post_integrate() {
+  if (!knows_motion_) remember_motion();
   add_work(1);
   if (turned_.empty()) list_turned();
   for (const auto &[first, count] : turned_) turn_all(quaternion_[first], atom->omega[first], count, 0.5 * update->dt);
@@ -134,7 +135,6 @@ void FixBondParallel::post_integrate() {
 // take whose energy is quadratic. `side` is 1 with F and -1 with F'.
 void FixBondParallel::add_work(int side) {
   const double half_dt = 0.5 * update->dt, half_tau = side * 0.5 * damping_time_;
-  const double *v = atom->v[0], *omega = atom->omega[0];
   int home = 0;
   double power = 0, power_before = 0;
   auto count = [&] {
@@ -147,8 +147,9 @@ void FixBondParallel::add_work(int side) {
     if (a != home) count(), home = a;
     const ForceRecord &g = forces_[i];
     const Motion &u = before_[i];
+    const double *v = atom->v[i], *omega = atom->omega[i];
     for (int k = 0; k < 3; k++) {
-      power += g.f[k] * v[3 * i + k] + g.torque[k] * omega[3 * i + k];
+      power += g.f[k] * v[k] + g.torque[k] * omega[k];
       power_before += g.f[k] * u.v[k] + g.torque[k] * u.omega[k];
     }
   }
@@ -190,6 +191,10 @@ inline AtomRecord moved(const double *x, const double *q, const double *v, const
 }
 }  // namespace
 
+AtomRecord FixBondParallel::record(int i) const {
+  return moved(atom->x[i], quaternion_[i], atom->v[i], atom->omega[i], 0);
+}
+
 // At x + s.now v + s.before u.
 AtomRecord FixBondParallel::record(int i, const Shift &s) const {
   const Motion &u = before_[i];
@@ -205,9 +210,8 @@ void FixBondParallel::fill_records() {
   const int nall = atom->nlocal + atom->nghost;
   atoms_.resize(nall + 2);
   forces_.resize(nall + 2);
-  before_.resize(nall);
-  const double *x = atom->x[0], *q = quaternion_[0], *v = atom->v[0], *omega = atom->omega[0];
-  for (int i : computed_) atoms_[i] = moved(x + 3 * i, q + 4 * i, v + 3 * i, omega + 3 * i, damping_time_);
+  double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
+  for (int i : computed_) atoms_[i] = moved(x[i], quaternion_[i], v[i], omega[i], damping_time_);
   atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
   atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
   for (int i : computed_) forces_[i] = ForceRecord();
@@ -223,18 +227,20 @@ void FixBondParallel::post_force(int) {
   if (n_broken) note_broken(n_broken);
 
   add_work(-1);
-  double *f = atom->f[0], *torque = atom->torque[0];
   for (int i : computed_) {
     if (i >= atom->nlocal) break;
-    for (int k = 0; k < 3; k++) f[3 * i + k] += forces_[i].f[k], torque[3 * i + k] += forces_[i].torque[k];
+    double *f = atom->f[i], *torque = atom->torque[i];
+    for (int k = 0; k < 3; k++) f[k] += forces_[i].f[k], torque[k] += forces_[i].torque[k];
   }
   remember_motion();
 }
 
 void FixBondParallel::remember_motion() {
-  const double *v = atom->v[0], *omega = atom->omega[0];
-  for (int i : computed_)
-    for (int k = 0; k < 3; k++) before_[i].v[k] = v[3 * i + k], before_[i].omega[k] = omega[3 * i + k];
+  before_.resize(atom->nlocal + atom->nghost);
+  for (int i : computed_) {
+    std::copy_n(atom->v[i], 3, before_[i].v);
+    std::copy_n(atom->omega[i], 3, before_[i].omega);
+  }
   knows_motion_ = true;
 }
 
@@ -350,7 +356,7 @@ void FixBondParallel::break_bond(int b) {
 // add(tag, J) of each bond that this rank counts, and of each of its sub-spheres where the dilatation has energy.
 template <class Add> void FixBondParallel::each_elastic_energy(Add add) const {
   for (const LocalBond &b : local_)
-    if (intact_[b.id] && b.i < atom->nlocal) add(b.bond->tag_i, bond_state(*b.bond, record(b.i, {0, 0}), record(b.j, {0, 0})).energy);
+    if (intact_[b.id] && b.i < atom->nlocal) add(b.bond->tag_i, bond_state(*b.bond, record(b.i), record(b.j)).energy);
   if (!volumes_.needed()) return;
   const std::vector<double> stretch = stretches_now();
   for (int i = 0; i < atom->nlocal; i++) add(atom->tag[i], volumes_.energy(atom->tag[i], stretch[i]));

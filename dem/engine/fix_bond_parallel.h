@@ -152,6 +152,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void fill_records();
   void list_sub_spheres(const std::vector<LocalBond> &computed);
   void list_turned();
+  AtomRecord record(int i) const;
   AtomRecord record(int i, const Shift &) const;
   void find_dilatations();
   std::vector<double> stretches_now() const;
