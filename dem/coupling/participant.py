@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dem.coupling.messages import CheckpointMessage, ForceMessage
+from dem.coupling.messages import CheckpointMessage, FinishedMessage, ForceMessage
 from dem.coupling.pipes import PlatePipes
 from dem.deck.time_step import TimeStep
 from plate_fem.motion import ModalMotion
@@ -54,13 +54,14 @@ class PlateParticipant:
         if self.state.last_force is None:
             self.state.last_force = none
             self.record(range(1), self.motion.state[None], none, none)
-        while isinstance(message := pipes.receive(), (ForceMessage, CheckpointMessage)):
+        while not isinstance(message := pipes.receive(), FinishedMessage):
             if isinstance(message, CheckpointMessage):
                 keep(message.step)
-                pipes.confirm_checkpoint()
+                pipes.confirm(message)
             else:
                 amplitude, rate = self._move(message)
                 pipes.answer(message.step, self.motion.reach_m(amplitude, rate), amplitude, rate)
+        pipes.confirm(message)
         self._advance(none, none, (self.step.steps - self.state.dem_step) // self.step.co_step)
 
     def _move(self, message: ForceMessage) -> tuple[np.ndarray, np.ndarray]:

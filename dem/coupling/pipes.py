@@ -76,10 +76,10 @@ class PlatePipes:
                                 "allowed are numbers from 0, 0 and 1 on")
         return ForceMessage(step, co_steps, extrapolated, force)
 
-    def confirm_checkpoint(self) -> None:
-        """Tell the engine that the plate's half of the checkpoint is on disk."""
+    def confirm(self, message: CheckpointMessage | FinishedMessage) -> None:
+        """Tell the engine that the plate's half of the checkpoint is on disk, or that the plate knows of the end."""
         still = np.zeros(self._modes)
-        self.answer(CHECKPOINT, 0.0, still, still)
+        self.answer(CHECKPOINT if isinstance(message, CheckpointMessage) else FINISHED, 0.0, still, still)
 
     def answer(self, step: int, reach_m: float, amplitude: np.ndarray, rate: np.ndarray) -> None:
         """Tell the engine where the plate is predicted to be, as far after `step` as it asked: `amplitude` and `rate`

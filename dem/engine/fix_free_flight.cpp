@@ -45,6 +45,7 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (comm->nprocs > 1)
     error->fix_error(FLERR, this, "works on one rank only; `time.free_flight_tolerance = 0` leaves it out");
   if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
+  note_radii();
   agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   calm_.assign(agglomerates_->tags() + 1, 0);
   held_ = std::make_unique<HeldBodies>(lmp, weight(), speed_, tolerance_, agglomerates_->tags(), unheld_);
@@ -84,6 +85,29 @@ void FixFreeFlight::setup(int) {
   if (plate_) std::copy(plate_->extent(), plate_->extent() + 4, outline_.extent);
   outline_.reach = -1;  // none known
   next_reneighbor = -1;
+}
+
+// A resumed run is set up without the bodies that fly, which may be all of a material.
+void FixFreeFlight::note_radii() {
+  least_radius_.assign(atom->ntypes + 1, 0.0);
+  greatest_radius_ = least_radius_;
+  for (int i = 0; i < atom->nlocal; i++) {
+    double &least = least_radius_[atom->type[i]], &greatest = greatest_radius_[atom->type[i]];
+    least = least == 0 ? atom->radius[i] : std::min(least, atom->radius[i]);
+    greatest = std::max(greatest, atom->radius[i]);
+  }
+}
+
+int FixFreeFlight::min_type() {
+  for (int type = 1; type <= atom->ntypes; type++)
+    if (greatest_radius_[type] > 0) return type;
+  return 0;
+}
+
+int FixFreeFlight::max_type() {
+  int type = atom->ntypes;
+  while (type > 0 && greatest_radius_[type] == 0) type--;
+  return type;
 }
 
 int FixFreeFlight::body_of(int tag) const { return bonds_ ? bonds_->body_of_tag()[tag] : tag; }

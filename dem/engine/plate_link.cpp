@@ -95,17 +95,18 @@ void PlateLink::receive_answer(long long step) {
   if (answered != step) lmp_->error->one(FLERR, "The plate answered another step than the one asked");
 }
 
-void PlateLink::checkpoint(long long step) {
+// Sends a message without forces and waits until the plate has repeated its kind.
+void PlateLink::tell(long long kind, long long step) {
   std::vector<double> nothing(1 + 2 * amplitude.size());
-  send(CHECKPOINT, step, 0, nothing.data());
-  receive_answer(CHECKPOINT);
+  send(kind, step, 0, nothing.data());
+  receive_answer(kind);
   receive(nothing.data(), 8 * nothing.size());
 }
 
+void PlateLink::checkpoint(long long step) { tell(CHECKPOINT, step); }
+
 void PlateLink::finish() {
-  if (out_ < 0) return;
-  const std::vector<double> none(amplitude.size(), 0.0);
-  send(FINISHED, 0, 0, none.data());
+  if (out_ >= 0) tell(FINISHED, 0);
 }
 
 }  // namespace LAMMPS_NS

@@ -14,11 +14,13 @@ import pytest
 from scenes_of_tests import SCENES, changed
 from scipy.linalg import expm
 
+import dem.coupling.watchdog
 from common.cache import user_cache
 from dem.coupling.launch import ENGINE
 from dem.coupling.messages import CouplingError
 from dem.coupling.participant import PlateParticipant
 from dem.coupling.pipes import PlatePipes
+from dem.coupling.watchdog import EngineWatchdog
 from dem.deck.render import write_deck
 from dem.deck.time_step import TimeStep
 from dem.run.prepare import prepare
@@ -71,6 +73,7 @@ class FakeEngine(threading.Thread):
                 w, mean = target, -impulse / self.interval_s
                 self.z.append(z)
             out.write(struct.pack("<qqqd", -1, 0, 0, 0.0))
+            assert struct.unpack("<qddd", answers.read(32))[0] == -1
 
 
 def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
@@ -146,6 +149,28 @@ def test_an_engine_that_reads_no_more_is_seen(tmp_path):
     pipes.close()
 
 
+def test_the_engine_waits_until_the_plate_knows_of_the_end(tmp_path):
+    """The real engine against a plate of another program, which stands still and is slow."""
+    scene = changed("elastic_plate", {"plate.max_frequency_Hz": 500.0})
+    model = prepare(scene, "scene", user_cache())
+    write_deck(tmp_path / "deck", scene, model.assembly, model.step, model.modes)
+    n, names = len(model.modes.frequency_Hz), [tmp_path / "deck" / name for name in ("to_plate", "from_plate")]
+    for name in names:
+        os.mkfifo(name)
+    engine = subprocess.Popen([str(ENGINE), "-in", "deck.liggghts"], cwd=tmp_path / "deck", stdin=subprocess.DEVNULL,
+                              stdout=subprocess.DEVNULL)
+    with open(names[0], "rb", buffering=0) as read, open(names[1], "wb", buffering=0) as write:
+        step = None
+        while step != -1:
+            if step is not None:
+                write.write(struct.pack("<qd", step, 0.0) + bytes(16 * n))
+            step = struct.unpack("<q", read.read(24 + 8 * n)[:8])[0]
+        with pytest.raises(subprocess.TimeoutExpired):
+            engine.wait(timeout=1)
+        write.write(struct.pack("<qd", -1, 0.0) + bytes(16 * n))
+        assert engine.wait(timeout=60) == 0
+
+
 @pytest.mark.parametrize("plate, words", [
     ("dies", "The plate does not answer any more"), ("answers another step", "The plate answered another step")])
 def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate, words):
@@ -166,6 +191,23 @@ def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate
     output, _ = engine.communicate(timeout=20)
     assert engine.returncode != 0
     assert words in output
+
+
+def test_an_engine_that_gets_microseconds_at_a_time_is_not_stuck(monkeypatch):
+    """As ranks do that leave the processor to others: too little for a tick of the kernel."""
+    monkeypatch.setattr(dem.coupling.watchdog, "STUCK_s", 0.3)
+    for line, stuck in (("while read -t 0.05; [ $? -gt 128 ]; do :; done", False), ("read", True)):
+        with subprocess.Popen(["bash", "-c", line], stdin=subprocess.PIPE) as engine:
+            time.sleep(0.3)  # bash has started
+            watchdog, deadline, said = EngineWatchdog(engine), time.monotonic() + 2, ""
+            try:
+                while time.monotonic() < deadline:
+                    assert watchdog()
+                    time.sleep(0.1)
+            except CouplingError as error:
+                said = str(error)
+            engine.kill()
+            assert ("is stuck: no processor time" in said) == stuck
 
 
 class StoppedRun:
