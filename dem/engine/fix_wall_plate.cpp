@@ -188,7 +188,8 @@ void FixWallPlate::post_run() {
 // To the centre of a sub-sphere, from the nearest point of the plate's top face with its edge. What is below the face
 // came past the edge.
 Vec FixWallPlate::from_wall(const NearSphere &p) const {
-  const double *x = atom->x[p.i], *e = extent_, z = x[2] - p.plate_z;
+  const double *at = atom->x[p.i], *e = extent_, z = at[2] - (p.plate_z + p.plate_moved.z);
+  const double x[2] = {at[0] - p.plate_moved.x, at[1] - p.plate_moved.y};
   double across[2];
   for (int d = 0; d < 2; d++) across[d] = x[d] - std::clamp(x[d], e[2 * d], e[2 * d + 1]);
   if (z < 0 && across[0] == 0 && across[1] == 0) {
