@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import sys
 import time
 from dataclasses import replace
@@ -29,6 +30,8 @@ from dem.run.progress import Progress
 from dem.run.results import own_version, summary_of, write_results
 from dem.run.simulate import EngineStart, simulate
 from dem.stones.arrangement import gangue_ratio as ratio_of
+
+LEAST_FREE_BYTES = 1 << 16
 
 
 def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None,
@@ -94,7 +97,8 @@ def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
             work.publish()
             return summary.as_json()
     except (RunError, CouplingError, Unstable, Busy) as error:
-        raise RunError(f"{prepared.source}: {error} (what there is of the run is in {work.path})") from error
+        full = ", whose disk is full" if shutil.disk_usage(work.path).free < LEAST_FREE_BYTES else ""
+        raise RunError(f"{prepared.source}: {error} (what there is of the run is in {work.path}{full})") from error
 
 
 def _take_up(work: RunDirectory, prepared: PreparedRun, overwrite: bool) -> tuple[Identity, int]:
