@@ -79,14 +79,13 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
   released_ = damped_ = broken_count_ = work_;
   held_.assign(agglomerates_->tags() + 1, 0);
 
-  restart_global = restart_peratom = 1;
+  restart_global = 1;  // so that it is asked, and refuses
   create_attribute = 1;
   comm_forward = comm_border = 4;
   scalar_flag = global_freq = 1;
   comm->maxexchange_fix += 4;
   grow_arrays(atom->nmax);
   atom->add_callback(0);
-  atom->add_callback(1);
   for (int i = 0; i < atom->nlocal; i++) set_arrays(i);
 
   events_.open(lmp, events);
@@ -94,7 +93,6 @@ FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
 
 FixBondParallel::~FixBondParallel() {
   atom->delete_callback(id, 0);
-  atom->delete_callback(id, 1);
   memory->destroy(quaternion_);
 }
 

@@ -51,12 +51,8 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   int unpack_border(int, int, double *) override;
   int pack_comm(int, int *, double *, int, int *) override;
   void unpack_comm(int, int, double *) override;
-  int pack_restart(int, double *) override;
-  void unpack_restart(int, int) override;
-  int size_restart(int) override;
-  int maxsize_restart() override;
-  void write_restart(FILE *) override;
-  void restart(char *) override;
+
+  void write_restart(FILE *) override;  // refuses
 
   void begin_anew() override { listed_ = knows_motion_ = false; }  // the kernel sums in the order of its list
   void save(CheckpointWriter &) override;

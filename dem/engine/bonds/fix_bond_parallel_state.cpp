@@ -1,14 +1,12 @@
-// What fix bond/parallel keeps: the quaternion that travels with each sub-sphere, restart and checkpoint.
-
-#include <mpi.h>
+// What fix bond/parallel keeps: the quaternion that travels with each sub-sphere, and its part of a checkpoint.
 
 #include <algorithm>
 #include <cstring>
 
 #include "atom.h"
+#include "base/fix_input.h"
 #include "interfaces/checkpoint_file.h"
 #include "comm.h"
-#include "error.h"
 #include "bonds/fix_bond_parallel.h"
 #include "memory.h"
 
@@ -65,48 +63,8 @@ void FixBondParallel::unpack_comm(int n, int first, double *buf) {
   else for (int k = 0; k < n; k++) atoms_[first + k].dilatation = buf[k];
 }
 
-int FixBondParallel::pack_restart(int i, double *buf) {
-  buf[0] = 5;
-  std::memcpy(buf + 1, quaternion_[i], 4 * sizeof(double));
-  return 5;
-}
-
-void FixBondParallel::unpack_restart(int nlocal, int nth) {
-  double **extra = atom->extra;
-  int m = 0;
-  for (int k = 0; k < nth; k++) m += static_cast<int>(extra[nlocal][m]);
-  std::memcpy(quaternion_[nlocal], &extra[nlocal][m + 1], 4 * sizeof(double));
-}
-
-int FixBondParallel::size_restart(int) { return 5; }
-int FixBondParallel::maxsize_restart() { return 5; }
-
-// Global part of a restart: sums by agglomerate and which bonds hold.
-void FixBondParallel::write_restart(FILE *out) {
-  if (softening_.needed()) error->fix_error(FLERR, this, "bonds that soften are kept in checkpoints, not in restarts");
-  if (comm->nprocs > 1) share_broken();
-  const int n = agglomerates_->count();
-  std::vector<double> mine, data(4 * n);
-  for (const std::vector<double> *sum : {&work_, &released_, &damped_, &broken_count_})
-    mine.insert(mine.end(), sum->begin(), sum->end());
-  MPI_Reduce(mine.data(), data.data(), 4 * n, MPI_DOUBLE, MPI_SUM, 0, world);
-  data.insert(data.end(), intact_.begin(), intact_.end());
-  if (comm->me != 0) return;
-  const int size = data.size() * sizeof(double);
-  std::fwrite(&size, sizeof(int), 1, out);
-  std::fwrite(data.data(), sizeof(double), data.size(), out);
-}
-
-void FixBondParallel::restart(char *buf) {
-  const double *data = reinterpret_cast<const double *>(buf);
-  const int n = agglomerates_->count();
-  if (comm->me == 0)
-    for (std::vector<double> *sum : {&work_, &released_, &damped_, &broken_count_}) {
-      std::copy(data, data + n, sum->begin());
-      data += n;
-    }
-  data = reinterpret_cast<const double *>(buf) + 4 * n;
-  for (size_t b = 0; b < intact_.size(); b++) intact_[b] = data[b] != 0;
+void FixBondParallel::write_restart(FILE *) {
+  FixInput(lmp, this).refuse("bonds are kept by fix checkpoint, not by LIGGGHTS' restart and write_restart");
 }
 
 /* --- checkpoint ---------------------------------------------------------------------------------------------- */

@@ -240,18 +240,16 @@ void SmoothContact::press_to_q(Patch &p) {
   if (is_first_rank()) plastic_[p.agglomerate] += p.share * (law.taken(p.largest) - law.taken(before));
 }
 
-// Mindlin's tangential spring 8 G* a, less the compression of the bonds, up to Coulomb's limit. The dashpot acts while
-// it sticks, no more than stops the members as free spheres in one step: twice that would gain energy. Of the shipped
-// stones none come there.
+// The dashpot acts while the patch sticks, no more than stops the members as free spheres in one step: twice that would
+// gain energy. Of the shipped stones none come there.
 void SmoothContact::rub(Patch &p) {
   const SmoothStone &s = stone(p);
-  const double mindlin = 4 * s.shear_modulus / s.modulus * p.state.stiffness;
-  const double spring = p.share * mindlin / (1 - p.compliance_across * mindlin);
+  const double mindlin = mindlin_stiffness(s.shear_modulus, s.modulus, p.state.stiffness);
+  const double spring = spring_before_bonds(p.share, mindlin, p.compliance_across);
   const Vec slip = p.slip + lmp_->update->dt * p.sliding;
-  const double pull = spring * norm(slip), limit = s.friction * p.force();
-  const bool slides = pull > limit;
-  stretch(p, spring, (slides ? limit / pull : 1) * slip);
-  if (!slides) {
+  const double sticks = share_that_sticks(spring * norm(slip), s.friction, p.force());
+  stretch(p, spring, sticks * slip);
+  if (sticks == 1) {
     const double dashpot = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio_across * std::sqrt(mindlin * p.mass);
     p.rubbing = std::min(dashpot, MOST_STOPPED / (p.mobility * lmp_->update->dt));
   }
