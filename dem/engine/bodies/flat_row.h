@@ -1,4 +1,5 @@
 #pragma once
+#include <cstdio>
 #include <cstring>
 #include <type_traits>
 #include <vector>
@@ -17,6 +18,11 @@ template <class T> void append_bytes(std::vector<double> &row, const T *from, si
 template <class T> void take_bytes(const double *&row, T *to, size_t count) {
   std::memcpy(static_cast<void *>(to), row, count * sizeof(T));
   row += count * sizeof(T) / sizeof(double);
+}
+
+// False if the file does not take it. fwrite must not be given the null that an empty vector points to.
+template <class T> bool write_row(const std::vector<T> &row, FILE *out) {
+  return row.empty() || std::fwrite(row.data(), sizeof(T), row.size(), out) == row.size();
 }
 
 }  // namespace LAMMPS_NS

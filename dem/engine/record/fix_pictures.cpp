@@ -11,6 +11,7 @@
 #include "error.h"
 #include "base/fix_input.h"
 #include "base/fixes.h"
+#include "bodies/flat_row.h"
 #include "interfaces/stone_stream.h"
 #include "update.h"
 
@@ -99,10 +100,8 @@ void FixPictures::write() {
   const long long head[3] = {update->ntimestep, static_cast<long long>(contacts.size() / CONTACT_COLUMNS),
                              static_cast<long long>(near.size())};
   const std::vector<long long> stones(near.begin(), near.end());
-  const bool written = std::fwrite(head, 8, 3, file_) == 3 &&
-                       std::fwrite(stones.data(), 8, stones.size(), file_) == stones.size() &&
-                       std::fwrite(all.data(), sizeof(float), all.size(), file_) == all.size() &&
-                       std::fwrite(contacts.data(), 8, contacts.size(), file_) == contacts.size();
+  const bool written = std::fwrite(head, 8, 3, file_) == 3 && write_row(stones, file_) && write_row(all, file_) &&
+                       write_row(contacts, file_);
   if (!written) error->one(FLERR, "cannot write the pictures");
 }
 
