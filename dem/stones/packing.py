@@ -162,7 +162,7 @@ def pack_cylinder(radius_m: float, length_m: float, count: int, seed: int, size_
 def fcc_sphere(radius_m: float, subsphere_radius_m: float | None = None) -> Packing:
     """Touching equal sub-spheres on a face-centred cubic lattice, all that lie whole inside the sphere.
 
-    By default radius_m/12.04, the agglomerate of the benchmarks: 998 sub-spheres, 5181 touching pairs. Raises
+    By default radius_m/12.04, the agglomerate of `make bench`: 998 sub-spheres, 5181 touching pairs. Raises
     ValueError where not even one sub-sphere fits.
     """
     r = radius_m / 12.04 if subsphere_radius_m is None else subsphere_radius_m

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from scipy.signal import welch
 
+from lab.recognition.baselines import EVALUATED
 from recognition import RecognitionError
 from recognition.evaluation.cross_validation import (
     CASES,
@@ -17,7 +18,6 @@ from recognition.evaluation.cross_validation import (
 )
 from recognition.evaluation.dataset import DataSet, _kin, read_dataset
 from recognition.evaluation.sensor_noise import same_per_hertz, with_noise
-from recognition.methods import EVALUATED
 from tests.analysis import synthetic
 
 FAMILIES = {"paper": (1, 11), "ring": (4, 11), "packing": (2, 11), "damping": (12, 1), "speed": (12, 1), "free": (12, 1), "scatter": (12, 1),
