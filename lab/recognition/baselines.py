@@ -1,5 +1,5 @@
-"""What the laboratory compares with the methods of a model: a faster record, a trigger that is known, the impulse, which
-takes the mean velocity of the plate, and a straight line."""
+"""What the laboratory compares with the methods of a model: the impulse, which takes the mean velocity of the plate, and a
+straight line."""
 
 from __future__ import annotations
 
@@ -14,12 +14,8 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.channels import channels_of
 from recognition.estimation.method import MethodEntry, Registry
 from recognition.methods import METHODS
-from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.regression.feature_regression import EstimatorMethod, FeatureRegression
 from recognition.regression.features import FEATURES
-
-#: 40 kHz beside the paper's 6667 Hz.
-FAST_FACTOR = 6
 
 
 def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
@@ -41,11 +37,6 @@ def _line() -> EstimatorMethod:
 
 
 BASELINES: Registry = {
-    "arrangement_likelihood_fast": MethodEntry("likelihood of arrangements, trigger known, at 40 kHz",
-                                               partial(ArrangementLikelihood, exact_trigger=True),
-                                               rate_factor=FAST_FACTOR),
-    "arrangement_likelihood_timed": MethodEntry("likelihood of arrangements, trigger known",
-                                                partial(ArrangementLikelihood, exact_trigger=True)),
     "impulse": MethodEntry("impulse from plate and rods", partial(FeatureRegression, "impulse")),
     "rms_line": MethodEntry("RMS and a straight line", _line),
 }

@@ -27,13 +27,11 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from analysis import RecordError
-from lab.recognition.baselines import FAST_FACTOR
 from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
 from recognition.evaluation.cross_validation import FOLDS, LEAST_FOLDS, Noises
 from recognition.evaluation.dataset import DataSet
-from recognition.evaluation.sensor_noise import same_per_hertz
 from recognition.physics.arrangement_fit import PlateRecord, fit_model, force_statistics, model_on
 from recognition.physics.arrangement_likelihood import ArrangementModel
 from recognition.physics.arrangement_method import ArrangementLikelihood
@@ -150,17 +148,13 @@ def _by_law(data: DataSet, chosen: Integers, conditions: tuple[str, ...],
 
 
 def _by_arrangements(data: DataSet, chosen: Integers, noises_db: Noises) -> Iterator[dict[str, Any]]:
-    """At the records' own rate, and at FAST_FACTOR times that."""
-    groups = data.table["kin"].to_numpy()[chosen]
-
-    def rows(rate_factor: int) -> Rows:
-        signals = [data.signals(rate_factor)[k] for k in chosen]
-        model = fit_model(_plate_records(data, chosen, rate_factor), groups)
+    def rows() -> Rows:
+        signals = [data.signals()[k] for k in chosen]
+        model = fit_model(_plate_records(data, chosen), data.table["kin"].to_numpy()[chosen])
         return [{"noise_db": db, "least_points": arrangement_error_points(model, noise)}
-                for db, noise in _noises(signals, noises_db, rate_factor).items()]
+                for db, noise in _noises(signals, noises_db).items()]
 
-    yield from _or_reason({"channels": ARRANGEMENTS}, partial(rows, 1))
-    yield from _or_reason({"channels": f"{ARRANGEMENTS}, {FAST_FACTOR} times the rate"}, partial(rows, FAST_FACTOR))
+    yield from _or_reason({"channels": ARRANGEMENTS}, rows)
 
 
 def _by_known_places(data: DataSet, noises_db: Noises) -> Rows:
@@ -187,16 +181,15 @@ def _by_known_places(data: DataSet, noises_db: Noises) -> Rows:
     return _or_reason(row | {"channels": f"{ARRANGEMENTS}, places known"}, rows)
 
 
-def _plate_records(data: DataSet, chosen: Integers, rate_factor: int = 1) -> list[PlateRecord]:
+def _plate_records(data: DataSet, chosen: Integers) -> list[PlateRecord]:
     """Raises RecordError, RecognitionError."""
-    return [ArrangementLikelihood().prepare(data.signals(rate_factor)[k], data.runs[k]) for k in chosen]
+    return [ArrangementLikelihood().prepare(data.signals()[k], data.runs[k]) for k in chosen]
 
 
-def _noises(records: list[pd.DataFrame], noises_db: Noises, rate_factor: int = 1) -> dict[float | None, Floats]:
-    """Standard deviations (channels,), each so far below the records' mean rms; as much a hertz at every rate."""
+def _noises(records: list[pd.DataFrame], noises_db: Noises) -> dict[float | None, Floats]:
+    """Standard deviations (channels,), each so far below the records' mean rms."""
     rms = np.sqrt(np.mean([np.mean(channels_of(one, "plate") ** 2, axis=1) for one in records], axis=0))
-    levels = {db: same_per_hertz(db, rate_factor) for db in noises_db}
-    return {db: rms * (0.0 if level is None else 10 ** (-level / 20)) for db, level in levels.items()}
+    return {db: rms * (0.0 if db is None else 10 ** (-db / 20)) for db in noises_db}
 
 
 def _by_true_impulse(data: DataSet, chosen: Integers) -> dict[str, Any]:
