@@ -2,8 +2,8 @@
 
 What stands between `<!-- table: NAME | column: title: format | ... -->` and `<!-- end -->` becomes the result NAME as a
 table of Markdown. A column without title has its own name, one without format (that of Python) its text; without columns
-there are all. `NAME where column=value, ...` takes the rows with these values. --check writes nothing, and ends with 1 where a page has
-another table.
+there are all. `NAME where column=value, ...` takes the rows with these values. --check writes nothing, and ends with 1
+where a page has another table.
 """
 
 from __future__ import annotations
@@ -41,7 +41,11 @@ def _table(file: Path, chosen: str | None, columns: str | None) -> str:
 
 
 def _cell(text: str, form: str) -> str:
-    return format(float(text), form) if form and text else text
+    """Text that is no number stays as it is."""
+    try:
+        return format(float(text), form) if form else text
+    except ValueError:
+        return text
 
 
 def main(words: list[str]) -> int:

@@ -116,4 +116,7 @@ def contact_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     table = groups.size().rename("stones").to_frame()
     for key in COLUMNS:
         table[key], table[f"{key}_sd"] = groups[key].mean(), groups[key].std()
-    return table.reset_index()
+    cases = [CASES[name] for name in table.index]
+    told = {"plate": ["paper" if case.on_paper_plate else "rigid" for case in cases],
+            **{key: [getattr(case, key) for case in cases] for key in ("material", "speed_m_s", "subspheres")}}
+    return pd.concat([pd.DataFrame(told), table.reset_index(drop=True)], axis=1)
