@@ -38,12 +38,12 @@ def _command(arguments: argparse.Namespace) -> int:
 
 def fit(arguments: argparse.Namespace) -> None:
     from analysis.runs import read_sweep
-    from common.output_directory import refuse_file
+    from common.output_directory import is_sealed_as, refuse_file
     from recognition.evaluation.dataset import CONDITIONS, read_dataset
     from recognition.models import FORMAT, Model
 
     directory, out = Path(arguments.directory), Path(arguments.out)
-    refuse_file(arguments.out, FORMAT)
+    refuse_file(arguments.out, is_sealed_as(FORMAT))
     if any(directory.glob("ratio_*")):
         sweep = read_sweep(directory)
         runs, model = sweep.runs, Model.fit(sweep.runs)
@@ -101,7 +101,7 @@ def _print_best(name: str, answer: Answer) -> None:
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
-    from common.output_directory import refuse_foreign_file
+    from common.output_directory import begins_with, refuse_foreign_file
     from recognition.estimation.errors import RecognitionError
     from recognition.evaluation.cross_validation import write_evaluation
     from recognition.evaluation.dataset import read_dataset
@@ -111,7 +111,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
     unknown = [name for name in names if name not in METHODS]
     if unknown:
         raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(METHODS)}")
-    refuse_foreign_file(Path(arguments.directory) / "evaluation.csv", "method,held_out,")
+    refuse_foreign_file(Path(arguments.directory) / "evaluation.csv", begins_with("method,held_out,"))
     data = read_dataset(arguments.directory)
     print(f"written to {write_evaluation(data, arguments.directory, {name: METHODS[name] for name in names})}")
 
