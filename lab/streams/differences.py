@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common.plate import FlexiblePlate, read_plate
+from lab.known_truth.faults import FAULTS, Fault
 from lab.known_truth.simulated import Stream
 from lab.known_truth.stone_histories import histories
 from lab.streams.known_streams import SCENE, Case, TRUE_Hz, true_plate
@@ -28,34 +29,8 @@ def scaled(h: History, size: float, speed: float = 1.0) -> History:
 Changed = Callable[[Stream], Stream]
 
 
-def on_values(change: Callable[[np.ndarray], np.ndarray]) -> Changed:
-    return lambda record: replace(record, values=change(record.values.copy()))
-
-
-def with_factor(channel: int, factor: float) -> Callable[[np.ndarray], np.ndarray]:
-    def change(values: np.ndarray) -> np.ndarray:
-        values[channel] *= factor
-        return values
-    return change
-
-
-def _gains(values: np.ndarray) -> np.ndarray:
-    return values * np.array([1.05, 0.95, 1.05, 0.95])[:, None]
-
-
-def _offset(values: np.ndarray) -> np.ndarray:
-    values[1] += 0.05 * abs(values[1]).max()
-    return values
-
-
-def _hum(values: np.ndarray) -> np.ndarray:
-    values[2] += 0.05 * abs(values[2]).max() * np.sin(2 * np.pi * 50 * np.arange(values.shape[1]) / RATE_Hz)
-    return values
-
-
-def _clipped(values: np.ndarray) -> np.ndarray:
-    values[0] = np.clip(values[0], *(0.4 * abs(values[0]).max() * np.array([-1, 1])))
-    return values
+def with_fault(fault: Fault) -> Changed:
+    return lambda record: replace(record, values=fault(record.values, RATE_Hz))
 
 
 def _late(record: Stream) -> Stream:
@@ -100,20 +75,13 @@ def differences() -> list[Difference]:
         Difference("bonds 25 % weaker or stronger", stones=lambda _: histories("other_rock")),
         Difference("nothing"),
         Difference("radius 30 mm", stones=lambda pool: [scaled(h, 1.2) for h in pool]),
-        Difference("gains +5, -5, +5, -5 %", record=on_values(_gains)),
         Difference("radii 15 to 35 mm", case=Case(all_sizes=True)),
         Difference("noise of 10 dB", case=Case(noise_db=10.0)),
         Difference("a sensor 20 mm off", lambda: _moved_sensor(first())),
-        Difference("one gain 0.8", record=on_values(with_factor(1, 0.8))),
         Difference("five stones at once", case=Case(at_once=5)),
         Difference("speed 1 to 1.5 m/s", stones=lambda pool: [scaled(h, 1.0, 0.5) for h in pool if h.speed_m_s < 2.9]),
         Difference("another plate's taps", lambda: true_plate("2")),
-        Difference("wrong sign", record=on_values(with_factor(1, -1.0))),
-        Difference("two sensors swapped", record=on_values(lambda v: v[[1, 0, 2, 3]])),
-        Difference("offset of 5 % of the peak", record=on_values(_offset)),
-        Difference("50 Hz of 5 % of the peak", record=on_values(_hum)),
-        Difference("clipped at 40 %", record=on_values(_clipped)),
-        Difference("dead channel", record=on_values(with_factor(3, 1e-3))),
+        *(Difference(name, record=with_fault(fault)) for name, fault in FAULTS.items()),
         Difference("record begins amid the stream", record=_late),
         Difference("plate not tapped, damping twice", lambda: replace(exact(), damping_ratio=2 * exact().damping_ratio),
                    untapped=True),

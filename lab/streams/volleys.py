@@ -15,7 +15,7 @@ volley_differences: with something that `volley` is not told, and with numbers a
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -24,8 +24,9 @@ import numpy as np
 import pandas as pd
 
 from analysis.runs import Run
+from lab.known_truth.faults import FAULTS, Fault
 from lab.known_truth.simulated import stone_rows, stream_of
-from lab.streams.differences import scaled, with_factor
+from lab.streams.differences import scaled
 from lab.streams.known_streams import ALL, tapped, true_plate, true_ratio
 from lab.streams.listening import grouped
 from lab.study import Row
@@ -56,7 +57,7 @@ class Difference:
     size: float = 1.0
     speed: float = 1.0
     within_s: float = 0.0
-    record: Callable[[np.ndarray], np.ndarray] | None = None
+    record: Fault | None = None
     taps: str = "1"
     plate: str = "1"
     told: Stones = PAPER
@@ -69,8 +70,7 @@ DIFFERENCES = [
     Difference("radius 30 mm", size=1.2), Difference("speed 2.5 m/s", speed=2.5 / 3), Difference("speed 3.5 m/s", speed=3.5 / 3),
     Difference("taps of another plate", taps="2"), Difference("plate of another theory, tapped", taps="other theory",
                                                               plate="other theory"),
-    Difference("one gain 0.8", record=with_factor(1, 0.8)), Difference("wrong sign", record=with_factor(1, -1.0)),
-    Difference("two sensors swapped", record=lambda v: v[[1, 0, 2, 3]]),
+    *(Difference(name, record=FAULTS[name]) for name in ("one gain 0.8", "wrong sign", "two sensors swapped")),
     *(Difference(f"{n} stones, 8 to 12 told", n, told=SOME) for n in (8, 10, 12)),
     *(Difference(f"speed {v:g} m/s, 2.5 to 3.2 told", speed=v / 3, told=FAST) for v in (2.5, 3.0))]
 
@@ -136,7 +136,7 @@ def heard(run: Run, difference: Difference, seed: int, out: Path, more: Run | No
     table = stone_rows(histories, np.arange(len(fallen)), arrival_s, np.array([place for _, place in fallen]))
     values = stream_of(true_plate(difference.plate), ALL, histories, table, RATE_Hz, 20.0, rng, AFTER_S).values
     if difference.record is not None:
-        values = difference.record(values.copy())
+        values = difference.record(values, RATE_Hz)
     return judged(tapped(difference.taps, out), values, difference.told, true_ratio(table, False), true_ratio(table, True))
 
 
