@@ -24,7 +24,8 @@ from dem.run.energy_balance import read_ledger
 from dem.run.prepare import prepare
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import bond_network, highest_frequency_rad_s
-from dem.stones.packing import Packing, fcc_sphere, pack_sphere
+from dem.stones.packing import Packing, pack_sphere
+from lab.rock.fcc import fcc_sphere
 from lab.rock.stone import RIGID, SCENES, SEEDS
 from lab.study import Row
 

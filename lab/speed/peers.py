@@ -26,7 +26,8 @@ from scipy.stats import binom
 from dem.coupling.launch import ENGINE
 from dem.run.energy_balance import read_ledger
 from dem.run.recorder import read_forces
-from dem.stones.packing import fcc_sphere, near_pairs
+from dem.stones.packing import near_pairs
+from lab.rock.fcc import fcc_sphere
 from lab.study import Row
 
 LEAST_ROUNDS, MOST_ROUNDS = 9, 61
