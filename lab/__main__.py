@@ -37,12 +37,13 @@ def main(argv: list[str] | None = None) -> int:
     for name in names:
         if name not in CASES:
             parser.error(f"case {name!r}; choose among {', '.join(CASES)}")
-        for option in options:
-            if option not in options_of(CASES[name]):
-                parser.error(f"option {option!r} of {name}; choose among {', '.join(options_of(CASES[name])) or 'none'}")
+        known = options_of(CASES[name])
+        for option in options.keys() - known.keys():
+            parser.error(f"option {option!r} of {name}; choose among {', '.join(known) or 'none'}")
     if options and given.out is None:
         parser.error("options need --out: lab/results has what the cases give without them")
-    with tempfile.TemporaryDirectory() as own, patch.dict(os.environ, TMPDIR=own):  # engines of other programs have theirs
+    # MPI of engines that are started side by side must not share a directory.
+    with tempfile.TemporaryDirectory() as own, patch.dict(os.environ, TMPDIR=own):
         return max(run_case(CASES[name], given.out, given.jobs, options) for name in names)
 
 
@@ -58,8 +59,8 @@ def run_case(case: Case, out: Path | None, jobs: int, options: dict[str, str]) -
     values = {name: _parsed(text, defaults[name]) for name, text in options.items()}
     work = out or ROOT / "runs" / "lab"
     work.mkdir(parents=True, exist_ok=True)
-    of = "".join(f".{name}={text}" for name, text in sorted(options.items()))
-    rows = made(case.load("rows")(work, **values), work / f"{case.name}.{hash_of(case.sources)}{of.replace('/', '_')}.csv", jobs)
+    of = "".join(f".{name}={text}" for name, text in sorted(options.items())).replace("/", "_")
+    rows = made(case.load("rows")(work, **values), work / f"{case.name}.{hash_of(case.sources)}{of}.csv", jobs)
     table = case.load("table")(rows, work)
     words = " ".join(["python -m lab run", case.name, *(f"{name}={text}" for name, text in options.items())])
     write_result(table, (out or RESULTS) / f"{case.name}.csv", words, case.sources)

@@ -1,7 +1,8 @@
 """A study of the laboratory: rows that are made one by one, kept as they come, and made once.
 
 A study is a function `rows(out, **options)` that yields `Row`s, and one that makes the result's table of them. Rows are
-kept in OUT/NAME.HASH.csv, HASH that of the sources: a study that was stopped goes on, and one of other code begins anew.
+kept in OUT/NAME.HASH.csv, HASH that of the sources: a study that was stopped goes on, and one of other code begins
+anew.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ def _made(number: int) -> dict[str, Any]:
 
 
 def made(rows: Iterable[Row], file: Path, jobs: int = 1) -> pd.DataFrame:
-    """The rows in their order, those made that `file` lacks, by `jobs` processes; each is printed, and in `file` as soon
-    as it is there."""
+    """The rows in their order, those made that `file` lacks, by `jobs` processes; each is printed, and in `file` as
+    soon as it is there."""
     wanted = list(rows)
     there = {_name(row, wanted[0].key): row for row in _records(file)} if wanted else {}
     _waiting[:] = [row for row in wanted if _name(row.key, row.key) not in there]
@@ -59,10 +60,14 @@ def _records(file: Path) -> list[dict[Any, Any]]:
 
 
 def _name(row: dict[Any, Any], key: dict[str, Any]) -> str:
-    """The values of the key, as a table of text may hold them."""
-    return "|".join("" if row[name] is None or row[name] != row[name] else f"{row[name]:.10g}"
-                    if isinstance(row[name], (int, float)) and not isinstance(row[name], bool) else str(row[name])
-                    for name in key)
+    """The values of the key, however a table of text gives them back."""
+    return "|".join(_text(row[name]) for name in key)
+
+
+def _text(value: object) -> str:
+    if value is None or value != value:  # NaN
+        return ""
+    return f"{value:.10g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
 
 
 def _shown(value: object) -> str:
