@@ -37,6 +37,7 @@ class Busy(RuntimeError):
 def refuse_place(out: Path) -> None:
     """Raises InputError for a path that cannot become a directory of results: the working directory or one above it, a
     file, a symbolic link, or a path without a last name."""
+    refuse_bytes(str(out))
     real, here = Path(os.path.realpath(out)), Path.cwd()
     if real == here or real in here.parents:
         raise InputError(f"--out = {out}: must not be the working directory or one above it")
@@ -49,6 +50,14 @@ def refuse_place(out: Path) -> None:
     if out.exists() and not out.is_dir():
         raise InputError(f"--out = {out}: is a file; must be a directory or absent")
     refuse_below_a_file(out)
+
+
+def refuse_bytes(out: str) -> None:
+    """Raises InputError for a path that is no text: the libraries that write tables would fail at it."""
+    try:
+        os.path.abspath(out).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"--out = {out}: the whole path must be text in UTF-8") from None
 
 
 def refuse_below_a_file(out: Path) -> None:
@@ -198,6 +207,16 @@ def locked(file: Path, wait_s: float = 0.0) -> int:
         os.close(lock)
 
 
+def locked_directory(directory: Path, wait_s: float = 0.0, name: str = "lock") -> int:
+    """Make a directory where there is none, and lock the file `name` in it, as `locked` does."""
+    while True:
+        directory.mkdir(parents=True, exist_ok=True)
+        try:
+            return locked(directory / name, wait_s)
+        except FileNotFoundError:
+            continue  # who had it has just removed or renamed the directory
+
+
 def _is_still(lock: int, file: Path) -> bool:
     """Who waited for a lock may get that of a file that has been removed meanwhile."""
     try:
@@ -209,6 +228,7 @@ def _is_still(lock: int, file: Path) -> bool:
 def refuse_file(out: str, is_own: IsOwn) -> None:
     """Raises InputError for an `--out` that cannot become a file of this program: one that ends in no name, whose
     directory is not there, or where there is something that `refuse_foreign_file` refuses."""
+    refuse_bytes(out)
     file = Path(out)
     if out.endswith("/") or file.name in ("", ".."):
         raise InputError(f"--out = {out}: must be the name of a file")
