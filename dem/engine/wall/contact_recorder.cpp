@@ -8,7 +8,7 @@
 #include "interfaces/checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
-#include "flat_row.h"
+#include "bodies/flat_row.h"
 #include "lammps.h"
 #include "update.h"
 
