@@ -117,7 +117,7 @@ CheckpointReader::CheckpointReader(LAMMPS *lmp, const std::string &file) : lmp_(
     std::memcpy(&count, &data[at + NAME], 8);
     std::vector<double> &values = blocks_[name];
     values.resize(count);
-    std::memcpy(values.data(), &data[at + NAME + 8], 8 * count);
+    std::copy_n(&data[at + NAME + 8], 8 * count, reinterpret_cast<char *>(values.data()));  // of none, too
     at += NAME + 8 + 8 * count;
   }
 }

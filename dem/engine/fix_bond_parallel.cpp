@@ -9,7 +9,9 @@
 #include "bonded_bodies.h"
 #include "checkpoint_file.h"
 #include "comm.h"
+#include "domain.h"
 #include "error.h"
+#include "fix_input.h"
 #include "fixes.h"
 #include "force.h"
 #include "memory.h"
@@ -24,56 +26,54 @@ using namespace FixConst;
 namespace {
 // The rows of LIGGGHTS's arrays lie beside each other in memory; a rank may have none.
 double *flat(double **rows) { return rows ? rows[0] : nullptr; }
+
+BondMaterial material_of(const FixInput &input, char **words) {
+  BondMaterial m;
+  double *const above_0[] = {&m.modulus, &m.stiffness_ratio, &m.tensile_strength, &m.shear_strength};
+  for (int k = 0; k < 4; k++) *above_0[k] = input.number("material", words[k], Allowed::ABOVE_0);
+  m.tan_friction = input.number("material", words[4], Allowed::FROM_0);
+  return m;
+}
+
+BondMaterial &last_of(std::vector<BondMaterial> &materials, const FixInput &input) {
+  if (materials.empty()) input.refuse("dilatation and fracture must follow their material");
+  return materials.back();
+}
+
 }  // namespace
 
 FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
     : Fix(lmp, narg, arg), quaternion_(nullptr), damping_time_(0) {
   std::string bonds, agglomerates, events, kernel = "auto";
-  for (int k = 3; k < narg;) {
-    const std::string key = arg[k++];
-    const int needed = key == "material" ? 5 : key == "dilatation" ? 3 : 1;
-    if (k + needed > narg) error->fix_error(FLERR, this, "a keyword lacks its value");
-    if (key == "bonds") bonds = arg[k];
-    else if (key == "agglomerates") agglomerates = arg[k];
-    else if (key == "events") events = arg[k];
-    else if (key == "damping_time") damping_time_ = force->numeric(FLERR, arg[k]);
-    else if (key == "kernel") kernel = arg[k];
-    else if (key == "material") {
-      BondMaterial m;
-      m.modulus = force->numeric(FLERR, arg[k]);
-      m.stiffness_ratio = force->numeric(FLERR, arg[k + 1]);
-      m.tensile_strength = force->numeric(FLERR, arg[k + 2]);
-      m.shear_strength = force->numeric(FLERR, arg[k + 3]);
-      m.tan_friction = force->numeric(FLERR, arg[k + 4]);
-      if (m.tensile_strength <= 0) error->fix_error(FLERR, this, "the tensile strength must be above 0");
-      materials_.push_back(m);
-    } else if (key == "dilatation") {
-      if (materials_.empty()) error->fix_error(FLERR, this, "dilatation must follow its material");
-      BondMaterial &m = materials_.back();
-      m.volumetric_modulus = force->numeric(FLERR, arg[k]);
-      m.strengthening = force->numeric(FLERR, arg[k + 1]);
-      m.threshold_share = force->numeric(FLERR, arg[k + 2]) / m.tensile_strength;
-      if (m.volumetric_modulus < 0 || m.strengthening < 0 || m.threshold_share < 0)
-        error->fix_error(FLERR, this, "the numbers of dilatation must not be below 0");
-    } else if (key == "fracture") {
-      if (materials_.empty()) error->fix_error(FLERR, this, "fracture must follow its material");
-      materials_.back().fracture_energy = force->numeric(FLERR, arg[k]);
-      if (!(materials_.back().fracture_energy > 0)) error->fix_error(FLERR, this, "the fracture energy must be above 0");
-    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-    k += needed;
-  }
-  if (bonds.empty() || agglomerates.empty() || events.empty())
-    error->fix_error(FLERR, this, "needs the files bonds, agglomerates and events");
+  FixInput input(lmp, this);
+  input.text("bonds", bonds)
+      .text("agglomerates", agglomerates)
+      .text("events", events)
+      .number("damping_time", damping_time_, Allowed::FROM_0)
+      .text("kernel", kernel)
+      .words("material", 5, [&](char **words, int) { materials_.push_back(material_of(input, words)); })
+      .words("dilatation", 3, [&](char **words, int) {
+        BondMaterial &m = last_of(materials_, input);
+        m.volumetric_modulus = input.number("dilatation", words[0], Allowed::FROM_0);
+        m.strengthening = input.number("dilatation", words[1], Allowed::FROM_0);
+        m.threshold_share = input.number("dilatation", words[2], Allowed::FROM_0) / m.tensile_strength;
+      })
+      .words("fracture", 1, [&](char **words, int) {
+        last_of(materials_, input).fracture_energy = input.number("fracture", words[0], Allowed::ABOVE_0);
+      })
+      .read(arg, 3, narg, {"bonds", "agglomerates", "events", "material"});
+  for (const BondMaterial &m : materials_)
+    if (m.softens() && m.threshold_share > 0)
+      input.refuse("fracture: bonds that soften must have a dilatation whose pressure p0 is 0");
   kernel_ = make_bond_kernel(kernel);
-  if (!kernel_) error->fix_error(FLERR, this, ("this processor has no kernel " + kernel).c_str());
-  if (force->newton) error->fix_error(FLERR, this, "needs `newton off`");
-  if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
+  if (!kernel_) input.refuse("this processor has no kernel " + kernel);
+  if (force->newton) input.refuse("needs `newton off`");
 
-  if (bonds != "none") bonds_ = read_bonds(lmp, bonds, materials_);
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
+  if (bonds != "none") bonds_ = read_bonds(input, bonds, materials_, *agglomerates_);
   for (const Bond &b : bonds_) longest_ = std::max(longest_, b.length);
   intact_.assign(bonds_.size(), 1);
   broken_.resize(bonds_.size());
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   volumes_ = BondVolumes(agglomerates_->tags());
   volumes_.enter(bonds_);
   softening_.enter(bonds_);
@@ -103,8 +103,11 @@ FixBondParallel::~FixBondParallel() {
 int FixBondParallel::setmask() { return POST_INTEGRATE | PRE_NEIGHBOR | POST_FORCE; }
 
 void FixBondParallel::init() {
-  agglomerates_->follow(fix_that_is<StoneStream>(modify));
-  if (comm->nprocs > 1 && !comm->ghost_velocity) error->fix_error(FLERR, this, "needs `communicate single vel yes`");
+  const FixInput input(lmp, this);
+  agglomerates_->init();
+  if (comm->nprocs > 1 && !comm->ghost_velocity) input.refuse("needs `communicate single vel yes`");
+  if (domain->xperiodic || domain->yperiodic || domain->zperiodic)
+    input.refuse("needs a box without periodic boundaries, such as `boundary m m m`: no bond reaches across one");
 }
 
 void FixBondParallel::setup(int vflag) {
@@ -383,8 +386,8 @@ void FixBondParallel::enter(const EnteringStone &stone) {
   const size_t count = stone.bonds.size() / EnteringStone::BOND_COLUMNS;
   std::vector<Bond> added;
   for (size_t k = 0; k < count; k++)
-    added.push_back(bond_of_row(lmp, &stone.bonds[k * EnteringStone::BOND_COLUMNS], stone.first_bond + k, materials_,
-                                "the stones"));
+    added.push_back(bond_of_row(FixInput(lmp, this), &stone.bonds[k * EnteringStone::BOND_COLUMNS],
+                                stone.first_bond + k, materials_, *agglomerates_, "the stones"));
   auto at = std::find_if(blocks_.begin(), blocks_.end(),
                          [&](const Block &b) { return b.agglomerate > stone.agglomerate; });
   const size_t start = at == blocks_.end() ? bonds_.size() : at->start;

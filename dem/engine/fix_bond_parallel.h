@@ -29,7 +29,7 @@ namespace LAMMPS_NS {
 // first order is F + tau dF/dt. A bond whose stress passes its strength breaks, which is an event (bond_events.h), and
 // acts no more. Where FILE of the bonds is `none`, they come with the stones (fix stones).
 class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, public BodyMaker, public BondNetwork,
-                        public StoneKeeper {
+                        public StoneKeeper, public ActsInFreeFlight {
  public:
   FixBondParallel(class LAMMPS *, int, char **);
   ~FixBondParallel() override;

@@ -16,6 +16,7 @@
 #include "checkpointed.h"
 #include "comm.h"
 #include "error.h"
+#include "fix_input.h"
 #include "fixes.h"
 #include "force.h"
 #include "neigh_list.h"
@@ -38,21 +39,20 @@ long long pair_key(int i, int j) { return static_cast<long long>(i) << 32 | stat
 
 FixCheckpoint::FixCheckpoint(LAMMPS *lmp, int narg, char **arg)
     : Fix(lmp, narg, arg), stop_time_(std::numeric_limits<double>::infinity()) {
-  long long resume_step = 0;
-  for (int k = 3; k + 1 < narg; k += 2) {
-    const std::string key = arg[k];
-    if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
-    else if (key == "directory") directory_ = arg[k + 1];
-    else if (key == "resume") resume_step = std::atoll(arg[k + 1]);
-    else if (key == "identity") identity_ = arg[k + 1];
-    else if (key == "walltime") {
-      if (std::strcmp(arg[k + 1], "never") != 0) stop_time_ = MPI_Wtime() + force->numeric(FLERR, arg[k + 1]);
-    } else if (key == "streams") {
-      for (int n = k + 1; n < narg; n++) streams_.push_back({arg[n]});
-      break;
-    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-  }
-  if (nevery < 1 || directory_.empty()) error->fix_error(FLERR, this, "needs every N and directory DIR");
+  int resume_step = 0;
+  FixInput input(lmp, this);
+  input.whole("every", nevery, 1)
+      .text("directory", directory_)
+      .whole("resume", resume_step, 0)
+      .text("identity", identity_)
+      .words("walltime", 1, [&](char **words, int) {
+        if (std::strcmp(words[0], "never") == 0) return;
+        stop_time_ = MPI_Wtime() + input.number("walltime", words[0], Allowed::FROM_0);
+      })
+      .words("streams", FixInput::ALL_THE_REST, [&](char **words, int count) {
+        for (int n = 0; n < count; n++) streams_.push_back({words[n]});
+      })
+      .read(arg, 3, narg, {"every", "directory"});
   if (comm->me == 0 && mkdir(directory_.c_str(), 0777) != 0 && errno != EEXIST)
     error->one(FLERR, ("cannot make " + directory_ + ": " + std::strerror(errno)).c_str());
   force_reneighbor = 1;

@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "checkpoint_file.h"
+#include "checkpointed.h"
 #include "fix.h"
+#include "free_flight_partners.h"
 
 namespace LAMMPS_NS {
 
@@ -21,13 +23,15 @@ namespace LAMMPS_NS {
 // are cut back to their length at that step. Each checkpoint carries TEXT, which names the run. Who starts the engine
 // has compared it, and checked what the streams hold until there. The last two checkpoints stay on disk. The set-up of LIGGGHTS computes forces from velocities half a step too
 // late and advances contacts a second time; when it has finished they are put back as they were.
-class FixCheckpoint : public Fix {
+class FixCheckpoint : public Fix, public ResumesRun, public ActsInFreeFlight {
  public:
   FixCheckpoint(class LAMMPS *, int, char **);
   int setmask() override;
   void init() override;
   void setup(int) override;
   void end_of_step() override;
+  bool is_resuming() const override { return resumed_ != nullptr; }
+  int acts_every() const override { return nevery; }
 
   struct Stopped {  // thrown when a checkpoint was asked for and is on disk; main ends with STOPPED
     long long step;
@@ -47,7 +51,7 @@ class FixCheckpoint : public Fix {
   double next_time_ = 0, stop_time_;  // s, of MPI_Wtime
 
   std::string file(long long step) const;
-  std::vector<class Checkpointed *> others() const;
+  std::vector<Checkpointed *> others() const;
   void save();
   void save_atoms(CheckpointWriter &);
   void save_contacts(CheckpointWriter &);

@@ -83,7 +83,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   std::vector<double> least_radius_, greatest_radius_;  // by type, of the deck's sub-spheres, m; 0: there are none
   int unheld_ = 0;             // bit of the group
   double body_skin_ = 0;       // of neighbours within a body, m; 0: that of the deck
-  size_t least_fragment_ = 0;  // sub-spheres: a fragment of fewer is taken out as soon as it flies
+  int least_fragment_ = 0;   // sub-spheres: a fragment of fewer is taken out as soon as it flies
   int shown_ = 0;              // sub-spheres appended by show
   bigint jumped_ = 0, departures_ = 0;
 

@@ -42,6 +42,7 @@ class PlateLink {
   void tell(long long kind, long long step);
   void receive(void *data, size_t bytes);
   void receive_answer(long long step);
+  void check_answer(long long step) const;
   void wait_for_input();
   void check_plate();
 };
