@@ -102,7 +102,7 @@ setup:
 
 engine: build/engine/liggghts-bonded  ## the engine: LIGGGHTS with bonds and the moving plate
 
-build/engine/liggghts-bonded: build/packages $(wildcard dem/engine/*)
+build/engine/liggghts-bonded: build/packages $(wildcard dem/engine/* dem/engine/*/*)
 	$(MAKE) -C dem/engine BUILD=$(abspath build/engine)
 
 build/python:
