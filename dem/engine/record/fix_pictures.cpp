@@ -100,10 +100,8 @@ void FixPictures::write() {
   const long long head[3] = {update->ntimestep, static_cast<long long>(contacts.size() / CONTACT_COLUMNS),
                              static_cast<long long>(near.size())};
   const std::vector<long long> stones(near.begin(), near.end());
-  auto put = [&](const auto &row) {  // an empty one has no data, which fwrite must not be given
-    return row.empty() || std::fwrite(row.data(), sizeof row[0], row.size(), file_) == row.size();
-  };
-  const bool written = std::fwrite(head, 8, 3, file_) == 3 && put(stones) && put(all) && put(contacts);
+  const bool written = std::fwrite(head, 8, 3, file_) == 3 && write_all(stones, file_) && write_all(all, file_) &&
+                       write_all(contacts, file_);
   if (!written) error->one(FLERR, "cannot write the pictures");
 }
 
