@@ -24,6 +24,8 @@ using namespace LAMMPS_NS;
 using namespace FixConst;
 
 namespace {
+// The rows of LIGGGHTS's arrays lie beside each other in memory; a rank may have none.
+double *flat(double **rows) { return rows ? rows[0] : nullptr; }
 
 BondMaterial material_of(const FixInput &input, char **words) {
   BondMaterial m;
@@ -139,6 +141,7 @@ void FixBondParallel::post_integrate() {
 // take whose energy is quadratic. `side` is 1 with F and -1 with F'.
 void FixBondParallel::add_work(int side) {
   const double half_dt = 0.5 * update->dt, half_tau = side * 0.5 * damping_time_;
+  const double *v = flat(atom->v), *omega = flat(atom->omega);
   int home = 0;
   double power = 0, power_before = 0;
   auto count = [&] {
@@ -151,9 +154,8 @@ void FixBondParallel::add_work(int side) {
     if (a != home) count(), home = a;
     const ForceRecord &g = forces_[i];
     const Motion &u = before_[i];
-    const double *v = atom->v[i], *omega = atom->omega[i];
     for (int k = 0; k < 3; k++) {
-      power += g.f[k] * v[k] + g.torque[k] * omega[k];
+      power += g.f[k] * v[3 * i + k] + g.torque[k] * omega[3 * i + k];
       power_before += g.f[k] * u.v[k] + g.torque[k] * u.omega[k];
     }
   }
@@ -214,8 +216,8 @@ void FixBondParallel::fill_records() {
   const int nall = atom->nlocal + atom->nghost;
   atoms_.resize(nall + 2);
   forces_.resize(nall + 2);
-  double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
-  for (int i : computed_) atoms_[i] = moved(x[i], quaternion_[i], v[i], omega[i], damping_time_);
+  const double *x = flat(atom->x), *q = flat(quaternion_), *v = flat(atom->v), *omega = flat(atom->omega);
+  for (int i : computed_) atoms_[i] = moved(x + 3 * i, q + 4 * i, v + 3 * i, omega + 3 * i, damping_time_);
   atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
   atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
   for (int i : computed_) forces_[i] = ForceRecord();
@@ -231,20 +233,19 @@ void FixBondParallel::post_force(int) {
   if (n_broken) note_broken(n_broken);
 
   add_work(-1);
+  double *f = flat(atom->f), *torque = flat(atom->torque);
   for (int i : computed_) {
     if (i >= atom->nlocal) break;
-    double *f = atom->f[i], *torque = atom->torque[i];
-    for (int k = 0; k < 3; k++) f[k] += forces_[i].f[k], torque[k] += forces_[i].torque[k];
+    for (int k = 0; k < 3; k++) f[3 * i + k] += forces_[i].f[k], torque[3 * i + k] += forces_[i].torque[k];
   }
   remember_motion();
 }
 
 void FixBondParallel::remember_motion() {
   before_.resize(atom->nlocal + atom->nghost);
-  for (int i : computed_) {
-    std::copy_n(atom->v[i], 3, before_[i].v);
-    std::copy_n(atom->omega[i], 3, before_[i].omega);
-  }
+  const double *v = flat(atom->v), *omega = flat(atom->omega);
+  for (int i : computed_)
+    for (int k = 0; k < 3; k++) before_[i].v[k] = v[3 * i + k], before_[i].omega[k] = omega[3 * i + k];
   knows_motion_ = true;
 }
 
