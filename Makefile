@@ -18,8 +18,8 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep stream streams campaign dataset report test validate bench accuracy forces listening recognise stability \
-        pictures engine setup lint docs clean
+.PHONY: help sweep stream streams campaign dataset report test validate sanitize bench accuracy forces listening recognise \
+        stability pictures engine setup lint docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -51,6 +51,14 @@ test: setup .venv/test .venv/campaign .venv/browser build/chromium  ## all tests
 
 validate: setup .venv/test .venv/campaign .venv/browser build/chromium build/slurm build/calculix build/paraview  ## the long checks
 	$(PYTHON) -m pytest -q -m validate
+
+# Each report ends the engine. What Open MPI and the library keep to the end is no leak of ours to mend.
+sanitize: export ASAN_OPTIONS := detect_leaks=0:detect_stack_use_after_return=1:strict_init_order=1
+sanitize: export UBSAN_OPTIONS := halt_on_error=1:print_stacktrace=1
+sanitize: setup .venv/test  ## the engine with address and undefined-behaviour sanitizers over one scene of each kind
+	$(MAKE) -C dem/engine BUILD=$(abspath build/sanitize) \
+	  CHECKS='-O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined -D_GLIBCXX_ASSERTIONS'
+	LIGGGHTS_BONDED=$(abspath build/sanitize/liggghts-bonded) $(PYTHON) -m pytest -q --durations 0 tests/robustness/sanitized.py
 
 bench: setup  ## cost and results of the bonds beside peers, into runs/bench
 	$(PYTHON) -m benchmarks.bonds

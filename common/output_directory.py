@@ -207,6 +207,16 @@ def locked(file: Path, wait_s: float = 0.0) -> int:
         os.close(lock)
 
 
+def locked_directory(directory: Path, wait_s: float = 0.0, name: str = "lock") -> int:
+    """Make a directory where there is none, and lock the file `name` in it, as `locked` does."""
+    while True:
+        directory.mkdir(parents=True, exist_ok=True)
+        try:
+            return locked(directory / name, wait_s)
+        except FileNotFoundError:
+            continue  # who had it has just removed or renamed the directory
+
+
 def _is_still(lock: int, file: Path) -> bool:
     """Who waited for a lock may get that of a file that has been removed meanwhile."""
     try:

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import os
+import secrets
+import shutil
 import signal
 import socket
 import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
+from common.output_directory import Busy, locked, locked_directory
 from common.processes import die_with_parent
 from common.resources import checkout
 from common.tables import InputError
 
 LIGGGHTS_VERSION = "3.8.0+repack1-9+b2"  # Debian package; the engine is built against its headers
+SHARED_MEMORY, PREFIX = Path("/dev/shm"), "cgi-"  # a short path, as that of a socket must be
 SOURCES = Path(__file__).resolve().parent.parent / "engine"
 
 
@@ -55,26 +62,63 @@ def check_engine() -> None:
 
 
 def _before_engine() -> None:
-    """The engine dies with this process, and a signal to stop that comes before it listens waits until it does. Ctrl-C
-    on a terminal, which reaches it too, is this process's to answer."""
+    """The engine dies with this process. Ctrl-C on a terminal, which reaches it too, is this process's to answer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
 
 
-def start_engine(directory: Path, np: int = 1, resume_step: int = 0,
-                 inherit: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
-    """Start the engine on deck.liggghts in `directory` with `np` MPI ranks, from the checkpoint of `resume_step` if
-    that is not 0. What it prints goes to engine.out there. The file descriptors `inherit` stay open as long as the
-    engine lives."""
+@contextmanager
+def engine_running(directory: Path, np: int = 1, inherit: tuple[int, ...] = (),
+                   **variables: object) -> Iterator[subprocess.Popen[bytes]]:
+    """The engine on deck.liggghts in `directory` with `np` MPI ranks and these `variables` of the deck, which is killed
+    at the end if it still runs. What it prints goes to engine.out there. The file descriptors `inherit` stay open as
+    long as it lives."""
     command = [*mpirun(np), "-in", "deck.liggghts", "-log", "engine.log"]
-    if resume_step:
-        command += ["-var", "resume", str(resume_step)]
+    for name, value in variables.items():
+        command += ["-var", name, str(value)]
     before = _before_engine if np == 1 else partial(die_with_parent, signal.SIGTERM)  # which mpirun passes on
-    with open(directory / "engine.out", "wb") as out:
-        return subprocess.Popen(command, cwd=directory, env=_environment(), stdin=subprocess.DEVNULL, stdout=out,
-                                stderr=subprocess.STDOUT, pass_fds=inherit,
-                                preexec_fn=before)  # noqa: PLW1509 - takes no lock
+    with _place_of_ranks(np) as (places, locks):
+        with open(directory / "engine.out", "wb") as out:
+            engine = subprocess.Popen(command, cwd=directory, env=_environment() | places, stdin=subprocess.DEVNULL,
+                                      stdout=out, stderr=subprocess.STDOUT, pass_fds=inherit + locks,
+                                      preexec_fn=before)  # noqa: PLW1509 - takes no lock
+        try:
+            yield engine
+        finally:
+            if engine.poll() is None:
+                engine.kill()
+                engine.wait()
+
+
+@contextmanager
+def _place_of_ranks(np: int) -> Iterator[tuple[dict[str, str], tuple[int, ...]]]:
+    """A directory for what the ranks of one engine share. In the one that MPI gives all its programs, one that starts
+    may miss what another that ends has just removed. Yields the variables of the environment that name it, and a lock
+    for the engine to inherit; neither for one rank, which makes no such files."""
+    if np == 1:
+        yield {}, ()
+        return
+    memory = SHARED_MEMORY if os.access(SHARED_MEMORY, os.W_OK) else Path(tempfile.gettempdir())
+    for left in memory.glob(f"{PREFIX}*"):
+        _remove_if_left(left)
+    place = memory / f"{PREFIX}{os.getpid()}-{secrets.token_hex(4)}"
+    lock = locked_directory(place)
+    try:
+        yield {"TMPDIR": str(place), "OMPI_MCA_btl_vader_backing_directory": str(place)}, (lock,)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+        os.close(lock)
+
+
+def _remove_if_left(place: Path) -> None:
+    """Remove what an engine of this user that was killed with its run could not."""
+    try:
+        if place.lstat().st_uid == os.getuid():
+            lock = locked(place / "lock")
+            shutil.rmtree(place, ignore_errors=True)
+            os.close(lock)
+    except (Busy, OSError):  # in use, or just gone
+        return
 
 
 def mpirun(np: int) -> list[str]:

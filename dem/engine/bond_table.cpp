@@ -3,17 +3,38 @@
 #include <cmath>
 #include <fstream>
 
-#include "error.h"
-#include "lammps.h"
+#include "agglomerates.h"
+#include "fix_input.h"
 
 namespace LAMMPS_NS {
 
-Bond bond_of_row(LAMMPS *lmp, const double *row, int id, const std::vector<BondMaterial> &materials,
-                 const std::string &source) {
+namespace {
+
+bool is_whole_from_1(double number, int most) { return number >= 1 && number <= most && number == std::floor(number); }
+
+void check_row(const FixInput &input, const double *row, int materials, const Agglomerates &agglomerates,
+               const std::string &bond) {
+  for (int end = 0; end < 2; end++)
+    if (!is_whole_from_1(row[end], agglomerates.tags()))
+      input.refuse(bond + ": a tag must be one of 1 to " + std::to_string(agglomerates.tags()));
+  const int i = static_cast<int>(row[0]), j = static_cast<int>(row[1]);
+  if (i == j || agglomerates.of_tag(i) != agglomerates.of_tag(j))
+    input.refuse(bond + ": joins the tags " + std::to_string(i) + " and " + std::to_string(j) +
+                 ", which must be two sub-spheres of one agglomerate");
+  if (!is_whole_from_1(row[2], materials))
+    input.refuse(bond + ": the material must be one of 1 to " + std::to_string(materials) + ", which the deck gives");
+  input.checked(bond + ": length", norm(Vec(row + 3)), Allowed::ABOVE_0);
+  input.checked(bond + ": radius", row[6], Allowed::ABOVE_0);
+  input.checked(bond + ": strength_factor", row[7], Allowed::ABOVE_0);
+}
+
+}  // namespace
+
+Bond bond_of_row(const FixInput &input, const double *row, int id, const std::vector<BondMaterial> &materials,
+                 const Agglomerates &agglomerates, const std::string &source) {
+  check_row(input, row, static_cast<int>(materials.size()), agglomerates, source + ", bond " + std::to_string(id + 1));
   const int material = static_cast<int>(row[2]);
   const double *d = row + 3, strength_factor = row[7];
-  if (material < 1 || material > static_cast<int>(materials.size()))
-    lmp->error->all(FLERR, ("A bond of " + source + " names a material that the deck does not give").c_str());
   const BondMaterial &m = materials[material - 1];
   Bond b;
   b.id = id;
@@ -33,12 +54,17 @@ Bond bond_of_row(LAMMPS *lmp, const double *row, int id, const std::vector<BondM
   return b;
 }
 
-std::vector<Bond> read_bonds(LAMMPS *lmp, const std::string &file, const std::vector<BondMaterial> &materials) {
+std::vector<Bond> read_bonds(const FixInput &input, const std::string &file, const std::vector<BondMaterial> &materials,
+                             const Agglomerates &agglomerates) {
   std::ifstream in(file);
   std::vector<Bond> bonds;
-  for (double row[8]; in >> row[0] >> row[1] >> row[2] >> row[3] >> row[4] >> row[5] >> row[6] >> row[7];)
-    bonds.push_back(bond_of_row(lmp, row, static_cast<int>(bonds.size()), materials, file));
-  if (!in.eof() || bonds.empty()) lmp->error->all(FLERR, ("Cannot read the bonds from " + file).c_str());
+  for (double row[8]; in >> row[0];) {
+    for (int k = 1; k < 8; k++) in >> row[k];
+    if (!in) in.clear(std::ios::failbit);  // cut off, which is not the end
+    else bonds.push_back(bond_of_row(input, row, static_cast<int>(bonds.size()), materials, agglomerates, file));
+  }
+  if (!in.eof() || bonds.empty())
+    input.refuse(file + ": after " + std::to_string(bonds.size()) + " bonds must come one of eight numbers");
   return bonds;
 }
 

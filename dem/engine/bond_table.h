@@ -4,7 +4,8 @@
 
 namespace LAMMPS_NS {
 
-class LAMMPS;
+class Agglomerates;
+class FixInput;
 
 // What a material says of its bonds. SI units.
 struct BondMaterial {
@@ -44,12 +45,14 @@ struct Bond {
   const BondMaterial *material;
 };
 
-// The bond of `row`, which has the numbers of a line of the file below. `source` is named where they are wrong.
-Bond bond_of_row(LAMMPS *lmp, const double *row, int id, const std::vector<BondMaterial> &materials,
-                 const std::string &source);
+// The bond of `row`, which has the numbers of a line of the file below. Where they are wrong, `input` refuses it with
+// the name of its `source`.
+Bond bond_of_row(const FixInput &input, const double *row, int id, const std::vector<BondMaterial> &materials,
+                 const Agglomerates &agglomerates, const std::string &source);
 
 // File: a line a bond: tag_i tag_j material dx dy dz radius strength_factor, where d is the undeformed vector from
 // i to j in m and material counts from 1. The bonds point into `materials`.
-std::vector<Bond> read_bonds(LAMMPS *lmp, const std::string &file, const std::vector<BondMaterial> &materials);
+std::vector<Bond> read_bonds(const FixInput &input, const std::string &file, const std::vector<BondMaterial> &materials,
+                             const Agglomerates &agglomerates);
 
 }  // namespace LAMMPS_NS

@@ -21,12 +21,14 @@ namespace LAMMPS_NS {
 namespace {
 
 const char MAGIC[9] = "CGISTATE";
-const int64_t VERSION = 5;
+const int64_t VERSION = 6;
 const size_t NAME = 32;
 
 struct Header {
   char magic[8];
-  int64_t version, bytes, crc;
+  int64_t version;
+  char identity[64];
+  int64_t bytes, crc;
 };
 
 bool write_all(int out, const char *data, size_t size) {
@@ -70,10 +72,11 @@ void CheckpointWriter::rows(const std::string &name, const std::vector<double> &
   common(name, all);
 }
 
-void CheckpointWriter::write(const std::string &file) {
+void CheckpointWriter::write(const std::string &file, const std::string &identity) {
   if (lmp_->comm->me != 0) return;
-  Header header;
+  Header header = {};
   std::memcpy(header.magic, MAGIC, 8);
+  identity.copy(header.identity, sizeof header.identity);
   header.version = VERSION;
   header.bytes = blocks_.size();
   header.crc = crc_of(blocks_.data(), blocks_.size());
@@ -114,7 +117,7 @@ CheckpointReader::CheckpointReader(LAMMPS *lmp, const std::string &file) : lmp_(
     std::memcpy(&count, &data[at + NAME], 8);
     std::vector<double> &values = blocks_[name];
     values.resize(count);
-    std::memcpy(values.data(), &data[at + NAME + 8], 8 * count);
+    std::copy_n(&data[at + NAME + 8], 8 * count, reinterpret_cast<char *>(values.data()));  // of none, too
     at += NAME + 8 + 8 * count;
   }
 }

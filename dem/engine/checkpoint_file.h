@@ -11,7 +11,8 @@ class LAMMPS;
 
 // State of the engine as named blocks of numbers in one file:
 //
-//   char magic[8], int64 version, int64 bytes of what follows the CRC, int64 CRC-32 of it (that of zlib)
+//   char magic[8], int64 version, char identity[64] of the run, int64 bytes of what follows the CRC, int64 CRC-32 of it
+//     (that of zlib)
 //   then each block: char name[32], int64 count, double[count]
 //
 // The first block is "streams": of each stream, which is a file that the run appends to, the length and the CRC-32 of
@@ -27,7 +28,7 @@ class CheckpointWriter {
   void rows(const std::string &name, const std::vector<double> &mine);      // of all ranks, one after the other
   void append(const CheckpointWriter &other) { blocks_ += other.blocks_; }
   // Writes another file first and renames it, so that `file` is whole or as it was before.
-  void write(const std::string &file);
+  void write(const std::string &file, const std::string &identity);
 
  private:
   LAMMPS *lmp_;

@@ -22,4 +22,11 @@ class Checkpointed {
   bool resuming = false;  // set before setup() of a resumed run
 };
 
+// Knows whether the next set-up goes on from a checkpoint, at which bodies may be in free flight.
+class ResumesRun {
+ public:
+  virtual ~ResumesRun() {}
+  virtual bool is_resuming() const = 0;
+};
+
 }  // namespace LAMMPS_NS

@@ -11,6 +11,7 @@ enum LedgerColumn {
   BOND_ELASTIC,    // now in the bonds, J
   BOND_WORK,       // done by the bonds on the sub-spheres, J
   RELEASED,        // elastic energy of bonds at the moment they broke, J
+  BOND_DAMPED,     // taken by the damping of bonds so far, J
   BROKEN,          // number of bonds
   PAIR_WORK,       // done by contacts between sub-spheres, J
   WALL_WORK,       // done by the plate on the sub-spheres, J

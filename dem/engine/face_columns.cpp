@@ -24,15 +24,19 @@ const double SUDDEN = 2;       // steps: what is deeper than it came in so many 
 FaceColumns::FaceColumns(LAMMPS *lmp, const std::string &file, int tags)
     : lmp_(lmp), atom_(lmp->atom), columns_(tags + 1), memory_(lmp, FACE_COLUMNS, "wall/plate:faces") {
   std::ifstream in(file);
+  auto refuse = [&] { lmp->error->all(FLERR, ("Cannot read the faces of the stones from " + file).c_str()); };
   std::string word;
-  double row[EnteringStone::FACE_COLUMNS];
-  if (!(in >> outside_ >> word)) lmp->error->all(FLERR, ("Cannot read the faces of the stones from " + file).c_str());
-  if (word == "stream") return;
-  for (row[0] = std::stod(word); in; in >> row[0]) {
+  if (!(in >> outside_)) refuse();
+  const auto faces = in.tellg();
+  if (in >> word && word == "stream") return;
+  in.clear();
+  in.seekg(faces);
+  for (double row[EnteringStone::FACE_COLUMNS]; in >> row[0];) {
     for (int k = 1; k < EnteringStone::FACE_COLUMNS; k++) in >> row[k];
-    if (!in || row[0] < 1 || row[0] > tags) lmp->error->all(FLERR, ("Cannot read the faces of the stones from " + file).c_str());
+    if (!in || row[0] < 1 || row[0] > tags || !(std::min({norm(Vec(row + 1)), row[4], row[5], row[6]}) > 0)) refuse();
     put(row);
   }
+  if (!in.eof()) refuse();
 }
 
 void FaceColumns::put(const double *row) {

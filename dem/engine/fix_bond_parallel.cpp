@@ -9,7 +9,9 @@
 #include "bonded_bodies.h"
 #include "checkpoint_file.h"
 #include "comm.h"
+#include "domain.h"
 #include "error.h"
+#include "fix_input.h"
 #include "fixes.h"
 #include "force.h"
 #include "memory.h"
@@ -21,59 +23,60 @@
 using namespace LAMMPS_NS;
 using namespace FixConst;
 
+namespace {
+
+BondMaterial material_of(const FixInput &input, char **words) {
+  BondMaterial m;
+  double *const above_0[] = {&m.modulus, &m.stiffness_ratio, &m.tensile_strength, &m.shear_strength};
+  for (int k = 0; k < 4; k++) *above_0[k] = input.number("material", words[k], Allowed::ABOVE_0);
+  m.tan_friction = input.number("material", words[4], Allowed::FROM_0);
+  return m;
+}
+
+BondMaterial &last_of(std::vector<BondMaterial> &materials, const FixInput &input) {
+  if (materials.empty()) input.refuse("dilatation and fracture must follow their material");
+  return materials.back();
+}
+
+}  // namespace
+
 FixBondParallel::FixBondParallel(LAMMPS *lmp, int narg, char **arg)
     : Fix(lmp, narg, arg), quaternion_(nullptr), damping_time_(0) {
   std::string bonds, agglomerates, events, kernel = "auto";
-  for (int k = 3; k < narg;) {
-    const std::string key = arg[k++];
-    const int needed = key == "material" ? 5 : key == "dilatation" ? 3 : 1;
-    if (k + needed > narg) error->fix_error(FLERR, this, "a keyword lacks its value");
-    if (key == "bonds") bonds = arg[k];
-    else if (key == "agglomerates") agglomerates = arg[k];
-    else if (key == "events") events = arg[k];
-    else if (key == "damping_time") damping_time_ = force->numeric(FLERR, arg[k]);
-    else if (key == "kernel") kernel = arg[k];
-    else if (key == "material") {
-      BondMaterial m;
-      m.modulus = force->numeric(FLERR, arg[k]);
-      m.stiffness_ratio = force->numeric(FLERR, arg[k + 1]);
-      m.tensile_strength = force->numeric(FLERR, arg[k + 2]);
-      m.shear_strength = force->numeric(FLERR, arg[k + 3]);
-      m.tan_friction = force->numeric(FLERR, arg[k + 4]);
-      if (m.tensile_strength <= 0) error->fix_error(FLERR, this, "the tensile strength must be above 0");
-      materials_.push_back(m);
-    } else if (key == "dilatation") {
-      if (materials_.empty()) error->fix_error(FLERR, this, "dilatation must follow its material");
-      BondMaterial &m = materials_.back();
-      m.volumetric_modulus = force->numeric(FLERR, arg[k]);
-      m.strengthening = force->numeric(FLERR, arg[k + 1]);
-      m.threshold_share = force->numeric(FLERR, arg[k + 2]) / m.tensile_strength;
-      if (m.volumetric_modulus < 0 || m.strengthening < 0 || m.threshold_share < 0)
-        error->fix_error(FLERR, this, "the numbers of dilatation must not be below 0");
-    } else if (key == "fracture") {
-      if (materials_.empty()) error->fix_error(FLERR, this, "fracture must follow its material");
-      materials_.back().fracture_energy = force->numeric(FLERR, arg[k]);
-      if (!(materials_.back().fracture_energy > 0)) error->fix_error(FLERR, this, "the fracture energy must be above 0");
-    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-    k += needed;
-  }
-  if (bonds.empty() || agglomerates.empty() || events.empty())
-    error->fix_error(FLERR, this, "needs the files bonds, agglomerates and events");
+  FixInput input(lmp, this);
+  input.text("bonds", bonds)
+      .text("agglomerates", agglomerates)
+      .text("events", events)
+      .number("damping_time", damping_time_, Allowed::FROM_0)
+      .text("kernel", kernel)
+      .words("material", 5, [&](char **words, int) { materials_.push_back(material_of(input, words)); })
+      .words("dilatation", 3, [&](char **words, int) {
+        BondMaterial &m = last_of(materials_, input);
+        m.volumetric_modulus = input.number("dilatation", words[0], Allowed::FROM_0);
+        m.strengthening = input.number("dilatation", words[1], Allowed::FROM_0);
+        m.threshold_share = input.number("dilatation", words[2], Allowed::FROM_0) / m.tensile_strength;
+      })
+      .words("fracture", 1, [&](char **words, int) {
+        last_of(materials_, input).fracture_energy = input.number("fracture", words[0], Allowed::ABOVE_0);
+      })
+      .read(arg, 3, narg, {"bonds", "agglomerates", "events", "material"});
+  for (const BondMaterial &m : materials_)
+    if (m.softens() && m.threshold_share > 0)
+      input.refuse("fracture: bonds that soften must have a dilatation whose pressure p0 is 0");
   kernel_ = make_bond_kernel(kernel);
-  if (!kernel_) error->fix_error(FLERR, this, ("this processor has no kernel " + kernel).c_str());
-  if (force->newton) error->fix_error(FLERR, this, "needs `newton off`");
-  if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
+  if (!kernel_) input.refuse("this processor has no kernel " + kernel);
+  if (force->newton) input.refuse("needs `newton off`");
 
-  if (bonds != "none") bonds_ = read_bonds(lmp, bonds, materials_);
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
+  if (bonds != "none") bonds_ = read_bonds(input, bonds, materials_, *agglomerates_);
   for (const Bond &b : bonds_) longest_ = std::max(longest_, b.length);
   intact_.assign(bonds_.size(), 1);
   broken_.resize(bonds_.size());
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
   volumes_ = BondVolumes(agglomerates_->tags());
   volumes_.enter(bonds_);
   softening_.enter(bonds_);
   work_.assign(agglomerates_->count(), 0);
-  released_ = broken_count_ = work_;
+  released_ = damped_ = broken_count_ = work_;
   held_.assign(agglomerates_->tags() + 1, 0);
 
   restart_global = restart_peratom = 1;
@@ -98,8 +101,11 @@ FixBondParallel::~FixBondParallel() {
 int FixBondParallel::setmask() { return POST_INTEGRATE | PRE_NEIGHBOR | POST_FORCE; }
 
 void FixBondParallel::init() {
-  agglomerates_->follow(fix_that_is<StoneStream>(modify));
-  if (comm->nprocs > 1 && !comm->ghost_velocity) error->fix_error(FLERR, this, "needs `communicate single vel yes`");
+  const FixInput input(lmp, this);
+  agglomerates_->init();
+  if (comm->nprocs > 1 && !comm->ghost_velocity) input.refuse("needs `communicate single vel yes`");
+  if (domain->xperiodic || domain->yperiodic || domain->zperiodic)
+    input.refuse("needs a box without periodic boundaries, such as `boundary m m m`: no bond reaches across one");
 }
 
 void FixBondParallel::setup(int vflag) {
@@ -107,9 +113,10 @@ void FixBondParallel::setup(int vflag) {
   if (resuming) return;
   rebuild();
   // The step that ends here was counted by the run before, or never was; see add_work.
-  const std::vector<double> counted = work_;
+  const std::vector<double> counted = work_, damped = damped_;
   post_force(vflag);
   work_ = counted;
+  damped_ = damped;
 }
 
 // A bond must be seen by each rank that owns one of its ends.
@@ -120,28 +127,39 @@ double FixBondParallel::extend_cut_ghost() {
 // Adds the second half of the work of the last forces, with the velocities of the coming step, then turns each
 // sub-sphere by its spin over one step.
 void FixBondParallel::post_integrate() {
-  double *const *v = atom->v, *const *omega = atom->omega;
-  add_work(0.5 * update->dt, [&](int i) {
-    const ForceRecord &g = forces_[i];
-    return g.f[0] * v[i][0] + g.f[1] * v[i][1] + g.f[2] * v[i][2] + g.torque[0] * omega[i][0] +
-           g.torque[1] * omega[i][1] + g.torque[2] * omega[i][2];
-  });
+  if (!knows_motion_) remember_motion();
+  add_work(1);
   if (turned_.empty()) list_turned();
-  for (const auto &[first, count] : turned_) turn_all(quaternion_[first], omega[first], count, 0.5 * update->dt);
+  for (const auto &[first, count] : turned_) turn_all(quaternion_[first], atom->omega[first], count, 0.5 * update->dt);
 }
 
-// Adds time x power(i) of every owned sub-sphere to the work of its agglomerate. Neighbours in memory mostly belong to
-// the same one, so the sum is kept in a register until that changes.
-template <class Power> void FixBondParallel::add_work(double time, Power power) {
+// Adds half a step's work of the forces to that of each agglomerate. Neighbours in memory mostly belong to the same one,
+// so the sums are kept in registers until that changes.
+//
+// The damping makes a force F + tau dF/dt and takes -tau dF/dt . v. In a step from the forces F to F' that is
+// tau/2 (F - F') . (u + v), with the velocities u of the step before and v of this one: exactly what bonds without memory
+// take whose energy is quadratic. `side` is 1 with F and -1 with F'.
+void FixBondParallel::add_work(int side) {
+  const double half_dt = 0.5 * update->dt, half_tau = side * 0.5 * damping_time_;
   int home = 0;
-  double sum = 0;
+  double power = 0, power_before = 0;
+  auto count = [&] {
+    work_[home] += half_dt * power, damped_[home] += half_tau * (power_before + power);
+    power = power_before = 0;
+  };
   for (int i : computed_) {
     if (i >= atom->nlocal) break;
     const int a = agglomerates_->of_tag(atom->tag[i]);
-    if (a != home) work_[home] += time * sum, sum = 0, home = a;
-    sum += power(i);
+    if (a != home) count(), home = a;
+    const ForceRecord &g = forces_[i];
+    const Motion &u = before_[i];
+    const double *v = atom->v[i], *omega = atom->omega[i];
+    for (int k = 0; k < 3; k++) {
+      power += g.f[k] * v[k] + g.torque[k] * omega[k];
+      power_before += g.f[k] * u.v[k] + g.torque[k] * u.omega[k];
+    }
   }
-  work_[home] += time * sum;
+  count();
 }
 
 void FixBondParallel::pre_neighbor() {
@@ -168,64 +186,68 @@ void FixBondParallel::share_broken() {
   if (softening_.needed()) softening_.share(world, [&](int id) -> Bond & { return bond_of(id); });
 }
 
-AtomRecord FixBondParallel::record(int i) const {
+namespace {
+// Where a sub-sphere is after `time` with the velocities v and omega.
+inline AtomRecord moved(const double *x, const double *q, const double *v, const double *omega, double time) {
   AtomRecord r;
   r.dilatation = 0;
-  for (int k = 0; k < 3; k++) r.x[k] = atom->x[i][k];
-  for (int k = 0; k < 4; k++) r.q[k] = quaternion_[i][k];
+  for (int k = 0; k < 3; k++) r.x[k] = x[k] + time * v[k];
+  extrapolate(r.q, q, omega, 0.5 * time);
   return r;
 }
+}  // namespace
 
-AtomRecord FixBondParallel::half_a_step_ago(int i) const {
-  AtomRecord r = record(i);
-  for (int k = 0; k < 3; k++) r.x[k] -= 0.5 * update->dt * atom->v[i][k];
-  turn(r.q, atom->omega[i], -0.25 * update->dt);
-  return r;
+AtomRecord FixBondParallel::record(int i) const {
+  return moved(atom->x[i], quaternion_[i], atom->v[i], atom->omega[i], 0);
+}
+
+// At x + s.now v + s.before u.
+AtomRecord FixBondParallel::record(int i, const Shift &s) const {
+  const Motion &u = before_[i];
+  double v[3], omega[3];
+  for (int k = 0; k < 3; k++) {
+    v[k] = s.now * atom->v[i][k] + s.before * u.v[k];
+    omega[k] = s.now * atom->omega[i][k] + s.before * u.omega[k];
+  }
+  return moved(atom->x[i], quaternion_[i], v, omega, 1);
 }
 
 void FixBondParallel::fill_records() {
   const int nall = atom->nlocal + atom->nghost;
   atoms_.resize(nall + 2);
   forces_.resize(nall + 2);
-  if (damping_time_ > 0) fill_delayed_records();
-  else
-    for (int i : computed_) atoms_[i] = record(i);
+  double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
+  for (int i : computed_) atoms_[i] = moved(x[i], quaternion_[i], v[i], omega[i], damping_time_);
   atoms_[nall] = {{0, 0, 0}, {1, 0, 0, 0}, 0};  // the two ends of the empty lanes of the last pack
   atoms_[nall + 1] = {{1, 0, 0}, {1, 0, 0, 0}, 0};
   for (int i : computed_) forces_[i] = ForceRecord();
   forces_[nall] = forces_[nall + 1] = ForceRecord();
 }
 
-// The sub-spheres at x + tau v and q + tau dq/dt, where the damped bonds are computed.
-void FixBondParallel::fill_delayed_records() {
-  const double tau = damping_time_, half_tau = 0.5 * tau;
-  double *const *x = atom->x, *const *v = atom->v, *const *omega = atom->omega;
-  for (int i : computed_) {
-    AtomRecord &r = atoms_[i];
-    r.dilatation = 0;
-    for (int k = 0; k < 3; k++) r.x[k] = x[i][k] + tau * v[i][k];
-    extrapolate(r.q, quaternion_[i], omega[i], half_tau);
-  }
-}
-
 void FixBondParallel::post_force(int) {
   if (comm->nprocs > 1) comm->forward_comm_fix(this);
   fill_records();
+  if (!knows_motion_) remember_motion();
   if (volumes_.needed()) find_dilatations();
   const int n_broken = kernel_->add_forces(atoms_.data(), forces_.data(), broken_.data());
   if (n_broken) note_broken(n_broken);
 
-  double *const *v = atom->v, *const *omega = atom->omega, **f = atom->f, **torque = atom->torque;
-  add_work(0.5 * update->dt, [&](int i) {
-    const ForceRecord &g = forces_[i];
-    double sum = 0;
-    for (int k = 0; k < 3; k++) {
-      f[i][k] += g.f[k];
-      torque[i][k] += g.torque[k];
-      sum += g.f[k] * v[i][k] + g.torque[k] * omega[i][k];
-    }
-    return sum;
-  });
+  add_work(-1);
+  for (int i : computed_) {
+    if (i >= atom->nlocal) break;
+    double *f = atom->f[i], *torque = atom->torque[i];
+    for (int k = 0; k < 3; k++) f[k] += forces_[i].f[k], torque[k] += forces_[i].torque[k];
+  }
+  remember_motion();
+}
+
+void FixBondParallel::remember_motion() {
+  before_.resize(atom->nlocal + atom->nghost);
+  for (int i : computed_) {
+    std::copy_n(atom->v[i], 3, before_[i].v);
+    std::copy_n(atom->omega[i], 3, before_[i].omega);
+  }
+  knows_motion_ = true;
 }
 
 // Of all sub-spheres, into their records. Bonds of a ghost may be unknown here: its own rank says.
@@ -254,24 +276,45 @@ std::vector<double> FixBondParallel::stretches_now() const {
   return sum;
 }
 
-// What the dilatations of both ends lose of their energy, J, when this bond, which still counts, loses `share` of what
-// it has. Of a ghost it is taken from the stretch at which the bond was judged.
-double FixBondParallel::released_volume_energy(int broken, int i, int j, double share) const {
-  auto stretch = [&](int bond) {
-    const Bond &b = bond_of(bond);
-    const AtomRecord from = half_a_step_ago(atom->map(b.tag_i)), to = half_a_step_ago(atom->map(b.tag_j));
-    return b.area * (norm(Vec(to.x) - Vec(from.x)) - b.length);
-  };
-  const double own = share * stretch(broken);
-  double energy = 0;
+double FixBondParallel::stretch(const Bond &b, const Shift &s) const {
+  const AtomRecord from = record(atom->map(b.tag_i), s), to = record(atom->map(b.tag_j), s);
+  return b.area * (norm(Vec(to.x) - Vec(from.x)) - b.length);
+}
+
+// What is lost, J, when a bond, which still counts, loses `share` of what it has: of its beam and of the dilatations of
+// its ends, whose other bonds may be taken at another time. Those of a ghost are taken as when the bond was judged.
+double FixBondParallel::lost_energy(const Bond &bond, double share, const Shift &s, const Shift &others) const {
+  const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
+  double energy = share * bond_state(bond, record(i, s), record(j, s)).energy;
+  if (!bond.material->feels_dilatation()) return energy;
+  const double own = stretch(bond, s);
   for (int end : {i, j}) {
     const int tag = atom->tag[end];
-    double sum = 0;
-    if (end < atom->nlocal)
-      for (int bond : volumes_.bonds_of(tag)) sum += intact_[bond] ? stretch(bond) : 0;
-    else sum = volumes_.stretch(tag, atoms_[end].dilatation);
-    energy += volumes_.energy(tag, sum) - volumes_.energy(tag, sum - own);
+    double sum = own;
+    if (end < atom->nlocal) {
+      for (int other : volumes_.bonds_of(tag))
+        if (intact_[other] && other != bond.id) sum += stretch(bond_of(other), others);
+    } else sum += volumes_.stretch(tag, atoms_[end].dilatation) - stretch(bond, {damping_time_, 0});
+    energy += volumes_.energy(tag, sum) - volumes_.energy(tag, sum - share * own);
   }
+  return energy;
+}
+
+// Of a bond whose force fell by `share` at this step, J. Of the step before half was done with the force of then, and of
+// the coming one half will be done with a dilatation which still has the bond. What add_work takes for damping has the
+// fall of the force in it, which is none. All of it to second order in the step.
+double FixBondParallel::release(const Bond &bond, double share) {
+  const double dt = update->dt, tau = damping_time_;
+  auto lost = [&](const Shift &s, const Shift &others) { return lost_energy(bond, share, s, others); };
+  const Shift later = {0.5 * dt, 0}, earlier = {-0.5 * dt, 0};
+  const Shift mean_later = {0.25 * dt, 0.25 * dt}, mean_earlier = {-0.25 * dt, -0.25 * dt};
+  const double now = lost({0, 0}, {0, 0});
+  const double energy = now - 0.5 * (lost(later, earlier) - lost(earlier, later));
+  const double after = lost(mean_later, mean_later), before = lost(mean_earlier, mean_earlier);
+  const double rate = (after - before) / dt, curvature = 4 * (before - 2 * now + after) / (dt * dt);
+  const int a = agglomerates_->of_tag(bond.tag_i);
+  released_[a] += energy;
+  damped_[a] += tau * rate + 0.5 * tau * (tau - dt) * curvature;
   return energy;
 }
 
@@ -280,8 +323,7 @@ void FixBondParallel::note_broken(int n) {
     if (!soften(broken_[k])) break_bond(broken_[k]);
 }
 
-// Weakens a bond that failed, whose force of this step is not yet there, where it does not break. What it loses of its
-// energy is that of half a step ago, as of a bond that breaks.
+// Weakens a bond that failed, whose force of this step is not yet there, where it does not break.
 bool FixBondParallel::soften(int id) {
   Bond &bond = bond_of(id);
   if (!bond.material->softens()) return false;
@@ -289,13 +331,7 @@ bool FixBondParallel::soften(int id) {
   const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
   const double left = softening_.yield(bond, judged.loading, judged.energy);
   if (left == 0) return false;
-  const double lost = 1 - left;
-  double energy = lost * bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy;
-  if (bond.material->feels_dilatation()) energy += released_volume_energy(id, i, j, lost);
-  if (i < atom->nlocal) {  // else another rank counts it
-    released_[agglomerates_->of_tag(bond.tag_i)] += energy;
-    softening_.spend(id, energy);
-  }
+  if (i < atom->nlocal) softening_.spend(id, release(bond, 1 - left));  // else another rank counts it
   softening_.weaken(bond);
   add_to_ends(bond_state(bond, atoms_[i], atoms_[j]), forces_[i], forces_[j]);
   kernel_->revive({i, j, id, &bond});
@@ -305,19 +341,15 @@ bool FixBondParallel::soften(int id) {
 void FixBondParallel::break_bond(int b) {
   const Bond &bond = bond_of(b);
   const int i = atom->map(bond.tag_i), j = atom->map(bond.tag_j);
-  const double of_volume =
-      bond.material->feels_dilatation() && i < atom->nlocal ? released_volume_energy(b, i, j, 1) : 0;
+  const double energy = i < atom->nlocal ? release(bond, 1) : 0;
   intact_[b] = 0;
   changes_++;
   if (comm->nprocs > 1) newly_broken_.push_back(b);
   if (i >= atom->nlocal) return;  // the rank that owns i reports
-  // The kernel judges at x + tau v, damping included; so does the event. The energy is the one
-  // stored half a step ago: the last work that the leapfrog scheme put in had the force of the step before.
+  // The kernel judges at x + tau v, damping included; so does the event.
   const BondState judged = bond_state(bond, atoms_[i], atoms_[j]);
-  const double energy = bond_state(bond, half_a_step_ago(i), half_a_step_ago(j)).energy + of_volume;
   const int a = agglomerates_->of_tag(bond.tag_i);
   const bool shear = judged.mode == SHEAR;
-  released_[a] += energy;
   broken_count_[a] += 1;
   char line[256];
   std::snprintf(line, sizeof line, BIGINT_FORMAT ",%d,%d,%.9g,%.9g,%.9g,%s,%.9g,%.9g,%.9g\n", update->ntimestep, b + 1,
@@ -342,6 +374,7 @@ void FixBondParallel::add_to(LedgerRows &rows) {
   rows.add(BOND_ELASTIC, elastic);
   rows.add(BOND_WORK, work_);
   rows.add(RELEASED, released_);
+  rows.add(BOND_DAMPED, damped_);
   rows.add(BROKEN, broken_count_);
 }
 
@@ -352,8 +385,8 @@ void FixBondParallel::enter(const EnteringStone &stone) {
   const size_t count = stone.bonds.size() / EnteringStone::BOND_COLUMNS;
   std::vector<Bond> added;
   for (size_t k = 0; k < count; k++)
-    added.push_back(bond_of_row(lmp, &stone.bonds[k * EnteringStone::BOND_COLUMNS], stone.first_bond + k, materials_,
-                                "the stones"));
+    added.push_back(bond_of_row(FixInput(lmp, this), &stone.bonds[k * EnteringStone::BOND_COLUMNS],
+                                stone.first_bond + k, materials_, *agglomerates_, "the stones"));
   auto at = std::find_if(blocks_.begin(), blocks_.end(),
                          [&](const Block &b) { return b.agglomerate > stone.agglomerate; });
   const size_t start = at == blocks_.end() ? bonds_.size() : at->start;
@@ -423,7 +456,11 @@ void FixBondParallel::hold(int tag, bool held) {
   listed_ = false;
 }
 
-void FixBondParallel::take_energy(int tag, double energy) { work_[agglomerates_->of_tag(tag)] -= energy; }
+// As its damping would have, soon.
+void FixBondParallel::take_energy(int tag, double energy) {
+  work_[agglomerates_->of_tag(tag)] -= energy;
+  damped_[agglomerates_->of_tag(tag)] += energy;
+}
 
 void FixBondParallel::let_leave(int i) {
   forces_[i] = ForceRecord();

@@ -29,7 +29,7 @@ namespace LAMMPS_NS {
 // first order is F + tau dF/dt. A bond whose stress passes its strength breaks, which is an event (bond_events.h), and
 // acts no more. Where FILE of the bonds is `none`, they come with the stones (fix stones).
 class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, public BodyMaker, public BondNetwork,
-                        public StoneKeeper {
+                        public StoneKeeper, public ActsInFreeFlight {
  public:
   FixBondParallel(class LAMMPS *, int, char **);
   ~FixBondParallel() override;
@@ -58,7 +58,7 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void write_restart(FILE *) override;
   void restart(char *) override;
 
-  void begin_anew() override { listed_ = false; }  // the kernel sums in the order of its list
+  void begin_anew() override { listed_ = knows_motion_ = false; }  // the kernel sums in the order of its list
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
 
@@ -111,14 +111,22 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   std::vector<int> known_tags_;    // local order at the last build: if it stands, so does the kernel
   std::vector<AtomRecord> atoms_;
   std::vector<ForceRecord> forces_;
+  struct Motion {
+    double v[3], omega[3];
+  };
+  std::vector<Motion> before_;     // of the sub-spheres in the step before, by local index
+  bool knows_motion_ = false;      // else it is taken to be that of this step
+  struct Shift {                   // times with the velocities of this step and of the one before, s
+    double now, before;
+  };
   std::unique_ptr<BondKernel> kernel_;
   BondVolumes volumes_;
   BondSoftening softening_;
   std::vector<double> stretches_;    // of each sub-sphere where the bonds are computed, m^3
   bool sends_dilatations_ = false;   // or quaternions, to the ghosts
-  // By agglomerate, on this rank: work done by bonds on sub-spheres, J; elastic energy of bonds when they broke, J; and
-  // how many broke.
-  std::vector<double> work_, released_, broken_count_;
+  // By agglomerate, on this rank: work done by bonds on sub-spheres, J; elastic energy of bonds when they broke, J; what
+  // their damping took, J; and how many broke.
+  std::vector<double> work_, released_, damped_, broken_count_;
   double **quaternion_;
   double damping_time_;
   double longest_ = 0;  // of the bonds, m
@@ -135,7 +143,8 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
 
   const Bond &bond_of(int id) const;
   Bond &bond_of(int id);
-  template <class Power> void add_work(double time, Power power);
+  void add_work(int side);
+  void remember_motion();
   void rebuild();
   void list_bonds(const Stretch &);
   const std::vector<Stretch> &stretches_of_bonds();
@@ -143,12 +152,13 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   void fill_records();
   void list_sub_spheres(const std::vector<LocalBond> &computed);
   void list_turned();
-  void fill_delayed_records();
   AtomRecord record(int i) const;
-  AtomRecord half_a_step_ago(int i) const;
+  AtomRecord record(int i, const Shift &) const;
   void find_dilatations();
   std::vector<double> stretches_now() const;
-  double released_volume_energy(int bond, int i, int j, double share) const;
+  double stretch(const Bond &, const Shift &) const;  // area times elongation, m^3
+  double lost_energy(const Bond &, double share, const Shift &, const Shift &others) const;
+  double release(const Bond &, double share);
   template <class Add> void each_elastic_energy(Add add) const;
   void note_broken(int n);
   bool soften(int bond);

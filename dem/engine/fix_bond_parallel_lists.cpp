@@ -17,6 +17,7 @@ void FixBondParallel::rebuild() {
                     std::equal(known_tags_.begin(), known_tags_.end(), atom->tag);
   if (same && comm->nprocs == 1) return;
   listed_ = true;
+  knows_motion_ = false;
   known_tags_.assign(atom->tag, atom->tag + nlocal);
 
   local_.clear();

@@ -86,10 +86,10 @@ void FixBondParallel::write_restart(FILE *out) {
   if (softening_.needed()) error->fix_error(FLERR, this, "bonds that soften are kept in checkpoints, not in restarts");
   if (comm->nprocs > 1) share_broken();
   const int n = agglomerates_->count();
-  std::vector<double> mine, data(3 * n);
-  for (const std::vector<double> *sum : {&work_, &released_, &broken_count_})
+  std::vector<double> mine, data(4 * n);
+  for (const std::vector<double> *sum : {&work_, &released_, &damped_, &broken_count_})
     mine.insert(mine.end(), sum->begin(), sum->end());
-  MPI_Reduce(mine.data(), data.data(), 3 * n, MPI_DOUBLE, MPI_SUM, 0, world);
+  MPI_Reduce(mine.data(), data.data(), 4 * n, MPI_DOUBLE, MPI_SUM, 0, world);
   data.insert(data.end(), intact_.begin(), intact_.end());
   if (comm->me != 0) return;
   const int size = data.size() * sizeof(double);
@@ -101,11 +101,11 @@ void FixBondParallel::restart(char *buf) {
   const double *data = reinterpret_cast<const double *>(buf);
   const int n = agglomerates_->count();
   if (comm->me == 0)
-    for (std::vector<double> *sum : {&work_, &released_, &broken_count_}) {
+    for (std::vector<double> *sum : {&work_, &released_, &damped_, &broken_count_}) {
       std::copy(data, data + n, sum->begin());
       data += n;
     }
-  data = reinterpret_cast<const double *>(buf) + 3 * n;
+  data = reinterpret_cast<const double *>(buf) + 4 * n;
   for (size_t b = 0; b < intact_.size(); b++) intact_[b] = data[b] != 0;
 }
 
@@ -116,6 +116,7 @@ void FixBondParallel::save(CheckpointWriter &out) {
   if (comm->nprocs > 1) share_broken();
   out.sum("bond_work", work_);
   out.sum("bond_released", released_);
+  out.sum("bond_damped", damped_);
   out.sum("bond_broken", broken_count_);
   std::vector<double> intact;
   for (const Bond &b : bonds_) intact.push_back(intact_[b.id]);
@@ -140,6 +141,7 @@ void FixBondParallel::restore(const CheckpointReader &in) {
   const size_t n = agglomerates_->count();
   work_ = in.sum("bond_work", n);
   released_ = in.sum("bond_released", n);
+  damped_ = in.sum("bond_damped", n);
   broken_count_ = in.sum("bond_broken", n);
   const std::vector<double> &intact = in.common("bond_intact", bonds_.size());
   for (size_t b = 0; b < bonds_.size(); b++) intact_[bonds_[b].id] = intact[b] != 0;

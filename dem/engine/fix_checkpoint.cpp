@@ -7,8 +7,8 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <csignal>
 #include <cstring>
+#include <limits>
 #include <unordered_map>
 
 #include "atom.h"
@@ -16,6 +16,7 @@
 #include "checkpointed.h"
 #include "comm.h"
 #include "error.h"
+#include "fix_input.h"
 #include "fixes.h"
 #include "force.h"
 #include "neigh_list.h"
@@ -32,27 +33,26 @@ const double LEAST_INTERVAL_s = 0.2;
 const double COST_SHARE = 0.01;  // of the run's time that checkpoints may take
 const int ATOM_COLUMNS = 16;     // tag, x, v, omega, force, torque
 
-volatile std::sig_atomic_t stop_asked = 0;
-
 long long pair_key(int i, int j) { return static_cast<long long>(i) << 32 | static_cast<unsigned>(j); }
 
 }  // namespace
 
-void FixCheckpoint::stop_at_next(int) { stop_asked = 1; }
-
-FixCheckpoint::FixCheckpoint(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
-  long long resume_step = 0;
-  for (int k = 3; k + 1 < narg; k += 2) {
-    const std::string key = arg[k];
-    if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
-    else if (key == "directory") directory_ = arg[k + 1];
-    else if (key == "resume") resume_step = std::atoll(arg[k + 1]);
-    else if (key == "streams") {
-      for (int n = k + 1; n < narg; n++) streams_.push_back({arg[n]});
-      break;
-    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-  }
-  if (nevery < 1 || directory_.empty()) error->fix_error(FLERR, this, "needs every N and directory DIR");
+FixCheckpoint::FixCheckpoint(LAMMPS *lmp, int narg, char **arg)
+    : Fix(lmp, narg, arg), stop_time_(std::numeric_limits<double>::infinity()) {
+  int resume_step = 0;
+  FixInput input(lmp, this);
+  input.whole("every", nevery, 1)
+      .text("directory", directory_)
+      .whole("resume", resume_step, 0)
+      .text("identity", identity_)
+      .words("walltime", 1, [&](char **words, int) {
+        if (std::strcmp(words[0], "never") == 0) return;
+        stop_time_ = MPI_Wtime() + input.number("walltime", words[0], Allowed::FROM_0);
+      })
+      .words("streams", FixInput::ALL_THE_REST, [&](char **words, int count) {
+        for (int n = 0; n < count; n++) streams_.push_back({words[n]});
+      })
+      .read(arg, 3, narg, {"every", "directory"});
   if (comm->me == 0 && mkdir(directory_.c_str(), 0777) != 0 && errno != EEXIST)
     error->one(FLERR, ("cannot make " + directory_ + ": " + std::strerror(errno)).c_str());
   force_reneighbor = 1;
@@ -93,21 +93,15 @@ void FixCheckpoint::setup(int) {
 void FixCheckpoint::end_of_step() {
   next_reneighbor = update->ntimestep + 1;
   for (Checkpointed *one : others()) one->begin_anew();
-  int stop = stop_asked;
-  if (comm->nprocs > 1) MPI_Allreduce(MPI_IN_PLACE, &stop, 1, MPI_INT, MPI_MAX, world);
-  if (!due(stop)) return;
+  if (update->ntimestep >= update->laststep) return;
   const double start = MPI_Wtime();
+  int due[2] = {start >= next_time_, start >= stop_time_};  // by the clock of the first rank
+  if (comm->nprocs > 1) MPI_Bcast(due, 2, MPI_INT, 0, world);
+  if (!due[0] && !due[1]) return;
   save();
   const double end = MPI_Wtime();
   next_time_ = end + std::max(LEAST_INTERVAL_s, (end - start) / COST_SHARE);
-  if (stop) throw Stopped{update->ntimestep};
-}
-
-bool FixCheckpoint::due(bool stop) {
-  if (update->ntimestep >= update->laststep) return false;
-  int due = stop || MPI_Wtime() >= next_time_;
-  if (comm->nprocs > 1) MPI_Bcast(&due, 1, MPI_INT, 0, world);
-  return due;
+  if (due[1]) throw Stopped{update->ntimestep};
 }
 
 /* --- taking one ---------------------------------------------------------------------------------------------- */
@@ -119,7 +113,7 @@ void FixCheckpoint::save() {
   for (Checkpointed *one : others()) one->save(body);  // these flush their streams
   save_streams(out);
   out.append(body);
-  out.write(file(update->ntimestep));
+  out.write(file(update->ntimestep), identity_);
   for (Checkpointed *one : others()) one->saved(update->ntimestep);
   saved_.push_back(update->ntimestep);
   keep_two();

@@ -8,6 +8,8 @@
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
+#include "fix_input.h"
+#include "known_in_flight.h"
 #include "fix_contact_history.h"
 #include "fixes.h"
 #include "force.h"
@@ -23,29 +25,25 @@ using namespace LAMMPS_NS;
 using namespace FixConst;
 
 FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
-  std::string agglomerates;
-  nevery = 0;
-  for (int k = 3; k + 1 < narg; k += 2) {
-    const std::string key = arg[k];
-    if (key == "agglomerates") agglomerates = arg[k + 1];
-    else if (key == "gravity") gravity_ = force->numeric(FLERR, arg[k + 1]);
-    else if (key == "down" && k + 3 < narg) {
-      for (int d = 0; d < 3; d++) (&down_.x)[d] = force->numeric(FLERR, arg[k + 1 + d]);
-      k += 2;
-    } else if (key == "speed") speed_ = force->numeric(FLERR, arg[k + 1]);
-    else if (key == "tolerance") tolerance_ = force->numeric(FLERR, arg[k + 1]);
-    else if (key == "every") nevery = force->inumeric(FLERR, arg[k + 1]);
-    else if (key == "least_fragment") least_fragment_ = force->inumeric(FLERR, arg[k + 1]);
-    else if (key == "unheld" && group->find(arg[k + 1]) > 0) unheld_ = group->bitmask[group->find(arg[k + 1])];
-    else if (key == "body_skin") body_skin_ = force->numeric(FLERR, arg[k + 1]);
-    else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-  }
-  if (agglomerates.empty() || speed_ <= 0 || tolerance_ <= 0 || nevery < 1 || !unheld_)
-    error->fix_error(FLERR, this, "needs agglomerates FILE [gravity G] speed V tolerance TOL every N unheld GROUP");
-  if (comm->nprocs > 1)
-    error->fix_error(FLERR, this, "works on one rank only; `time.free_flight_tolerance = 0` leaves it out");
-  if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  std::string agglomerates, unheld;
+  FixInput(lmp, this)
+      .text("agglomerates", agglomerates)
+      .number("gravity", gravity_, Allowed::FROM_0)
+      .direction("down", down_)
+      .number("speed", speed_, Allowed::ABOVE_0)
+      .number("tolerance", tolerance_, Allowed::ABOVE_0)
+      .whole("every", nevery, 1)
+      .text("unheld", unheld)
+      .whole("least_fragment", least_fragment_, 0)
+      .number("body_skin", body_skin_, Allowed::FROM_0)
+      .read(arg, 3, narg, {"agglomerates", "speed", "tolerance", "every", "unheld"});
+  const FixInput input(lmp, this);
+  if (down_.z >= 0) input.refuse("down: must have a Z below 0");
+  if (group->find(unheld.c_str()) <= 0) input.refuse("unheld " + unheld + ": must be a group of the deck, not `all`");
+  unheld_ = group->bitmask[group->find(unheld.c_str())];
+  if (comm->nprocs > 1) input.refuse("works on one rank only; `time.free_flight_tolerance = 0` leaves it out");
+  note_radii();
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
   calm_.assign(agglomerates_->tags() + 1, 0);
   held_ = std::make_unique<HeldBodies>(lmp, weight(), speed_, tolerance_, agglomerates_->tags(), unheld_);
   create_attribute = 1;
@@ -60,21 +58,20 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
 int FixFreeFlight::setmask() { return INITIAL_INTEGRATE | PRE_NEIGHBOR | FINAL_INTEGRATE | END_OF_STEP; }
 
 void FixFreeFlight::init() {
-  if (!dynamic_cast<VerletFreeFlight *>(update->integrate))
-    error->fix_error(FLERR, this, "needs the run style that it sets");
+  const FixInput input(lmp, this);
+  if (!dynamic_cast<VerletFreeFlight *>(update->integrate)) input.refuse("needs the run style that it sets");
   bonds_ = fix_that_is<BodyMaker>(modify);
   plate_ = fix_that_is<Obstacle>(modify);
   walls_ = fixes_that_are<SideWall>(modify);
   stream_ = fix_that_is<StoneStream>(modify);
-  agglomerates_->follow(stream_);
+  agglomerates_->init();
+  refuse_what_free_flight_does_not_know(lmp, this, unheld_, weight());
   history_ = nullptr;
   for (FixContactHistory *history : fixes_that_are<FixContactHistory>(modify))
     if (std::strcmp(history->style, "contacthistory") == 0) history_ = history;
   if (bonds_) bonds_->let_bodies_leave();
   held_->set_bonds(bonds_);
-  if (history_ && history_->get_dnum() != 3)
-    error->fix_error(FLERR, this, "can turn the contact history of `tangential history` only");
-  if (plate_ && nevery % plate_->co_step() != 0) error->fix_error(FLERR, this, "needs `every` in whole co-steps");
+  if (plate_ && nevery % plate_->co_step() != 0) input.refuse("needs `every` in whole co-steps");
 }
 
 void FixFreeFlight::setup(int) {
@@ -84,6 +81,29 @@ void FixFreeFlight::setup(int) {
   if (plate_) std::copy(plate_->extent(), plate_->extent() + 4, outline_.extent);
   outline_.reach = -1;  // none known
   next_reneighbor = -1;
+}
+
+// A resumed run is set up without the bodies that fly, which may be all of a material.
+void FixFreeFlight::note_radii() {
+  least_radius_.assign(atom->ntypes + 1, 0.0);
+  greatest_radius_ = least_radius_;
+  for (int i = 0; i < atom->nlocal; i++) {
+    double &least = least_radius_[atom->type[i]], &greatest = greatest_radius_[atom->type[i]];
+    least = least == 0 ? atom->radius[i] : std::min(least, atom->radius[i]);
+    greatest = std::max(greatest, atom->radius[i]);
+  }
+}
+
+int FixFreeFlight::min_type() {
+  for (int type = 1; type <= atom->ntypes; type++)
+    if (greatest_radius_[type] > 0) return type;
+  return 0;
+}
+
+int FixFreeFlight::max_type() {
+  int type = atom->ntypes;
+  while (type > 0 && greatest_radius_[type] == 0) type--;
+  return type;
 }
 
 int FixFreeFlight::body_of(int tag) const { return bonds_ ? bonds_->body_of_tag()[tag] : tag; }
@@ -246,7 +266,7 @@ bigint FixFreeFlight::next_event() const {
   for (int k = 0; k < modify->nfix; k++) {
     Fix *fix = modify->fix[k];
     if (fix == this) continue;
-    int every = (modify->fmask[k] & END_OF_STEP) && fix->nevery > 1 ? fix->nevery : 0;
+    int every = modify->fmask[k] & END_OF_STEP ? fix->nevery : 0;
     if (const auto *acts = dynamic_cast<ActsInFreeFlight *>(fix)) every = acts->acts_every();
     if (every > 0) event = std::min(event, next_multiple(every));
   }

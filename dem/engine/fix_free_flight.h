@@ -40,6 +40,11 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void end_of_step() override;
   double compute_scalar() override;        // sub-spheres in free flight
   double compute_vector(int) override;     // 1: steps jumped over; 2: departures
+  // What LIGGGHTS asks at set-up of sub-spheres that are not in its arrays.
+  double min_rad(int type) override { return least_radius_[type]; }
+  double max_rad(int type) override { return greatest_radius_[type]; }
+  int min_type() override;
+  int max_type() override;
 
   void add_to(LedgerRows &) override;
 
@@ -75,12 +80,14 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   std::vector<int> calm_;      // looks in a row at which a body was calm, by its least tag
   PlateOutline outline_;       // of the plate, with the reach that all safe_until hold for
   double largest_modulus_ = 0;  // E* of all pairs of types, Pa
+  std::vector<double> least_radius_, greatest_radius_;  // by type, of the deck's sub-spheres, m; 0: there are none
   int unheld_ = 0;             // bit of the group
   double body_skin_ = 0;       // of neighbours within a body, m; 0: that of the deck
-  size_t least_fragment_ = 0;  // sub-spheres: a fragment of fewer is taken out as soon as it flies
+  int least_fragment_ = 0;   // sub-spheres: a fragment of fewer is taken out as soon as it flies
   int shown_ = 0;              // sub-spheres appended by show
   bigint jumped_ = 0, departures_ = 0;
 
+  void note_radii();
   std::vector<FreeBody *> bodies_in_flight();
   int body_of(int tag) const;
   Vec weight() const { return gravity_ * down_; }  // m/s^2

@@ -8,10 +8,11 @@
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
+#include "fix_input.h"
 #include "fixes.h"
 #include "force.h"
 #include "neigh_list.h"
-#include "pair.h"
+#include "pair_gran.h"
 #include "stone_stream.h"
 #include "tangential_law.h"
 #include "update.h"
@@ -25,21 +26,14 @@ const double STICKS = 1e-9;  // of its stretch: a tangential spring that was sho
 
 FixLedger::FixLedger(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   std::string agglomerates, file;
-  if (narg != 9 && narg != 13) error->fix_error(FLERR, this, "needs agglomerates FILE every N file FILE [up X Y Z]");
-  for (int k = 3; k < narg; k += 2) {
-    const std::string key = arg[k];
-    if (key == "agglomerates") agglomerates = arg[k + 1];
-    else if (key == "every") every_ = force->inumeric(FLERR, arg[k + 1]);
-    else if (key == "file") file = arg[k + 1];
-    else if (key == "up" && k + 3 < narg) {
-      up_ = Vec(force->numeric(FLERR, arg[k + 1]), force->numeric(FLERR, arg[k + 2]),
-                force->numeric(FLERR, arg[k + 3]));
-      k += 2;
-    }
-    else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-  }
+  FixInput(lmp, this)
+      .text("agglomerates", agglomerates)
+      .whole("every", every_, 1)
+      .text("file", file)
+      .direction("up", up_)
+      .read(arg, 3, narg, {"agglomerates", "every", "file"});
   nevery = 1;
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
   pair_work_.assign(agglomerates_->count(), 0);
   pair_damped_ = friction_ = gained_ = pair_work_;
   row_of_.assign(agglomerates_->count(), 0);
@@ -56,15 +50,21 @@ FixLedger::~FixLedger() {
 int FixLedger::setmask() { return POST_INTEGRATE | PRE_FORCE | POST_FORCE | END_OF_STEP; }
 
 void FixLedger::init() {
+  const FixInput input(lmp, this);
+  auto *pair = dynamic_cast<PairGran *>(force->pair);
+  if (!pair || !pair->contact_match("normal", "hertz")) input.refuse("needs `pair_style gran model hertz`");
+  for (int k = 0; modify->fix[k] != this; k++)
+    if ((modify->fmask[k] & POST_FORCE) && !dynamic_cast<FixLedger *>(modify->fix[k]))
+      input.refuse(std::string("must come before fix ") + modify->fix[k]->id + ", which adds forces");
   holders_ = fixes_that_are<EnergyHolder>(modify);
   stream_ = fix_that_is<StoneStream>(modify);
-  agglomerates_->follow(stream_);
+  agglomerates_->init();
 }
 
 void FixLedger::setup(int vflag) {
   law_ = std::make_unique<HertzLaw>(lmp);
   const NeighList *springs = force->pair->list->listgranhistory;
-  if (springs && springs->dnum != 3) error->fix_error(FLERR, this, "needs contacts with `tangential history`");
+  if (springs && springs->dnum != 3) FixInput(lmp, this).refuse("needs contacts with `tangential history`");
   if (resuming) return;
   // The step that ends here was counted by the run before, or never was.
   const std::vector<double> counted = pair_work_, friction = friction_, gained = gained_;
@@ -99,11 +99,12 @@ void FixLedger::find_contacts(bool touched_before) {
   }
 }
 
-// Of i over j across their normal, where they touch.
-Vec FixLedger::surface_velocity(const Contact &c) const {
+// Of i over j across their normal, where they touch; or what i has of it.
+Vec FixLedger::surface_velocity(const Contact &c, bool of_both) const {
   const double *a = atom->v[c.i], *b = atom->v[c.j];
   const double arm_i = atom->radius[c.i] - 0.5 * c.overlap, arm_j = atom->radius[c.j] - 0.5 * c.overlap;
-  const Vec v = Vec(a) - Vec(b), spin = arm_i * Vec(atom->omega[c.i]) + arm_j * Vec(atom->omega[c.j]);
+  Vec v(a), spin = arm_i * Vec(atom->omega[c.i]);
+  if (of_both) v = v - Vec(b), spin += arm_j * Vec(atom->omega[c.j]);
   return v - dot(v, c.normal) * c.normal - cross(spin, c.normal);
 }
 
@@ -134,15 +135,19 @@ void FixLedger::measure_friction() {
   }
 }
 
+// The velocity of a ghost is that of the middle of the step, when the force was found. Its own rank knows the one at
+// the end, and each of the two ranks adds what the dashpots took from its own sub-sphere.
 void FixLedger::add_damping() {
   const double dt = update->dt;
   for (const Contact &c : contacts_) {
+    const bool both = c.j < atom->nlocal;
     const double mi = atom->rmass[c.i], mj = atom->rmass[c.j];
-    const Vec v = Vec(atom->v[c.i]) - Vec(atom->v[c.j]);
-    const Vec gained = 0.5 * dt / mi * Vec(atom->f[c.i]) - 0.5 * dt / mj * Vec(atom->f[c.j]);
+    const Vec vi(atom->v[c.i]), vj(atom->v[c.j]), gained = 0.5 * dt / mi * Vec(atom->f[c.i]);
+    const Vec at_force = both ? vi - vj - (gained - 0.5 * dt / mj * Vec(atom->f[c.j])) : vi - gained - vj;
     const double normal = law_->damping_power(atom->type[c.i], atom->type[c.j], c.radius, c.overlap,
-                                              mi * mj / (mi + mj), dot(v - gained, c.normal), dot(v, c.normal));
-    count(pair_damped_, c, dt * (normal + dot(c.rubbed, surface_velocity(c))));
+                                              mi * mj / (mi + mj), dot(at_force, c.normal),
+                                              dot(both ? vi - vj : vi, c.normal));
+    count(pair_damped_, c, dt / c.share * (normal + dot(c.rubbed, surface_velocity(c, both))));
   }
 }
 

@@ -78,7 +78,7 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   FILE *file_ = nullptr;
 
   void find_contacts(bool touched_before);
-  Vec surface_velocity(const Contact &) const;
+  Vec surface_velocity(const Contact &, bool of_both = true) const;
   double spring_stiffness(const Contact &, double overlap) const;
   void count(std::vector<double> &, const Contact &, double energy) const;
   void measure_friction();

@@ -10,9 +10,9 @@
 #include "atom.h"
 #include "checkpoint_file.h"
 #include "error.h"
+#include "fix_input.h"
 #include "fix_ledger.h"
 #include "fixes.h"
-#include "force.h"
 #include "stone_stream.h"
 #include "update.h"
 
@@ -25,15 +25,11 @@ const double ENERGY_SHARE = 0.01;  // of the energy supplied: what may come from
 }  // namespace
 
 FixMonitor::FixMonitor(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
-  if (narg != 9) error->fix_error(FLERR, this, "needs impact_J E weight W height_kg_m H");
-  for (int k = 3; k < narg; k += 2) {
-    const std::string key = arg[k];
-    const double value = force->numeric(FLERR, arg[k + 1]);
-    if (key == "impact_J") impact_J_ = value;
-    else if (key == "weight") weight_ = value;
-    else if (key == "height_kg_m") height_kg_m_ = value;
-    else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-  }
+  FixInput(lmp, this)
+      .number("impact_J", impact_J_, Allowed::FROM_0)
+      .number("weight", weight_, Allowed::FROM_0)
+      .number("height_kg_m", height_kg_m_, Allowed::ANY)
+      .read(arg, 3, narg, {"impact_J", "weight", "height_kg_m"});
   nevery = 10;
 }
 
@@ -44,7 +40,7 @@ void FixMonitor::pre_exchange() { check_speed(); }
 
 void FixMonitor::init() {
   ledger_ = fix_that_is<FixLedger>(modify);
-  if (!ledger_) error->fix_error(FLERR, this, "needs a fix ledger before it");
+  if (!ledger_) FixInput(lmp, this).refuse("needs a fix ledger before it");
   stream_ = fix_that_is<StoneStream>(modify);
   double mine = stream_ ? stream_->smallest_radius() : HUGE_VAL;
   for (int i = 0; i < atom->nlocal; i++) mine = std::min(mine, atom->radius[i]);

@@ -21,7 +21,6 @@ class FixMonitor : public Fix, public Checkpointed, public ActsInFreeFlight {
   void init() override;
   void pre_exchange() override;
   void end_of_step() override;
-  int acts_every() const override { return 0; }  // without sub-spheres in the arrays there is nothing to see
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
 

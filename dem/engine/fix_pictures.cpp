@@ -9,8 +9,8 @@
 #include "atom.h"
 #include "comm.h"
 #include "error.h"
+#include "fix_input.h"
 #include "fixes.h"
-#include "force.h"
 #include "stone_stream.h"
 #include "update.h"
 
@@ -24,21 +24,19 @@ const size_t CONTACT_COLUMNS = 5;
 
 FixPictures::FixPictures(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   std::string agglomerates, file;
-  for (int k = 3; k + 1 < narg; k += 2) {
-    const std::string key = arg[k];
-    if (key == "agglomerates") agglomerates = arg[k + 1];
-    else if (key == "file") file = arg[k + 1];
-    else if (key == "every") every_ = force->inumeric(FLERR, arg[k + 1]);
-    else if (key == "impact") {
-      impact_every_ = force->inumeric(FLERR, arg[k + 1]);
-      for (k += 2; k + 1 < narg; k += 2)
-        impacts_.push_back({force->inumeric(FLERR, arg[k]), force->inumeric(FLERR, arg[k + 1])});
-    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-  }
-  if (agglomerates.empty() || file.empty() || every_ < 1 || impact_every_ < 0)
-    error->fix_error(FLERR, this, "needs agglomerates FILE file FILE every N [impact M FIRST LAST ...]");
+  FixInput input(lmp, this);
+  input.text("agglomerates", agglomerates)
+      .text("file", file)
+      .whole("every", every_, 1)
+      .words("impact", FixInput::ALL_THE_REST, [&](char **words, int count) {
+        if (count < 3 || count % 2 == 0) input.refuse("impact: must be followed by M FIRST LAST [FIRST LAST ...]");
+        impact_every_ = input.whole("impact", words[0], 1);
+        for (int k = 1; k < count; k += 2)
+          impacts_.push_back({input.whole("impact", words[k], 0), input.whole("impact", words[k + 1], 0)});
+      })
+      .read(arg, 3, narg, {"agglomerates", "file", "every"});
   nevery = std::gcd(every_, impact_every_);
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
   row_of_.resize(agglomerates_->count());
   if (comm->me != 0) return;
   file_ = std::fopen(file.c_str(), "ab");
@@ -54,7 +52,7 @@ int FixPictures::setmask() { return END_OF_STEP; }
 void FixPictures::init() {
   plate_ = fix_that_is<Pushed>(modify);
   flying_ = fix_that_is<FlyingSpheres>(modify);
-  agglomerates_->follow(fix_that_is<StoneStream>(modify));
+  agglomerates_->init();
 }
 
 void FixPictures::setup(int) {

@@ -9,8 +9,9 @@
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
+#include "fix_input.h"
 #include "fixes.h"
-#include "force.h"
+#include "known_in_flight.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
@@ -25,27 +26,24 @@ const int TRY_STEPS = 64;  // between two tries of a stone where something is in
 FixStones::FixStones(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   std::string file, agglomerates, left;
   double gravity = 0;
-  for (int k = 3; k + 1 < narg; k += 2) {
-    const std::string key = arg[k];
-    if (key == "file") file = arg[k + 1];
-    else if (key == "agglomerates") agglomerates = arg[k + 1];
-    else if (key == "left") left = arg[k + 1];
-    else if (key == "gravity") gravity = force->numeric(FLERR, arg[k + 1]);
-    else if (key == "down" && k + 3 < narg) {
-      up_ = -1 * Vec(force->numeric(FLERR, arg[k + 1]), force->numeric(FLERR, arg[k + 2]),
-                     force->numeric(FLERR, arg[k + 3]));
-      k += 2;
-    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-  }
-  if (file.empty() || agglomerates.empty() || left.empty())
-    error->fix_error(FLERR, this, "needs file FILE agglomerates FILE left FILE [gravity G] [down X Y Z]");
-  if (comm->nprocs > 1) error->fix_error(FLERR, this, "works on one rank only, as bodies in free flight do");
-  if (!atom->tag_enable || !atom->map_style) error->fix_error(FLERR, this, "needs `atom_modify map array`");
-  if (atom->nlocal > 0) error->fix_error(FLERR, this, "needs a `read_data` without sub-spheres");
+  Vec down(0, 0, -1);
+  FixInput(lmp, this)
+      .text("file", file)
+      .text("agglomerates", agglomerates)
+      .text("left", left)
+      .number("gravity", gravity, Allowed::FROM_0)
+      .direction("down", down)
+      .read(arg, 3, narg, {"file", "agglomerates", "left"});
+  const FixInput input(lmp, this);
+  if (comm->nprocs > 1) input.refuse("works on one rank only, as bodies in free flight do");
+  if (atom->nlocal > 0) input.refuse("needs a `read_data` without sub-spheres");
+  up_ = -1 * down;
   weight_ = -gravity * up_;
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, agglomerates);
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
   file_ = std::make_unique<StoneFile>(lmp, file);
-  if (file_->count() != agglomerates_->count()) error->fix_error(FLERR, this, "has files of different stones");
+  bool are_the_same = file_->count() == agglomerates_->count();
+  for (int a = 0; are_the_same && a < file_->count(); a++) are_the_same = file_->size(a) == agglomerates_->size(a);
+  if (!are_the_same) input.refuse(file + " and " + agglomerates + " are of different stones");
   gone_.resize(file_->count());
   order_.resize(file_->count());
   std::iota(order_.begin(), order_.end(), 0);
@@ -79,7 +77,10 @@ void FixStones::make_room_for_tags() {
 }
 
 void FixStones::init() {
-  if (!fix_that_is<FlightControl>(modify)) error->fix_error(FLERR, this, "needs fix free_flight");
+  agglomerates_->init();
+  const FixInput input(lmp, this);
+  if (!fix_that_is<FlightControl>(modify)) input.refuse("needs fix free_flight");
+  refuse_other_weight(input, modify, weight_);
 }
 
 /* --- stones enter -------------------------------------------------------------------------------------------- */

@@ -23,7 +23,8 @@ namespace LAMMPS_NS {
 // rank, as bodies in free flight do.
 //
 // `left` is a table with a row for each body that was taken out.
-class FixStones : public Fix, public Checkpointed, public EnergyHolder, public StoneStream {
+class FixStones : public Fix, public Checkpointed, public EnergyHolder, public StoneStream,
+                  public ActsInFreeFlight {
  public:
   FixStones(class LAMMPS *, int, char **);
   ~FixStones() override;

@@ -1,10 +1,12 @@
 #include "fix_wall.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 
 #include "atom.h"
 #include "checkpoint_file.h"
+#include "fix_input.h"
 #include "fix_property_atom.h"
 #include "fixes.h"
 #include "primitive_wall.h"
@@ -37,10 +39,15 @@ FixWall::FixWall(LAMMPS *lmp, int narg, char **arg)
     : FixWallGran(lmp, arguments_of_stock_wall(narg, arg, position_of_contact(narg, arg)).size(),
                   arguments_of_stock_wall(narg, arg, position_of_contact(narg, arg)).data()) {
   nevery = 1;
+  // The law is asked for each sub-sphere as if the wall were at z = 0.
+  const std::vector<std::string> words(arg + position_of_contact(narg, arg), arg + narg);
+  auto at = std::find(words.begin(), words.end(), "zplane");
+  if (at == words.end() || ++at == words.end() || std::atof(at->c_str()) != 0)
+    FixInput(lmp, this).refuse("needs `contact` and then what wall/gran takes, with `zplane 0`");
 }
 
 void FixWall::read_agglomerates(const std::string &file) {
-  agglomerates_ = std::make_unique<Agglomerates>(lmp, file);
+  agglomerates_ = std::make_unique<Agglomerates>(lmp, this, file);
   work_on_stone_.assign(agglomerates_->count(), 0);
 }
 
@@ -49,8 +56,9 @@ void FixWall::read_agglomerates(const std::string &file) {
 int FixWall::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
 
 void FixWall::init() {
+  if (!contact_match("normal", "hertz")) FixInput(lmp, this).refuse("knows `contact model hertz` only");
   FixWallGran::init();
-  agglomerates_->follow(fix_that_is<StoneStream>(modify));
+  agglomerates_->init();
 }
 
 void FixWall::pre_force(int) {

@@ -7,6 +7,7 @@
 #include "checkpointed.h"
 #include "energy_holder.h"
 #include "fix_wall_gran.h"
+#include "free_flight_partners.h"
 #include "granular_contact.h"
 #include "plate_contact.h"
 
@@ -14,7 +15,8 @@ namespace LAMMPS_NS {
 
 // What the walls of the deck have in common: the list of the sub-spheres near one, the stock wall of LIGGGHTS, which they
 // lend to a contact law, and the work on the sub-spheres.
-class FixWall : public FixWallGran, public Checkpointed, public EnergyHolder, public StockWall {
+class FixWall : public FixWallGran, public Checkpointed, public EnergyHolder, public StockWall,
+                public ActsInFreeFlight {
  public:
   // The arguments after `contact` are those of wall/gran.
   FixWall(class LAMMPS *, int narg, char **arg);

@@ -7,8 +7,7 @@
 #include "atom.h"
 #include "checkpoint_file.h"
 #include "comm.h"
-#include "error.h"
-#include "force.h"
+#include "fix_input.h"
 #include "neighbor.h"
 #include "primitive_wall.h"
 #include "smooth_contact.h"
@@ -33,46 +32,33 @@ struct FixWallPlate::Options {
 
 FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
   Options o;
-  bool has_extent = false;
-  const int end = position_of_contact(narg, arg);
-  for (int k = 3; k < end;) {
-    const std::string key = arg[k++];
-    const int needed = key == "extent" || key == "weak_contact" ? 4 : 1;
-    if (k + needed > end) error->fix_error(FLERR, this, "a keyword lacks its value");
-    if (key == "agglomerates") o.agglomerates = arg[k];
-    else if (key == "forces") o.forces = arg[k];
-    else if (key == "shapes") o.shapes = arg[k];
-    else if (key == "to_plate") o.to_plate = arg[k];
-    else if (key == "from_plate") o.from_plate = arg[k];
-    else if (key == "contacts") o.contacts = arg[k];
-    else if (key == "surface") o.surface = arg[k];
-    else if (key == "faces") o.faces = arg[k];
-    else if (key == "rows") o.row_steps = force->inumeric(FLERR, arg[k]);
-    else if (key == "every") contacts_every_ = force->inumeric(FLERR, arg[k]);
-    else if (key == "yield_pressure") {
-      o.yield_pressure_Pa = force->numeric(FLERR, arg[k]);
-      if (o.yield_pressure_Pa <= 0) error->fix_error(FLERR, this, "the yield_pressure must be above 0");
-    }
-    else if (key == "co_step") co_step_ = force->inumeric(FLERR, arg[k]);
-    else if (key == "weak_contact")
-      o.weak = {force->numeric(FLERR, arg[k]), force->numeric(FLERR, arg[k + 1]), force->inumeric(FLERR, arg[k + 2]),
-                force->inumeric(FLERR, arg[k + 3])};
-    else if (key == "extent") {
-      for (int e = 0; e < 4; e++) extent_[e] = force->numeric(FLERR, arg[k + e]);
-      has_extent = true;
-    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-    k += needed;
-  }
-  if (o.agglomerates.empty() || o.forces.empty() || !has_extent || co_step_ < 1 || o.weak.co_steps < 1 ||
-      o.weak.most_co_steps < 1)
-    error->fix_error(FLERR, this, "needs agglomerates, forces, extent and numbers of co-steps of at least 1");
+  FixInput input(lmp, this);
+  input.text("agglomerates", o.agglomerates)
+      .text("forces", o.forces)
+      .numbers("extent", extent_, 4, Allowed::ANY)
+      .whole("co_step", co_step_, 1)
+      .whole("rows", o.row_steps, 1)
+      .text("contacts", o.contacts)
+      .whole("every", contacts_every_, 1)
+      .text("surface", o.surface)
+      .text("faces", o.faces)
+      .number("yield_pressure", o.yield_pressure_Pa, Allowed::ABOVE_0)
+      .text("shapes", o.shapes)
+      .text("to_plate", o.to_plate)
+      .text("from_plate", o.from_plate)
+      .words("weak_contact", 4, [&](char **words, int) {
+        o.weak = {input.number("weak_contact", words[0], Allowed::ABOVE_0),
+                  input.number("weak_contact", words[1], Allowed::ABOVE_0), input.whole("weak_contact", words[2], 1),
+                  input.whole("weak_contact", words[3], 1)};
+      })
+      .read(arg, 3, position_of_contact(narg, arg), {"agglomerates", "forces", "extent", "co_step"});
+  if (!(extent_[0] < extent_[1] && extent_[2] < extent_[3]))
+    input.refuse("extent: must be XMIN < XMAX and YMIN < YMAX");
   if (o.row_steps == 0) o.row_steps = co_step_;
-  if (o.row_steps < 1 || o.row_steps % co_step_ != 0)
-    error->fix_error(FLERR, this, "needs rows in whole co-steps");
+  if (o.row_steps % co_step_ != 0) input.refuse("needs rows in whole co-steps");
   if (o.shapes.empty() != o.to_plate.empty() || o.shapes.empty() != o.from_plate.empty())
-    error->fix_error(FLERR, this, "shapes, to_plate and from_plate go together");
-  if (!o.faces.empty() && !o.surface.empty())
-    error->fix_error(FLERR, this, "has either a surface of smooth stones or faces");
+    input.refuse("shapes, to_plate and from_plate go together");
+  if (!o.faces.empty() && !o.surface.empty()) input.refuse("has either a surface of smooth stones or faces");
   return o;
 }
 
@@ -202,7 +188,8 @@ void FixWallPlate::post_run() {
 // To the centre of a sub-sphere, from the nearest point of the plate's top face with its edge. What is below the face
 // came past the edge.
 Vec FixWallPlate::from_wall(const NearSphere &p) const {
-  const double *x = atom->x[p.i], *e = extent_, z = x[2] - p.plate_z;
+  const double *at = atom->x[p.i], *e = extent_, z = at[2] - (p.plate_z + p.plate_moved.z);
+  const double x[2] = {at[0] - p.plate_moved.x, at[1] - p.plate_moved.y};
   double across[2];
   for (int d = 0; d < 2; d++) across[d] = x[d] - std::clamp(x[d], e[2 * d], e[2 * d + 1]);
   if (z < 0 && across[0] == 0 && across[1] == 0) {

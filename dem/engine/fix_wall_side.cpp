@@ -8,7 +8,7 @@
 #include "checkpoint_file.h"
 #include "comm.h"
 #include "error.h"
-#include "force.h"
+#include "fix_input.h"
 #include "neighbor.h"
 #include "primitive_wall.h"
 #include "update.h"
@@ -20,28 +20,17 @@ using namespace LAMMPS_NS;
 // Returns the name of the file of sizes of agglomerates.
 std::string FixWallSide::read_options(int narg, char **arg) {
   std::string agglomerates, forces;
-  bool has_box = false;
-  const int end = position_of_contact(narg, arg);
-  for (int k = 3; k < end;) {
-    const std::string key = arg[k++];
-    const int needed = key == "box" ? 6 : 1;
-    if (k + needed > end) error->fix_error(FLERR, this, "a keyword lacks its value");
-    if (key == "agglomerates") agglomerates = arg[k];
-    else if (key == "forces") forces = arg[k];
-    else if (key == "every") every_ = force->inumeric(FLERR, arg[k]);
-    else if (key == "box") {
-      double at[6];
-      for (int e = 0; e < 6; e++) at[e] = force->numeric(FLERR, arg[k + e]);
-      box_ = {Vec(at[0], at[2], at[4]), Vec(at[1], at[3], at[5])};
-      has_box = true;
-    } else error->fix_error(FLERR, this, ("unknown keyword " + key).c_str());
-    k += needed;
-  }
-  if (agglomerates.empty() || forces.empty() || !has_box || every_ < 1)
-    error->fix_error(FLERR, this, "needs agglomerates, forces, every and box");
+  double at[6];
+  FixInput(lmp, this)
+      .text("agglomerates", agglomerates)
+      .text("forces", forces)
+      .whole("every", every_, 1)
+      .numbers("box", at, 6, Allowed::ANY)
+      .read(arg, 3, position_of_contact(narg, arg), {"agglomerates", "forces", "every", "box"});
+  box_ = {Vec(at[0], at[2], at[4]), Vec(at[1], at[3], at[5])};
   const Vec size = box_.high - box_.low;
   if (std::min({size.x, size.y, size.z}) != 0 || (size.x == 0) + (size.y == 0) + (size.z == 0) != 1)
-    error->fix_error(FLERR, this, "needs a box that is flat along one axis");
+    FixInput(lmp, this).refuse("needs a box that is flat along one axis");
   if (comm->me == 0 && !(forces_ = std::fopen(forces.c_str(), "ab"))) error->one(FLERR, ("cannot write " + forces).c_str());
   return agglomerates;
 }

@@ -151,7 +151,7 @@ bool FixFreeFlight::has_left(const Outline &b) const {
 }
 
 bool FixFreeFlight::is_dust(const FreeBody &b) const {
-  return b.parts.size() < least_fragment_ && static_cast<int>(b.parts.size()) < agglomerates_->size(b.agglomerate);
+  return static_cast<int>(b.parts.size()) < std::min(least_fragment_, agglomerates_->size(b.agglomerate));
 }
 
 void FixFreeFlight::take_out_those_that_left() {

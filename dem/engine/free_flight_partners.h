@@ -60,11 +60,11 @@ class SideWall {
   virtual const WallOutline &outline() const = 0;
 };
 
-// A fix that acts at other steps than those that `nevery` names while all bodies are in free flight.
+// A fix of the engine that does nothing to bodies in free flight, or of which fix free_flight knows what.
 class ActsInFreeFlight {
  public:
   virtual ~ActsInFreeFlight() {}
-  virtual int acts_every() const = 0;  // steps; 0: never
+  virtual int acts_every() const { return 0; }  // steps, while all bodies are in free flight; 0: never
 };
 
 // Knows of sub-spheres that are not in the arrays.

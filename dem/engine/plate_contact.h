@@ -21,6 +21,7 @@ struct NearSphere {
   bool stands_for_patch = false;      // then the plate's push and its motion are those at the foot of the patch
   double to_foot[2] = {0, 0};         // from its centre to there, along x and y, m
   double plate_z = 0, plate_v = 0;    // height (m) and velocity (m/s) of the plate beneath it, or at its nearest edge
+  Vec plate_moved;                    // how far from there the plate is for it, m
   double plate_drift[2] = {0, 0};     // velocity of the plate's top face there along x and y, m/s
   bool touches = false;               // does the plate act on it?
   bool in_patch = false;              // together with others of its stone

@@ -4,7 +4,9 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <csignal>
 #include <cstring>
 
@@ -87,6 +89,19 @@ void PlateLink::message(long long step, long long co_steps_passed, long long ext
   receive(&reach, 8);
   receive(amplitude.data(), 8 * amplitude.size());
   receive(rate.data(), 8 * rate.size());
+  check_answer(step);
+}
+
+// What is no number would end the run as an unstable one of the engine.
+void PlateLink::check_answer(long long step) const {
+  auto is_wrong = [](double number) { return !std::isfinite(number); };
+  const char *wrong = nullptr;
+  if (is_wrong(reach) || reach < 0) wrong = "reach_m";
+  if (std::any_of(amplitude.begin(), amplitude.end(), is_wrong)) wrong = "amplitude";
+  if (std::any_of(rate.begin(), rate.end(), is_wrong)) wrong = "rate";
+  if (!wrong) return;
+  lmp_->error->one(FLERR, ("The plate answered step " + std::to_string(step) + " with a wrong " + wrong +
+                           "; allowed are finite numbers, and a reach_m from 0 on").c_str());
 }
 
 void PlateLink::receive_answer(long long step) {
@@ -95,17 +110,18 @@ void PlateLink::receive_answer(long long step) {
   if (answered != step) lmp_->error->one(FLERR, "The plate answered another step than the one asked");
 }
 
-void PlateLink::checkpoint(long long step) {
+// Sends a message without forces and waits until the plate has repeated its kind.
+void PlateLink::tell(long long kind, long long step) {
   std::vector<double> nothing(1 + 2 * amplitude.size());
-  send(CHECKPOINT, step, 0, nothing.data());
-  receive_answer(CHECKPOINT);
+  send(kind, step, 0, nothing.data());
+  receive_answer(kind);
   receive(nothing.data(), 8 * nothing.size());
 }
 
+void PlateLink::checkpoint(long long step) { tell(CHECKPOINT, step); }
+
 void PlateLink::finish() {
-  if (out_ < 0) return;
-  const std::vector<double> none(amplitude.size(), 0.0);
-  send(FINISHED, 0, 0, none.data());
+  if (out_ >= 0) tell(FINISHED, 0);
 }
 
 }  // namespace LAMMPS_NS

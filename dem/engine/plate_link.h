@@ -16,9 +16,9 @@ class LAMMPS;
 //   from the plate: int64 step (the same), double reach, double amplitude[modes], double rate[modes]
 //
 // The answer tells where the plate is predicted to be after the co-steps to extrapolate. `reach` bounds |w| anywhere
-// until the next message if nothing touches the plate. Step -1 of the engine says that it has finished. Step -2 says
-// that it has taken a checkpoint, at the step that stands in the place of the co-steps passed; the plate answers -2
-// when it has, too.
+// until the next message if nothing touches the plate. Step -1 of the engine says that it has finished; the plate
+// answers -1, so that neither side is gone before the other has looked. Step -2 says that it has taken a checkpoint, at
+// the step that stands in the place of the co-steps passed; the plate answers -2 when it has, too.
 class PlateLink {
  public:
   PlateLink(LAMMPS *lmp, const std::string &to_plate, const std::string &from_plate, int modes);
@@ -26,7 +26,7 @@ class PlateLink {
   void open();  // before the first message of a resumed run; otherwise the first message opens the files itself
   void message(long long step, long long co_steps_passed, long long extrapolated_co_steps, const double *modal_force);
   void checkpoint(long long step);  // returns when the plate's half of the checkpoint of this step is on disk
-  void finish();
+  void finish();                    // returns when the plate knows
 
   double reach = 0;                     // m
   std::vector<double> amplitude, rate;  // kg^1/2 m and kg^1/2 m/s
@@ -39,8 +39,10 @@ class PlateLink {
   PlateWatchdog plate_;
 
   void send(long long step, long long co_steps, long long extrapolated, const double *modal_force);
+  void tell(long long kind, long long step);
   void receive(void *data, size_t bytes);
   void receive_answer(long long step);
+  void check_answer(long long step) const;
   void wait_for_input();
   void check_plate();
 };

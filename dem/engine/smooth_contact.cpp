@@ -25,7 +25,7 @@ SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, Stoc
                              double yield_pressure_Pa, const std::string &surface_file)
     : lmp_(lmp), agglomerates_(agglomerates), beneath_(beneath), alone_(lmp, agglomerates, wall, yield_pressure_Pa),
       surfaces_(lmp, surface_file, agglomerates), patch_of_tag_(agglomerates.tags() + 1, -1),
-      near_of_tag_(agglomerates.tags() + 1, -1), offset_(agglomerates.tags() + 1, 0),
+      near_of_tag_(agglomerates.tags() + 1, -1), moved_(agglomerates.tags() + 1),
       damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), friction_(damped_),
       gained_(damped_), half_work_(damped_), half_damped_(damped_), deepest_(damped_) {
   touching_.resize(near_of_tag_.size(), 0);
@@ -44,7 +44,7 @@ void SmoothContact::enter(const EnteringStone &stone) {
 }
 
 void SmoothContact::leave(int agglomerate) {
-  std::fill_n(offset_.begin() + agglomerates_.first_tag(agglomerate), agglomerates_.size(agglomerate), 0.0);
+  std::fill_n(moved_.begin() + agglomerates_.first_tag(agglomerate), agglomerates_.size(agglomerate), Vec());
   if (pieces_) pieces_->leave(agglomerate);
 }
 
@@ -128,26 +128,24 @@ void SmoothContact::place_on_plate(const std::vector<NearSphere> &near) {
   }
 }
 
-// Members of patches do not touch alone; an offset lowers the plate under those that left one, and goes as they rise.
+// Members of patches do not touch alone. Those that left one find the plate where it was moved to for them, until they
+// are free. It comes back up as they rise.
 void SmoothContact::meet_alone(std::vector<NearSphere> &near, int vflag) {
   const Atom *atom = lmp_->atom;
-  kept_.resize(near.size());
-  for (size_t k = 0; k < near.size(); k++) {
-    NearSphere &p = near[k];
-    kept_[k] = p.plate_z;
+  for (NearSphere &p : near) {
     const int tag = atom->tag[p.i];
     p.in_patch = patch_of_tag_[tag] >= 0;
-    double &offset = offset_[tag];
-    if (offset == 0 || p.in_patch) continue;
+    Vec &moved = moved_[tag];
     const double depth = atom->radius[p.i] - (atom->x[p.i][2] - p.plate_z);
-    if (depth < offset) offset = std::max(0.0, depth);
-    p.plate_z -= offset;
+    if (!p.in_patch && depth < -moved.z) moved.z = std::min(0.0, -depth);
+    p.plate_moved = moved;
   }
   alone_.add_forces(near, 0, vflag);
   alone_now_.clear();
-  for (size_t k = 0; k < near.size(); k++) {
-    near[k].plate_z = kept_[k];
-    if (near[k].touches) alone_now_.push_back(atom->tag[near[k].i]);
+  for (const NearSphere &p : near) {
+    const int tag = atom->tag[p.i];
+    if (p.touches) alone_now_.push_back(tag);
+    else moved_[tag].x = moved_[tag].y = 0;
   }
 }
 
@@ -361,8 +359,8 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
     for (const Weight &m : p.members) numbers.insert(numbers.end(), {m.tag + 0.0, m.weight});
     for (const Weight &m : p.body) numbers.insert(numbers.end(), {m.tag + 0.0, m.weight});
   }
-  for (size_t tag = 1; tag < offset_.size(); tag++)
-    if (offset_[tag] != 0) left.insert(left.end(), {tag + 0.0, offset_[tag]});
+  for (size_t tag = 1; tag < moved_.size(); tag++)
+    if (const Vec &m = moved_[tag]; norm(m) > 0) left.insert(left.end(), {tag + 0.0, m.x, m.y, m.z});
   out.common("patch_counts", {patches_.size() + 0.0, numbers.size() + 0.0, left.size() + 0.0, watched_.size() + 0.0});
   out.common("patches", numbers);
   out.common("patch_offsets", left);
@@ -411,7 +409,7 @@ void SmoothContact::restore(const CheckpointReader &in) {
     if (here(static_cast<int>(tag)) >= 0) alone_now_.push_back(static_cast<int>(tag));
   const std::vector<double> &watched = in.common("patch_watched", counts[3]);
   watched_.assign(watched.begin(), watched.end());
-  for (size_t k = 0; k + 1 < left.size(); k += 2) offset_[static_cast<int>(left[k])] = left[k + 1];
+  for (size_t k = 0; k < left.size(); k += 4) moved_[static_cast<int>(left[k])] = Vec(&left[k + 1]);
   looked_ = true;
 }
 

@@ -90,8 +90,7 @@ class SmoothContact : public PlateContact {
   std::vector<int> alone_now_;                       // tags that touch the plate alone, since the last step
   std::vector<int> in_patches_;                      // tags in patch_of_tag_
   std::vector<char> touching_;                       // by tag, at a look: does it touch by itself?
-  std::vector<double> kept_;                         // height of the plate beneath each near, m
-  std::vector<double> offset_;                       // of the contact of a sub-sphere that left a patch, by tag, m
+  std::vector<Vec> moved_;                           // the plate, for a sub-sphere that left a patch, by tag, m
   std::vector<double> damped_, plastic_, released_, friction_, gained_;  // so far, by agglomerate, J
   std::vector<double> half_work_, half_damped_;      // of this step's dashpots, which the next one does, J
   std::vector<double> deepest_;                      // largest approach over radius so far, by agglomerate
@@ -119,7 +118,7 @@ class SmoothContact : public PlateContact {
   void mark_feet(std::vector<NearSphere> &) const;
   void drop_idle_patches();
   bool is_taken(int tag) const;
-  double beyond_outline(const Vec &center) const;
+  Vec beyond_outline(const Vec &place) const;
   double height_of_members(const Patch &) const;
   bool is_near(const Patch &) const;
   void renew(Patch &);

@@ -49,8 +49,8 @@ void SmoothContact::list(std::vector<NearSphere> &near) {
   }
 }
 
-// In a patch it is pushed wherever it is, and where it left one while it was above the plate its offset is negative.
-bool SmoothContact::is_pushed_outside(int tag) const { return patch_of_tag_[tag] >= 0 || offset_[tag] < 0; }
+// In a patch it is pushed wherever it is, and where it left one while it was above the plate that is higher for it.
+bool SmoothContact::is_pushed_outside(int tag) const { return patch_of_tag_[tag] >= 0 || moved_[tag].z > 0; }
 
 double SmoothContact::outside(const std::vector<int> &tags) const {
   int in_surface = 0;
@@ -150,7 +150,7 @@ void SmoothContact::find_patches(int agglomerate, double reach) {
   const SmoothStone &s = surfaces_.stones()[agglomerate];
   const double span = 2 * LOOK_STEPS * lmp_->update->dt;
   for (const auto &[piece, motion] : pieces_->motions(s)) {
-    if (!motion.is_here || beyond_outline(motion.center) > 0) continue;
+    if (!motion.is_here || norm(beyond_outline(motion.center)) > 0) continue;
     const double lowest = -span * std::fabs(motion.velocity.z) - HEADROOM * s.radius - reach;  // q at the next look
     if (s.radius - motion.center.z < lowest - DEFORMED * s.radius) continue;
     Patch p;
@@ -209,7 +209,7 @@ void SmoothContact::renew(Patch &p) {
     const Vec off = pieces_->position(tag) - motion.turned(surfaces_.place(tag)) - motion.center;
     if (pieces_->is_free(tag) || norm(off) > OUT_OF_PLACE * surfaces_.radius(tag)) leave(p, k);
   }
-  if (p.share == 0 || beyond_outline(motion.center) > BEYOND * stone(p).patch_radius) return dissolve(p);
+  if (p.share == 0 || norm(beyond_outline(motion.center)) > BEYOND * stone(p).patch_radius) return dissolve(p);
   follow_axis(p, motion);
   spread_over_body(p, motion);
 }
@@ -247,10 +247,10 @@ void SmoothContact::dissolve(Patch &p) {
   while (!p.members.empty()) leave(p, p.members.size() - 1);
 }
 
-// How far the axis of a patch is beside the plate, m.
-double SmoothContact::beyond_outline(const Vec &center) const {
+// How far a place is beside the plate, m.
+Vec SmoothContact::beyond_outline(const Vec &place) const {
   const double *e = beneath_.extent();
-  return std::hypot(center.x - std::clamp(center.x, e[0], e[1]), center.y - std::clamp(center.y, e[2], e[3]));
+  return Vec(place.x - std::clamp(place.x, e[0], e[1]), place.y - std::clamp(place.y, e[2], e[3]), 0);
 }
 
 void SmoothContact::follow_axis(Patch &p, const StonePieces::Motion &motion) {
@@ -290,7 +290,8 @@ void SmoothContact::leave(Patch &p, size_t member) {
     }
   }
   if (is_first_rank()) released_[p.agglomerate] += available - energy;
-  offset_[m.tag] = overlap > 0 ? depth - overlap : std::max(0.0, depth);
+  moved_[m.tag] = beyond_outline(pieces_->position(m.tag));  // beside the plate it is pushed as above it
+  moved_[m.tag].z = overlap > 0 ? overlap - depth : std::min(0.0, -depth);
   // The others keep q, and share the rest of the force. All of them may weigh nothing, as a patch can be centred only
   // as far as its weights stay positive.
   p.members.erase(p.members.begin() + member);
@@ -346,7 +347,7 @@ double SmoothContact::depth_of(int tag) const {
 // The contact of a sub-sphere whose patch is gone begins without force, wherever it is.
 void SmoothContact::stand_alone(int tag) {
   const double depth = depth_of(tag);
-  if (depth > offset_[tag]) offset_[tag] = std::max(0.0, depth);
+  if (depth > -moved_[tag].z) moved_[tag].z = std::min(0.0, -depth);
 }
 
 }  // namespace LAMMPS_NS

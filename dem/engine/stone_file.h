@@ -24,6 +24,7 @@ class StoneFile {
   StoneFile &operator=(const StoneFile &) = delete;
 
   int count() const { return static_cast<int>(index_.size()); }
+  int64_t size(int agglomerate) const { return index_[agglomerate].atoms; }  // sub-spheres
   bigint entry(int agglomerate) const { return index_[agglomerate].entry; }
   int types() const { return static_cast<int>(greatest_radius_.size()); }
   double least_radius() const { return least_radius_; }

@@ -34,6 +34,8 @@ void StoneSurfaces::read_stones(std::istream &in, const Agglomerates &agglomerat
     in >> s.count >> s.radius >> s.patch_radius >> s.modulus >> s.shear_modulus >> s.damping_ratio >>
         s.damping_ratio_across >> s.friction >> s.yield_pressure >> s.compliance_first >> s.compliance >>
         s.across_first >> s.across;
+    if (s.count != agglomerates.size(a) || !(std::min({s.radius, s.patch_radius, s.modulus}) > 0))
+      in.setstate(std::ios::failbit);
     stones_.push_back(s);
     height_ = std::max(height_, s.patch_radius * s.patch_radius / (2 * s.radius));
     for (int k = 0; k < s.count && in && tag <= agglomerates.tags(); k++, tag++) {

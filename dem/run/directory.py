@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import re
 from collections.abc import Collection, Iterator
@@ -14,7 +16,7 @@ from common.output_directory import (
     files_in,
     hash_of,
     listed_files,
-    locked,
+    locked_directory,
     refuse_replacing,
     remove_empty,
     remove_written,
@@ -96,21 +98,13 @@ class RunDirectory:
     def claimed(self) -> Iterator[int]:
         """Keep other processes out, as long as this one or an engine that it started is alive. Yields the lock's file
         descriptor, for the engine to inherit. Raises Busy."""
-        lock = self._locked()
+        lock = locked_directory(self.path, LOCK_WAIT_s, LOCK)
         try:
             if os.fstat(lock).st_size == 0:
                 os.write(lock, MARK.encode())
             yield lock
         finally:
             os.close(lock)
-
-    def _locked(self) -> int:
-        while True:
-            self.path.mkdir(parents=True, exist_ok=True)
-            try:
-                return locked(self.path / LOCK, LOCK_WAIT_s)
-            except FileNotFoundError:
-                continue  # who had it has just published the directory
 
     def started(self) -> dict[str, Any] | None:
         """What `start` wrote, None if no run was started here. Raises InputError if it cannot be read or is damaged."""
@@ -176,6 +170,11 @@ class RunDirectory:
         for name in WORKING:
             (self.out / name).unlink(missing_ok=True)
         remove_written(self._earlier, REPLACED)
+
+
+def name_of(identity: Identity) -> str:
+    """The name of 64 characters that checkpoints of a run with this identity carry."""
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 
 
 def _is_own(name: str) -> bool:

@@ -94,7 +94,7 @@ class PlateRecorder:
         """Go on from what `get_state` gave."""
         self._blocks, self.steps, self._evaluated = [state["rows"]], state["steps"].tolist(), len(state["rows"])
         self._waiting = len(state["waiting"])
-        self._block[:, :self._waiting] = state["waiting"].reshape(self._waiting, 3, -1).swapaxes(0, 1)
+        self._block[:, :self._waiting] = state["waiting"].swapaxes(0, 1)
         self.view_amplitude = dict(zip(state["view_steps"].tolist(), state["view_amplitude"], strict=True))
         self.bending.set_state(state)
 

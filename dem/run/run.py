@@ -22,7 +22,7 @@ from dem.coupling.launch import ENGINE, check_engine
 from dem.coupling.messages import CouplingError
 from dem.coupling.monitor import Unstable
 from dem.deck.render import streams, write_deck
-from dem.run.directory import STARTED, SUFFIX, Identity, RunDirectory
+from dem.run.directory import STARTED, SUFFIX, Identity, RunDirectory, name_of
 from dem.run.errors import RunError
 from dem.run.participants import participant_of
 from dem.run.prepare import PreparedRun, prepare
@@ -85,10 +85,10 @@ def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
     work.refuse(prepared.scene_hash, overwrite)
     try:
         with work.claimed() as lock:
-            identity, step = _take_up(work, prepared)
+            identity, step = _take_up(work, prepared, overwrite)
             summary = work.finished(identity)
             if summary is None:
-                start = EngineStart(work.path / "deck", step, lock, stop_at)
+                start = EngineStart(work.path / "deck", step, lock, stop_at, name_of(identity))
                 summary = _run_in(work, identity["deck"], start, prepared, show_progress)
                 write_summary(work.file("run.json"), summary)
                 work.note_finished(without=_working_files(prepared))
@@ -101,11 +101,12 @@ def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
         raise RunError(f"{prepared.source}: {error} (what there is of the run is in {work.path}{full})") from error
 
 
-def _take_up(work: RunDirectory, prepared: PreparedRun) -> tuple[Identity, int]:
+def _take_up(work: RunDirectory, prepared: PreparedRun, overwrite: bool) -> tuple[Identity, int]:
     """Put the deck in its place; return what the run is known by, and the step of the checkpoint to go on from, 0 if
     from the start.
 
-    Only a run with the same deck, plate, program and engine goes on; any other starts anew in an empty directory.
+    Only a run with the same deck, plate, program and engine goes on; any other starts anew in an empty directory, as
+    with `overwrite` each does that is not finished.
     """
     deck, fresh = work.path / "deck", work.path / "deck.fresh"
     work.remove(fresh.name)
@@ -113,7 +114,7 @@ def _take_up(work: RunDirectory, prepared: PreparedRun) -> tuple[Identity, int]:
         deck_hash = write_deck(fresh, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
     files = sorted(work.file(f"deck/{file.name}") for file in fresh.iterdir() if file.is_file())
     identity = _identity(prepared, deck_hash)
-    if _identity_of(work) != identity:
+    if _identity_of(work) != identity or (overwrite and work.finished(identity) is None):
         work.clear(keep=(fresh.name,))
         fresh.rename(deck)
         work.start(identity, prepared.given.model_dump(mode="json"), prepared.source)
@@ -130,7 +131,7 @@ def _take_up(work: RunDirectory, prepared: PreparedRun) -> tuple[Identity, int]:
         return identity, 0
     work.clear(keep=(STARTED, "deck"))
     names = streams(prepared.scene, prepared.assembly)
-    step = last_whole(deck, names, prepared.flexible, note)
+    step = last_whole(deck, names, prepared.flexible, name_of(identity), note)
     if not step:
         for name in names:
             work.remove(f"deck/{name}")
@@ -166,7 +167,7 @@ def _run_in(work: RunDirectory, deck_hash: str, start: EngineStart, prepared: Pr
     resumed_at_s: list[float] = []
     if start.resume_step:
         resumed_at_s = work.note_resumed(start.resume_step * prepared.step.dt_s)
-        plate.restore(start.deck, start.resume_step)
+        plate.restore(start.deck, start.resume_step, start.identity)
     progress = Progress(f"{scene.name} {_ratio(prepared):4.0%}", scene.time.duration_s, show_progress)
     with stages("engine and plate"):
         simulate(prepared, start, plate, progress)
