@@ -122,7 +122,7 @@ def test_the_index_lists_every_page():
 def test_paths_that_a_page_names_exist(page):
     """In the text, not in examples; those of tests may leave out `tests/`."""
     text = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL).replace("SCENE=scenes/x.toml", "")
-    folders = "|".join((*PACKAGES, "benchmarks", "scenes", "templates", "tests", "workflow"))
+    folders = "|".join((*PACKAGES, "lab", "scenes", "templates", "tests", "workflow"))
     for path in re.findall(rf"(?<![\w/])(?:{folders})/[\w/]+(?:\.\w+)+", text):
         assert (ROOT / path).exists() or (ROOT / "tests" / path).exists(), path
 
