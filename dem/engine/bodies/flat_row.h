@@ -21,7 +21,7 @@ template <class T> void take_bytes(const double *&row, T *to, size_t count) {
 }
 
 // False if the file does not take it. fwrite must not be given the null that an empty vector points to.
-template <class T> bool write_row(const std::vector<T> &row, FILE *out) {
+template <class T> bool write_all(const std::vector<T> &row, FILE *out) {
   return row.empty() || std::fwrite(row.data(), sizeof(T), row.size(), out) == row.size();
 }
 

@@ -100,8 +100,8 @@ void FixPictures::write() {
   const long long head[3] = {update->ntimestep, static_cast<long long>(contacts.size() / CONTACT_COLUMNS),
                              static_cast<long long>(near.size())};
   const std::vector<long long> stones(near.begin(), near.end());
-  const bool written = std::fwrite(head, 8, 3, file_) == 3 && write_row(stones, file_) && write_row(all, file_) &&
-                       write_row(contacts, file_);
+  const bool written = std::fwrite(head, 8, 3, file_) == 3 && write_all(stones, file_) && write_all(all, file_) &&
+                       write_all(contacts, file_);
   if (!written) error->one(FLERR, "cannot write the pictures");
 }
 

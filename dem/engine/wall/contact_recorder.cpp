@@ -118,7 +118,7 @@ std::vector<double> ContactRecorder::contacts(const std::vector<NearSphere> &nea
 
 void ContactRecorder::write(const std::vector<double> &contacts) const {
   const long long head[2] = {lmp_->update->ntimestep, static_cast<long long>(contacts.size() / RECORD_COLUMNS)};
-  if (std::fwrite(head, 8, 2, contacts_) != 2 || !write_row(contacts, contacts_))
+  if (std::fwrite(head, 8, 2, contacts_) != 2 || !write_all(contacts, contacts_))
     lmp_->error->one(FLERR, "cannot write the contacts with the plate");
 }
 
