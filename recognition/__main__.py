@@ -38,12 +38,12 @@ def _command(arguments: argparse.Namespace) -> int:
 
 def fit(arguments: argparse.Namespace) -> None:
     from analysis.runs import read_sweep
-    from common.output_directory import refuse_file
+    from common.output_directory import is_sealed_as, refuse_file
     from recognition.evaluation.dataset import CONDITIONS, read_dataset
     from recognition.models import FORMAT, Model
 
     directory, out = Path(arguments.directory), Path(arguments.out)
-    refuse_file(arguments.out, FORMAT)
+    refuse_file(arguments.out, is_sealed_as(FORMAT))
     if any(directory.glob("ratio_*")):
         sweep = read_sweep(directory)
         runs, model = sweep.runs, Model.fit(sweep.runs)
@@ -101,7 +101,7 @@ def _print_best(name: str, answer: Answer) -> None:
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
-    from common.output_directory import refuse_foreign_file
+    from common.output_directory import begins_with, refuse_foreign_file
     from recognition.estimation.errors import RecognitionError
     from recognition.evaluation.cross_validation import write_evaluation
     from recognition.evaluation.dataset import read_dataset
@@ -113,7 +113,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
     if unknown:
         raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(EVALUATED)}")
     for file, first in (("evaluation.csv", "method,held_out,"), ("bounds.csv", "setting,channels,")):
-        refuse_foreign_file(Path(arguments.directory) / file, first)
+        refuse_foreign_file(Path(arguments.directory) / file, begins_with(first))
     data = read_dataset(arguments.directory)
     print(f"written to {write_evaluation(data, arguments.directory, {name: EVALUATED[name] for name in names})}")
     print(f"what no method can pass: {write_bounds(data, arguments.directory)}")

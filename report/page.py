@@ -11,11 +11,12 @@ from typing import Any
 
 import jinja2
 import numpy as np
+from markupsafe import Markup
 
 from analysis import Sweep, read_sweep
 from analysis.stream import is_stream
 from common.files import write_text
-from common.output_directory import GENERATOR, refuse_foreign_file
+from common.output_directory import begins_with, is_stamped, refuse_foreign_file, stamped
 from common.resources import resource
 from report import tables
 from report.chapters.breakage import BREAKAGE_FIGURES
@@ -106,17 +107,17 @@ def write_report(directory: str | Path) -> Path:
     cannot be used, and OSError where the files cannot be written.
     """
     file = Path(directory) / "report.html"
-    refuse_foreign_file(file, GENERATOR, "<title>Coal and gangue")  # the title is that of earlier versions
+    refuse_foreign_file(file, is_stamped)
     sweep = read_sweep(directory)
     if all(is_stream(run) for run in sweep.runs):
-        write_text(file, render_streams(sweep))
+        write_text(file, stamped(render_streams(sweep)))
         return file
-    refuse_foreign_file(file.with_name("claims.csv"), "claim,where,verdict")
+    refuse_foreign_file(file.with_name("claims.csv"), begins_with("claim,where,verdict,"))
     results = SweepResults(sweep)
     parts = _parts(results)
     parts = replace(parts, claims=[replace(c, value=local(c.value, results.sweep)) for c in parts.claims])
     write_text(file.with_name("claims.csv"), to_csv(parts.claims))
-    write_text(file, render(results, parts))
+    write_text(file, stamped(render(results, parts)))
     return file
 
 
@@ -165,8 +166,13 @@ def _environment(sweep: Sweep) -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["local"] = lambda text: local(text, sweep)
+    environment.filters |= {"local": lambda text: local(text, sweep), "in_script": in_script}
     return environment
+
+
+def in_script(json_text: str) -> Markup:
+    """JSON for inside a script element: text in it, which may come from any run.json, cannot end the element."""
+    return Markup(json_text.replace("<", "\\u003c"))  # noqa: S704 - as htmlsafe_json_dumps does
 
 
 def local(text: str, sweep: Sweep) -> str:
