@@ -37,6 +37,7 @@ class Busy(RuntimeError):
 def refuse_place(out: Path) -> None:
     """Raises InputError for a path that cannot become a directory of results: the working directory or one above it, a
     file, a symbolic link, or a path without a last name."""
+    refuse_bytes(str(out))
     real, here = Path(os.path.realpath(out)), Path.cwd()
     if real == here or real in here.parents:
         raise InputError(f"--out = {out}: must not be the working directory or one above it")
@@ -49,6 +50,14 @@ def refuse_place(out: Path) -> None:
     if out.exists() and not out.is_dir():
         raise InputError(f"--out = {out}: is a file; must be a directory or absent")
     refuse_below_a_file(out)
+
+
+def refuse_bytes(out: str) -> None:
+    """Raises InputError for a path that is no text: the libraries that write tables would fail at it."""
+    try:
+        os.path.abspath(out).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"--out = {out}: the whole path must be text in UTF-8") from None
 
 
 def refuse_below_a_file(out: Path) -> None:
@@ -219,6 +228,7 @@ def _is_still(lock: int, file: Path) -> bool:
 def refuse_file(out: str, is_own: IsOwn) -> None:
     """Raises InputError for an `--out` that cannot become a file of this program: one that ends in no name, whose
     directory is not there, or where there is something that `refuse_foreign_file` refuses."""
+    refuse_bytes(out)
     file = Path(out)
     if out.endswith("/") or file.name in ("", ".."):
         raise InputError(f"--out = {out}: must be the name of a file")

@@ -105,18 +105,15 @@ def evaluate(arguments: argparse.Namespace) -> None:
     from recognition.estimation.errors import RecognitionError
     from recognition.evaluation.cross_validation import write_evaluation
     from recognition.evaluation.dataset import read_dataset
-    from recognition.evaluation.error_bounds import write_bounds
-    from recognition.methods import EVALUATED
+    from recognition.methods import METHODS
 
-    names = arguments.method or list(EVALUATED)
-    unknown = [name for name in names if name not in EVALUATED]
+    names = arguments.method or list(METHODS)
+    unknown = [name for name in names if name not in METHODS]
     if unknown:
-        raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(EVALUATED)}")
-    for file, first in (("evaluation.csv", "method,held_out,"), ("bounds.csv", "setting,channels,")):
-        refuse_foreign_file(Path(arguments.directory) / file, begins_with(first))
+        raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(METHODS)}")
+    refuse_foreign_file(Path(arguments.directory) / "evaluation.csv", begins_with("method,held_out,"))
     data = read_dataset(arguments.directory)
-    print(f"written to {write_evaluation(data, arguments.directory, {name: EVALUATED[name] for name in names})}")
-    print(f"what no method can pass: {write_bounds(data, arguments.directory)}")
+    print(f"written to {write_evaluation(data, arguments.directory, {name: METHODS[name] for name in names})}")
 
 
 def tap(arguments: argparse.Namespace) -> int:
@@ -157,7 +154,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--plate", help="plate that `tap` wrote, where it is not exactly that of the training")
     command = commands.add_parser("evaluate", help="what each method makes of runs it was not trained on")
     command.add_argument("directory",
-                         help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")
+                         help="data set, FAMILY/GROUP/ratio_*; evaluation.csv is written into it")
     command.add_argument("--method", action="append", help="one method only; may be given several times")
     command = commands.add_parser("tap", help="learn a plate's modes from taps at known places")
     command.add_argument("scene", help="scene file whose plate it is thought to be")

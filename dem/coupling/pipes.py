@@ -83,9 +83,12 @@ class PlatePipes:
 
     def answer(self, step: int, reach_m: float, amplitude: np.ndarray, rate: np.ndarray) -> None:
         """Tell the engine where the plate is predicted to be, as far after `step` as it asked: `amplitude` and `rate`
-        (modes,), and the bound `reach_m` of the deflection."""
+        (modes,), and the bound `reach_m` of the deflection. Raises CouplingError if these are no numbers, or the engine
+        is gone."""
         self._answer_step[0], self._answer[1] = step, reach_m
         self._answer[2:2 + self._modes], self._answer[2 + self._modes:] = amplitude, rate
+        if not np.isfinite(self._answer[1:]).all() or reach_m < 0:
+            raise CouplingError(f"the plate's motion at step {step} is no number")
         data = self._answer.tobytes()
         try:
             while data:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
+from common.files import named
 from common.parquet import Columns
 from common.plate import FlexiblePlate
 from common.resources import resource
@@ -73,7 +74,8 @@ def write_view(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, e
     for part in {number for _, number, _ in entries}:
         write_pvd(file(f"view/{PARTS[part]}.pvd"),
                   [(t, 0, picture.removeprefix("view/")) for t, number, picture in entries if number == part])
-    file("view.py").write_bytes((resource("templates") / "view.py").read_bytes())
+    with named(script := file("view.py")):
+        script.write_bytes((resource("templates") / "view.py").read_bytes())
 
 
 class StoneMeshes:

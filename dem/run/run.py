@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import sys
 import time
 from dataclasses import replace
@@ -29,6 +30,8 @@ from dem.run.progress import Progress
 from dem.run.results import own_version, summary_of, write_results
 from dem.run.simulate import EngineStart, simulate
 from dem.stones.arrangement import gangue_ratio as ratio_of
+
+LEAST_FREE_BYTES = 1 << 16
 
 
 def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None,
@@ -94,15 +97,16 @@ def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
             work.publish()
             return summary.as_json()
     except (RunError, CouplingError, Unstable, Busy) as error:
-        raise RunError(f"{prepared.source}: {error} (what there is of the run is in {work.path})") from error
+        full = ", whose disk is full" if shutil.disk_usage(work.path).free < LEAST_FREE_BYTES else ""
+        raise RunError(f"{prepared.source}: {error} (what there is of the run is in {work.path}{full})") from error
 
 
 def _take_up(work: RunDirectory, prepared: PreparedRun, overwrite: bool) -> tuple[Identity, int]:
     """Put the deck in its place; return what the run is known by, and the step of the checkpoint to go on from, 0 if
     from the start.
 
-    Only a run with the same deck, plate, program and engine goes on; any other, and each with `overwrite`, starts anew
-    in an empty directory.
+    Only a run with the same deck, plate, program and engine goes on; any other starts anew in an empty directory, as
+    with `overwrite` each does that is not finished.
     """
     deck, fresh = work.path / "deck", work.path / "deck.fresh"
     work.remove(fresh.name)
@@ -110,7 +114,7 @@ def _take_up(work: RunDirectory, prepared: PreparedRun, overwrite: bool) -> tupl
         deck_hash = write_deck(fresh, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
     files = sorted(work.file(f"deck/{file.name}") for file in fresh.iterdir() if file.is_file())
     identity = _identity(prepared, deck_hash)
-    if overwrite or _identity_of(work) != identity:
+    if _identity_of(work) != identity or (overwrite and work.finished(identity) is None):
         work.clear(keep=(fresh.name,))
         fresh.rename(deck)
         work.start(identity, prepared.given.model_dump(mode="json"), prepared.source)

@@ -141,6 +141,26 @@ def test_a_force_that_is_no_number_is_refused(tmp_path):
     pipes.close()
 
 
+@pytest.mark.parametrize("step, co_steps", [(10, 2), (21, 2), (40, 4)])
+def test_an_engine_at_another_step_than_its_co_steps_make_is_refused(tmp_path, step, co_steps):
+    """Of a run of 30 steps, co-steps of 10."""
+    pipes, ends = opened(tmp_path)
+    for message in ((0, 0, 1, 0.0), (step, co_steps, 1, 0.0)):
+        os.write(ends[0], struct.pack("<qqqd", *message))
+    with pytest.raises(CouplingError, match=f"the engine sent step {step} after {co_steps} co-steps from step 0"):
+        PlateParticipant(ModalMotion(one_mode(), 1e-5), steps(30), lambda *row: None).run(pipes)
+    pipes.close()
+
+
+@pytest.mark.parametrize("reach, amplitude, rate", [(np.nan, 0, 0), (-1, 0, 0), (0, np.inf, 0), (0, 0, np.nan)])
+def test_a_plate_that_moves_by_no_number_tells_itself(tmp_path, reach, amplitude, rate):
+    """The engine would take its numbers for an unstable step of its own."""
+    pipes, _ = opened(tmp_path)
+    with pytest.raises(CouplingError, match="the plate's motion at step 7 is no number"):
+        pipes.answer(7, reach, np.array([amplitude]), np.array([rate]))
+    pipes.close()
+
+
 def test_an_engine_that_reads_no_more_is_seen(tmp_path):
     pipes, ends = opened(tmp_path)
     os.close(ends[1])
@@ -172,7 +192,9 @@ def test_the_engine_waits_until_the_plate_knows_of_the_end(tmp_path):
 
 
 @pytest.mark.parametrize("plate, words", [
-    ("dies", "The plate does not answer any more"), ("answers another step", "The plate answered another step")])
+    ("dies", "The plate does not answer any more"), ("answers another step", "The plate answered another step"),
+    ("reach", "The plate answered step 0 with a wrong reach_m"), ("below", "with a wrong reach_m"),
+    ("amplitude", "with a wrong amplitude"), ("rate", "with a wrong rate")])
 def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate, words):
     """The real engine against a fake plate that fails at the first record."""
     scene = changed("elastic_plate", {"plate.max_frequency_Hz": 500.0})
@@ -186,8 +208,11 @@ def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate
     names = [tmp_path / "deck" / name for name in ("to_plate", "from_plate")]
     with open(names[0], "rb", buffering=0) as read, open(names[1], "wb", buffering=0) as write:
         read.read(24 + 8 * n)
+        answer = struct.pack("<qd", 99 if "step" in plate else 0, {"reach": np.nan, "below": -1.0}.get(plate, 0.0))
+        numbers = np.zeros(2 * n)
+        numbers[0 if plate == "amplitude" else -1] = np.nan if plate in ("amplitude", "rate") else 0.0
         if plate != "dies":
-            write.write(struct.pack("<qd", 99, 0.0) + bytes(16 * n))
+            write.write(answer + numbers.tobytes())
     output, _ = engine.communicate(timeout=20)
     assert engine.returncode != 0
     assert words in output
