@@ -180,8 +180,11 @@ class Runner:
 
 
 def _environment(copy: Path, engine: Path, number: int) -> dict[str, str]:
+    """Each copy has temporary files of its own: engines that start side by side must not share those of MPI."""
+    temporary = copy.with_name(f"temporary_{copy.name}")
+    temporary.mkdir(exist_ok=True)
     return os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1", "LIGGGHTS_BONDED": str(engine),
-                         "MUTANT": str(number), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
+                         "MUTANT": str(number), "TMPDIR": str(temporary), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
 
 
 def _copy_of_checkout(directory: Path) -> Path:
