@@ -69,14 +69,14 @@ def test_one_bond_is_the_beam_of_theory(tmp_path, name, freedom, size):
 
 
 def bond_energy_J(place_m, turned):
-    """Of a bond along x between two places (2, 3) with their two rotations, as docs/bonds.md has it."""
+    """Of a bond along x between two places (2, 3) with their two rotations, as docs/bonds.md has it; k_n/k_s = 3.5."""
     branch, d0 = place_m[1] - place_m[0], np.array([1.0, 0, 0])
     length = np.linalg.norm(branch)
     mean = (turned[0].apply(d0) + turned[1].apply(d0)) / 2
     across = mean - mean @ branch * branch / length**2
     turn = 2 * (turned[0].inv() * turned[1]).as_quat()[:3]
-    return 0.5 * (K_N * (length - LENGTH) ** 2 + K_S * LENGTH**2 * across @ across + K_T * turn[0] ** 2
-                  + K_B * turn[1:] @ turn[1:])
+    return 0.5 * (K_N * (length - LENGTH) ** 2 + 2 / 7 * K_N * LENGTH**2 * across @ across + 2 / 7 * K_N * RADIUS**2 / 2
+                  * turn[0] ** 2 + K_B * turn[1:] @ turn[1:])
 
 
 @pytest.mark.parametrize("kernel", ["plain", "sse2", "avx2", "auto"])
@@ -88,7 +88,7 @@ def test_forces_and_torques_are_the_gradient_of_the_energy_at_large_turns(tmp_pa
     rates = "".join(f"set atom {k + 1} density 1e40\n" + "".join(
         f"set atom {k + 1} v{a} {moved[k, d] / (steps * dt):.17g} omega{a} {turn[k, d] / (steps * dt):.17g}\n"
         for d, a in enumerate("xyz")) for k in range(2))
-    run_engine(tmp_path, deck(dt, steps, steps, bonds=bond_line(E, RATIO, kernel=kernel), velocity=rates))
+    run_engine(tmp_path, deck(dt, steps, steps, bonds=bond_line(E, 3.5, kernel=kernel), velocity=rates))
     place, turned = chain(2).center_m + moved, [Rotation.from_rotvec(t) for t in turn]
     found, step = frames(tmp_path), 1e-6
 
