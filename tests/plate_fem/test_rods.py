@@ -72,6 +72,32 @@ def test_a_rods_joint_gives_way_as_the_solid_models_said():
     assert turned == pytest.approx(0.1 / bending - along**2 / across + 0.3 / (7e10 * 0.01**3), rel=1e-5)
 
 
+@pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
+def test_rigid_motions_leave_all_distances(theory):
+    """Sway, yaw and tilt, as the rods' heads see them: of no two points of the lower face, at any places, does the
+    distance change."""
+    table = plate(rods=[rod(0.1, 0.05)], theory=theory, width_m=0.3, max_frequency_Hz=2e3)
+    system, points = assemble(table), np.random.default_rng(1).uniform(-0.14, 0.14, (6, 2))
+    nodes = np.array([(x, y) for x in system.lines_x_m for y in system.lines_y_m])
+    height, n = -table.thickness_m / 2, system.n_nodes
+    motions = np.zeros((system.size, 5))
+    motions[-3:, :3] = np.eye(3)
+    for axis in (0, 1):
+        motions[:n, 3 + axis], motions[(1 + axis) * n:(2 + axis) * n, 3 + axis] = nodes[:, axis], 1
+        if system.rotations is not None:
+            rotation = system.rotation(nodes, axis).toarray()
+            motions[:, 3 + axis] += np.linalg.lstsq(rotation, np.ones(n), rcond=None)[0]
+    moved = np.stack([*(system.lateral(points, axis, height) @ motions for axis in (0, 1)),
+                      system.deflection(points) @ motions], axis=1)
+    for a in range(6):
+        for b in range(a):
+            apart = np.append(points[a] - points[b], 0)
+            assert np.abs(apart @ (moved[a] - moved[b])).max() < 1e-9
+    assert moved[0, 1, 2] == pytest.approx(points[0, 0])  # counter-clockwise seen from above
+    # about an axis in the mid-plane the lower face goes the other way than it tilts: (x, z) to (x - z theta, z + x theta)
+    assert moved[0, 0, 3] == pytest.approx(-height) and moved[0, 1, 4] == pytest.approx(-height)
+
+
 def roots(function, highest):
     """All zeros of a function below the highest frequency, where it does not jump through infinity."""
     omega = np.linspace(10.0, highest, 1200)
