@@ -27,7 +27,7 @@ FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Outcome:
-    """`word` is killed, survived or error; `by` the test that failed, or what went wrong."""
+    """`word` is killed, survived, timeout or error; `by` the test that failed, or what went wrong."""
 
     word: str
     seconds: float
@@ -59,7 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m lab.mutants", description=__doc__)
     parser.add_argument("--only", metavar="PATTERN", help="only mutations whose name matches (a regular expression)")
     parser.add_argument("--jobs", metavar="N", type=int, default=2, help="so many at once")
-    parser.add_argument("--timeout", metavar="S", type=float, default=300, help="what takes longer is killed")
+    parser.add_argument("--timeout", metavar="S", type=float, default=300, help="what takes longer is given up, and tried again by the next call")
     parser.add_argument("--work", metavar="DIR", type=Path, default=ROOT / "build" / "mutants",
                         help="copies, engines and mutants.csv; a second call goes on there")  # fmt: skip
     parser.add_argument("--again", action="store_true", help="try those, too, whose row and tests are as they were")
@@ -164,7 +164,7 @@ class Runner:
             except subprocess.TimeoutExpired:
                 os.killpg(done.pid, 9)
                 done.communicate()
-                return Outcome("killed", time.monotonic() - begin, f"longer than {self._timeout_s:g} s")
+                return Outcome("timeout", time.monotonic() - begin, f"longer than {self._timeout_s:g} s")
         except SyntaxError as error:
             return Outcome("error", 0, str(error))
         finally:
