@@ -8,11 +8,12 @@ import hashlib
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Queue
@@ -22,6 +23,7 @@ from lab.mutants.weave import WeaveError, build, weaves
 
 COLUMNS = ("name", "file", "outcome", "seconds", "by", "harmless", "state")
 OWN_ENGINE = ROOT / "build" / "engine" / "liggghts-bonded"
+Engines = dict[str, tuple[Path, int]]  # by the name of a mutation: the engine that has it, and its number there
 FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 
 
@@ -59,7 +61,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m lab.mutants", description=__doc__)
     parser.add_argument("--only", metavar="PATTERN", help="only mutations whose name matches (a regular expression)")
     parser.add_argument("--jobs", metavar="N", type=int, default=2, help="so many at once")
-    parser.add_argument("--timeout", metavar="S", type=float, default=300, help="what takes longer is given up, and tried again by the next call")
+    parser.add_argument("--timeout", metavar="S", type=float, default=300,
+                        help="what takes longer is given up, and tried again by the next call")  # fmt: skip
     parser.add_argument("--work", metavar="DIR", type=Path, default=ROOT / "build" / "mutants",
                         help="copies, engines and mutants.csv; a second call goes on there")  # fmt: skip
     parser.add_argument("--again", action="store_true", help="try those, too, whose row and tests are as they were")
@@ -117,23 +120,24 @@ class Runner:
         for job in range(jobs):
             self._copies.put(_copy_of_checkout(work / f"copy_{job}"))
 
-    def build_engines(self, mutants: Sequence[Mutant]) -> dict[str, tuple[Path, int]]:
-        """Return by the name of each mutation of the engine that has it, and its number there. Raises WeaveError."""
-        engines = {}
+    def build_engines(self, mutants: Sequence[Mutant]) -> Engines:
+        """Raises WeaveError."""
+        engines: Engines = {}
         if any(mutant.is_of_engine for mutant in mutants):
             for k, group in enumerate(weaves(read_table())):  # of all, so that --only compiles nothing anew
                 engine = build(group, self._work / f"weave_{k}")
                 engines |= {one.mutant.name: (engine, number) for number, one in enumerate(group, 1)}
         return engines
 
-    def run(self, mutants, engines, tell) -> None:  # type: ignore[no-untyped-def]
+    def run(self, mutants: Sequence[Mutant], engines: Engines, tell: Callable[[Mutant, Outcome], None]) -> None:
+        """Try mutations, and tell of each as soon as it is known."""
         with ThreadPoolExecutor(self._jobs) as pool:
-            tried = [(mutant, pool.submit(self._try, mutant, *engines.get(mutant.name, (OWN_ENGINE, 0))))
-                     for mutant in mutants]  # fmt: skip
-            for mutant, outcome in tried:
-                tell(mutant, outcome.result())
+            tried = {pool.submit(self._try, mutant, *engines.get(mutant.name, (OWN_ENGINE, 0))): mutant
+                     for mutant in mutants}  # fmt: skip
+            for done in as_completed(tried):
+                tell(tried[done], done.result())
 
-    def try_unmutated(self, mutants: Sequence[Mutant], engines: Mapping[str, tuple[Path, int]]) -> int:
+    def try_unmutated(self, mutants: Sequence[Mutant], engines: Engines) -> int:
         """Return 0 if all the named tests pass in a copy, and with each woven engine while no mutation acts."""
         tests = sorted({test for mutant in mutants for test in mutant.test_arguments()})
         copy = self._copies.get()
@@ -151,30 +155,33 @@ class Runner:
     def _try(self, mutant: Mutant, engine: Path, number: int) -> Outcome:
         copy = self._copies.get()
         file = copy / mutant.source().relative_to(ROOT)
-        text, begin = file.read_text(), time.monotonic()
+        text = file.read_text()
         try:
             if not mutant.is_of_engine:
                 file.write_text(mutant.applied(text))
                 compile(file.read_text(), file, "exec")
-            command = [*self._pytest(copy, mutant.test_arguments()), "-x"]
-            done = subprocess.Popen(command, cwd=copy, env=_environment(copy, engine, number), stdout=subprocess.PIPE,
-                                    stderr=subprocess.STDOUT, text=True, start_new_session=True)  # fmt: skip
-            try:
-                said, _ = done.communicate(timeout=self._timeout_s)
-            except subprocess.TimeoutExpired:
-                os.killpg(done.pid, 9)
-                done.communicate()
-                return Outcome("timeout", time.monotonic() - begin, f"longer than {self._timeout_s:g} s")
+            return self._tested(copy, mutant, _environment(copy, engine, number))
         except SyntaxError as error:
             return Outcome("error", 0, str(error))
         finally:
             file.write_text(text)
             self._copies.put(copy)
-        seconds = time.monotonic() - begin
-        failed = FAILED_TEST.search(said)
-        if done.returncode == 0:
+
+    def _tested(self, copy: Path, mutant: Mutant, environment: Mapping[str, str]) -> Outcome:
+        begin = time.monotonic()
+        tests = subprocess.Popen([*self._pytest(copy, mutant.test_arguments()), "-x"], cwd=copy, env=environment,
+                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+                                 start_new_session=True)  # fmt: skip
+        try:
+            said, _ = tests.communicate(timeout=self._timeout_s)
+        except subprocess.TimeoutExpired:
+            os.killpg(tests.pid, signal.SIGKILL)
+            tests.communicate()
+            return Outcome("timeout", self._timeout_s, f"longer than {self._timeout_s:g} s")
+        seconds, failed = time.monotonic() - begin, FAILED_TEST.search(said)
+        if tests.returncode == 0:
             return Outcome("survived", seconds, "")
-        if done.returncode in (1, 2) and failed:
+        if tests.returncode in (1, 2) and failed:
             return Outcome("killed", seconds, failed[1])
         return Outcome("error", seconds, (said.strip().splitlines() or ["no word"])[-1])
 
@@ -184,7 +191,8 @@ def _environment(copy: Path, engine: Path, number: int) -> dict[str, str]:
     temporary = copy.with_name(f"temporary_{copy.name}")
     temporary.mkdir(exist_ok=True)
     return os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1", "LIGGGHTS_BONDED": str(engine),
-                         "MUTANT": str(number), "TMPDIR": str(temporary), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
+                         "MUTANT": str(number), "TMPDIR": str(temporary), "OMP_NUM_THREADS": "1",
+                         "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
 
 
 def _copy_of_checkout(directory: Path) -> Path:

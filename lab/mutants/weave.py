@@ -1,8 +1,8 @@
 """Mutations of the engine, woven into few engines: the environment variable MUTANT says which one acts.
 
-To compile an engine for each would take hours. An expression E with the mutation M becomes `(mutant_acts(n) ? (M) : (E))`,
-and a statement, which ends in a semicolon, becomes `{ if (mutant_acts(n)) { M } else { E } }`. Mutations of texts that
-overlap go into different engines.
+To compile an engine for each would take hours. An expression E with the mutation M becomes
+`(mutant_acts(n) ? (M) : (E))`, and a statement, which ends in a semicolon, `{ if (mutant_acts(n)) { M } else { E } }`.
+Mutations of texts that overlap go into different engines.
 """
 
 from __future__ import annotations

@@ -94,7 +94,7 @@ def test_rigid_motions_leave_all_distances(theory):
             apart = np.append(points[a] - points[b], 0)
             assert np.abs(apart @ (moved[a] - moved[b])).max() < 1e-9
     assert moved[0, 1, 2] == pytest.approx(points[0, 0])  # counter-clockwise seen from above
-    # about an axis in the mid-plane the lower face goes the other way than it tilts: (x, z) to (x - z theta, z + x theta)
+    # a tilt about an axis in the mid-plane takes (x, z) to (x - z theta, z + x theta)
     assert moved[0, 0, 3] == pytest.approx(-height) and moved[0, 1, 4] == pytest.approx(-height)
 
 

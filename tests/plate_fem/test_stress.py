@@ -88,7 +88,8 @@ def test_peak_of_a_motion_is_the_largest_of_all_its_instants_and_places():
     for part in (slice(0, 20), slice(20, 50)):
         peak.add(t[part], amplitude[part])
     stress = np.einsum("kcm,tm->tkc", modes.surface_stress, amplitude)
-    middle, radius = (stress[..., 0] + stress[..., 1]) / 2, np.hypot((stress[..., 0] - stress[..., 1]) / 2, stress[..., 2])
+    sx, sy, txy = np.moveaxis(stress, -1, 0)
+    middle, radius = (sx + sy) / 2, np.hypot((sx - sy) / 2, txy)
     high, low = middle + radius, middle - radius
     naive = np.sqrt(((high - low) ** 2 + high**2 + low**2) / 2)
     near = np.zeros(len(modes.node_m), bool)
