@@ -1,17 +1,33 @@
-"""The error of input that cannot be used, apart from the checks that raise it, which take long to import."""
+"""Errors that end a command, apart from the checks that raise them, which take long to import."""
 
 from __future__ import annotations
 
 import stat
 from pathlib import Path
+from typing import Any
+
+MOST_DEEP, MOST_BITS = 32, 2000  # tables within tables; of a whole number, six hundred digits
 
 
-class InputError(ValueError):
-    """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
+class CommandError(Exception):
+    """What ends a command without a result. The message is one line, whatever names it repeats; `exit_code` is that of
+    the command."""
+
+    exit_code = 1
 
     def __init__(self, message: str) -> None:
-        # Keys and names come from the file and may hold anything.
-        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
+        super().__init__(printable(message))
+
+
+class InputError(CommandError, ValueError):
+    """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
+
+    exit_code = 2
+
+
+def printable(text: str) -> str:
+    """One line: names come from outside and may hold anything."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def refuse_unreadable(path: Path, most_bytes: float) -> None:
@@ -25,3 +41,18 @@ def refuse_unreadable(path: Path, most_bytes: float) -> None:
         raise InputError(f"{path}: must be a regular file, not a device or a pipe")
     if found.st_size > most_bytes:
         raise InputError(f"{path}: {found.st_size / 1e6:.4g} MB; must have at most {most_bytes / 1e6:g} MB")
+
+
+def refuse_monstrous(source: object, content: Any) -> None:
+    """Raises InputError for tables and lists so deep within each other, or whole numbers so long, that what looks at
+    them later would fail: they are legal in TOML and JSON."""
+    values = [content]
+    for _ in range(MOST_DEEP):
+        for value in values:
+            if isinstance(value, int) and value.bit_length() > MOST_BITS:
+                raise InputError(f"{source}: holds a number of more than {MOST_BITS * 3 // 10} digits")
+        values = [inner for value in values if isinstance(value, (dict, list))
+                  for inner in (value.values() if isinstance(value, dict) else value)]
+        if not values:
+            return
+    raise InputError(f"{source}: tables within tables, more than {MOST_DEEP} deep")

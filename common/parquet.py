@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from common.files import named, refuse_irregular
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -31,8 +33,9 @@ def write_parquet(table: pd.DataFrame | Mapping[str, np.ndarray], file: Path) ->
         arrow = pa.Table.from_pandas(table, preserve_index=False)
     numbers = [column.name for column in arrow.schema if pa.types.is_floating(column.type)]
     others = [name for name in arrow.column_names if name not in numbers]
-    write_table(arrow, file, compression="zstd", use_dictionary=others, use_byte_stream_split=numbers,
-                write_page_checksum=True)
+    with named(file):
+        write_table(arrow, file, compression="zstd", use_dictionary=others, use_byte_stream_split=numbers,
+                    write_page_checksum=True)
 
 
 def _arrow(values: np.ndarray) -> Any:
@@ -56,6 +59,7 @@ def read_parquet(file: Path, columns: Sequence[str] | None = None) -> pd.DataFra
     import pyarrow as pa
     from pyarrow.parquet import read_table
 
+    refuse_irregular(file)
     # pyarrow's own pool asks for huge pages; until the system had gathered 300 MB of them, it took 0.1 to 1 s.
     pa.set_memory_pool(pa.system_memory_pool())
     try:
@@ -72,6 +76,7 @@ def read_numbers(file: Path) -> dict[str, np.ndarray]:
     from pyarrow.parquet import ParquetFile
     from pyarrow.types import is_floating, is_integer
 
+    refuse_irregular(file)
     try:
         with ParquetFile(file, page_checksum_verification=True) as opened:  # read_table imports pandas
             table = opened.read()

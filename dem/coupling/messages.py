@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common.input_error import CommandError
 
-class CouplingError(RuntimeError):
+
+class CouplingError(CommandError, RuntimeError):
     """The other side died, fell silent, or wrote something that is not of the protocol."""
 
 
@@ -34,7 +36,7 @@ class CheckpointMessage:
 
 @dataclass(frozen=True)
 class FinishedMessage:
-    """The engine has made its last step. It waits for nothing."""
+    """The engine has made its last step, and waits until the plate knows."""
 
 
 Message = ForceMessage | CheckpointMessage | FinishedMessage

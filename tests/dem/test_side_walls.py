@@ -1,6 +1,5 @@
 """Walls that stand on the edges of the plate: the law of the plate's contact turned upright, impulse and energy."""
 
-import re
 from xml.etree import ElementTree
 
 import meshio
@@ -8,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from decks import Body, deck, frames, ledger, run_engine, write_files
-from test_checkpoint_engine import GATE, engine, stopped_at_next
+from test_checkpoint_engine import engine, stopped_at_next
 from test_stream import PLATE as PLATE_OF_STREAMS
-from test_stream import STREAMS, engine_run, scene_of, written
+from test_stream import STREAMS, engine_run, scene_of, set_checkpoints, written
 
 from common.tables import InputError
 from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
@@ -46,6 +45,20 @@ def throw(directory, place, velocity, lines, steps=6000, law=()):
     row = np.dtype([("step", "<i8"), ("force", "<f8", (3,))])
     pushed = np.fromfile(directory / "side.bin", row) if (directory / "side.bin").exists() else np.zeros(0, row)
     return frames(directory), {name: rows[:, 0] for name, rows in ledger(directory).column.items()}, pushed
+
+
+@pytest.mark.parametrize(("law", "within"), [
+    ({}, 5e-3), ({"0.9 0.9 0.9 0.9": "1 1 1 1"}, 1e-4), ({"0.9 0.9 0.9 0.9": "1 1 1 1", "0.5 0.5 0.5 0.5": "0.1 0.1 0.1 0.1"}, 1e-4)],
+    ids=["damped", "sticks", "slides"])
+def test_all_that_the_contact_with_the_plate_holds_and_takes_adds_up_at_every_instant(tmp_path, law, within):
+    """Kinetic energy, that of Hertz' and of Mindlin's spring, dashpots and friction; when it is over, to 1e-5."""
+    place, velocity = [0.0, 0.0, RADIUS_m + 1.99e-5], [0.8, 0.25, -1.0]
+    _, c, _ = throw(tmp_path / "run", place, velocity, PLATE, steps=700, law=law)
+    held = c["kinetic_J"] + c["wall_elastic_J"]
+    gone = held + c["wall_damped_J"] + c["friction_J"] - c["springs_gained_J"] - held[0]
+    assert c["wall_elastic_J"].max() > 0.4 * held[0] and c["wall_elastic_J"][-1] == 0
+    assert np.abs(gone).max() < within * held[0]
+    assert abs(gone[-1]) < 1e-5 * held[0]
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -196,12 +209,7 @@ def test_a_run_in_a_chute_that_is_taken_up_is_the_undisturbed_one(over_a_wall, t
     step = next(int(row) for row in rows["step"] if row % sample == 0)
     for name in ("whole", "parts"):
         written(tmp_path / name, model.given)
-        deck_file = tmp_path / name / "deck.liggghts"
-        text, times = re.subn(r"checkpoint every \d+", f"checkpoint every {step}", deck_file.read_text())
-        assert times == 1
-        deck_file.write_text("shell sh gate.sh\n" + text)
-        (tmp_path / name / "gate.sh").write_text(GATE)
-        (tmp_path / name / "go").touch()
+        set_checkpoints(tmp_path / name, step)
     engine_ends(tmp_path / "whole")
     code, output, stopped = stopped_at_next(tmp_path / "parts", 1)
     assert (code, stopped) == (75, step), output[-1500:]

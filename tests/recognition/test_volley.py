@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lab.known_truth.simulated import stone_rows, stream_of
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.forces import History
 from recognition.stream.law_file import load_forces
 from recognition.stream.signatures import FINE_S, Channels
-from recognition.stream.simulated import stone_rows, stream_of
 from recognition.volley.impulses import FAR_SHARE, Hypotheses
 from recognition.volley.moments import SPREADS_S, Moments
 from recognition.volley.recognise import SILENCE_S, RATE_Hz, recognise_volley
@@ -169,7 +169,7 @@ def test_command(volleys, known, tmp_path, capsys):
     assert said[3].startswith("the record does not tell whether the stones are those told; by number it would be with one")
     for wrong, text in (("5", "5"), ("3 2.5", "3 2.5"), ("2 2.5 3", "2 2.5 3")):
         assert main([*words, "--speed", *wrong.split()]) == 2
-        assert capsys.readouterr().err == (f"recognition: --speed {text}: must be a number between 2 and 3.2, "
+        assert capsys.readouterr().err == (f"--speed {text}: must be a number between 2 and 3.2, "
                                            "or two such numbers, the lower first\n")
     assert main([*words, "--stones", "8", "12", "--speed", "2.8", "3.2"]) == 0
     wide_low, wide_high = capsys.readouterr().out.splitlines()[1].rsplit(" ", 3)[1:4:2]
