@@ -19,7 +19,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: help sweep stream streams campaign dataset report test validate sanitize bench accuracy forces listening recognise \
-        stability pictures engine setup lint docs clean
+        stability mutants pictures engine setup lint docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -88,6 +88,9 @@ listening: setup  ## streams of known truth, and what is heard of them, into run
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability
 	$(PYTHON) -m lab run stability --out runs/stability --jobs $(JOBS)
 
+mutants: setup .venv/test  ## do the tests see each mutation of the physics? hours; build/mutants/mutants.csv
+	$(PYTHON) -m lab.mutants --jobs $(JOBS)
+
 pictures: setup .venv/browser build/chromium  ## the pictures of the README and of docs/gallery.md from the runs in OUT
 	$(PYTHON) docs/pictures/gallery.py $(OUT)
 	$(PYTHON) docs/pictures/film.py $(OUT)
@@ -105,7 +108,7 @@ setup:
 
 engine: build/engine/liggghts-bonded  ## the engine: LIGGGHTS with bonds and the moving plate
 
-build/engine/liggghts-bonded: build/packages $(wildcard dem/engine/*)
+build/engine/liggghts-bonded: build/packages $(wildcard dem/engine/* dem/engine/*/*)
 	$(MAKE) -C dem/engine BUILD=$(abspath build/engine)
 
 build/python:

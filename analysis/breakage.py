@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from analysis.records import RecordError
 from analysis.runs import Run
+from common.files import refuse_irregular
 
 #: Two contacts of one agglomerate closer in time than this are one collision: within it the fragments of one impact
 #: touch and leave. A first impact lasts about 0.25 ms.
@@ -60,6 +61,8 @@ def read_network(run: Run) -> Network:
     if (deck / "stones.bin").is_file():
         return _network_of_stream(deck / "stones.bin")
     try:
+        for name in ("atoms.data", "agglomerates.txt", "bonds.txt"):
+            refuse_irregular(deck / name)
         atoms = _read_atoms(deck / "atoms.data")
         sizes = np.loadtxt(deck / "agglomerates.txt", dtype=int, ndmin=1)
         bonds = np.loadtxt(deck / "bonds.txt", usecols=(0, 1), ndmin=2).astype(int)
@@ -72,7 +75,7 @@ def read_network(run: Run) -> Network:
 
 
 def _network_of_stream(file: Path) -> Network:
-    """Of the stones of a stream, each as it is where it enters (dem/engine/stone_file.h)."""
+    """Of the stones of a stream, each as it is where it enters (dem/engine/stones/stone_file.h)."""
     numbers = np.fromfile(file, dtype="<f8")
     whole = numbers.view("<i8")
     if len(numbers) < 2 or len(numbers) < 3 + whole[1] + INDEX_NUMBERS * whole[0]:

@@ -53,8 +53,8 @@ def engine_with_the_example(tmp_path):
     for code in blocks("cpp"):
         name, text = re.fullmatch(r"// (\S+)\n(.*)", code, re.DOTALL).groups()
         (engine / name).write_text(text)
-    for file, old, new in [("Makefile", "GROUP_output := ", "GROUP_output := fix_top_speed.cpp "),
-                           ("main.cpp", '#include "fix_ledger.h"', '#include "fix_ledger.h"\n#include "fix_top_speed.h"'),
+    for file, old, new in [("main.cpp", '#include "record/fix_ledger.h"',
+                            '#include "record/fix_ledger.h"\n#include "fix_top_speed.h"'),
                            ("main.cpp", 'styles["ledger"]', 'styles["top/speed"] = &create<FixTopSpeed>;\n  styles["ledger"]')]:
         text = (engine / file).read_text()
         assert text.count(old) == 1
@@ -62,9 +62,10 @@ def engine_with_the_example(tmp_path):
     return engine
 
 
-def test_the_example_of_a_fix_is_put_where_the_page_says(tmp_path):
-    engine_with_the_example(tmp_path)
-    assert "`GROUP_output`" in EXTENDING and "`add_styles`" in EXTENDING
+def test_the_example_of_a_fix_is_compiled_where_the_page_puts_it(tmp_path):
+    made = subprocess.run(["make", "-n", "-C", engine_with_the_example(tmp_path), f"BUILD={tmp_path / 'build'}"],
+                          capture_output=True, text=True, check=True)
+    assert "fix_top_speed.cpp" in made.stdout
 
 
 @pytest.mark.validate

@@ -34,8 +34,14 @@ def build_directory() -> Path:
     top = checkout()
     if top is not None:
         return top / "build" / "engine"
-    sources = b"".join(file.read_bytes() for file in sorted(SOURCES.iterdir()) if file.is_file())
-    return user_cache_path("coal-gangue-impact") / f"engine-{hashlib.sha256(sources).hexdigest()[:12]}"
+    return user_cache_path("coal-gangue-impact") / f"engine-{hash_of_sources(SOURCES)[:12]}"
+
+
+def hash_of_sources(directory: Path) -> str:
+    """SHA-256 of the names and contents of all files below a directory."""
+    files = sorted(file for file in directory.rglob("*") if file.is_file())
+    told = (f"{file.relative_to(directory)}\0".encode() + hashlib.sha256(file.read_bytes()).digest() for file in files)
+    return hashlib.sha256(b"".join(told)).hexdigest()
 
 
 ENGINE = Path(os.environ.get("LIGGGHTS_BONDED", build_directory() / "liggghts-bonded"))
@@ -132,8 +138,8 @@ def mpirun(np: int) -> list[str]:
 
 def _environment() -> dict[str, str]:
     """Without what a queue tells MPI: all ranks are on this machine, and LIGGGHTS is no task of the queue's own. The
-    engine learns which process the plate is, to see when that is stuck (dem/engine/watchdog.h). mpirun looks for no
-    graphics cards, as the engine does not (dem/engine/main.cpp)."""
+    engine learns which process the plate is, to see when that is stuck (dem/engine/coupling/watchdog.h). mpirun looks
+    for no graphics cards, as the engine does not (dem/engine/main.cpp)."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("SLURM_", "PMI_", "PMIX_"))}
     return {"HWLOC_COMPONENTS": "-gl"} | kept | {"PLATE_PROCESS": f"{socket.gethostname()} {os.getpid()}"}
 

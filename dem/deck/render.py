@@ -250,7 +250,7 @@ def _drags_plate(scene: Scene, assembly: Assembly) -> bool:
 
 
 def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
-    """Write the file that dem/engine/plate_shapes.h describes. The first bytes of all numbers, then the second
+    """Write the file that dem/engine/coupling/plate_shapes.h describes. The first bytes of all numbers, then the second
     ones, and so on, pack to half the room, without loss."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
     x, y, upwards = modes.grid(SHAPE_GRID * cell)

@@ -115,6 +115,18 @@ def test_section_through_the_middle(network):
     assert breakage.section(network, np.ones(network.radius_m.size), 1).broken_area_m2 == found.area_m2
 
 
+def test_a_section_beside_the_middle_of_a_sub_sphere_is_a_smaller_disc():
+    """Two equal sub-spheres 8 mm apart across the section: it cuts both 4 mm from their centres of 5 mm, in circles of
+    3 mm; a small one beside them, which weighs little, is missed."""
+    centre = np.array([[0.0, -4e-3, 0.0], [0.0, 4e-3, 0.0], [0.02, 0.04, 0.0]])
+    radius, bonds = np.array([5e-3, 5e-3, 0.1e-3]), (np.array([0, 1]), np.array([1, 2]))
+    beside = breakage.Network(centre, radius, np.ones(3, int), *bonds)
+    found = breakage.section(beside, np.array([0.5, 0.4, 0.0]), 1)
+    np.testing.assert_allclose(found.radius_m, 3e-3, rtol=1e-3)
+    assert found.area_m2 == pytest.approx(2 * np.pi * 9e-6, rel=1e-3)
+    assert found.broken_area_m2 == pytest.approx(np.pi * 9e-6, rel=1e-3)
+
+
 def test_a_run_without_deck_says_so(tmp_path):
     path = write_run(tmp_path / "ratio_000", 0.0)
     (path / "deck" / "bonds.txt").unlink()

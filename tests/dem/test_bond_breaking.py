@@ -19,17 +19,18 @@ def events(directory):
         return list(csv.DictReader(file))
 
 
-def load_one_bond(directory, freedom, size, squeeze=0.0, **bond):
+def load_one_bond(directory, freedom, size, squeeze=0.0, along=0.0, strength_factor=1.0, **bond):
     """Move sphere 2 along one freedom (x y z, turn x y z) evenly up to `size`, both spheres too heavy to give way. The
-    bond starts shortened by the strain `squeeze`. Returns the events."""
+    bond starts shortened by the strain `squeeze`, and is pulled by the share `along` of `size`. Returns the events."""
     body = chain(2)
     write_files(directory, body)
-    undeformed = (directory / "bonds.txt").read_text()
+    undeformed = (directory / "bonds.txt").read_text().replace(" 1\n", f" {strength_factor}\n")
     body.center_m[1, 0] -= squeeze * LENGTH
     write_files(directory, body)
     (directory / "bonds.txt").write_text(undeformed)
     moved = ("v" if freedom < 3 else "omega") + "xyz"[freedom % 3]
     velocity = f"set atom 1*2 density 1e40\nset atom 2 {moved} {size / (STEPS * DT)!r}\n"
+    velocity += f"set atom 2 vx {along * size / (STEPS * DT)!r}\n" if along else ""
     run_engine(directory, deck(DT, STEPS, STEPS, bonds=bond_line(E, RATIO, **bond), velocity=velocity))
     return events(directory)
 
@@ -62,6 +63,15 @@ def test_a_bond_breaks_at_the_strength_of_a_beam(tmp_path, name):
     assert event["energy_J"] == pytest.approx(stiffness * critical**2 / 2, rel=5e-3)
     assert event["area_m2"] == pytest.approx(AREA, rel=1e-9)
     assert [event["x_m"], event["y_m"], event["z_m"]] == pytest.approx([LENGTH / 2, 0, 0], abs=1e-3 * LENGTH)
+
+
+@pytest.mark.parametrize("kernel", ["plain", "auto"])
+@pytest.mark.parametrize("name", CASES)
+def test_the_strength_factor_of_a_bond_is_on_both_strengths(tmp_path, name, kernel):
+    freedom, critical, mode, bond = CASES[name]
+    found = load_one_bond(tmp_path, freedom, 6 * critical, strength_factor=3.0, kernel=kernel, **bond)
+    assert [event["mode"] for event in found] == [mode]
+    assert float(found[0]["step"]) == pytest.approx(STEPS / 2, abs=2)
 
 
 @pytest.mark.parametrize("tan_friction", [0.0, 0.6])
@@ -111,6 +121,9 @@ def test_the_ledger_of_each_agglomerate_closes_when_bonds_break(tmp_path):
     assert parts["kinetic_J"][-1] == pytest.approx(end, rel=1e-9)
     broken = np.bincount([int(event["agglomerate"]) for event in events(tmp_path)], minlength=3)
     assert broken[1] > 10 and broken[2] > 10
+    released = np.bincount([int(event["agglomerate"]) for event in events(tmp_path)],
+                           [float(event["energy_J"]) for event in events(tmp_path)])[1:]
+    assert parts["released_by_breakage_J"][-1] == pytest.approx(released, rel=1e-6)
     for closure in (e["closure"] for e in energy_ledger(parts, PlateEnergy(), start)["by_agglomerate"]):
         assert abs(closure) < 1e-3
     assert parts["bond_damping_J"][-1].sum() > 0.004 * start.sum()

@@ -1,6 +1,7 @@
 """Friction moves the plate in its plane: a sphere that strikes a swaying plate aslant, beside a naive integration."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scenes_of_tests import changed, hertz
 from test_smooth_contact import stone
@@ -72,8 +73,8 @@ def naive(friction, velocity_m_s, duration_s, dt_s=2e-8):
 
 
 @pytest.mark.parametrize(("friction", "velocity_m_s", "smooth"), [
-    (0.1, (3.0, -3.0), False), (0.5, (0.4, -3.0), False), (0.1, (3.0, -3.0), True)],
-    ids=["slides", "sticks", "bonded stone slides"])
+    (0.1, (3.0, -3.0), False), (0.5, (0.4, -3.0), False), (0.1, (3.0, -3.0), True), (0.5, (0.4, -3.0), True)],
+    ids=["slides", "sticks", "bonded stone slides", "bonded stone sticks"])
 def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velocity_m_s, smooth):
     plate = changed("single", {}).plate.model_copy(update={"max_frequency_Hz": 2000.0}).model_dump(mode="json")
     spheres = {} if smooth else {"stones.agglomerate": None}
@@ -83,6 +84,7 @@ def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velo
     of_plate, of_sphere = naive(friction, velocity_m_s, 4e-4)
     energy = found["energy"]
     assert energy["plate_work_J"] == pytest.approx(of_plate, rel=0.02 if smooth else 0.003)
+    assert energy["given_to_plate_J"] == pytest.approx(energy["plate_work_J"], rel=1e-3)
     assert energy["kinetic_J"] == pytest.approx(of_sphere, rel=5e-3 if smooth else 1e-4)
     assert abs(energy["closure"]) < 1e-4
 
@@ -91,7 +93,8 @@ def test_a_strong_dashpot_across_the_contact_makes_the_stone_roll(tmp_path, monk
     """Coulomb's limit is far, so a sphere leaves rolling, with 5/7 of its energy along the plate; it was the members of
     the patch that a step of the dashpot threw back faster than they came."""
     along, down, restitution = 0.3, 3.0, 0.06
-    scene = stone(speed_m_s=down, restitution=restitution, friction=0.4, **{"time.duration_s": 1.2e-3})
+    scene = stone(speed_m_s=float(np.hypot(along, down)), restitution=restitution, friction=0.4,
+                  **{"time.duration_s": 1.2e-3})
     found = strike_aslant(monkeypatch, tmp_path / "run", scene, (along, -down))
     energy, rebound_m_s = found["energy"], found["rebound_speed_m_s"][0]
     assert abs(energy["contacts_unexplained_J"]) < 5e-5 * energy["impact_J"]
@@ -114,3 +117,35 @@ def test_top_face_moves_as_sway_yaw_and_rotation_say():
         exact = (model.system.lateral(places, axis, plate.thickness_m / 2) @ vectors).reshape(5, 4, -1)
         found = modes.lateral_grid(x, y)[:, :, axis]
         assert np.abs(np.abs(found) - np.abs(exact)).max() < 1e-3 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize(("changes", "within"), [
+    ({"friction": 0.1}, 1e-4), ({"friction": 1.0}, 1e-4), ({"friction": 0.3, "restitution": 0.5}, 2e-3),
+    ({"friction": 0.1, "materials.coal.contact_strength_Pa": 100e6}, 1e-4)],
+    ids=["slides", "sticks", "damped", "crushes"])
+def test_all_that_the_patch_of_a_stone_holds_and_takes_adds_up_at_every_instant(tmp_path, monkeypatch, changes, within):
+    """At 45 degrees: kinetic energy, that of patch, spring and bonds, dashpots, friction and crushing."""
+    scene = stone(200, speed_m_s=float(np.hypot(3.0, 3.0)), **changes, **{"time.duration_s": 5e-4, "time.sample_interval_s": 1e-5})
+    strike_aslant(monkeypatch, tmp_path / "run", scene, (3.0, -3.0))
+    table = pd.read_parquet(tmp_path / "run" / "energy.parquet")
+    parts = table.drop(columns=["t_s", "agglomerate", "contacts_unexplained_J"]).sum(axis=1)
+    assert table["contact_elastic_J"].max() > 0.1 * parts.iloc[0]
+    assert parts.to_numpy() == pytest.approx(parts.iloc[0], abs=within * parts.iloc[0])
+
+
+def test_a_sliding_stone_is_rubbed_by_all_that_it_pushes_with(tmp_path, monkeypatch):
+    """Coulomb's law counts the dashpot's push: friction takes mu F v_slip, and v_slip falls by 7/2 mu F/m, F being the
+    push in the record, within what the stone itself gives way."""
+    friction, along, mass = 0.05, 3.0, hertz("coal")["mass_kg"]
+    scene = stone(200, speed_m_s=float(np.hypot(along, 3.0)), restitution=0.3, friction=friction,
+                  **{"time.duration_s": 4e-4, "time.sample_interval_s": 1e-5})
+    strike_aslant(monkeypatch, tmp_path / "run", scene, (along, -3.0))
+    fast = pd.read_parquet(tmp_path / "run" / "fast.parquet")
+    impulse = np.cumsum(fast["force_N"].to_numpy()) * (fast["t_s"][1] - fast["t_s"][0])
+    slip = along - 3.5 * friction * impulse / mass
+    taken = np.cumsum(friction * np.diff(impulse, prepend=0) * slip)
+    table = pd.read_parquet(tmp_path / "run" / "energy.parquet")
+    expected = np.interp(table["t_s"], fast["t_s"], taken)
+    slides = table["t_s"] > 2.5e-5  # before, the spring was stretched
+    found, expected = table["friction_J"][slides].to_numpy(), expected[slides]
+    assert found - found[0] == pytest.approx(expected - expected[0], abs=0.05 * expected.max())

@@ -8,6 +8,7 @@ import pytest
 from decks import FREE_FLIGHT, Body, bond_line, deck, fcc_ball, frames, ledger, run_engine, write_files
 from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from dem.run.recorder import read_forces
 from dem.run.run import run_scene
@@ -258,3 +259,35 @@ def test_plate_signals_are_those_of_brute_force(runs):
         assert np.abs(free[name] - brute[name]).max() < 1e-5 * np.abs(brute[name]).max(), name
 
 
+
+
+def hook():
+    """A row of three that is bent back on itself, so that its ends touch."""
+    half, reach = 0.5 * (2 * 0.9e-3 - 2e-5), 2e-3
+    center = np.array([[0, -half, 0], [np.sqrt(reach**2 - half**2), 0, 0], [0, half, 0]])
+    return Body(center, np.full(3, 0.9e-3), np.array([[0, 1], [1, 2]]), np.full(2, 1e-3))
+
+
+def test_the_spring_of_a_contact_in_a_body_turns_with_it(tmp_path):
+    """Ends of a hook rub on each other as it begins to spin, and a stretched tangential spring stays between them. When
+    it comes back from its flight above the plate it is pushed as before: seen from the body, no force has changed."""
+    body, speed = hook(), 3.0
+    body.center_m[:, 2] += 3.3e-3
+    write_files(tmp_path, body)
+    text = deck(DT, 4000, 5, bonds=bond_line(damping_time=1e-6), lines=WEIGHT + PLATE + FREE.format(1e-9),
+                velocity=throw(body, np.array([6000.0, 0, 0]), np.array([0, 0, -speed])) + "thermo_modify lost ignore\n")
+    run_engine(tmp_path, text.replace("0.5 0.5 0.5 0.5", "0.1 0.1 0.1 0.1"))
+    f, rows = frames(tmp_path), ledger(tmp_path)
+    elastic = rows.column["pair_elastic_J"][:, 0]
+    still = np.flatnonzero(np.diff(elastic) == 0)  # it is away
+
+    back = still[np.flatnonzero(np.diff(still) > 1)[0]] + 1
+    before, after = still[0] - 3, back + 3
+    overlap = 2 * 0.9e-3 - np.linalg.norm(f.x[before, 2] - f.x[before, 0])
+    assert elastic[before] > 8 / 15 * 5e9 / (2 * (1 - 0.25**2)) * np.sqrt(0.45e-3) * overlap**2.5  # Hertz': and a spring
+    assert rows.column["wall_work_J"][after, 0] == 0  # it has not touched the plate yet
+    arm = f.x - f.x.mean(axis=1, keepdims=True)  # all have one mass
+    turn, _ = Rotation.align_vectors(arm[after], arm[before])
+    assert turn.magnitude() > 1
+    found = turn.inv().apply(f.force[after])
+    assert found == pytest.approx(f.force[before], abs=0.04 * np.abs(f.force[before]).max())

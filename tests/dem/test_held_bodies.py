@@ -78,3 +78,60 @@ def test_a_body_that_lies_on_the_plate_wakes_and_breaks(tmp_path):
         ends[name] = rows.column["broken"][-1, 0]
     assert ends["brute"] > 0
     assert ends["held"] == ends["brute"]
+
+
+def arch(loose_m):
+    """A row of seven of which the ends stand on the plate, the others 0.2 mm higher, and sub-spheres at `loose_m`."""
+    row = chain(7)
+    row.center_m[1:-1, 2] += 0.2e-3
+    return Body(np.vstack([row.center_m, loose_m]), np.full(7 + len(loose_m), 0.9e-3), row.pair, row.bond_radius_m)
+
+
+def struck_at_once(directory, body, speed, tolerance, tension):
+    """Loose sub-spheres fly to what lies held, each so gently that it stays held for one of them; brute force beside.
+    Returns the largest energy that the bonds had, with that of broken ones, by way of integration."""
+    found = {}
+    way = body.center_m[7:] - np.array([body.center_m[np.linalg.norm(body.center_m[:7] - x, axis=1).argmin()]
+                                        for x in body.center_m[7:]])
+    velocity = "velocity all set 0 0 0 units box\n" + "".join(
+        f"set atom {8 + k} vx {x:.17g} vy {y:.17g} vz {z:.17g}\n"
+        for k, (x, y, z) in enumerate(-speed * way / np.linalg.norm(way, axis=1)[:, None]))
+    body.center_m[:, 2] += 1e-6 + 0.9e-3
+    for name, fix in (("brute", ""), ("held", FREE.replace("1e-4", str(tolerance)))):
+        (directory / name).mkdir()
+        write_files(directory / name, body)
+        text = deck(DT, 12_000, 20, bonds=bond_line(tension=tension, shear=1e30, damping_time=2e-8),
+                    lines=WEIGHT + PLATE + fix, velocity=velocity + "thermo_modify lost ignore\n")
+        run_engine(directory / name, text.replace("5e9 2e11", "5e9 5e9"))  # what is foreseen has the stiffest pair
+        column = ledger(directory / name).column
+        found[name] = (column["bond_elastic_J"] + column["released_J"])[:, 0].max()
+    return found
+
+
+def test_many_gentle_pushes_at_once_wake_a_held_body(tmp_path):
+    """Five of them push with more than the whole body is held under: its bonds take up energy as by brute force."""
+    above = chain(7).center_m[1:-1] + [0, 0, 0.2e-3 + 1.8e-3 + 0.8e-3]
+    found = struck_at_once(tmp_path, arch(above), 0.5, 1e-4, 1e30)
+    assert found["held"] == pytest.approx(found["brute"], rel=0.2)
+
+
+def test_two_gentle_pushes_on_one_sub_sphere_wake_a_held_body(tmp_path):
+    """They come to the first of the row from either side and push it with more than a tenth of its bond's strength."""
+    angle = np.radians(35)
+    beside = 2.6e-3 * np.array([[0, np.sin(a), np.cos(a)] for a in (-angle, angle)])
+    found = struck_at_once(tmp_path, arch(beside), 0.5, 1.0, 2e6)
+    assert found["held"] == pytest.approx(found["brute"], rel=0.2)
+
+
+def test_what_a_body_trembles_with_is_counted_when_it_is_held(tmp_path):
+    """Nothing damps the bonds: the ledger knows where the energy of their vibration went, while it lies on the plate."""
+    tripod_ = tripod()
+    tripod_.center_m[:, 2] += 0.9e-3 - 5e-9  # it lies on the plate: a body in the air would leave the arrays
+    write_files(tmp_path, tripod_)
+    velocity = "velocity all set 0 0 0 units box\nset atom 1*3 vx -0.0133\nset atom 4 vx 0.04\nthermo_modify lost ignore\n"
+    run_engine(tmp_path, deck(DT, 20_000, 100, bonds=bond_line(), lines=WEIGHT + PLATE + FREE, velocity=velocity))
+    c = {name: value[:, 0] for name, value in ledger(tmp_path).column.items()}
+    gained = c["kinetic_J"] - c["wall_work_J"] - c["bond_work_J"] - c["pair_work_J"] + GRAVITY * c["mass_height_kg_m"]
+    trembles = c["bond_elastic_J"].max()
+    assert np.ptp(c["bond_elastic_J"][-20:]) < 1e-6 * trembles  # it is held
+    assert np.abs(gained - gained[1])[1:].max() < 1e-2 * trembles  # the first half step belongs to no one

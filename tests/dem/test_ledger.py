@@ -41,12 +41,32 @@ def test_the_damping_of_every_motion_of_a_bond_is_measured(tmp_path, moves):
     assert c["bond_damped_J"][-1, 0] == pytest.approx(lost, rel=1e-3)
 
 
-def two_spheres(directory, offset, restitution, friction, steps=3000):
+@pytest.mark.parametrize("axis", ["x", "z"])
+def test_damping_of_a_bond_that_twists_or_bends(tmp_path, axis):
+    """Two spheres spin against each other about their bond or across it: omega^2 = 2 k/I, and the bonds do the work that
+    the spins lose."""
+    modulus, ratio, body, spin = 5e9, 2.0, chain(2), 100.0
+    write_files(tmp_path, body)
+    k = modulus * np.pi * 1e-6 / 2e-3 * 1e-6 * (1 / ratio / 2 if axis == "x" else 1 / 4)
+    inertia = 0.4 * body.mass_kg[0] * body.radius_m[0] ** 2
+    omega = np.sqrt(2 * k / inertia)
+    tau, dt = 0.02 / omega, 0.01 / omega
+    steps = int(2 * np.pi * 8 / omega / dt)
+    velocity = f"set atom 1 omega{axis} {-spin}\nset atom 2 omega{axis} {spin}\n"
+    run_engine(tmp_path, deck(dt, steps, steps, bonds=bond_line(modulus, ratio, damping_time=tau), velocity=velocity))
+    c = ledger(tmp_path).column
+    start = inertia * spin**2
+    lost = -c["bond_work_J"][-1, 0] - c["bond_elastic_J"][-1, 0]
+    assert lost == pytest.approx(start * (1 - np.exp(-tau * omega**2 * steps * dt)), rel=1e-2)
+    assert c["kinetic_J"][-1, 0] + c["bond_elastic_J"][-1, 0] + lost == pytest.approx(start, rel=1e-6)
+
+
+def two_spheres(directory, offset, restitution, friction, steps=3000, every=3000, dt=1e-7):
     """Two free spheres that meet at 1 m/s, the second shifted sideways by `offset`."""
     apart = np.sqrt(4e-6 - offset**2) + 5e-5
     body = Body(np.array([[0, 0, 0], [apart, offset, 0]]), np.full(2, 1e-3), np.zeros((0, 2), int), np.zeros(0))
     write_files(directory, body)
-    text = deck(1e-7, steps, steps, velocity="set atom 1 vx 0.5\nset atom 2 vx -0.5\n")
+    text = deck(dt, steps, every, velocity="set atom 1 vx 0.5\nset atom 2 vx -0.5\n")
     text = text.replace("0.9 0.9 0.9 0.9", " ".join([str(restitution)] * 4))
     text = text.replace("0.5 0.5 0.5 0.5", " ".join([str(friction)] * 4))
     run_engine(directory, text)
@@ -79,6 +99,16 @@ def test_a_sliding_collision_without_dashpots_loses_energy_to_friction_alone(tmp
     assert slip_end > 0  # it slides to the end, as the theory needs
     assert lost == pytest.approx(0.05 * impulse * (v_t + slip_end) / 2, rel=2e-2)
     assert c["friction_J"][-1, 0] - c["springs_gained_J"][-1, 0] == pytest.approx(lost, rel=1e-3)
+
+
+@pytest.mark.parametrize(("restitution", "friction"), [(0.7, 0.3), (0.7, 3.0), (1.0, 3.0), (1.0, 0.0)],
+                         ids=["slides", "sticks", "sticks and lets go", "neither"])
+def test_all_that_an_oblique_collision_holds_and_takes_adds_up_at_every_instant(tmp_path, restitution, friction):
+    """Of 1 m/s at 37 degrees: kinetic energy, that of Hertz' and of Mindlin's spring, dashpots and friction."""
+    c, kinetic = two_spheres(tmp_path, 1.2e-3, restitution, friction, steps=7500, every=25, dt=2e-8)
+    held, taken = c["kinetic_J"] + c["pair_elastic_J"], c["pair_damped_J"] + c["friction_J"] - c["springs_gained_J"]
+    assert c["pair_elastic_J"].max() > 0.3 * kinetic
+    assert np.abs(held + taken - kinetic).max() < 1e-3 * kinetic
 
 
 def test_the_ledger_sees_no_dissipation_where_there_is_none(tmp_path):

@@ -11,13 +11,14 @@ from dem.run.run import run_scene
 RADIUS_m, HALF_m = 3e-3, 0.01
 
 
-def fall(directory, x_m, y_m=0.0, velocity=(0.0, -1.0), restitution=1.0, friction=0.0, steps=10000):
-    """One sphere falls on a rigid square plate, its centre over (x, y); `velocity` along x and z. Returns its velocities
+def fall(directory, x_m, y_m=0.0, velocity=(0.0, -1.0), restitution=1.0, friction=0.0, steps=10000,
+         half_m=(HALF_m, HALF_m), z_m=RADIUS_m):
+    """One sphere falls on a rigid plate, its centre over (x, y); `velocity` along x and z. Returns its velocities
     and forces (k, 3), and the ledger in shares of its kinetic energy at the start."""
-    body = Body(np.array([[x_m, y_m, RADIUS_m]]), np.full(1, RADIUS_m), np.zeros((0, 2), int), np.zeros(0))
+    body = Body(np.array([[x_m, y_m, z_m]]), np.full(1, RADIUS_m), np.zeros((0, 2), int), np.zeros(0))
     write_files(directory, body)
     wall = (f"fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin "
-            f"extent {-HALF_m} {HALF_m} {-HALF_m} {HALF_m} co_step 1 contact model hertz tangential history "
+            f"extent {-half_m[0]} {half_m[0]} {-half_m[1]} {half_m[1]} co_step 1 contact model hertz tangential history "
             f"primitive type 2 zplane 0.0\n")
     text = deck(2e-7, steps, 10, lines=wall, velocity=f"velocity all set {velocity[0]} 0 {velocity[1]} units box\n")
     text = text.replace("0.5 0.5 0.5 0.5", " ".join([str(friction)] * 4))
@@ -40,6 +41,24 @@ def test_an_elastic_sphere_is_reflected_by_the_edge(tmp_path, beside_m):
     cosine = np.sqrt(1 - sine**2)
     assert v[-1] == pytest.approx([2 * sine * cosine, 0, 2 * cosine**2 - 1], abs=0.02)
     assert c["kinetic_J"][-1] == pytest.approx(1, abs=1e-4)
+
+
+@pytest.mark.parametrize("half_m", [(HALF_m, 0.4 * HALF_m), (0.4 * HALF_m, HALF_m)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_plate_that_is_not_square_has_its_own_edges(tmp_path, half_m, axis):
+    """From the edge to the centre it goes at 60 degrees."""
+    place, expected = [0.0, 0.0], [0.0, 0.0, 0.5]
+    place[axis], expected[axis] = half_m[axis] + 1.5e-3, np.sqrt(0.75)
+    v, _, _ = fall(tmp_path, *place, half_m=half_m)
+    assert v[-1] == pytest.approx(expected, abs=0.02)
+
+
+def test_what_lies_below_the_face_is_pushed_away_from_the_nearest_edge(tmp_path):
+    """A sphere that came past the edge, its centre 0.2 mm inside of it and 2.9 mm below: along the line from the edge."""
+    _, force, _ = fall(tmp_path, HALF_m - 2e-4, 1e-3, velocity=(0.0, 0.0), steps=10, z_m=-2.9e-3)
+    away = np.array([-2e-4, 0, -2.9e-3])
+    assert force[0] == pytest.approx(np.linalg.norm(force[0]) * away / np.linalg.norm(away), rel=1e-6)
+    assert force[0][2] < 0
 
 
 def test_a_corner_pushes_both_ways(tmp_path):

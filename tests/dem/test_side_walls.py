@@ -47,6 +47,20 @@ def throw(directory, place, velocity, lines, steps=6000, law=()):
     return frames(directory), {name: rows[:, 0] for name, rows in ledger(directory).column.items()}, pushed
 
 
+@pytest.mark.parametrize(("law", "within"), [
+    ({}, 5e-3), ({"0.9 0.9 0.9 0.9": "1 1 1 1"}, 1e-4), ({"0.9 0.9 0.9 0.9": "1 1 1 1", "0.5 0.5 0.5 0.5": "0.1 0.1 0.1 0.1"}, 1e-4)],
+    ids=["damped", "sticks", "slides"])
+def test_all_that_the_contact_with_the_plate_holds_and_takes_adds_up_at_every_instant(tmp_path, law, within):
+    """Kinetic energy, that of Hertz' and of Mindlin's spring, dashpots and friction; when it is over, to 1e-5."""
+    place, velocity = [0.0, 0.0, RADIUS_m + 1.99e-5], [0.8, 0.25, -1.0]
+    _, c, _ = throw(tmp_path / "run", place, velocity, PLATE, steps=700, law=law)
+    held = c["kinetic_J"] + c["wall_elastic_J"]
+    gone = held + c["wall_damped_J"] + c["friction_J"] - c["springs_gained_J"] - held[0]
+    assert c["wall_elastic_J"].max() > 0.4 * held[0] and c["wall_elastic_J"][-1] == 0
+    assert np.abs(gone).max() < within * held[0]
+    assert abs(gone[-1]) < 1e-5 * held[0]
+
+
 @pytest.mark.parametrize("side", SIDES)
 def test_a_wall_is_the_plate_turned_upright(tmp_path, side):
     """Obliquely, with friction and dashpot: places, velocities and spins are those in front of the stock wall at z = 0,

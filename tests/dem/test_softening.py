@@ -26,6 +26,30 @@ def test_a_bond_takes_its_fracture_energy_to_break(tmp_path, name, kernel):
     assert float(found[0]["area_m2"]) == pytest.approx(AREA, rel=1e-8)
 
 
+@pytest.mark.parametrize("kernel", ["plain", "auto"])
+def test_a_bond_of_mohr_and_coulomb_takes_its_fracture_energy_too(tmp_path, kernel):
+    """Sheared and pulled by half as much: |F_s| + tan(phi) F_n reaches the cohesion at the displacement y below."""
+    ratio, tan_friction, along = 3.0, 0.6, 0.5
+    k_n = E * AREA / LENGTH
+    y = STRENGTH * AREA / (k_n / RATIO + tan_friction * k_n * along)
+    stored = 0.5 * (k_n / RATIO * y**2 + k_n * (along * y) ** 2)
+    found = load_one_bond(tmp_path, 1, 2 * ratio * y, along=along, kernel=kernel, shear=STRENGTH,
+                          tan_friction=tan_friction, fracture=ratio * stored / AREA)
+    assert [event["mode"] for event in found] == ["shear"]
+    assert float(found[0]["step"]) == pytest.approx(STEPS / 2, abs=2)
+    assert float(found[0]["energy_J"]) == pytest.approx(ratio * stored, rel=1e-2)
+
+
+@pytest.mark.parametrize("kernel", ["plain", "auto"])
+def test_pressure_that_would_strengthen_does_nothing_in_tension(tmp_path, kernel):
+    """A bond that is pulled has a negative mean pressure, which neither strengthens nor weakens it as it softens."""
+    freedom, critical, _, bond = CASES["pull"]
+    found = load_one_bond(tmp_path, freedom, 6 * critical, kernel=kernel, fracture=3 * STORED_J_m2["pull"],
+                          dilatation=(0.0, 2.0, 0.0), **bond)
+    assert float(found[0]["step"]) == pytest.approx(STEPS / 2, abs=2)
+    assert float(found[0]["energy_J"]) == pytest.approx(3 * STORED_J_m2["pull"] * AREA, rel=1e-2)
+
+
 def test_a_bond_that_stores_more_than_its_fracture_energy_snaps(tmp_path):
     freedom, critical, _, bond = CASES["pull"]
     found = load_one_bond(tmp_path, freedom, 2 * critical, fracture=0.5 * STORED_J_m2["pull"], **bond)

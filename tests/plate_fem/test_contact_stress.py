@@ -54,6 +54,26 @@ def test_surface_stress_is_in_equilibrium_with_the_in_plane_strain_of_the_pressu
     assert turned[:, 2] == pytest.approx(-stress[:, 2], abs=1.0)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.97, 2.0])
+@pytest.mark.parametrize("angle", [0.3, 2.0, -0.7])
+def test_stress_turns_as_a_tensor(share, angle):
+    """Along x the principal axes are those of the plate; elsewhere they point from the contact's middle."""
+    r = share * GANGUE.contact_radius_m
+    along, elsewhere = contact_surface_stress(GANGUE, [[r, 0], [r * math.cos(angle), r * math.sin(angle)]], 0.3)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    expected = turn @ np.diag(along[:2]) @ turn.T
+    assert along[2] == 0
+    assert elsewhere == pytest.approx([expected[0, 0], expected[1, 1], expected[0, 1], along[3]], rel=1e-6, abs=100.0)
+
+
+def test_von_mises_in_space_by_principal_stresses():
+    """Of turned principal stresses 300, 100 and, upwards, -50 MPa."""
+    for angle in (0.0, 0.4, math.pi / 4):
+        c, s = math.cos(angle), math.sin(angle)
+        stress = [300 * c**2 + 100 * s**2, 300 * s**2 + 100 * c**2, 200 * c * s, -50]
+        assert von_mises_3d(stress) == pytest.approx(math.sqrt((200**2 + 150**2 + 350**2) / 2))
+
+
 def test_pressure_carries_the_force():
     s = (np.arange(800) + 0.5) / 800 * 6e-3 - 3e-3
     points = np.stack(np.meshgrid(s, s), axis=-1).reshape(-1, 2)

@@ -10,6 +10,8 @@ from scipy.optimize import brentq
 
 from plate_fem.mesh import default_mesh_size
 from plate_fem.modes import plate_modes
+from plate_fem.rods import attach
+from plate_fem.system import assemble
 
 # A plate so stiff that it only moves as a rigid body on its rods, within the frequencies of interest.
 STIFF = {"youngs_modulus_Pa": 2e17, "theory": "mindlin", "mesh_size_m": 0.125}
@@ -54,6 +56,46 @@ def test_beam_stiffness_of_this_test_at_rest():
     assert flexibility[0, 0] == pytest.approx(0.1**3 / (3 * bending) + 0.1 / shear, rel=1e-5)
     assert flexibility[0, 1] == pytest.approx(0.1**2 / (2 * bending), rel=1e-5)
     assert flexibility[1, 1] == pytest.approx(0.1 / bending + 0.3 / (207e9 * 0.01**3), rel=1e-5)
+
+
+def test_a_rods_joint_gives_way_as_the_solid_models_said():
+    """A moment at the joint of a rod whose head cannot move across: the joint turns by 0.3/(E a^3) more than the rod, E
+    being the plate's (docs/plate.md)."""
+    table = plate(rods=[rod(0.1, 0.05)], theory="mindlin", youngs_modulus_Pa=7e10, max_frequency_Hz=2e3)
+    beam = attach(assemble(table), table.rods[0], 2e3)[1]
+    held = [*beam.held, beam.top[0]]
+    free = np.setdiff1d(np.arange(beam.stiffness.shape[0]), held)
+    moment = (free == beam.top[1]).astype(float)
+    turned = np.linalg.solve(beam.stiffness.toarray()[np.ix_(free, free)], moment) @ moment
+    bending, shear = 207e9 * math.pi * 0.02**4 / 64, 1.3 * 6 / 8.8 * 207e9 / 2.6 * math.pi * 0.01**2
+    across, along = 0.1**3 / (3 * bending) + 0.1 / shear, 0.1**2 / (2 * bending)
+    assert turned == pytest.approx(0.1 / bending - along**2 / across + 0.3 / (7e10 * 0.01**3), rel=1e-5)
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
+def test_rigid_motions_leave_all_distances(theory):
+    """Sway, yaw and tilt, as the rods' heads see them: of no two points of the lower face, at any places, does the
+    distance change."""
+    table = plate(rods=[rod(0.1, 0.05)], theory=theory, width_m=0.3, max_frequency_Hz=2e3)
+    system, points = assemble(table), np.random.default_rng(1).uniform(-0.14, 0.14, (6, 2))
+    nodes = np.array([(x, y) for x in system.lines_x_m for y in system.lines_y_m])
+    height, n = -table.thickness_m / 2, system.n_nodes
+    motions = np.zeros((system.size, 5))
+    motions[-3:, :3] = np.eye(3)
+    for axis in (0, 1):
+        motions[:n, 3 + axis], motions[(1 + axis) * n:(2 + axis) * n, 3 + axis] = nodes[:, axis], 1
+        if system.rotations is not None:
+            rotation = system.rotation(nodes, axis).toarray()
+            motions[:, 3 + axis] += np.linalg.lstsq(rotation, np.ones(n), rcond=None)[0]
+    moved = np.stack([*(system.lateral(points, axis, height) @ motions for axis in (0, 1)),
+                      system.deflection(points) @ motions], axis=1)
+    for a in range(6):
+        for b in range(a):
+            apart = np.append(points[a] - points[b], 0)
+            assert np.abs(apart @ (moved[a] - moved[b])).max() < 1e-9
+    assert moved[0, 1, 2] == pytest.approx(points[0, 0])  # counter-clockwise seen from above
+    # a tilt about an axis in the mid-plane takes (x, z) to (x - z theta, z + x theta)
+    assert moved[0, 0, 3] == pytest.approx(-height) and moved[0, 1, 4] == pytest.approx(-height)
 
 
 def roots(function, highest):

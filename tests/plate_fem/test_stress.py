@@ -10,7 +10,7 @@ from statics import pressure_load, static_response
 from plate_fem.mesh import bending_stiffness
 from plate_fem.model import build_model
 from plate_fem.modes import plate_modes
-from plate_fem.stress import surface_stress, von_mises
+from plate_fem.stress import StressPeak, surface_stress, von_mises
 from plate_fem.stress_recovery import modal_surface_stress
 
 
@@ -75,6 +75,31 @@ def test_stress_of_a_motion_is_that_of_its_modes_and_vanishes_across_free_edges(
     edge = np.isclose(modes.node_m[:, 0], 0.25) & (abs(modes.node_m[:, 1]) < 0.24)
     assert abs(stress[edge, 0]).max() < 0.03 * von_mises(stress).max()
     assert surface_stress(modes, 2 * amplitude) == pytest.approx(2 * stress)
+
+
+def test_peak_of_a_motion_is_the_largest_of_all_its_instants_and_places():
+    """By the principal stresses, which Mohr's circle gives."""
+    table = plate(rods=four_rods(), thickness_m=0.01, max_frequency_Hz=1500.0, theory="mindlin")
+    modes, rods = plate_modes(table), table.rods
+    t = np.linspace(0, 0.02, 50)
+    amplitude = np.sin(np.outer(t, 2 * math.pi * modes.frequency_Hz)) / modes.frequency_Hz**2
+    amplitude[:, modes.frequency_Hz == 0] = 0
+    peak = StressPeak(modes, rods)
+    for part in (slice(0, 20), slice(20, 50)):
+        peak.add(t[part], amplitude[part])
+    stress = np.einsum("kcm,tm->tkc", modes.surface_stress, amplitude)
+    sx, sy, txy = np.moveaxis(stress, -1, 0)
+    middle, radius = (sx + sy) / 2, np.hypot((sx - sy) / 2, txy)
+    high, low = middle + radius, middle - radius
+    naive = np.sqrt(((high - low) ** 2 + high**2 + low**2) / 2)
+    near = np.zeros(len(modes.node_m), bool)
+    for one in rods:
+        near |= np.linalg.norm(modes.node_m - [one.x_m, one.y_m], axis=1) < one.diameter_m
+    for at_rods in (False, True):
+        found, here = peak.result(at_rods), np.where(near == at_rods, naive, 0)
+        k, node = np.unravel_index(here.argmax(), here.shape)
+        assert found["von_mises_Pa"] == pytest.approx(here.max(), rel=1e-9)
+        assert (found["t_s"], found["x_m"], found["y_m"]) == (t[k], *modes.node_m[node])
 
 
 def test_von_mises():

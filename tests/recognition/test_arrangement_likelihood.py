@@ -20,7 +20,7 @@ from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 from recognition import RecognitionError
 from recognition.model_file import decode, encode
-from recognition.physics.arrangement_fit import PlateRecord
+from recognition.physics.arrangement_fit import PlateRecord, force_statistics, model_on
 from recognition.physics.arrangement_likelihood import (
     LATEST_S,
     MISFIT,
@@ -61,10 +61,10 @@ def forces_N(gangue, size, speed_m_s):
     return pulse[:, None] * np.where(gangue, 2000.0, 1000.0) * size * speed_m_s / 3
 
 
-def record(modes, force_N, noise, rng, late=0):
+def record(modes, force_N, noise, rng, late=0, places_m=PLACES_M):
     """Signals and the deviation of their noise, from the motion of the modes step by step; they begin `late` steps after
     the impact."""
-    motion, down = ModalMotion(modes, STEP_s), -modes.shape_at(PLACES_M)
+    motion, down = ModalMotion(modes, STEP_s), -modes.shape_at(places_m)
     sensors, signals = modes.shape_at(np.array(SENSORS_M)), []
     push = np.vstack([force_N, force_N[-1:]]) @ down
     before = np.zeros_like(push[0])
@@ -143,13 +143,15 @@ def test_the_law_of_records_against_a_naive_twin(shift):
     assert law.covariance == pytest.approx(covariance, abs=1e-12)
 
 
-def test_against_every_arrangement_by_itself():
+@pytest.mark.parametrize(("louder", "tempered"), [(1.0, False), (5.0, True)])
+def test_against_every_arrangement_by_itself(louder, tempered):
+    """Also a record that no arrangement explains: then all are held to be less certain."""
     rng = np.random.default_rng(4)
     model, shift = small_model(rng), 2.5
     stones, samples, powers = model.stones, model.samples, 2
     d = 2 * samples
     mean_at, covariance_at = naive_law(model, shift)
-    signals, noise = rng.standard_normal((2, samples)), np.array([0.5, 0.1])
+    signals, noise = louder * rng.standard_normal((2, samples)), np.array([0.5, 0.1])
     for speed in (3.0, 2.2):
         share, chance = speed / 3.0, np.zeros(stones + 1)
         covariance = covariance_at + np.diag(np.repeat(model.residual**2 + (noise / model.scale) ** 2, samples))
@@ -160,6 +162,7 @@ def test_against_every_arrangement_by_itself():
             logs.append(multivariate_normal(mean, covariance).logpdf(flat) - np.log(comb(stones, sum(which))))
             least = min(least, float((flat - mean) @ np.linalg.solve(covariance, flat - mean)))
         temperature = max(1.0, least / d)
+        assert (temperature > 1.5) == tempered
         likelihood = [log + np.log(comb(stones, sum(which))) for log, which in zip(logs, product((0, 1), repeat=stones), strict=True)]
         for log, which in zip(likelihood, product((0, 1), repeat=stones), strict=True):
             chance[sum(which)] += np.exp((log - max(likelihood)) / temperature) / comb(stones, sum(which))
@@ -221,6 +224,22 @@ def test_a_speed_that_varied():
     known = np.array([answer.ratio for answer in method.answer(X[40:], nuisance=speeds)])
     assert np.abs(unknown - ratios[40:]).mean() < 0.06
     assert np.abs(known - ratios[40:]).mean() < 0.02
+
+
+def test_where_stones_touch_scatters_records_along_both_axes():
+    """What a deviation of 1 mm adds to the covariance, by moving each stone to either side along x and along y."""
+    X, _ = draw(8, 9, scatter=0.0)
+    model = model_on(*force_statistics(X, np.arange(8)), place_deviation_m=1e-3)
+    added = model.law_at(0.0).covariance - replace(model, scatter=[]).law_at(0.0).covariance
+    modes, mean_N = modes_of(0.008), 1.5 * forces_N(np.zeros(5), 1.0, 3.0)[:, :1]
+    expected = np.zeros_like(added)
+    for place in PLACES_M:
+        for axis in np.eye(2):
+            ends = [record(modes, mean_N, 0.0, np.random.default_rng(0), places_m=place + side * 5e-4 * axis)[0]
+                    for side in (1, -1)]
+            row = ((ends[0] - ends[1]) / model.scale[:, None]).ravel()
+            expected += np.outer(row, row)
+    assert np.linalg.norm(added - expected) < 0.1 * np.linalg.norm(expected)
 
 
 def test_saved_and_read(method):

@@ -43,6 +43,14 @@ def test_the_papers_own_example_of_inversion():
     assert model.invert(0.077357) == pytest.approx(0.087586, abs=5e-4)
 
 
+@pytest.mark.parametrize(("bend", "middle"), [(1.0, 0.3), (-1.0, 0.7)])
+def test_of_two_roots_the_one_where_q_rises_is_the_answer(bend, middle):
+    """Q = +-(beta - middle)^2 is 0.04 off its vertex at 0.2 to either side, and rises on one of them."""
+    model = FusionQ()
+    model.fit_ = fit_polynomial(RATIOS, bend * (RATIOS - middle) ** 2, 2)
+    assert model.invert(bend * 0.04) == pytest.approx(0.5, abs=1e-9)
+
+
 def test_leave_one_ratio_out_of_table_2():
     """Checked independently: mean 3.4, worst 10.4 points of mixing ratio."""
     errors = []

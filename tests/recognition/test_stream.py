@@ -1,9 +1,12 @@
 """Stones one by one from a stream: the parts against independent references, and the whole on a plate known exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.stats import multivariate_normal
 
 from common.plate import read_plate
 from lab.known_truth.simulated import draw_stones, scattered, stream_of
@@ -12,6 +15,7 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import FIT_LAGS, LAGS, TIME, Bank
 from recognition.stream.checks import together, without_offset_and_hum
+from recognition.stream.fit import Window
 from recognition.stream.forces import PULSE_S, History, StoneForces
 from recognition.stream.law_file import load_forces, save_forces
 from recognition.stream.prior import StonePrior
@@ -296,3 +300,66 @@ def test_bad_input_of_the_command(plate, tmp_path, capsys, change, options, said
     told = capsys.readouterr().err
     assert said in told and told.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture(scope="module")
+def bank(plate, forces):
+    return Bank.of(plate, CHANNELS, forces, Whitening.of(plate, CHANNELS, RATE_Hz, np.full(4, 1.0), np.full(4, 10.0)),
+                   RATE_Hz)
+
+
+@pytest.mark.parametrize("temper", [1.0, 2.5])
+def test_cost_of_a_fit_is_that_of_normal_noise_and_prior(bank, forces, temper):
+    """Two stones that overlap: the chi-square of what they leave over twice the temper, the prior of each, and the
+    slopes of both."""
+    prior, rng = StonePrior(forces, (0.02, 0.03), (2.0, 4.0)), np.random.default_rng(7)
+    stones = np.array([[40.3, 0, 0.05, -0.07, 0.4, 0], [47.6, 0, -0.12, 0.02, -0.3, 0]])
+    stones[:, [1, 5]] = prior.typical[[0, 2]] + 0.05 * rng.standard_normal((2, 2))
+    window = Window(bank, prior, 3 * rng.standard_normal((4, 120)), 10, temper)
+    found = window.at(stones)
+
+    def left(stones):
+        values = np.pad(window.values, ((0, 0), (0, FIT_LAGS)))
+        for stone in stones:
+            first, rows = bank.signature(stone)
+            values[:, first - 10:first - 10 + FIT_LAGS] -= rows[0].reshape(FIT_LAGS, 4).T
+        return values[:, :120]
+
+    law = multivariate_normal(prior.typical, np.linalg.inv(prior.precision))
+    naive = np.sum(left(stones) ** 2) / (2 * temper) - sum(
+        law.logpdf(stone[[1, 4, 5]]) + 1.5 * np.log(2 * np.pi) for stone in stones)
+    assert found.cost == pytest.approx(naive, rel=1e-6)
+    assert window.residual(stones) == pytest.approx(left(stones), abs=1e-6)
+    slopes = np.zeros((12, 4 * 120))
+    for k, step in enumerate(2 * [1e-2, 1e-3, 1e-4, 1e-4, 1e-2, 1e-3]):
+        up, down = (stones + s * step * np.eye(12)[k].reshape(2, 6) for s in (1, -1))
+        slopes[k] = (left(down) - left(up)).ravel() / (2 * step)
+        slope = (window.at(up).cost - window.at(down).cost) / (2 * step)
+        assert slope == pytest.approx(found.slope[k], rel=0.03, abs=0.01 * np.abs(found.slope).max())
+    expected = slopes @ slopes.T / temper
+    for start in (0, 6):
+        at = start + np.array([1, 4, 5])
+        expected[np.ix_(at, at)] += prior.precision
+    size = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
+    assert np.abs(found.curvature - expected).max() <= 0.03 * size.max()
+    assert np.abs((found.curvature - expected) / size).max() < 0.03
+
+
+def test_evidence_of_a_material_is_the_overlap_of_its_law_with_the_likelihood(forces):
+    """Of stones of one size and speed: the density of the estimate under each material's law, widened by the error of
+    the estimate, over that under the wide prior of the fit; a stone broke with the probability of Bayes."""
+    broken = replace(forces, broken=forces.whole[0, 0] + [0.3, -1.0, -0.4], broken_scatter=np.diag([0.2, 1.0, 0.1]) ** 2,
+                     broken_share=np.array([np.full(len(forces.broken_share[0]), share) for share in (0.5, 0.2)]))
+    prior, size = StonePrior(broken, (0.022, 0.022), (2.7, 2.7)), (np.array(0.022), np.array(2.7))
+    error = np.diag([0.05, 0.4, 0.06]) ** 2  # of the likelihood
+    told = broken.mean(1, *size) + [0.1, 0.5, -0.1]
+    posterior = np.linalg.inv(error) + prior.precision
+    estimate = np.linalg.solve(posterior, np.linalg.solve(error, told) + prior.precision @ prior.typical)
+    evidence, weights, more_broken = prior.evidence(estimate, np.linalg.inv(posterior))
+    wide = multivariate_normal(prior.typical, np.linalg.inv(prior.precision) + error).pdf(told)
+    for material, share in enumerate((0.5, 0.2)):
+        whole = (1 - share) * multivariate_normal(broken.mean(material, *size), broken.scatter[material] + error).pdf(told)
+        broke = share * multivariate_normal(broken.broken_mean(material, *size), broken.broken_scatter + error).pdf(told)
+        assert evidence[material] == pytest.approx(np.log((whole + broke) / wide), abs=1e-6)
+        assert more_broken[material] == pytest.approx(broke / (whole + broke) - share, abs=1e-9)
+    assert weights == pytest.approx(np.ones((2, 1)))
