@@ -18,8 +18,8 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep stream streams campaign dataset report test validate bench accuracy forces listening recognise stability \
-        mutants pictures engine setup lint docs clean
+.PHONY: help sweep stream streams campaign dataset report test validate sanitize bench accuracy forces listening recognise \
+        stability mutants pictures engine setup lint docs clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -52,30 +52,41 @@ test: setup .venv/test .venv/campaign .venv/browser build/chromium  ## all tests
 validate: setup .venv/test .venv/campaign .venv/browser build/chromium build/slurm build/calculix build/paraview  ## the long checks
 	$(PYTHON) -m pytest -q -m validate
 
+# Each report ends the engine. What Open MPI and the library keep to the end is no leak of ours to mend.
+sanitize: export ASAN_OPTIONS := detect_leaks=0:detect_stack_use_after_return=1:strict_init_order=1
+sanitize: export UBSAN_OPTIONS := halt_on_error=1:print_stacktrace=1
+sanitize: setup .venv/test  ## the engine with address and undefined-behaviour sanitizers over one scene of each kind
+	$(MAKE) -C dem/engine BUILD=$(abspath build/sanitize) \
+	  CHECKS='-O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined -D_GLIBCXX_ASSERTIONS'
+	LIGGGHTS_BONDED=$(abspath build/sanitize/liggghts-bonded) $(PYTHON) -m pytest -q --durations 0 tests/robustness/sanitized.py
+
 bench: setup  ## cost and results of the bonds beside peers, into runs/bench
-	$(PYTHON) -m benchmarks.bonds
+	$(PYTHON) -m lab run peers --out runs/bench
 
 accuracy: setup  ## error against run time, and what each part of a scene costs, into runs/accuracy
-	$(PYTHON) -m benchmarks.accuracy
-	$(PYTHON) -m benchmarks.tolerance
-	$(PYTHON) -m benchmarks.omissions
-	$(PYTHON) -m benchmarks.free_flight
+	$(PYTHON) -m lab run work_precision tolerance omissions free_flight --out runs/accuracy
+
+# Where a stone falls alone, as x,y in m, to tell the plate's modes.
+TAPS := 0.11,0.07 -0.16,0.02 0.03,-0.17 -0.08,0.19
 
 recognise: setup  ## a stream is simulated, its plate tapped, its stones heard one by one: the ratio over time in runs/recognise
 	$(PYTHON) -m dem run scenes/listening.toml --out runs/recognise/ratio_040
-	$(PYTHON) -m benchmarks.measured runs/recognise/ratio_040 scenes/listening.toml runs/recognise/measured
-	$(PYTHON) -m recognition tap runs/recognise/measured/thought.toml runs/recognise/measured/taps.toml --out runs/recognise/plate.json --max-frequency 10000
-	$(PYTHON) -m recognition listen runs/recognise/measured/record.parquet --plate runs/recognise/plate.json --out runs/recognise/heard
+	@: > runs/recognise/taps.toml
+	for at in $(TAPS); do x=$${at%,*} y=$${at#*,}; \
+	  $(PYTHON) -m dem run scenes/tap.toml --set "stones.positions=[{x_m=$$x,y_m=$$y}]" --out runs/recognise/tap_$$at || exit 1; \
+	  printf '[[taps]]\nrecord = "tap_%s/fast.parquet"\nunknown_force = true\nx_m = %s\ny_m = %s\n' $$at $$x $$y >> runs/recognise/taps.toml; done
+	$(PYTHON) -m recognition tap scenes/listening.toml runs/recognise/taps.toml --out runs/recognise/plate.json --max-frequency 10000
+	$(PYTHON) -m recognition listen runs/recognise/ratio_040/fast.parquet --plate runs/recognise/plate.json --out runs/recognise/heard
 	$(PYTHON) -m report runs/recognise
 
 forces: setup  ## what `listen` knows of stones, learnt anew from simulated ones; after any change of the rock
-	$(PYTHON) -m benchmarks.stone_forces
+	$(PYTHON) -m lab run stone_forces --out runs/stone_forces
 
 listening: setup  ## streams of known truth, and what is heard of them, into runs/listening
-	$(PYTHON) -m benchmarks.listening
+	$(PYTHON) -m lab run listening listening_differences listening_plates --out runs/listening
 
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability
-	$(PYTHON) -m benchmarks.stability --jobs $(JOBS)
+	$(PYTHON) -m lab run stability --out runs/stability --jobs $(JOBS)
 
 mutants: setup .venv/test  ## do the tests see each mutation of the physics? hours; build/mutants/mutants.csv
 	$(PYTHON) -m lab.mutants --jobs $(JOBS)
@@ -97,7 +108,7 @@ setup:
 
 engine: build/engine/liggghts-bonded  ## the engine: LIGGGHTS with bonds and the moving plate
 
-build/engine/liggghts-bonded: build/packages $(wildcard dem/engine/*)
+build/engine/liggghts-bonded: build/packages $(wildcard dem/engine/* dem/engine/*/*)
 	$(MAKE) -C dem/engine BUILD=$(abspath build/engine)
 
 build/python:

@@ -72,7 +72,7 @@ def read_network(run: Run) -> Network:
 
 
 def _network_of_stream(file: Path) -> Network:
-    """Of the stones of a stream, each as it is where it enters (dem/engine/stone_file.h)."""
+    """Of the stones of a stream, each as it is where it enters (dem/engine/stones/stone_file.h)."""
     numbers = np.fromfile(file, dtype="<f8")
     whole = numbers.view("<i8")
     if len(numbers) < 2 or len(numbers) < 3 + whole[1] + INDEX_NUMBERS * whole[0]:

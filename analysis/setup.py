@@ -39,7 +39,11 @@ def setup_of(run: Run) -> Setup:
     """The setup of a run. RecordError, naming the key, where the scene does not hold it."""
     stones, plate = run.scene.stones, run.scene.plate
     names = {"coal": stones.coal, "gangue": stones.gangue}
-    rods = _given(run, "plate.rods", plate.rods)
+    rods = _given(run, "plate.rods", plate.rods or None)
+    length_m, width_m = map(float, np.ptp([[rod.x_m, rod.y_m] for rod in rods], axis=0))
+    if not length_m or not width_m:
+        raise RecordError(f"{run.path}/run.json: scene.plate.rods stand on one line; needs a length and a width "
+                          "between them for the theory")
     count = _given(run, "stones.count", stones.count)
     return Setup(
         places_m=places_of(run),
@@ -49,8 +53,8 @@ def setup_of(run: Run) -> Setup:
         rocks={kind: _elastic(run, f"materials.{name}", run.scene.materials.get(name)) for kind, name in names.items()},
         restitution={kind: _restitution(run, name) for kind, name in names.items()},
         plate=_elastic(run, "plate", plate),
-        support_length_m=float(np.ptp([rod.x_m for rod in rods])),
-        support_width_m=float(np.ptp([rod.y_m for rod in rods])),
+        support_length_m=length_m,
+        support_width_m=width_m,
         thickness_m=_given(run, "plate.thickness_m", plate.thickness_m),
     )
 

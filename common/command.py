@@ -117,6 +117,10 @@ def _ended(program: str, command: Callable[[], int | None]) -> int:
         return PIPE_CLOSED
     except MemoryError:
         say(f"{program}: not enough memory")
+    except (RuntimeError, ImportError) as error:
+        if not any(words in str(error) for words in ("can't start new thread", "failed to map segment")):
+            raise
+        say(f"{program}: not enough memory ({error})")
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EIO):
             _silence(sys.stdout)  # what is left in its buffer would be tried again at the end

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from common.input_error import InputError, refuse_unreadable
+from common.input_error import InputError, refuse_monstrous, refuse_unreadable
 
 MOST_JSON_BYTES = 100e6
 AT_A_TIME = 16  # files that are forced to disk
@@ -25,11 +25,23 @@ def written_whole(file: Path) -> Iterator[Path]:
     """
     beside = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
-        yield beside
-        _force_to_disk(beside)
-        beside.replace(file)
+        with named(file):
+            yield beside
+            _force_to_disk(beside)
+            beside.replace(file)
     finally:
         beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def named(file: Path) -> Iterator[None]:
+    """An error of writing that does not say where, as that of a full disk, is one of this file."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        raise OSError(error.errno, error.strerror or str(error), str(file)) from error
 
 
 def force_to_disk(files: Iterable[Path]) -> None:
@@ -37,8 +49,13 @@ def force_to_disk(files: Iterable[Path]) -> None:
     one."""
     from concurrent.futures import ThreadPoolExecutor  # late: slow beside what a command that only reads may take
 
-    with ThreadPoolExecutor(AT_A_TIME) as pool:
-        list(pool.map(_force_to_disk, files))
+    waiting = list(files)
+    try:
+        with ThreadPoolExecutor(AT_A_TIME) as pool:
+            list(pool.map(_force_to_disk, waiting))
+    except RuntimeError:  # no memory for another thread
+        for file in waiting:
+            _force_to_disk(file)
 
 
 def _force_to_disk(file: Path) -> None:
@@ -68,6 +85,7 @@ def read_json(file: Path) -> dict[str, Any] | None:
         raise InputError(f"{file}: cut off or not JSON ({error}); allowed is what a run wrote") from None
     if not isinstance(content, dict):
         raise InputError(f"{file}: not what a run wrote")
+    refuse_monstrous(file, content)
     return content
 
 

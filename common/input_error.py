@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import stat
 from pathlib import Path
+from typing import Any
+
+MOST_DEEP, MOST_BITS = 32, 2000  # tables within tables; of a whole number, six hundred digits
 
 
 class InputError(ValueError):
@@ -25,3 +28,18 @@ def refuse_unreadable(path: Path, most_bytes: float) -> None:
         raise InputError(f"{path}: must be a regular file, not a device or a pipe")
     if found.st_size > most_bytes:
         raise InputError(f"{path}: {found.st_size / 1e6:.4g} MB; must have at most {most_bytes / 1e6:g} MB")
+
+
+def refuse_monstrous(source: object, content: Any) -> None:
+    """Raises InputError for tables and lists so deep within each other, or whole numbers so long, that what looks at
+    them later would fail: they are legal in TOML and JSON."""
+    values = [content]
+    for _ in range(MOST_DEEP):
+        for value in values:
+            if isinstance(value, int) and value.bit_length() > MOST_BITS:
+                raise InputError(f"{source}: holds a number of more than {MOST_BITS * 3 // 10} digits")
+        values = [inner for value in values if isinstance(value, (dict, list))
+                  for inner in (value.values() if isinstance(value, dict) else value)]
+        if not values:
+            return
+    raise InputError(f"{source}: tables within tables, more than {MOST_DEEP} deep")

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from common.files import named
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -31,8 +33,9 @@ def write_parquet(table: pd.DataFrame | Mapping[str, np.ndarray], file: Path) ->
         arrow = pa.Table.from_pandas(table, preserve_index=False)
     numbers = [column.name for column in arrow.schema if pa.types.is_floating(column.type)]
     others = [name for name in arrow.column_names if name not in numbers]
-    write_table(arrow, file, compression="zstd", use_dictionary=others, use_byte_stream_split=numbers,
-                write_page_checksum=True)
+    with named(file):
+        write_table(arrow, file, compression="zstd", use_dictionary=others, use_byte_stream_split=numbers,
+                    write_page_checksum=True)
 
 
 def _arrow(values: np.ndarray) -> Any:

@@ -6,8 +6,11 @@ import ctypes
 import gc
 import os
 import signal
+import subprocess
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
@@ -21,6 +24,42 @@ _work: Callable[[int], Any]
 def die_with_parent(by: int = signal.SIGKILL) -> None:
     """Called in a new process: the kernel sends it a signal when the one that started it is gone."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, by)
+
+
+def run_group(command: Sequence[str]) -> int:
+    """Return the exit code, as of a shell, of a command that starts others, in a process group of their own. Whatever
+    ends this process ends all of them: another one waits for that, asks them to stop and then makes them. It holds the
+    locks of this one until they are gone."""
+    process = subprocess.Popen(command, process_group=0)
+    reads, writes = os.pipe()
+    if (guard := os.fork()) == 0:
+        try:
+            os.setsid()  # a signal to the terminal's processes is not for this one
+            os.close(writes)
+            if not os.read(reads, 1):  # all copies of the other end are closed
+                _end_group(process.pid)
+        finally:
+            os._exit(0)
+    os.close(reads)
+    try:
+        code = process.wait()
+        if code >= 0:  # not killed, so that it ended what it started
+            os.write(writes, b".")
+        return code if code >= 0 else 128 - code
+    finally:
+        os.close(writes)
+        process.wait()
+        os.waitpid(guard, 0)
+
+
+def _end_group(group: int) -> None:
+    for number, patience_s in ((signal.SIGINT, 2.0), (signal.SIGKILL, 10.0)):
+        deadline = time.monotonic() + patience_s
+        with suppress(ProcessLookupError):
+            os.killpg(group, number)
+            while time.monotonic() < deadline:
+                os.killpg(group, 0)
+                time.sleep(0.05)
 
 
 def side_by_side(work: Callable[[int], Result], count: int,

@@ -15,11 +15,12 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from common.error_laws import least_tolerance
+from common.input_error import MOST_DEEP
 from common.plate import PlateTable, refuse_density
 from common.scene_file import scene_tables
 from common.scene_shapes import ShapeTable
 from common.scene_stones import SPHERE, AgglomerateTable, StonesTable
-from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check
+from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
 LEAST_STRENGTH_Pa = 100.0
@@ -184,6 +185,8 @@ class Scene(Table):
         if self.plate.youngs_modulus_Pa < LEAST_MODULUS_Pa:
             raise Refused("plate.youngs_modulus_Pa", self.plate.youngs_modulus_Pa,
                           f"must be at least {LEAST_MODULUS_Pa:g}")
+        if self.plate.poisson_ratio < 0:
+            raise Refused("plate.poisson_ratio", self.plate.poisson_ratio, "must be at least 0, as LIGGGHTS has it")
         if self.stones.speed_m_s == 0 and self.time.gravity_m_s2 == 0:
             raise Refused("stones.speed_m_s", 0.0,
                           "must be above 0 where there is no time.gravity_m_s2: nothing would move")
@@ -321,6 +324,8 @@ def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
         if key in ("base", "without"):
             raise InputError(f"{path}: {key}: must stand in the file itself")
         *tables, last = key.split(".")
+        if len(tables) > MOST_DEEP:
+            raise InputError(f"{path}: {key[:60]}...: must name a key of the scene, which has no tables so deep")
         table = data
         for name in tables:
             table = table.setdefault(name, {})
@@ -330,6 +335,7 @@ def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
             table.pop(last, None)
         else:
             table[last] = value
+    refuse_monstrous(path, changes)
     return check(Scene, data, path)
 
 

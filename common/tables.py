@@ -13,6 +13,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from common.input_error import InputError as InputError
+from common.input_error import refuse_monstrous as refuse_monstrous
 from common.input_error import refuse_unreadable as refuse_unreadable
 
 MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
@@ -76,13 +77,15 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     refuse_unreadable(path, MOST_TOML_BYTES)
     try:
         with path.open("rb") as file:
-            return tomllib.load(file)
+            content = tomllib.load(file)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except RecursionError:
         raise InputError(f"{path}: not a TOML file: tables within tables, too deep") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from None
+    except ValueError as error:  # of TOML, UTF-8 or a number of too many digits
+        raise InputError(f"{path}: not a TOML file: {str(error).partition('; use sys.')[0]}") from None
+    refuse_monstrous(path, content)
+    return content
 
 
 def inline_toml(value: Any) -> str:

@@ -228,16 +228,16 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 def _refuse_foreign_calibration(material: str, out: Path) -> None:
     """What a calibration would replace must be of an earlier one."""
-    from common.output_directory import refuse_foreign_file
+    from common.output_directory import begins_with, files_in, is_stamped, refuse_foreign_file
     from common.tables import InputError
-    from dem.calibration.calibrate import TESTS_AT_WORK
+    from dem.calibration.calibrate import AT_WORK
 
     if "/" in material:
         return  # no material has such a name, and calibrate says so
-    refuse_foreign_file(out / f"{material}.toml", "written by `python -m dem calibrate")
-    refuse_foreign_file(out / f"{material}_tests.csv", "stage,test,seed")
+    refuse_foreign_file(out / f"{material}.toml", is_stamped)
+    refuse_foreign_file(out / f"{material}_tests.csv", begins_with("stage,test,seed,"))
     work = out / f"{material}.partial"
-    if work.exists() and not {entry.name for entry in work.iterdir()} <= TESTS_AT_WORK:
+    if not all(map(AT_WORK.fullmatch, files_in(work))):
         raise InputError(f"{work}: is there, and this program did not write it; move it away")
 
 

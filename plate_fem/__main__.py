@@ -47,7 +47,7 @@ def show_modes(scene: Path, out: Path | None) -> None:
     Raises InputError for a scene that cannot be read, or whose plate is rigid or has no `max_frequency_Hz`.
     """
     from common.cache import user_cache
-    from common.output_directory import refuse_file
+    from common.output_directory import is_stamped, refuse_file
     from common.plate import read_plate
     from common.tables import InputError, refused_in
     from plate_fem.modes import plate_modes
@@ -60,7 +60,7 @@ def show_modes(scene: Path, out: Path | None) -> None:
     if out is not None and out.suffix != ".vtu":
         raise InputError(f"--out = {out}: the name must end in .vtu")
     if out is not None:
-        refuse_file(str(out), "<VTKFile")
+        refuse_file(str(out), is_stamped)
     with refused_in(scene, "plate"):
         modes = plate_modes(plate, user_cache())
     print(f"# {modes.theory} plate, {len(modes.quad)} cells, mass {modes.mass_kg:.6g} kg")
@@ -78,6 +78,7 @@ def write_shapes(modes: PlateModes, out: Path) -> None:
     import numpy as np
 
     from common.files import written_whole
+    from common.output_directory import stamped
 
     points = np.column_stack([modes.node_m, np.zeros(len(modes.node_m))])
     largest = abs(modes.shape).max(axis=0)
@@ -86,6 +87,7 @@ def write_shapes(modes: PlateModes, out: Path) -> None:
     fields = {f"mode_{j:03d}_{frequency:.1f}_Hz": column for j, (frequency, column) in enumerate(columns, 1)}
     with written_whole(out) as beside:
         meshio.Mesh(points, [("quad", modes.quad)], point_data=fields).write(beside, file_format="vtu")
+        beside.write_text(stamped(beside.read_text()))
 
 
 if __name__ == "__main__":

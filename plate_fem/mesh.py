@@ -89,7 +89,7 @@ def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
 
     Point supports lie on grid lines. By default a cell at a rod is as wide as the rod's radius, and cells grow
     away from it. A table's `mesh_size_m` refines these cells in the same proportion.
-    Raises Refused for more than MOST_CELLS cells or MOST_LINES lines.
+    Raises Refused for more than MOST_CELLS cells or MOST_LINES lines, before any memory is taken.
     """
     key = "max_frequency_Hz" if plate.mesh_size_m is None else "mesh_size_m"
     largest = mesh_size(plate)
@@ -109,6 +109,11 @@ def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
         lines.append(_graded(_distinct(fixed, 1e-6 * side), largest, fine))
         if len(lines[-1]) > MOST_LINES:
             raise Refused("rods", f"{len(plate.rods)} rods", f"must leave at most {MOST_LINES} lines across the mesh")
+    cells = math.prod(len(line) - 1 for line in lines)
+    if cells > MOST_CELLS and plate.rods:
+        k, rod = min(enumerate(plate.rods), key=lambda each: each[1].diameter_m)
+        raise Refused(f"rods.{k}.diameter_m", rod.diameter_m, f"must leave a mesh of at most {MOST_CELLS} cells, fine "
+                      f"at the rods; here it has {cells}")
     return lines
 
 

@@ -38,12 +38,12 @@ def _command(arguments: argparse.Namespace) -> int:
 
 def fit(arguments: argparse.Namespace) -> None:
     from analysis.runs import read_sweep
-    from common.output_directory import refuse_file
+    from common.output_directory import is_sealed_as, refuse_file
     from recognition.evaluation.dataset import CONDITIONS, read_dataset
     from recognition.models import FORMAT, Model
 
     directory, out = Path(arguments.directory), Path(arguments.out)
-    refuse_file(arguments.out, FORMAT)
+    refuse_file(arguments.out, is_sealed_as(FORMAT))
     if any(directory.glob("ratio_*")):
         sweep = read_sweep(directory)
         runs, model = sweep.runs, Model.fit(sweep.runs)
@@ -101,22 +101,19 @@ def _print_best(name: str, answer: Answer) -> None:
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
-    from common.output_directory import refuse_foreign_file
+    from common.output_directory import begins_with, refuse_foreign_file
     from recognition.estimation.errors import RecognitionError
     from recognition.evaluation.cross_validation import write_evaluation
     from recognition.evaluation.dataset import read_dataset
-    from recognition.evaluation.error_bounds import write_bounds
-    from recognition.methods import EVALUATED
+    from recognition.methods import METHODS
 
-    names = arguments.method or list(EVALUATED)
-    unknown = [name for name in names if name not in EVALUATED]
+    names = arguments.method or list(METHODS)
+    unknown = [name for name in names if name not in METHODS]
     if unknown:
-        raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(EVALUATED)}")
-    for file, first in (("evaluation.csv", "method,held_out,"), ("bounds.csv", "setting,channels,")):
-        refuse_foreign_file(Path(arguments.directory) / file, first)
+        raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(METHODS)}")
+    refuse_foreign_file(Path(arguments.directory) / "evaluation.csv", begins_with("method,held_out,"))
     data = read_dataset(arguments.directory)
-    print(f"written to {write_evaluation(data, arguments.directory, {name: EVALUATED[name] for name in names})}")
-    print(f"what no method can pass: {write_bounds(data, arguments.directory)}")
+    print(f"written to {write_evaluation(data, arguments.directory, {name: METHODS[name] for name in names})}")
 
 
 def tap(arguments: argparse.Namespace) -> int:
@@ -157,7 +154,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--plate", help="plate that `tap` wrote, where it is not exactly that of the training")
     command = commands.add_parser("evaluate", help="what each method makes of runs it was not trained on")
     command.add_argument("directory",
-                         help="data set, FAMILY/GROUP/ratio_*; evaluation.csv and bounds.csv are written into it")
+                         help="data set, FAMILY/GROUP/ratio_*; evaluation.csv is written into it")
     command.add_argument("--method", action="append", help="one method only; may be given several times")
     command = commands.add_parser("tap", help="learn a plate's modes from taps at known places")
     command.add_argument("scene", help="scene file whose plate it is thought to be")

@@ -1,18 +1,16 @@
-"""The registry of methods: those of a model file, and further ones of the evaluation."""
+"""The registry of methods: what a model holds, and an evaluation compares."""
 
 from __future__ import annotations
 
 from functools import partial
 
 from recognition.estimation.method import MethodEntry, Registry
-from recognition.evaluation.baselines import BASELINES
 from recognition.paper.fusion import Fusion
 from recognition.paper.pipeline import FusionPipeline, as_published, modified
 from recognition.paper.q_parameter import FusionQ
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.regression.feature_regression import FeatureRegression
 
-#: What a model holds.
 METHODS: Registry = {
     "fusion_q": MethodEntry("Q polynomial", FusionQ, gives_interval=False),
     "energy_fusion_as_published": MethodEntry(
@@ -22,6 +20,3 @@ METHODS: Registry = {
     "arrangement_likelihood": MethodEntry("likelihood of arrangements", ArrangementLikelihood, seeks_impact=True),
     "energies_sensors": MethodEntry("energies of four accelerometers", partial(FeatureRegression, "energies_sensors")),
 }
-
-#: What an evaluation compares.
-EVALUATED: Registry = {**METHODS, **BASELINES}

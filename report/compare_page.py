@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from common.files import write_text
-from common.output_directory import GENERATOR, refuse_file
+from common.output_directory import is_stamped, refuse_file, stamped
 from common.resources import resource
 from report.compare import MAIN_NUMBERS, Comparison, Curve, Pair, compare
 from report.figures.style import ACCENT, GANGUE, PALE, RATIO_LABEL, canvas, styled, to_uri
@@ -23,8 +23,8 @@ def write_comparison(a: Path, b: Path, out: Path | None = None) -> Path:
     would replace, OSError where a file cannot be read or written.
     """
     out = out or page_of(a, b)
-    refuse_file(str(out), GENERATOR)
-    write_text(out, render(compare(a, b)))
+    refuse_file(str(out), is_stamped)
+    write_text(out, stamped(render(compare(a, b))))
     return out
 
 
@@ -62,12 +62,12 @@ def draw_curve(curve: Curve, names: tuple[str, str]) -> Figure:
     figure, axes = canvas(2, height_in=3.0, sharex=True)
     above, below = axes[:, 0]
     t_ms = 1e3 * curve.t_s
-    above.plot(t_ms, curve.a, color=PALE, linewidth=1.8, label=names[0])
-    above.plot(t_ms, curve.b, color=ACCENT, linewidth=0.8, label=names[1])
+    above.plot(t_ms, curve.a, color=PALE, linewidth=1.8, label=as_label(names[0]))
+    above.plot(t_ms, curve.b, color=ACCENT, linewidth=0.8, label=as_label(names[1]))
     above.set_title(curve.title)
     above.legend()
     below.plot(t_ms, curve.b - curve.a, color=GANGUE, linewidth=0.8)
-    below.set_title(f"difference, {names[1]} - {names[0]}")
+    below.set_title(f"difference, {as_label(names[1])} - {as_label(names[0])}")
     below.set_xlabel("time, ms")
     below.set_xlim(t_ms[0], t_ms[-1])
     return figure
@@ -83,7 +83,7 @@ def draw_ratios(pairs: list[Pair], names: tuple[str, str]) -> Figure:
         sides = (names[0], PALE, [row.a for row in rows]), (names[1], ACCENT, [row.b for row in rows])
         for name, colour, values in sides:
             known = [np.nan if value is None else value for value in values]
-            axis.plot(ratios, known, "o-", color=colour, markersize=3, label=name)
+            axis.plot(ratios, known, "o-", color=colour, markersize=3, label=as_label(name))
         axis.set_title(f"{title}, {unit}" if unit else title)
     axes[0, 0].legend()
     for axis in axes[1]:
@@ -96,6 +96,11 @@ def as_text(value: Any) -> str:
     if value is None:
         return "-"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def as_label(name: str) -> str:
+    """The name of a directory in a picture, where dollars would enclose a formula and a leading _ would hide it."""
+    return ("\u200b" if name.startswith("_") else "") + name.replace("$", r"\$")
 
 
 def as_percent(value: float | None) -> str:

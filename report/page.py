@@ -11,19 +11,18 @@ from typing import Any
 
 import jinja2
 import numpy as np
+from markupsafe import Markup
 
 from analysis import Sweep, read_sweep
 from analysis.stream import is_stream
 from common.files import write_text
-from common.output_directory import GENERATOR, refuse_foreign_file
+from common.output_directory import begins_with, is_stamped, refuse_foreign_file, stamped
 from common.resources import resource
 from report import tables
 from report.chapters.breakage import BREAKAGE_FIGURES
-from report.chapters.evaluation import EVALUATION_FIGURES
 from report.chapters.figure_spec import FigureSpec, FinishedFigure
 from report.chapters.recognition import ANSWER, RECOGNITION_FIGURES
 from report.chapters.response import RESPONSE_FIGURES
-from report.chapters.rocks import ROCK_FIGURES
 from report.chapters.signals import SIGNAL_FIGURES
 from report.chapters.theory import THEORY_FIGURES
 from report.claims.breakage import BREAKAGE_STATEMENTS
@@ -39,6 +38,7 @@ from report.film.reel import Films
 from report.film.still_scene import still_scene
 from report.parts import Parts, Spec, make_parts
 from report.results.missing import MISSING_RESULT
+from report.results.recognition import HELD_OUT
 from report.results.sweep_results import SweepResults
 from report.stream_page import stream_runs
 from report.tables import FinishedTable, TableSpec, finish_table
@@ -48,13 +48,14 @@ TEMPLATES = resource("templates")
 #: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
-    ("Rocks", ROCK_FIGURES, [tables.ROCKS]),
     ("Breakage", BREAKAGE_FIGURES, []),
     ("Response of the plate", RESPONSE_FIGURES, []),
     ("Signals", SIGNAL_FIGURES, [tables.EMD_RULES, tables.STANDARDISED]),
-    ("Recognition", RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED, tables.CHOICES]),
-    ("Runs not trained on", EVALUATION_FIGURES, [tables.UNSEEN]),
+    ("Recognition", RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED]),
 ]
+
+#: Of whose scene alone the page says what the paper states.
+PAPER = "paper"
 
 #: All statements of the paper, in its order, those of a chapter together; the last are of the recognised ratios.
 STATEMENTS = [THEORY_STATEMENTS, BREAKAGE_STATEMENTS, RESPONSE_STATEMENTS, SIGNAL_STATEMENTS, RECOGNITION_STATEMENTS]
@@ -99,31 +100,33 @@ class Number:
 
 
 def write_report(directory: str | Path) -> Path:
-    """Write report.html and claims.csv into a directory of runs, each whole or not at all. Of streams it is the page of
-    what fell (report/stream_page.py), without claims.csv, since the paper has none.
+    """Write report.html into a directory of runs, and of the paper's scene claims.csv, each whole or not at all. Of
+    streams it is the page of what fell (report/stream_page.py).
 
     Returns the path of the report. Raises RecordError or RecognitionError, with a message of one line, where the runs
     cannot be used, and OSError where the files cannot be written.
     """
     file = Path(directory) / "report.html"
-    refuse_foreign_file(file, GENERATOR, "<title>Coal and gangue")  # the title is that of earlier versions
+    refuse_foreign_file(file, is_stamped)
     sweep = read_sweep(directory)
     if all(is_stream(run) for run in sweep.runs):
-        write_text(file, render_streams(sweep))
+        write_text(file, stamped(render_streams(sweep)))
         return file
-    refuse_foreign_file(file.with_name("claims.csv"), "claim,where,verdict")
+    refuse_foreign_file(file.with_name("claims.csv"), begins_with("claim,where,verdict,"))
     results = SweepResults(sweep)
     parts = _parts(results)
     parts = replace(parts, claims=[replace(c, value=local(c.value, results.sweep)) for c in parts.claims])
-    write_text(file.with_name("claims.csv"), to_csv(parts.claims))
-    write_text(file, render(results, parts))
+    if parts.claims:
+        write_text(file.with_name("claims.csv"), to_csv(parts.claims))
+    write_text(file, stamped(render(results, parts)))
     return file
 
 
 def _parts(results: SweepResults) -> Parts:
     longest_first: list[Spec] = [table for _, _, chapter_tables in CHAPTERS for table in chapter_tables]
     specs = [*longest_first, ANSWER, *(figure for _, figures, _ in CHAPTERS for figure in figures)]
-    return make_parts(results, specs, STATEMENTS)
+    of_paper = all(run.scene.name == PAPER for run in results.runs)
+    return make_parts(results, specs, STATEMENTS if of_paper else [[]])
 
 
 def render(results: SweepResults, parts: Parts) -> str:
@@ -165,8 +168,13 @@ def _environment(sweep: Sweep) -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["local"] = lambda text: local(text, sweep)
+    environment.filters |= {"local": lambda text: local(text, sweep), "in_script": in_script}
     return environment
+
+
+def in_script(json_text: str) -> Markup:
+    """JSON for inside a script element: text in it, which may come from any run.json, cannot end the element."""
+    return Markup(json_text.replace("<", "\\u003c"))  # noqa: S704 - as htmlsafe_json_dumps does
 
 
 def local(text: str, sweep: Sweep) -> str:
@@ -203,27 +211,26 @@ def three_js() -> str:
 
 
 def numbers(results: SweepResults, counts: Counter[str]) -> list[Number]:
-    """Return the three numbers of the first screen."""
+    """Return the numbers of the first screen."""
     total = sum(counts.values())
     peaks_kN = 1e-3 * results.sweep.peaks("force_N")
-    return [
-        _unseen(results),
+    found = [
+        _held_out(results),
         Number(f"{peaks_kN[0]:.0f} to {peaks_kN[-1]:.0f} kN", "largest force, from lowest to highest ratio"),
-        Number(f"{counts[HELD]} of {total}", "statements of the paper held"),
     ]
+    return [*found, Number(f"{counts[HELD]} of {total}", "statements of the paper held")] if total else found
 
 
-def _unseen(results: SweepResults) -> Number:
-    """Return the error of the best method on runs that it was not trained on, measured here or kept."""
-    evaluation = results.evaluation
-    table = evaluation.table
-    of_case = (table["case"] == "many runs") & table["noise_db"].isna() & table["mean_abs_error_points"].notna()
-    chosen = table[of_case].sort_values("mean_abs_error_points").to_dict("records")
-    if not chosen:
-        return Number("-", "error of the ratio on unseen runs: not in evaluation.csv")
-    words = f"mean error of the ratio on unseen runs, worst {chosen[0]['worst_points']:.0f}"
-    kept = " (kept result)" if evaluation.kept else ""
-    return Number(f"{chosen[0]['mean_abs_error_points']:.1f} points", words + kept)
+def _held_out(results: SweepResults) -> Number:
+    """Return the error of the method that answers most runs, trained on the other ratios."""
+    words = "mean error of the ratio, trained on the other ratios"
+    try:
+        error = np.abs(results.recognition.errors_points(HELD_OUT, results.recognition.leading_method))
+    except MISSING_RESULT as reason:
+        return Number("-", f"{words}: {reason}")
+    if not error.size:
+        return Number("-", f"{words}: no answer")
+    return Number(f"{error.mean():.1f} points", f"{words}, worst {error.max():.1f}")
 
 
 def rises(results: SweepResults) -> list[Rise]:

@@ -8,14 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 
 from analysis.features import BASE_PARAMETERS
 from report.film.packing import pack_text
-from report.results.methods import EVALUATED_METHODS, MODEL_METHODS
+from report.results.methods import MODEL_METHODS
 from report.results.missing import MISSING_RESULT
-from report.results.open_choices import compare_open_choices
-from report.results.rocks import fitted_properties
 from report.results.sweep_results import SweepResults
 
 #: A space at which "3 of 11" does not break into two lines.
@@ -74,26 +71,6 @@ def materials(results: SweepResults) -> Cells:
     return header, rows
 
 
-#: Of `reached` in scenes/materials: what the table calls it, and the unit it has there.
-PROPERTIES = {
-    "youngs_modulus_Pa": ("E, GPa", 1e9),
-    "poisson_ratio": ("Poisson's ratio", 1.0),
-    "tensile_strength_Pa": ("tensile strength, MPa", 1e6),
-    "compressive_strength_Pa": ("uniaxial compressive strength, MPa", 1e6),
-}
-
-
-def rocks(_: SweepResults) -> Cells:
-    """Return what each shipped rock was fitted to beside what its virtual tests give."""
-    rows = []
-    for found in fitted_properties():
-        title, unit = PROPERTIES[found.key]
-        rows.append([f"{found.rock}: {title}", f"{found.target / unit:.3g}",
-                     f"{found.mean / unit:.3g} ± {found.deviation / unit:.2g}", f"{100 * found.error:+.1f}",
-                     found.source.replace("scene paper", "paper, Table 1")])  # fmt: skip
-    return ["", "laboratory", "virtual tests", "error, %", "source"], rows
-
-
 def emd_rules(results: SweepResults) -> Cells:
     """Return time and error of the first IMF by each stopping rule."""
     rows = [
@@ -132,44 +109,6 @@ def recognised(results: SweepResults) -> Cells:
         cells = [rows_of_training[i][method] for rows_of_training in answers.values() for method in MODEL_METHODS]
         rows.append([true, *("no answer" if c.reason else f"{100 * c.ratio:.2f}" for c in cells)])
     return header, rows
-
-
-def choices(results: SweepResults) -> Cells:
-    """Return the errors of other choices where the paper leaves one open."""
-    rows = [
-        [outcome.name, *_error_cells(outcome.errors_points, len(results.runs)), outcome.reason]
-        for outcome in compare_open_choices(results)
-    ]
-    header = ["choice", "answered", "mean", "worst", ""]
-    return header, rows
-
-
-def unseen(results: SweepResults) -> Cells:
-    """Return the rows of evaluation.csv without noise and at 20 dB, but those without an answer."""
-    rows = []
-    if results.evaluation.kept:
-        return _kept(results.evaluation.table)
-    for r in results.evaluation.table.to_dict("records"):
-        if r["noise_db"] == 40 or not r["answered"]:
-            continue
-        noise_db = "-" if np.isnan(r["noise_db"]) else f"{r['noise_db']:.0f}"
-        numbers = [f"{r[name]:.2f}" for name in ("mean_abs_error_points", "p95_points", "worst_points", "bias_points")]
-        covered = "-" if np.isnan(r["coverage_90"]) else f"{100 * r['coverage_90']:.0f}"
-        rows.append([r["case"], EVALUATED_METHODS.get(r["method"], r["method"]), noise_db,
-                     _of(r["answered"], r["n"]), *numbers, covered, f"{100 * r['flagged']:.0f}"])  # fmt: skip
-    header = ["case", "method", "noise, dB", "answered", "mean", "95 %", "worst", "bias", "covered, %", "flagged, %"]
-    return header, rows
-
-
-def _kept(table: pd.DataFrame) -> Cells:
-    """Return the rows of the kept evaluation, which has fewer columns."""
-    rows = [
-        [r["case"], EVALUATED_METHODS.get(r["method"], r["method"]),
-         "-" if np.isnan(r["noise_db"]) else f"{r['noise_db']:.0f}",
-         f"{r['mean_abs_error_points']:.1f}", f"{r['worst_points']:.0f}"]
-        for r in table.to_dict("records")
-    ]  # fmt: skip
-    return ["case", "method", "noise, dB", "mean", "worst"], rows
 
 
 def errors(results: SweepResults) -> Cells:
@@ -227,15 +166,6 @@ MATERIALS = TableSpec(
     note="",
     build=materials,
 )
-ROCKS = TableSpec(
-    key="table-rocks",
-    title="Strength of the shipped rocks",
-    note=(
-        "Mean and standard deviation over packings outside the fit. The scenes have soft coal, since top coal is"
-        " damaged when it falls; hard coal is scenes/materials/hard_coal.toml."
-    ),
-    build=rocks,
-)
 EMD_RULES = TableSpec(
     key="table-rules",
     title="Cost of the EMD stopping rules",
@@ -259,21 +189,6 @@ RECOGNISED = TableSpec(
     title="Recognised mixing ratio of each run",
     note="In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations.",
     build=recognised,
-)
-CHOICES = TableSpec(
-    key="table-choices",
-    title="Choices that the paper leaves open",
-    note="Errors in points of mixing ratio, that ratio held out. Noise-free runs of one arrangement and speed.",
-    build=choices,
-)
-UNSEEN = TableSpec(
-    key="table-unseen",
-    title="Runs that were not trained on",
-    note=(
-        "Errors in points of mixing ratio, of the runs answered; covered: share of true ratios in the 90 % interval;"
-        " flagged: as outside the calibration. What each case holds out and more noise: evaluation.csv."
-    ),
-    build=unseen,
 )
 ERRORS = TableSpec(
     key="table-errors",

@@ -35,7 +35,7 @@ page.filter = function (board) {
 
 // A link to a figure or to the scoreboard opens what is folded around its target.
 page.open = function () {
-  const target = location.hash && document.getElementById(location.hash.slice(1));
+  const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
   const folded = target && target.closest("details");
   if (folded) folded.open = true;
 };
@@ -46,7 +46,7 @@ addEventListener("DOMContentLoaded", () => {
   document.documentElement.classList.add("scripted");
   page.open();
   for (const button of document.querySelectorAll("[data-svg]")) {
-    const image = document.querySelector(`#${button.dataset.svg} img`);
+    const image = document.getElementById(button.dataset.svg).querySelector("img");
     button.addEventListener("click", () => page.save(`${button.dataset.svg}.svg`, image.src));
   }
   for (const button of document.querySelectorAll("[data-csv]")) {

@@ -1,13 +1,16 @@
-"""The cache of modes and packings of this session's tests: empty at the start, and shared by all its processes."""
+"""What all tests share: a cache of modes and packings, empty at the start, and Ctrl-C as on a terminal."""
 
 import os
 import shutil
+import signal
 import tempfile
 
 WORKER = "PYTEST_XDIST_WORKER" in os.environ  # which inherits the directory of the process that started it
 
 
 def pytest_configure(config):
+    # A shell without job control starts programs in the background with SIGINT ignored, which children inherit.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if not WORKER:
         os.environ["COAL_GANGUE_CACHE"] = tempfile.mkdtemp(prefix="cache-of-tests-")
 

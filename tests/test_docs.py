@@ -46,20 +46,31 @@ def test_examples_of_commands(tmp_path):
     assert (tmp_path / "run" / "run.json").is_file()
 
 
-@pytest.mark.validate
-def test_the_example_of_a_fix(tmp_path):
-    """Built into a copy of the engine; two spheres that fall freely have the speed that gravity gives them."""
+def engine_with_the_example(tmp_path):
+    """A copy of the engine's sources with the fix, put in as the page says."""
     engine = tmp_path / "engine"
     shutil.copytree(ROOT / "dem" / "engine", engine)
     for code in blocks("cpp"):
         name, text = re.fullmatch(r"// (\S+)\n(.*)", code, re.DOTALL).groups()
         (engine / name).write_text(text)
-    for file, old, new in [("Makefile", "SOURCES := ", "SOURCES := fix_top_speed.cpp "),
+    for file, old, new in [("Makefile", "GROUP_output := ", "GROUP_output := fix_top_speed.cpp "),
                            ("main.cpp", '#include "fix_ledger.h"', '#include "fix_ledger.h"\n#include "fix_top_speed.h"'),
                            ("main.cpp", 'styles["ledger"]', 'styles["top/speed"] = &create<FixTopSpeed>;\n  styles["ledger"]')]:
         text = (engine / file).read_text()
         assert text.count(old) == 1
         (engine / file).write_text(text.replace(old, new))
+    return engine
+
+
+def test_the_example_of_a_fix_is_put_where_the_page_says(tmp_path):
+    engine_with_the_example(tmp_path)
+    assert "`GROUP_output`" in EXTENDING and "`add_styles`" in EXTENDING
+
+
+@pytest.mark.validate
+def test_the_example_of_a_fix(tmp_path):
+    """Built into a copy of the engine; two spheres that fall freely have the speed that gravity gives them."""
+    engine = engine_with_the_example(tmp_path)
     subprocess.run(["make", "-s", "-C", str(engine), f"BUILD={tmp_path / 'build'}"], check=True)
     (tmp_path / "deck").write_text("""
 atom_style granular
@@ -111,7 +122,7 @@ def test_the_index_lists_every_page():
 def test_paths_that_a_page_names_exist(page):
     """In the text, not in examples; those of tests may leave out `tests/`."""
     text = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL).replace("SCENE=scenes/x.toml", "")
-    folders = "|".join((*PACKAGES, "benchmarks", "scenes", "templates", "tests", "workflow"))
+    folders = "|".join((*PACKAGES, "lab", "scenes", "templates", "tests", "workflow"))
     for path in re.findall(rf"(?<![\w/])(?:{folders})/[\w/]+(?:\.\w+)+", text):
         assert (ROOT / path).exists() or (ROOT / "tests" / path).exists(), path
 

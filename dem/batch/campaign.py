@@ -16,11 +16,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-import os
-import signal
-import subprocess
 import sys
-from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -31,6 +27,7 @@ from pydantic import Field
 
 from common.files import written_whole
 from common.output_directory import at_work_in
+from common.processes import run_group
 from common.resources import resource
 from common.scene import changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Table, check, inline_toml, read_toml
@@ -52,8 +49,10 @@ class CampaignPlan(Table):
 
 @dataclass(frozen=True)
 class CampaignRun:
-    """`directory` below the campaign's directory, `changes` to the scene by dotted key, `np` MPI ranks."""
+    """`scene` file, `directory` below the campaign's directory, `changes` to the scene by dotted key, `np` MPI
+    ranks."""
 
+    scene: str
     directory: str
     changes: dict[str, Any]
     np: int
@@ -79,17 +78,17 @@ def plan_campaign(file: Path) -> tuple[Path, list[CampaignRun]]:
         group = scene_hash(scene.model_copy(update={"stones": scene.stones.model_copy(update={"gangue_ratio": 0.0})}))
         directory = f"{group}/{ratio_name(scene.stones.gangue_ratio or 0.0)}"
         if directory not in seen:  # a value given twice
-            runs.append(CampaignRun(directory, changes, scene.engine.np))
+            runs.append(CampaignRun(str(scene_file.resolve()), directory, changes, scene.engine.np))
         seen.add(directory)
     return scene_file, runs
 
 
 def write_campaign_runs(runs: list[CampaignRun], out: Path) -> None:
-    """Write OUT/plan.csv: a row a run with `place`, its directory, `np`, and a column of TOML values for each key
-    varied."""
+    """Write OUT/plan.csv: a row a run with `place`, its directory, `np`, `scene`, and a column of TOML values for each
+    key varied."""
     out.mkdir(parents=True, exist_ok=True)
-    rows = [{"place": run.directory, "np": run.np, **{key: inline_toml(value) for key, value in run.changes.items()}}
-            for run in runs]
+    rows = [{"place": run.directory, "np": run.np, "scene": run.scene,
+             **{key: inline_toml(value) for key, value in run.changes.items()}} for run in runs]
     with written_whole(out / PLAN) as beside:
         pd.DataFrame(rows).to_csv(beside, index=False)
 
@@ -97,9 +96,14 @@ def write_campaign_runs(runs: list[CampaignRun], out: Path) -> None:
 def read_campaign_runs(out: Path) -> dict[str, tuple[int, list[str]]]:
     """Read OUT/plan.csv: by directory of a run its ranks, and its `--set` arguments of `python -m dem run`."""
     table = pd.read_csv(out / PLAN, dtype=str, keep_default_na=False)
-    keys = [name for name in table.columns if name not in ("place", "np")]
+    keys = [name for name in table.columns if name not in ("place", "np", "scene")]
     return {row["place"]: (int(row["np"]), [word for key in keys for word in ("--set", f"{key}={row[key]}")])
             for row in table.to_dict("records")}
+
+
+def read_campaign_scene(out: Path) -> str:
+    """The scene's file by OUT/plan.csv."""
+    return str(pd.read_csv(out / PLAN, dtype=str, keep_default_na=False, nrows=1)["scene"][0])
 
 
 def campaign(file: Path, out: Path, jobs: int, profile: str | None) -> int:
@@ -107,26 +111,13 @@ def campaign(file: Path, out: Path, jobs: int, profile: str | None) -> int:
     if find_spec("snakemake") is None:
         raise InputError("snakemake is not installed; `make campaign` or pip install '.[campaign]' does it")
     check_engine()
-    scene_file, runs = plan_campaign(file)
+    _, runs = plan_campaign(file)
     with at_work_in(out, "campaign"):
         write_campaign_runs(runs, out)
         done = sum((out / run.directory / "run.json").exists() for run in runs)
         _log.info("%s: %d runs, %d to run", file, len(runs), len(runs) - done)
         chosen = WORKFLOW / "profiles" / profile if profile and (WORKFLOW / "profiles" / profile).is_dir() else profile
-        return _run_until_done(
-            [sys.executable, "-m", "snakemake", "--snakefile", str(WORKFLOW / "Snakefile"), "--directory", str(out),
-             "--config", f"scene={scene_file.resolve()}", f"python={sys.executable}", "--jobs", str(jobs),
-             "--profile", str(chosen or WORKFLOW / "profiles" / "local")])
-
-
-def _run_until_done(command: list[str]) -> int:
-    """Exit code of a command, in a process group of its own, which on Ctrl-C is asked to stop and then made to."""
-    process = subprocess.Popen(command, process_group=0)
-    try:
-        return process.wait()
-    except BaseException:
-        for number, patience_s in ((signal.SIGINT, 2.0), (signal.SIGKILL, None)):
-            with suppress(ProcessLookupError, subprocess.TimeoutExpired):
-                os.killpg(process.pid, number)
-                process.wait(patience_s)
-        raise
+        return run_group(
+            [sys.executable, "-m", "snakemake", "--snakefile", str(WORKFLOW / "Snakefile"),
+             "--directory", str(out.resolve()), "--nolock",  # `at_work_in` has locked it, until this process is gone
+             "--jobs", str(jobs), "--profile", str(chosen or WORKFLOW / "profiles" / "local")])

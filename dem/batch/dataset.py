@@ -9,7 +9,6 @@ alone, so that more groups or other families leave the rest as it is.
 from __future__ import annotations
 
 import logging
-import shutil
 import time
 import zlib
 from dataclasses import dataclass
@@ -21,20 +20,20 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from common.cache import user_cache
-from common.output_directory import at_work_in
+from common.output_directory import at_work_in, remove_written
 from common.scene import Scene, changed_scene, ratio_name, scene_hash
 from common.tables import InputError, NotNegative, Positive, Refused, Table, check, read_toml, refused_in
 from dem.batch.children import run_all
 from dem.batch.dataset_streams import StreamFamily, draw_stream
 from dem.batch.sweep import is_finished
 from dem.coupling.launch import check_engine
-from dem.run.directory import RunDirectory
+from dem.run.directory import KIND, RunDirectory
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 from dem.stones.arrangement import stones_of
 from dem.stones.stone import places_m
 
-NOT_KEPT = ("deck", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
+NOT_KEPT = ("deck/", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
 POSITION_TRIES = 10_000
 _log = logging.getLogger(__name__)
 
@@ -230,7 +229,6 @@ def _run(planned: DatasetRun, out: Path, overwrite: bool) -> str:
     directory = out / planned.directory
     prepared = prepare(planned.scene, planned.source, user_cache())
     summary = run_prepared(prepared, directory, overwrite=overwrite)
-    for name in NOT_KEPT:
-        shutil.rmtree(directory / name) if (directory / name).is_dir() else (directory / name).unlink(missing_ok=True)
+    remove_written(directory, KIND, below=NOT_KEPT)
     return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
             f"{sum(summary['wall_time_s'].values()):.0f} s")

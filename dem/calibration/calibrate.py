@@ -18,6 +18,7 @@ under a confining pressure. docs/calibration.md has the results.
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -30,6 +31,7 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from common.files import write_text, written_whole
+from common.output_directory import stamped
 from common.resources import resource
 from common.scene import MaterialTable, Scene, contact_key, read_scene, scene_hash
 from common.tables import InputError, Positive, Table, check, read_toml, refused_in
@@ -54,15 +56,16 @@ MAX_VOLUMETRIC_RATIO = 0.6
 STRENGTHENING = 2.0
 FIT_SEEDS = 12             # of the Brazilian test and the elastic constants; half of them do for the other strengths
 CHECK_SEEDS = 12           # likewise, and a quarter of them for confined compression
-# Bonds that a crack breaks near its plane, by their section, over its own area (benchmarks/crack_area.py).
+# Bonds that a crack breaks near its plane, by their section, over its own area (lab/rock/crack_area.py).
 CRACK_AREA = 2.1
 CONFINING_Pa = (2e6, 5e6)  # of the checks
 DISC_RADIUS_RATIO = 1.5    # disc against stone: 14 sub-spheres across, as laboratories want ten grains at least
 FIRST_GUESS = 1.25         # of the bonds' tensile strength over the rock's
 STEP = 0.12                # of a strength: so near the law of proportion holds
 STRENGTH_ROUNDS = 5
-# Directories in ROCK.partial, one a kind of test; "elastic" was one of earlier versions.
-TESTS_AT_WORK = frozenset({"elastic", "Brazilian", "compression", "tension"})
+# Files in ROCK.partial, in a directory for each kind of test; "elastic" was one of earlier versions.
+AT_WORK = re.compile(r"(elastic|Brazilian|compression|tension)/(deck\.liggghts|atoms\.data|events\.csv|view\.dump"
+                     r"|(bonds|agglomerates|load)\.txt|engine\.(out|log)|log\.liggghts)")
 FITTED = ("bond_modulus_Pa", "stiffness_ratio", "volumetric_ratio", "tensile_strength_Pa", "shear_strength_Pa")
 
 
@@ -203,7 +206,7 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
         raise RunError(str(error)) from error
     with written_whole(out / f"{rock}_tests.csv") as beside:
         found.tests.to_csv(beside, index=False, float_format="%.9g")
-    write_text(out / f"{rock}.toml", calibration_toml(found, scene, material, rock, target))
+    write_text(out / f"{rock}.toml", stamped(calibration_toml(found, scene, material, rock, target), "# {}"))
     shutil.rmtree(work)
     return found
 

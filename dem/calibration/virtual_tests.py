@@ -29,7 +29,7 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from dem.coupling.launch import engine_error, start_engine
+from dem.coupling.launch import engine_error, engine_running
 from dem.deck.render import TEMPLATES
 from dem.deck.time_step import BOND_FRACTION
 from dem.run.paraview import read_dump
@@ -265,13 +265,8 @@ def _confining(specimen: Specimen, procedure: Procedure, check_steps: int) -> di
 def _engine(directory: Path) -> None:
     for name in ("events.csv", "load.txt"):
         (directory / name).unlink(missing_ok=True)
-    engine = start_engine(directory)
-    try:
+    with engine_running(directory) as engine:
         code = engine.wait()
-    except BaseException:
-        engine.kill()
-        engine.wait()
-        raise
     printed = (directory / "engine.out").read_text(errors="replace")
     _check(code == 0 and "end of test" in printed, f"{directory}: LIGGGHTS stopped: {engine_error(directory)}")
 

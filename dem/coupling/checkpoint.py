@@ -1,9 +1,10 @@
 """The state of a run on disk, from which it goes on after it was stopped or killed (docs/runs.md).
 
 A checkpoint has two halves, one of each program, in `deck/checkpoint`: `engine_STEP.checkpoint`, written by the engine
-(dem/engine/fix_checkpoint.h), and `plate_STEP.checkpoint`, written here when the engine says that its half is on disk.
-Each file appears whole or not at all and carries its length and CRC-32; the engine's half has those of the streams, the
-files that the engine appends to, as well. A checkpoint counts when all of that is as it was written. A rigid plate has
+(dem/engine/record/fix_checkpoint.h), and `plate_STEP.checkpoint`, written here when the engine says that its half is on disk.
+Each file appears whole or not at all and carries the identity of the run, its length and CRC-32; the engine's half has
+length and CRC-32 of the streams, the files that the engine appends to, as well. A checkpoint counts when all of that is
+as this run wrote it. A rigid plate has
 no half.
 """
 
@@ -22,10 +23,11 @@ import numpy as np
 from common.files import written_whole
 from common.tables import InputError
 
-HEADER = struct.Struct("<8sqqq")  # magic, version, bytes that follow, their CRC-32
+HEADER = struct.Struct("<8sq64sqq")  # magic, version, identity of the run, bytes that follow, their CRC-32
 BLOCK = struct.Struct("<32sq")  # of an engine's file: name, count of the numbers that follow
 ENGINE, PLATE = b"CGISTATE", b"CGIPLATE"
-VERSION = {ENGINE: 5, PLATE: 1}
+VERSION = {ENGINE: 6, PLATE: 2}
+BY_HAND = "none"  # identity of a run whose engine is started by hand
 KEPT = 2  # checkpoints: the one before the last is there for when the last is damaged
 
 State = dict[str, np.ndarray]
@@ -53,10 +55,10 @@ def latest(directory: Path, flexible: bool) -> int:
     return next((step for step in steps_of(directory) if not flexible or plate_file(directory, step).exists()), 0)
 
 
-def last_whole(deck: Path, streams: Sequence[str], flexible: bool, note: Callable[[str], None]) -> int:
-    """The DEM step of the last checkpoint that is as it was written, with the streams as far as they went then; 0 if
-    there is none. `note` is called with one line for each damage found. All other checkpoints are removed, so that
-    none is gone on from later."""
+def last_whole(deck: Path, streams: Sequence[str], flexible: bool, identity: str, note: Callable[[str], None]) -> int:
+    """The DEM step of the last checkpoint that is as the run `identity` wrote it, with the streams as far as they went
+    then; 0 if there is none. `note` is called with one line for each damage found. All other checkpoints are
+    removed, so that none is gone on from later."""
     directory, chosen = deck / "checkpoint", 0
     for step in steps_of(directory):
         if chosen:
@@ -64,9 +66,9 @@ def last_whole(deck: Path, streams: Sequence[str], flexible: bool, note: Callabl
         if flexible and not plate_file(directory, step).exists():
             continue  # killed between the two halves
         try:
-            check_streams(deck, streams, read_checked(engine_file(directory, step), ENGINE))
+            check_streams(deck, streams, read_checked(engine_file(directory, step), ENGINE, identity))
             if flexible:
-                read_plate_state(plate_file(directory, step))
+                read_plate_state(plate_file(directory, step), identity)
             chosen = step
         except (InputError, OSError) as damage:
             note(f"the checkpoint of step {step} is passed over: {damage}")
@@ -76,15 +78,17 @@ def last_whole(deck: Path, streams: Sequence[str], flexible: bool, note: Callabl
     return chosen
 
 
-def read_checked(file: Path, magic: bytes) -> bytes:
-    """What follows the header of a file of checkpoints. Raises InputError for a file that is cut off, damaged or
-    another."""
+def read_checked(file: Path, magic: bytes, identity: str) -> bytes:
+    """What follows the header of a file of checkpoints. Raises InputError for one that is cut off, damaged, of another
+    run than `identity`, or no such file."""
     data = file.read_bytes()
     if len(data) < HEADER.size or data[:8] != magic:
         raise InputError(f"{file}: not a checkpoint of this program")
-    _, version, size, crc = HEADER.unpack_from(data)
+    _, version, run, size, crc = HEADER.unpack_from(data)
     if version != VERSION[magic]:
         raise InputError(f"{file}: a checkpoint of version {version}; allowed is {VERSION[magic]}")
+    if run.rstrip(b"\0") != identity.encode():
+        raise InputError(f"{file}: of another run")
     if len(data) != HEADER.size + size or zlib.crc32(data[HEADER.size:]) != crc:
         raise InputError(f"{file}: cut off or damaged")
     return data[HEADER.size:]
@@ -98,7 +102,7 @@ def check_streams(deck: Path, streams: Sequence[str], engine_state: bytes) -> No
         raise InputError(f"{deck}: the checkpoint is of another deck")
     for stream, (length, crc) in zip(streams, kept, strict=True):
         if crc_of_beginning(deck / stream, int(length)) != int(crc):
-            raise InputError(f"{deck / stream}: cut off or damaged")
+            raise InputError(f"{deck / stream}: cut off, damaged or of another run")
 
 
 def crc_of_beginning(file: Path, length: int) -> int | None:
@@ -115,20 +119,21 @@ def crc_of_beginning(file: Path, length: int) -> int | None:
     return None if left else crc
 
 
-def write_plate_state(directory: Path, step: int, state: State) -> None:
-    """Write the plate's half of the checkpoint at DEM step `step`, and remove its halves but the last ones."""
+def write_plate_state(directory: Path, step: int, state: State, identity: str) -> None:
+    """Write the plate's half of the checkpoint of the run `identity` at DEM step `step`, and remove its halves but the
+    last ones."""
     packed = io.BytesIO()
     np.savez(packed, allow_pickle=False, **state)
     data = packed.getvalue()
     with written_whole(plate_file(directory, step)) as beside:
-        beside.write_bytes(HEADER.pack(PLATE, VERSION[PLATE], len(data), zlib.crc32(data)) + data)
+        beside.write_bytes(HEADER.pack(PLATE, VERSION[PLATE], identity.encode(), len(data), zlib.crc32(data)) + data)
     for earlier in steps_of(directory, "plate")[KEPT:]:
         plate_file(directory, earlier).unlink()
 
 
-def read_plate_state(file: Path) -> State:
-    """Return the state of a plate. Raises InputError for a file that is cut off, damaged or something else."""
-    data = read_checked(file, PLATE)
+def read_plate_state(file: Path, identity: str) -> State:
+    """Return the state of a plate. Raises InputError as `read_checked` does."""
+    data = read_checked(file, PLATE, identity)
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as stored:
             return {name: stored[name] for name in stored.files}

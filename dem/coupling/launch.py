@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import os
+import secrets
+import shutil
 import signal
 import socket
 import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
+from common.output_directory import Busy, locked, locked_directory
 from common.processes import die_with_parent
 from common.resources import checkout
 from common.tables import InputError
 
 LIGGGHTS_VERSION = "3.8.0+repack1-9+b2"  # Debian package; the engine is built against its headers
+SHARED_MEMORY, PREFIX = Path("/dev/shm"), "cgi-"  # a short path, as that of a socket must be
 SOURCES = Path(__file__).resolve().parent.parent / "engine"
 
 
@@ -27,8 +34,14 @@ def build_directory() -> Path:
     top = checkout()
     if top is not None:
         return top / "build" / "engine"
-    sources = b"".join(file.read_bytes() for file in sorted(SOURCES.iterdir()) if file.is_file())
-    return user_cache_path("coal-gangue-impact") / f"engine-{hashlib.sha256(sources).hexdigest()[:12]}"
+    return user_cache_path("coal-gangue-impact") / f"engine-{hash_of_sources(SOURCES)[:12]}"
+
+
+def hash_of_sources(directory: Path) -> str:
+    """SHA-256 of the names and contents of all files below a directory."""
+    files = sorted(file for file in directory.rglob("*") if file.is_file())
+    told = (f"{file.relative_to(directory)}\0".encode() + hashlib.sha256(file.read_bytes()).digest() for file in files)
+    return hashlib.sha256(b"".join(told)).hexdigest()
 
 
 ENGINE = Path(os.environ.get("LIGGGHTS_BONDED", build_directory() / "liggghts-bonded"))
@@ -55,26 +68,63 @@ def check_engine() -> None:
 
 
 def _before_engine() -> None:
-    """The engine dies with this process, and a signal to stop that comes before it listens waits until it does. Ctrl-C
-    on a terminal, which reaches it too, is this process's to answer."""
+    """The engine dies with this process. Ctrl-C on a terminal, which reaches it too, is this process's to answer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
 
 
-def start_engine(directory: Path, np: int = 1, resume_step: int = 0,
-                 inherit: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
-    """Start the engine on deck.liggghts in `directory` with `np` MPI ranks, from the checkpoint of `resume_step` if
-    that is not 0. What it prints goes to engine.out there. The file descriptors `inherit` stay open as long as the
-    engine lives."""
+@contextmanager
+def engine_running(directory: Path, np: int = 1, inherit: tuple[int, ...] = (),
+                   **variables: object) -> Iterator[subprocess.Popen[bytes]]:
+    """The engine on deck.liggghts in `directory` with `np` MPI ranks and these `variables` of the deck, which is killed
+    at the end if it still runs. What it prints goes to engine.out there. The file descriptors `inherit` stay open as
+    long as it lives."""
     command = [*mpirun(np), "-in", "deck.liggghts", "-log", "engine.log"]
-    if resume_step:
-        command += ["-var", "resume", str(resume_step)]
+    for name, value in variables.items():
+        command += ["-var", name, str(value)]
     before = _before_engine if np == 1 else partial(die_with_parent, signal.SIGTERM)  # which mpirun passes on
-    with open(directory / "engine.out", "wb") as out:
-        return subprocess.Popen(command, cwd=directory, env=_environment(), stdin=subprocess.DEVNULL, stdout=out,
-                                stderr=subprocess.STDOUT, pass_fds=inherit,
-                                preexec_fn=before)  # noqa: PLW1509 - takes no lock
+    with _place_of_ranks(np) as (places, locks):
+        with open(directory / "engine.out", "wb") as out:
+            engine = subprocess.Popen(command, cwd=directory, env=_environment() | places, stdin=subprocess.DEVNULL,
+                                      stdout=out, stderr=subprocess.STDOUT, pass_fds=inherit + locks,
+                                      preexec_fn=before)  # noqa: PLW1509 - takes no lock
+        try:
+            yield engine
+        finally:
+            if engine.poll() is None:
+                engine.kill()
+                engine.wait()
+
+
+@contextmanager
+def _place_of_ranks(np: int) -> Iterator[tuple[dict[str, str], tuple[int, ...]]]:
+    """A directory for what the ranks of one engine share. In the one that MPI gives all its programs, one that starts
+    may miss what another that ends has just removed. Yields the variables of the environment that name it, and a lock
+    for the engine to inherit; neither for one rank, which makes no such files."""
+    if np == 1:
+        yield {}, ()
+        return
+    memory = SHARED_MEMORY if os.access(SHARED_MEMORY, os.W_OK) else Path(tempfile.gettempdir())
+    for left in memory.glob(f"{PREFIX}*"):
+        _remove_if_left(left)
+    place = memory / f"{PREFIX}{os.getpid()}-{secrets.token_hex(4)}"
+    lock = locked_directory(place)
+    try:
+        yield {"TMPDIR": str(place), "OMPI_MCA_btl_vader_backing_directory": str(place)}, (lock,)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+        os.close(lock)
+
+
+def _remove_if_left(place: Path) -> None:
+    """Remove what an engine of this user that was killed with its run could not."""
+    try:
+        if place.lstat().st_uid == os.getuid():
+            lock = locked(place / "lock")
+            shutil.rmtree(place, ignore_errors=True)
+            os.close(lock)
+    except (Busy, OSError):  # in use, or just gone
+        return
 
 
 def mpirun(np: int) -> list[str]:
@@ -88,7 +138,7 @@ def mpirun(np: int) -> list[str]:
 
 def _environment() -> dict[str, str]:
     """Without what a queue tells MPI: all ranks are on this machine, and LIGGGHTS is no task of the queue's own. The
-    engine learns which process the plate is, to see when that is stuck (dem/engine/watchdog.h). mpirun looks for no
+    engine learns which process the plate is, to see when that is stuck (dem/engine/coupling/watchdog.h). mpirun looks for no
     graphics cards, as the engine does not (dem/engine/main.cpp)."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("SLURM_", "PMI_", "PMIX_"))}
     return {"HWLOC_COMPONENTS": "-gl"} | kept | {"PLATE_PROCESS": f"{socket.gethostname()} {os.getpid()}"}

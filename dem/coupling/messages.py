@@ -34,7 +34,7 @@ class CheckpointMessage:
 
 @dataclass(frozen=True)
 class FinishedMessage:
-    """The engine has made its last step. It waits for nothing."""
+    """The engine has made its last step, and waits until the plate knows."""
 
 
 Message = ForceMessage | CheckpointMessage | FinishedMessage

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dem.coupling.messages import CheckpointMessage, ForceMessage
+from dem.coupling.messages import CheckpointMessage, CouplingError, FinishedMessage, ForceMessage
 from dem.coupling.pipes import PlatePipes
 from dem.deck.time_step import TimeStep
 from plate_fem.motion import ModalMotion
@@ -54,18 +54,24 @@ class PlateParticipant:
         if self.state.last_force is None:
             self.state.last_force = none
             self.record(range(1), self.motion.state[None], none, none)
-        while isinstance(message := pipes.receive(), (ForceMessage, CheckpointMessage)):
+        while not isinstance(message := pipes.receive(), FinishedMessage):
             if isinstance(message, CheckpointMessage):
                 keep(message.step)
-                pipes.confirm_checkpoint()
+                pipes.confirm(message)
             else:
                 amplitude, rate = self._move(message)
                 pipes.answer(message.step, self.motion.reach_m(amplitude, rate), amplitude, rate)
+        pipes.confirm(message)
         self._advance(none, none, (self.step.steps - self.state.dem_step) // self.step.co_step)
 
     def _move(self, message: ForceMessage) -> tuple[np.ndarray, np.ndarray]:
-        """Move over the time that the message covers; return the state predicted for when the engine asked."""
+        """Move over the time that the message covers; return the state predicted for when the engine asked. Raises
+        CouplingError if that time does not begin where the last message ended, or ends after the run."""
         state, force = self.state, message.modal_force
+        due = state.dem_step + message.co_steps * self.step.co_step
+        if message.step != due or due > self.step.steps:
+            raise CouplingError(f"the engine sent step {message.step} after {message.co_steps} co-steps from step "
+                                f"{state.dem_step}; allowed is {due}, up to the last one, {self.step.steps}")
         slope = self._trend(message) * (force - state.last_force)
         self._advance(force, force + slope * (message.co_steps / 2), message.co_steps)
         state.last_force, state.co_steps = force, message.co_steps

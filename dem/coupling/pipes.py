@@ -76,16 +76,19 @@ class PlatePipes:
                                 "allowed are numbers from 0, 0 and 1 on")
         return ForceMessage(step, co_steps, extrapolated, force)
 
-    def confirm_checkpoint(self) -> None:
-        """Tell the engine that the plate's half of the checkpoint is on disk."""
+    def confirm(self, message: CheckpointMessage | FinishedMessage) -> None:
+        """Tell the engine that the plate's half of the checkpoint is on disk, or that the plate knows of the end."""
         still = np.zeros(self._modes)
-        self.answer(CHECKPOINT, 0.0, still, still)
+        self.answer(CHECKPOINT if isinstance(message, CheckpointMessage) else FINISHED, 0.0, still, still)
 
     def answer(self, step: int, reach_m: float, amplitude: np.ndarray, rate: np.ndarray) -> None:
         """Tell the engine where the plate is predicted to be, as far after `step` as it asked: `amplitude` and `rate`
-        (modes,), and the bound `reach_m` of the deflection."""
+        (modes,), and the bound `reach_m` of the deflection. Raises CouplingError if these are no numbers, or the engine
+        is gone."""
         self._answer_step[0], self._answer[1] = step, reach_m
         self._answer[2:2 + self._modes], self._answer[2 + self._modes:] = amplitude, rate
+        if not np.isfinite(self._answer[1:]).all() or reach_m < 0:
+            raise CouplingError(f"the plate's motion at step {step} is no number")
         data = self._answer.tobytes()
         try:
             while data:

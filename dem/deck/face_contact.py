@@ -47,7 +47,7 @@ def stiffest_face_N_m(scene: Scene, assembly: Assembly) -> float:
 
 
 def face_rows(scene: Scene, assembly: Assembly, stone: int, first: int) -> np.ndarray:
-    """(k, 7) rows of dem/engine/face_columns.h; `first` is the number, from 0, of the stone's first sub-sphere."""
+    """(k, 7) rows of dem/engine/contact/face_columns.h; `first` is the number, from 0, of the stone's first sub-sphere."""
     columns = assembly.faces[stone]
     if columns is None:
         return np.zeros((0, NUMBERS))
@@ -56,7 +56,7 @@ def face_rows(scene: Scene, assembly: Assembly, stone: int, first: int) -> np.nd
 
 
 def write_faces(file: Path, scene: Scene, assembly: Assembly) -> None:
-    """Write the file that dem/engine/face_columns.h describes."""
+    """Write the file that dem/engine/contact/face_columns.h describes."""
     start = np.cumsum([0, *assembly.sizes])
     outside = max(float((c.height_m - assembly.radius_m[start[k] + c.sub_sphere]).max(initial=0.0))
                   for k, c in enumerate(assembly.faces) if c is not None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -11,6 +12,7 @@ import jinja2
 import numpy as np
 from isal import isal_zlib
 
+from common.files import named
 from common.resources import resource
 from common.scene import PLATE, Scene, contact_key
 from dem.deck.face_contact import write_faces
@@ -36,19 +38,23 @@ FREE_FLIGHT_EVERY = 64  # DEM steps between two looks at what flies freely: one 
 def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep, modes: PlateModes | None) -> str:
     """Write the deck into `directory` and return the hash of its files."""
     directory.mkdir(parents=True)
-    (directory / "deck.liggghts").write_text(render(scene, assembly, step))
-    _write_atoms(directory / "atoms.data", scene, assembly)
-    np.savetxt(directory / "agglomerates.txt", assembly.sizes, fmt="%d")
+    writers: dict[str, Callable[[Path], object]] = {
+        "deck.liggghts": lambda file: file.write_text(render(scene, assembly, step)),
+        "atoms.data": lambda file: _write_atoms(file, scene, assembly),
+        "agglomerates.txt": lambda file: np.savetxt(file, assembly.sizes, fmt="%d")}
     if assembly.is_stream:
-        write_stones(directory / "stones.bin", scene, assembly, step)
+        writers["stones.bin"] = lambda file: write_stones(file, scene, assembly, step)
     elif assembly.n_bonds:
-        _write_bonds(directory / "bonds.txt", assembly)
+        writers["bonds.txt"] = lambda file: _write_bonds(file, assembly)
     if assembly.surfaces:
-        write_surfaces(directory / "surface.txt", scene, assembly)
+        writers["surface.txt"] = lambda file: write_surfaces(file, scene, assembly)
     if assembly.faces:
-        write_faces(directory / "faces.txt", scene, assembly)
+        writers["faces.txt"] = lambda file: write_faces(file, scene, assembly)
     if modes is not None:
-        _write_shapes(directory / "shapes.bin", modes, _drags_plate(scene, assembly))
+        writers["shapes.bin"] = lambda file: _write_shapes(file, modes, _drags_plate(scene, assembly))
+    for name, write in writers.items():
+        with named(directory / name):
+            write(directory / name)
     if scene.output.dumps:
         (directory / "dumps").mkdir()
     digest = hashlib.sha256()
@@ -244,7 +250,7 @@ def _drags_plate(scene: Scene, assembly: Assembly) -> bool:
 
 
 def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
-    """Write the file that dem/engine/plate_shapes.h describes. The first bytes of all numbers, then the second
+    """Write the file that dem/engine/coupling/plate_shapes.h describes. The first bytes of all numbers, then the second
     ones, and so on, pack to half the room, without loss."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
     x, y, upwards = modes.grid(SHAPE_GRID * cell)

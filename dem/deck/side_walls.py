@@ -1,5 +1,5 @@
 """The walls on the edges of the plate: what the deck says of them, and the forces on them that the engine wrote
-(dem/engine/fix_wall_side.h)."""
+(dem/engine/wall/fix_wall_side.h)."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
 
 
 def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
-    """Write the file that dem/engine/stone_surface.h describes."""
+    """Write the file that dem/engine/smooth/stone_surface.h describes."""
     start, radius_m = np.cumsum([0, *assembly.sizes]), max(stone.radius_m for stone in assembly.stones)
     with open(file, "w") as out:
         out.write(f"{OUTSIDE * radius_m!r}\n")

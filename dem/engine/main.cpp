@@ -14,21 +14,20 @@
 
 #include <mpi.h>
 
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <new>
 
 #include "comm.h"
-#include "fix_bond_parallel.h"
-#include "fix_checkpoint.h"
-#include "fix_free_flight.h"
-#include "fix_ledger.h"
-#include "fix_monitor.h"
-#include "fix_pictures.h"
-#include "fix_stones.h"
-#include "fix_wall_plate.h"
-#include "fix_wall_side.h"
+#include "bonds/fix_bond_parallel.h"
+#include "record/fix_checkpoint.h"
+#include "flight/fix_free_flight.h"
+#include "record/fix_ledger.h"
+#include "record/fix_monitor.h"
+#include "record/fix_pictures.h"
+#include "stones/fix_stones.h"
+#include "wall/fix_wall_plate.h"
+#include "wall/fix_wall_side.h"
 #include "input.h"
 #include "lammps.h"
 #include "library_check.h"
@@ -67,20 +66,18 @@ void add_styles(LAMMPS *lmp) {
 // connects to X displays of "localhost", ten times, each of which waits for the name server where that name is unknown.
 // A single rank starts a daemon of its own, with which it could start others. Messages go through shared memory or TCP;
 // drivers of other networks wait 0.2 s for their cards.
+// The directory that a single rank would make for its files, and never use, has parents that all programs with MPI
+// share: one that starts may miss what another that ends has just removed.
 void start_without_detours() {
   setenv("HWLOC_COMPONENTS", "-gl", 0);
   setenv("OMPI_MCA_ess_singleton_isolated", "1", 0);
   setenv("OMPI_MCA_pml", "ob1", 0);
+  if (!std::getenv("OMPI_COMM_WORLD_SIZE")) setenv("OMPI_MCA_orte_create_session_dirs", "0", 0);  // no mpirun
 }
 
 }  // namespace
 
 int main(int argc, char **argv) {
-  std::signal(SIGUSR1, FixCheckpoint::stop_at_next);
-  sigset_t stop;  // kept back until here by who started the engine
-  sigemptyset(&stop);
-  sigaddset(&stop, SIGUSR1);
-  sigprocmask(SIG_UNBLOCK, &stop, nullptr);
   start_without_detours();
   MPI_Init(&argc, &argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);  // an error of one rank aborts, and must not take its message along

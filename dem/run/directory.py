@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import re
-import shutil
-import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from common.files import force_to_disk, is_sealed, read_json, read_sealed_json, seal, write_json
-from common.output_directory import CONTENTS, files_in, locked, refuse_replacing, write_contents
+from common.files import force_to_disk, read_sealed_json, seal, write_json
+from common.output_directory import (
+    files_in,
+    hash_of,
+    listed_files,
+    locked_directory,
+    refuse_replacing,
+    remove_empty,
+    remove_written,
+    write_contents,
+)
 from common.run_summary import RunSummary, read_summary
 from common.tables import InputError
 
 SUFFIX, EARLIER = ".partial", ".earlier"
 LOCK_WAIT_s = 10.0  # for the engine of a run that was killed, which ends with it
-STARTED, RESULTS = "started.json", "results.json"
+STARTED = "started.json"
 LOCK = "lock"  # the first file in OUT.partial; what it holds says who made the directory
 MARK = "a run of coal-gangue-impact is in progress here\n"
-WORKING = (STARTED, RESULTS, LOCK)  # what only a run in progress has
-# Everything that a run writes directly into its directory, under these names or those of files half written.
-TABLES = ("signals.parquet", "fast.parquet", "breakage.parquet", "contacts.parquet", "energy.parquet",
-          "stones.parquet", "left.parquet", "walls.parquet")
-OWN = {*WORKING, *TABLES, "run.json", CONTENTS, "deck", "deck.fresh", "view", "view.pvd", "view.py"}
-KIND = "run"
+WORKING = (STARTED, LOCK)  # what only a run in progress has
+KIND, REPLACED = "run", "run in the place of which another comes"
+# What the engine writes for the user; of dumps of VTK it writes the box as well.
+OF_ENGINE = r"deck/(engine\.(out|log)|log\.liggghts|dumps/particles_(boundingBox_)?\d+\.(vtp|vtr|dump))"
+# All names that a run gives to files, in a directory that it was killed in, too.
+OWN = re.compile(rf"""{OF_ENGINE}
+    |lock|(started|run|contents)\.json|(signals|fast|breakage|contacts|energy|stones|left|walls)\.parquet
+    |view\.(py|pvd)|view/(particles|bonds|plate|contacts|rods|walls)((_\d+)?\.vtu|\.pvd)
+    |deck(\.fresh)?/(deck\.liggghts|atoms\.data|(agglomerates|bonds|surface|faces)\.txt|(stones|shapes)\.bin)
+    |deck/((ledger|forces|contacts|pictures|wall_\w+)\.bin|(events|left)\.csv|dumps\.pvd|(to|from)_plate)
+    |deck/checkpoint/(engine|plate)_\d+\.checkpoint""", re.VERBOSE)
+HALF_WRITTEN = re.compile(r"(\.\d+)?\.part$")
 
 Identity = dict[str, str]
 
@@ -39,13 +54,14 @@ class RunDirectory:
         self.out = out
         self.path = out.with_name(out.name + SUFFIX)
         self.started_file = self.path / STARTED
-        self.results_file = self.path / RESULTS
+        self._earlier = out.with_name(out.name + EARLIER)
+        self._written = set(WORKING)  # names of files that this process wrote
 
     def refuse(self, scene_hash: str, overwrite: bool) -> None:
-        """Raises InputError where OUT, OUT.partial or OUT.earlier hold what this program did not write, or, without
-        `overwrite`, a run of another scene."""
-        refuse_replacing(self.out, KIND)
-        refuse_replacing(self.out.with_name(self.out.name + EARLIER), KIND)
+        """Raises InputError where OUT, OUT.partial or OUT.earlier hold what this program did not write or what was
+        changed since, or, without `overwrite`, a run of another scene."""
+        refuse_replacing(self.out, KIND, REPLACED)
+        refuse_replacing(self._earlier, REPLACED)
         self._refuse_foreign_partial()
         if overwrite:
             return
@@ -62,11 +78,12 @@ class RunDirectory:
     def _refuse_foreign_partial(self) -> None:
         if not self.path.exists() and not self.path.is_symlink():
             return
-        names = {file.name for file in self.path.iterdir()} if self.path.is_dir() else {SUFFIX}
+        if self.path.is_symlink() or not self.path.is_dir():
+            raise InputError(f"{self.path}: is no directory; move it away")
         mark = (self.path / LOCK).read_text(errors="replace") if (self.path / LOCK).is_file() else ""
-        if mark != MARK and not (names <= {LOCK} and mark == ""):  # killed before it wrote the mark
+        if mark != MARK and (mark or os.listdir(self.path) not in ([], [LOCK])):  # killed before it wrote the mark
             raise InputError(f"{self.path}: is there, and no run of this program was begun in it; move it away")
-        foreign = min((name for name in names if not _is_own(name)), default=None)
+        foreign = min((name for name in files_in(self.path) if not _is_own(name)), default=None)
         if foreign is not None:
             raise InputError(f"{self.path}: holds {foreign}, which this program did not write; move it away")
 
@@ -81,21 +98,13 @@ class RunDirectory:
     def claimed(self) -> Iterator[int]:
         """Keep other processes out, as long as this one or an engine that it started is alive. Yields the lock's file
         descriptor, for the engine to inherit. Raises Busy."""
-        lock = self._locked()
+        lock = locked_directory(self.path, LOCK_WAIT_s, LOCK)
         try:
             if os.fstat(lock).st_size == 0:
                 os.write(lock, MARK.encode())
             yield lock
         finally:
             os.close(lock)
-
-    def _locked(self) -> int:
-        while True:
-            self.path.mkdir(parents=True, exist_ok=True)
-            try:
-                return locked(self.path / LOCK, LOCK_WAIT_s)
-            except FileNotFoundError:
-                continue  # who had it has just published the directory
 
     def started(self) -> dict[str, Any] | None:
         """What `start` wrote, None if no run was started here. Raises InputError if it cannot be read or is damaged."""
@@ -113,58 +122,61 @@ class RunDirectory:
         write_json(self.started_file, seal(started))
         return started["resumed_at_s"]
 
+    def file(self, name: str) -> Path:
+        """The path of a file that is written now, and so belongs to the run."""
+        self._written.add(name)
+        return self.path / name
+
     def clear(self, keep: tuple[str, ...] = ()) -> None:
         """Remove what a run writes, but not the lock and `keep`."""
-        for entry in self.path.iterdir():
-            if _is_own(entry.name) and entry.name not in (LOCK, *keep):
-                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+        for name in {*os.listdir(self.path)} - {LOCK, *keep}:
+            self.remove(name)
 
-    def note_finished(self) -> None:
-        """Say of which files the results consist, when they are all there, with length and CRC-32 of each. The deck is
-        not among them: whoever goes on writes it anew."""
-        names = [name for name in self._own_files() if not name.startswith("deck/") and name not in WORKING]
-        write_json(self.results_file, seal({"files": {name: fingerprint(self.path / name) for name in names}}))
+    def remove(self, name: str) -> None:
+        """Remove a file that a run writes, or of a directory all those."""
+        for file in [file for file in files_in(self.path) if file == name or file.startswith(f"{name}/")]:
+            if _is_own(file):
+                (self.path / file).unlink()
+        remove_empty(self.path / name)
 
-    def _own_files(self) -> list[str]:
-        return [name for name in files_in(self.path) if _is_own(Path(name).parts[0])]
+    def note_finished(self, without: Collection[str]) -> None:
+        """Say of which files the run consists, when they are all there: those that this process wrote, and its engine,
+        but for those `without`."""
+        of_engine = [name for name in files_in(self.path) if re.fullmatch(OF_ENGINE, name)]
+        names = {*self._written, *of_engine} - {*without}
+        force_to_disk(self.path / name for name in names)
+        write_contents(self.path, KIND, {name: hash_of(self.path / name) for name in names})
 
     def finished(self, identity: Identity) -> RunSummary | None:
         """The summary of a run that was stopped between its last file and its new name, if all its results are as they
         were written."""
-        started = self.started()
-        results = read_json(self.results_file)
-        if not started or started["identity"] != identity or results is None or not is_sealed(results):
+        started, files = self.started(), listed_files(self.path, KIND)
+        if not started or started["identity"] != identity or files is None:
             return None
-        whole = all(fingerprint(self.path / name) == kept for name, kept in results["files"].items())
+        whole = all(hash_of(self.path / name) == kept for name, kept in files.items())
         return read_summary(self.path / "run.json") if whole else None
 
     def publish(self) -> None:
-        """Give the whole directory its name, in the place of an earlier run."""
-        force_to_disk(entry for entry in self.path.rglob("*") if entry.is_file())
-        write_contents(self.path, KIND, self._own_files())
-        earlier = self.out.with_name(self.out.name + EARLIER)
-        refuse_replacing(self.out, KIND)  # it may have come since the run began
+        """Give the whole directory its name, in the place of an earlier run. Raises InputError where something came or
+        was changed since the run began that would be lost; the run stays whole beside it."""
+        refuse_replacing(self.out, KIND, REPLACED)
+        remove_empty(self.out)
         if self.out.exists():
-            shutil.rmtree(earlier, ignore_errors=True)
-            self.out.rename(earlier)
+            refuse_replacing(self._earlier, REPLACED)
+            remove_written(self._earlier, REPLACED)
+            write_contents(self.out, REPLACED, listed_files(self.out, KIND, REPLACED))
+            self.out.rename(self._earlier)
         self.path.rename(self.out)
         for name in WORKING:
             (self.out / name).unlink(missing_ok=True)
-        shutil.rmtree(earlier, ignore_errors=True)
+        remove_written(self._earlier, REPLACED)
+
+
+def name_of(identity: Identity) -> str:
+    """The name of 64 characters that checkpoints of a run with this identity carry."""
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 
 
 def _is_own(name: str) -> bool:
-    """Is this the name of something that a run writes directly into its directory?"""
-    return re.sub(r"\.\d+\.part$", "", name) in OWN
-
-
-def fingerprint(file: Path) -> list[int]:
-    """Length and CRC-32 of a file, [-1, 0] if there is none."""
-    length, crc = 0, 0
-    try:
-        with open(file, "rb") as opened:
-            while block := opened.read(1 << 20):
-                length, crc = length + len(block), zlib.crc32(block, crc)
-    except FileNotFoundError:
-        return [-1, 0]
-    return [length, crc]
+    """Is this the name of a file that a run writes, or of one half written?"""
+    return OWN.fullmatch(HALF_WRITTEN.sub("", name)) is not None

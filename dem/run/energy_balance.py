@@ -2,17 +2,16 @@
 
 The stones' side comes from the engine (fix ledger), the plate's side from the modal motion. Works are sums of force
 times displacement over every step, elastic energies are those of the state, and friction, dashpots and yielding of the
-contacts are each summed on their own. Only the bonds' damping is a work less what it stored:
-
-    bond damping = - work of the bonds - elastic energy in them - released by breakage
+contacts and the damping of the bonds are each summed on their own.
 
 A tangential spring whose stiffness grows with the normal force gains energy by that, and loses it as the force goes:
 `contact_springs_J` is what they lost on balance.
 
 Nothing in these refers to the kinetic energies, to the plate's own energy or to the work of the contacts, so the sum of
 all can miss the energy at the start; `closure` says by how much, relative to the energy supplied: the kinetic energy of
-the impact and what gravity did until the stones were lowest. `contacts_unexplained_J` is the part of it that a wrong
-contact law would have: what the contacts took from stones and plate (their work) less all that is known of it.
+the impact and what gravity did until the stones were lowest. `bonds_unexplained_J` and `contacts_unexplained_J` are the
+parts of it that a wrong law of either would have: what they took from stones and plate (their work) less all that is
+known of it.
 `given_to_stones_J` is what passed through contacts from one stone to others; over all stones it is zero.
 """
 
@@ -28,11 +27,11 @@ from common.parquet import Columns
 
 # As fix_ledger.cpp writes them.
 COLUMNS = ["kinetic_J", "momentum_z_kg_m_s", "mass_height_kg_m", "bond_elastic_J", "bond_work_J", "released_J",
-           "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
+           "bond_damped_J", "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
            "pair_elastic_J", "pair_damped_J", "wall_plastic_J", "wall_released_J", "friction_J", "springs_gained_J",
            "wall_deepest"]
 LEAST_SUPPLIED_J = 1e-300  # of a stone that has not entered, whose closure is 0
-UNEXPLAINED = "contacts_unexplained_J"  # by a contact law, and so in no sum
+UNEXPLAINED = ("bonds_unexplained_J", "contacts_unexplained_J")  # by the law of either, and so in no sum
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
         "potential_J": gravity_m_s2 * (c["mass_height_kg_m"] - ledger.has_entered * mass_height_start_kg_m),
         "bond_elastic_J": c["bond_elastic_J"],
         "contact_elastic_J": contact_elastic,
-        "bond_damping_J": -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"],
+        "bond_damping_J": c["bond_damped_J"],
         "contact_damping_J": contact_damping,
         "plastic_J": c["wall_plastic_J"],
         "friction_J": c["friction_J"],
@@ -108,7 +107,11 @@ def stone_energies(ledger: StoneLedger, gravity_m_s2: float,
     # What a contact between two stones keeps or takes counts half for each, yet its force does more work on one than on
     # the other: the difference passes between them. Only the sum over the stones can see a wrong law.
     unexplained = (took - known).mean(axis=1, keepdims=True)
-    return parts | {"given_to_stones_J": took - known - unexplained, UNEXPLAINED: unexplained + np.zeros_like(took)}
+    return parts | {
+        "given_to_stones_J": took - known - unexplained,
+        "bonds_unexplained_J": -c["bond_work_J"] - c["bond_elastic_J"] - c["released_J"] - c["bond_damped_J"],
+        "contacts_unexplained_J": unexplained + np.zeros_like(took),
+    }
 
 
 def energy_table(parts: dict[str, np.ndarray], ledger: StoneLedger, dt_s: float) -> Columns:
@@ -123,7 +126,7 @@ def energy_ledger(parts: dict[str, np.ndarray], plate: PlateEnergy, kinetic_star
     agglomerate with what it gave to the plate. `kinetic_start_J` (agglomerates,), 0 of one that did not enter."""
     end = {name: values[-1] for name, values in parts.items()}
     supplied = np.maximum(kinetic_start_J + np.maximum(0.0, -parts["potential_J"].min(axis=0)), LEAST_SUPPLIED_J)
-    stones = sum(values for name, values in end.items() if name != UNEXPLAINED) - kinetic_start_J
+    stones = sum(values for name, values in end.items() if name not in UNEXPLAINED) - kinetic_start_J
     plate_energy = plate.kinetic_J + plate.internal_J + plate.damped_J
     total = float(stones.sum()) - float(end["given_to_plate_J"].sum()) + plate_energy
     return {

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
+from common.files import named
 from common.parquet import Columns
 from common.plate import FlexiblePlate
 from common.resources import resource
@@ -36,43 +37,45 @@ WALLS = "view/walls.vtu"  # one for all pictures, since they do not move
 MeshesOfPlate = Callable[[int, list[HertzContact]], dict[str, Mesh]]
 
 
-def write_view(directory: Path, prepared: PreparedRun, events: Columns, meshes_of_plate: MeshesOfPlate) -> None:
-    """Turn the engine's pictures in `directory`/deck into view/*.vtu, view.pvd and view.py in `directory`; dumps of
-    LIGGGHTS, if there are any, get their times and the bonds in deck/dumps.pvd.
+def write_view(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, events: Columns,
+               meshes_of_plate: MeshesOfPlate) -> None:
+    """Turn the engine's pictures in `deck` into view/*.vtu, view.pvd and view.py, at the path that `file` gives for
+    each name; dumps of LIGGGHTS, if there are any, get their times and the bonds in deck/dumps.pvd.
 
     `events` is the table of breakage.parquet. `meshes_of_plate(dem_step, contacts)` gives what a picture shows of the
     plate, by the names of PARTS.
     """
     assembly, dt_s = prepared.assembly, prepared.step.dt_s
-    (directory / "view").mkdir()
+    file("view.pvd").with_suffix("").mkdir(exist_ok=True)
     broken_at = np.full(assembly.n_bonds, np.inf)
     broken_at[events["bond"] - 1] = events["t_s"]
     writers = {part: VtuWriter() for part in PARTS}
     stones, walls = StoneMeshes(assembly), wall_mesh(prepared.scene)
     if walls is not None:
-        writers["walls"].write(directory / WALLS, walls)
+        writers["walls"].write(file(WALLS), walls)
     entries, dumps = [], []
-    pictures = read_pictures(directory / "deck" / "pictures.bin", assembly.sizes)
+    pictures = read_pictures(deck / "pictures.bin", assembly.sizes)
     for k, (dem_step, near, spheres, pushing) in enumerate(pictures):
         t = dem_step * dt_s
         meshes = stones.meshes(near, spheres, broken_at > t + 0.5 * dt_s)
         meshes |= meshes_of_plate(dem_step, shown_contacts(pushing, prepared.scene, assembly, prepared.step))
         for name, mesh in meshes.items():
-            file = f"view/{name}_{k:04d}.vtu"
-            writers[name].write(directory / file, mesh)
-            entries.append((t, PARTS.index(name), file))
+            picture = f"view/{name}_{k:04d}.vtu"
+            writers[name].write(file(picture), mesh)
+            entries.append((t, PARTS.index(name), picture))
         if walls is not None:
             entries.append((t, PARTS.index("walls"), WALLS))
         dumped = f"dumps/particles_{dem_step}.vtp"
-        if (directory / "deck" / dumped).exists():
+        if (deck / dumped).exists():
             dumps += [(t, 0, dumped), *([(t, 1, f"../view/bonds_{k:04d}.vtu")] if "bonds" in meshes else [])]
-    write_pvd(directory / "view.pvd", entries)
+    write_pvd(file("view.pvd"), entries)
     if dumps:
-        write_pvd(directory / "deck" / "dumps.pvd", dumps)
+        write_pvd(file("deck/dumps.pvd"), dumps)
     for part in {number for _, number, _ in entries}:
-        write_pvd(directory / "view" / f"{PARTS[part]}.pvd",
-                  [(t, 0, file.removeprefix("view/")) for t, number, file in entries if number == part])
-    (directory / "view.py").write_bytes((resource("templates") / "view.py").read_bytes())
+        write_pvd(file(f"view/{PARTS[part]}.pvd"),
+                  [(t, 0, picture.removeprefix("view/")) for t, number, picture in entries if number == part])
+    with named(script := file("view.py")):
+        script.write_bytes((resource("templates") / "view.py").read_bytes())
 
 
 class StoneMeshes:

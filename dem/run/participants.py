@@ -13,7 +13,7 @@ import numpy as np
 
 from common.parquet import Columns
 from common.plate import FlexiblePlate
-from dem.coupling.checkpoint import State, plate_file, read_plate_state, write_plate_state
+from dem.coupling.checkpoint import BY_HAND, State, plate_file, read_plate_state, write_plate_state
 from dem.coupling.monitor import PlateMonitor
 from dem.coupling.participant import CouplingState, PlateParticipant
 from dem.coupling.pipes import PlatePipes
@@ -33,7 +33,7 @@ class RigidPlateParticipant:
 
     n_modes = 0
 
-    def restore(self, deck: Path, dem_step: int) -> None:
+    def restore(self, deck: Path, dem_step: int, identity: str) -> None:
         """A rigid plate has no state to go on from."""
 
     @contextmanager
@@ -41,7 +41,8 @@ class RigidPlateParticipant:
         """The engine does not look for a rigid plate."""
         yield
 
-    def take_part(self, deck: Path, alive: Callable[[], bool], progress: Callable[[int], None]) -> None:
+    def take_part(self, deck: Path, alive: Callable[[], bool], progress: Callable[[int], None],
+                  identity: str = BY_HAND) -> None:
         """The engine asks a rigid plate nothing."""
 
     def signals(self, dem_steps: range) -> Columns:
@@ -81,9 +82,10 @@ class FlexiblePlateParticipant:
         """Number of modes, residual ones included."""
         return len(self._motion.amplitude)
 
-    def restore(self, deck: Path, dem_step: int) -> None:
-        """Go on from the plate's half of the checkpoint at `dem_step`. Raises InputError if it cannot be read."""
-        kept = read_plate_state(plate_file(deck / "checkpoint", dem_step))
+    def restore(self, deck: Path, dem_step: int, identity: str) -> None:
+        """Go on from the plate's half of the checkpoint of the run `identity` at `dem_step`. Raises InputError if it
+        cannot be read."""
+        kept = read_plate_state(plate_file(deck / "checkpoint", dem_step), identity)
         state = self._state
         state.dem_step, state.co_steps, state.extrapolated_co_steps = (int(number) for number in kept["coupling"])
         state.last_force = kept["last_force"]
@@ -107,9 +109,11 @@ class FlexiblePlateParticipant:
         finally:
             self._pipes.close()
 
-    def take_part(self, deck: Path, alive: Callable[[], bool], progress: Callable[[int], None]) -> None:
+    def take_part(self, deck: Path, alive: Callable[[], bool], progress: Callable[[int], None],
+                  identity: str = BY_HAND) -> None:
         """Answer the engine until it has finished. `alive` tells whether it still runs; `progress` is called with the
-        DEM steps that were recorded. Raises CouplingError, or Unstable if the plate gets too much energy."""
+        DEM steps that were recorded; checkpoints carry the `identity` of the run. Raises CouplingError, or
+        Unstable if the plate gets too much energy."""
         assert self._pipes is not None  # connected
 
         def record(dem_steps: range, states: np.ndarray, force: np.ndarray, last_force: np.ndarray) -> None:
@@ -118,8 +122,8 @@ class FlexiblePlateParticipant:
 
         self._pipes.open(alive)
         participant = PlateParticipant(self._motion, self._step, record, self._state)
-        participant.run(self._pipes,
-                        lambda dem_step: write_plate_state(deck / "checkpoint", dem_step, self._checkpoint()))
+        participant.run(self._pipes, lambda dem_step: write_plate_state(deck / "checkpoint", dem_step,
+                                                                        self._checkpoint(), identity))
 
     def signals(self, dem_steps: range) -> Columns:
         """The plate's signals, one row for each of `dem_steps`. Raises RuntimeError if others were recorded."""

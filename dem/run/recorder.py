@@ -94,7 +94,7 @@ class PlateRecorder:
         """Go on from what `get_state` gave."""
         self._blocks, self.steps, self._evaluated = [state["rows"]], state["steps"].tolist(), len(state["rows"])
         self._waiting = len(state["waiting"])
-        self._block[:, :self._waiting] = state["waiting"].reshape(self._waiting, 3, -1).swapaxes(0, 1)
+        self._block[:, :self._waiting] = state["waiting"].swapaxes(0, 1)
         self.view_amplitude = dict(zip(state["view_steps"].tolist(), state["view_amplitude"], strict=True))
         self.bending.set_state(state)
 
@@ -156,12 +156,12 @@ def fast_stream(step: TimeStep, pushes: Pushes, plate_signals: Columns, columns_
     return table
 
 
-def write_streams(directory: Path, fast: Columns, step: TimeStep) -> Columns:
+def write_streams(file: Callable[[str], Path], fast: Columns, step: TimeStep) -> Columns:
     """Write fast.parquet and its rows at the samples, signals.parquet. Returns the latter."""
-    write_parquet(fast, directory / "fast.parquet")
+    write_parquet(fast, file("fast.parquet"))
     every = step.sample_steps // step.fast_steps
     signals = {name: values[::every] for name, values in fast.items()}
-    write_parquet(signals, directory / "signals.parquet")
+    write_parquet(signals, file("signals.parquet"))
     return signals
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import logging
 import platform
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,31 +50,31 @@ class Results:
     walls: Columns | None = None
 
 
-def write_results(directory: Path, prepared: PreparedRun, plate: PlateOfRun) -> Results:
-    """Write the tables and pictures of a run into `directory`, from what the engine left in `directory`/deck.
-    Raises Unstable if the energy does not close."""
-    deck, scene, step, assembly = directory / "deck", prepared.scene, prepared.step, prepared.assembly
+def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, plate: PlateOfRun) -> Results:
+    """Write the tables and pictures of a run, from what the engine left in `deck`, to the path that `file` gives for
+    each name. Raises Unstable if the energy does not close."""
+    scene, step, assembly = prepared.scene, prepared.step, prepared.assembly
     n = len(assembly.sizes)
     events = read_events(deck / "events.csv", step)
     pushes = read_forces(deck / "forces.bin")
     fast = fast_stream(step, pushes, plate.signals(range(0, step.steps + 1, step.fast_steps)),
                        0 if assembly.is_stream else n)
-    signals = write_streams(directory, fast, step)
-    write_parquet(events, directory / "breakage.parquet")
+    signals = write_streams(file, fast, step)
+    write_parquet(events, file("breakage.parquet"))
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
-    write_parquet(contacts, directory / "contacts.parquet")
+    write_parquet(contacts, file("contacts.parquet"))
     if scene.output.view_interval_s is not None:
-        write_view(directory, prepared, events, plate.meshes)
+        write_view(file, deck, prepared, events, plate.meshes)
     walls = read_walls(scene, deck, step)
     if walls is not None:
-        write_parquet(walls, directory / "walls.parquet")
+        write_parquet(walls, file("walls.parquet"))
     ledger = read_ledger(deck / "ledger.bin", n)
     left = read_left(deck / "left.csv")
     if assembly.is_stream:
-        write_parquet(left_table(left, step), directory / "left.parquet")
-    write_parquet(stones_table(assembly, step, pushes, events, left), directory / "stones.parquet")
+        write_parquet(left_table(left, step), file("left.parquet"))
+    write_parquet(stones_table(assembly, step, pushes, events, left), file("stones.parquet"))
     parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
-    write_parquet(energy_table(parts, ledger, step.dt_s), directory / "energy.parquet")
+    write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
     check_closure(energy)
     return Results(events, fast, signals, pushes, ledger, assembly.stone_mass_kg, energy, walls)

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from common.cache import user_cache
-from common.output_directory import Busy, refuse_place
+from common.output_directory import Busy, hash_of, refuse_place
 from common.run_summary import RunSummary, read_summary, write_summary
 from common.scene import Scene, read_scene, scene_hash
 from common.tables import InputError
@@ -22,7 +22,7 @@ from dem.coupling.launch import ENGINE, check_engine
 from dem.coupling.messages import CouplingError
 from dem.coupling.monitor import Unstable
 from dem.deck.render import streams, write_deck
-from dem.run.directory import STARTED, SUFFIX, Identity, RunDirectory, fingerprint
+from dem.run.directory import STARTED, SUFFIX, Identity, RunDirectory, name_of
 from dem.run.errors import RunError
 from dem.run.participants import participant_of
 from dem.run.prepare import PreparedRun, prepare
@@ -30,6 +30,8 @@ from dem.run.progress import Progress
 from dem.run.results import own_version, summary_of, write_results
 from dem.run.simulate import EngineStart, simulate
 from dem.stones.arrangement import gangue_ratio as ratio_of
+
+LEAST_FREE_BYTES = 1 << 16
 
 
 def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None,
@@ -83,50 +85,56 @@ def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
     work.refuse(prepared.scene_hash, overwrite)
     try:
         with work.claimed() as lock:
-            identity, step = _take_up(work, prepared)
+            identity, step = _take_up(work, prepared, overwrite)
             summary = work.finished(identity)
             if summary is None:
-                start = EngineStart(work.path / "deck", step, lock, stop_at)
+                start = EngineStart(work.path / "deck", step, lock, stop_at, name_of(identity))
                 summary = _run_in(work, identity["deck"], start, prepared, show_progress)
-                write_summary(work.path / "run.json", summary)
-                work.note_finished()
-            _remove_working_files(work.path / "deck", prepared)
+                write_summary(work.file("run.json"), summary)
+                work.note_finished(without=_working_files(prepared))
+            for name in _working_files(prepared):
+                work.remove(name)
             work.publish()
             return summary.as_json()
     except (RunError, CouplingError, Unstable, Busy) as error:
-        raise RunError(f"{prepared.source}: {error} (what there is of the run is in {work.path})") from error
+        full = ", whose disk is full" if shutil.disk_usage(work.path).free < LEAST_FREE_BYTES else ""
+        raise RunError(f"{prepared.source}: {error} (what there is of the run is in {work.path}{full})") from error
 
 
-def _take_up(work: RunDirectory, prepared: PreparedRun) -> tuple[Identity, int]:
+def _take_up(work: RunDirectory, prepared: PreparedRun, overwrite: bool) -> tuple[Identity, int]:
     """Put the deck in its place; return what the run is known by, and the step of the checkpoint to go on from, 0 if
     from the start.
 
-    Only a run with the same deck, plate, program and engine goes on; any other starts anew in an empty directory.
+    Only a run with the same deck, plate, program and engine goes on; any other starts anew in an empty directory, as
+    with `overwrite` each does that is not finished.
     """
     deck, fresh = work.path / "deck", work.path / "deck.fresh"
-    shutil.rmtree(fresh, ignore_errors=True)
+    work.remove(fresh.name)
     with prepared.stages("deck"):
         deck_hash = write_deck(fresh, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+    files = sorted(work.file(f"deck/{file.name}") for file in fresh.iterdir() if file.is_file())
     identity = _identity(prepared, deck_hash)
-    if _identity_of(work) != identity:
+    if _identity_of(work) != identity or (overwrite and work.finished(identity) is None):
         work.clear(keep=(fresh.name,))
         fresh.rename(deck)
         work.start(identity, prepared.given.model_dump(mode="json"), prepared.source)
         return identity, 0
     deck.mkdir(exist_ok=True)
-    for file in sorted(fresh.iterdir()):  # the engine reads what was written now, whatever became of the deck meanwhile
-        if fingerprint(file) != fingerprint(deck / file.name):
-            note(f"{deck / file.name}: missing or damaged; it was written anew")
-        file.replace(deck / file.name)
-    fresh.rmdir()
+    for file in files:  # the engine reads what was written now, whatever became of the deck meanwhile
+        if hash_of(file) != hash_of(fresh / file.name):
+            note(f"{file}: missing or damaged; it was written anew")
+        (fresh / file.name).replace(file)
+    for directory in fresh.iterdir():  # of dumps
+        (deck / directory.name).mkdir(exist_ok=True)
+    work.remove(fresh.name)
     if work.finished(identity):
         return identity, 0
     work.clear(keep=(STARTED, "deck"))
     names = streams(prepared.scene, prepared.assembly)
-    step = last_whole(deck, names, prepared.flexible, note)
+    step = last_whole(deck, names, prepared.flexible, name_of(identity), note)
     if not step:
         for name in names:
-            (deck / name).unlink(missing_ok=True)
+            work.remove(f"deck/{name}")
     return identity, step
 
 
@@ -159,12 +167,12 @@ def _run_in(work: RunDirectory, deck_hash: str, start: EngineStart, prepared: Pr
     resumed_at_s: list[float] = []
     if start.resume_step:
         resumed_at_s = work.note_resumed(start.resume_step * prepared.step.dt_s)
-        plate.restore(start.deck, start.resume_step)
+        plate.restore(start.deck, start.resume_step, start.identity)
     progress = Progress(f"{scene.name} {_ratio(prepared):4.0%}", scene.time.duration_s, show_progress)
     with stages("engine and plate"):
         simulate(prepared, start, plate, progress)
     with stages("output"):
-        results = write_results(work.path, prepared, plate)
+        results = write_results(work.file, start.deck, prepared, plate)
     return RunSummary(**summary_of(prepared, plate, results), deck_hash=deck_hash, wall_time_s=stages.wall_time_s,
                       resumed_at_s=resumed_at_s)
 
@@ -174,9 +182,7 @@ def _ratio(prepared: PreparedRun) -> float:
     return ratio_of(prepared.scene, list(assembly.stones), assembly.stone_mass_kg)
 
 
-def _remove_working_files(deck: Path, prepared: PreparedRun) -> None:
+def _working_files(prepared: PreparedRun) -> list[str]:
     """What the engine wrote for this program alone; its logs stay where the scene asks for them."""
     logs = () if prepared.scene.output.engine_log else ("engine.out", "engine.log", "log.liggghts")
-    for name in (*streams(prepared.scene, prepared.assembly), *logs):
-        (deck / name).unlink(missing_ok=True)
-    shutil.rmtree(deck / "checkpoint", ignore_errors=True)
+    return [f"deck/{name}" for name in (*streams(prepared.scene, prepared.assembly), *logs, "checkpoint")]

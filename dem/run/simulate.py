@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +11,7 @@ import numpy as np
 
 from dem.coupling.checkpoint import latest
 from dem.coupling.exit_code import STOPPED
-from dem.coupling.launch import engine_error, start_engine
+from dem.coupling.launch import engine_error, engine_running
 from dem.coupling.messages import CouplingError
 from dem.coupling.watchdog import EngineWatchdog
 from dem.run.directory import SUFFIX
@@ -31,22 +27,27 @@ POLL_s = 0.05
 @dataclass(frozen=True)
 class EngineStart:
     """Where and how the engine starts: in `deck`, from the checkpoint at DEM step `resume_step`, 0 if from the
-    beginning. It inherits the file descriptor `lock`. It is asked to stop at the time `stop_at` of `time.monotonic`, if
-    that is given."""
+    beginning. It inherits the file descriptor `lock`. It stops at the first checkpoint from the time `stop_at` of
+    `time.monotonic` on, if that is given. Checkpoints carry the `identity` of the run."""
 
     deck: Path
     resume_step: int
     lock: int
     stop_at: float | None
+    identity: str
 
 
 def simulate(prepared: PreparedRun, start: EngineStart, plate: PlateOfRun, progress: Progress) -> None:
     """Run engine and plate until the engine has finished. Raises RunError, CouplingError, Unstable or Stopped."""
     try:
-        with plate.connected(start.deck), _running(prepared, start) as engine:
+        walltime = "never" if start.stop_at is None else max(0.0, start.stop_at - time.monotonic())
+        with plate.connected(start.deck), engine_running(
+                start.deck, prepared.scene.engine.np, (start.lock,), resume=start.resume_step, walltime=walltime,
+                identity=start.identity) as engine:
             watchdog = EngineWatchdog(engine)
             try:
-                plate.take_part(start.deck, watchdog, lambda dem_step: progress(dem_step * prepared.step.dt_s))
+                plate.take_part(start.deck, watchdog, lambda dem_step: progress(dem_step * prepared.step.dt_s),
+                                start.identity)
             except CouplingError as error:
                 if _exit_code(engine) not in (None, 0):
                     _check_not_stopped(prepared, start.deck, engine.returncode)
@@ -60,24 +61,6 @@ def simulate(prepared: PreparedRun, start: EngineStart, plate: PlateOfRun, progr
     _check_finished(prepared, start.deck, engine.returncode)
 
 
-@contextmanager
-def _running(prepared: PreparedRun, start: EngineStart) -> Iterator[subprocess.Popen[bytes]]:
-    """The engine, which is killed at the end if it still runs."""
-    engine = start_engine(start.deck, prepared.scene.engine.np, start.resume_step, (start.lock,))
-    timer = threading.Timer(0.0 if start.stop_at is None else max(0.0, start.stop_at - time.monotonic()),
-                            engine.send_signal, [signal.SIGUSR1])
-    timer.daemon = True
-    try:
-        if start.stop_at is not None:
-            timer.start()
-        yield engine
-    finally:
-        timer.cancel()
-        if engine.poll() is None:
-            engine.kill()
-            engine.wait()
-
-
 def _exit_code(engine: subprocess.Popen[bytes]) -> int | None:
     """The exit code of an engine that has fallen silent: its pipes close a moment before it is gone."""
     try:
@@ -87,11 +70,11 @@ def _exit_code(engine: subprocess.Popen[bytes]) -> int | None:
 
 
 def _check_not_stopped(prepared: PreparedRun, deck: Path, code: int) -> None:
-    if code not in (STOPPED, -signal.SIGUSR1):  # the second before it listened
+    if code != STOPPED:
         return
     step = latest(deck / "checkpoint", prepared.flexible)
-    where = f"at the checkpoint at t = {step * prepared.step.dt_s:.6g} s" if step else "before the first checkpoint"
-    raise Stopped(f"{prepared.scene.name}: stopped {where} of {prepared.scene.time.duration_s:g} s; "
+    raise Stopped(f"{prepared.scene.name}: stopped at the checkpoint at t = {step * prepared.step.dt_s:.6g} s of "
+                  f"{prepared.scene.time.duration_s:g} s; "
                   f"`python -m dem resume {deck.parent.with_name(deck.parent.name.removesuffix(SUFFIX))}` goes on")
 
 

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 from isal import isal_zlib
 
+from common.files import named
+
 BLOCK_BYTES = 1 << 20
 LEAST_FOR_ISAL_BYTES = 4096  # ISA-L packed 96 bytes as 49 in one process and as 51 in another
 CELL_TYPES = {1: 1, 2: 3, 4: 9}  # number of points of a cell: VTK's vertex, line, quad
@@ -66,7 +68,7 @@ class VtuWriter:
                 'header_type="UInt32" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
                 f'<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{n_cells}">\n')
         tail = '\n</Piece>\n</UnstructuredGrid>\n<AppendedData encoding="raw">\n_'
-        with open(file, "wb") as out:
+        with named(file), open(file, "wb") as out:
             out.write((head + "\n".join(lines) + tail).encode())
             out.writelines(appended)
             out.write(b"\n</AppendedData>\n</VTKFile>\n")
@@ -101,5 +103,6 @@ def rounded(values: np.ndarray, bits: int) -> np.ndarray:
 def write_pvd(file: Path, entries: list[tuple[float, int, str]]) -> None:
     """Write a series for ParaView; `entries` are time (s), number of the part, and name of a file beside `file`."""
     rows = "\n".join(f'    <DataSet timestep="{t:.9g}" part="{part}" file="{name}"/>' for t, part, name in entries)
-    file.write_text('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
-                    f"  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n")
+    with named(file):
+        file.write_text('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+                        f"  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n")

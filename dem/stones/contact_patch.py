@@ -1,7 +1,7 @@
 """The patch of a stone's surface that carries its contact with the plate, and how far the bonds give way under it.
 
 A packing of sub-spheres touches the plate with single sub-spheres of their own small radius. The smooth stone that it
-stands for touches with its own radius R. The engine (dem/engine/smooth_contact.h) therefore lets the surface
+stands for touches with its own radius R. The engine (dem/engine/smooth/smooth_contact.h) therefore lets the surface
 sub-spheres about the contact axis carry Hertz' law of the smooth stone together. They have the weights
 
     w_i ~ r_i^2 (1 - rho_i^2/b^2) (1 + g . rho_i),   sum of w_i = 1,   sum of w_i rho_i = 0

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from common.scene_shapes import ShapeTable
-from common.tables import InputError
+from common.tables import InputError, refuse_unreadable
 from dem.stones.mesh import fault_of, winding_number
 
 USUAL_CORNERS = 16
@@ -24,6 +24,7 @@ SPHERICITY_TOLERANCE = 0.03
 SPREAD_TURNS = 5          # of the repulsion between the corners
 CONVEX_TOLERANCE = 0.01   # of the size: the deepest dent of what is taken to be its hull
 MOST_TRIANGLES = 5000     # of a solid that is not convex
+MOST_BYTES = 200e6        # of a mesh file
 DARTS = 2000              # that look for places round which a surface goes twice
 
 
@@ -133,6 +134,7 @@ def _from_file(file: Path) -> Solid:
     """Raises InputError for a file that cannot be read or holds no closed surface of triangles."""
     import meshio  # late: most stones are of no mesh, and it takes a third as long to import as numpy and scipy
 
+    refuse_unreadable(file, MOST_BYTES)
     try:
         with np.errstate(over="ignore"):  # meshio's test of whether an STL file is text
             mesh = meshio.read(file)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 TABLE = Path(__file__).with_name("mutants.toml")
-SOURCES = ("common", "dem", "plate_fem", "analysis", "recognition")
+SOURCES = ("common", "dem", "plate_fem", "analysis", "recognition", "lab")
 KEYS = {"name", "file", "original", "mutated", "tests", "harmless"}
 
 

@@ -58,15 +58,13 @@ class MethodEntry:
     """A method in a registry.
 
     title: as a reader sees it. make: gives an unfitted one. gives_interval: its answers have one. seeks_impact: it
-    does not take the moment of the impact for known. rate_factor:
-    sample rate of its records, in multiples of that of `signals.parquet`.
+    does not take the moment of the impact for known.
     """
 
     title: str
     make: Callable[[], Method]
     gives_interval: bool = True
     seeks_impact: bool = False
-    rate_factor: int = 1
 
 
 #: Methods by name.

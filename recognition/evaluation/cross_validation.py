@@ -24,9 +24,9 @@ from recognition.estimation.arrays import Integers
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import MethodEntry, Registry
 from recognition.evaluation.dataset import DataSet
-from recognition.evaluation.sensor_noise import same_per_hertz, with_noise
+from recognition.evaluation.sensor_noise import with_noise
 
-Noises = Sequence[float | None]  # below the signals' rms at their own rate, dB; faster records have as much a hertz
+Noises = Sequence[float | None]  # below the signals' rms, dB
 NOISES_DB = (None, 40.0, 20.0)
 FOLDS, LEAST_FOLDS = 8, 3
 MOST_TRAININGS = 8  # of eleven runs, one after the other
@@ -97,10 +97,10 @@ class Evaluation:
         key = (name, noise_db)
         if key not in self._features:
             method, features = entry.make(), []
-            records = zip(self.data.signals(entry.rate_factor), self.data.runs, strict=True)
+            records = zip(self.data.signals(), self.data.runs, strict=True)
             for number, (signals, run) in enumerate(records):
                 rng = np.random.default_rng([number, int(noise_db or 0)])
-                noisy = with_noise(signals, same_per_hertz(noise_db, entry.rate_factor), rng)
+                noisy = with_noise(signals, noise_db, rng)
                 features.append(method.prepare(noisy, run if noise_db is None else None))
             self._features[key] = features
         return self._features[key]

@@ -14,11 +14,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from analysis import RecordError, read_run
-from analysis.readers import read_table
-from analysis.records import sample_rate_Hz
 from analysis.runs import Run
 from recognition.estimation.arrays import Floats, Integers
-from recognition.estimation.channels import channel_names
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.window import Window
 
@@ -43,18 +40,13 @@ class DataSet:
     def window(self) -> Window:
         return Window.of(self.runs)
 
-    def signals(self, rate_factor: int = 1) -> list[pd.DataFrame]:
-        """Records of all runs in the window. With a rate_factor above 1, at so many times their sample rate: what the
-        plate's sensors give in the fast streams; RecordError without these."""
-        if rate_factor not in self._signals:
-            self._signals[rate_factor] = [
-                self.window.cut(run.signals, str(run.path)) if rate_factor == 1
-                else _fast_signals(run, self.window, rate_factor) for run in self.runs]
-        return self._signals[rate_factor]
+    def signals(self) -> list[pd.DataFrame]:
+        """Records of all runs in the window."""
+        return self._signals
 
     @cached_property
-    def _signals(self) -> dict[int, list[pd.DataFrame]]:
-        return {}
+    def _signals(self) -> list[pd.DataFrame]:
+        return [self.window.cut(run.signals, str(run.path)) for run in self.runs]
 
     @property
     def ratios(self) -> Floats:
@@ -72,15 +64,6 @@ class DataSet:
                   for k in np.flatnonzero(~same)]
         runs = [run for run, one in zip(self.runs, same, strict=True) if one]
         return DataSet(runs, self.table[same].reset_index(drop=True), self.passed_over + others)
-
-
-def _fast_signals(run: Run, window: Window, rate_factor: int) -> pd.DataFrame:
-    path = run.path / "fast.parquet"
-    table = read_table(path)
-    names = ["t_s", *channel_names(table.columns, "plate")]
-    fast = Window(rate_factor * window.rate_Hz, rate_factor * (window.n_samples - 1) + 1)
-    steps = max(1, round(sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{path}: t_s") / fast.rate_Hz))
-    return fast.cut(table.loc[::steps, names], str(path))
 
 
 def _kind(run: Run) -> str:

@@ -15,6 +15,7 @@ from recognition.plate.plate_model import PlateModel
 
 MOST = 1e30  # of a sample in its unit
 LEAST_SAMPLES = 64  # the filters need a run-up
+BENDS = 0.3  # of the largest shape: modes that bend the plate
 
 
 def read_accelerations(path: str | Path, plate: PlateModel) -> tuple[pd.DataFrame, Floats, float]:
@@ -27,6 +28,10 @@ def read_accelerations(path: str | Path, plate: PlateModel) -> tuple[pd.DataFram
         if name not in table.columns:
             raise RecognitionError(f"{path}: no column {name!r}; needs t_s, {', '.join(names)}")
     rate_Hz = sample_rate_Hz(numbers(table, "t_s", path), f"{path}: t_s")
+    lowest_Hz = float(plate.frequency_Hz[plate.rms_shape > BENDS * plate.rms_shape.max()][0])
+    if rate_Hz < 2 * lowest_Hz:
+        raise RecognitionError(f"{path}: {rate_Hz:g} samples a second; needs at least {2 * lowest_Hz:g} to show a mode "
+                               "of this plate; t_s must be in s")
     return table, np.array([numbers(table, name, path) for name in names]), rate_Hz
 
 

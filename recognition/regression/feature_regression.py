@@ -17,7 +17,7 @@ from recognition.estimation.errors import RecognitionError
 from recognition.estimation.estimator import RatioEstimator, RecordEstimator
 from recognition.estimation.method import Groups
 from recognition.regression.conformal import GroupConformal
-from recognition.regression.features import FEATURES, PREDICTORS
+from recognition.regression.features import FEATURES
 from recognition.regression.gaussian_process import ProcessModel, ProcessRegressor
 from recognition.regression.ratio_law import DISTANCES
 
@@ -44,7 +44,7 @@ class FeatureRegression(RecordEstimator):
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> FeatureRegression:
         """nuisance: of the law of the features (`ProcessRegressor.fit`). Raises RecognitionError."""
-        conformal = GroupConformal(ProcessRegressor(PREDICTORS.get(self.features)))
+        conformal = GroupConformal(ProcessRegressor())
         conformal.fit(np.asarray(X), y, groups, _numbers(nuisance))
         self._estimator = conformal.estimator_
         self.model_, self.width_, self.limits_ = conformal.estimator_.model_, conformal.width_, conformal.limits_

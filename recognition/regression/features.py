@@ -1,4 +1,4 @@
-"""Features of a record for regressions: energies in windows of time and bands of frequency, and the stones' impulse.
+"""Features of a record for regressions: energies in windows of time and bands of frequency.
 
 All accelerometers are taken together, so that the features hardly depend on the arrangement of the stones. A greater
 energy of the impact raises all of them, damping changes the later windows, a higher impact speed the upper bands.
@@ -15,7 +15,6 @@ import pandas as pd
 from recognition.estimation.arrays import Floats
 from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
-from recognition.physics.impulse import impulse
 
 #: Ends of windows in shares of the record, ends of bands in shares of half its sample rate.
 WINDOWS = (0.0, 0.025, 0.125, 0.375, 1.0)
@@ -39,20 +38,10 @@ def _without_errors(features: Floats) -> Floats:
     return np.stack([features, np.zeros_like(features)])
 
 
-def _energies_sensors(signals: pd.DataFrame) -> Floats:
+def energies_sensors(signals: pd.DataFrame) -> Floats:
     """Windows and bands of the accelerometers."""
     return _without_errors(log_rms(channels_of(signals, "accelerometers")))
 
 
-def _impulse(signals: pd.DataFrame) -> Floats:
-    """The stones' impulse, and the energies of the accelerometers."""
-    found = impulse(signals)
-    return np.hstack([[[found.impulse_N_s], [found.standard_error_N_s]], _energies_sensors(signals)])
-
-
 #: name -> features of a record and their standard errors by the noise of the sensors, shape (2, p).
-FEATURES: dict[str, Callable[[pd.DataFrame], Floats]] = {
-    "impulse": _impulse, "energies_sensors": _energies_sensors}
-#: Number of features, from the first on, from which the ratio is found, where that is not all; the others serve to
-#: recognise records out of distribution.
-PREDICTORS = {"impulse": 1}
+FEATURES: dict[str, Callable[[pd.DataFrame], Floats]] = {"energies_sensors": energies_sensors}

@@ -95,14 +95,11 @@ class _ConditionalProcess:
 
 
 class ProcessRegressor(RecordEstimator):
-    """scikit-learn estimator: Gaussian process on the first `predictors` standardised features (None: on all), and a
-    law of all features with their scatter, which tells records out of distribution.
+    """scikit-learn estimator: Gaussian process on standardised features, and a law of the features with their scatter,
+    which tells records out of distribution.
 
     X has the shape (runs, 2, p): features, and their standard errors by the noise of the sensors.
     """
-
-    def __init__(self, predictors: int | None = None):
-        self.predictors = predictors
 
     def fit(self, X: Floats, y: Floats, nuisance: Floats | None = None,
             groups: Floats | None = None) -> ProcessRegressor:
@@ -110,15 +107,14 @@ class ProcessRegressor(RecordEstimator):
         X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         mean, scale = X[:, 0].mean(axis=0), X[:, 0].std(axis=0)
         z = (X[:, 0] - mean) / scale
-        points = z[:, :self.predictors]
-        process = _fitted(points, y)
+        process = _fitted(z, y)
         self.process_ = process
         self.conditional_: _ConditionalProcess | None = None  # fitted when first asked for
-        self.training_ = points, None if nuisance is None else np.asarray(nuisance, dtype=float), y
+        self.training_ = z, None if nuisance is None else np.asarray(nuisance, dtype=float), y
         smooth = process.kernel_.k1
         law = fit_law(z[:, None, :], y, nuisance, groups, components=z.shape[1])
         self.model_ = ProcessModel(
-            mean, scale, points, process.alpha_, float(smooth.k1.constant_value), float(smooth.k2.length_scale),
+            mean, scale, z, process.alpha_, float(smooth.k1.constant_value), float(smooth.k2.length_scale),
             _scatter(process), float(y.mean()), float(y.std()), law)
         return self
 
@@ -130,7 +126,7 @@ class ProcessRegressor(RecordEstimator):
             ratio, error = np.array([self.model_.ratio(x) for x in X]).T
         else:
             z = (X[:, 0] - self.model_.mean) / self.model_.scale
-            ratio, error = self._conditional().predict(z[:, :self.predictors], np.asarray(nuisance, dtype=float))
+            ratio, error = self._conditional().predict(z, np.asarray(nuisance, dtype=float))
         return (ratio, error) if return_std else ratio
 
     def _conditional(self) -> _ConditionalProcess:

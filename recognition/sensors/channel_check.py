@@ -14,6 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
+from recognition.plate.records import BENDS
 from recognition.sensors.free_ringing import Ringing, ringing_of
 from recognition.sensors.hum import Hum, hum_of
 
@@ -60,7 +61,7 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
     names = plate.sensor_names
     refused = channel_faults(signals, names)
     onset = _onset(signals)
-    bends = plate.rms_shape > 0.3 * plate.rms_shape.max()
+    bends = plate.rms_shape > BENDS * plate.rms_shape.max()
     hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
     peak = abs(signals).max(axis=1)
     told = _told_of_hum(hum, peak, names)
@@ -129,7 +130,7 @@ def _ringing(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int) -> 
     length, found = round(STRETCH_s * rate_Hz), []
     for after_s in AFTER_s:
         start = onset + round(after_s * rate_Hz)
-        if start + length <= signals.shape[1]:
+        if length > 1 and start + length <= signals.shape[1]:
             found.append(ringing_of(filtered[:, start:start + length], rate_Hz, plate, noise))
     return min(found, key=_excess, default=None)
 

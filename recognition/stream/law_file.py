@@ -14,7 +14,7 @@ from recognition.estimation.errors import RecognitionError
 from recognition.stream.forces import StoneForces
 
 FORMAT = "stone forces 5"
-#: Of the rock of scenes/single.toml: the stones of the set "learnt" of benchmarks/stone_forces.py.
+#: Of the rock of scenes/single.toml: the stones of the set "learnt" of lab/streams/stone_forces.py.
 SHIPPED = Path(__file__).parent / "stone_forces.json"
 
 
@@ -32,5 +32,5 @@ def load_forces(file: Path = SHIPPED) -> StoneForces:
         raise RecognitionError(str(error)) from None
     names = {field.name for field in fields(StoneForces)}
     if content is None or content.get("format") != FORMAT or set(content) - {"sha256", "format"} != names:
-        raise RecognitionError(f"{file}: no law of the stones' forces; benchmarks/stone_forces.py writes one")
+        raise RecognitionError(f"{file}: no law of the stones' forces; `make forces` writes one")
     return StoneForces(**{name: np.array(content[name], float) for name in names})

@@ -13,7 +13,7 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.bank import Bank
 from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
-from recognition.stream.listen import WINDOW, Heard, Listener
+from recognition.stream.listen import Heard, Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.retuning import retuned
 from recognition.stream.search import Dictionary
@@ -107,8 +107,3 @@ def _loud_rms(values: Floats, rms: Floats) -> Floats:
     relative = np.mean(power / rms[:, None] ** 2, axis=0)
     loud = relative > LOUD * relative.max()
     return np.asarray(np.sqrt(power[:, loud].mean(axis=1)))
-
-
-def latency_s() -> float:
-    """From the arrival of a stone to its answer, without the time of computing."""
-    return WINDOW / RATE_Hz

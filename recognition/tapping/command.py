@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.output_directory import refuse_file
+from common.output_directory import is_sealed_as, refuse_file
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel
 from recognition.tapping.fit import BEYOND, fit_plate
@@ -20,7 +20,7 @@ LARGEST_UNEXPLAINED = 0.3  # of a sensor's record: more, and the plate, a place 
 def tap(arguments: argparse.Namespace) -> int:
     """0, or 3 without any file where the taps do not suit the plate."""
     out = Path(arguments.out)
-    refuse_file(arguments.out, FORMAT)
+    refuse_file(arguments.out, is_sealed_as(FORMAT))
     if not 0 < arguments.max_frequency < 1e5:
         raise RecognitionError(f"--max-frequency {arguments.max_frequency:g}: must lie between 0 and 1e5 Hz")
     plate = PlateModel.from_scene(arguments.scene, BEYOND * arguments.max_frequency)

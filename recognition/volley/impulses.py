@@ -12,7 +12,7 @@ from recognition.volley.moments import REACHES
 from recognition.volley.responses import Stones
 
 #: Impulse of a stone of a volley in m v, of coal and of gangue, where stones fall as near as on the paper's circle and
-#: anywhere: `python -m benchmarks.volleys shares`, of ten stones at 3 m/s in the families `ring` and `free` of
+#: anywhere: `python -m lab run volley_shares`, of ten stones at 3 m/s in the families `ring` and `free` of
 #: scenes/dataset.toml. Alone a stone pushes up to 7 % more: here others move the plate away from it, the more the
 #: nearer they are.
 NEAR_SHARE, FAR_SHARE = np.array([1.749, 1.708]), np.array([1.805, 1.768])

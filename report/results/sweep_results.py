@@ -8,7 +8,6 @@ import numpy as np
 
 from analysis import RecordError, Run, Sweep
 from report.results.breakage import BreakageResults
-from report.results.evaluation import Evaluation, read_evaluation
 from report.results.plate import PlateResults
 from report.results.recognition import RecognitionResults, in_paper_window
 from report.results.response import ResponseResults
@@ -42,11 +41,6 @@ class SweepResults:
     def t_s(self) -> np.ndarray:
         """Times of the regular stream, shape (samples,)."""
         return self.runs[0].t_s
-
-    @cached_property
-    def evaluation(self) -> Evaluation:
-        """The evaluation of the data set beside the sweep, or the kept one if there is none. Raises RecordError."""
-        return read_evaluation(self.sweep.path.resolve().parent / "dataset" / "evaluation.csv")
 
     # ---------------------------------------------------------- choosing runs
 

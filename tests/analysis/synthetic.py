@@ -18,6 +18,7 @@ BROKEN_BONDS = {"coal": 90, "gangue": 12}
 MODES = ((25.0, 280.0, 0.01, 1.0), (25.0, 900.0, 0.01, 0.3), (25.0, 2200.0, 0.01, 0.1))
 
 SCENE = {
+    "name": "paper",
     "stones": {
         "count": 10,
         "radius_m": 0.025,

@@ -59,6 +59,21 @@ def test_a_campaign_runs_what_is_missing_and_each_group_is_laid_out_as_a_sweep(t
     assert first_run.stat().st_mtime_ns == before
 
 
+def test_names_of_any_kind_reach_the_runs(tmp_path):
+    """Of the program, the scene and the directory: YAML, Python's braces and the shell would read them in their way."""
+    pytest.importorskip("snakemake")
+    here = tmp_path / "a: b #1 {x} $HOME 'q\"" / "-r"
+    here.mkdir(parents=True)
+    (here / "stone.toml").write_text(STONE.read_text())
+    (here / "campaign.toml").write_text('scene = "stone.toml"\n[vary]\n"stones.gangue_ratio" = [0.0]\n')
+    (tmp_path / "e nv").symlink_to(sys.prefix)
+    python = tmp_path / "e nv" / "bin" / "python"
+    done = subprocess.run([python, "-m", "dem", "campaign", "campaign.toml", "--out=-out"], cwd=here,
+                          env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert_hertz(here / "-out")
+
+
 def test_a_plan_holds_every_combination_once_and_repeats(tmp_path):
     file = campaign_file(tmp_path, **{"stones.speed_m_s": [1.0, 2.0, 2.0], "stones.gangue_ratio": [0.0, 1.0],
                                       "stones.positions": [[{"x_m": 0.0, "y_m": 0.0}], [{"x_m": 0.1, "y_m": 0.0}]]})

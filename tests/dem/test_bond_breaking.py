@@ -109,7 +109,8 @@ def two_balls(directory, damping_time=0.0, tension=2e6, **bond):
 
 
 def test_the_ledger_of_each_agglomerate_closes_when_bonds_break(tmp_path):
-    """Within 0.1 % of the energy of the impact, the kinetic energies at both ends taken from the spheres themselves."""
+    """Within 0.1 % of the energy of the impact, the kinetic energies at both ends taken from the spheres themselves; the
+    damping of the bonds, measured on its own, takes much more than that."""
     body, speed, n = two_balls(tmp_path, damping_time=2e-8)
     ball = np.repeat([0, 1], n)
     start = np.bincount(ball, 0.5 * body.mass_kg * speed**2)
@@ -125,6 +126,8 @@ def test_the_ledger_of_each_agglomerate_closes_when_bonds_break(tmp_path):
     assert parts["released_by_breakage_J"][-1] == pytest.approx(released, rel=1e-6)
     for closure in (e["closure"] for e in energy_ledger(parts, PlateEnergy(), start)["by_agglomerate"]):
         assert abs(closure) < 1e-3
+    assert parts["bond_damping_J"][-1].sum() > 0.004 * start.sum()
+    assert abs(parts["bonds_unexplained_J"][-1].sum()) < 1e-4 * start.sum()
 
 
 def test_energy_released_is_what_the_bonds_kept_when_nothing_damps(tmp_path):
@@ -134,4 +137,4 @@ def test_energy_released_is_what_the_bonds_kept_when_nothing_damps(tmp_path):
     released = sum(float(event["energy_J"]) for event in events(tmp_path))
     impact = 0.5 * (body.mass_kg * speed**2).sum()
     assert released > 5e-3 * impact
-    assert -c["bond_work_J"] - c["bond_elastic_J"] == pytest.approx(released, abs=1e-3 * impact)
+    assert -c["bond_work_J"] - c["bond_elastic_J"] == pytest.approx(released, abs=1e-5 * impact)

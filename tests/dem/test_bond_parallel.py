@@ -222,25 +222,7 @@ def test_a_free_spinning_body_keeps_energy_and_angular_momentum(tmp_path):
     assert np.abs(energy - energy[0]).max() < 1e-6 * energy[0]
 
 
-def test_a_run_restarted_in_mid_contact_goes_on_the_same(tmp_path):
-    """Write a restart while bonds break and the wall pushes, read it, go on: the same events, positions to round-off.
-
-    Without dampers: LIGGGHTS computes the first forces of a restarted run from velocities half a step later.
-    """
-    strike(tmp_path, damping=0.0, elastic=True, extra="restart 100 mid.*\n")
-    whole = frames(tmp_path)
-    events = (tmp_path / "events.csv").read_text().splitlines()
-    at = {int(line.split(",")[0]) for line in events[1:]}
-    assert min(at) < 100 < max(at)
-    for name in ("view.dump", "forces.bin", "ledger.bin", "events.csv"):
-        (tmp_path / name).unlink()
-    text = (tmp_path / "deck.liggghts").read_text()
-    text = text.replace("read_data atoms.data", "read_restart mid.100")
-    first = ("velocity", "boundary", "atom_style", "restart", "run")
-    text = "\n".join(line for line in text.splitlines() if not line.startswith(first))
-    run_engine(tmp_path, text + f"\nrun {2000 - 100}\n")
-    again = frames(tmp_path)
-    assert again.step[-1] == whole.step[-1] == 2000
-    rest = (tmp_path / "events.csv").read_text().splitlines()
-    assert rest[1:] == [line for line in events[1:] if int(line.split(",")[0]) > 100]
-    assert np.abs(again.x[-1] - whole.x[-1]).max() < 1e-12
+def test_a_restart_of_liggghts_is_refused(tmp_path):
+    """Bonds would come back whole: fix checkpoint keeps them."""
+    with pytest.raises(AssertionError, match="kept by fix checkpoint, not by LIGGGHTS' restart"):
+        strike(tmp_path, damping=0.0, elastic=True, extra="restart 100 mid.*\n")

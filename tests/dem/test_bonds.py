@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dem.stones.bonds import bond_network, fragments
-from dem.stones.packing import Packing, SphereContainer, fcc_sphere, pack_sphere
+from dem.stones.packing import Packing, SphereContainer, pack_sphere
+from lab.rock.fcc import fcc_sphere
 
 RADIUS = 0.025
 

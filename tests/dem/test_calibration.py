@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES
 
-from benchmarks.fragments import LARGEST_SHARE, LEAST_SUBSPHERES, mass_exponent
 from common.scene import BondTable, read_scene
 from common.tables import InputError, check, read_toml
 from dem.__main__ import main
@@ -27,6 +26,7 @@ from dem.calibration.virtual_tests import (
     strength_test,
 )
 from dem.stones.bonds import network_stiffness
+from lab.rock.impacts import LARGEST_SHARE, LEAST_SUBSPHERES, mass_exponent
 
 ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=0.3, restitution=0.5, friction=0.6,
             bond_modulus_Pa=6e9, stiffness_ratio=3.0, tensile_strength_Pa=3e6, shear_strength_Pa=6e6,

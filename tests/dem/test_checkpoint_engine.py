@@ -3,9 +3,7 @@ bit by bit on one rank, and to round-off on two."""
 
 import os
 import re
-import signal
 import subprocess
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +16,6 @@ from dem.coupling.launch import ENGINE
 EVERY, STEPS = 250, 1000
 AWAY = ("fix gravity unheld gravity 6000 vector 0 0 -1\n"
         f"fix free_flight all {FREE_FLIGHT} agglomerates agglomerates.txt gravity 6000 speed 5 tolerance 1e-3 every 50 unheld unheld\n")
-GATE = "until [ -e go ]; do sleep 0.01; done\n"  # the deck passes when the file is there
 STREAMS = ("view.dump", "forces.bin", "ledger.bin", "events.csv")
 
 
@@ -29,7 +26,7 @@ def write_strike(directory, steps=STEPS, extra="", fracture=0.0):
     write_files(directory, body)
     t0 = np.sqrt(body.mass_kg.min() / (5e9 * np.pi * 1e-3**2 / 2e-3))
     (directory / "deck.liggghts").write_text(
-        HEAD + "variable resume index 0\nshell sh gate.sh\nread_data atoms.data\n" + MATERIAL + f"timestep {float(0.2 * t0)!r}\n"
+        HEAD + "variable resume index 0\nvariable walltime index never\nread_data atoms.data\n" + MATERIAL + f"timestep {float(0.2 * t0)!r}\n"
         "fix ledger all ledger agglomerates agglomerates.txt every 50 file ledger.bin\n"
         "group unheld type > 0\nfix motion unheld nve/sphere\n" + bond_line(tension=1e6, shear=1e6, damping_time=0.1 * t0, fracture=fracture) +
         "fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 "
@@ -37,14 +34,12 @@ def write_strike(directory, steps=STEPS, extra="", fracture=0.0):
         "velocity all set 2 1 -5 units box\n"
         f"dump view all custom {EVERY} view.dump id x y z vx vy vz omegax omegay omegaz fx fy fz tqx tqy tqz mass radius\n"
         f'dump_modify view format "%d{17 * " %.17g"}" append yes\n'
-        f"fix checkpoint all checkpoint every {EVERY} directory checkpoint resume ${{resume}} streams "
+        f"fix checkpoint all checkpoint every {EVERY} directory checkpoint resume ${{resume}} walltime ${{walltime}} streams "
         f"{' '.join(STREAMS)}\nrun {steps} upto\n")
-    (directory / "gate.sh").write_text(GATE)
-    (directory / "go").touch()
 
 
-def engine(directory, ranks, resume=0):
-    command = [str(ENGINE), "-in", "deck.liggghts", "-var", "resume", str(resume)]
+def engine(directory, ranks, resume=0, walltime="never"):
+    command = [str(ENGINE), "-in", "deck.liggghts", "-var", "resume", str(resume), "-var", "walltime", walltime]
     if ranks > 1:
         command = ["mpirun", "--oversubscribe", "-np", str(ranks), *command]
     return subprocess.Popen(command, cwd=directory, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
@@ -53,17 +48,9 @@ def engine(directory, ranks, resume=0):
 
 
 def stopped_at_next(directory, ranks, resume=0):
-    """Runs an engine that is asked for a checkpoint and an end before its first step, at which it waits meanwhile.
-    Returns its exit code, what it printed, and the step at which it says that it stopped."""
-    (directory / "go").unlink()
-    process = engine(directory, ranks, resume)
-    assert process.stdout is not None
-    for line in process.stdout:
-        if "LIGGGHTS" in line:
-            process.send_signal(signal.SIGUSR1)
-            break
-    time.sleep(0.0 if ranks == 1 else 0.2)  # mpirun passes the signal on in its own time
-    (directory / "go").touch()
+    """Runs an engine that is to stop at its first checkpoint. Returns its exit code, what it printed, and the step at which
+    it says that it stopped."""
+    process = engine(directory, ranks, resume, walltime="0")
     output = process.communicate(timeout=60)[0]
     stopped = re.search(r"Stopped at the checkpoint of step (\d+)", output)
     return process.returncode, output, int(stopped[1]) if stopped else None
@@ -79,8 +66,7 @@ def split(directory, ranks, look=lambda: None):
             assert seen, output[-1500:]
             return seen
         assert stopped is not None and stopped > step and stopped % EVERY == 0, output[-1500:]
-        if ranks == 1:
-            assert code == 75 and stopped == step + EVERY
+        assert code == 75 and stopped == step + EVERY
         step = stopped
         last_two = [step, step - EVERY] if step > EVERY else [step]  # the one before, and a new one
         assert steps_of(directory / "checkpoint") == last_two

@@ -2,11 +2,12 @@
 
 import re
 
+import numpy as np
 import pytest
 from scenes_of_tests import changed
 
 from dem.deck.render import render
-from dem.deck.time_step import step_limits, time_step
+from dem.deck.time_step import TimeStep, step_limits, time_step
 from dem.run.recorder import PlateRecorder
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
@@ -114,6 +115,30 @@ def test_a_plate_without_rods_has_none_in_its_modes_and_signals():
         modes = plate_modes(scene.plate)
         recorder = PlateRecorder(scene, modes, ModalMotion(modes, 1e-5), None, None, None)
         assert len(modes.rod_force) == sum(column.startswith("rod_") for column in recorder.columns) == rods
+
+
+def test_a_recorder_goes_on_whatever_waits():
+    """No row, some, or as many as but one that make a block wait for it at a checkpoint; a whole block has been computed."""
+    scene = small("paper", {"plate.mesh_size_m": 0.1, "plate.max_frequency_Hz": 500.0})
+    modes = plate_modes(scene.plate)
+    step = TimeStep(dt_s=1e-6, limits_s={}, bond_time_s=None, co_step=10, fast_steps=10, sample_steps=10, steps=3000)
+
+    def recorder():
+        return PlateRecorder(scene, modes, ModalMotion(modes, 1e-5), step, None, lambda *_: None)
+
+    def add(to, rows):
+        to(range(10 * rows[0], 10 * rows[-1] + 1, 10), states[list(rows)], states[7, 0], states[8, 0])
+
+    states = np.random.default_rng(1).normal(size=(300, 2, len(modes.frequency_Hz)))
+    for kept in (0, 1, PlateRecorder.BLOCK - 1, PlateRecorder.BLOCK, PlateRecorder.BLOCK + 1):
+        whole, first, second = recorder(), recorder(), recorder()
+        for one in (whole, first):
+            add(one, range(kept)) if kept else None
+        second.set_state(first.get_state())
+        for one in (whole, second):
+            add(one, range(kept, 300))
+        for name, values in whole.signals().items():
+            assert np.array_equal(second.signals()[name], values), (kept, name)
 
 
 def test_contacts_that_cannot_happen_ask_for_nothing():

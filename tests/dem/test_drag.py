@@ -93,7 +93,8 @@ def test_a_strong_dashpot_across_the_contact_makes_the_stone_roll(tmp_path, monk
     """Coulomb's limit is far, so a sphere leaves rolling, with 5/7 of its energy along the plate; it was the members of
     the patch that a step of the dashpot threw back faster than they came."""
     along, down, restitution = 0.3, 3.0, 0.06
-    scene = stone(speed_m_s=down, restitution=restitution, friction=0.4, **{"time.duration_s": 1.2e-3})
+    scene = stone(speed_m_s=float(np.hypot(along, down)), restitution=restitution, friction=0.4,
+                  **{"time.duration_s": 1.2e-3})
     found = strike_aslant(monkeypatch, tmp_path / "run", scene, (along, -down))
     energy, rebound_m_s = found["energy"], found["rebound_speed_m_s"][0]
     assert abs(energy["contacts_unexplained_J"]) < 5e-5 * energy["impact_J"]

@@ -75,7 +75,7 @@ def test_columns_have_the_area_of_each_face_and_its_middle(cube_file):
 @pytest.mark.parametrize(("subspheres", "within"), [(200, 0.1), (800, 0.05)])
 def test_a_face_pushes_as_an_elastic_solid(tmp_path, cube_file, subspheres, within):
     """Its first force is that of a plane wave of pressure, rho c_p A v; it lasts as long as an elastic bar's, 2 L/c, and the
-    columns of its last layer longer by what the finite elements of benchmarks/faces.py do. The sub-spheres alone reach
+    columns of its last layer longer by what the finite elements of lab/rock/faces.py do. The sub-spheres alone reach
     0.4 and 0.55 of that force."""
     found = run_scene(cube(cube_file, subspheres), "scene", tmp_path / "run")
     force = pd.read_parquet(tmp_path / "run" / "fast.parquet")["force_N"].to_numpy()

@@ -236,12 +236,12 @@ def test_one_that_left_later_meets_one_that_flew_before(tmp_path):
     assert free.x[-1] == pytest.approx(brute.x[-1], abs=1e-8)
 
 
-def test_an_unknown_count_of_sub_spheres_is_an_error(tmp_path):
-    """Each look counts them: here the agglomerates say that there is one more."""
+def test_sub_spheres_that_get_lost_are_an_error(tmp_path):
+    """Each look counts them: here one leaves a box with fixed faces before the first look."""
     write_files(tmp_path, bracket())
-    (tmp_path / "agglomerates.txt").write_text("6\n")
+    text = deck(DT, 200, 100, lines=WEIGHT + FREE.format(1), velocity="velocity all set 5000 0 0 units box\nthermo_modify lost ignore\n")
     with pytest.raises(AssertionError, match="Sub-spheres were lost"):
-        run_engine(tmp_path, deck(DT, 200, 100, bonds=bond_line(), lines=FREE.format(1)))
+        run_engine(tmp_path, text.replace("boundary m m m", "boundary f f f"))
 
 
 def test_plate_signals_are_those_of_brute_force(runs):

@@ -9,11 +9,11 @@ from dem.stones.packing import (
     CylinderContainer,
     SphereContainer,
     _Swelling,
-    fcc_sphere,
     near_pairs,
     pack_cylinder,
     pack_sphere,
 )
+from lab.rock.fcc import fcc_sphere
 
 RADIUS = 0.025
 

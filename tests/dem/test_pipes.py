@@ -14,11 +14,13 @@ import pytest
 from scenes_of_tests import SCENES, changed
 from scipy.linalg import expm
 
+import dem.coupling.watchdog
 from common.cache import user_cache
 from dem.coupling.launch import ENGINE
 from dem.coupling.messages import CouplingError
 from dem.coupling.participant import PlateParticipant
 from dem.coupling.pipes import PlatePipes
+from dem.coupling.watchdog import EngineWatchdog
 from dem.deck.render import write_deck
 from dem.deck.time_step import TimeStep
 from dem.run.prepare import prepare
@@ -71,6 +73,7 @@ class FakeEngine(threading.Thread):
                 w, mean = target, -impulse / self.interval_s
                 self.z.append(z)
             out.write(struct.pack("<qqqd", -1, 0, 0, 0.0))
+            assert struct.unpack("<qddd", answers.read(32))[0] == -1
 
 
 def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
@@ -138,6 +141,26 @@ def test_a_force_that_is_no_number_is_refused(tmp_path):
     pipes.close()
 
 
+@pytest.mark.parametrize("step, co_steps", [(10, 2), (21, 2), (40, 4)])
+def test_an_engine_at_another_step_than_its_co_steps_make_is_refused(tmp_path, step, co_steps):
+    """Of a run of 30 steps, co-steps of 10."""
+    pipes, ends = opened(tmp_path)
+    for message in ((0, 0, 1, 0.0), (step, co_steps, 1, 0.0)):
+        os.write(ends[0], struct.pack("<qqqd", *message))
+    with pytest.raises(CouplingError, match=f"the engine sent step {step} after {co_steps} co-steps from step 0"):
+        PlateParticipant(ModalMotion(one_mode(), 1e-5), steps(30), lambda *row: None).run(pipes)
+    pipes.close()
+
+
+@pytest.mark.parametrize("reach, amplitude, rate", [(np.nan, 0, 0), (-1, 0, 0), (0, np.inf, 0), (0, 0, np.nan)])
+def test_a_plate_that_moves_by_no_number_tells_itself(tmp_path, reach, amplitude, rate):
+    """The engine would take its numbers for an unstable step of its own."""
+    pipes, _ = opened(tmp_path)
+    with pytest.raises(CouplingError, match="the plate's motion at step 7 is no number"):
+        pipes.answer(7, reach, np.array([amplitude]), np.array([rate]))
+    pipes.close()
+
+
 def test_an_engine_that_reads_no_more_is_seen(tmp_path):
     pipes, ends = opened(tmp_path)
     os.close(ends[1])
@@ -146,8 +169,32 @@ def test_an_engine_that_reads_no_more_is_seen(tmp_path):
     pipes.close()
 
 
+def test_the_engine_waits_until_the_plate_knows_of_the_end(tmp_path):
+    """The real engine against a plate of another program, which stands still and is slow."""
+    scene = changed("elastic_plate", {"plate.max_frequency_Hz": 500.0})
+    model = prepare(scene, "scene", user_cache())
+    write_deck(tmp_path / "deck", scene, model.assembly, model.step, model.modes)
+    n, names = len(model.modes.frequency_Hz), [tmp_path / "deck" / name for name in ("to_plate", "from_plate")]
+    for name in names:
+        os.mkfifo(name)
+    engine = subprocess.Popen([str(ENGINE), "-in", "deck.liggghts"], cwd=tmp_path / "deck", stdin=subprocess.DEVNULL,
+                              stdout=subprocess.DEVNULL)
+    with open(names[0], "rb", buffering=0) as read, open(names[1], "wb", buffering=0) as write:
+        step = None
+        while step != -1:
+            if step is not None:
+                write.write(struct.pack("<qd", step, 0.0) + bytes(16 * n))
+            step = struct.unpack("<q", read.read(24 + 8 * n)[:8])[0]
+        with pytest.raises(subprocess.TimeoutExpired):
+            engine.wait(timeout=1)
+        write.write(struct.pack("<qd", -1, 0.0) + bytes(16 * n))
+        assert engine.wait(timeout=60) == 0
+
+
 @pytest.mark.parametrize("plate, words", [
-    ("dies", "The plate does not answer any more"), ("answers another step", "The plate answered another step")])
+    ("dies", "The plate does not answer any more"), ("answers another step", "The plate answered another step"),
+    ("reach", "The plate answered step 0 with a wrong reach_m"), ("below", "with a wrong reach_m"),
+    ("amplitude", "with a wrong amplitude"), ("rate", "with a wrong rate")])
 def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate, words):
     """The real engine against a fake plate that fails at the first record."""
     scene = changed("elastic_plate", {"plate.max_frequency_Hz": 500.0})
@@ -161,11 +208,31 @@ def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate
     names = [tmp_path / "deck" / name for name in ("to_plate", "from_plate")]
     with open(names[0], "rb", buffering=0) as read, open(names[1], "wb", buffering=0) as write:
         read.read(24 + 8 * n)
+        answer = struct.pack("<qd", 99 if "step" in plate else 0, {"reach": np.nan, "below": -1.0}.get(plate, 0.0))
+        numbers = np.zeros(2 * n)
+        numbers[0 if plate == "amplitude" else -1] = np.nan if plate in ("amplitude", "rate") else 0.0
         if plate != "dies":
-            write.write(struct.pack("<qd", 99, 0.0) + bytes(16 * n))
+            write.write(answer + numbers.tobytes())
     output, _ = engine.communicate(timeout=20)
     assert engine.returncode != 0
     assert words in output
+
+
+def test_an_engine_that_gets_microseconds_at_a_time_is_not_stuck(monkeypatch):
+    """As ranks do that leave the processor to others: too little for a tick of the kernel."""
+    monkeypatch.setattr(dem.coupling.watchdog, "STUCK_s", 0.3)
+    for line, stuck in (("while read -t 0.05; [ $? -gt 128 ]; do :; done", False), ("read", True)):
+        with subprocess.Popen(["bash", "-c", line], stdin=subprocess.PIPE) as engine:
+            time.sleep(0.3)  # bash has started
+            watchdog, deadline, said = EngineWatchdog(engine), time.monotonic() + 2, ""
+            try:
+                while time.monotonic() < deadline:
+                    assert watchdog()
+                    time.sleep(0.1)
+            except CouplingError as error:
+                said = str(error)
+            engine.kill()
+            assert ("is stuck: no processor time" in said) == stuck
 
 
 class StoppedRun:

@@ -1,8 +1,12 @@
-"""A sub-sphere that reaches over the edge of the plate touches the edge line: elastic, continuous, and with friction."""
+"""A sub-sphere that reaches over the edge of the plate touches the edge line: elastic, continuous, and with friction.
+A smooth stone that breaks there loses no energy by it."""
 
 import numpy as np
 import pytest
 from decks import Body, deck, frames, ledger, run_engine, write_files
+from scenes_of_tests import changed
+
+from dem.run.run import run_scene
 
 RADIUS_m, HALF_m = 3e-3, 0.01
 
@@ -79,3 +83,23 @@ def test_the_ledger_explains_what_the_edge_took(tmp_path, friction, restitution)
     assert abs(unexplained(c)[-1]) < 2e-4
     assert 1 - c["kinetic_J"][-1] == pytest.approx(-c["wall_work_J"][-1], abs=1e-9)
     assert friction > 0 or c["friction_J"][-1] == 0
+
+
+@pytest.mark.parametrize(("velocity", "seed", "subspheres"), [
+    ((1.5, 0.0, -4.0), 1, 200), ((3.0, 0.0, -3.0), 1, 200), ((3.0, 0.0, -3.0), 2, 200), ((1.5, 0.0, -4.0), 1, 500)])
+def test_a_stone_that_breaks_as_it_slides_over_the_edge_keeps_its_energy(tmp_path, velocity, seed, subspheres):
+    """Its patch goes on as single sub-spheres, some of them beside the plate."""
+    rigid = changed("hertz_coal", {}).plate.model_dump(mode="json")
+    volley = dict.fromkeys(("count", "positions", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
+                            "circle_radius_m", "coal", "gangue"))
+    one = {"material": "coal", "radius_m": 0.025, "x_m": 0.2497, "y_m": 0.0, "velocity_m_s": velocity, "seed": seed}
+    scene = changed("single", {
+        **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "plate": rigid,
+        "stones.agglomerate.subspheres": subspheres, "contacts.coal_plate": {"restitution": 1.0, "friction": 0.4},
+        "time.duration_s": 9e-4, "output": None})
+    found = run_scene(scene, "scene", tmp_path / "run")
+    assert found["n_bonds_broken"] > 400
+    assert abs(found["energy"]["closure"]) < 1e-3
+    for part in ("contacts", "bonds"):
+        assert abs(found["energy"][f"{part}_unexplained_J"]) < 1e-3 * found["energy"]["impact_J"]
+    assert found["energy"]["bond_damping_J"] > 0.01 * found["energy"]["impact_J"]

@@ -1,6 +1,5 @@
 """Walls that stand on the edges of the plate: the law of the plate's contact turned upright, impulse and energy."""
 
-import re
 from xml.etree import ElementTree
 
 import meshio
@@ -8,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from decks import Body, deck, frames, ledger, run_engine, write_files
-from test_checkpoint_engine import GATE, engine, stopped_at_next
+from test_checkpoint_engine import engine, stopped_at_next
 from test_stream import PLATE as PLATE_OF_STREAMS
-from test_stream import STREAMS, engine_run, scene_of, written
+from test_stream import STREAMS, engine_run, scene_of, set_checkpoints, written
 
 from common.tables import InputError
 from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
@@ -210,12 +209,7 @@ def test_a_run_in_a_chute_that_is_taken_up_is_the_undisturbed_one(over_a_wall, t
     step = next(int(row) for row in rows["step"] if row % sample == 0)
     for name in ("whole", "parts"):
         written(tmp_path / name, model.given)
-        deck_file = tmp_path / name / "deck.liggghts"
-        text, times = re.subn(r"checkpoint every \d+", f"checkpoint every {step}", deck_file.read_text())
-        assert times == 1
-        deck_file.write_text("shell sh gate.sh\n" + text)
-        (tmp_path / name / "gate.sh").write_text(GATE)
-        (tmp_path / name / "go").touch()
+        set_checkpoints(tmp_path / name, step)
     engine_ends(tmp_path / "whole")
     code, output, stopped = stopped_at_next(tmp_path / "parts", 1)
     assert (code, stopped) == (75, step), output[-1500:]

@@ -275,12 +275,16 @@ def test_too_few_sub_spheres_are_refused(tmp_path):
     assert not isinstance(refused.value, Refused) and not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize("unbreakable", [True, False])
-def test_two_ranks_find_the_same_contact(tmp_path, unbreakable):
-    """And explain it as well. Breakage lets rounding grow, so a stone that breaks is followed up to its turn only."""
+@pytest.mark.parametrize(("case", "until_s", "within"), [
+    ("whole", 3e-4, 1e-10), ("snaps", 1e-4, 1e-10), ("softens", 6e-5, 1e-6)])
+def test_two_ranks_find_the_same_contact(tmp_path, case, until_s, within):
+    """And explain it as well. Bonds that soften let rounding grow: on one rank, the last bit of the speed is 1e-9 of the
+    energy after 60 us, with 66 bonds broken, and 1e-5 at the turn of the stone, with finer steps more. Where bonds snap it
+    stays at 1e-13 past the turn."""
     scene = stone(friction=0.4, speed_m_s=6.0, **{
-        "stones.agglomerate.unbreakable": unbreakable, "time.duration_s": 3e-4 if unbreakable else 1e-4,
-        "time.sample_interval_s": 2e-5, "time.free_flight_tolerance": 0.0, "stones.seed": 20011})
+        "stones.agglomerate.unbreakable": case == "whole", "time.duration_s": until_s,
+        "time.sample_interval_s": 2e-5, "time.free_flight_tolerance": 0.0, "stones.seed": 20011,
+        **({"materials.coal.bond.fracture_energy_J_m2": None} if case == "snaps" else {})})
     prepared, found = prepare(scene, "scene", tmp_path), []
     for ranks in (1, 2):
         directory = tmp_path / str(ranks)
@@ -292,5 +296,5 @@ def test_two_ranks_find_the_same_contact(tmp_path, unbreakable):
                 + c["pair_damped_J"] + c["wall_released_J"] + c["friction_J"] - c["springs_gained_J"])
         assert np.abs(left).max() < 1e-3 * c["kinetic_J"][0]
         found.append(energies)
-    assert (found[0][3, -1] > 10) == (not unbreakable)
-    assert found[1] == pytest.approx(found[0], rel=1e-6, abs=1e-6)
+    assert (found[0][3, -1] > 10) == (case != "whole")
+    assert found[1] == pytest.approx(found[0], rel=within, abs=within)

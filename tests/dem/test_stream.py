@@ -1,16 +1,14 @@
 """Stones that come and go: each as if it were alone, nothing lost, and a run that is taken up in the middle."""
 
 import re
-import signal
 
 import numpy as np
 import pandas as pd
 import pytest
 from scenes_of_tests import changed
-from test_checkpoint_engine import GATE, engine, stopped_at_next
+from test_checkpoint_engine import engine, stopped_at_next
 
 from common.tables import InputError
-from dem.coupling.checkpoint import steps_of
 from dem.deck.render import write_deck
 from dem.deck.time_step import fast_per_sample
 from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
@@ -20,6 +18,7 @@ from dem.stones.paths import Flying
 
 GRAVITY = 9.8
 SPEED = 0.5
+CHECKPOINTS = 10
 APEX_s = SPEED / GRAVITY
 PLATE = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
@@ -43,9 +42,18 @@ def written(directory, scene):
     return model
 
 
-def engine_run(directory, scene):
-    """The engine alone, with a rigid plate."""
+def set_checkpoints(directory, every):
+    """DEM steps between two steps that allow a checkpoint."""
+    deck, times = re.subn(r"checkpoint every \d+", f"checkpoint every {every}", (directory / "deck.liggghts").read_text())
+    assert times == 1
+    (directory / "deck.liggghts").write_text(deck)
+
+
+def engine_run(directory, scene, checkpoints=None):
+    """The engine alone, with a rigid plate, and with so many steps that allow a checkpoint."""
     model = written(directory, scene)
+    if checkpoints:
+        set_checkpoints(directory, model.step.steps // checkpoints)
     process = engine(directory, 1)
     output = process.communicate(timeout=300)[0]
     assert process.returncode == 0, output[-1500:]
@@ -83,7 +91,7 @@ def left(tmp_path_factory):
     each = [FALLS_OFF, FALLS_OFF | {"arrival_s": 0.07}, {"x_m": 0.0, "y_m": 0.0, "speed_m_s": 3.0},
             {"x_m": 0.1, "y_m": 0.1, "speed_m_s": SPEED, "arrival_s": 1.0}]
     scene = scene_of(each, 0.21, **{"stones.agglomerate.unbreakable": False})
-    return engine_run(directory, scene), directory
+    return engine_run(directory, scene, CHECKPOINTS), directory
 
 
 def test_what_has_left_the_plate_is_taken_out_and_counted(left):
@@ -137,28 +145,18 @@ def test_the_fast_stream_of_a_long_run_is_kept_in_bounds(interval_s):
 STREAMS = ("ledger.bin", "forces.bin", "contacts.bin", "events.csv", "left.csv")
 
 
-def stopped_after(directory, dem_step, resume):
-    """Run the engine until it says a step from `dem_step` on, ask it for a checkpoint, and return where it stopped."""
-    process = engine(directory, 1, resume)
-    for line in process.stdout:
-        word = line.split()[:1]
-        if word and word[0].isdigit() and int(word[0]) >= dem_step:
-            process.send_signal(signal.SIGUSR1)
-            break
-    output = process.communicate(timeout=300)[0]
-    assert process.returncode == 75, output[-1500:]
-    return int(re.search(r"Stopped at the checkpoint of step (\d+)", output)[1])
-
-
-def test_a_stream_that_is_taken_up_in_the_middle_is_the_undisturbed_one(left, tmp_path):
+def test_a_stream_that_is_taken_up_ten_times_is_the_undisturbed_one(left, tmp_path):
+    """Before the second stone enters, while it flies, and when the first has left, too."""
     model, whole = left
     parts = tmp_path / "parts"
     written(parts, model.given)
-    step = 0
-    for share in (0.2, 0.45, 0.7):  # before the second stone enters, while it flies, when the first has left
-        step = stopped_after(parts, int(share * model.step.steps), step)
-        assert step == steps_of(parts / "checkpoint")[0]
-    process = engine(parts, 1, step)
+    every = model.step.steps // CHECKPOINTS
+    set_checkpoints(parts, every)
+    steps = range(0, model.step.steps, every)
+    for step in steps[:-1]:
+        code, output, stopped = stopped_at_next(parts, 1, step)
+        assert (code, stopped) == (75, step + every), output[-1500:]
+    process = engine(parts, 1, steps[-1])
     output = process.communicate(timeout=300)[0]
     assert process.returncode == 0, output[-1500:]
     for name in STREAMS:
@@ -190,11 +188,7 @@ def test_a_stone_waits_where_something_is_in_the_way(tmp_path, monkeypatch):
     in_wait = int((enters_s + 0.5 * waited_s) / model.step.dt_s / model.step.sample_steps) * model.step.sample_steps
     parts = tmp_path / "parts"
     written(parts, model.given)
-    deck, times = re.subn(r"checkpoint every \d+", f"checkpoint every {in_wait}", (parts / "deck.liggghts").read_text())
-    assert times == 1
-    (parts / "deck.liggghts").write_text("shell sh gate.sh\n" + deck)
-    (parts / "gate.sh").write_text(GATE)
-    (parts / "go").touch()
+    set_checkpoints(parts, in_wait)
     code, output, stopped = stopped_at_next(parts, 1)
     assert (code, stopped) == (75, in_wait), output[-1500:]
     assert engine(parts, 1, in_wait).wait(timeout=300) == 0

@@ -9,17 +9,23 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from scenes_of_tests import SCENES
+from scenes_of_tests import SCENES, changed
+from test_stream import scene_of
 
+import dem.coupling.pipes
+import dem.deck.render
+import dem.run.directory
 from common.output_directory import Busy
 from common.tables import InputError
 from dem.coupling.checkpoint import latest
 from dem.run.directory import RunDirectory
-from dem.run.run import resume
+from dem.run.errors import Stopped
+from dem.run.run import resume, run_scene
 
 DEM = [sys.executable, "-m", "dem"]
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
@@ -150,6 +156,52 @@ def test_walltime_stops_at_a_checkpoint_and_resume_goes_on(scene, undisturbed):
     assert start("resume", out).wait(timeout=60) == 0  # nothing left to do
 
 
+def stopped_again_and_again(scene, out):
+    """Run a scene, stopped at each checkpoint that it may take; returns how many these are."""
+    for stops in count():
+        try:
+            run_scene(scene, "scene", out, walltime_s=0.0)
+        except Stopped as stopped:
+            assert "at the checkpoint" in str(stopped)
+        else:
+            return stops
+
+
+def test_a_run_in_which_all_flies_is_taken_up(tmp_path, monkeypatch):
+    """Two bodies of different rock have left the plate, and meet in the air later: without them nothing in memory tells
+    that there are such spheres, and how near they may come."""
+    monkeypatch.setattr(dem.deck.render, "CHECKPOINT_SAMPLES", 24)
+    one = {"x_m": 0.0, "y_m": 0.0, "speed_m_s": 0.5}
+    scene = scene_of([one, {"material": "gangue", "x_m": 0.05, "y_m": 0.0, "velocity_m_s": (-3.0, 0.0, -0.5)}], 0.018)
+    run_scene(scene, "scene", tmp_path / "whole")
+    assert stopped_again_and_again(scene, tmp_path / "parts") == 4
+    energy = pd.read_parquet(tmp_path / "whole" / "energy.parquet")
+    pairs = energy.groupby("t_s")["contact_damping_J"].sum()
+    assert pairs[pairs.index > 0.012].max() > pairs[pairs.index < 0.004].max() > 0
+    check_same(tmp_path / "parts", tmp_path / "whole")
+
+
+def test_an_engine_that_has_little_left_to_do_waits_for_the_plate(tmp_path, monkeypatch):
+    """Nothing touches the plate any more: the engine is done in milliseconds, and a plate on a busy machine opens its pipe
+    later."""
+
+    class SlowToWrite:
+        def __getattr__(self, name):
+            return getattr(os, name)
+
+        def open(self, file, flags):
+            time.sleep(0.5 if flags & os.O_WRONLY else 0.0)
+            return os.open(file, flags)
+
+    scene = changed("elastic_plate", {"plate.max_frequency_Hz": 500.0})
+    run_scene(scene, "scene", tmp_path / "whole")
+    with pytest.raises(Stopped, match="at the checkpoint"):
+        run_scene(scene, "scene", tmp_path / "parts", walltime_s=0.0)
+    monkeypatch.setattr(dem.coupling.pipes, "os", SlowToWrite())
+    resume(tmp_path / "parts", show_progress=False)
+    check_same(tmp_path / "parts", tmp_path / "whole")
+
+
 def test_there_must_be_something_to_resume(tmp_path):
     with pytest.raises(InputError, match="no run was started here"):
         resume(tmp_path / "nothing")
@@ -157,8 +209,6 @@ def test_there_must_be_something_to_resume(tmp_path):
 
 
 def test_two_processes_do_not_work_on_one_run(scene, undisturbed, monkeypatch):
-    import dem.run.directory
-
     monkeypatch.setattr(dem.run.directory, "LOCK_WAIT_s", 0.2)
     first, second = (RunDirectory(scene.parent / "both").claimed() for _ in range(2))
     with first, pytest.raises(Busy, match="another process"), second:

@@ -72,7 +72,7 @@ def test_two_words_on_one_thing_are_refused(changes, key):
 @pytest.mark.validate
 @pytest.mark.parametrize("stone", ["stone", "sphere"])
 def test_a_tolerance_is_kept_on_a_scene_that_had_no_part_in_the_laws(tmp_path, stone):
-    from benchmarks.tolerance import achieved
+    from lab.accuracy.tolerance import achieved
 
     for row in achieved(stone, (0.1, 0.04), tmp_path):
         assert row["achieved"] <= row["expected"] <= row["tolerance"], row

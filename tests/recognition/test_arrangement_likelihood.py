@@ -15,10 +15,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from common.plate import FlexiblePlate
+from lab.recognition.error_bounds import arrangement_error_points
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 from recognition import RecognitionError
-from recognition.evaluation.error_bounds import arrangement_error_points
 from recognition.model_file import decode, encode
 from recognition.physics.arrangement_fit import PlateRecord, force_statistics, model_on
 from recognition.physics.arrangement_likelihood import (

@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from recognition import RecognitionError
-from recognition.evaluation.dataset import read_dataset
-from recognition.evaluation.error_bounds import (
+from lab.recognition.error_bounds import (
     TRUE_IMPULSE,
     bounds,
     least_error_points,
     true_impulse_errors_points,
 )
+from recognition import RecognitionError
+from recognition.evaluation.dataset import read_dataset
 from recognition.physics.arrangement_likelihood import ArrangementEstimate
 from recognition.regression.ratio_law import RatioLaw, fit_law
 from tests.analysis import synthetic

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from common.resources import resource
+from lab.known_truth.faulty_records import FAULTS, REFUSED, SAYS, volley, with_fault
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.evaluation.faulty_records import FAULTS, REFUSED, SAYS, volley, with_fault
 from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import channel_faults, check_channels, samples_before_impact
 from recognition.sensors.free_ringing import ringing_of

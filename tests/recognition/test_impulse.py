@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lab.recognition.impulse import impulse
 from recognition import RecognitionError
 from recognition.evaluation.sensor_noise import with_noise
-from recognition.physics.impulse import impulse
 
 MASS_KG = 40.0
 DT_S = 1.5e-4

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lab.known_truth import other_plates
 from recognition import RecognitionError
 from recognition.__main__ import main
 from recognition.estimation.window import Window
-from recognition.evaluation import other_plates
 from recognition.models import Model
 from recognition.physics.arrangement_likelihood import MISFIT
 from recognition.physics.arrangement_method import ArrangementLikelihood

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from common.resources import resource
-from recognition.evaluation.force_pulses import hertz_pulse
-from recognition.evaluation.other_plates import other_theory, scattered, solid_plate
-from recognition.evaluation.stone_histories import SETS, histories, rock_of, stored_rock
+from lab.known_truth.force_pulses import hertz_pulse
+from lab.known_truth.other_plates import other_theory, scattered, solid_plate
+from lab.known_truth.stone_histories import SETS, histories, rock_of, stored_rock
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.forces import History, StoneForces, heard_of
 from recognition.stream.law_file import load_forces

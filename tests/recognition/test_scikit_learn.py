@@ -26,7 +26,7 @@ def rms(signals):
 MADE = {
     FusionQ: FusionQ,
     FusionPipeline: lambda: FusionPipeline(Fusion("energy"), Strategy(Rule(degree=2), judge="truncated")),
-    ProcessRegressor: lambda: ProcessRegressor(3), FeatureRegression: lambda: FeatureRegression("impulse"),
+    ProcessRegressor: lambda: ProcessRegressor(), FeatureRegression: lambda: FeatureRegression("energies_sensors"),
     EstimatorMethod: lambda: EstimatorMethod(rms, LinearRegression()),
 }
 

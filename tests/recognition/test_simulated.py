@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from sklearn.linear_model import LinearRegression
 
+from lab.known_truth.stone_histories import rock_of
+from lab.recognition.impulse import impulse
 from recognition.estimation.channels import channels_of
-from recognition.evaluation.stone_histories import rock_of
-from recognition.physics.impulse import impulse
 from recognition.regression.feature_regression import FeatureRegression
 from recognition.regression.features import log_rms
 

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import multivariate_normal
 
 from common.plate import read_plate
+from lab.known_truth.simulated import draw_stones, scattered, stream_of
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
@@ -21,7 +22,6 @@ from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
 from recognition.stream.retuning import retuned
 from recognition.stream.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
-from recognition.stream.simulated import draw_stones, scattered, stream_of
 from recognition.stream.stones import ratio_of
 from recognition.stream.whitening import Whitening
 

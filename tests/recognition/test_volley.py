@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lab.known_truth.simulated import stone_rows, stream_of
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.forces import History
 from recognition.stream.law_file import load_forces
 from recognition.stream.signatures import FINE_S, Channels
-from recognition.stream.simulated import stone_rows, stream_of
 from recognition.volley.impulses import FAR_SHARE, Hypotheses
 from recognition.volley.moments import SPREADS_S, Moments
 from recognition.volley.recognise import SILENCE_S, RATE_Hz, recognise_volley

@@ -6,14 +6,8 @@ import re
 import pytest
 
 from report.page import write_report
+from tests.analysis import synthetic
 from tests.analysis.synthetic import write_run, write_sweep
-
-EVALUATION = """method,held_out,noise_db,n,mean_abs_error_points,p95_points,worst_points,bias_points,coverage_90,case,\
-answered,flagged,reason
-rms_line,packing,,30,4.25,8.5,9.75,-0.5,0.9,many runs,30,0.0,
-rms_line,packing,20.0,30,5.25,9.5,10.75,-0.5,0.8,many runs,30,0.0,
-fusion_q,packing,20.0,30,,,,,,many runs,0,0.0,too few runs
-"""
 
 
 @pytest.fixture(scope="module")
@@ -21,8 +15,6 @@ def report(tmp_path_factory):
     """Of an incomplete sweep: some ratios are missing, one directory is no run."""
     path = write_sweep(tmp_path_factory.mktemp("some") / "paper", ratios=(0.0, 0.2, 0.5, 0.6, 0.8, 1.0))
     (path / "ratio_010").mkdir()
-    (path.parent / "dataset").mkdir()
-    (path.parent / "dataset" / "evaluation.csv").write_text(EVALUATION)
     return write_report(path)
 
 
@@ -38,9 +30,6 @@ def test_report_holds_everything_inside(report):
     not_drawn = re.findall(r'<figure id="([^"]+)">(?:(?!</figure>).)*Not drawn:', html, re.DOTALL)
     assert not_drawn == ["fig-21", "fig-21-contact"]
     assert 'id="table-rules"' in html
-    row = ("many runs", "RMS and a straight line", "-", "30.of.30", "4.25")
-    assert re.search(r"</td>\s*<td[^>]*>".join(row), html)
-    assert "Kept from `make dataset`" not in html
     assert "No moving view: 50 %: ratio_050: no view.pvd" in html
 
 
@@ -55,10 +44,6 @@ def test_report_of_one_run_says_what_it_cannot_give(tmp_path):
     report = write_report(tmp_path / "paper")
     html = report.read_text()
     assert "needs at least 4 different mixing ratios" in html
-    # There is no data set beside it: the kept evaluation is shown, with when it was made and how to make it anew.
-    origin = r"as of \d{4}-\d\d-\d\d, commit [0-9a-f]{7}"
-    assert re.search(rf"Kept from `make dataset` {origin}; `make dataset` makes", html)
-    assert re.search(r"</td>\s*<td[^>]*>".join(("many runs", "energy fusion, modified", "20", "0.6", "2")), html)
     assert "Not given:" in html and 'src="data:' in html
     assert set(re.findall(r'href="#([^"]+)"', html)) <= set(re.findall(r'id="([^"]+)"', html))
     assert str(tmp_path) not in html + report.with_name("claims.csv").read_text()
@@ -77,3 +62,11 @@ def test_claims_table_is_beside_the_report(report):
     assert verdict["The broken area of a single coal or gangue does not change with the ratio"] == "held"
     assert verdict["The totally broken area increases with the ratio (against Fig. 15)"] == "not held"
     assert verdict["The overall stress under the particles rises with the ratio"] == "not tested"
+
+
+def test_only_the_papers_scene_is_compared_with_the_paper(tmp_path, monkeypatch):
+    monkeypatch.setitem(synthetic.SCENE, "name", "mine")
+    write_run(tmp_path / "ratio_050", 0.5)
+    html = write_report(tmp_path).read_text()
+    assert "scoreboard" not in re.sub(r"<(script|style)>.*?</\1>", "", html, flags=re.DOTALL)
+    assert "statements of the paper" not in html and not (tmp_path / "claims.csv").exists()

@@ -1,12 +1,16 @@
 """A run whose directory was damaged while it stood still goes on to the undisturbed result, with the damage named, or
 is refused in one line: never another result."""
 
+import json
 import random
 import shutil
+import struct
+import zlib
 
 import pytest
 
-from dem.coupling.checkpoint import engine_file, last_whole, plate_file, steps_of
+from dem.coupling.checkpoint import HEADER, engine_file, last_whole, plate_file, steps_of
+from dem.run.directory import name_of
 from tests.robustness.small import run, small_stone, what_was_said
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
@@ -23,6 +27,15 @@ def stopped(tmp_path_factory):
     return here / "stopped.partial", here / "whole"
 
 
+@pytest.fixture(scope="module")
+def of_other_damping(stopped, tmp_path_factory):
+    """A run that differs in the plate's damping alone, which the engine does not know."""
+    here = tmp_path_factory.mktemp("other")
+    scene = small_stone(here, **{"damping_ratio = 0.01": "damping_ratio = 0.2"})
+    assert run("dem", "run", scene, "--out", here / "other", "--walltime", 0)[0] == 75
+    return here / "other.partial"
+
+
 def flipped(file, place=0.5):
     data = bytearray(file.read_bytes())
     data[int(place * (len(data) - 1))] ^= 16
@@ -33,6 +46,12 @@ def copy_of(stopped, tmp_path):
     shutil.copytree(stopped[0], tmp_path / "run.partial")
     (stopped[0].parent / ".modes").is_dir() and shutil.copytree(stopped[0].parent / ".modes", tmp_path / ".modes")
     return tmp_path / "run.partial"
+
+
+def whole_checkpoint(partial, said):
+    """The step of the last one that is whole; without the engine."""
+    identity = json.loads((partial / "started.json").read_text())["identity"]
+    return last_whole(partial / "deck", STREAMS, True, name_of(identity), said.append)
 
 
 def check_goes_on(stopped, tmp_path, damaged):
@@ -71,14 +90,14 @@ def test_each_part_of_a_checkpoint_is_checked(stopped, tmp_path, kind):
     for number, part in enumerate(part for part in parts if part.exists() and part.stat().st_size):
         partial = copy_of(stopped, tmp_path / str(number))
         file, said = partial / part.relative_to(stopped[0]), []
-        assert last_whole(partial / "deck", STREAMS, True, said.append) == step and said == []
+        assert whole_checkpoint(partial, said) == step and said == []
         if kind == "flip":
             flipped(file)
         elif kind == "cut":
             file.write_bytes(file.read_bytes()[:-7])
         else:
             file.unlink()
-        assert last_whole(partial / "deck", STREAMS, True, said.append) == 0, file
+        assert whole_checkpoint(partial, said) == 0, file
         lonely = kind == "gone" and file.suffix == ".checkpoint"  # a half alone is none
         assert lonely or file.name in said[0], (file, said)
         assert steps_of(partial / "deck" / "checkpoint") == []
@@ -91,9 +110,40 @@ def test_the_checkpoint_before_a_damaged_one_is_gone_on_from(stopped, tmp_path):
     for name in (engine_file, plate_file):
         shutil.copy(name(checkpoint, step), name(checkpoint, step + 1000))
     flipped(engine_file(checkpoint, step + 1000), 0.3)
-    assert last_whole(partial / "deck", STREAMS, True, said.append) == step
+    assert whole_checkpoint(partial, said) == step
     assert len(said) == 1 and str(step + 1000) in said[0]
     assert steps_of(checkpoint) == steps_of(checkpoint, "plate") == [step]
+
+
+@pytest.mark.parametrize("parts", [["engine", "plate", *STREAMS], ["engine"], ["plate"], ["forces.bin"]])
+def test_a_checkpoint_of_a_run_with_another_plate_is_refused(stopped, of_other_damping, tmp_path, parts):
+    """All of it or a part is copied in, as whole as it is there."""
+    partial = copy_of(stopped, tmp_path)
+    there, here = of_other_damping / "deck", partial / "deck"
+    step = steps_of(here / "checkpoint")[0]
+    assert steps_of(there / "checkpoint")[0] == step
+    names = [f"checkpoint/{part}_{step}.checkpoint" if part in ("engine", "plate") else part for part in parts]
+    assert (there / names[0]).read_bytes() != (here / names[0]).read_bytes()
+    for name in filter(lambda name: (there / name).exists(), names):
+        shutil.copy(there / name, here / name)
+    assert check_goes_on(stopped, tmp_path, "of another run")
+
+
+def test_overwrite_begins_anew_whatever_was_begun(stopped, tmp_path):
+    """A checkpoint that is whole and yet leads nowhere, here for its state, is no reason to clear up by hand."""
+    partial = copy_of(stopped, tmp_path)
+    file = engine_file(partial / "deck" / "checkpoint", steps_of(partial / "deck" / "checkpoint")[0])
+    data = bytearray(file.read_bytes())
+    at = data.index(b"atoms\0") + 40
+    data[at:at + 8] = struct.pack("<d", 1e9)  # the tag of its first sub-sphere
+    HEADER.pack_into(data, 0, *HEADER.unpack_from(data)[:-1], zlib.crc32(data[HEADER.size:]))
+    file.write_bytes(data)
+    scene = stopped[0].parent / "stone.toml"
+    assert run("dem", "run", scene, "--out", tmp_path / "run")[0] == 1
+    assert run("dem", "run", scene, "--out", tmp_path / "run", "--overwrite")[0] == 0
+    for name in SIGNALS:
+        whole = (stopped[1] / f"{name}.parquet").read_bytes()
+        assert (tmp_path / "run" / f"{name}.parquet").read_bytes() == whole, name
 
 
 @pytest.mark.validate

@@ -26,25 +26,29 @@ def numpy_is_loading(pid):
 
 
 def interrupt_at(name, tmp_path, delay_s):
+    """Exit code, and how long the program went on after it had loaded numpy, s."""
     words = {"SCENE": SCENES / "paper.toml", "OUT": tmp_path / "out"}
     process = start(name, *[words.get(word, word) for word in PROGRAMS[name]], start_new_session=True)
     while process.poll() is None and not numpy_is_loading(process.pid):
         time.sleep(0.005)
-    time.sleep(delay_s)
-    if process.poll() is None:
+    loaded = time.monotonic()
+    try:
+        _, errors = process.communicate(timeout=delay_s)
+    except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGINT)
-    _, errors = process.communicate(timeout=6000)
+        _, errors = process.communicate(timeout=6000)
+    went_on_s = time.monotonic() - loaded
     assert "Traceback" not in errors, (name, delay_s, errors)
     if process.returncode == 130:
         assert what_was_said(errors) == [LINE]
     else:
         assert process.returncode in (0, 2), errors  # it was done before
-    return process.returncode
+    return process.returncode, went_on_s
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_no_traceback_while_a_program_starts(tmp_path, name):
-    assert interrupt_at(name, tmp_path, 0.01) == 130  # a fast machine is done with the shortest in 0.05 s
+    assert interrupt_at(name, tmp_path, 0.01)[0] == 130  # a fast machine is done with the shortest in 0.05 s
 
 
 SLOW_TO_END = """
@@ -72,7 +76,9 @@ def test_an_interrupt_after_the_end_changes_nothing():
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_no_traceback_at_thirty_moments(tmp_path, name):
     rng = random.Random(name)
-    codes = [interrupt_at(name, tmp_path / str(k), rng.uniform(0, 3)) for k in range(30)]
+    code, whole_s = interrupt_at(name, tmp_path / "whole", 6000)
+    assert code != 130
+    codes = [interrupt_at(name, tmp_path / str(k), rng.uniform(0, whole_s))[0] for k in range(30)]
     assert codes.count(130) > 5, codes
 
 
@@ -80,8 +86,8 @@ def engines_below(process):
     return [pid for pid, program in below(process.pid) if "liggghts" in program]
 
 
-@pytest.mark.parametrize("command", ["sweep", "dataset", "run", "campaign"])
-def test_one_interrupt_ends_the_children_and_what_waits_does_not_start(tmp_path, command):
+def long_runs(tmp_path, command):
+    """A command at work on three runs, one at a time, that has started an engine, and its directory."""
     scene = small_stone(tmp_path, **{"count = 1\n": "count = 2\n", "gangue_order = [1]": "gangue_order = [2, 1]",
                                      "{ x_m = 0.1, y_m = 0.0 }": "{ x_m = 0.1, y_m = 0.0 }, { x_m = -0.1, y_m = 0.0 }",
                                      # not done while Snakemake, which is asked first, waits for it
@@ -94,16 +100,39 @@ def test_one_interrupt_ends_the_children_and_what_waits_does_not_start(tmp_path,
     jobs = [] if command == "run" else ["--jobs", "1"]
     process = start("dem", command, file, "--out", out, *jobs, start_new_session=True)
     wait_until(lambda: engines_below(process), process, "an engine")
-    everybody = [pid for pid, _ in below(process.pid)]
+    return process, [pid for pid, _ in below(process.pid)]
+
+
+def check_gone(everybody):
+    deadline = time.monotonic() + 300
+    while any(map(is_alive, everybody)):
+        assert time.monotonic() < deadline, "a child outlived the command"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("command", ["sweep", "dataset", "run", "campaign"])
+def test_one_interrupt_ends_the_children_and_what_waits_does_not_start(tmp_path, command):
+    process, everybody = long_runs(tmp_path, command)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     output, errors = process.communicate(timeout=600)
     assert process.returncode == 130, errors
     said = what_was_said(errors)
     assert said[-1:] == [LINE] and "Traceback" not in output + errors
     assert len(said) == 1 or command == "campaign"  # Snakemake tells of every run
-    deadline = time.monotonic() + 300
-    while any(map(is_alive, everybody)):
-        assert time.monotonic() < deadline, "a child outlived the command"
-        time.sleep(0.02)
+    check_gone(everybody)
     begun = [*tmp_path.rglob("*.partial")]
     assert len(begun) == 1 and (begun[0] / "started.json").exists()  # what was at work stays, and no other began
+
+
+@pytest.mark.parametrize("command, number", [("sweep", signal.SIGTERM), ("campaign", signal.SIGHUP),
+                                             ("campaign", signal.SIGKILL)])
+def test_a_command_that_is_killed_takes_all_with_it_and_can_be_given_again(tmp_path, command, number):
+    process, everybody = long_runs(tmp_path, command)
+    process.send_signal(number)
+    process.communicate(timeout=600)
+    assert process.returncode == -number
+    check_gone(everybody)
+    if number == signal.SIGKILL:
+        again, _ = long_runs(tmp_path, command)  # as far as an engine
+        again.kill()
+        again.communicate(timeout=600)

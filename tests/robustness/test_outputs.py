@@ -2,12 +2,25 @@
 
 import json
 import os
+import shutil
+from pathlib import Path
 
 import pandas as pd
 import pytest
 
 import dem.run.run
-from common.output_directory import Busy, at_work_in, locked, write_contents
+import plate_fem.__main__
+import recognition.__main__
+import report.__main__
+from common.output_directory import (
+    Busy,
+    at_work_in,
+    hash_of,
+    locked,
+    refuse_replacing,
+    remove_written,
+    write_contents,
+)
 from common.tables import InputError
 from dem.__main__ import main
 from dem.run.errors import RunError
@@ -155,6 +168,138 @@ def test_a_foreign_file_in_a_run_in_progress_is_neither_deleted_nor_taken_for_it
     assert (out / "mine.txt").read_text() == "mine"
 
 
+def while_it_runs(monkeypatch, put):
+    """Something is done in the middle of the next runs."""
+    simulate = dem.run.run._run_in
+
+    def run_in(work, *arguments):
+        put(work.path)
+        return simulate(work, *arguments)
+
+    monkeypatch.setattr("dem.run.run._run_in", run_in)
+
+
+MINE = ("deck/notes.txt", "view/shot.png", "deck/dumps/mine.vtp", "deck/checkpoint/notes")  # within a run in progress
+
+
+def put_mine(partial):
+    for name in MINE:
+        (partial / name).parent.mkdir(parents=True, exist_ok=True)
+        (partial / name).write_text("mine")
+
+
+def test_files_that_came_into_a_run_in_progress_are_nobody_elses(tmp_path, capsys, monkeypatch):
+    """Before it is gone on with they are refused, and while it runs they are left alone."""
+    out = tmp_path / "run"
+    partial = begun(out)
+    for name in MINE:
+        (partial / name).parent.mkdir(exist_ok=True)
+        (partial / name).write_text("mine")
+        capsys.readouterr()
+        for command in ([*RUN, out], ["resume", out], [*RUN, out, "--overwrite"]):
+            assert name in refused(capsys, command)
+        assert (partial / name).read_text() == "mine"
+        (partial / name).unlink()
+    while_it_runs(monkeypatch, put_mine)
+    assert main(["resume", str(out)]) == 0
+    assert not set(MINE) & set(json.loads((out / "contents.json").read_text())["files"])
+    capsys.readouterr()
+    assert any(name in refused(capsys, [*RUN, out, "--overwrite"]) for name in MINE)
+    assert all((out / name).read_text() == "mine" for name in MINE)
+
+
+def test_a_data_set_drops_the_deck_but_not_what_is_in_it_of_somebody_else(commands, tmp_path, monkeypatch):
+    while_it_runs(monkeypatch, put_mine)
+    assert main([*commands["dataset"], str(tmp_path / "set")]) == 0
+    (directory,) = (tmp_path / "set").glob("one/000/ratio_*")
+    assert set(MINE) == {name for name in everything(directory) if name.startswith(("deck", "view"))}
+
+
+@pytest.mark.parametrize("place", ["run.earlier", "run", "run.earlier is a file", "run.earlier is a copy"])
+def test_what_came_beside_a_run_at_work_is_left_alone(tmp_path, capsys, monkeypatch, place):
+    out, earlier, other = tmp_path / "run", tmp_path / "run.earlier", ["--set", "stones.speed_m_s=2.0"]
+    assert main([*RUN, str(out)]) == 0
+
+    def put(partial):
+        if place == "run.earlier":
+            earlier.mkdir()
+            (earlier / "mine.txt").write_text("mine")
+        elif place == "run":
+            (out / "mine.txt").write_text("mine")
+        elif "file" in place:
+            earlier.write_text("mine")
+        else:
+            shutil.copytree(out, earlier)
+
+    while_it_runs(monkeypatch, put)
+    capsys.readouterr()
+    where = place.split()[0]
+    assert where in refused(capsys, [*RUN, out, *other, "--overwrite"])
+    before = everything(tmp_path)
+    assert any(name.startswith(where) for name in before)
+    assert where in refused(capsys, [*RUN, out, *other, "--overwrite"])
+    assert everything(tmp_path) == before
+    if place == "run":
+        (out / "mine.txt").unlink()
+    else:
+        earlier.rename(tmp_path / "moved away")
+    monkeypatch.setattr("dem.run.run._run_in", None)  # what was simulated is taken, and not once more
+    assert main([*RUN, str(out), *other, "--overwrite"]) == 0
+    assert json.loads((out / "run.json").read_text())["scene"]["stones"]["speed_m_s"] == 2.0
+
+
+@pytest.mark.parametrize("name", ["deck/deck.liggghts", "run.json", "signals.parquet"])
+def test_a_file_of_a_run_that_was_changed_by_hand_is_not_replaced(tmp_path, capsys, name):
+    out = tmp_path / "run"
+    assert main([*RUN, str(out)]) == 0
+    with open(out / name, "ab") as changed:
+        changed.write(b"\n")
+    before = everything(out)
+    capsys.readouterr()
+    for command in ([*RUN, out], [*RUN, out, "--overwrite"]):
+        assert name in refused(capsys, command)
+    assert everything(out) == before
+
+
+def test_a_list_of_files_does_not_reach_out_of_its_directory(tmp_path):
+    out, mine = tmp_path / "run", tmp_path / "mine.txt"
+    out.mkdir()
+    mine.write_text("mine")
+    (out / "link").symlink_to(mine)
+    write_contents(out, "run", {"../mine.txt": hash_of(mine), "link": hash_of(mine), str(mine): hash_of(mine)})
+    with pytest.raises(InputError, match="link"):
+        refuse_replacing(out, "run")
+    remove_written(out, "run")
+    assert mine.read_text() == "mine" and (out / "link").is_symlink()
+
+
+def test_a_single_file_is_written_over_its_own_kind_only(tmp_path, capsys):
+    """Not over any file of the format, nor over one that was changed since."""
+    scene = tmp_path / "plate.toml"
+    scene.write_text('[plate]\nmodel = "flexible"\nlength_m = 0.5\nwidth_m = 0.5\nthickness_m = 0.005\n'
+                     "damping_ratio = 0.01\ndensity_kg_m3 = 7830.0\nyoungs_modulus_Pa = 2.07e11\npoisson_ratio = 0.3\n"
+                     "max_frequency_Hz = 100.0\n")
+    sweep = write_sweep(tmp_path / "sweep", ratios=(0.0, 0.3, 0.5, 1.0))
+    own = tmp_path / "own"
+    modes = plate_fem.__main__.main, ["modes", str(scene), "--out", str(own.with_suffix(".vtu"))]
+    fit = recognition.__main__.main, ["fit", str(sweep), "--out", str(own.with_suffix(".json"))]
+    compare = report.__main__.main, ["compare", str(sweep), str(sweep), "--out", str(own.with_suffix(".html"))]
+    for (entry, words), text in [
+            (modes, '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid">mine</VTKFile>\n'),
+            (fit, '{"format": "coal-gangue mixing ratio", "notes": "mine"}'),
+            (compare, '<meta name="generator" content="coal-gangue-impact">mine')]:
+        file = Path(words[-1])
+        file.write_text(text)
+        assert entry(words) == 2 and file.read_text() == text
+        assert str(file) in capsys.readouterr().err
+        file.unlink()
+        assert entry(words) == 0
+        own = file.read_bytes()
+        assert words[0] == "fit" or entry(words) == 0  # a fit takes its time
+        file.write_bytes(own.replace(b"e", b"E", 1))
+        assert entry(words) == 2 and file.read_bytes() == own.replace(b"e", b"E", 1)
+
+
 @pytest.mark.parametrize("kind", ["sweep", "dataset"])
 @pytest.mark.parametrize("damaged", ["", '{"status": "fini'])
 def test_a_damaged_run_is_replaced_with_overwrite(commands, tmp_path, capsys, monkeypatch, kind, damaged):
@@ -167,7 +312,7 @@ def test_a_damaged_run_is_replaced_with_overwrite(commands, tmp_path, capsys, mo
         directory = where.with_name(ratio)
         directory.mkdir(parents=True)
         (directory / "run.json").write_text(damaged)
-        write_contents(directory, "run", ["run.json"])
+        write_contents(directory, "run", {"run.json": hash_of(directory / "run.json")})
     write_contents(out, kind)
     assert "run.json" in refused(capsys, [*commands[kind], out])
     assert main([*commands[kind], str(out), "--overwrite"]) == 0

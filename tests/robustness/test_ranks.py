@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from dem.__main__ import main
-from dem.coupling.launch import mpirun, start_engine
+from dem.coupling.launch import engine_running, mpirun
 from tests.robustness.small import HERTZ
 
 
@@ -37,6 +37,7 @@ def test_the_engine_asks_no_screen_for_graphics_cards(tmp_path, ranks):
     (tmp_path / "deck.liggghts").write_text("units si\n")
     with socket.create_server(("localhost", 6000)) as screen:
         screen.setblocking(False)
-        start_engine(tmp_path, ranks).wait(timeout=300)
+        with engine_running(tmp_path, ranks) as engine:
+            assert engine.wait(timeout=300) == 0
         with pytest.raises(BlockingIOError):
             screen.accept()

@@ -8,6 +8,7 @@ import sys
 import tomllib
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import analysis.__main__
@@ -15,11 +16,12 @@ import plate_fem.__main__
 import recognition.__main__
 import report.__main__
 from common.scene import changed_scene
-from common.tables import InputError
+from common.tables import InputError, Refused
 from dem.__main__ import main
 from dem.deck.plausible import warnings_of
 from dem.stones.arrangement import stones_of
-from plate_fem.mesh import default_mesh_size
+from plate_fem.mesh import default_mesh_size, mesh_lines
+from recognition.plate.plate_model import PlateModel
 from tests.analysis.synthetic import write_run, write_sweep
 from tests.fuzz.mutations import outcome
 from tests.robustness.small import HERTZ, ROOT, SCENES, run
@@ -62,6 +64,90 @@ def test_devices_and_pipes_are_not_read(tmp_path, device):
                              (recognition.__main__.main, ["recognise", tmp_path, "--model", device])]:
         assert str(device) in ends_with_one_line(entry, arguments)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_mesh_that_is_a_pipe_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / "mesh.stl")
+    (tmp_path / "scene.toml").write_text(
+        f"base = '{SCENES / 'sizes.toml'}'\nstones.agglomerate.contact = 'faces'\n[shapes.pipe]\nfile = 'mesh.stl'\n"
+        "[[stones.each]]\nmaterial = 'coal'\nshape = 'pipe'\nradius_m = 0.03\nx_m = 0.1\ny_m = 0.0\n"
+        "speed_m_s = 3.0\n")
+    told = ends_with_one_line(main, ["deck", tmp_path / "scene.toml", "--out", tmp_path / "out"])
+    assert "mesh.stl: must be a regular file" in told and not (tmp_path / "out").exists()
+
+
+DEEP = ".".join(["a"] * 5000)
+
+
+@pytest.mark.parametrize("text, words", [
+    (f"seed = {'1' * 5001}", "digits"), (f"seed = 0x{'f' * 5000}", "digits"), (f"[{DEEP}]\nx = 1", "deep"),
+    (f"{DEEP} = 1", "deep"), (f"x = {'[' * 300}{']' * 300}", "deep"), (f"x = {'{a=' * 300}1{'}' * 300}", "deep"),
+])
+def test_numbers_and_tables_beyond_all_measure(tmp_path, text, words):
+    scene, campaign = tmp_path / "scene.toml", tmp_path / "campaign.toml"
+    scene.write_text(f"{text}\n")
+    (tmp_path / "base.toml").write_text("base = 'scene.toml'\n")
+    campaign.write_text(f"scene = 'scene.toml'\n{text}\n")
+    for entry, arguments in [(main, ["deck", scene, "--out", tmp_path / "out"]),
+                             (main, ["deck", tmp_path / "base.toml", "--out", tmp_path / "out"]),
+                             (main, ["campaign", campaign, "--out", tmp_path / "out"]),
+                             (plate_fem.__main__.main, ["modes", scene])]:
+        told = ends_with_one_line(entry, arguments)
+        assert words in told and len(told) < 1000
+    assert not (tmp_path / "out").exists()
+
+
+def test_keys_and_values_beyond_all_measure_are_not_set(tmp_path):
+    campaign = tmp_path / "campaign.toml"
+    campaign.write_text(f"scene = '{HERTZ}'\n[vary]\n'{DEEP}' = [1]\n")
+    ends_with_one_line(main, ["campaign", campaign, "--out", tmp_path / "out"])
+    for change in (f"{DEEP}=1", f"stones.seed={'1' * 5001}", f"stones.seed=0x{'f' * 5000}",
+                   f"stones.each={'[' * 100}{']' * 100}"):
+        ends_with_one_line(main, ["deck", HERTZ, "--set", change, "--out", tmp_path / "out"])
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["run", "deck", "sweep"])
+def test_a_path_that_is_no_text_is_refused_before_anything_is_done(tmp_path, command):
+    before = sorted(os.listdir(os.fsencode(tmp_path)))
+    told = ends_with_one_line(main, [command, HERTZ, "--out", os.fsdecode(os.fsencode(tmp_path) + b"/o\xff")])
+    assert "UTF-8" in told and sorted(os.listdir(os.fsencode(tmp_path))) == before
+
+
+def test_a_plate_that_the_engine_does_not_take(tmp_path):
+    negative = ["--set", "plate.poisson_ratio=-0.9", "--out", tmp_path / "out"]
+    assert "plate.poisson_ratio = -0.9" in ends_with_one_line(main, ["run", HERTZ, *negative])
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("diameter_m", [2e-5, 2e-6, 1e-9])
+def test_a_rod_too_thin_for_any_mesh_is_refused_at_once(diameter_m):
+    rod = {"x_m": 0.05, "y_m": 0.03, "diameter_m": diameter_m, "length_m": 0.1, "youngs_modulus_Pa": 2e11,
+           "density_kg_m3": 7830.0}
+    plate = changed_scene(SCENES / "elastic_plate.toml", {"plate.rods": [rod]}).plate
+    with pytest.raises(Refused, match="must leave"):
+        mesh_lines(plate)
+
+
+def test_a_record_with_times_in_ms_is_refused(tmp_path):
+    plate = PlateModel.from_scene(SCENES / "elastic_plate.toml", 1000.0)
+    plate.save(tmp_path / "plate.json")
+    rng = np.random.default_rng(1)
+    table = {"t_s": 1e3 * np.arange(500) / 20000} | {f"acc_{name}_m_s2": rng.normal(size=500)
+                                                      for name in plate.sensor_names}
+    pd.DataFrame(table).to_csv(tmp_path / "ms.csv", index=False)
+    told = ends_with_one_line(recognition.__main__.main, ["check", tmp_path / "ms.csv", "--plate",
+                                                          tmp_path / "plate.json"])
+    assert "20 samples a second" in told and "t_s must be in s" in told
+
+
+@pytest.mark.parametrize("fault", ['RuntimeError("can\'t start new thread")', "MemoryError()",
+                                   'ImportError("x.so: failed to map segment from shared object")'])
+def test_too_little_memory_for_a_thread_or_a_library(fault):
+    done = subprocess.run([sys.executable, "-c", f"from common.command import run_command\ndef fails(): raise {fault}\n"
+                           "raise SystemExit(run_command('dem', fails))"], cwd=ROOT, capture_output=True, text=True,
+                          check=False)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1 and "not enough memory" in done.stderr
 
 
 def test_a_scene_of_a_gigabyte_is_not_read(tmp_path):

@@ -1,0 +1,116 @@
+#include "bodies/outline.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace LAMMPS_NS {
+
+namespace {
+
+const double NEVER_s = std::numeric_limits<double>::infinity();
+const double LONG_s = 2e-3;  // a time of the bounding spheres from this on is long enough as it is
+
+// Time until a point at height z >= 0 that rises with v under gravity g is at 0.
+double time_to_fall(double z, double v, double g) {
+  if (z <= 0) return 0;
+  if (g > 0) return (v + std::sqrt(v * v + 2 * g * z)) / g;
+  return v < 0 ? -z / v : NEVER_s;
+}
+
+// Time in which something with speed v and acceleration a comes no further than `way`, in whatever direction they are.
+double time_to_cross(double way, double v, double a) {
+  if (way <= 0) return 0;
+  return a > 0 ? (std::sqrt(v * v + 2 * a * way) - v) / a : way / v;
+}
+
+// Time until |d + v t| = distance, for |d| > distance.
+double time_to_approach(const Vec &d, const Vec &v, double distance) {
+  const double b = dot(d, v), c = dot(d, d) - distance * distance, a = dot(v, v);
+  if (c <= 0) return 0;
+  const double discriminant = b * b - a * c;
+  if (b >= 0 || discriminant <= 0) return NEVER_s;
+  return c / (-b + std::sqrt(discriminant));
+}
+
+// Time until something with speed v and acceleration a along a line has come the way `way`.
+double time_to_travel(double way, double v, double a) {
+  if (way <= 0) return 0;
+  const double discriminant = v * v + 2 * a * way;
+  if (discriminant < 0) return NEVER_s;
+  if (v > 0) return 2 * way / (v + std::sqrt(discriminant));
+  return a > 0 ? (std::sqrt(discriminant) - v) / a : NEVER_s;
+}
+
+// Time until a coordinate x is within [low, high], which it approaches with velocity v and acceleration a; `faster` is
+// a speed that may add to that.
+double time_into(double x, double low, double high, double v, double a, double faster) {
+  if (x < low) return time_to_travel(low - x, v + faster, a);
+  return time_to_travel(x - high, faster - v, -a);
+}
+
+double spin_speed(Outline &a) { return a.spheres().size() == 1 ? 0 : a.spin * a.radius; }
+
+}  // namespace
+
+double gap(Outline &a, Outline &b) {
+  double least = NEVER_s;
+  for (const Sphere &p : a.spheres()) {
+    if (norm(p.x - b.center) - p.radius - b.radius >= least) continue;
+    for (const Sphere &q : b.spheres()) least = std::min(least, norm(p.x - q.x) - p.radius - q.radius);
+  }
+  return std::max(0.0, least);
+}
+
+double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight) {
+  const Vec &x = body.center, &v = body.velocity;
+  const double gravity = std::fabs(weight.z);
+  const double *e = plate.extent;
+  const double beside = std::hypot(std::max({e[0] - x.x, x.x - e[1], 0.0}), std::max({e[2] - x.y, x.y - e[3], 0.0}));
+  const double across = time_to_cross(beside - body.radius, std::hypot(v.x, v.y), std::hypot(weight.x, weight.y));
+  const double reach = plate.reach + body.outside;
+  double down = time_to_fall(x.z - body.radius - reach, v.z, gravity);
+  if (std::max(across, down) < LONG_s) {
+    double lowest = NEVER_s;
+    for (const Sphere &s : body.spheres()) lowest = std::min(lowest, s.x.z - s.radius);
+    down = std::max(down, time_to_fall(lowest - reach, v.z - spin_speed(body), gravity));
+  }
+  return std::max(across, down);
+}
+
+Vec from_wall(const Vec &x, const WallOutline &wall) {
+  const Vec &a = wall.low, &b = wall.high;
+  return x - Vec(std::clamp(x.x, a.x, b.x), std::clamp(x.y, a.y, b.y), std::clamp(x.z, a.z, b.z));
+}
+
+// To touch it a body must come as near as its radius along each of the three axes, and one of its sub-spheres must come
+// as near as its own radius along the axis of the wall.
+double time_to_wall(Outline &body, const WallOutline &wall, const Vec &weight) {
+  double time = 0;
+  for (const auto axis : {&Vec::x, &Vec::y, &Vec::z})
+    time = std::max(time, time_into(body.center.*axis, wall.low.*axis - body.radius, wall.high.*axis + body.radius,
+                                    body.velocity.*axis, weight.*axis, 0));
+  if (time >= LONG_s) return time;
+  const auto across = wall.low.x == wall.high.x ? &Vec::x : wall.low.y == wall.high.y ? &Vec::y : &Vec::z;
+  double first = NEVER_s;
+  for (const Sphere &s : body.spheres())
+    first = std::min(first, time_into(s.x.*across, wall.low.*across - s.radius, wall.high.*across + s.radius,
+                                      body.velocity.*across, weight.*across, spin_speed(body)));
+  return std::max(time, first);
+}
+
+double time_to_meet(Outline &a, Outline &b) {
+  const Vec d = a.center - b.center, v = a.velocity - b.velocity;
+  const double time = time_to_approach(d, v, a.radius + b.radius);
+  if (time >= LONG_s) return time;
+  return std::max(time, gap(a, b) / (norm(v) + spin_speed(a) + spin_speed(b)));
+}
+
+double time_to_meet(Outline &a, Outline &b, double unforeseen) {
+  const double between = norm(a.center - b.center) - a.radius - b.radius;
+  const double speed = norm(a.velocity - b.velocity) + unforeseen;
+  if (between / speed >= LONG_s) return between / speed;
+  return std::max(between, gap(a, b)) / (speed + spin_speed(a) + spin_speed(b));
+}
+
+}  // namespace LAMMPS_NS

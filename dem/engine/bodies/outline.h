@@ -1,0 +1,56 @@
+#pragma once
+#include <vector>
+
+#include "base/rigid_motion.h"
+
+namespace LAMMPS_NS {
+
+struct Sphere {
+  Vec x;
+  double radius;
+};
+
+// A body at one instant, as far as it matters for what it could touch and when. SI units.
+class Outline {
+ public:
+  Vec center, velocity;  // of the centre of mass
+  double mass = 0;       // kg
+  double outside = 0;    // how far what touches the plate may reach below its sub-spheres, m
+  double spin = 0;       // bound for |omega|, rad/s
+  double radius = 0;     // of the sphere about the centre of mass that holds the body
+  virtual ~Outline() {}
+  // Its sub-spheres. They are placed when first asked for, where the sphere that holds the body is not enough.
+  const std::vector<Sphere> &spheres() {
+    if (spheres_.empty()) place(spheres_);
+    return spheres_;
+  }
+
+ protected:
+  std::vector<Sphere> spheres_;
+  virtual void place(std::vector<Sphere> &) = 0;
+};
+
+// The plate for bodies in the air: no deflection above `reach` anywhere on the rectangle `extent`.
+struct PlateOutline {
+  double extent[4];  // XMIN XMAX YMIN YMAX, m
+  double reach;      // m
+};
+
+// A wall for bodies in the air: a box that is flat along one axis, m.
+struct WallOutline {
+  Vec low, high;
+};
+
+double gap(Outline &, Outline &);  // between the nearest sub-spheres, never negative
+
+// Time during which nothing can touch, s. It is a lower bound and never negative. A body is taken to be a sphere as
+// long as that is enough; then each sub-sphere is looked at, which may be anywhere that the spin could bring it.
+double time_to_plate(Outline &, const PlateOutline &, const Vec &gravity_m_s2);
+double time_to_wall(Outline &, const WallOutline &, const Vec &gravity_m_s2);
+Vec from_wall(const Vec &point, const WallOutline &);  // to the point, from the nearest one of the wall
+// Between two bodies that both fly freely, so that their centres approach each other uniformly.
+double time_to_meet(Outline &, Outline &);
+// The same where one is not free and may gain the speed `unforeseen`, m/s.
+double time_to_meet(Outline &, Outline &, double unforeseen);
+
+}  // namespace LAMMPS_NS

@@ -1,0 +1,79 @@
+#include "coupling/plate_shapes.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+
+#include "error.h"
+#include "lammps.h"
+
+namespace LAMMPS_NS {
+
+namespace {
+const double MOST_PACKED = 1100;  // bytes in one of zlib, of which it says 1032
+}
+
+PlateShapes::PlateShapes(LAMMPS *lmp, const std::string &file) {
+  FILE *in = std::fopen(file.c_str(), "rb");
+  const bool whole = in && read(in);
+  if (in) std::fclose(in);
+  if (!whole) lmp->error->all(FLERR, ("Cannot read the mode shapes from " + file).c_str());
+}
+
+bool PlateShapes::read(FILE *in) {
+  long long size[4];
+  double geometry[4];
+  if (std::fread(size, 8, 4, in) != 4 || std::fread(geometry, 8, 4, in) != 4) return false;
+  nx_ = size[0], ny_ = size[1], directions_ = size[2], modes_ = size[3];
+  x0_ = geometry[0], y0_ = geometry[1], dx_ = geometry[2], dy_ = geometry[3];
+  if (nx_ < 4 || ny_ < 4 || modes_ < 1 || (directions_ != 1 && directions_ != 3)) return false;
+  const long start = std::ftell(in);
+  std::fseek(in, 0, SEEK_END);
+  std::vector<unsigned char> packed(std::ftell(in) - start);
+  std::fseek(in, start, SEEK_SET);
+  if (std::fread(packed.data(), 1, packed.size(), in) != packed.size()) return false;
+  const long long points = nx_ * ny_, all = points * directions_ * modes_;
+  if (8. * nx_ * ny_ * directions_ * modes_ > MOST_PACKED * packed.size()) return false;
+  std::vector<unsigned char> bytes(8 * all);
+  uLongf length = bytes.size();
+  if (uncompress(bytes.data(), &length, packed.data(), packed.size()) != Z_OK || length != bytes.size()) return false;
+  shape_.resize(all);
+  unsigned char number[8];
+  for (long long k = 0; k < numbers(); k++)
+    for (long long point = 0; point < points; point++) {
+      for (int b = 0; b < 8; b++) number[b] = bytes[b * all + k * points + point];
+      std::memcpy(&shape_[point * numbers() + k], number, 8);
+    }
+  return true;
+}
+
+namespace {
+// Weights of the four nodes -1, 0, 1, 2 for a point at s in [0, 1] between the middle two (Lagrange).
+void lagrange(double s, double *weight) {
+  weight[0] = -s * (s - 1) * (s - 2) / 6;
+  weight[1] = (s + 1) * (s - 1) * (s - 2) / 2;
+  weight[2] = -(s + 1) * s * (s - 2) / 2;
+  weight[3] = (s + 1) * s * (s - 1) / 6;
+}
+}  // namespace
+
+void PlateShapes::at(double x, double y, double *shape) const {
+  const double u = (x - x0_) / dx_, v = (y - y0_) / dy_;
+  const long long iu = std::clamp<long long>(std::floor(u), 1, nx_ - 3);
+  const long long iv = std::clamp<long long>(std::floor(v), 1, ny_ - 3);
+  double wu[4], wv[4];
+  lagrange(u - iu, wu);
+  lagrange(v - iv, wv);
+  std::fill(shape, shape + numbers(), 0.0);
+  for (int a = 0; a < 4; a++)
+    for (int b = 0; b < 4; b++) {
+      const double w = wu[a] * wv[b];
+      const double *node = &shape_[((iu - 1 + a) * ny_ + iv - 1 + b) * numbers()];
+      for (int m = 0; m < numbers(); m++) shape[m] += w * node[m];
+    }
+}
+
+}  // namespace LAMMPS_NS

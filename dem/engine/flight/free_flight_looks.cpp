@@ -1,0 +1,290 @@
+// The looks of fix free_flight: who leaves the arrays, who comes back, and who is held.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "atom.h"
+#include "flight/fix_free_flight.h"
+#include "force.h"
+#include "neigh_list.h"
+#include "pair.h"
+#include "flight/reach_pairs.h"
+#include "interfaces/stone_stream.h"
+#include "update.h"
+
+using namespace LAMMPS_NS;
+
+namespace {
+const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants without velocity
+const int LEAST_REST = 4;         // looks: a body that may be touched sooner does not leave
+const double UNFORESEEN_LOOKS = 1.5;  // a body comes back this early for one in the arrays
+// A body flies together with the fragments that are trapped in it when all of them have less than this share of the
+// energy of the impact relative to its motion, for so many looks that those on their way out are gone.
+const double TRAPPED_ENERGY = 1e-3;
+const int TRAPPED_LOOKS = 50;
+const double REACH_MARGIN = 1.1;  // the reach may grow by this before all times are found anew
+const double CLEARANCE_M = 1e-5;
+}  // namespace
+
+// What one look sees: the bodies in the arrays, then those in free flight, and who of them could meet soon.
+struct FixFreeFlight::Look {
+  std::vector<ArrayBody> in_arrays;
+  std::vector<Outline *> all;
+  std::unique_ptr<ReachPairs> pairs;
+  bool is_in_arrays(size_t k) const { return k < in_arrays.size(); }
+};
+
+double FixFreeFlight::horizon_s() const { return (nevery + 2) * update->dt; }  // until the next look has been acted on
+
+// During which a body that leaves must touch nothing.
+double FixFreeFlight::rest_s() const { return LEAST_REST * nevery * update->dt; }
+
+void FixFreeFlight::end_of_step() {
+  for (auto &b : bodies_) b->go_to(update->ntimestep);
+  check_count();
+  Look look;
+  look.in_arrays = bodies_in_arrays(atom, agglomerates_->tags(), [this](int tag) { return body_of(tag); });
+  for (ArrayBody &b : look.in_arrays) b.outside = outside_of(b);
+  update_reach();
+  if (stream_) take_out_those_that_left();
+  for (ArrayBody &b : look.in_arrays) look.all.push_back(&b);
+  for (auto &b : bodies_) look.all.push_back(b.get());
+  find_pairs(look);
+  watch_bodies_in_flight(look);
+  held_->count_still(look.in_arrays);
+  let_calm_bodies_depart(look);
+  if (held_->choose(look.in_arrays, [&](ArrayBody &b, double limit_N) { return is_gentle(look, b, limit_N); }))
+    next_reneighbor = update->ntimestep + 1;
+  for (auto &b : bodies_)
+    if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
+}
+
+double FixFreeFlight::outside_of(const ArrayBody &b) const {
+  if (!plate_) return 0;
+  std::vector<int> tags;
+  for (const int i : b.atoms) tags.push_back(atom->tag[i]);
+  return plate_->outside(tags);
+}
+
+double FixFreeFlight::time_to_obstacle(Outline &b) const {
+  double time = plate_ ? time_to_plate(b, outline_, weight()) : std::numeric_limits<double>::infinity();
+  for (const SideWall *wall : walls_) time = std::min(time, time_to_wall(b, wall->outline(), weight()));
+  return time;
+}
+
+// The times found so far hold as long as the plate keeps within the reach with which they were found.
+void FixFreeFlight::update_reach() {
+  const double reach = plate_ ? plate_->reach() : 0;
+  if (reach <= outline_.reach && outline_.reach <= 2 * REACH_MARGIN * (reach + CLEARANCE_M)) return;
+  outline_.reach = REACH_MARGIN * (reach + CLEARANCE_M);
+  for (auto &b : bodies_) b->safe_until = 0;
+}
+
+// The plate may have been struck since the last look.
+void FixFreeFlight::final_integrate() {
+  if (held_->push()) next_reneighbor = update->ntimestep + 1;
+  if (bodies_.empty() || !plate_ || plate_->reach() <= outline_.reach) return;
+  update_reach();
+  for (auto &b : bodies_) b->go_to(update->ntimestep);
+  for (auto &b : bodies_) {
+    if (b->is_leaving || b->is_waking) continue;
+    find_safe_until(*b);
+    b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
+    if (b->is_waking) next_reneighbor = update->ntimestep + 1;
+  }
+}
+
+// Finds until when it touches neither the plate nor a wall nor another body in free flight. The other one may not have known of
+// this body, which left the arrays after it. The plate moves, so what is known of the bodies is found less often.
+void FixFreeFlight::find_safe_until(FreeBody &body) {
+  auto step_after = [this](double time) {
+    return update->ntimestep + static_cast<bigint>(std::min(time / update->dt, double(FAR_AHEAD)));
+  };
+  if (body.meets_at < update->ntimestep + nevery + 2) {
+    body.meets_at = update->ntimestep + FAR_AHEAD;
+    for (auto &other : bodies_) {
+      if (other.get() == &body) continue;
+      const bigint meeting = step_after(time_to_meet(body, *other));
+      body.meets_at = std::min(body.meets_at, meeting);
+      other->meets_at = std::min(other->meets_at, meeting);
+      other->safe_until = std::min(other->safe_until, meeting);
+    }
+  }
+  body.safe_until = std::min(body.meets_at, step_after(time_to_obstacle(body)));
+}
+
+// Bodies in free flight know of each other by their safe_until.
+void FixFreeFlight::find_pairs(Look &look) const {
+  const double time_s = std::max(rest_s(), UNFORESEEN_LOOKS * horizon_s());
+  look.pairs = std::make_unique<ReachPairs>(look.all, look.in_arrays.size(), time_s, speed_);
+}
+
+// Finds the bodies in free flight that must come back before the next look.
+void FixFreeFlight::watch_bodies_in_flight(const Look &look) {
+  bool asked = false;
+  for (size_t k = 0; k < bodies_.size(); k++) {
+    FreeBody *b = bodies_[k].get();
+    if (b->safe_until < update->ntimestep + nevery + 2) {
+      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, weight()) < horizon_s()) {
+        plate_->ask_reach();
+        update_reach();
+        asked = true;
+      }
+      find_safe_until(*b);
+      b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
+    }
+    for (const int m : look.pairs->of(look.in_arrays.size() + k))  // in the arrays, all of them
+      if (!b->is_waking) b->is_waking = time_to_meet(*b, *look.all[m], speed_) < UNFORESEEN_LOOKS * horizon_s();
+  }
+}
+
+// Is all of it below the plate's top face and the foot of the walls, and never rises to them again? The plate has no
+// other face to touch.
+bool FixFreeFlight::has_left(const Outline &b) const {
+  const double fall = -weight().z, up = b.velocity.z;
+  if (up > 0 && fall <= 0) return false;
+  const double highest = b.center.z + b.radius + (up > 0 ? up * up / (2 * fall) : 0);
+  double lowest = -outline_.reach;
+  for (const SideWall *wall : walls_) lowest = std::min(lowest, wall->outline().low.z);
+  return highest < lowest;
+}
+
+bool FixFreeFlight::is_dust(const FreeBody &b) const {
+  return static_cast<int>(b.parts.size()) < std::min(least_fragment_, agglomerates_->size(b.agglomerate));
+}
+
+void FixFreeFlight::take_out_those_that_left() {
+  auto left = [&](const std::unique_ptr<FreeBody> &b) {
+    if (b->is_leaving || b->is_waking || !(has_left(*b) || is_dust(*b))) return false;
+    stream_->take_out({b->agglomerate, static_cast<int>(b->parts.size()), b->mass, b->kinetic(), b->bond_elastic,
+                       b->pair_elastic, b->center, b->velocity});
+    return true;
+  };
+  bodies_.erase(std::remove_if(bodies_.begin(), bodies_.end(), left), bodies_.end());
+}
+
+// Is its inner motion, and that of the fragments trapped in it, so small that it may leave?
+bool FixFreeFlight::is_calm(const ArrayBody &b) {
+  const double impact = 0.5 * speed_ * speed_ * b.mass;
+  double fragments = 0;
+  for (const ArrayBody *fragment : b.trapped) fragments += fragment->energy_over(b);
+  int &looks = calm_[b.label];
+  looks = b.inner_energy <= tolerance_ * impact && fragments <= TRAPPED_ENERGY * impact ? looks + 1 : 0;
+  return b.atoms.size() == 1 || looks >= (b.trapped.empty() ? CALM_LOOKS : TRAPPED_LOOKS);
+}
+
+void FixFreeFlight::let_calm_bodies_depart(Look &look) {
+  const size_t count = look.in_arrays.size();
+  find_trapped(look.in_arrays, *agglomerates_);
+  std::vector<char> leaves(count, 0), is_part(count, 0);  // of another one, with which it may leave
+  for (size_t k = 0; k < count; k++) {
+    ArrayBody &b = look.in_arrays[k];
+    if (b.is_trapped) continue;
+    const bool left = stream_ && has_left(b), calm = is_calm(b) || left;
+    if (calm && !b.trapped.empty()) {
+      for (const ArrayBody *p : b.trapped) is_part[p - look.in_arrays.data()] = 1;
+      b.take_trapped();
+      b.outside = outside_of(b);
+    }
+    leaves[k] = left || (calm && time_to_obstacle(b) > rest_s());
+  }
+  if (std::count(is_part.begin(), is_part.end(), 1)) find_pairs(look);
+  for (size_t k = 0; k < count; k++)
+    for (const int m : look.pairs->of(k)) {
+      if (look.is_in_arrays(m) || !leaves[k]) continue;
+      FreeBody &other = static_cast<FreeBody &>(*look.all[m]);
+      leaves[k] = time_to_meet(look.in_arrays[k], other, other.is_waking ? speed_ : 0) > rest_s();
+    }
+  keep_those_that_meet(look, is_part, leaves);
+  for (size_t k = 0; k < count; k++)
+    if (leaves[k]) depart(look.in_arrays[k]);
+  if (std::count(leaves.begin(), leaves.end(), 1)) note_elastic_energies();
+}
+
+// Of those that could leave, one that meets a body that stays, or another one too soon, stays as well.
+void FixFreeFlight::keep_those_that_meet(Look &look, const std::vector<char> &is_part, std::vector<char> &leaves) {
+  auto meet = [&](size_t k, size_t m) {
+    ArrayBody &a = look.in_arrays[k], &b = look.in_arrays[m];
+    if (!leaves[m]) return time_to_meet(a, b, speed_) <= rest_s();
+    return !have_left(a, b) && time_to_meet(a, b) <= rest_s();
+  };
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (size_t k = 0; k < look.in_arrays.size(); k++)
+      for (const int m : look.pairs->of(k))
+        if (leaves[k] && look.is_in_arrays(m) && !is_part[m] && meet(k, m)) leaves[k] = 0, changed = true;
+  }
+}
+
+// Does no encounter ahead, with the plate, a wall or another body, push with more than `limit_N`? Of each the peak force
+// is that of Hertz.
+bool FixFreeFlight::is_gentle(const Look &look, ArrayBody &b, double limit_N) {
+  double radius = 0;
+  for (int i : b.atoms) radius = std::max(radius, atom->radius[i]);
+  auto is_hard = [&](double mass, double closing) {
+    if (closing <= 0) return false;
+    const double peak = std::pow(4. / 3. * largest_modulus_ * std::sqrt(radius), 0.4) *
+                        std::pow(1.25 * mass * closing * closing, 0.6);
+    return peak > limit_N;
+  };
+  if (plate_ && is_hard(b.mass, -b.velocity.z) && time_to_plate(b, outline_, weight()) <= rest_s()) return false;
+  for (const SideWall *wall : walls_) {
+    const Vec off = from_wall(b.center, wall->outline());
+    if (is_hard(b.mass, -dot(b.velocity, off) / norm(off)) && time_to_wall(b, wall->outline(), weight()) <= rest_s())
+      return false;
+  }
+  for (const int m : look.pairs->of(&b - look.in_arrays.data())) {
+    if (look.is_in_arrays(m) && look.in_arrays[m].is_trapped) continue;
+    Outline &other = *look.all[m];
+    const Vec apart = b.center - other.center;
+    const double closing = dot(other.velocity - b.velocity, apart) / norm(apart);
+    if (is_hard(b.mass * other.mass / (b.mass + other.mass), closing) && time_to_meet(b, other) <= rest_s())
+      return false;
+  }
+  return true;
+}
+
+void FixFreeFlight::depart(ArrayBody &b) {
+  b.departs = true;
+  for (ArrayBody *fragment : b.trapped) fragment->departs = true, held_->let_go(fragment->label);
+  held_->let_go(b.label);
+  const int agglomerate = agglomerates_->of_tag(b.label);
+  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, update->dt));
+  if (bonds_)
+    for (int i : b.atoms) bonds_->let_leave(i);
+  calm_[b.label] = 0;
+  departures_++;
+}
+
+// What the bodies that leave hold in their bonds, and in contacts between their own sub-spheres.
+void FixFreeFlight::note_elastic_energies() {
+  auto may_hold = [](auto &b) { return b->is_leaving && b->parts.size() > 1; };
+  if (std::none_of(bodies_.begin(), bodies_.end(), may_hold)) return;
+  bond_energy_.resize(calm_.size()), pair_energy_.resize(calm_.size());
+  for (int i = 0; i < atom->nlocal; i++) bond_energy_[body_of(atom->tag[i])] = pair_energy_[body_of(atom->tag[i])] = 0;
+  if (bonds_) bonds_->add_elastic_energy_by_body(bond_energy_.data());
+  add_pair_energy_by_body(pair_energy_.data());
+  for (auto &b : bodies_) {
+    if (!b->is_leaving) continue;
+    std::set<int> labels;
+    for (const FreeBody::Part &p : b->parts) labels.insert(body_of(p.tag));
+    for (int label : labels) b->bond_elastic += bond_energy_[label], b->pair_elastic += pair_energy_[label];
+  }
+}
+
+// Elastic energy in contacts between sub-spheres in the arrays, given to the body of one of the two, J.
+void FixFreeFlight::add_pair_energy_by_body(double *energy) const {
+  const NeighList *list = force->pair->list;
+  for (int k = 0; k < list->inum; k++) {
+    const int i = list->ilist[k];
+    for (int m = 0; m < list->numneigh[i]; m++) {
+      const int j = list->firstneigh[i][m] & NEIGHMASK;
+      const double sum = atom->radius[i] + atom->radius[j], overlap = sum - norm(Vec(atom->x[i]) - Vec(atom->x[j]));
+      if (overlap > 0)
+        energy[body_of(atom->tag[i])] +=
+            law_->elastic_energy(atom->type[i], atom->type[j], atom->radius[i] * atom->radius[j] / sum, overlap);
+    }
+  }
+}
+

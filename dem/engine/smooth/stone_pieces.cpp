@@ -1,0 +1,135 @@
+#include "smooth/stone_pieces.h"
+
+#include <mpi.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "atom.h"
+#include "comm.h"
+#include "lammps.h"
+
+namespace LAMMPS_NS {
+
+StonePieces::StonePieces(LAMMPS *lmp, const Agglomerates &agglomerates, const StoneSurfaces &surfaces,
+                         BondNetwork &bonds)
+    : lmp_(lmp), agglomerates_(agglomerates), surfaces_(surfaces), bonds_(bonds) {
+  const size_t tags = agglomerates.tags();
+  now_.assign(NUMBERS * (tags + 1), 0);
+  bonds_first_.assign(tags + 1, 0);
+  bonds_of_.resize(tags + 1);
+  for (const Bond &b : bonds.bonds()) add_bond(b.id, b.tag_i, b.tag_j);
+}
+
+void StonePieces::enter(const EnteringStone &stone) {
+  const double *row = stone.bonds.data();
+  for (int id = stone.first_bond; row < stone.bonds.data() + stone.bonds.size(); row += EnteringStone::BOND_COLUMNS)
+    add_bond(id++, static_cast<int>(row[0]), static_cast<int>(row[1]));
+}
+
+void StonePieces::add_bond(int id, int tag_i, int tag_j) {
+  for (const int tag : {tag_i, tag_j}) bonds_first_[tag]++, bonds_of_[tag].push_back(id);
+}
+
+void StonePieces::leave(int agglomerate) {
+  const int first = agglomerates_.first_tag(agglomerate);
+  for (int tag = first; tag < first + agglomerates_.size(agglomerate); tag++) bonds_of_[tag] = {};
+}
+
+void StonePieces::look(const std::vector<int> &wanted, const std::vector<char> &touching) {
+  gather(wanted, touching);
+  find_pieces();
+}
+
+void StonePieces::gather(const std::vector<int> &wanted, const std::vector<char> &touching) {
+  const Atom *atom = lmp_->atom;
+  std::vector<double> found;
+  for (const int a : wanted) {
+    const SmoothStone &s = surfaces_.stones()[a];
+    for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
+      found.resize(found.size() + NUMBERS, 0);
+      double *row = found.data() + found.size() - NUMBERS;
+      row[10] = touching[tag];  // where it was at the last step, which may be another rank
+      const int i = lmp_->atom->map(tag);
+      if (i < 0 || i >= atom->nlocal) continue;
+      std::copy_n(atom->x[i], 3, row);
+      std::copy_n(atom->v[i], 3, row + 3);
+      std::copy_n(bonds_.quaternion(i), 4, row + 6);
+      row[11] = 1;
+    }
+  }
+  if (lmp_->comm->nprocs > 1) {
+    const std::vector<double> mine = found;
+    MPI_Allreduce(mine.data(), found.data(), found.size(), MPI_DOUBLE, MPI_SUM, lmp_->world);
+  }
+  const double *row = found.data();
+  for (const int a : wanted) {
+    const SmoothStone &s = surfaces_.stones()[a];
+    std::copy_n(row, NUMBERS * s.count, &now_[NUMBERS * static_cast<size_t>(s.first_tag)]);
+    row += NUMBERS * s.count;
+  }
+}
+
+void StonePieces::find_pieces() {
+  bonds_.agree_on_broken();
+  if (bonds_.changes() == changes_) return;
+  changes_ = bonds_.changes();
+  piece_.resize(bonds_first_.size());
+  bonds_now_.resize(piece_.size());
+  in_surface_.resize(piece_.size());
+  agglomerates_.each_near_tag([&](int tag) { piece_[tag] = tag, bonds_now_[tag] = in_surface_[tag] = 0; });
+  auto root = [&](int tag) {
+    while (piece_[tag] != tag) tag = piece_[tag] = piece_[piece_[tag]];
+    return tag;
+  };
+  for (const Bond &b : bonds_.bonds()) {
+    if (!bonds_.holds(b.id)) continue;
+    bonds_now_[b.tag_i]++, bonds_now_[b.tag_j]++;
+    const int i = root(b.tag_i), j = root(b.tag_j);
+    piece_[std::max(i, j)] = std::min(i, j);
+  }
+  agglomerates_.each_near_tag([&](int tag) {
+    piece_[tag] = root(tag);
+    in_surface_[piece_[tag]] += surfaces_.is_surface(tag);
+  });
+}
+
+std::map<int, StonePieces::Motion> StonePieces::motions(const SmoothStone &s) const {
+  std::map<int, std::vector<int>> tags;
+  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++)
+    if (may_have_patch(tag)) tags[piece_[tag]].push_back(tag);
+  std::map<int, Motion> found;
+  for (const auto &[piece, own] : tags) found[piece] = motion(own);
+  return found;
+}
+
+StonePieces::Motion StonePieces::motion(const SmoothStone &s, int piece) const {
+  std::vector<int> tags;
+  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++)
+    if (piece_[tag] == piece) tags.push_back(tag);
+  return motion(tags);
+}
+
+StonePieces::Motion StonePieces::motion(const std::vector<int> &tags) const {
+  Motion b;
+  std::array<double, 4> sum = {0, 0, 0, 0};
+  for (const int tag : tags) {
+    const double *row = &now_[NUMBERS * static_cast<size_t>(tag)], *q = row + 6, m = surfaces_.mass(tag);
+    b.is_here = b.is_here && row[11] != 0;
+    // q and -q are the same rotation.
+    const double side = sum[0] * q[0] + sum[1] * q[1] + sum[2] * q[2] + sum[3] * q[3];
+    for (int k = 0; k < 4; k++) sum[k] += (side < 0 ? -m : m) * q[k];
+    b.mass += m;
+  }
+  const double size = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2] + sum[3] * sum[3]);
+  if (b.is_here) b.turned = {sum[0] / size, Vec(sum[1] / size, sum[2] / size, sum[3] / size)};
+  for (const int tag : tags) {
+    const double *row = &now_[NUMBERS * static_cast<size_t>(tag)], part = surfaces_.mass(tag) / b.mass;
+    b.center += part * (Vec(row) - b.turned(surfaces_.place(tag)));
+    b.velocity += part * Vec(row + 3);
+  }
+  return b;
+}
+
+}  // namespace LAMMPS_NS

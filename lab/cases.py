@@ -1,0 +1,95 @@
+"""The cases of the laboratory: what each varies, against what it is measured, and of which sources its result speaks.
+
+A case NAME of a module has a function `rows(out, **options)` there, called NAME, and, where the result is not the rows
+themselves, `NAME_table(rows, out)`; `NAME_holds(rows)` where the case can fail. Its result is lab/results/NAME.csv.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+STONE = ("dem/engine", "dem/deck", "dem/stones", "templates/deck.liggghts.j2", "scenes/single.toml", "scenes/paper.toml",
+         "lab/rock/stone.py")
+PLATE = (*STONE, "dem/coupling", "plate_fem")
+TAPPED = ("recognition/plate", "recognition/tapping", "lab/known_truth")
+HEARD = (*TAPPED, "recognition/stream", "lab/streams/known_streams.py")
+METHODS = ("recognition/paper", "recognition/physics", "recognition/regression", "recognition/estimation",
+           "recognition/methods.py", "recognition/models.py")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A row of the table."""
+
+    name: str
+    module: str
+    varies: str
+    against: str
+    speaks_of: tuple[str, ...]
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Files and folders of the checkout, the case's own among them."""
+        return (*self.speaks_of, f"{self.module.replace('.', '/')}.py")
+
+    def load(self, what: str) -> Callable[..., Any]:
+        """`rows`, `table` or `holds`."""
+        functions = vars(import_module(self.module))
+        if what == "rows":
+            return functions[self.name]
+        otherwise: dict[str, Callable[..., Any]] = {"table": lambda rows, out: rows, "holds": lambda rows: True}
+        return functions.get(f"{self.name}_{what}", otherwise[what])
+
+
+CASES = {case.name: case for case in (
+    Case("work_precision", "lab.accuracy.work_precision", "each numerical setting", "a far finer value of it", PLATE),
+    Case("tolerance", "lab.accuracy.tolerance", "tolerance of a scene", "a finer run", (*PLATE, "common/error_laws.toml")),
+    Case("omissions", "lab.accuracy.omissions", "parts of a scene left out", "the cost of the whole scene", PLATE),
+    Case("free_flight", "lab.accuracy.free_flight", "free flight of bodies", "brute force", PLATE),
+    Case("stability", "lab.accuracy.stability", "every quantity to its extremes",
+         "a closed ledger, or a refusal that names a limit", (*PLATE, "lab/accuracy/stability_scenes.py")),
+    Case("criteria", "lab.rock.impacts", "breaking criterion of bonds", "one another", STONE),
+    Case("bond_limit", "lab.rock.bond_limit", "packing, stiffness ratio and damping of bonds", "the stable time step", STONE),
+    Case("bond_time_step", "lab.rock.impacts", "time step over t0", "a twentieth of t0", STONE),
+    Case("breakage_size", "lab.rock.impacts", "number of sub-spheres of a stone that breaks", "one another", STONE),
+    Case("closure", "lab.rock.impacts", "stones that break, with friction", "the energy of the impact", STONE),
+    Case("fragments", "lab.rock.impacts", "rock and speed", "published distributions", (*STONE, "scenes/materials")),
+    Case("crack_area", "lab.rock.crack_area", "fracture energy of the bonds", "area and work of a plane crack",
+         (*STONE, "dem/calibration", "scenes/materials/coal.toml")),
+    Case("contact", "lab.rock.contact", "sub-spheres, rock, speed and plate", "an elastic sphere", PLATE),
+    Case("faces", "lab.rock.faces", "attitude of a cube and a disc", "an elastic solid of finite elements, closed forms",
+         (*STONE, "lab/rock/elastic_solid.py")),
+    Case("two_stones", "lab.rock.two_stones", "sub-spheres of two stones that meet", "Hertz' elastic spheres", STONE),
+    Case("peers", "lab.speed.peers", "program, on the same agglomerate", "stock LIGGGHTS with Hertz contacts",
+         ("dem/engine", "lab/speed/benchmark.liggghts.j2")),
+    Case("scaling", "lab.speed.scaling", "stones and sub-spheres, one rank or two", "one another", STONE),
+    Case("stream_cost", "lab.speed.stream", "stones of a stream and their rate", "stones alone",
+         (*STONE, "scenes/stream.toml")),
+    Case("tapping", "lab.plate.tapping", "plate, number of taps, known forces", "the true modes", TAPPED),
+    Case("channel_faults", "lab.plate.channel_faults", "fault of a channel", "what `check` says of it",
+         (*TAPPED, "recognition/sensors")),
+    Case("listening", "lab.streams.listening", "rate, sizes, sensors; forces held out", "the true ratio", HEARD),
+    Case("listening_limits", "lab.streams.listening", "rate and plate; forces of the limits", "the true ratio", HEARD),
+    Case("listening_plates", "lab.streams.listening", "plate that is tapped", "the true ratio", HEARD),
+    Case("listening_differences", "lab.streams.listening", "what `listen` is not told", "the true ratio", HEARD),
+    Case("speed_laws", "lab.streams.speed_laws", "law of the stones' speeds", "the true ratio", HEARD),
+    Case("volleys", "lab.streams.volleys", "runs, on tapped plates", "the true ratio", (*HEARD, "recognition/volley")),
+    Case("volley_differences", "lab.streams.volleys", "what `volley` is not told", "the true ratio",
+         (*HEARD, "recognition/volley")),
+    Case("volley_shares", "lab.streams.volleys", "impulse of stones in m v", "one another", STONE),
+    Case("recognise_differences", "lab.recognition.differences", "what differs from the training", "the true ratio",
+         (*METHODS, "lab/known_truth")),
+    Case("recognise_held_out", "lab.recognition.held_out", "other seeds, packings and plates", "the true ratio",
+         (*METHODS, *TAPPED)),
+    Case("recognise_evaluation", "lab.recognition.evaluation", "what is held out, methods and baselines", "the true ratio",
+         (*METHODS, "recognition/evaluation", "lab/recognition/baselines.py")),
+    Case("error_bounds", "lab.recognition.evaluation", "noise and scatter", "the least error of any method",
+         (*METHODS, "lab/recognition/error_bounds.py")),
+    Case("stone_forces", "lab.streams.stone_forces", "rock, size, speed and place of a stone",
+         "the law of forces that is learnt", (*STONE, "recognition/stream/forces.py")),
+    Case("solid_plate", "lab.plate.solid_plate", "symmetry of the plate as a solid", "CalculiX",
+         ("tests/plate_fem/solid.py",)),
+)}

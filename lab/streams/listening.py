@@ -1,0 +1,167 @@
+"""Streams of known truth, and what `listen` makes of them.
+
+Streams are superpositions (lab/known_truth/simulated.py) of forces of single stones (stone_forces.py) on plates that are
+not the model's: frequencies, damping and shapes scattered by 1, 10 and 1 % (plates "1" and "2"). Each plate is tapped at
+the same four places with 20 dB of noise, and what `tap` learnt is what `listen` is given. Places, arrivals and speeds are
+unknown, noise is 20 dB at 20 kHz.
+
+listening_limits: streams of the set "tried", from which the limits of recognition/stream/checks.py were set.
+listening_differences: the same with something that `listen` is not told.
+listening_plates: the same on plates scattered by 3 %, of Kirchhoff's theory and of a solid's modes (known_streams.SOLID).
+listening: streams of the sets "held_out", "one_fall" and "any_fall", whose forces no law or limit has seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from lab.known_truth.stone_histories import histories
+from lab.streams.differences import Difference, differences
+from lab.streams.known_streams import (
+    ONE,
+    SCENE,
+    Case,
+    HIGHEST_Hz,
+    PAPER_m,
+    heard,
+    stream,
+    tapped,
+    told_by_force,
+    true_plate,
+)
+from lab.study import Row
+from recognition.plate.plate_model import PlateModel
+
+#: Goals of the docs: name, case, set of the forces, and how many streams, which fall on the plates "1" and "2" in turn.
+GOALS: list[tuple[str, Case, str, int]] = [
+    ("100 a second", Case(100, 100), "held_out", 20),
+    ("200 a second", Case(200, 100), "held_out", 20),
+    ("all sizes, any speed", Case(50, 100, all_sizes=True), "any_fall", 40),
+    ("all sizes, 41 stones", Case(50, 100, all_sizes=True), "held_out", 20),
+    ("all sizes, one fall", Case(50, 100, all_sizes=True), "one_fall", 20),
+    ("20 a second", Case(20, 100), "held_out", 20),
+    ("400 stones", Case(100, 400), "held_out", 10),
+    ("one accelerometer", Case(20, 60, ONE), "held_out", 20),
+    ("volley of ten", Case(100, 30, at_once=10), "held_out", 4)]
+PLATES, PLATE_STREAMS, PLATE_RATES_1_s = ("1", "3 %", "other theory", "solid"), 10, (100, 200)
+SILENTLY_WRONG = 5.0  # points
+SILENT_STREAMS = 60  # of each row: where none is wrong, the rate is below 4.9 % with 95 % confidence
+
+
+def listening(out: Path) -> Iterator[Row]:
+    """Of each goal its streams, in turn."""
+    def one(kind: str, seed: int, case: Case, pool: str) -> dict[str, object]:
+        rng = np.random.default_rng([3, int(case.rate_1_s), case.count, len(case.channels.accelerometers), seed])
+        case = replace(case, gangue=rng.uniform(0.2, 0.8))
+        record = stream(true_plate(kind), case, histories(pool), rng)
+        return {"gangue": case.gangue, **heard(tapped(kind, out), case, record),
+                **told_by_force(case, histories(pool), record.truth)}
+
+    for seed in range(max(streams for *_, streams in GOALS)):
+        kind = "12"[seed % 2]
+        for name, case, pool, streams in GOALS:
+            if seed < streams:
+                yield Row({"case": name, "plate": kind, "seed": seed}, partial(one, kind, seed, case, pool))
+
+
+def listening_limits(out: Path) -> Iterator[Row]:
+    """Rates and plates; every fifth stream has all sizes."""
+    def one(kind: str, number: int, rate: int) -> dict[str, object]:
+        rng = np.random.default_rng([5, number])
+        case = Case(rate, 60, gangue=rng.uniform(0.2, 0.8), all_sizes=number % 5 == 4)
+        record = stream(true_plate(kind), case, histories("tried"), rng)
+        return {"rate_1_s": rate, "all_sizes": case.all_sizes, **heard(tapped(kind, out), case, record)}
+
+    for number, (kind, rate) in enumerate(product(("1", "2", "other theory"), (20, 50, 100, 200, 50))):
+        yield Row({"plate": kind, "number": number}, partial(one, kind, number, rate))
+
+
+def listening_plates(out: Path) -> Iterator[Row]:
+    """The same stones on each plate."""
+    def one(seed: int, rate: int, kind: str) -> dict[str, object]:
+        rng = np.random.default_rng([17, rate, seed])
+        case = Case(rate, 100, gangue=rng.uniform(0.2, 0.8))
+        record = stream(true_plate(kind), case, histories("tried"), rng)
+        return heard(tapped(kind, out), case, record)
+
+    for seed, rate, kind in product(range(PLATE_STREAMS), PLATE_RATES_1_s, PLATES):
+        yield Row({"plate": kind, "rate_1_s": rate, "seed": seed}, partial(one, seed, rate, kind))
+
+
+def listening_differences(out: Path) -> Iterator[Row]:
+    """SILENT_STREAMS of each difference."""
+    for difference in differences():
+        for seed in range(SILENT_STREAMS):
+            yield Row({"differs": difference.name, "seed": seed}, partial(_different, difference, seed, out))
+
+
+def _different(difference: Difference, seed: int, out: Path) -> dict[str, object]:
+    rng = np.random.default_rng([19, seed])
+    case = replace(difference.case, gangue=(0.2, 0.35, 0.5, 0.65, 0.8)[seed % 5])
+    pool = histories("tried")
+    if difference.stones is not None:
+        pool = difference.stones([h for h in pool if abs(h.radius_m - PAPER_m) < 1e-6])
+        pool = [replace(h, radius_m=PAPER_m) for h in pool]
+    plate = true_plate("1") if difference.plate is None else difference.plate()
+    record = stream(plate, case, pool, rng)
+    if difference.record is not None:
+        record = difference.record(record)
+    model = tapped("1", out)
+    if difference.untapped:
+        model = PlateModel.from_scene(SCENE, HIGHEST_Hz, frequency_sd=0.03, damping_sd=0.5)
+    told = replace(case, all_sizes=False, count=len(record.truth))
+    return heard(model, told, record)
+
+
+def listening_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
+    """Of each case the errors in points, mean and 95th percentile of their sizes over the streams that were answered."""
+    return grouped(rows, ["case"], told_of)
+
+
+def listening_limits_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
+    return grouped(rows, ["plate"], told_of)
+
+
+def listening_plates_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
+    return grouped(rows, ["plate", "rate_1_s"], told_of)
+
+
+def listening_differences_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
+    return grouped(rows, ["differs"], told_of)
+
+
+def grouped(rows: pd.DataFrame, by: list[str], told: Callable[[pd.DataFrame], dict[str, object]]) -> pd.DataFrame:
+    """What is told of each group, behind what tells it from the others. Rows that were refused have a reason."""
+    groups = rows.assign(refused=rows["refused"].fillna("")).groupby(by, sort=False)
+    return pd.DataFrame([dict(zip(by, key, strict=True)) | told(own) for key, own in groups])
+
+
+def told_of(rows: pd.DataFrame) -> dict[str, object]:
+    """A line of a table: rows are streams."""
+    answered = rows[rows["refused"] == ""]
+    warned = answered["warned"].astype(str) == "True"  # strings and NaN, where streams were refused at once
+    told: dict[str, object] = {"streams": len(rows), "refused": len(rows) - len(answered), "warned": int(warned.sum())}
+    if "number_error" not in answered or answered.empty:
+        return told
+    for name in ("number", "mass"):
+        size = answered[f"{name}_error"].abs()
+        told |= {f"{name}_mean": round(size.mean(), 2), f"{name}_95": round(float(np.quantile(size, 0.95)), 2),
+                 f"{name}_wrong": int((size > SILENTLY_WRONG).sum()),
+                 f"{name}_silently_wrong": int(((size > SILENTLY_WRONG) & ~warned).sum()),
+                 f"{name}_inside": int((answered[f"{name}_inside"] == True).sum()),  # noqa: E712, of strings and NaN
+                 f"{name}_parts_inside": f"{answered[f'{name}_parts_inside'].sum():g}/{answered['parts'].sum():g}",
+                 f"{name}_parts_exact": int(answered[f"{name}_parts_exact"].sum())}
+        if f"force_{name}_error" in answered:
+            told[f"{name}_by_force"] = round(answered[f"force_{name}_error"].abs().mean(), 2)
+    for name in ("stones", "found", "wrong", "none"):
+        told[name] = int(answered[name].sum())
+    told["s_per_s"] = round(float((answered["hear_s"] / answered["length_s"]).mean()), 2)
+    told["unexplained"] = f"{rows['unexplained'].min():.3f} to {rows['unexplained'].max():.3f}"
+    return told
