@@ -15,8 +15,8 @@ BY_DESIGN = 0.05  # of held-out runs are beyond the quantile that a limit is 1.5
 
 @pytest.mark.validate
 def test_good_records_are_seldom_vetoed_and_those_of_another_plate_always():
-    """Records of one draw are alike in all but their ratio, so draws are counted: as many of them may have a veto as have
-    it by chance in 95 of 100 cases."""
+    """Records of one draw are alike in all but their ratio, so draws are counted: as many of them may have a veto as
+    have it by chance in 95 of 100 cases."""
     keys, signals = zip(*pd.read_parquet(IMPACTS).groupby(["group", "gangue_ratio"]), strict=True)
     groups, ratio = (np.array(values) for values in zip(*keys, strict=True))
     good = ~np.char.startswith(groups, "thin_plate")
