@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from analysis.records import RecordError
 from analysis.runs import Run
+from common.files import refuse_irregular
 
 #: Two contacts of one agglomerate closer in time than this are one collision: within it the fragments of one impact
 #: touch and leave. A first impact lasts about 0.25 ms.
@@ -60,6 +61,8 @@ def read_network(run: Run) -> Network:
     if (deck / "stones.bin").is_file():
         return _network_of_stream(deck / "stones.bin")
     try:
+        for name in ("atoms.data", "agglomerates.txt", "bonds.txt"):
+            refuse_irregular(deck / name)
         atoms = _read_atoms(deck / "atoms.data")
         sizes = np.loadtxt(deck / "agglomerates.txt", dtype=int, ndmin=1)
         bonds = np.loadtxt(deck / "bonds.txt", usecols=(0, 1), ndmin=2).astype(int)

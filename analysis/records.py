@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
+from common.input_error import CommandError
 from common.units import unit_of
 
 if TYPE_CHECKING:
@@ -25,16 +26,10 @@ MAX_TIME_JITTER = 0.01
 LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from the ends of what numbers hold
 
 
-class RecordError(ValueError):
+class RecordError(CommandError, ValueError):
     """A record cannot be used. The message is one line: file, key, value, what is allowed."""
 
-    def __init__(self, message: str) -> None:
-        super().__init__(one_line(message))
-
-
-def one_line(message: str) -> str:
-    """Return the message with unprintable characters escaped: names come from files and may hold anything."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message)
+    exit_code = 2
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import IO, Any, NoReturn
 
+from common.input_error import CommandError, InputError, printable
+
 INTERRUPTED = 130  # as a shell has it for a program that SIGINT ended
 PIPE_CLOSED = 141  # and SIGPIPE
 _LINE = "interrupted; what is finished stays, the same command goes on"
@@ -24,24 +26,15 @@ _running: list[str] = []  # commands of `run_command`, which catch a KeyboardInt
 
 
 class Parser(argparse.ArgumentParser):
-    """Arguments that cannot be used are refused in one line, with exit code 2."""
+    """Arguments that cannot be used are refused as any other input."""
 
     def error(self, message: str) -> NoReturn:
-        """End with one line that says which argument is wrong."""
-        self.exit(2, f"{self.prog}: {printable(message)} (--help tells what is allowed)\n")
+        """Raises InputError, which says which argument is wrong."""
+        raise InputError(f"{self.prog}: {message} (--help tells what is allowed)")
 
-
-def printable(text: str) -> str:
-    """One line: names come from outside and may hold anything."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
-def jobs(text: str) -> int:
-    """The number of runs at a time, as `type` of an argument."""
-    number = int(text)
-    if not 1 <= number <= 1024:
-        raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to 1024")
-    return number
+    def print_help(self, file: Any = None) -> None:
+        """Print the help; unlike that of argparse it raises what keeps it from being printed."""
+        print(self.format_help(), end="", file=file)
 
 
 def listen_for_interrupt() -> None:
@@ -89,10 +82,21 @@ def _within_import(frame: FrameType | None) -> bool:
     return False
 
 
-def run_command(program: str, command: Callable[[], int | None]) -> int:
-    """Run a command and return its exit code, None meaning 0. It must handle its own errors; here end those that any
-    command may meet, each with one line at most: Ctrl-C (130), a reader that closed the pipe (141), a disk that is full
-    or cannot be read or written (1), too little memory (1)."""
+def run_command(program: str, command: Callable[[], int], as_json: bool = False) -> int:
+    """Run a command and return its exit code. One that ends without a result says why, in one line on standard error,
+    and `as_json` in an object on the output as well."""
+    code, line = end_of(program, command)
+    if line:
+        say(line)
+        if as_json:
+            _print_refusal(line, code)
+    return code
+
+
+def end_of(program: str, command: Callable[[], int]) -> tuple[int, str]:
+    """Run a command; return its exit code and, if it ended without a result, the line that says why. That is what it
+    raises as a CommandError, and what any command may meet: Ctrl-C (130), a reader that closed the pipe (141, without a
+    line), a disk that is full or cannot be read or written (1), too little memory (1)."""
     one_thread()
     _running.append(program)
     try:
@@ -101,32 +105,44 @@ def run_command(program: str, command: Callable[[], int | None]) -> int:
         _running.pop()
 
 
-def _ended(program: str, command: Callable[[], int | None]) -> int:
+def _ended(program: str, command: Callable[[], int]) -> tuple[int, str]:
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="backslashreplace")  # a name of a file need not be text
     try:
         try:
-            return command() or 0
+            return command(), ""
         finally:
             sys.stdout.flush()  # here, where a full disk can still be told of
+    except CommandError as error:
+        return error.exit_code, str(error)
+    except SystemExit as end:  # of --help and --version
+        return int(end.code or 0), ""
     except KeyboardInterrupt:
-        say(_LINE)
-        return INTERRUPTED
+        return INTERRUPTED, _LINE
     except BrokenPipeError:
         _silence(sys.stdout)
-        return PIPE_CLOSED
+        return PIPE_CLOSED, ""
     except MemoryError:
-        say(f"{program}: not enough memory")
+        return 1, f"{program}: not enough memory"
     except (RuntimeError, ImportError) as error:
         if not any(words in str(error) for words in ("can't start new thread", "failed to map segment")):
             raise
-        say(f"{program}: not enough memory ({error})")
+        return 1, f"{program}: not enough memory ({error})"
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EIO):
             _silence(sys.stdout)  # what is left in its buffer would be tried again at the end
         where = f"{error.filename}: " if error.filename else ""
-        say(f"{program}: {where}{error.strerror or error}")
-    return 1
+        return 1, f"{program}: {where}{error.strerror or error}"
+
+
+def _print_refusal(line: str, code: int) -> None:
+    """If somebody reads it."""
+    import json  # late, as few ask for it
+
+    try:
+        print(json.dumps({"error": printable(line), "exit_code": code}), flush=True)
+    except OSError:
+        _silence(sys.stdout)
 
 
 def say(line: str) -> None:

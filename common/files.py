@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -61,6 +62,12 @@ def force_to_disk(files: Iterable[Path]) -> None:
 def _force_to_disk(file: Path) -> None:
     with open(file, "rb") as written:
         os.fsync(written.fileno())
+
+
+def refuse_irregular(file: Path) -> None:
+    """Raises OSError for a pipe, which reading would wait for, a directory, or what else is there and no file."""
+    if file.exists() and not file.is_file():
+        raise OSError(errno.EINVAL, "must be a regular file", str(file))
 
 
 def write_text(file: Path, text: str) -> None:

@@ -1,4 +1,4 @@
-"""The error of input that cannot be used, apart from the checks that raise it, which take long to import."""
+"""Errors that end a command, apart from the checks that raise them, which take long to import."""
 
 from __future__ import annotations
 
@@ -9,12 +9,25 @@ from typing import Any
 MOST_DEEP, MOST_BITS = 32, 2000  # tables within tables; of a whole number, six hundred digits
 
 
-class InputError(ValueError):
-    """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
+class CommandError(Exception):
+    """What ends a command without a result. The message is one line, whatever names it repeats; `exit_code` is that of
+    the command."""
+
+    exit_code = 1
 
     def __init__(self, message: str) -> None:
-        # Keys and names come from the file and may hold anything.
-        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
+        super().__init__(printable(message))
+
+
+class InputError(CommandError, ValueError):
+    """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
+
+    exit_code = 2
+
+
+def printable(text: str) -> str:
+    """One line: names come from outside and may hold anything."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def refuse_unreadable(path: Path, most_bytes: float) -> None:

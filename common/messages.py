@@ -20,10 +20,10 @@ class _Terminal(logging.Handler):
         print(self.format(record), file=sys.stderr if warned else sys.stdout, flush=True)
 
 
-def show_messages() -> None:
-    """Let the messages of all packages through to the terminal; called again it does no more."""
+def show_messages(quiet: bool = False) -> None:
+    """Let the messages of all packages through to the terminal, if quiet but those of what goes wrong."""
     for name in PACKAGES:
         logger = logging.getLogger(name)
-        logger.setLevel(os.environ.get(LEVEL, "INFO"))
+        logger.setLevel("WARNING" if quiet else os.environ.get(LEVEL, "INFO"))
         if not any(isinstance(handler, _Terminal) for handler in logger.handlers):
             logger.addHandler(_Terminal())

@@ -19,6 +19,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from common.files import is_sealed, read_json, write_json
+from common.input_error import CommandError
 from common.tables import InputError
 
 CONTENTS = "contents.json"
@@ -30,7 +31,7 @@ LOCK = ".lock"
 RUNS_IN = {"sweep": "ratio_*/run.json", "campaign": "*/ratio_*/run.json", "dataset": "*/*/ratio_*/run.json"}
 
 
-class Busy(RuntimeError):
+class Busy(CommandError, RuntimeError):
     """Another process is at work in this directory."""
 
 

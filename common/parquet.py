@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from common.files import named
+from common.files import named, refuse_irregular
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,6 +59,7 @@ def read_parquet(file: Path, columns: Sequence[str] | None = None) -> pd.DataFra
     import pyarrow as pa
     from pyarrow.parquet import read_table
 
+    refuse_irregular(file)
     # pyarrow's own pool asks for huge pages; until the system had gathered 300 MB of them, it took 0.1 to 1 s.
     pa.set_memory_pool(pa.system_memory_pool())
     try:
@@ -75,6 +76,7 @@ def read_numbers(file: Path) -> dict[str, np.ndarray]:
     from pyarrow.parquet import ParquetFile
     from pyarrow.types import is_floating, is_integer
 
+    refuse_irregular(file)
     try:
         with ParquetFile(file, page_checksum_verification=True) as opened:  # read_table imports pandas
             table = opened.read()

@@ -18,6 +18,7 @@ from common.units import unit_of
 Node = dict[str, Any]
 SCHEMA = "scenes/scene.schema.json"
 PAGE = "docs/scene.md"
+ALIKE = 5  # keys that two tables share, from which on they stand once
 DRAFT = "http://json-schema.org/draft-07/schema#"  # what editors know
 
 LAWS = {"A distribution": "Distribution", "`lognormal = {...}`": "LogNormal", "`rosin_rammler = {...}`": "RosinRammler"}
@@ -26,15 +27,13 @@ WHOLE = ("Rod", "PointSupport", "Sensor", "StonePosition", "EachStone", "Footpri
 
 HEAD = """# Keys of a scene
 
-This page lists every key of a scene file, as `python -m common.scene_schema` writes it from `common/scene.py` and
-`common/plate.py`. Units are SI and stand in the name. A key without a default must be given. "Paper" is what the
-[paper](../README.md) gives; where that is empty the value is ours, and `scenes/paper.toml` says how it was chosen.
+This page lists every key of a scene file, as `python -m common.scene_schema` writes it. Units are SI and stand in the
+name. "Paper" says what the [paper](../README.md) gives; other values are ours, and `scenes/paper.toml` says how each
+was chosen.
 
-The first line of a scene, `#:schema ./scene.schema.json`, lets an editor with a TOML server (Even Better TOML, Taplo)
-complete, explain and check keys. Rules between keys are checked when the scene is read.
-
-`--set KEY=VALUE` of `run`, `deck` and `sweep` changes a key: `--set stones.count=6`. Then `stones.gangue_order` need
-not be rewritten: numbers above the count are passed over, and stones that it does not name follow in ascending order.
+The first line of a scene, `#:schema ./scene.schema.json`, lets an editor with a TOML server complete, explain and check
+keys. Rules between keys are checked when the scene is read. `--set KEY=VALUE` of `run`, `deck` and `sweep` changes a
+key: `--set stones.count=6`.
 """
 
 
@@ -96,11 +95,19 @@ def _referred(node: Any) -> Any:
 def scene_page() -> str:
     """docs/scene.md: a table of keys for every table of a scene."""
     schema = scene_schema()
-    parts = [HEAD]
+    parts, written = [HEAD], dict[str, dict[str, str]]()
     for title, table in _tables(schema, schema, ""):
-        parts.append(f"## {title}\n\n{_sentence(table['description'])}\n\n"
-                     "| key | unit | meaning | default | allowed | paper |\n|---|---|---|---|---|---|\n"
-                     + "".join(_row(name, key, table) for name, key in table["properties"].items()))
+        rows = {name: _row(name, key, table) for name, key in table["properties"].items()}
+        if rows in written.values():
+            continue  # the same table at another path
+        text = f"## {title}\n\n{_sentence(table['description'])}"
+        for earlier, its_rows in written.items():
+            alike = [name for name, row in rows.items() if its_rows.get(name) == row]
+            if len(alike) >= ALIKE:
+                text += f" {', '.join(f'`{name}`' for name in alike)}: as in {earlier}."
+                rows = {name: row for name, row in rows.items() if name not in alike}
+        written[title] = rows
+        parts.append(f"{text}\n\n|key|meaning|default|allowed|\n|---|---|---|---|\n{''.join(rows.values())}")
     return "\n".join(parts)
 
 
@@ -143,11 +150,10 @@ def _is_spread(key: Node) -> bool:
 
 
 def _row(name: str, key: Node, table: Node) -> str:
-    unit = key.get("x-unit", "1" if key.get("type") in ("number", "integer") else "")
     default = "must be given" if name in [*table.get("required", []), *table.get("x-required", [])] else (
         f"`{json.dumps(key['default'])}`" if "default" in key else "absent")
-    cells = (f"`{name}`", unit, key["description"], default, _allowed(key), key.get("x-paper", ""))
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+    meaning = key["description"] + (f" (paper: {key['x-paper']})" if "x-paper" in key else "")
+    return "|" + "|".join(cell.replace("|", "\\|") for cell in (f"`{name}`", meaning, default, _allowed(key))) + "|\n"
 
 
 def _allowed(key: Node) -> str:

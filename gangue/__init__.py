@@ -1,4 +1,4 @@
 """One command for everything: `gangue run | sweep | report | recognise | features | modes | doctor ...`.
 
-It hands each command to the command line of its package, `python -m dem` and so on, and imports that package only then.
+It parses, calls one function of the package that computes the answer, and prints what that returns.
 """

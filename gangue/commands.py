@@ -1,73 +1,193 @@
-"""The commands of `gangue`: where each is carried out, and examples of it."""
+"""The commands: the function that each calls, and the arguments that become those of the function."""
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+Argument = tuple[tuple[str, ...], dict[str, Any]]  # of `argparse`
 
 
 @dataclass(frozen=True)
 class Command:
-    """`package` carries out the command by its own command line, under the name `word`; empty where it needs none.
-    `examples` follow the help. `json`: can it give its result as JSON? `parser`: the function of the package's command
-    line that returns the parser."""
+    """`function` (module:name) returns a `common.result.Result`; its parameters are the `arguments`. `examples` follow
+    the help."""
 
-    package: str
-    word: str
+    function: str
     help: str
+    arguments: tuple[Argument, ...]
     examples: tuple[str, ...]
-    json: bool = True
-    parser: str = "_parser"
 
+    @property
+    def package(self) -> str:
+        """The package that computes the answer, whose `python -m` has this command too."""
+        return self.function.partition(".")[0]
+
+    def load(self) -> Callable[..., Any]:
+        """Import the function, which may take seconds."""
+        module, _, name = self.function.partition(":")
+        return getattr(import_module(module), name)
+
+
+def _arg(*names: str, **settings: Any) -> Argument:
+    return names, settings
+
+
+def _file(name: str, metavar: str, text: str) -> Argument:
+    return _arg(name, metavar=metavar, type=Path, help=text)
+
+
+def _change(text: str) -> tuple[str, Any]:
+    """A dotted key of a scene, and its value."""
+    import tomllib  # late, as few runs change anything
+
+    key, _, value = text.partition("=")
+    try:
+        (found,) = tomllib.loads(f"value = {value}").values()
+    except (ValueError, RecursionError):
+        raise argparse.ArgumentTypeError(f"{text}: must be a dotted key of the scene, =, and a value in TOML") from None
+    return key.strip(), found
+
+
+def _jobs(text: str) -> int:
+    number = int(text)  # a ValueError is refused as well
+    if not 1 <= number <= 1024:
+        raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to 1024")
+    return number
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: must be a time in s, at least 0")
+    return value
+
+
+SCENE = _file("scene_file", "scene", "scene file (TOML)")
+OUT = _arg("--out", type=Path, required=True, help="directory to write")
+RATIO = _arg("--gangue", dest="gangue_ratio", type=float, help="share of gangue, 0..1, instead of the scene's")
+SET = _arg("--set", dest="changes", action="append", default=[], type=_change, metavar="KEY=VALUE",
+           help="another value of a key of the scene, as TOML, such as stones.speed_m_s=2.0")
+JOBS = _arg("--jobs", type=_jobs, default=2, help="runs, or jobs of a queue, at a time (default 2)")
+OVERWRITE = _arg("--overwrite", action="store_true",
+                 help="replace runs of other scenes, and discard those that were begun")
+WALLTIME = _arg("--walltime", dest="walltime_s", type=_seconds, metavar="SECONDS",
+                help="stop at a checkpoint when this time has passed, with exit code 75")
+RECORD = _arg("record", help="run directory, .parquet or .csv with t_s and acc_NAME_m_s2, for stones from 20 kHz on")
+PLATE = _arg("--plate", required=True, help="plate, from `tap` (.json)")
 
 COMMANDS = {
-    "run": Command("dem", "run", "simulate one scene", (
+    "run": Command("dem.commands:run", "simulate one scene", (SCENE, OUT, RATIO, SET, WALLTIME, OVERWRITE), (
         "gangue run scenes/single.toml --gangue 1 --out runs/single",
         "gangue run scenes/paper.toml --set stones.speed_m_s=2.0 --set time.duration_s=0.04 --out runs/slow",
         "gangue --json run scenes/single.toml --out runs/single")),
-    "resume": Command("dem", "resume", "go on with a run that was stopped or killed", (
+    "resume": Command("dem.commands:resume", "go on with a run that was stopped or killed, from its last checkpoint", (
+        _file("out", "directory", "the --out of the run, with or without .partial"), WALLTIME), (
         "gangue resume runs/single",)),
-    "sweep": Command("dem", "sweep", "simulate a scene at every mixing ratio", (
+    "sweep": Command("dem.batch.sweep:sweep", "simulate a scene at every mixing ratio that its stones can give", (
+        SCENE, OUT, SET, JOBS, OVERWRITE), (
         "gangue sweep scenes/paper.toml --out runs/paper --jobs 2",
         "gangue sweep scenes/paper.toml --set stones.count=6 --out runs/six")),
-    "dataset": Command("dem", "dataset", "simulate what a plan draws, for recognition", (
-        "gangue dataset scenes/dataset.toml --out runs/dataset",), json=False),
-    "campaign": Command("dem", "campaign", "simulate every combination of values", (
+    "dataset": Command("dem.batch.dataset:build", "simulate what a plan draws, for recognition", (
+        _file("plan_file", "plan", "plan (TOML), such as scenes/dataset.toml"), OUT, JOBS, OVERWRITE), (
+        "gangue dataset scenes/dataset.toml --out runs/dataset",)),
+    "campaign": Command("dem.batch.campaign:campaign", "simulate every combination of values, by Snakemake", (
+        _file("file", "file", "campaign (TOML), such as scenes/campaign.toml"), OUT, JOBS,
+        _arg("--profile", help="slurm, or a directory with a Snakemake profile (default: this machine)")), (
         "gangue campaign scenes/campaign.toml --out runs/campaign --jobs 2",
-        "gangue campaign scenes/campaign.toml --out runs/campaign --jobs 200 --profile slurm"), json=False),
-    "deck": Command("dem", "deck", "write the LIGGGHTS deck of a scene and run nothing", (
+        "gangue campaign scenes/campaign.toml --out runs/campaign --jobs 200 --profile slurm")),
+    "deck": Command("dem.commands:deck", "write the LIGGGHTS deck of a scene and run nothing", (
+        SCENE, OUT, RATIO, SET), (
         "gangue deck scenes/paper.toml --out runs/deck",)),
-    "calibrate": Command("dem", "calibrate", "fit the bonds of a material in virtual tests", (
+    "plate": Command("dem.commands:plate", "be the plate of a deck that is run by hand", (SCENE, OUT, RATIO, SET), (
+        "gangue plate scenes/paper.toml --out runs/deck",)),
+    "calibrate": Command("dem.commands:calibrate", "fit the bonds of a material in virtual tests", (
+        _arg("material", help="name of a material of the scene"),
+        _arg("--scene", dest="scene_file", type=Path, required=True, help="scene file (TOML)"),
+        _arg("--out", type=Path, required=True, help="directory for ROCK.toml and ROCK_tests.csv"),
+        _arg("--rock", help="name in scenes/materials/targets.toml; default: MATERIAL")), (
         "gangue calibrate coal --scene scenes/paper.toml --out scenes/materials",)),
-    "build-engine": Command("dem", "build-engine", "build the engine", ("gangue build-engine",), json=False),
-    "modes": Command("plate_fem", "modes", "natural frequencies of the plate of a scene", (
+    "build-engine": Command("dem.commands:build_engine", "build the engine, where Debian has libliggghts-dev", (), (
+        "gangue build-engine",)),
+    "modes": Command("plate_fem.commands:modes", "natural frequencies of the plate of a scene", (
+        SCENE, _arg("--out", metavar="FILE", type=Path, help="also write the mode shapes to FILE (.vtu)")), (
         "gangue modes scenes/paper.toml",
         "gangue modes scenes/paper.toml --out modes.vtu")),
-    "features": Command("analysis", "features", "features of a run or of any record", (
+    "features": Command("analysis.commands:features", "time-frequency parameters of a run or of any record", (
+        _arg("file", help="run directory, .parquet, .csv, .wav, .flac, .uff, .mat or .h5"),
+        _arg("--column", help="signal to take (default: a_m_s2, or the only one)"),
+        _arg("--rate", dest="rate_Hz", type=float, metavar="HZ", help="sample rate, where the file has no time column"),
+        _arg("--scale", type=float, default=1.0, help="factor on the samples, of the sensor's calibration"),
+        _arg("--unit", help="unit of the scaled samples, such as m/s^2"),
+        _arg("--time", metavar="COLUMN", help="column of times (default: the one that is called so)"),
+        _arg("--resample", dest="resample_Hz", type=float, metavar="HZ", help="sample rate to go to first"),
+        _arg("--no-filter", dest="anti_alias", action="store_false", help="resample without the anti-alias filter")), (
         "gangue features runs/paper/ratio_030",
         'gangue features Messung.csv --column Beschleunigung --time "Zeit [ms]"',
         "gangue features hit.flac --scale 98.1 --unit m/s^2",
         "gangue --json features impact.mat --column acc/north")),
-    "fit": Command("recognition", "fit", "fit a model of recognition to simulated runs", (
+    "fit": Command("recognition.commands:fit", "fit a model of recognition to simulated runs", (
+        _arg("directory", help="directory of runs ratio_* or FAMILY/GROUP/ratio_*"),
+        _arg("--out", required=True, help="model file to write (.json)")), (
         "gangue fit runs/paper --out model.json",)),
-    "recognise": Command("recognition", "recognise", "mixing ratio of a record", (
+    "recognise": Command("recognition.commands:recognise", "mixing ratio of a record", (
+        _arg("record", help="run directory, .parquet or .csv with t_s and the plate's responses"),
+        _arg("--model", required=True, help="model file"),
+        _arg("--plate", help="plate that `tap` wrote, where it is not exactly that of the training")), (
         "gangue recognise runs/other/ratio_040 --model model.json",
-        "gangue recognise measured.csv --model model.json")),
-    "evaluate": Command("recognition", "evaluate", "error of each method on runs it was not trained on", (
-        "gangue evaluate runs/dataset",), json=False),
-    "tap": Command("recognition", "tap", "learn a plate's modes from taps at known places", (
+        "gangue recognise measured.csv --model model.json --plate plate.json")),
+    "evaluate": Command("recognition.commands:evaluate", "error of each method on runs it was not trained on", (
+        _arg("directory", help="data set, FAMILY/GROUP/ratio_*; evaluation.csv is written into it"),
+        _arg("--method", dest="methods", action="append", help="one method only; may be given several times")), (
+        "gangue evaluate runs/dataset",)),
+    "tap": Command("recognition.tapping.tapped:tap", "learn a plate's modes from taps at known places", (
+        _arg("scene_file", metavar="scene", help="scene file whose plate it is thought to be"),
+        _arg("taps", help="file with a table [[taps]] a tap: record, x_m, y_m (docs/tapping.md)"),
+        _arg("--out", required=True, help="file to write the plate to (.json)"),
+        _arg("--max-frequency", dest="max_frequency_Hz", type=float, default=6000.0, metavar="HZ",
+             help="fit modes and records up to here (default: %(default)g)")), (
         "gangue tap scenes/paper.toml taps.toml --out plate.json",)),
-    "check": Command("recognition", "check", "look for faults in the channels of a record", (
-        "gangue check measured.csv --plate plate.json",), json=False),
-    "listen": Command("recognition", "listen", "stones one by one, and the mixing ratio over time, from a stream", (
+    "check": Command("recognition.sensors.checked:check", "look for faults in the channels of a record", (
+        RECORD, PLATE), (
+        "gangue check measured.csv --plate plate.json",)),
+    "listen": Command("recognition.stream.heard:listen",
+                      "stones one by one, and the mixing ratio over time, from a stream", (
+        RECORD, PLATE, _arg("--out", required=True, help="directory for stones.parquet and ratio.parquet"),
+        _arg("--radius", dest="radius_m", type=float, nargs=2, default=(0.025, 0.025), metavar=("LOW", "HIGH"),
+             help="between which the stones' radii lie, in m (default: 0.025 0.025)"),
+        _arg("--speed", dest="speed_m_s", type=float, nargs=2, default=(2.0, 4.0), metavar=("LOW", "HIGH"),
+             help="between which their speeds lie, in m/s (default: 2 4)"),
+        _arg("--window", dest="window_s", type=float, default=1.0, metavar="S",
+             help="of the ratio (default: %(default)g s)"),
+        _arg("--step", dest="step_s", type=float, default=0.1, metavar="S",
+             help="between ratios (default: %(default)g s)")), (
         "gangue listen stream.parquet --plate plate.json --out runs/heard",)),
-    "volley": Command("recognition", "volley", "mixing ratio of stones that arrive at once on unknown places", (
-        "gangue volley measured.csv --plate plate.json --stones 10",), json=False),
-    "report": Command("report", "", "write report.html of a sweep", (
+    "volley": Command("recognition.volley.judged:volley",
+                      "mixing ratio of stones that arrive at once on unknown places", (
+        RECORD, PLATE,
+        _arg("--stones", type=int, nargs="+", default=[10], metavar="N",
+             help="how many arrive, or the fewest and the most (default: 10)"),
+        _arg("--radius", dest="radius_m", type=float, default=0.025, metavar="M",
+             help="of all stones (default: %(default)g m)"),
+        _arg("--speed", dest="speed_m_s", type=float, nargs="+", default=[3.0], metavar="M_S",
+             help="of all stones, or the lowest and the highest that it may be (default: 3 m/s)")), (
+        "gangue volley measured.csv --plate plate.json --stones 10",)),
+    "report": Command("report.commands:report", "write report.html of a sweep; `compare` puts two side by side", (
+        _arg("directory", help="directory of runs ratio_*"),), (
         "gangue report runs/paper",)),
-    "compare": Command("report", "compare", "write a page of what differs between two runs or two sweeps", (
+    "compare": Command("report.commands:compare", "write a page of what differs between two runs or two sweeps", (
+        _file("a", "A", "run directory, or directory of runs ratio_*"), _file("b", "B", "another one of the same kind"),
+        _arg("--out", type=Path, help="the page (default: compare_A_B.html beside B)")), (
         "gangue compare runs/before runs/after",
-        "gangue compare runs/before/ratio_030 runs/after/ratio_030 --out thirty.html"), parser="_compare_parser"),
+        "gangue compare runs/before/ratio_030 runs/after/ratio_030 --out thirty.html")),
+    "doctor": Command("gangue.doctor:doctor", "what this machine has and lacks to simulate", (), (
+        "gangue doctor", "gangue --json doctor")),
+    "completion": Command("gangue.completion:completion", "completion of commands for a shell, by shtab", (
+        _arg("shell", choices=("bash", "zsh", "tcsh"), help="the shell"),), (
+        "gangue completion bash > ~/.local/share/bash-completion/completions/gangue",
+        "gangue completion zsh > ~/.zfunc/_gangue")),
 }
-
-#: Those of `gangue` itself.
-OWN = {"doctor": "what this machine has and lacks", "completion": "completion of commands for a shell"}

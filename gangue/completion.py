@@ -2,49 +2,31 @@
 
 from __future__ import annotations
 
-import argparse
-import sys
-from typing import Any
+from dataclasses import dataclass
 
-from common.command import Parser
-from gangue.commands import COMMANDS, OWN
-from gangue.parsers import DESCRIPTION, PROGRAM, parser_of
-
-SHELLS = ("bash", "zsh", "tcsh")
-EXAMPLES = """examples:
-  gangue completion bash > ~/.local/share/bash-completion/completions/gangue
-  gangue completion zsh > ~/.zfunc/_gangue
-"""
+from common.input_error import InputError
+from common.result import Result
+from gangue.parser import PROGRAM, commands_of, parser_of
 
 
-def main(arguments: list[str], _as_json: bool) -> int:
-    """Print the script."""
-    parser = Parser(prog="gangue completion", description="Completion of commands for a shell.", epilog=EXAMPLES,
-                    formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("shell", choices=SHELLS, help="the shell")
-    shell = parser.parse_args(arguments).shell
+@dataclass(frozen=True)
+class CompletionResult(Result):
+    """The script for a shell."""
+
+    line = "{script}"
+    shell: str
+    script: str
+
+
+def completion(shell: str) -> CompletionResult:
+    """Write the script. Where a value is not one of a few, files complete it. Raises InputError without shtab."""
     try:
         import shtab
     except ImportError:
-        print("completion: needs the package shtab (pip install shtab)", file=sys.stderr)
-        return 2
-    print(shtab.complete(whole_parser(shtab.FILE), shell))
-    return 0
-
-
-def whole_parser(of_files: Any) -> argparse.ArgumentParser:
-    """One parser with every command and its options; where a value is not one of a few, files complete it."""
-    parser = argparse.ArgumentParser(prog=PROGRAM, description=DESCRIPTION)
-    parser.add_argument("--version", action="store_true", help="version of this program")
-    parser.add_argument("--quiet", action="store_true", help="no output but errors")
-    parser.add_argument("--json", action="store_true", help="the result as JSON")
-    commands = parser.add_subparsers()
-    for name, command in COMMANDS.items():
-        inner = parser_of(name, command)
-        sub = commands.add_parser(name, parents=[inner], add_help=False, help=command.help)
+        raise InputError("completion: needs the package shtab (pip install shtab)") from None
+    parser = parser_of()
+    for sub in commands_of(parser).values():
         for action in sub._actions:
             if action.nargs != 0 and not action.choices:
-                action.complete = of_files  # type: ignore[attr-defined]  # shtab's way
-    for name, text in OWN.items():
-        commands.add_parser(name, help=text)
-    return parser
+                action.complete = shtab.FILE  # type: ignore[attr-defined]  # shtab's way
+    return CompletionResult(shell, shtab.complete(parser, shell, root_prefix=PROGRAM))

@@ -2,34 +2,65 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import platform
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
-from common.command import Parser
+from common.result import Result, plain
 from common.tables import InputError
 
 PACKAGE = "coal-gangue-impact"
 LEAST_FREE_GB = 1.0  # of disk and of memory; the default scene takes less than a tenth of either
-Line = tuple[str, bool, str]  # what is looked at, whether it is there, and in words
+NEEDED = 5  # findings to simulate; the others are needed for what they name
 
 
-def findings() -> list[Line]:
-    """Ten lines; the first five are needed to simulate, the others for what they name."""
-    return [_program(), _memory(), _disk(), _library(), _engine(), _ranks(),
-            _extra("report", ("matplotlib",), "report.html and its figures"),
-            _extra("records", ("pyuff", "soundfile", "h5py"), "UFF, FLAC and HDF5 records"),
-            _extra("campaign", ("snakemake", "snakemake_executor_plugin_slurm"), "campaigns"),
-            _programs("ParaView", ("paraview", "pvpython"), "opens view.pvd, on this or any other machine")]
+@dataclass(frozen=True)
+class Finding:
+    """What was looked at, whether it is there, and which."""
+
+    name: str
+    there: bool
+    text: str
 
 
-NEEDED = 5
+Line = tuple[str, bool, str]  # a finding in the making
+
+
+@dataclass(frozen=True)
+class DoctorResult(Result):
+    """What this machine has and lacks."""
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def failed(self) -> list[Finding]:
+        """What it would need to simulate."""
+        return [one for one in self.findings[:NEEDED] if not one.there]
+
+    def words(self) -> Iterator[str]:
+        for one in self.findings:
+            yield f"{'has  ' if one.there else 'lacks'}  {one.name:<10} {one.text}"
+
+    def as_json(self) -> Any:
+        """A list of the findings."""
+        return plain(self.findings)
+
+
+def doctor() -> DoctorResult:
+    """Look at this machine."""
+    lines = (
+        _program(), _memory(), _disk(), _library(), _engine(), _ranks(),
+        _extra("report", ("matplotlib",), "report.html and its figures"),
+        _extra("records", ("pyuff", "soundfile", "h5py"), "UFF, FLAC and HDF5 records"),
+        _extra("campaign", ("snakemake", "snakemake_executor_plugin_slurm"), "campaigns"),
+        _programs("ParaView", ("paraview", "pvpython"), "opens view.pvd, on this or any other machine"))
+    return DoctorResult(tuple(Finding(*line) for line in lines))
 
 
 def _program() -> Line:
@@ -81,19 +112,3 @@ def _extra(name: str, modules: tuple[str, ...], use: str) -> Line:
     missing = [module for module in modules if find_spec(module) is None]
     lacks = f"lacks {', '.join(missing)}; pip install '{PACKAGE}[{name}]'"
     return name, not missing, f"{use}: {lacks if missing else ', '.join(modules)}"
-
-
-def main(arguments: list[str], as_json: bool) -> int:
-    """Print the lines; return 0 if this machine can simulate, else 1."""
-    parser = Parser(prog="gangue doctor", description=(
-        "What this machine has and lacks. Exit code 0 if it can simulate, else 1."),
-        epilog="examples:\n  gangue doctor\n  gangue --json doctor\n",
-        formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.parse_args(arguments)
-    lines = findings()
-    if as_json:
-        print(json.dumps([{"name": name, "there": there, "text": text} for name, there, text in lines], indent=1))
-    else:
-        for name, there, text in lines:
-            print(f"{'has  ' if there else 'lacks'}  {name:<10} {text}")
-    return 0 if all(there for _, there, _ in lines[:NEEDED]) else 1

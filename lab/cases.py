@@ -57,6 +57,7 @@ CASES = {case.name: case for case in (
     Case("breakage_size", "lab.rock.impacts", "number of sub-spheres of a stone that breaks", "one another", STONE),
     Case("closure", "lab.rock.impacts", "stones that break, with friction", "the energy of the impact", STONE),
     Case("fragments", "lab.rock.impacts", "rock and speed", "published distributions", (*STONE, "scenes/materials")),
+    Case("calibration", "lab.rock.calibration", "rock", "laboratory tables", ("scenes/materials",)),
     Case("crack_area", "lab.rock.crack_area", "fracture energy of the bonds", "area and work of a plane crack",
          (*STONE, "dem/calibration", "scenes/materials/coal.toml")),
     Case("contact", "lab.rock.contact", "sub-spheres, rock, speed and plate", "an elastic sphere", PLATE),

@@ -1,4 +1,4 @@
-"""Tables of the pages from the laboratory's results: `python -m lab.tables [--check] [PAGE ...]` (default: docs/*.md).
+"""Tables of the pages from the laboratory's results: `python -m lab.tables [--check] [PAGE ...]` (default: README.md, docs/*.md).
 
 What stands between `<!-- table: NAME | column: title: format | ... -->` and `<!-- end -->` becomes the result NAME as
 a table of Markdown. A column without title has its own name, one without format (that of Python) its text; without columns
@@ -39,7 +39,7 @@ def _table(file: Path, chosen: str | None, columns: str | None) -> str:
     for row in table.to_dict("records"):
         rows.append([_cell(row[name], more[1] if len(more) > 1 else "") for name, *more in asked])
     made = f"`{head['command']}`, {head['date']}, commit {head['commit']}"
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows) + f"\n{made}; {head['machine']}.\n"
+    return "".join(f"|{'|'.join(row)}|\n" for row in rows) + f"\n{made}; {head['machine']}.\n"
 
 
 def _cell(text: str, form: str) -> str:
@@ -51,7 +51,7 @@ def _cell(text: str, form: str) -> str:
 
 
 def main(words: list[str]) -> int:
-    pages = [Path(word) for word in words if word != "--check"] or sorted((ROOT / "docs").glob("*.md"))
+    pages = [Path(word) for word in words if word != "--check"] or [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
     other = [page for page in pages if rendered(page.read_text()) != page.read_text()]
     for page in other:
         print(f"{page.name}: {'has tables that are not those of lab/results' if '--check' in words else 'written'}")

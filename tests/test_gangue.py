@@ -12,15 +12,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import plate_fem.modes
 from analysis import read_record, signal_features
 from common.tables import InputError, read_toml
+from dem.coupling.exit_code import STOPPED
 from gangue.__main__ import main
 from gangue.commands import COMMANDS
-from gangue.completion import whole_parser
-from gangue.parsers import parser_of
-from gangue.results import RESULTS
-from tests.analysis.synthetic import write_run, write_sweep
+from gangue.parser import commands_of, parser_of
+from tests.analysis.synthetic import write_run
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -37,9 +35,9 @@ def test_every_help_has_examples_that_the_command_accepts(name, capsys):
     assert text.startswith(f"usage: gangue {name}") and len(COMMANDS[name].examples) > 0
     for example in COMMANDS[name].examples:
         assert example in text
-        words = [word for word in shlex.split(example) if word != "--json"]
+        words = [word for word in shlex.split(example.partition(">")[0]) if word != "--json"]
         assert words[:2] == ["gangue", name]
-        parser_of(name, COMMANDS[name]).parse_args(words[2:])
+        parser_of().parse_args(words[1:])
 
 
 def test_help_imports_no_library_that_is_slow():
@@ -51,18 +49,19 @@ def test_help_imports_no_library_that_is_slow():
 
 @pytest.mark.parametrize("words, said", [
     ([], "command"), (["doctor", "x"], "unrecognized"),
-    (["recognize"], "recognize"), (["--json", "campaign", "x.toml", "--out", "y"], "no result"),
-    (["--json", "features", "nothing.csv"], "no such file"), (["--json", "modes", "nothing.toml"], "cannot be read"),
-    (["completion", "fish"], "fish"), (["--json", "report", "compare", "a", "b"], "gangue report: unrecognized"),
-    (["--json", "compare", "nowhere", "nothing"], "nowhere"),
+    (["recognize"], "recognize"), (["campaign", "x.toml", "--out", "y"], "x.toml"),
+    (["features", "nothing.csv"], "no such file"), (["modes", "nothing.toml"], "cannot be read"),
+    (["completion", "fish"], "fish"), (["report", "compare", "a", "b"], "gangue report: unrecognized"),
+    (["compare", "nowhere", "nothing"], "nowhere"), (["fit", "nowhere", "--out", "x.json"], "nowhere"),
 ])
-def test_bad_input_ends_with_2_and_no_output(words, said, capsys):
-    try:
-        code = main(words)
-    except SystemExit as end:
-        code = end.code
-    captured = capsys.readouterr()
-    assert code == 2 and captured.out == "" and said in captured.err and captured.err.count("\n") == 1
+def test_bad_input_ends_with_2_and_one_line_and_as_json_with_an_object_that_repeats_it(words, said, capsys):
+    assert main(words) == 2
+    told = capsys.readouterr()
+    assert told.out == "" and said in told.err and told.err.count("\n") == 1
+    for as_json in (["--json", *words], [*words, "--json"]):
+        assert main(as_json) == 2
+        again = capsys.readouterr()
+        assert again.err == told.err and json.loads(again.out) == {"error": told.err.removesuffix("\n"), "exit_code": 2}
 
 
 def test_features_as_json_are_those_of_the_package(tmp_path, capsys):
@@ -79,23 +78,7 @@ def test_features_as_json_are_those_of_the_package(tmp_path, capsys):
     assert found["features"]["rms"]["value"] == pytest.approx(np.sqrt(0.5), rel=1e-5)
 
 
-def test_recognition_as_json(tmp_path, capsys):
-    """The ratio of a run that the model was fitted to; one forty times as strong is unlike all of them."""
-    runs, model = write_sweep(tmp_path / "paper"), tmp_path / "model.json"
-    assert main(["--quiet", "--json", "fit", str(runs), "--out", str(model)]) == 0
-    assert json.loads(capsys.readouterr().out) == {"model": str(model)}
-    assert main(["recognise", str(runs / "ratio_030"), "--model", str(model), "--json", "--quiet"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["methods"][found["best"]]["ratio"] == pytest.approx(0.3, abs=0.03)
-    table = pd.read_parquet(runs / "ratio_030" / "signals.parquet")
-    table.iloc[:, 1:] *= 40.0
-    table.to_parquet(tmp_path / "strange.parquet")
-    assert main(["--json", "--quiet", "recognise", str(tmp_path / "strange.parquet"), "--model", str(model)]) == 3
-    found = json.loads(capsys.readouterr().out)
-    assert found["out_of_distribution"] and found["best"] is None
-
-
-def test_modes_as_json(tmp_path, capsys, monkeypatch):
+def test_modes_as_json(tmp_path, capsys):
     """A free square plate: omega a^2 sqrt(rho h/D) = 13.468 and 19.596 above three motions as a rigid body."""
     plate = {**read_toml(ROOT / "scenes" / "paper.toml")["plate"], "rods": [], "sensors": [], "thickness_m": 0.005,
              "max_frequency_Hz": 200.0}
@@ -105,10 +88,6 @@ def test_modes_as_json(tmp_path, capsys, monkeypatch):
     frequency_Hz = json.loads(capsys.readouterr().out)["frequency_Hz"]
     stiffness = 2.07e11 * 0.005**3 / 12 / (1 - 0.3**2)
     unit_Hz = np.sqrt(stiffness / (7830.0 * 0.005)) / 0.5**2 / (2 * np.pi)
-    # The cache has what the command found: the result does not find it again.
-    monkeypatch.setattr(plate_fem.modes, "_compute", None)
-    assert main(["--json", "modes", str(tmp_path / "free.toml")]) == 0
-    assert json.loads(capsys.readouterr().out)["frequency_Hz"] == frequency_Hz
     assert frequency_Hz[3:5] == pytest.approx([13.468 * unit_Hz, 19.596 * unit_Hz], rel=5e-3)
 
 
@@ -122,28 +101,19 @@ def test_a_comparison_as_json(tmp_path, capsys):
     assert page.name == "page.html"
 
 
-def test_the_result_of_a_calibration_is_the_file_of_the_rock(tmp_path):
-    for rock, words in (("roof", ["--rock", "roof"]), ("coal", [])):
-        (tmp_path / f"{rock}.toml").write_text(f'name = "{rock}"\n')
-        words = ["coal", "--scene", "scenes/paper.toml", "--out", str(tmp_path), *words]
-        options = parser_of("calibrate", COMMANDS["calibrate"]).parse_args(words)
-        assert RESULTS["calibrate"](options, 0) == {"name": rock}
-
-
 @pytest.mark.parametrize("raised, code, said", [
     (InputError("x.toml: speed = 'fast': must be a number"), 2, "x.toml: speed = 'fast': must be a number"),
     (KeyboardInterrupt(), 130, "interrupted; what is finished stays, the same command goes on"),
     (OSError(errno.ENOSPC, "No space left on device"), 1, "gangue: No space left on device"),
 ])
-def test_what_ends_a_result_is_told_in_one_line(tmp_path, capsys, monkeypatch, raised, code, said):
-    def result(*_):
+def test_what_ends_a_command_is_told_in_one_line(capsys, monkeypatch, raised, code, said):
+    def result(*_, **__):
         raise raised
 
-    (tmp_path / "x.csv").write_text("t_s,a_m_s2\n" + "".join(f"{k / 1000},{k % 7}\n" for k in range(100)))
-    monkeypatch.setitem(RESULTS, "features", result)
-    assert main(["--json", "--quiet", "features", str(tmp_path / "x.csv")]) == code
+    monkeypatch.setattr("analysis.commands.features", result)
+    assert main(["--json", "--quiet", "features", "x.csv"]) == code
     captured = capsys.readouterr()
-    assert (captured.out, captured.err) == ("", f"{said}\n")
+    assert captured.err == f"{said}\n" and json.loads(captured.out) == {"error": said, "exit_code": code}
 
 
 def test_an_interrupt_before_the_command_begins_gives_one_line():
@@ -172,8 +142,12 @@ def test_a_quiet_sweep_and_its_json(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     runs = json.loads(done.stdout)["runs"]
     assert [run["peak_force_N"] for run in runs] == pytest.approx([4261.6, 7646.3], rel=1e-3)
-    done = program(*words[:-1])
-    assert "2 ratios, 0 to run" in done.stdout
+    again, told = program("--json", *words[:-1]), program(*words[:-1])
+    assert json.loads(again.stdout)["runs"] == runs and "2 ratios, 0 to run" in again.stderr
+    first, *lines, last = told.stdout.splitlines()
+    assert first.endswith("2 ratios, 0 to run") and last.endswith("2 of 2 ratios finished")
+    for line, run in zip(lines, runs, strict=True):
+        assert f"peak force {run['peak_force_N']:9.1f} N, {run['n_bonds_broken']} of" in line
 
 
 def test_the_doctor_says_in_ten_lines_what_is_there(capsys, tmp_path):
@@ -194,4 +168,8 @@ def test_completion_knows_commands_options_and_files(tmp_path):
                 f"COMP_POINT={len(line)}; _shtab_gangue gangue {words[-1]} x; echo ${{COMPREPLY[@]}}")
         done = subprocess.run(["bash", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
         assert expected in done.stdout.split(), (line, done.stdout, done.stderr)
-    assert whole_parser({}).format_help().count("mixing ratio") >= 2
+    assert commands_of(parser_of()).keys() == COMMANDS.keys()
+
+
+def test_the_help_names_the_exit_code_of_a_run_that_stopped():
+    assert f"exit code {STOPPED}" in " ".join(commands_of(parser_of())["run"].format_help().split())

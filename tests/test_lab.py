@@ -119,7 +119,7 @@ def kept(tmp_path):
 
 def test_a_page_has_the_table_of_a_result(kept):
     page = tables.rendered(PAGE, kept)
-    rows = "| speed, m/s | broken area, cm² |\n| --- | --- |\n| 3 | 3.8 |\n| 4 | 260.0 |\n"
+    rows = "|speed, m/s|broken area, cm²|\n|---|---|\n|3|3.8|\n|4|260.0|\n"
     assert f"{rows}\n`python -m lab run impacts`, 20" in page and "old" not in page and "gangue" not in page
     assert page.startswith("Before.") and page.endswith("<!-- end -->\n\nAfter.\n")
     assert tables.rendered(page, kept) == page

@@ -31,6 +31,7 @@ from common.processes import run_group
 from common.resources import resource
 from common.scene import changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Table, check, inline_toml, read_toml
+from dem.commands import BatchResult
 from dem.coupling.launch import check_engine
 from dem.stones.arrangement import stones_of
 
@@ -106,18 +107,27 @@ def read_campaign_scene(out: Path) -> str:
     return str(pd.read_csv(out / PLAN, dtype=str, keep_default_na=False, nrows=1)["scene"][0])
 
 
-def campaign(file: Path, out: Path, jobs: int, profile: str | None) -> int:
-    """Plan a campaign and let Snakemake run what is missing; returns its exit code. Raises InputError."""
+def campaign(file: Path, out: Path, jobs: int, profile: str | None = None) -> BatchResult:
+    """Plan a campaign and let Snakemake run what is missing. Raises InputError."""
     if find_spec("snakemake") is None:
         raise InputError("snakemake is not installed; `make campaign` or pip install '.[campaign]' does it")
     check_engine()
     _, runs = plan_campaign(file)
     with at_work_in(out, "campaign"):
         write_campaign_runs(runs, out)
-        done = sum((out / run.directory / "run.json").exists() for run in runs)
-        _log.info("%s: %d runs, %d to run", file, len(runs), len(runs) - done)
+        _log.info("%s: %d runs, %d to run", file, len(runs), len(_missing(out, runs)))
         chosen = WORKFLOW / "profiles" / profile if profile and (WORKFLOW / "profiles" / profile).is_dir() else profile
-        return run_group(
+        code = run_group(
             [sys.executable, "-m", "snakemake", "--snakefile", str(WORKFLOW / "Snakefile"),
              "--directory", str(out.resolve()), "--nolock",  # `at_work_in` has locked it, until this process is gone
              "--jobs", str(jobs), "--profile", str(chosen or WORKFLOW / "profiles" / "local")])
+    missing = _missing(out, runs)
+    failed = {place: f"{out}/logs/{place}.log says why" for place in missing}
+    if code and not missing:
+        failed = {"snakemake": f"ended with code {code}"}
+    return BatchResult(out, len(runs), len(runs) - len(missing), failed)
+
+
+def _missing(out: Path, runs: list[CampaignRun]) -> list[str]:
+    """Directories of runs that are not finished."""
+    return [run.directory for run in runs if not (out / run.directory / "run.json").exists()]

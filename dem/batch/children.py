@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
+from typing import Any
 
 import pyarrow.parquet  # noqa: F401 - every run writes tables, and its copy would import this by itself
 
-from common.command import run_command
+from common.command import end_of, say
 from common.processes import begin_copy
-from dem.run.told import exit_code_of
 
-Work = Callable[[], str]  # returns what there is to tell
+Work = Callable[[], Any]  # returns what there is to tell
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,9 @@ class _Child:
     answer: Connection
 
 
-def run_all(works: Sequence[Work], at_a_time: int, lock: int) -> Iterator[tuple[int, int, str]]:
+def run_all(works: Sequence[Work], at_a_time: int, lock: int) -> Iterator[tuple[int, int, Any]]:
     """Do each work in a copy of this process, which has imported already what it needs; yield its number, its exit code
-    and what it tells as it ends. One that fails tells nothing here: why is said on standard error, in one line. If this
+    and what it returns as it ends, or why it failed, in one line that is said on standard error as well. If this
     ends early, as by Ctrl-C, so do all that still run; their checkpoints stay. The copies do not hold `lock`, a
     descriptor of this process."""
     fork = multiprocessing.get_context("fork")
@@ -55,19 +55,23 @@ def run_all(works: Sequence[Work], at_a_time: int, lock: int) -> Iterator[tuple[
 def _do(work: Work, answer: Connection, lock: int) -> None:
     begin_copy()
     os.close(lock)
-    line = ""
+    told: list[Any] = []
 
     def finish() -> int:
-        nonlocal line
-        line = work()
+        told.append(work())
         return 0
 
-    answer.send((run_command("dem", lambda: exit_code_of(finish)), line))
+    code, line = end_of("dem", finish)
+    answer.send((code, line if code else told[0]))
 
 
-def _answer_of(child: _Child) -> tuple[int, str]:
+def _answer_of(child: _Child) -> tuple[int, Any]:
     with child.answer:
         try:
-            return child.answer.recv()
+            code, told = child.answer.recv()
         except EOFError:  # it was killed
-            return child.process.exitcode or 1, ""
+            code = child.process.exitcode or 1
+            told = f"process {child.process.pid}: ended from outside, with code {code}"
+    if code:
+        say(told)
+    return code, told

@@ -26,6 +26,7 @@ from common.tables import InputError, NotNegative, Positive, Refused, Table, che
 from dem.batch.children import run_all
 from dem.batch.dataset_streams import StreamFamily, draw_stream
 from dem.batch.sweep import is_finished
+from dem.commands import BatchResult
 from dem.coupling.launch import check_engine
 from dem.run.directory import KIND, RunDirectory
 from dem.run.prepare import prepare
@@ -200,9 +201,9 @@ def _ratios(name: str, family: Family, count: int, group: int, seed: int) -> lis
     return sorted({int((start + j * size // wanted) % size) / count for j in range(wanted)})
 
 
-def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int:
-    """Run what is missing, `jobs` at a time; returns an exit code. Runs of another scene are replaced with `overwrite`
-    only. Raises InputError for bad input, Busy where another process is at work."""
+def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> BatchResult:
+    """Run what is missing, `jobs` at a time. Runs of another scene are replaced with `overwrite` only. Raises
+    InputError for bad input, Busy where another process is at work."""
     check_engine()
     planned = plan_dataset(plan_file)
     with at_work_in(out, "dataset") as lock:
@@ -210,18 +211,21 @@ def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> int
         for run in missing:
             RunDirectory(out / run.directory).refuse(scene_hash(run.scene), overwrite)
         _log.info("%s: %d runs, %d to run", plan_file, len(planned), len(missing))
-        return 1 if _run_missing(missing, out, jobs, overwrite, lock) else 0
+        failed = _run_missing(missing, out, jobs, overwrite, lock)
+    return BatchResult(out, len(planned), len(planned) - len(failed), failed)
 
 
-def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: bool, lock: int) -> int:
-    """Returns how many failed. The processes at work end with this one, and if this ends early."""
-    start, failed = time.monotonic(), 0
+def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: bool, lock: int) -> dict[str, str]:
+    """Returns why runs failed. The processes at work end with this one, and if this ends early."""
+    start, failed = time.monotonic(), dict[str, str]()
     works = [partial(_run, run, out, overwrite) for run in missing]
-    for done, (number, code, text) in enumerate(run_all(works, jobs, lock), 1):
-        failed += code != 0
+    for done, (number, code, told) in enumerate(run_all(works, jobs, lock), 1):
+        place = str(missing[number].directory)
+        if code:
+            failed[place] = told
         left_min = (time.monotonic() - start) / done * (len(missing) - done) / 60
-        _log.info("%d of %d, left %.0f min: %s: %s", done, len(missing), left_min, missing[number].directory,
-                  text or f"failed with code {code}")
+        _log.info("%d of %d, left %.0f min: %s: %s", done, len(missing), left_min, place,
+                  f"failed with code {code}" if code else told)
     return failed
 
 

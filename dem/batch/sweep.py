@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from common.output_directory import at_work_in
+from common.result import Result
 from common.run_summary import read_summary
 from common.scene import Scene, changed_scene, ratio_name, scene_hash
 from common.tables import InputError
 from dem.batch.children import run_all
+from dem.commands import Changes, RunResult
 from dem.coupling.launch import check_engine
 from dem.run.directory import RunDirectory
 from dem.run.run import run_scene
-from dem.run.told import one_line
 from dem.stones.arrangement import stones_of
 
 RATIO = "stones.gangue_ratio"
@@ -24,21 +25,34 @@ RATIOS_OF_DRAWN = 10  # steps from none to all where stones are drawn
 _log = logging.getLogger(__name__)
 
 
-def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | None = None,
-          overwrite: bool = False) -> int:
-    """Run the missing ratios, `jobs` at a time; returns an exit code. `changes` are values of the scene by dotted key
+@dataclass(frozen=True)
+class SweepResult(Result):
+    """The finished runs of a sweep by rising ratio, and by its directory why a run failed."""
+
+    directory: Path
+    runs: tuple[RunResult, ...]
+    failed: Mapping[str, str]
+
+    def words(self) -> Iterator[str]:
+        for run in self.runs:
+            yield from run.words()
+        yield f"{self.directory}: {len(self.runs)} of {len(self.runs) + len(self.failed)} ratios finished"
+
+
+def sweep(scene_file: Path, out: Path, jobs: int, changes: Changes = (), overwrite: bool = False) -> SweepResult:
+    """Run the missing ratios, `jobs` at a time. `changes` are values of the scene by dotted key
     (`common.scene.changed_scene`). Runs of another scene are replaced with `overwrite` only. Raises InputError for bad
     input, Busy where another process is at work."""
     check_engine()
-    changes = dict(changes or {})
-    if RATIO in changes:
+    keys = dict(changes)
+    if RATIO in keys:
         raise InputError(f"--set {RATIO}: a sweep runs every ratio; allowed are other keys of the scene")
-    stones = changed_scene(scene_file, changes).stones
+    stones = changed_scene(scene_file, keys).stones
     if not stones.shares_gangue:
         raise InputError(f"{scene_file}: stones.each: a sweep shares out the gangue; needs stones.count, drawn "
                          "or stream")
     count = stones.count or RATIOS_OF_DRAWN
-    scenes = {k / count: changed_scene(scene_file, changes | {RATIO: k / count}) for k in range(count + 1)}
+    scenes = {k / count: changed_scene(scene_file, keys | {RATIO: k / count}) for k in range(count + 1)}
     for scene in scenes.values():
         stones_of(scene, str(scene_file))
     with at_work_in(out, "sweep") as lock:
@@ -47,17 +61,28 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Mapping[str, Any] | N
         for ratio in missing:
             RunDirectory(out / ratio_name(ratio)).refuse(scene_hash(scenes[ratio]), overwrite)
         _log.info("%s: %d ratios, %d to run", scene_file, len(scenes), len(missing))
-        failed = 0
+        found = {ratio: _read(out / ratio_name(ratio)) for ratio in scenes if ratio not in missing}
+        failed: dict[str, str] = {}
         works = [partial(_run, scenes[ratio], str(scene_file), out / ratio_name(ratio), overwrite) for ratio in missing]
-        for _, code, line in run_all(works, jobs, lock):
-            if line:
-                _log.info(line)
-            failed += code != 0
-    return 1 if failed else 0
+        for number, code, told in run_all(works, jobs, lock):
+            ratio = missing[number]
+            if code:
+                failed[ratio_name(ratio)] = told
+            else:
+                found[ratio] = told
+                _log.info("%s: finished, %d of %d", out / ratio_name(ratio), len(found), len(scenes))
+    return SweepResult(out, tuple(found[ratio] for ratio in sorted(found)), failed)
 
 
-def _run(scene: Scene, source: str, out: Path, overwrite: bool) -> str:
-    return one_line(run_scene(scene, source, out, show_progress=True, overwrite=overwrite))
+def _run(scene: Scene, source: str, out: Path, overwrite: bool) -> RunResult:
+    return RunResult.of(out, run_scene(scene, source, out, show_progress=True, overwrite=overwrite))
+
+
+def _read(directory: Path) -> RunResult:
+    """Of a run that is finished."""
+    summary = read_summary(directory / "run.json")
+    assert summary is not None
+    return RunResult.of(directory, summary.as_json())
 
 
 def is_finished(directory: Path, scene: Scene, overwrite: bool = False) -> bool:

@@ -49,7 +49,7 @@ from dem.stones.bonds import bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
 
 TARGETS = resource("scenes/materials/targets.toml")
-MAX_STIFFNESS_RATIO = 4.0  # beyond, nu rises little, and time step and isotropy are lost (docs/packing.md)
+MAX_STIFFNESS_RATIO = 4.0  # beyond, nu rises little, and time step and isotropy are lost (docs/calibration.md)
 MAX_VOLUMETRIC_RATIO = 0.6
 # What the tensile strength gains per pressure. More would keep a disc from splitting in the middle, where the mean
 # pressure is two thirds of the tension (docs/calibration.md).

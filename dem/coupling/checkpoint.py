@@ -1,11 +1,10 @@
 """The state of a run on disk, from which it goes on after it was stopped or killed (docs/runs.md).
 
-A checkpoint has two halves, one of each program, in `deck/checkpoint`: `engine_STEP.checkpoint`, written by the engine
-(dem/engine/record/fix_checkpoint.h), and `plate_STEP.checkpoint`, written here when the engine says that its half is on disk.
-Each file appears whole or not at all and carries the identity of the run, its length and CRC-32; the engine's half has
-length and CRC-32 of the streams, the files that the engine appends to, as well. A checkpoint counts when all of that is
-as this run wrote it. A rigid plate has
-no half.
+A checkpoint has two halves, one of each program, in `deck/checkpoint`: `engine_STEP.checkpoint`, written by the
+engine (dem/engine/record/fix_checkpoint.h), and `plate_STEP.checkpoint`, written here when the engine says that its
+half is on disk. Each file appears whole or not at all and carries the identity of the run, its length and CRC-32; the
+engine's half has length and CRC-32 of the streams, the files that the engine appends to, as well. A checkpoint counts
+when all of that is as this run wrote it. A rigid plate has no half.
 """
 
 from __future__ import annotations

@@ -138,8 +138,8 @@ def mpirun(np: int) -> list[str]:
 
 def _environment() -> dict[str, str]:
     """Without what a queue tells MPI: all ranks are on this machine, and LIGGGHTS is no task of the queue's own. The
-    engine learns which process the plate is, to see when that is stuck (dem/engine/coupling/watchdog.h). mpirun looks for no
-    graphics cards, as the engine does not (dem/engine/main.cpp)."""
+    engine learns which process the plate is, to see when that is stuck (dem/engine/coupling/watchdog.h). mpirun looks
+    for no graphics cards, as the engine does not (dem/engine/main.cpp)."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("SLURM_", "PMI_", "PMIX_"))}
     return {"HWLOC_COMPONENTS": "-gl"} | kept | {"PLATE_PROCESS": f"{socket.gethostname()} {os.getpid()}"}
 

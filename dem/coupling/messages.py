@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common.input_error import CommandError
 
-class CouplingError(RuntimeError):
+
+class CouplingError(CommandError, RuntimeError):
     """The other side died, fell silent, or wrote something that is not of the protocol."""
 
 

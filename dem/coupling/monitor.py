@@ -1,8 +1,8 @@
 """Limits that every run keeps, or ends with the one that it broke.
 
-The engine's half is fix monitor (dem/engine/record/fix_monitor.h): displacement in a step, numbers that are none, energy that
-bonds or contacts give from nothing; LIGGGHTS itself counts the particles. This half watches the plate, whose energy the
-engine does not know, and the ledger of the whole run.
+The engine's half is fix monitor (dem/engine/record/fix_monitor.h): displacement in a step, numbers that are none,
+energy that bonds or contacts give from nothing; LIGGGHTS itself counts the particles. This half watches the plate,
+whose energy the engine does not know, and the ledger of the whole run.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ def stiffest_face_N_m(scene: Scene, assembly: Assembly) -> float:
 
 
 def face_rows(scene: Scene, assembly: Assembly, stone: int, first: int) -> np.ndarray:
-    """(k, 7) rows of dem/engine/contact/face_columns.h; `first` is the number, from 0, of the stone's first sub-sphere."""
+    """(k, 7) rows of dem/engine/contact/face_columns.h; `first`: number, from 0, of the stone's first sub-sphere."""
     columns = assembly.faces[stone]
     if columns is None:
         return np.zeros((0, NUMBERS))

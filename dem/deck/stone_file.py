@@ -1,4 +1,4 @@
-"""The file of a stream of stones, from which the engine reads each one when it enters (dem/engine/stones/stone_file.h)."""
+"""The file of a stream, from which the engine reads each stone when it enters (dem/engine/stones/stone_file.h)."""
 
 from __future__ import annotations
 

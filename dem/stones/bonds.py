@@ -22,7 +22,7 @@ from scipy.sparse.linalg import cg, eigsh
 
 from dem.stones.packing import Packing, SphereContainer, near_pairs
 
-GAP_TOLERANCE = 0.2  # of the sum of the two radii; see docs/packing.md for what other values do
+GAP_TOLERANCE = 0.2  # of the sum of the two radii
 LEAST_BONDS = 3      # that hold a sub-sphere against any force
 PLATEN_GAP = 0.02    # of the radius: nearer sub-spheres are held by a platen
 

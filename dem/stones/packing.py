@@ -7,7 +7,7 @@ wall like soft springs, and all of them swell together by one scale s under a co
 
 (sigma the sum of the two radii, or the one radius at a wall, at s = 1). At the minimum the mean overlap is about p/3,
 so lowering p step by step leads to the random close packing from above, as in C. S. O'Hern et al., Phys. Rev. E 68
-(2003) 011306; the minimiser is FIRE, E. Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201. See docs/packing.md.
+(2003) 011306; the minimiser is FIRE, E. Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201. See docs/stones.md.
 """
 
 from __future__ import annotations

@@ -30,7 +30,8 @@ def engine_run(deck: Path, steps: int | None = None, command: tuple[str, ...] = 
     for name in ("ledger.bin", "forces.bin", "events.csv"):
         (deck / name).unlink(missing_ok=True)
     with open(deck / "engine.out", "wb") as out:
-        process = subprocess.Popen([*command, "-in", file.name], cwd=deck, stdout=out, stdin=subprocess.DEVNULL)
+        process = subprocess.Popen([*command, "-in", file.name], cwd=deck, stdout=out,
+                                   stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
         peak_kB = 0  # asked while it runs: what the kernel counts at the end includes Python, from which it was forked
         while True:
             with suppress(FileNotFoundError):

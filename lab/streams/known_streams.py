@@ -28,9 +28,9 @@ from recognition.stream.recognise import LEAST_DOUBT, RATE_Hz, recognise_stream
 from recognition.stream.signatures import Channels
 from recognition.stream.speed_law import with_speed_laws
 from recognition.stream.stones import ratio_of, stone_table
-from recognition.tapping.command import refuse_unexplained
 from recognition.tapping.fit import fit_plate
 from recognition.tapping.learnt import learnt
+from recognition.tapping.tapped import refuse_unexplained
 
 SCENE = "scenes/single.toml"
 REACH_m, PAPER_m, SIZES_m, SPEEDS_m_s = 0.2, 0.025, (0.015, 0.035), (2.0, 4.0)

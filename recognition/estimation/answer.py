@@ -37,6 +37,11 @@ class Answer:
         """No ratio, and why."""
         return cls(nan, reason=reason)
 
+    @classmethod
+    def between(cls, low: float, ratio: float, high: float) -> Answer:
+        """A ratio between the ends of its interval."""
+        return cls(ratio, low, high)
+
     @property
     def has_interval(self) -> bool:
         return not (isnan(self.low) or isnan(self.high))
@@ -44,3 +49,8 @@ class Answer:
     @property
     def warning(self) -> str:
         return warning_of(self.low, self.ratio, self.high)
+
+    @property
+    def text(self) -> str:
+        """Ratio and interval in per cent."""
+        return f"{100 * self.ratio:.1f} %, 90 % interval {100 * self.low:.1f} to {100 * self.high:.1f}"

@@ -1,13 +1,12 @@
 """Errors of recognition."""
 
-from analysis.records import one_line
+from common.input_error import CommandError
 
 
-class RecognitionError(ValueError):
+class RecognitionError(CommandError, ValueError):
     """A model cannot be fitted, loaded or applied. The message is one line."""
 
-    def __init__(self, message: str):
-        super().__init__(one_line(message))
+    exit_code = 2
 
 
 class NotRecognised(RecognitionError):

@@ -12,7 +12,6 @@ from typing import Any, Self
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from analysis.records import one_line
 from common.cache import user_cache
 from common.files import read_sealed_json, seal, write_text
 from common.plate import FlexiblePlate, read_plate
@@ -180,7 +179,7 @@ def _decoded(cls: Any, content: dict[str, Any], file: Path) -> Any:
         arrays["rod_force_N_m"] = arrays["rod_force_N_m"].reshape(-1, arrays["frequency_Hz"].size)
         return cls(**arrays | kept)
     except (TypeError, ValueError, OverflowError) as error:
-        raise RecognitionError(f"{file}: no plate model: {one_line(str(error))}") from None
+        raise RecognitionError(f"{file}: no plate model: {error}") from None
 
 
 def _lines(side_m: float, wavenumber_1_m: float) -> Floats:

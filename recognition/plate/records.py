@@ -18,21 +18,27 @@ LEAST_SAMPLES = 64  # the filters need a run-up
 BENDS = 0.3  # of the largest shape: modes that bend the plate
 
 
+def record_table(path: str | Path) -> tuple[pd.DataFrame, str]:
+    """The table of a run directory or of a file, and which file that is. RecordError for what cannot be read."""
+    path = Path(path)
+    path = path / "signals.parquet" if path.is_dir() else path
+    return read_table(path), str(path)
+
+
 def read_accelerations(path: str | Path, plate: PlateModel) -> tuple[pd.DataFrame, Floats, float]:
     """A run directory's or a file's table, its accelerations (s, t) in the order of the plate's sensors, and its sample
     rate. RecordError for what cannot be read, RecognitionError for a missing column."""
-    path = Path(path)
-    path = path / "signals.parquet" if path.is_dir() else path
-    table, names = read_table(path), [f"acc_{name}_m_s2" for name in plate.sensor_names]
+    table, source = record_table(path)
+    names = [f"acc_{name}_m_s2" for name in plate.sensor_names]
     for name in ("t_s", *names):
         if name not in table.columns:
-            raise RecognitionError(f"{path}: no column {name!r}; needs t_s, {', '.join(names)}")
-    rate_Hz = sample_rate_Hz(numbers(table, "t_s", path), f"{path}: t_s")
+            raise RecognitionError(f"{source}: no column {name!r}; needs t_s, {', '.join(names)}")
+    rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s")
     lowest_Hz = float(plate.frequency_Hz[plate.rms_shape > BENDS * plate.rms_shape.max()][0])
     if rate_Hz < 2 * lowest_Hz:
-        raise RecognitionError(f"{path}: {rate_Hz:g} samples a second; needs at least {2 * lowest_Hz:g} to show a mode "
-                               "of this plate; t_s must be in s")
-    return table, np.array([numbers(table, name, path) for name in names]), rate_Hz
+        raise RecognitionError(f"{source}: {rate_Hz:g} samples a second; needs at least {2 * lowest_Hz:g} to show a "
+                               "mode of this plate; t_s must be in s")
+    return table, np.array([numbers(table, name, source) for name in names]), rate_Hz
 
 
 def numbers(table: pd.DataFrame, name: str, source: object) -> Floats:

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from isal import isal_zlib
 
+from common.files import refuse_irregular
+
 APPENDED = b'<AppendedData encoding="raw">\n_'
 Arrays = dict[str, np.ndarray]
 NUMPY_TYPES = {"Float32": "<f4", "Int32": "<i4", "UInt16": "<u2", "UInt8": "<u1"}
@@ -24,6 +26,7 @@ def read_arrays(file: Path, names: Collection[str]) -> Arrays:
 
     Raises OSError or ValueError where the file cannot be read.
     """
+    refuse_irregular(file)
     head, mark, data = file.read_bytes().partition(APPENDED)
     if not mark:
         return _by_meshio(file)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from analysis import RecordError
+from common.input_error import CommandError
 from recognition.estimation.errors import RecognitionError
 
 
-class MissingResult(ValueError):
+class MissingResult(CommandError, ValueError):
     """The runs do not give what a figure, a table or a statement needs; the message is one line that says why."""
+
+    exit_code = 2
 
 
 #: All errors that leave a figure, a table or a verdict out of the report instead of ending it.

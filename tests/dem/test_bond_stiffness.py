@@ -216,7 +216,7 @@ def test_cylinder_and_box_of_the_same_subspheres_agree():
 @pytest.mark.validate
 @pytest.mark.parametrize("count, modulus, nu", [(500, 0.918, 0.118), (1000, 0.953, 0.119), (2000, 0.982, 0.120)])
 def test_table_of_the_documentation(count, modulus, nu):
-    """docs/packing.md, spheres at a stiffness ratio of 2.17: mean of five packings, a scatter of up to 1.6 % each."""
+    """Spheres at a stiffness ratio of 2.17: mean of five packings, a scatter of up to 1.6 % each."""
     found = []
     for seed in range(20011, 20016):
         packing = pack_sphere(0.025, count, seed)

@@ -25,6 +25,9 @@ def test_each_work_ends_by_itself_and_in_one_line(capfd):
     works = [lambda: "done", refused, full_disk, killed, lambda: "done as well"]
     found = {number: (code, line) for number, code, line in run_all(works, 2, lock)}
     os.close(lock)
-    assert found == {0: (0, "done"), 1: (2, ""), 2: (1, ""), 3: (-signal.SIGKILL, ""), 4: (0, "done as well")}
-    said = capfd.readouterr().err.splitlines()
-    assert sorted(said) == ["dem: fast.parquet: No space left on device", "stone.toml: stones.count = -1: must be above 0"]
+    ends = {number: (code, line) for number, (code, line) in found.items() if number != 3}
+    why = {1: "stone.toml: stones.count = -1: must be above 0", 2: "dem: fast.parquet: No space left on device"}
+    assert ends == {0: (0, "done"), 1: (2, why[1]), 2: (1, why[2]), 4: (0, "done as well")}
+    code, ended = found[3]
+    assert code == -signal.SIGKILL and ended.endswith("ended from outside, with code -9")
+    assert sorted(capfd.readouterr().err.splitlines()) == sorted([*why.values(), ended])

@@ -138,14 +138,14 @@ packing = true
     file, out = tmp_path / "plan.toml", tmp_path / "out"
     file.write_text(text.format(groups=1))
     show_messages()
-    assert build(file, out, jobs=2) == 0
+    assert build(file, out, jobs=2).exit_code == 0
     runs = sorted(out.glob("*/*/ratio_*"))
     assert [run.name for run in runs] == ["ratio_000", "ratio_100"]
     assert all({"run.json", "signals.parquet"} <= {f.name for f in run.iterdir()} and not (run / "deck").exists() for run in runs)
     before = [(run / "run.json").stat().st_mtime_ns for run in runs]
     file.write_text(text.format(groups=2))
     capsys.readouterr()
-    assert build(file, out, jobs=1) == 0
+    assert build(file, out, jobs=1).exit_code == 0
     assert "4 runs, 2 to run" in capsys.readouterr().out
     assert [(run / "run.json").stat().st_mtime_ns for run in runs] == before
     seeds = {json.loads((run / "run.json").read_text())["scene"]["stones"]["seed"] for run in out.glob("*/*/ratio_*")}
@@ -188,12 +188,12 @@ def test_a_group_of_streams_is_one_stream(tmp_path):
 def test_streams_are_built_once_and_know_what_fell(tmp_path, capsys):
     file = plan(tmp_path, STREAMS.replace("GROUPS", "1"))
     show_messages()
-    assert build(file, tmp_path / "out", 1) == 0
+    assert build(file, tmp_path / "out", 1).exit_code == 0
     run = read_run(tmp_path / "out" / plan_dataset(file)[0].directory)
     stones = fallen(run)
     assert stones["first_contact_s"].notna().all() and true_ratio(stones, 0, 1) == pytest.approx(run.gangue_ratio)
     assert (run.path / "fast.parquet").exists() and not (run.path / "deck").exists()
-    assert build(file, tmp_path / "out", 1) == 0
+    assert build(file, tmp_path / "out", 1).exit_code == 0
     assert "1 runs, 0 to run" in capsys.readouterr().out
 
 

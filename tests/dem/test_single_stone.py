@@ -29,7 +29,7 @@ def unbreakable(runs):
 
 @pytest.fixture(scope="module")
 def broken(runs):
-    """At 4 m/s: at the 3 m/s of the scene coal only cracks (docs/fragments.md)."""
+    """At 4 m/s: at the 3 m/s of the scene coal only cracks."""
     change = ("speed_m_s = 3.0 ", "speed_m_s = 4.0 ")
     return {name: (run_single(runs / name, ratio, change), runs / name) for name, ratio in (("coal", 0.0), ("gangue", 1.0))}
 

@@ -44,7 +44,8 @@ def test_a_killed_sweep_goes_on_with_what_is_missing(small):
     assert not (out / "ratio_100").exists()
     before = (out / "ratio_000" / "run.json").stat().st_mtime_ns
 
-    assert sweep(small, out, jobs=2) == 0
+    found = sweep(small, out, jobs=2)
+    assert found.exit_code == 0 and [run.gangue_ratio for run in found.runs] == [0.0, 0.5, 1.0]
     for name in ("ratio_000", "ratio_050", "ratio_100"):
         assert json.loads((out / name / "run.json").read_text())["status"] == "finished"
     assert not list(out.glob("*.partial"))

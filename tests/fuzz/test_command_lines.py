@@ -17,7 +17,7 @@ COMMANDS = {
     "dem": ["run", "deck", "plate", "sweep", "campaign", "dataset", "resume", "calibrate"],
     "plate_fem": ["modes"], "analysis": ["features"],
     "recognition": ["fit", "recognise", "evaluate", "tap", "check", "listen", "volley"], "report": ["compare"],
-    "gangue": sorted({*gangue.commands.COMMANDS, *gangue.commands.OWN} - {"build-engine"}),
+    "gangue": sorted({*gangue.commands.COMMANDS} - {"build-engine"}),
 }
 OPTIONS = ["--out", "--gangue", "--set", "--jobs", "--overwrite", "--walltime", "--profile", "--scene", "--model",
            "--plate", "--taps", "--radius", "--speed", "--window", "--step", "--max-frequency", "--json", "--quiet", "--rock",

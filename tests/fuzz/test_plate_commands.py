@@ -134,7 +134,7 @@ def check_read(table, plate):
         raise RecognitionError("not sought in this test")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("recognition.stream.command.recognise_stream", not_sought)
+        patch.setattr("recognition.stream.heard.recognise_stream", not_sought)
         check_listened(table, plate)
 
 

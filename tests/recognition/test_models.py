@@ -6,7 +6,8 @@ import pytest
 from analysis import read_sweep
 from common.files import SEAL, seal
 from recognition import Model, RecognitionError, leave_one_out
-from recognition.__main__ import _print_best, main
+from recognition.__main__ import main
+from recognition.commands import RecogniseResult
 from recognition.estimation.answer import Answer
 from recognition.methods import METHODS
 from tests.analysis.synthetic import write_run, write_sweep
@@ -124,11 +125,11 @@ def test_command_line(sweep_path, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("low", "high", "reach"), [(0.4, 0.5, "10.0"), (0.5, 0.56, "6.0"), (0.45, 0.55, ""), (0.5, 0.5, "")])
-def test_a_wide_interval_is_warned_of(low, high, reach, capsys):
-    _print_best("arrangement_likelihood", Answer(0.5, low, high))
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("mixing ratio 50.0 %")
-    assert ["WARNING" in line and f"{reach} points" in line for line in lines[1:]] == ([True] if reach else [])
+def test_a_wide_interval_is_warned_of(low, high, reach):
+    answer = Answer(0.5, low, high)
+    first, *lines, last = RecogniseResult("x", "one", {"one": answer}, tuple(filter(None, [answer.warning]))).words()
+    assert first.startswith("mixing ratio 50.0 %") and last.startswith("one")
+    assert ["WARNING" in line and f"{reach} points" in line for line in lines] == ([True] if reach else [])
 
 
 def test_too_few_ratios(tmp_path):

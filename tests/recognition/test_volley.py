@@ -169,7 +169,7 @@ def test_command(volleys, known, tmp_path, capsys):
     assert said[3].startswith("the record does not tell whether the stones are those told; by number it would be with one")
     for wrong, text in (("5", "5"), ("3 2.5", "3 2.5"), ("2 2.5 3", "2 2.5 3")):
         assert main([*words, "--speed", *wrong.split()]) == 2
-        assert capsys.readouterr().err == (f"recognition: --speed {text}: must be a number between 2 and 3.2, "
+        assert capsys.readouterr().err == (f"--speed {text}: must be a number between 2 and 3.2, "
                                            "or two such numbers, the lower first\n")
     assert main([*words, "--stones", "8", "12", "--speed", "2.8", "3.2"]) == 0
     wide_low, wide_high = capsys.readouterr().out.splitlines()[1].rsplit(" ", 3)[1:4:2]

@@ -305,8 +305,8 @@ def test_a_single_file_is_written_over_its_own_kind_only(tmp_path, capsys):
 def test_a_damaged_run_is_replaced_with_overwrite(commands, tmp_path, capsys, monkeypatch, kind, damaged):
     """What would be run is looked at, and the runs are left out."""
     out = tmp_path / kind
-    monkeypatch.setattr("dem.batch.sweep.run_all", lambda works, jobs, lock: [(k, 0, "") for k in range(len(works))])
-    monkeypatch.setattr("dem.batch.dataset._run_missing", lambda missing, *_: 0)
+    monkeypatch.setattr("dem.batch.sweep.run_all", lambda works, jobs, lock: [])
+    monkeypatch.setattr("dem.batch.dataset._run_missing", lambda missing, *_: {})
     where = out / ("ratio_000" if kind == "sweep" else "one/000/ratio_000")
     for ratio in ("ratio_000", "ratio_100"):  # of the data set there is one of the two
         directory = where.with_name(ratio)

@@ -239,6 +239,7 @@ void FixBondParallel::post_force(int) {
     for (int k = 0; k < 3; k++) f[3 * i + k] += forces_[i].f[k], torque[3 * i + k] += forces_[i].torque[k];
   }
   remember_motion();
+  knows_motion_ = true;
 }
 
 void FixBondParallel::remember_motion() {
@@ -246,7 +247,6 @@ void FixBondParallel::remember_motion() {
   const double *v = flat(atom->v), *omega = flat(atom->omega);
   for (int i : computed_)
     for (int k = 0; k < 3; k++) before_[i].v[k] = v[3 * i + k], before_[i].omega[k] = omega[3 * i + k];
-  knows_motion_ = true;
 }
 
 // Of all sub-spheres, into their records. Bonds of a ghost may be unknown here: its own rank says.

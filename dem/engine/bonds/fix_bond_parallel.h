@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdio>
 #include <memory>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -141,6 +142,8 @@ class FixBondParallel : public Fix, public Checkpointed, public EnergyHolder, pu
   Bond &bond_of(int id);
   void add_work(int side);
   void remember_motion();
+  std::unordered_map<int, Motion> motion_by_tag() const;
+  void take_motion(const std::unordered_map<int, Motion> &before);
   void rebuild();
   void list_bonds(const Stretch &);
   const std::vector<Stretch> &stretches_of_bonds();

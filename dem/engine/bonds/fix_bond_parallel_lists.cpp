@@ -12,13 +12,13 @@ using namespace LAMMPS_NS;
 // Makes the kernel's list of bonds by local index, unless nothing has moved in memory.
 void FixBondParallel::rebuild() {
   if (comm->nprocs > 1) share_broken();
-  const int nlocal = atom->nlocal;
-  const bool same = listed_ && static_cast<int>(known_tags_.size()) == nlocal &&
+  const int nlocal = atom->nlocal, nall = nlocal + atom->nghost;
+  const bool same = listed_ && static_cast<int>(known_tags_.size()) == nall &&
                     std::equal(known_tags_.begin(), known_tags_.end(), atom->tag);
   if (same && comm->nprocs == 1) return;
   listed_ = true;
-  knows_motion_ = false;
-  known_tags_.assign(atom->tag, atom->tag + nlocal);
+  const std::unordered_map<int, Motion> before = motion_by_tag();
+  known_tags_.assign(atom->tag, atom->tag + nall);
 
   local_.clear();
   std::vector<char> is_here(agglomerates_->count(), 0);
@@ -28,8 +28,28 @@ void FixBondParallel::rebuild() {
   std::vector<LocalBond> computed;
   for (const LocalBond &b : local_)
     if (!held_[b.bond->tag_i]) computed.push_back(b);
-  kernel_->build(computed, nlocal + atom->nghost);
+  kernel_->build(computed, nall);
   list_sub_spheres(computed);
+  take_motion(before);
+}
+
+// Of the step before, where it is known; ghosts of then may belong to this rank now.
+std::unordered_map<int, FixBondParallel::Motion> FixBondParallel::motion_by_tag() const {
+  std::unordered_map<int, Motion> motion;
+  if (!knows_motion_) return motion;
+  motion.reserve(computed_.size());
+  for (int i : computed_) motion[known_tags_[i]] = before_[i];
+  return motion;
+}
+
+void FixBondParallel::take_motion(const std::unordered_map<int, Motion> &before) {
+  if (before.empty()) {
+    knows_motion_ = false;
+    return;
+  }
+  remember_motion();
+  for (int i : computed_)
+    if (auto known = before.find(atom->tag[i]); known != before.end()) before_[i] = known->second;
 }
 
 void FixBondParallel::list_bonds(const Stretch &stretch) {

@@ -119,5 +119,6 @@ void FixBondParallel::restore(const CheckpointReader &in) {
     std::copy_n(&rows[k + 10], 3, forces_[i].torque);
   }
   std::sort(computed_.begin(), computed_.end());
+  known_tags_.assign(atom->tag, atom->tag + atom->nlocal + atom->nghost);
   list_turned();
 }

@@ -1,0 +1,39 @@
+"""What the commands on records answer: `features`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from analysis.features import Feature, signal_features
+from analysis.readers import read_record
+from common.result import Result
+
+
+@dataclass(frozen=True)
+class FeaturesResult(Result):
+    """Time-frequency parameters of a record by their names."""
+
+    record: str
+    rate_Hz: float
+    samples: int
+    features: Mapping[str, Feature]
+
+    def words(self) -> Iterator[str]:
+        yield f"{'name':<28} {'value':>14}  unit"
+        for feature in self.features.values():
+            yield f"{feature.name:<28} {feature.value:>14.6g}  {feature.unit}"
+
+
+def features(file: str, column: str | None = None, rate_Hz: float | None = None, scale: float = 1.0,
+             unit: str | None = None, time: str | None = None, resample_Hz: float | None = None,
+             anti_alias: bool = True) -> FeaturesResult:
+    """Parameters of a record of a file, as `analysis.read_record` reads it, resampled first where a rate is given.
+    Raises RecordError."""
+    record = read_record(file, column=column, rate_Hz=rate_Hz, scale=scale, unit=unit, time=time)
+    if resample_Hz is not None:
+        from analysis.resample import resample  # late: it takes longer than all else
+
+        record = resample(record, resample_Hz, anti_alias=anti_alias)
+    found = {feature.name: feature for feature in signal_features(record).values()}
+    return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found)

@@ -1,0 +1,73 @@
+"""What the commands on a plate alone answer: `modes`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from common.cache import user_cache
+from common.output_directory import is_stamped, refuse_file, stamped
+from common.plate import read_plate
+from common.result import Result
+from common.tables import InputError, refused_in
+from plate_fem.modes import PlateModes, plate_modes
+
+
+@dataclass(frozen=True)
+class ModesResult(Result):
+    """Modes by rising frequency, of a plate of so many cells, and the file of their shapes if one was asked for."""
+
+    theory: str
+    cells: int
+    mass_kg: float
+    frequency_Hz: tuple[float, ...]
+    damping_ratio: tuple[float, ...]
+    shapes: Path | None
+
+    def words(self) -> Iterator[str]:
+        yield f"# {self.theory} plate, {self.cells} cells, mass {self.mass_kg:.6g} kg"
+        yield f"{'mode':>5} {'Hz':>12} {'damping':>9}"
+        for number, (frequency, damping) in enumerate(zip(self.frequency_Hz, self.damping_ratio, strict=True), 1):
+            yield f"{number:5d} {frequency:12.4f} {damping:9.5f}"
+
+
+def modes(scene_file: Path, out: Path | None = None) -> ModesResult:
+    """Find the natural frequencies and damping ratios of a scene's plate; write the shapes to `out` (.vtu).
+
+    Raises InputError for a scene that cannot be read, or whose plate is rigid or has no `max_frequency_Hz`.
+    """
+    plate = read_plate(scene_file)
+    if plate.model == "rigid":
+        raise InputError(f"{scene_file}: plate.model = 'rigid': must be 'flexible' to have modes")
+    if plate.max_frequency_Hz is None:
+        raise InputError(f"{scene_file}: plate.max_frequency_Hz is missing: it must be given to list modes without "
+                         "stones")
+    if out is not None and out.suffix != ".vtu":
+        raise InputError(f"--out = {out}: the name must end in .vtu")
+    if out is not None:
+        refuse_file(str(out), is_stamped)
+    with refused_in(scene_file, "plate"):
+        found = plate_modes(plate, user_cache())
+    if out is not None:
+        write_shapes(found, out)
+    return ModesResult(found.theory, len(found.quad), float(found.mass_kg), tuple(found.frequency_Hz.tolist()),
+                       tuple(found.damping_ratio.tolist()), out)
+
+
+def write_shapes(modes: PlateModes, out: Path) -> None:
+    """Write the mesh (.vtu) with one field of vertical displacement per mode, scaled to a largest value of one, or zero
+    where rods twist below a plate at rest."""
+    import meshio
+    import numpy as np
+
+    from common.files import written_whole
+
+    points = np.column_stack([modes.node_m, np.zeros(len(modes.node_m))])
+    largest = abs(modes.shape).max(axis=0)
+    shape = modes.shape / np.where(largest > 0, largest, 1.0)
+    columns = zip(modes.frequency_Hz, shape.T, strict=True)
+    fields = {f"mode_{j:03d}_{frequency:.1f}_Hz": column for j, (frequency, column) in enumerate(columns, 1)}
+    with written_whole(out) as beside:
+        meshio.Mesh(points, [("quad", modes.quad)], point_data=fields).write(beside, file_format="vtu")
+        beside.write_text(stamped(beside.read_text()))

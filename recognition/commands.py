@@ -1,0 +1,134 @@
+"""What the commands on models of recognition answer: `fit`, `recognise` and `evaluate`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.runs import read_sweep
+from common.output_directory import begins_with, is_sealed_as, refuse_file, refuse_foreign_file
+from common.result import Result
+from recognition.estimation.answer import Answer
+from recognition.estimation.errors import RecognitionError
+from recognition.models import FORMAT, Model
+from recognition.plate.plate_model import PlateModel
+from recognition.plate.records import record_table
+
+
+@dataclass(frozen=True)
+class FitResult(Result):
+    """A model that was written: of how many runs of which ratios, and what each method says of itself; families of a
+    data set, and why runs of it and methods were left out."""
+
+    model: Path
+    model_bytes: int
+    runs: int
+    gangue_ratios: tuple[float, ...]
+    methods: Mapping[str, str]
+    not_fitted: Mapping[str, str]
+    families: tuple[str, ...] = ()
+    passed_over: tuple[str, ...] = ()
+
+    def words(self) -> Iterator[str]:
+        if self.families:
+            yield f"families {', '.join(self.families)}"
+        for reason in self.passed_over:
+            yield f"passed over: {reason}"
+        yield f"{self.runs} runs, ratios {', '.join(f'{ratio:.0%}' for ratio in self.gangue_ratios)}"
+        for name, summary in self.methods.items():
+            yield f"{name}: {summary}"
+        for name, reason in self.not_fitted.items():
+            yield f"{name}: not fitted: {reason}"
+        yield f"model written to {self.model}, {self.model_bytes / 1e3:.0f} kB"
+
+
+def fit(directory: str, out: str) -> FitResult:
+    """Fit a model to a directory of runs or a data set, and write it to `out` (.json). Raises RecordError,
+    RecognitionError, InputError."""
+    from recognition.evaluation.dataset import CONDITIONS, read_dataset  # late: no record needs it
+
+    file, families, passed_over = Path(out), list[str](), list[str]()
+    refuse_file(out, is_sealed_as(FORMAT))
+    if any(Path(directory).glob("ratio_*")):
+        runs = read_sweep(directory).runs
+        model = Model.fit(runs)
+    else:
+        data = read_dataset(directory).calibration()
+        runs, families, passed_over = data.runs, list(data.table["family"].unique()), list(data.passed_over)
+        model = Model.fit(runs, data.table["kin"].to_numpy(), data.table[list(CONDITIONS)])
+    model.save(file)
+    return FitResult(file, file.stat().st_size, len(runs), tuple(sorted({run.gangue_ratio for run in runs})),
+                     {name: method.summary() for name, method in model.methods.items()}, model.left_out,
+                     tuple(families), tuple(passed_over))
+
+
+@dataclass(frozen=True)
+class RecogniseResult(Result):
+    """Answer of each method to a record, and the name of the best one, None where none has an interval.
+
+    There are no answers where none can be trusted: `refused` says which sensors are at fault, `out_of_distribution` by
+    its name why a method finds the record unlike all that it knows."""
+
+    record: str
+    best: str | None
+    methods: Mapping[str, Answer]
+    warnings: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
+    out_of_distribution: Mapping[str, str] | None = None
+
+    def words(self) -> Iterator[str]:
+        if self.refused:
+            yield f"REFUSED: {'; '.join(self.refused)}"
+        if self.out_of_distribution:
+            yield "OUT OF DISTRIBUTION, no answer can be trusted"
+            for name, reason in self.out_of_distribution.items():
+                yield f"{name:<26} {reason}"
+        if self.best is not None:
+            yield f"mixing ratio {self.methods[self.best].text}, by {self.best}"
+        yield from self.warnings
+        for name, answer in self.methods.items():
+            yield f"{name:<26} {answer.reason or f'{100 * answer.ratio:.2f} %'}"
+
+
+def recognise(record: str, model: str, plate: str | None = None) -> RecogniseResult:
+    """Mixing ratio of a record by a model of `fit`, on a plate of `tap` where it is not that of the training. Raises
+    RecordError, RecognitionError."""
+    known = Model.load(model)
+    if plate is not None:
+        known = known.on_plate(PlateModel.load(Path(plate)))
+    table, source = record_table(record)
+    answers = known.recognise(table, source)
+    if faults := known.faults(table):
+        return RecogniseResult(source, None, {}, refused=tuple(faults))
+    if vetoes := known.vetoes(answers):
+        return RecogniseResult(source, None, {}, out_of_distribution=vetoes)
+    best = known.best(answers)
+    if best is None:
+        return RecogniseResult(source, None, answers)
+    name, answer = best
+    return RecogniseResult(source, name, answers, (answer.warning,) if answer.warning else ())
+
+
+@dataclass(frozen=True)
+class EvaluateResult(Result):
+    """The table of the errors of each method."""
+
+    line = "written to {evaluation}"
+    evaluation: Path
+
+
+def evaluate(directory: str, methods: Sequence[str] | None = None) -> EvaluateResult:
+    """Find the error of methods, all if none are named, on runs of a data set that they were not trained on. Raises
+    RecordError, RecognitionError, InputError."""
+    from recognition.evaluation.cross_validation import write_evaluation  # late, as in `fit`
+    from recognition.evaluation.dataset import read_dataset
+    from recognition.methods import METHODS
+
+    names = methods or list(METHODS)
+    unknown = [name for name in names if name not in METHODS]
+    if unknown:
+        raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(METHODS)}")
+    refuse_foreign_file(Path(directory) / "evaluation.csv", begins_with("method,held_out,"))
+    data = read_dataset(directory)
+    return EvaluateResult(write_evaluation(data, directory, {name: METHODS[name] for name in names}))

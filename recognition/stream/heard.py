@@ -1,0 +1,125 @@
+"""The command `listen`: the stones of a stream one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from analysis.records import Record, sample_rate_Hz
+from analysis.resample import resample
+from common.files import written_whole
+from common.output_directory import at_work_in
+from common.parquet import write_parquet
+from common.result import Result
+from recognition.estimation.answer import Answer
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.plate.plate_model import PlateModel
+from recognition.plate.records import numbers, record_table
+from recognition.stream.law_file import load_forces
+from recognition.stream.prior import StonePrior
+from recognition.stream.recognise import RATE_Hz, recognise_stream
+from recognition.stream.signatures import Channels
+from recognition.stream.stones import ratio_of, sliding_ratio
+
+KIND = "stones heard"
+MOST_RATIOS = 100_000
+UNTAPPED = "WARNING: no mode of the plate was tapped; the ratio may be 10 points off, outside its interval"
+
+
+@dataclass(frozen=True)
+class ListenResult(Result):
+    """The table of the stones that were heard, that of the ratio over time, and the mixing ratio of all stones by
+    number and by mass.
+
+    refused: why nothing was written; not_explained: why the stones that were written give no ratio; "" of both where
+    they do."""
+
+    stones: Path | None = None
+    ratio_over_time: Path | None = None
+    heard: int = 0
+    mixing_ratio: Mapping[str, Answer] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    refused: str = ""
+    not_explained: str = ""
+
+    def words(self) -> Iterator[str]:
+        if self.refused:
+            yield f"REFUSED: {self.refused}"
+            return
+        yield f"{self.heard} stones, written to {self.stones} and ratio.parquet"
+        if self.not_explained:
+            yield f"NOT EXPLAINED, no ratio can be trusted: {self.not_explained}"
+            return
+        yield from self.warnings
+        for name, answer in self.mixing_ratio.items():
+            yield f"mixing ratio by {name} {answer.text}"
+
+
+def listen(record: str, plate: str, out: str, radius_m: tuple[float, float] = (0.025, 0.025),
+           speed_m_s: tuple[float, float] = (2.0, 4.0), window_s: float = 1.0, step_s: float = 0.1) -> ListenResult:
+    """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits; write them and the
+    ratio over a window, every so many seconds, into the directory `out`. Raises RecordError, RecognitionError."""
+    prior = _prior(radius_m, speed_m_s)
+    known = PlateModel.load(Path(plate))
+    table, source = record_table(record)
+    channels, values = channels_of(table, known, source)
+    for name, value in (("window", window_s), ("step", step_s)):
+        if not 0 < value < 1e6:
+            raise RecognitionError(f"--{name} {value:g}: must be a time above 0 s")
+    if values.shape[1] / RATE_Hz > MOST_RATIOS * step_s:
+        raise RecognitionError(f"--step {step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
+    try:
+        found = recognise_stream(known, channels, prior, values)
+    except NotRecognised as error:
+        return ListenResult(refused=str(error))
+    begin_s = float(table["t_s"].iloc[0])
+    files = Path(out) / "stones.parquet", Path(out) / "ratio.parquet"
+    with at_work_in(Path(out), KIND):
+        _write(found.stones.assign(t_s=found.stones["t_s"] + begin_s), files[0])
+        ratio = sliding_ratio(found.stones, window_s, step_s, values.shape[1] / RATE_Hz)
+        ratio["t_s"] += begin_s
+        if found.refused:
+            ratio.iloc[:, 2:] = np.nan
+        _write(ratio, files[1])
+    if found.refused:
+        return ListenResult(*files, len(found.stones), not_explained=found.refused)
+    answers = {name: Answer.between(*ratio_of(found.stones, name == "mass")) for name in ("number", "mass")}
+    warnings = ["" if found.tapped else UNTAPPED, *(answer.warning for answer in answers.values())]
+    return ListenResult(*files, len(found.stones), answers, tuple(filter(None, dict.fromkeys(warnings))))
+
+
+def _prior(radius_m: tuple[float, float], speed_m_s: tuple[float, float]) -> StonePrior:
+    """What the user says of the stones."""
+    for name, (low, high) in (("radius", radius_m), ("speed", speed_m_s)):
+        if not 0 < low <= high < 100:
+            raise RecognitionError(f"--{name} {low:g} {high:g}: must be two positive numbers, the lower first")
+    return StonePrior(load_forces(), (radius_m[0], radius_m[1]), (speed_m_s[0], speed_m_s[1]))
+
+
+def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:
+    """Which sensors a record has, and their signals (c, samples) at RATE_Hz. RecognitionError where it has none of the
+    plate's sensors, a value that is not finite, or too low a rate."""
+    names = [f"acc_{name}_m_s2" for name in plate.sensor_names]
+    here = [k for k, name in enumerate(names) if name in table.columns]
+    rods = [k for k in range(len(plate.rod_force_N_m)) if f"rod_{k + 1}_N" in table.columns]
+    if "t_s" not in table.columns or not here:
+        raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
+    rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s")
+    if rate_Hz < RATE_Hz * (1 - 1e-3):
+        raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}")
+    columns = [names[k] for k in here] + [f"rod_{k + 1}_N" for k in rods]
+    rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < 1e-3 else round(rate_Hz)
+    records = [Record(numbers(table, name, source), rate_Hz, name=f"{source}: {name}") for name in columns]
+    if rate_Hz != RATE_Hz:
+        records = [resample(record, RATE_Hz) for record in records]
+    return Channels(tuple(here), tuple(rods)), np.array([record.values for record in records])
+
+
+def _write(table: pd.DataFrame, file: Path) -> None:
+    with written_whole(file) as beside:
+        write_parquet(table, beside)
