@@ -31,7 +31,7 @@ class Surface:
         self.file.write_text("\n".join([self.outside, *rows]) + "\n")
 
     def weights(self, axis):
-        """Of the patch about `axis`, centred by the least change of a linear factor, as docs/contact.md has them."""
+        """Of the patch about `axis` by the formula of docs/contact.md: a linear factor centres them."""
         rho = self.place - np.outer(self.place @ axis, axis)
         inside = 1 - (rho**2).sum(axis=1) / self.law[2] ** 2
         w = np.where((self.is_surface == 1) & (self.place @ axis > 0) & (inside > 0), self.radius**2 * inside, 0)
@@ -116,7 +116,6 @@ def test_a_stone_with_a_heavy_side_is_pushed_along_the_axis_of_its_surface(tmp_p
     deck, surface = deck_of(tmp_path, scene)
     heavy = surface.place[:, 0] > 0
     surface.mass[heavy] *= 3
-    surface.rows[:, 4] = surface.mass
     surface.write()
     head, atoms = (deck / "atoms.data").read_text().split("Atoms\n\n")
     rows = [line.split() for line in atoms.splitlines()]

@@ -64,7 +64,7 @@ def test_a_plate_that_is_not_square_moves_under_the_stone_as_its_shape_says(tmp_
     y_m, per_m, speed, length_m, width_m = 0.08, 10.0, 3.0, 0.5, 0.22
     scene = changed("elastic_plate", {"stones.positions": [{"x_m": 0.1, "y_m": y_m}], "time.gravity_m_s2": None,
                                       "plate.length_m": length_m, "plate.width_m": width_m, "plate.sensors": None,
-                                      "plate.rods": None, "time.duration_s": 6e-4, "time.sample_interval_s": 6e-5})
+                                      "plate.rods": None, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 6e-4, "time.sample_interval_s": 6e-5})
     found = run_on(plate_that_moves(per_m, length_m, width_m), tmp_path / "run", scene)
     m, there = hertz("gangue")["mass_kg"], PLATE_kg / (per_m * y_m) ** 2
     assert found["rebound_speed_m_s"][0] == pytest.approx(speed * (there - m) / (there + m), rel=0.005)
@@ -76,7 +76,7 @@ def test_between_messages_the_plate_moves_with_its_acceleration(tmp_path, monkey
     and its approach d: 2/5 K d^(5/2) = m a (g + d) at the deepest."""
     rise_m_s2, gap_m = 4e4, 6e-5
     scene = changed("elastic_plate", {
-        "stones.speed_m_s": 1e-6, "stones.gap_m": gap_m, "time.gravity_m_s2": None, "plate.sensors": None, "plate.rods": None,
+        "stones.speed_m_s": 1e-6, "stones.gap_m": gap_m, "time.gravity_m_s2": None, "plate.sensors": None, "plate.rods": None, "plate.max_frequency_Hz": 2000.0,
         "time.time_step_s": 1e-7, "time.co_step": 400, "time.duration_s": 4e-4, "time.sample_interval_s": 4e-4})
     model = prepare(scene, "piston", user_cache())
     model.modes = plate_that_moves()
