@@ -3,7 +3,7 @@
     from analysis import as_record, signal_features
     parameters = signal_features(as_record(acceleration, rate_Hz=6667.0, unit="m/s^2"))
 
-Needs neither LIGGGHTS nor a simulation. Plotting lives in `report.figures.style`.
+Needs neither LIGGGHTS nor a simulation. Plotting lives in `report.drawing.style`.
 """
 
 from typing import TYPE_CHECKING

@@ -11,9 +11,9 @@ import numpy as np
 
 from analysis.features import BASE_PARAMETERS
 from report.film.packing import pack_text
-from report.results.methods import MODEL_METHODS
-from report.results.missing import MISSING_RESULT
-from report.results.sweep_results import SweepResults
+from report.missing import MISSING_RESULT
+from report.recognition.methods import MODEL_METHODS
+from report.sweep_results import SweepResults
 
 #: A space at which "3 of 11" does not break into two lines.
 NO_BREAK = "\u00a0"

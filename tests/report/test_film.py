@@ -8,12 +8,12 @@ import pytest
 
 from analysis import read_run
 from dem.run.vtk_file import Mesh, VtuWriter
+from report.drawing.envelope import envelope
 from report.film.packing import OUTSIDE, pack_moving, quantised, unpack_moving
 from report.film.pictures import SERIES, Instant, choose, instants, read_film
 from report.film.reel import QUANTUM_M, pack_run
 from report.film.vtu_file import read_arrays
-from report.results.envelope import envelope
-from report.results.missing import MissingResult
+from report.missing import MissingResult
 from tests.analysis.synthetic import write_run
 from tests.report.synthetic_view import T_S, centre_m, write_view
 
