@@ -182,7 +182,7 @@ def table_hash(
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
     points = np.asarray(residual_points_m, float).tolist()
-    return key_of(Path(__file__).parent, table, points, residual_rods)
+    return key_of(Path(__file__), table, points, residual_rods)
 
 
 def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, sp.csc_array]:

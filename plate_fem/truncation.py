@@ -45,7 +45,7 @@ def _pulse_share() -> tuple[np.ndarray, np.ndarray]:
     def find() -> dict[str, np.ndarray]:
         return dict(zip(("cut_off", "share"), _found_pulse_share(), strict=True))
 
-    kept = cached(user_cache(), "pulse", key_of(Path(__file__).parent), find)
+    kept = cached(user_cache(), "pulse", key_of(Path(__file__)), find)
     return kept["cut_off"], kept["share"]
 
 

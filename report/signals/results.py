@@ -52,7 +52,7 @@ class SignalResults:
     def rule_costs(self) -> list[RuleCost]:
         """Error and time of the EMD stopping rules, on a signal whose modes are known and not on the runs. They are
         measured once with this code and these libraries, and kept in the user's cache."""
-        kept = cached(user_cache(), "rules", key_of(Path(emd_rules.__file__).parent, RULE_SAMPLES), _rule_costs)
+        kept = cached(user_cache(), "rules", key_of(Path(emd_rules.__file__), RULE_SAMPLES), _rule_costs)
         return [RuleCost(**json.loads(text)) for text in kept["costs"].tolist()]
 
 
