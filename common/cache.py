@@ -52,16 +52,12 @@ def key_of(code: Path, *inputs: Any) -> str:
     the number of threads of linear algebra, since round-off differs between them.
     """
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or os.cpu_count()
-    text = f"{_text_hash(code)} {np.__version__} {scipy.__version__} {platform.machine()} {threads} {inputs!r}"
+    content = hashlib.sha256(b"".join(text for _, text in sorted(used_modules(code).items())))
+    text = f"{content.hexdigest()} {np.__version__} {scipy.__version__} {platform.machine()} {threads} {inputs!r}"
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 @cache
-def _text_hash(code: Path) -> str:
-    texts = used_modules(code)
-    return hashlib.sha256(b"".join(texts[file] for file in sorted(texts))).hexdigest()
-
-
 def used_modules(code: Path) -> dict[Path, bytes]:
     """Return files and texts of a module and all that it imports of these packages, late or through others. A pattern
     finds them in a tenth of the time that a parser takes."""

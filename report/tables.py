@@ -12,7 +12,7 @@ import numpy as np
 from analysis.features import BASE_PARAMETERS
 from report.film.packing import pack_text
 from report.missing import MISSING_RESULT
-from report.recognition.methods import MODEL_METHODS
+from report.recognition.results import MODEL_METHODS
 from report.sweep_results import SweepResults
 
 #: A space at which "3 of 11" does not break into two lines.

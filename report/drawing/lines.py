@@ -1,4 +1,4 @@
-"""Figures of two kinds that many chapters use: curves over time, and values against the mixing ratio."""
+"""What many chapters draw: curves over time, thinned to what a screen can show, and values against the mixing ratio."""
 
 from __future__ import annotations
 
@@ -49,3 +49,18 @@ def against_ratio(ratios: np.ndarray, panels: list[tuple[str, dict[str, np.ndarr
     for axis in axes[max(0, len(panels) - 2) : len(panels)]:
         axis.set_xlabel(RATIO_LABEL)
     return figure
+
+
+def envelope(t_s: np.ndarray, values: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a curve thinned to about `points` points that keeps every extreme wide enough to be seen.
+
+    t_s, values: shape (samples,). Of each of points/2 stretches the least and the largest value remain, in their order.
+    """
+    bins = points // 2
+    if t_s.size <= points:
+        return t_s, values
+    edges = np.linspace(0, t_s.size, bins + 1).astype(int)
+    low = np.array([a + int(np.argmin(values[a:b])) for a, b in zip(edges, edges[1:], strict=False)])
+    high = np.array([a + int(np.argmax(values[a:b])) for a, b in zip(edges, edges[1:], strict=False)])
+    chosen = np.unique(np.concatenate([[0], low, high, [t_s.size - 1]]))
+    return t_s[chosen], values[chosen]

@@ -12,7 +12,7 @@ from analysis import Run
 from analysis.breakage import Network
 from common.plate import wall_box_m
 from common.run_summary import RecordedPlate
-from report.drawing.envelope import envelope
+from report.drawing.lines import envelope
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
 from report.film.pictures import SERIES, Film, Series, choose, instants, read_film
 from report.missing import MissingResult

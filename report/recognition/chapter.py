@@ -7,8 +7,7 @@ import numpy as np
 from report.drawing.figure_spec import Drawn, FigureSpec
 from report.drawing.lines import curves
 from report.recognition import figures
-from report.recognition.methods import FUSION_Q, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
-from report.recognition.results import HELD_OUT
+from report.recognition.results import FUSION_Q, HELD_OUT, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
 from report.sweep_results import SweepResults
 
 RESPONSE_LABELS = {

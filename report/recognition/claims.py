@@ -6,8 +6,7 @@ import numpy as np
 
 from analysis.runs import RESPONSES
 from report.missing import MissingResult
-from report.recognition.methods import FUSION_Q, FUSION_WORDS
-from report.recognition.results import HELD_OUT
+from report.recognition.results import FUSION_Q, FUSION_WORDS, HELD_OUT
 from report.sweep_results import SweepResults
 from report.trends import fluctuation, overlap, separation, spearman, stratification, travel
 from report.verdicts import (

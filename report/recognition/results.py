@@ -21,8 +21,21 @@ from recognition.paper.kalman import kalman_filter
 from recognition.paper.least_squares import PolynomialFit, fit_polynomial
 from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.q_parameter import FusionQ
-from report.recognition.methods import FUSION_MODIFIED, FUSION_Q, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
 from report.signals.results import SignalResults
+
+#: The three methods of the paper.
+FUSION_Q = "fusion_q"
+FUSION_AS_PUBLISHED = "energy_fusion_as_published"
+FUSION_MODIFIED = "energy_fusion_modified"
+
+#: The paper's energy fusion in a few words, for the statement that compares it with Q.
+FUSION_WORDS = {FUSION_AS_PUBLISHED: "as published", FUSION_MODIFIED: "modified"}
+
+#: {name: as a reader sees it}, in order.
+MODEL_METHODS = {name: entry.title for name, entry in METHODS.items()}
+
+#: Methods of a model that give an interval; the first that answers opens the report.
+MODEL_METHODS_WITH_INTERVAL = tuple(name for name, entry in METHODS.items() if entry.gives_interval)
 
 #: How the model that answers was trained. "Held out": on all other ratios.
 TRAINED_ON_ALL, HELD_OUT = "trained on all", "that ratio held out"

@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError, Run
-from report.drawing.envelope import envelope
 from report.drawing.figure_spec import Drawn, FigureSpec
-from report.drawing.lines import against_ratio, curves
+from report.drawing.lines import against_ratio, curves, envelope
 from report.drawing.style import COAL, GANGUE, ratio_colour
 from report.missing import MissingResult
 from report.response import figures

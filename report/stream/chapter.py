@@ -7,8 +7,8 @@ import pandas as pd
 
 from analysis import RecordError
 from analysis.stream import true_ratio
-from report.drawing.envelope import envelope
 from report.drawing.figure_spec import Drawn, FigureSpec
+from report.drawing.lines import envelope
 from report.stream import figures
 from report.stream.results import StreamResults
 

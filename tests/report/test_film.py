@@ -8,7 +8,7 @@ import pytest
 
 from analysis import read_run
 from dem.run.vtk_file import Mesh, VtuWriter
-from report.drawing.envelope import envelope
+from report.drawing.lines import envelope
 from report.film.packing import OUTSIDE, pack_moving, quantised, unpack_moving
 from report.film.pictures import SERIES, Instant, choose, instants, read_film
 from report.film.reel import QUANTUM_M, pack_run
