@@ -37,7 +37,7 @@ def test_examples_in_python(code, tmp_path, monkeypatch):
     assert "assert " in code  # each example says what comes of it
     monkeypatch.chdir(ROOT)
     names = {}
-    if "runs" in code:
+    if "runs" in code or "sweep" in code:
         names["sweep"] = read_sweep(write_sweep(tmp_path / "runs"))
         names["runs"] = names["sweep"].runs
     exec(compile(code, "docs/extending.md", "exec"), names)  # noqa: S102  our own page
