@@ -17,6 +17,7 @@ import pandas as pd
 
 from analysis.readers import read_table
 from analysis.records import Record, RecordError, sample_rate_Hz
+from common.channels import RESPONSES
 from common.files import read_json
 from common.run_summary import RecordedScene, RunSummary, summary_from
 from common.tables import InputError
@@ -24,9 +25,6 @@ from common.units import unit_of
 
 #: The eleven ratios of the paper.
 PAPER_RATIOS = tuple(round(0.1 * step, 1) for step in range(11))
-
-#: The six responses of the plate that the paper filters and fuses (Section V-B).
-RESPONSES = ("u_m", "v_m_s", "a_m_s2", "kinetic_J", "internal_J", "total_J")
 
 BREAKAGE_COLUMNS = ("t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2")
 

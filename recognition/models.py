@@ -18,6 +18,7 @@ import pandas as pd
 
 from analysis.features import BASE_PARAMETERS
 from analysis.runs import Run
+from common.channels import ACCELEROMETERS
 from common.files import is_sealed, seal, write_text
 from common.processes import side_by_side
 from common.tables import InputError, refuse_unreadable
@@ -156,7 +157,7 @@ class Model:
 
 def _accelerations(signals: pd.DataFrame) -> tuple[list[str], Floats]:
     """Names and values (s, n)."""
-    names = [name for name in signals.columns if name.startswith("acc_")]
+    names = [name for name in signals.columns if name.startswith(ACCELEROMETERS)]
     return names, signals[names].to_numpy(dtype=float).T
 
 

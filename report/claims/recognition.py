@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.runs import RESPONSES
+from common.channels import RESPONSES
 from report.claims.trends import fluctuation, overlap, separation, spearman, stratification, travel
 from report.claims.verdicts import (
     HELD,
