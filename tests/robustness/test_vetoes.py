@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from recognition.regression.feature_regression import FeatureRegression
+from lab.recognition.baselines import EVALUATED
 
 IMPACTS = Path(__file__).resolve().parents[1] / "recognition" / "data" / "impacts.parquet"
 METHODS = ("impulse", "energies_sensors")
@@ -21,7 +21,7 @@ def test_good_records_are_seldom_vetoed_and_those_of_another_plate_always():
     good = ~np.char.startswith(groups, "thin_plate")
     vetoed = np.zeros((len(METHODS), len(groups)), bool)
     for row, name in zip(vetoed, METHODS, strict=True):
-        method = FeatureRegression(name)
+        method = EVALUATED[name].make()
         features = np.stack([method.prepare(table) for table in signals])
         tests = [(good & (groups != group), groups == group) for group in np.unique(groups[good])]
         for train, test in chain(tests, [(good, ~good)]):
