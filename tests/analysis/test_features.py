@@ -2,8 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from analysis import RecordError, as_record, base_parameters, signal_features
 from analysis.features import BASE_PARAMETERS, FEATURES, time_features
