@@ -40,6 +40,12 @@ class Decomposition:
     """The m IMFs (m, n) of a record, finest first, and the residue (n,), in the unit of the record.
 
     Their sum is the record. `extrema` names how PyEMD took the extrema, "parabol" or "simple".
+
+    >>> import numpy as np
+    >>> from analysis import Record, decompose
+    >>> found = decompose(Record(np.sin(np.arange(400.0)) + 0.01 * np.arange(400.0), rate_Hz=1000.0))
+    >>> bool(np.allclose(found.imfs.sum(axis=0) + found.residue, found.record.values))
+    True
     """
 
     imfs: np.ndarray
@@ -58,6 +64,13 @@ def decompose(record: Record, rule: str = DEFAULT_RULE) -> Decomposition:
     """Decompose a record into intrinsic mode functions.
 
     Raises RecordError for an unknown rule or a constant record.
+
+    >>> import numpy as np
+    >>> from analysis import Record, decompose
+    >>> fast, slow = np.sin(2 * np.pi * 90 * np.arange(1000) / 1e3), np.sin(2 * np.pi * 5 * np.arange(1000) / 1e3)
+    >>> imf = decompose(Record(fast + slow, rate_Hz=1000.0)).imfs[0]
+    >>> bool(abs(imf - fast)[100:-100].max() < 0.05)
+    True
     """
     from analysis.sifting import LeanEMD  # late: PyEMD is slow to import
 

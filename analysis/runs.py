@@ -32,7 +32,13 @@ BREAKAGE_COLUMNS = ("t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_P
 @dataclass(frozen=True)
 class Run:
     """One finished run. `info` is its run.json as it stands, `signals` signals.parquet; the larger tables are read when
-    asked for."""
+    asked for.
+
+    >>> from analysis import read_run
+    >>> run = read_run("runs/paper/ratio_030")
+    >>> run.gangue_ratio, run.materials.count("gangue"), run.record("force_N").unit
+    (0.3, 3, 'N')
+    """
 
     path: Path
     info: dict[str, Any]
@@ -116,7 +122,12 @@ class Run:
 
 
 def read_run(path: str | Path) -> Run:
-    """Read a run directory. RecordError if it is not one, or not of a finished run."""
+    """Read a run directory. RecordError if it is not one, or not of a finished run.
+
+    >>> from analysis import read_run
+    >>> read_run("runs/paper/ratio_030").signals[["t_s", "force_N"]].shape
+    (267, 2)
+    """
     path = Path(path)
     info = _read_info(path)
     if info.get("status") != "finished":
@@ -149,7 +160,12 @@ def _summary(info: dict[str, Any], path: Path) -> RunSummary:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Runs in order of their ratio, the ratios that are missing, and what was passed over and why."""
+    """Runs in order of their ratio, the ratios that are missing, and what was passed over and why.
+
+    >>> from analysis import read_sweep
+    >>> read_sweep("runs/paper").stack("a_m_s2").shape
+    (11, 267)
+    """
 
     path: Path
     runs: list[Run]
@@ -180,6 +196,11 @@ def read_sweep(path: str | Path, expected: tuple[float, ...] = PAPER_RATIOS) -> 
 
     Ratios of `expected` without a run are listed as missing; directories that are no
     finished run are passed over and named. RecordError if no run is left.
+
+    >>> from analysis import read_sweep
+    >>> sweep = read_sweep("runs/paper")
+    >>> sweep.missing, float(sweep.ratios[3])
+    ([], 0.3)
     """
     path = Path(path)
     if not path.is_dir():

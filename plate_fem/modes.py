@@ -44,6 +44,12 @@ class PlateModes:
     n_residual: how many modes, the last ones, stand for the compliance of those left out (plate_fem/residual.py).
     lateral (n_nodes, 2, n): displacement of the top surface along x and y at the nodes, of a plate that can sway; no
         rows of one that cannot.
+
+    >>> from common.plate import read_plate
+    >>> from plate_fem import plate_modes
+    >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
+    >>> modes.shape_at([[0.0, 0.17]]).shape == (1, modes.frequency_Hz.size)
+    True
     """
 
     frequency_Hz: np.ndarray
@@ -145,6 +151,16 @@ def plate_modes(
     anywhere.
     Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
     table with too many cells or modes, or whose numbers are so extreme that they cannot be found.
+
+    >>> import numpy as np
+    >>> from common.plate import FlexiblePlate
+    >>> from plate_fem import plate_modes
+    >>> plate = FlexiblePlate(model="flexible", length_m=0.5, width_m=0.5, thickness_m=0.002, density_kg_m3=7830.0,
+    ...     youngs_modulus_Pa=2.07e11, poisson_ratio=0.3, damping_ratio=0.01, edges="simply_supported", max_frequency_Hz=50.0)
+    >>> stiffness_N_m, mass_kg_m2 = 2.07e11 * 0.002**3 / 12 / (1 - 0.3**2), 7830.0 * 0.002
+    >>> exact_Hz = np.pi / 2 * 2 / 0.5**2 * np.sqrt(stiffness_N_m / mass_kg_m2)
+    >>> bool(abs(plate_modes(plate).frequency_Hz[0] / exact_Hz - 1) < 1e-3)
+    True
     """
     refuse_too_many_modes(plate, MODES_AT_MOST)
     points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))

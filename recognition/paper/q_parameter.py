@@ -34,6 +34,14 @@ class FusionQ(RatioEstimator):
     (`recognition.estimation.method`).
 
     X has the shape (runs, p): `prepare` of each run's signals.
+
+    >>> import numpy as np
+    >>> from analysis import read_sweep
+    >>> from recognition import FusionQ
+    >>> sweep, method = read_sweep("runs/paper"), FusionQ()
+    >>> X = np.stack([method.prepare(run.signals) for run in sweep.runs])
+    >>> abs(float(method.fit(X, sweep.ratios).predict(X[3:4])[0]) - 0.3) < 0.1
+    True
     """
 
     scaler_: MinMaxByTrend = field(init=False, repr=False)

@@ -61,6 +61,13 @@ class Strategy(BaseEstimator):
 
     rule: how moments get their functions. xi: available coefficient, on the scale of QQ
     (0..1); the paper gives no value. least_share: of usable points, 0..1. judge: of JUDGES.
+
+    >>> import numpy as np
+    >>> from recognition import Rule, Strategy
+    >>> ratios = np.linspace(0, 1, 6)
+    >>> curves = np.column_stack([ratios, 0.5 + 0.5 * ratios])
+    >>> Strategy(Rule(degree=1)).fit(curves, ratios).predict([0.3, 0.65]).round(6).tolist()
+    [0.3]
     """
 
     rule: Rule = field(default_factory=Rule)

@@ -39,6 +39,11 @@ class PlateModel:
     ratio and to the rms of its shape over the plate. Zero: taken to be exact.
     max_frequency_Hz: no mode up to here is missing.
     Raises RecognitionError for arrays that do not fit each other, are not finite or have the wrong sign.
+
+    >>> from recognition import PlateModel
+    >>> plate = PlateModel.from_scene("scenes/small.toml", max_frequency_Hz=500.0)
+    >>> plate.response([[100.0, 100.0]], [[0.1, 0.0]], sample_rate_Hz=20_000.0).shape  # of four sensors, m/s^2
+    (4, 2)
     """
 
     frequency_Hz: Floats

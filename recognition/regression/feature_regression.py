@@ -27,7 +27,13 @@ from recognition.regression.ratio_law import DISTANCES
 @dataclass
 class FeatureRegression(RecordEstimator):
     """A Gaussian process on one of FEATURES, of samples or sensors, taken of all accelerometers, with intervals by
-    `GroupConformal`; X has the shape (runs, 2, p)."""
+    `GroupConformal`; X has the shape (runs, 2, p).
+
+    >>> from analysis import read_run
+    >>> from recognition import FeatureRegression
+    >>> FeatureRegression("energies_sensors").prepare(read_run("runs/paper/ratio_030").signals).shape
+    (2, 8)
+    """
 
     features: str
     model_: ProcessModel = field(init=False, repr=False)
