@@ -2,14 +2,12 @@ from analysis.emd import Decomposition as Decomposition, decompose as decompose
 from analysis.features import (
     FEATURES as FEATURES,
     Feature as Feature,
-    Formula as Formula,
     base_parameters as base_parameters,
     signal_features as signal_features,
 )
 from analysis.hilbert import (
     HilbertSpectrum as HilbertSpectrum,
     MarginalSpectrum as MarginalSpectrum,
-    analytic_signal as analytic_signal,
     hilbert_spectrum as hilbert_spectrum,
     instantaneous as instantaneous,
     marginal_spectrum as marginal_spectrum,

@@ -114,12 +114,7 @@ def _marginal_energy(decomposition: Decomposition) -> float:
 class Formula:
     """How a feature is computed: a function that takes the "samples" (n,) of a record, its "imfs", a Decomposition, or
     the signals (m, n) of several "sensors"; the power of the signal's unit that it carries; and its place from 1 among
-    the base parameters of Q, 0 if it is none. A function of IMFs or sensors may return an array.
-
-    >>> from analysis import FEATURES
-    >>> FEATURES["variance"].power, FEATURES["variance"].function([1.0, 3.0])
-    (2, 1.0)
-    """
+    the base parameters of Q, 0 if it is none. A function of IMFs or sensors may return an array."""
 
     function: Callable[[Any], Any]
     power: int = 0
@@ -157,7 +152,6 @@ BASE_PARAMETERS = sorted((name for name, formula in FEATURES.items() if formula.
 class Feature:
     """One parameter of a record.
 
-    >>> from analysis import Record, signal_features
     >>> signal_features(Record([0.0, 1.0, 0.0, -1.0] * 9, rate_Hz=100.0, unit="m/s^2"))["peak_to_peak"]
     Feature(name='peak_to_peak', value=2.0, unit='m/s^2')
     """
@@ -215,7 +209,6 @@ def signal_features(record: Record) -> dict[str, Feature]:
 
     Raises RecordError for a record of constant value, or samples too large or too small for a parameter.
 
-    >>> from analysis import Record, signal_features
     >>> signal_features(Record([1.0, -1.0] * 50, rate_Hz=100.0))["waveform_index"].value
     1.0
     """
@@ -233,7 +226,6 @@ def signal_features(record: Record) -> dict[str, Feature]:
 def base_parameters(record: Record) -> np.ndarray:
     """Return the eight parameters of Q (Eq. 40) in the order of BASE_PARAMETERS. Raises as `signal_features`.
 
-    >>> from analysis import base_parameters, read_run
     >>> base_parameters(read_run("runs/paper/ratio_030").record("a_m_s2")).shape
     (8,)
     """

@@ -26,7 +26,6 @@ class HilbertSpectrum:
 
     It is the mean over a cell of the sum over the IMFs of a.
 
-    >>> from analysis import decompose, hilbert_spectrum, read_record
     >>> spectrum = hilbert_spectrum(decompose(read_record("runs/paper/ratio_030")), times=50)
     >>> spectrum.amplitude.shape == (spectrum.edges_Hz.size - 1, 50)
     True
@@ -44,8 +43,6 @@ class MarginalSpectrum:
     `left_out` is the share of the integral at frequencies outside the bins: an instantaneous frequency may be negative
     where an IMF is not symmetric.
 
-    >>> import numpy as np
-    >>> from analysis import MarginalSpectrum
     >>> MarginalSpectrum(np.array([0.0, 25.0, 50.0]), np.array([0.1, 0.3]), "amplitude", left_out=0.0).total
     10.0
     """
@@ -68,12 +65,7 @@ class MarginalSpectrum:
 
 def analytic_signal(values: np.ndarray) -> np.ndarray:
     """Return c + i H[c] (n,) of a signal c (n,): its Fourier series without the negative frequencies, twice. It is
-    scipy.signal.hilbert, whose module takes longer to import than a short record to analyse.
-
-    >>> from analysis import analytic_signal
-    >>> abs(analytic_signal([1.0, 0.0, -1.0, 0.0])).tolist()
-    [1.0, 1.0, 1.0, 1.0]
-    """
+    scipy.signal.hilbert, whose module takes longer to import than a short record to analyse."""
     n = len(values)
     spectrum = fft(values)
     spectrum[1 : (n + 1) // 2] *= 2
@@ -86,8 +78,6 @@ def instantaneous(imf: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarr
 
     The frequency is the central difference of the unwrapped phase, one-sided at the ends.
 
-    >>> import numpy as np
-    >>> from analysis import instantaneous
     >>> amplitude, frequency_Hz = instantaneous(2 * np.cos(2 * np.pi * 50 * np.arange(1000) / 1e3), rate_Hz=1000.0)
     >>> round(float(amplitude[500]), 6), round(float(frequency_Hz[500]), 6)
     (2.0, 50.0)
@@ -114,8 +104,6 @@ def marginal_spectrum(
     The kind is "amplitude" (integral of a) or "energy" (integral of a^2). The last bin reaches past half the sample
     rate if the width does not divide it. Raises RecordError for another kind, or a width not > 0.
 
-    >>> import numpy as np
-    >>> from analysis import Record, decompose, marginal_spectrum
     >>> spectrum = marginal_spectrum(decompose(Record(np.cos(2 * np.pi * 60 * np.arange(1000) / 1e3), rate_Hz=1000.0)))
     >>> float(spectrum.centres_Hz[spectrum.density.argmax()])
     62.5
@@ -141,8 +129,6 @@ def hilbert_spectrum(
 ) -> HilbertSpectrum:
     """Return the Hilbert spectrum on equal cells of frequency and time. Raises RecordError for a width <= 0.
 
-    >>> import numpy as np
-    >>> from analysis import Record, decompose, hilbert_spectrum
     >>> record = Record(np.cos(2 * np.pi * 70 * np.arange(1000) / 1e3), rate_Hz=1000.0)
     >>> spectrum = hilbert_spectrum(decompose(record), bin_width_Hz=20.0, times=4)
     >>> spectrum.amplitude.argmax(axis=0).tolist()  # the bin of 60 to 80 Hz at each time

@@ -53,7 +53,6 @@ def read_record(
     scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples.
     Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
 
-    >>> from analysis import read_record
     >>> record = read_record("runs/paper/ratio_030", column="acc_A_m_s2", scale=1000.0, unit="mm/s^2")
     >>> record.values.size, record.unit
     (267, 'mm/s^2')

@@ -29,7 +29,6 @@ LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from 
 class RecordError(CommandError, ValueError):
     """A record cannot be used. The message is one line: file, key, value, what is allowed.
 
-    >>> from analysis import Record
     >>> Record([1.0, float("nan")], rate_Hz=1000.0)
     Traceback (most recent call last):
     analysis.records.RecordError: signal: sample 1 is nan; every sample must be finite
@@ -44,7 +43,6 @@ class Record:
 
     Raises RecordError for values of another shape or not finite, and for a sample rate that is not positive.
 
-    >>> from analysis import Record
     >>> Record([0.0, 2.0, 1.0], rate_Hz=1000.0, unit="m/s^2").t_s.tolist()
     [0.0, 0.001, 0.002]
     """
@@ -58,9 +56,7 @@ class Record:
     def __post_init__(self) -> None:
         values = np.asarray(self.values, dtype=float)
         if values.ndim != 1 or values.size < 2:
-            raise RecordError(
-                f"{self.name}: shape {values.shape}; needs one dimension and at least 2 samples"
-            )
+            raise RecordError(f"{self.name}: shape {values.shape}; needs one dimension and at least 2 samples")
         if not np.all(np.isfinite(values)):
             first = int(np.flatnonzero(~np.isfinite(values))[0])
             raise RecordError(f"{self.name}: sample {first} is {values[first]}; every sample must be finite")
@@ -119,7 +115,6 @@ def as_record(
     Raises RecordError for a missing rate, or one that differs from that of the record.
 
     >>> import pandas as pd
-    >>> from analysis import as_record
     >>> as_record(pd.Series([0.0, 2.0, 1.0], index=[0.0, 0.5, 1.0], name="a_m_s2")).rate_Hz
     2.0
     """

@@ -28,8 +28,6 @@ def resample(record: Record, rate_Hz: float, *, anti_alias: bool = True) -> Reco
     taken. Without it every k-th sample is kept, which needs a whole ratio of rates. Raises RecordError where the
     rates have no such ratio, or where there would be more than MAX_SAMPLES samples.
 
-    >>> import numpy as np
-    >>> from analysis import Record, resample
     >>> resample(Record(np.ones(300), rate_Hz=51_200.0), 20_000.0).values.size
     118
     """

@@ -34,7 +34,6 @@ class Run:
     """One finished run. `info` is its run.json as it stands, `signals` signals.parquet; the larger tables are read when
     asked for.
 
-    >>> from analysis import read_run
     >>> run = read_run("runs/paper/ratio_030")
     >>> run.gangue_ratio, run.materials.count("gangue"), run.record("force_N").unit
     (0.3, 3, 'N')
@@ -124,7 +123,6 @@ class Run:
 def read_run(path: str | Path) -> Run:
     """Read a run directory. RecordError if it is not one, or not of a finished run.
 
-    >>> from analysis import read_run
     >>> read_run("runs/paper/ratio_030").signals[["t_s", "force_N"]].shape
     (267, 2)
     """
@@ -162,7 +160,6 @@ def _summary(info: dict[str, Any], path: Path) -> RunSummary:
 class Sweep:
     """Runs in order of their ratio, the ratios that are missing, and what was passed over and why.
 
-    >>> from analysis import read_sweep
     >>> read_sweep("runs/paper").stack("a_m_s2").shape
     (11, 267)
     """
@@ -197,7 +194,6 @@ def read_sweep(path: str | Path, expected: tuple[float, ...] = PAPER_RATIOS) -> 
     Ratios of `expected` without a run are listed as missing; directories that are no
     finished run are passed over and named. RecordError if no run is left.
 
-    >>> from analysis import read_sweep
     >>> sweep = read_sweep("runs/paper")
     >>> sweep.missing, float(sweep.ratios[3])
     ([], 0.3)

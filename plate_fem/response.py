@@ -14,8 +14,6 @@ def pulse_response(modes: PlateModes, step_s: float, count: int) -> tuple[np.nda
     They are exact. Rows belong to the times 0, step_s, 2 step_s ...; units are those of `ModalMotion` per N kg^-1/2. At
     0 and at step_s, where the force jumps, the acceleration is the mean of both sides.
 
-    >>> from common.plate import read_plate
-    >>> from plate_fem import plate_modes, pulse_response
     >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
     >>> amplitude, rate, acceleration = pulse_response(modes, step_s=1e-4, count=200)
     >>> amplitude.shape == (200, modes.frequency_Hz.size)

@@ -15,9 +15,6 @@ def surface_stress(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
 
     The bottom has the opposite sign. The local stress under a contact is not included.
 
-    >>> import numpy as np
-    >>> from common.plate import read_plate
-    >>> from plate_fem import plate_modes, surface_stress
     >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
     >>> surface_stress(modes, np.ones(modes.frequency_Hz.size)).shape == (len(modes.node_m), 3)
     True
@@ -28,8 +25,6 @@ def surface_stress(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
 def von_mises(stress: np.ndarray) -> np.ndarray:
     """Return the von Mises stress (...,) of plane stress (..., 3) with columns sx, sy, txy.
 
-    >>> import numpy as np
-    >>> from plate_fem import von_mises
     >>> von_mises(np.array([[2e6, 0.0, 0.0], [1e6, 1e6, 0.0]])).tolist()  # along one axis, and along both
     [2000000.0, 1000000.0]
     """

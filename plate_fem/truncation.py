@@ -21,7 +21,6 @@ def energy_left_out(max_frequency_Hz: float, contact_time_s: float) -> float:
 
     It holds for an undamped Hertz contact that lasts contact_time_s, to first order in the plate's motion.
 
-    >>> from plate_fem import energy_left_out
     >>> f"{energy_left_out(max_frequency_Hz=10e3, contact_time_s=2e-4):.1e}"
     '9.4e-04'
     """
@@ -32,7 +31,6 @@ def energy_left_out(max_frequency_Hz: float, contact_time_s: float) -> float:
 def frequency_for(tolerance: float, contact_time_s: float) -> float:
     """Return the lowest max_frequency_Hz at which `energy_left_out` is at most `tolerance` (1e-6 to 0.5).
 
-    >>> from plate_fem import energy_left_out, frequency_for
     >>> f"{energy_left_out(frequency_for(0.01, contact_time_s=2e-4), contact_time_s=2e-4):.3f}"
     '0.010'
     """

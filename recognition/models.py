@@ -46,8 +46,6 @@ class Model:
     provenance: origin of the runs, conditions that varied, and the number of draws in `groups`; left_out: methods that
     the runs do not allow, and why.
 
-    >>> from analysis import read_sweep
-    >>> from recognition import Model
     >>> runs = read_sweep("runs/paper").runs
     >>> answer = Model.fit(runs[::2]).recognise(runs[3].signals)["energy_fusion_modified"]
     >>> abs(answer.ratio - 0.3) < 0.05
@@ -181,8 +179,6 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, Answer]]:
     Returns one dict per run, as of `Model.recognise`. The ends (0 and 100 %) are then outside
     the training ratios: the answer is an extrapolation.
 
-    >>> from analysis import read_sweep
-    >>> from recognition import leave_one_out
     >>> answers = leave_one_out(read_sweep("runs/paper").runs[::2])
     >>> abs(answers[2]["energy_fusion_modified"].ratio - 0.4) < 0.05
     True

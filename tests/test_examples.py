@@ -1,6 +1,7 @@
 """Public names of the packages, and the examples in their docstrings, which run where scenes/ and runs/paper are."""
 
 import doctest
+import re
 from importlib import import_module
 from pathlib import Path
 
@@ -20,6 +21,16 @@ def here(tmp_path_factory):
     return directory
 
 
+@pytest.fixture(scope="module")
+def start():
+    """What is known after the lines that docs/from_python.md gives for the examples."""
+    text = (ROOT / "docs" / "from_python.md").read_text()
+    (lines,) = re.findall(r"Examples in docstrings .*?```python\n(.*?)```", text, re.DOTALL)
+    names = {}
+    exec(lines, names)  # noqa: S102  our own page
+    return names
+
+
 @pytest.mark.parametrize("package", [*PACKAGES, "dem"])
 def test_a_package_shows_what_it_exports(package):
     module = import_module(package)
@@ -32,8 +43,8 @@ def test_a_package_shows_what_it_exports(package):
 
 @pytest.mark.parametrize("package, name", [(package, name) for package in PACKAGES for name in dir(import_module(package))
                                            if not name.isupper()])
-def test_the_example_of_a_public_name_runs(package, name, here, monkeypatch):
+def test_the_example_of_a_public_name_runs(package, name, here, start, monkeypatch):
     monkeypatch.chdir(here)
-    (found,) = doctest.DocTestFinder(recurse=False).find(getattr(import_module(package), name), name, globs={})
+    (found,) = doctest.DocTestFinder(recurse=False).find(getattr(import_module(package), name), name, globs=dict(start))
     assert found.examples, f"{package}.{name} has no example"
     assert doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(found).failed == 0

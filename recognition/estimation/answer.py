@@ -25,7 +25,6 @@ class Answer:
     interval, NaN from a method without intervals. out_of_distribution: why the record is unlike those of the training,
     "" if it is not.
 
-    >>> from recognition import Answer
     >>> Answer(0.31, low=0.28, high=0.34).text
     '31.0 %, 90 % interval 28.0 to 34.0'
     """

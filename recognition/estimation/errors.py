@@ -6,7 +6,6 @@ from common.input_error import CommandError
 class RecognitionError(CommandError, ValueError):
     """A model cannot be fitted, loaded or applied. The message is one line.
 
-    >>> from recognition import Fusion
     >>> Fusion("sound").names
     Traceback (most recent call last):
     recognition.estimation.errors.RecognitionError: fusion 'sound'; choose one of energy, other, absolute, composite
@@ -18,7 +17,6 @@ class RecognitionError(CommandError, ValueError):
 class NotRecognised(RecognitionError):
     """A record has no answer under the rules of the method; the message says which rule.
 
-    >>> from recognition import NotRecognised, RecognitionError
     >>> issubclass(NotRecognised, RecognitionError)
     True
     """

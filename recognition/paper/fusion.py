@@ -40,9 +40,6 @@ def plate_response(signals: pd.DataFrame, name: str) -> Floats:
 class Fusion(BaseEstimator):
     """One of the four fusions: normalisation (41) fitted to training runs, then the Kalman filter.
 
-    >>> import numpy as np
-    >>> from analysis import read_sweep
-    >>> from recognition import Fusion
     >>> fusion = Fusion("energy")
     >>> responses = np.stack([fusion.prepare(run.signals) for run in read_sweep("runs/paper").runs])
     >>> fusion.fit(responses).transform(responses).shape

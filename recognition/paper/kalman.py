@@ -51,7 +51,6 @@ def gains(count: int, samples: int, process_to_measurement: float) -> Floats:
 def fuse(signals: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
     """Fuse m normalised responses into one estimate: shape (..., m, n) to (..., n).
 
-    >>> from recognition import fuse
     >>> fuse([[1.0, 1.0, 1.0], [3.0, 3.0, 3.0]]).tolist()
     [2.0, 2.0, 2.0]
     """
@@ -69,7 +68,6 @@ def fuse(signals: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT
 def kalman_filter(signal: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
     """Filter one response, shape (..., n); same unit and shape.
 
-    >>> from recognition import kalman_filter
     >>> kalman_filter([0.0, 1.0, 1.0]).round(3).tolist()
     [0.0, 0.524, 0.707]
     """

@@ -37,9 +37,6 @@ class FusionPipeline(RecordEstimator):
     fusion: which responses, and the filter (not fitted yet); strategy: function space and
     judge (not fitted yet). X has the shape (runs, m, n): `prepare` of each run's signals.
 
-    >>> import numpy as np
-    >>> from analysis import read_sweep
-    >>> from recognition import Fusion, FusionPipeline, Rule, Strategy
     >>> sweep = read_sweep("runs/paper")
     >>> pipeline = FusionPipeline(Fusion("energy"), Strategy(Rule(degree=2), judge="truncated"))
     >>> X = np.stack([pipeline.prepare(run.signals) for run in sweep.runs])

@@ -40,7 +40,6 @@ class PlateModel:
     max_frequency_Hz: no mode up to here is missing.
     Raises RecognitionError for arrays that do not fit each other, are not finite or have the wrong sign.
 
-    >>> from recognition import PlateModel
     >>> plate = PlateModel.from_scene("scenes/small.toml", max_frequency_Hz=500.0)
     >>> plate.response([[100.0, 100.0]], [[0.1, 0.0]], sample_rate_Hz=20_000.0).shape  # of four sensors, m/s^2
     (4, 2)
