@@ -151,7 +151,7 @@ def plate_modes(
     table with too many cells or modes, or whose numbers are so extreme that they cannot be found.
 
     >>> plate = FlexiblePlate(model="flexible", length_m=1.0, width_m=1.0, thickness_m=0.01, edges="simply_supported",
-    ...     density_kg_m3=7830.0, youngs_modulus_Pa=2.07e11, poisson_ratio=0.3, damping_ratio=0.0, max_frequency_Hz=60.0)
+    ...     density_kg_m3=7830.0, youngs_modulus_Pa=2.07e11, poisson_ratio=0.3, damping_ratio=0.0, max_frequency_Hz=60)
     >>> exact_Hz = np.pi * np.sqrt(2.07e11 * 0.01**2 / (12 * (1 - 0.3**2) * 7830.0))
     >>> bool(abs(plate_modes(plate).frequency_Hz[0] / exact_Hz - 1) < 2e-3)
     True

@@ -164,14 +164,13 @@ MATERIALS = TableSpec("table-1", "Elastic parameters (Table 1)", "", materials)
 EMD_RULES = TableSpec("table-rules", "Cost of the EMD stopping rules",
                       "Time and error of the first IMF, as in the figure; measured when this report was written.",
                       emd_rules)
-STANDARDISED = TableSpec("table-2", "Standardised parameters (Table 2)",
-                         "Standardised by Eq. 39; the direction of each parameter is that of these runs, not the paper's.",
-                         standardised)
+STANDARDISED = TableSpec("table-2", "Standardised parameters (Table 2)", (
+    "Standardised by Eq. 39; the direction of each parameter is that of these runs, not the paper's."), standardised)
 DEVIATIONS = TableSpec("table-3", "Q and its quadratic (Table 3)",
                        "The paper's differences reach from 0.006 to 0.046, to both sides.", deviations)
 RECOGNISED = TableSpec("table-recognised", "Recognised mixing ratio of each run",
                        "In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations.", recognised)
-ERRORS = TableSpec("table-errors", "Errors of recognition",
-                   "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method"
-                   " describes its own data. That ratio held out: trained on the other ratios.", errors)
+ERRORS = TableSpec("table-errors", "Errors of recognition", (
+    "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method"
+    " describes its own data. That ratio held out: trained on the other ratios."), errors)
 RUNS = TableSpec("table-runs", "Runs", "", runs)

@@ -41,8 +41,8 @@ def test_a_package_shows_what_it_exports(package):
         module.nothing  # noqa: B018
 
 
-@pytest.mark.parametrize("package, name", [(package, name) for package in PACKAGES for name in dir(import_module(package))
-                                           if not name.isupper()])
+@pytest.mark.parametrize("package, name", [
+    (package, name) for package in PACKAGES for name in dir(import_module(package)) if not name.isupper()])
 def test_the_example_of_a_public_name_runs(package, name, here, start, monkeypatch):
     monkeypatch.chdir(here)
     (found,) = doctest.DocTestFinder(recurse=False).find(getattr(import_module(package), name), name, globs=dict(start))
