@@ -27,11 +27,13 @@ WHOLE = ("Rod", "PointSupport", "Sensor", "StonePosition", "EachStone", "Footpri
 
 HEAD = """# Keys of a scene
 
-This page lists every key of a scene file, as `python -m common.scene_schema` writes it. Units are SI and stand in the name. "Paper" says
-what the [paper](../README.md) gives; other values are ours, and `scenes/paper.toml` says how each was chosen.
+This page lists every key of a scene file, as `python -m common.scene_schema` writes it. Units are SI and stand in the
+name. "Paper" says what the [paper](../README.md) gives; other values are ours, and `scenes/paper.toml` says how each
+was chosen.
 
-The first line of a scene, `#:schema ./scene.schema.json`, lets an editor with a TOML server complete, explain and check keys. Rules
-between keys are checked when the scene is read. `--set KEY=VALUE` of `run`, `deck` and `sweep` changes a key: `--set stones.count=6`.
+The first line of a scene, `#:schema ./scene.schema.json`, lets an editor with a TOML server complete, explain and check
+keys. Rules between keys are checked when the scene is read. `--set KEY=VALUE` of `run`, `deck` and `sweep` changes a
+key: `--set stones.count=6`.
 """
 
 

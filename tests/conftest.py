@@ -5,6 +5,7 @@ import shutil
 import signal
 import tempfile
 
+os.environ |= dict.fromkeys(("OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"), "1")  # as the Makefile does
 WORKER = "PYTEST_XDIST_WORKER" in os.environ  # which inherits the directory of the process that started it
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 TABLE = Path(__file__).with_name("mutants.toml")
-SOURCES = ("common", "dem", "plate_fem", "analysis", "recognition")
+SOURCES = ("common", "dem", "plate_fem", "analysis", "recognition", "lab")
 KEYS = {"name", "file", "original", "mutated", "tests", "harmless"}
 
 
@@ -35,7 +36,7 @@ class Mutant:
 
     def source(self, root: Path = ROOT) -> Path:
         """Raises TableError where no file, or more than one, has the name."""
-        return unique(self.file, [file for top in SOURCES for file in sorted((root / top).rglob("*.*"))])
+        return unique(self.file, [file for top in SOURCES for file in _files(root / top, "*.*")])
 
     def place(self, text: str) -> int:
         """Return where `original` begins in the text of the file. Raises TableError unless it is there exactly once."""
@@ -50,7 +51,7 @@ class Mutant:
 
     def test_files(self, root: Path = ROOT) -> list[Path]:
         """Raises TableError where one is missing or names none of the tests in it."""
-        return [unique(test.partition("::")[0], sorted((root / "tests").rglob("test_*.py"))) for test in self.tests]
+        return [unique(test.partition("::")[0], _files(root / "tests", "test_*.py")) for test in self.tests]
 
     def test_arguments(self, root: Path = ROOT) -> list[str]:
         """Return what pytest is told."""
@@ -59,9 +60,15 @@ class Mutant:
         return [f"{file}::{name}" if name else str(file) for file, name in zip(files, names, strict=True)]
 
 
+@cache
+def _files(directory: Path, pattern: str) -> list[Path]:
+    return sorted(directory.rglob(pattern))
+
+
 def unique(name: str, files: list[Path]) -> Path:
     """Return the file that has this name, or ends so. Raises TableError where there is none, or more than one."""
-    found = [file for file in files if f"/{file.as_posix()}".endswith(f"/{name}")]
+    last = name.rpartition("/")[2]
+    found = [file for file in files if file.name == last and file.as_posix().endswith(f"/{name}")]
     if len(found) != 1:
         raise TableError(f"{name}: {len(found)} files have this name, not one")
     return found[0]

@@ -29,7 +29,7 @@ class WeaveError(Exception):
 
 @dataclass(frozen=True)
 class Woven:
-    """A mutation of the engine, and where its original text stands in a file of dem/engine."""
+    """A mutation of the engine, and where its original text stands in `file`, a path below dem/engine."""
 
     mutant: Mutant
     file: str
@@ -57,7 +57,7 @@ def weaves(mutants: Sequence[Mutant]) -> list[list[Woven]]:
         if not mutant.is_of_engine:
             continue
         source = mutant.source()
-        one = Woven(mutant, source.name, mutant.place(source.read_text()))
+        one = Woven(mutant, source.relative_to(ENGINE).as_posix(), mutant.place(source.read_text()))
         for group in groups:
             if not any(one.overlaps(other) for other in group):
                 group.append(one)
@@ -72,11 +72,12 @@ def build(group: Sequence[Woven], directory: Path) -> Path:
     the last build there is compiled. Raises WeaveError."""
     sources = directory / "engine"
     sources.mkdir(parents=True, exist_ok=True)
-    texts = {file.name: file.read_text() for file in ENGINE.iterdir() if file.is_file()}
+    texts = {file.relative_to(ENGINE).as_posix(): file.read_text() for file in ENGINE.rglob("*") if file.is_file()}
     for one, number in sorted(((one, k) for k, one in enumerate(group, 1)), key=lambda pair: -pair[0].start):
         texts[one.file] = texts[one.file][: one.start] + one.text(number) + texts[one.file][one.end :]
     for name, text in (texts | {"mutant_switch.h": SWITCH}).items():
         file = sources / name
+        file.parent.mkdir(exist_ok=True)
         if not file.is_file() or file.read_text() != text:
             file.write_text(text)
     make = shutil.which("make") or "make"

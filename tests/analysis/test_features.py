@@ -107,3 +107,16 @@ def test_constant_record_is_refused():
 def test_a_number_that_cannot_be_is_refused():
     with pytest.raises(RecordError, match="too large or too small|deviation 0"):
         signal_features(as_record(1e-170 * np.sin(np.arange(50.0)), 100.0))
+
+
+def test_energies_of_the_imfs_are_integrals_of_their_squares():
+    """Of two tones: A^2 T/2 each in unit^2 s, shares that add up, and twice the energy in the marginal spectrum, which
+    has the squared envelope."""
+    t = np.arange(4000) / 8000.0
+    record = as_record(3 * np.sin(2 * np.pi * 900 * t) + 2 * np.sin(2 * np.pi * 110 * t), 8000.0)
+    found = {name: one.value for name, one in signal_features(record).items()}
+    energies = [value for name, value in found.items() if name.startswith("imf_") and name.endswith("_energy")]
+    shares = [value for name, value in found.items() if name.endswith("_energy_share")]
+    assert energies[:2] == pytest.approx([9 * 0.5 / 2, 4 * 0.5 / 2], rel=0.03)
+    assert sum(shares) == pytest.approx(1, rel=1e-9)
+    assert found["marginal_spectrum_energy"] == pytest.approx(2 * sum(energies), rel=0.03)

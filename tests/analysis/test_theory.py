@@ -4,10 +4,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.special import beta
 
 from analysis import theory
 from analysis.impact import DAMPING, Spring, force_history
 from analysis.theory import COAL, GANGUE, PLATE, STATES, peak
+from common import hertz
 
 L_M, B_M, H_M, R_M, V_M_S = 0.4, 0.4, 0.02, 0.025, 3.0
 ORDER = [2, 10, 5, 7, 3, 9, 4, 8, 1, 6]
@@ -189,3 +191,15 @@ def test_light_plate_gives_the_static_deflection_state_and_a_heavy_one_the_rigid
 def test_unknown_law():
     with pytest.raises(ValueError, match="hunt_crossley"):
         force_history("guess", 1e9, 0.1, 3.0)
+
+
+@pytest.mark.parametrize("law", ["flores", "hunt_crossley", "lankarani_nikravesh"])
+def test_every_law_has_the_wanted_restitution_where_it_is_near_one(law):
+    """All of them are made for that: the loss is 1 - e to first order."""
+    found = force_history(law, 1e9, 0.1, 3.0, 0.99)
+    assert found.rebound_m_s == pytest.approx(0.99 * 3.0, abs=0.1 * 0.01 * 3.0)
+
+
+def test_hertz_contact_time_by_its_integral():
+    """2 d_max/v times the integral of 1/sqrt(1 - x^(5/2)) from 0 to 1, which is (2/5) B(2/5, 1/2)."""
+    assert hertz.CONTACT_TIME_FACTOR == pytest.approx(2 * 0.4 * beta(0.4, 0.5), rel=5e-5)

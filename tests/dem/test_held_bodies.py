@@ -129,9 +129,9 @@ def test_what_a_body_trembles_with_is_counted_when_it_is_held(tmp_path):
     tripod_.center_m[:, 2] += 0.9e-3 - 5e-9  # it lies on the plate: a body in the air would leave the arrays
     write_files(tmp_path, tripod_)
     velocity = "velocity all set 0 0 0 units box\nset atom 1*3 vx -0.0133\nset atom 4 vx 0.04\nthermo_modify lost ignore\n"
-    run_engine(tmp_path, deck(DT, 20_000, 100, bonds=bond_line(), lines=WEIGHT + PLATE + FREE, velocity=velocity))
+    run_engine(tmp_path, deck(DT, 1000, 20, bonds=bond_line(), lines=WEIGHT + PLATE + FREE, velocity=velocity))
     c = {name: value[:, 0] for name, value in ledger(tmp_path).column.items()}
     gained = c["kinetic_J"] - c["wall_work_J"] - c["bond_work_J"] - c["pair_work_J"] + GRAVITY * c["mass_height_kg_m"]
     trembles = c["bond_elastic_J"].max()
     assert np.ptp(c["bond_elastic_J"][-20:]) < 1e-6 * trembles  # it is held
-    assert np.abs(gained - gained[1])[1:].max() < 1e-2 * trembles  # the first half step belongs to no one
+    assert np.abs(gained - gained[0]).max() < 0.05 * trembles  # half a step of the vibration

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 from plates import SUPPORTS_AT_CORNERS, frequency_factor, plate
+from scipy.optimize import brentq
 
-from plate_fem.mesh import bending_stiffness, kirchhoff_error, shear_factor
+from plate_fem.mesh import bending_stiffness, bending_wavenumber, kirchhoff_error, shear_factor
 from plate_fem.modes import plate_modes
 
 # omega a^2 sqrt(rho h / D) of a square plate, nu 0.3, from a converged Ritz series
@@ -130,3 +131,21 @@ def test_criterion_is_the_difference_of_the_two_theories():
     exact = navier(table, 1, 1, "kirchhoff") / navier(table, 1, 1, "mindlin") - 1
     at_mode = table.model_copy(update={"max_frequency_Hz": navier(table, 1, 1, "kirchhoff")})
     assert kirchhoff_error(at_mode) == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize("poisson_ratio", [0.1, 0.3, 0.45])
+def test_bending_waves_of_a_thick_plate_are_those_of_an_elastic_layer(poisson_ratio):
+    """Of Rayleigh and Lamb's equation, at six thicknesses a wavelength."""
+    table = plate(poisson_ratio=poisson_ratio, theory="mindlin")
+    t, E, rho = table.thickness_m, table.youngs_modulus_Pa, table.density_kg_m3
+    shear = E / (2 * (1 + poisson_ratio))
+    k, half = 2 * np.pi / (6 * t), t / 2
+    across_2, along_2 = shear / rho, shear / rho * 2 * (1 - poisson_ratio) / (1 - 2 * poisson_ratio)
+
+    def layer(omega):
+        a, b = np.sqrt(k**2 - omega**2 / along_2), np.sqrt(k**2 - omega**2 / across_2)
+        return 4 * k**2 * a * b * np.tanh(b * half) - (k**2 + b**2) ** 2 * np.tanh(a * half)
+
+    thin = np.sqrt(bending_stiffness(table) / (rho * t)) * k**2
+    omega = brentq(layer, 0.3 * thin, min(0.999 * thin, 0.999 * k * np.sqrt(across_2)))
+    assert bending_wavenumber(table, omega / (2 * np.pi), "mindlin") == pytest.approx(k, rel=1e-3)

@@ -58,11 +58,14 @@ def poison(run):
 
 @pytest.fixture(scope="module")
 def sweeps(tmp_path_factory):
-    """The same run in a sweep of a harmless name and in one that is poisoned."""
+    """The same run in a sweep of a harmless name and in one that is poisoned; of neither is the scene the paper's."""
     here = tmp_path_factory.mktemp("escaping")
     for name in ("harmless", NAME):
         run = write_run(here / name / "ratio_050", 0.5)
         write_view(run)
+        content = json.loads((run / "run.json").read_text())
+        content["scene"]["name"] = "harmless"
+        (run / "run.json").write_text(json.dumps(content))
     poison(here / NAME / "ratio_050")
     return here / "harmless", here / NAME
 
