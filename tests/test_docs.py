@@ -32,7 +32,7 @@ def blocks(kind, text=EXTENDING):
     return re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL)
 
 
-@pytest.mark.parametrize("code", blocks("python"), ids=["parameter", "fusion", "figure"])
+@pytest.mark.parametrize("code", blocks("python"), ids=["feature", "sensor", "fusion", "figure"])
 def test_examples_in_python(code, tmp_path, monkeypatch):
     assert "assert " in code  # each example says what comes of it
     monkeypatch.chdir(ROOT)

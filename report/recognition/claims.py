@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.runs import RESPONSES
+from common.channels import RESPONSES
 from report.missing import MissingResult
 from report.recognition.results import FUSION_Q, FUSION_WORDS, HELD_OUT
 from report.sweep_results import SweepResults

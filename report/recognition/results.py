@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis import Sweep
 from analysis.features import BASE_PARAMETERS
-from analysis.runs import RESPONSES
+from common.channels import RESPONSES
 from common.processes import side_by_side
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError

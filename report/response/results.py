@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from analysis import Sweep
-from analysis.runs import RESPONSES
+from common.channels import RESPONSES
 
 
 class ResponseResults:

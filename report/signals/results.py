@@ -12,7 +12,7 @@ import numpy as np
 from analysis import Sweep, emd_rules
 from analysis.emd import Decomposition, decompose
 from analysis.emd_rules import RuleCost, compare_rules
-from analysis.features import TIME_PARAMETERS, time_features
+from analysis.features import time_features
 from analysis.hilbert import marginal_spectrum
 from common.cache import cached, key_of, user_cache
 from report.missing import MissingResult
@@ -38,7 +38,7 @@ class SignalResults:
     def parameters(self) -> dict[str, np.ndarray]:
         """Parameters of Figure 23 but the energies of the IMFs, shape (runs,) each."""
         rows = [{f.name: f.value for f in time_features(run.record("a_m_s2"))} for run in self._runs]
-        table = {name: np.array([row[name] for row in rows]) for name in TIME_PARAMETERS}
+        table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         energy = [marginal_spectrum(d, kind="energy").total for d in self.decompositions]
         return table | {"marginal_spectrum_energy": np.array(energy)}
 

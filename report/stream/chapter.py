@@ -7,6 +7,7 @@ import pandas as pd
 
 from analysis import RecordError
 from analysis.stream import true_ratio
+from common.channels import ACCELEROMETERS
 from report.drawing.figure_spec import Drawn, FigureSpec
 from report.drawing.lines import envelope
 from report.stream import figures
@@ -17,7 +18,7 @@ POINTS = 2400  # of a curve
 
 def felt(results: StreamResults) -> Drawn:
     table = results.run.signals if results.run.fast is None else results.run.fast
-    sensors = [name for name in table.columns if name.startswith("acc_")][:1]
+    sensors = [name for name in table.columns if name.startswith(ACCELEROMETERS)][:1]
     wanted = [("force on the plate, kN", "force_N", 1e-3),
               ("acceleration of the plate's centre of mass, m/s²", "a_m_s2", 1.0),
               *((f"acceleration at {name[4:-5]}, m/s²", name, 1.0) for name in sensors)]
