@@ -73,12 +73,12 @@ double BondEnergies::release(const Bond &bond, double share) {
   return energy;
 }
 
-// Adds half a step's work of the forces to that of each agglomerate. Neighbours in memory mostly belong to the same one,
-// so the sums are kept in registers until that changes.
+// Adds half a step's work of the forces to that of each agglomerate. Neighbours in memory mostly belong to one
+// agglomerate, so the sums are kept in registers until that changes.
 //
 // The damping makes a force F + tau dF/dt and takes -tau dF/dt . v. In a step from the forces F to F' that is
-// tau/2 (F - F') . (u + v), with the velocities u of the step before and v of this one: exactly what bonds without memory
-// take whose energy is quadratic. `side` is 1 with F and -1 with F'.
+// tau/2 (F - F') . (u + v), with the velocities u of the step before and v of this one: exactly what bonds without
+// memory take whose energy is quadratic. `side` is 1 with F and -1 with F'.
 void BondEnergies::add_work(int side) {
   const double half_dt = 0.5 * update->dt, half_tau = side * 0.5 * forces_.damping_time();
   const double *v = flat(atom->v), *omega = flat(atom->omega);

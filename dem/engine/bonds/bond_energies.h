@@ -7,8 +7,8 @@
 
 namespace LAMMPS_NS {
 
-// The energies of the bonds on this rank, which the ledger asks for: what is elastic now, and of each agglomerate so far
-// the work on its sub-spheres, what bonds had when they broke or softened, what their damping took, and how many broke.
+// The energies of the bonds on this rank, for the ledger: what is elastic now, and of each agglomerate so far the
+// work on its sub-spheres, what bonds lost as they broke or softened, what their damping took, and how many broke.
 class BondEnergies : public FixPart, public EnergyHolder, private Pointers {
  public:
   BondEnergies(LAMMPS *, const RankBonds &, BondForces &);

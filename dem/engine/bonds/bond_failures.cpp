@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include "base/vec.h"
 #include "update.h"
 
 namespace LAMMPS_NS {
@@ -38,15 +39,15 @@ void BondFailures::sever(const Bond &bond) {
   if (!is_counted(bond)) return;
   // The kernel judges at x + tau v, damping included; so does the event.
   const BondState judged = forces_.state(bond);
-  const double *from = atom->x[atom->map(bond.tag_i)], *to = atom->x[atom->map(bond.tag_j)];
+  const Vec middle = 0.5 * (Vec(atom->x[atom->map(bond.tag_i)]) + Vec(atom->x[atom->map(bond.tag_j)]));
   const bool shear = judged.mode == SHEAR;
   const BondSoftening &softening = rank_.bonds.softening();
   energies_.count_broken(bond);
   char line[256];
   std::snprintf(line, sizeof line, BIGINT_FORMAT ",%d,%d,%.9g,%.9g,%.9g,%s,%.9g,%.9g,%.9g\n", update->ntimestep,
-                bond.id + 1, rank_.agglomerates.of_tag(bond.tag_i) + 1, 0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1]),
-                0.5 * (from[2] + to[2]), shear ? "shear" : "tension", shear ? judged.shear : judged.tension,
-                energy + softening.spent(bond), softening.area(bond));
+                bond.id + 1, rank_.agglomerates.of_tag(bond.tag_i) + 1, middle.x, middle.y, middle.z,
+                shear ? "shear" : "tension", shear ? judged.shear : judged.tension, energy + softening.spent(bond),
+                softening.area(bond));
   events_.add(line);
 }
 

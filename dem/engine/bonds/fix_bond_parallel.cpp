@@ -145,14 +145,9 @@ double FixBondParallel::compute_scalar() {
   return all;
 }
 
-double FixBondParallel::memory_usage() {
-  return bonds().size() * (sizeof(Bond) + sizeof(LocalBond) + 13 * sizeof(double) + 5 * sizeof(int)) +
-         rank_->local.tags().size() * (sizeof(AtomRecord) + sizeof(ForceRecord) + 4 * sizeof(double));
-}
-
 /* --- the quaternion travels with its sub-sphere -------------------------------------------------------------- */
 
-void FixBondParallel::grow_arrays(int nmax) { memory->grow(rank_->motion.quaternion, nmax, 4, "bond/parallel:quaternion"); }
+void FixBondParallel::grow_arrays(int nmax) { memory->grow(rank_->motion.quaternion, nmax, 4, "bond/parallel"); }
 
 void FixBondParallel::copy_arrays(int i, int j, int) {
   std::memcpy(rank_->motion.quaternion[j], rank_->motion.quaternion[i], 4 * sizeof(double));

@@ -49,8 +49,7 @@ class FixBondParallel : public Fix, public Checkpointed, public BondNetwork, pub
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
 
-  double extend_cut_ghost() override { return 1.5 * longest_; }  // each rank that owns an end of a bond must see it
-  double memory_usage() override;
+  double extend_cut_ghost() override { return 1.5 * longest_; }  // each rank that owns an end of a bond sees it
   double compute_scalar() override;  // bonds that hold
 
   const std::vector<Bond> &bonds() const override { return rank_->bonds.all(); }

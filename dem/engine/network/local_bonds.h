@@ -9,7 +9,7 @@
 namespace LAMMPS_NS {
 
 // The bonds that hold and have an end on this rank, by local index, and with them the sub-spheres which bonds push or
-// turn. Bonds of bodies that are held are computed no more, but their sub-spheres turn. The list stands until
+// turn. Bonds of bodies that are held are not computed, but their sub-spheres turn. On one rank the list stands until
 // sub-spheres have moved in memory, bodies are held or let go, or stones came or went.
 class LocalBonds : private Pointers {
  public:
@@ -35,7 +35,7 @@ class LocalBonds : private Pointers {
   const StoneBonds &bonds_;
   const Agglomerates &agglomerates_;
   bool bodies_may_leave_ = false, listed_ = false;
-  int moves_ = -1;               // of the bonds in memory, when the list was made
+  int moves_ = -1;               // StoneBonds::moves when the list was made
   std::vector<char> held_;       // by tag
   std::vector<LocalBond> all_;
   std::vector<int> tags_, computed_;

@@ -12,8 +12,8 @@ namespace LAMMPS_NS {
 // The rows of LIGGGHTS's arrays lie beside each other in memory; a rank may have none.
 inline double *flat(double **rows) { return rows ? rows[0] : nullptr; }
 
-// How the sub-spheres of bonds are turned since the undeformed state, and how they moved in the step before. Both with
-// positions and velocities tell where they are at times near this step.
+// How the sub-spheres with bonds are turned since the undeformed state, and how they moved in the step before: with
+// positions and velocities of this step, where they are at times near it.
 class SphereMotion : private Pointers {
  public:
   SphereMotion(LAMMPS *lmp, LocalBonds &local) : Pointers(lmp), local_(local) {}

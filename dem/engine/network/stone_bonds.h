@@ -30,8 +30,8 @@ class StoneBonds : public FixPart, public StoneKeeper, private Pointers {
   double longest() const;  // of those read from the file, m
 
   bool holds(int id) const { return intact_[id]; }  // by its number, Bond::id
-  long long changes() const { return changes_; }  // counts whatever changes `all` or `holds`
-  void sever(int id);                             // it holds no more, which other ranks do not know yet
+  long long changes() const { return changes_; }    // counts whatever changes `all` or `holds`
+  void sever(int id);                               // it does not hold from now on; other ranks learn it by `agree`
   // Each rank finds the bonds broken or softened that it computes; all must know before bonds change hands.
   void agree();
 
