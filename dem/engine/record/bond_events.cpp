@@ -1,4 +1,4 @@
-#include "bonds/bond_events.h"
+#include "record/bond_events.h"
 
 #include <mpi.h>
 

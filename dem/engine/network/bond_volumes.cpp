@@ -1,4 +1,4 @@
-#include "bonds/bond_volumes.h"
+#include "network/bond_volumes.h"
 
 #include <map>
 

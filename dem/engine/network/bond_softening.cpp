@@ -1,4 +1,4 @@
-#include "bonds/bond_softening.h"
+#include "network/bond_softening.h"
 
 #include <algorithm>
 
