@@ -1,5 +1,6 @@
 """Stones that press on the plate with their flat faces: closed forms, energy, and runs that stop, come late or share ranks."""
 
+import re
 from dataclasses import replace
 
 import meshio
@@ -8,7 +9,7 @@ import pandas as pd
 import pytest
 from decks import run_engine
 from scenes_of_tests import changed
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.transform import Rotation
 
 from common.tables import InputError
@@ -160,3 +161,61 @@ def test_faces_of_a_larger_and_turned_stone_are_the_same_ones(cube_file):
     one, other = assemble(small.scene, small.assembly.stones).faces[0], large.assembly.faces[0]
     assert other.area_m2 == pytest.approx(4 * one.area_m2) and other.height_m == pytest.approx(2 * one.height_m)
     assert np.allclose(other.normal, Rotation.from_euler("x", 0.3).apply(one.normal))
+
+
+def deck_of_cube(directory, scene, change):
+    """Write the deck of a scene with `change` applied to its text, run it, and return the ledger's columns."""
+    model = prepare(scene, "scene", directory.parent)
+    write_deck(directory, model.scene, model.assembly, model.step, model.modes)
+    run_engine(directory, change((directory / "deck.liggghts").read_text()))
+    return model, {name: rows[:, 0] for name, rows in read_ledger(directory / "ledger.bin", 1).column.items()}
+
+
+def test_pressure_under_a_face_is_its_force_over_its_area(tmp_path, cube_file):
+    """It is recorded as the sphere on which Hertz' largest pressure, cbrt(6 F E*^2/(pi^3 R^2)), is that one, and the
+    deepest contact as the depth over radius at which it is, p = 2 E*/pi sqrt(d/R)."""
+    scene = cube(cube_file, **{"time.free_flight_tolerance": 0.0})
+    model, column = deck_of_cube(tmp_path / "deck", scene, lambda text: re.sub(
+        r"contacts.bin every \d+", "contacts.bin every 1", text))
+    faces, data, at, records = model.assembly.faces[0], (tmp_path / "deck" / "contacts.bin").read_bytes(), 0, []
+    while at < len(data):
+        count = np.frombuffer(data, "<i8", 2, at)[1]
+        records.append(np.frombuffer(data, "<f8", 5 * count, at + 16).reshape(-1, 5))
+        at += 16 + 40 * count
+    down = faces.normal[:, 2] < -0.5
+    x, y, force, radius = np.concatenate(records)[:, 1:].T
+    distance, which = cKDTree(model.assembly.center_m[faces.sub_sphere[down], :2]).query(np.column_stack([x, y]))
+    modulus = 1 / ((1 - NU**2) / E_Pa + (1 - 0.3**2) / 2.07e11)
+    pressure = np.cbrt(6 * force * modulus**2 / (np.pi**3 * radius**2))
+    assert len(force) > 1000 and distance.max() < 1e-4
+    assert pressure == pytest.approx(force / faces.area_m2[down][which], rel=1e-6)
+    assert 2 * modulus / np.pi * np.sqrt(column["wall_deepest"].max()) == pytest.approx(pressure.max(), rel=1e-6)
+
+
+def test_a_face_that_is_found_below_the_plate_gains_nothing(tmp_path, cube_file):
+    """One that is set 40 um down and moves up has neither force nor energy: it goes on as it was."""
+    scene = cube(cube_file, speed_m_s=0.02, **{"time.free_flight_tolerance": 0.0, "time.sample_interval_s": 1e-5})
+    text = "velocity        all set 0 0 -0.02 units box\n"
+    _, column = deck_of_cube(tmp_path / "deck", scene, lambda deck: deck.replace(
+        text, "velocity        all set 0 0 0.02 units box\ndisplace_atoms all move 0 0 -4e-5 units box\n"))
+    assert column["kinetic_J"] == pytest.approx(column["kinetic_J"][0], rel=1e-9)
+    assert np.abs(column["wall_elastic_J"]).max() == 0
+
+
+def test_sub_spheres_that_broke_off_press_by_themselves(tmp_path, cube_file):
+    """Those of the lowest face lose their bonds as the cube falls, and strike the plate as if it had no faces."""
+    scene = cube(cube_file, speed_m_s=1.0, **{"stones.agglomerate.unbreakable": False, "time.free_flight_tolerance": 0.0,
+                                              "materials.coal.bond.fracture_energy_J_m2": None, "stones.gap_m": 5e-5})
+
+    def column_of(directory, faces):
+        def change(text):
+            lowest = [row[0] for row in np.loadtxt(directory / "faces.txt", skiprows=1) if row[3] < -0.5]
+            bonds = np.loadtxt(directory / "bonds.txt")
+            bonds[:, 7] = np.where(np.isin(bonds[:, :2], lowest).any(axis=1), 1e-9, 1e6)
+            np.savetxt(directory / "bonds.txt", bonds, fmt=["%d"] * 3 + ["%.17g"] * 5)
+            apart = "".join(f"set atom {int(tag)} vz {-1.01 - 1e-4 * k:.6g}\n" for k, tag in enumerate(lowest))
+            return re.sub(r"velocity .*\n", lambda all_of_it: all_of_it[0] + apart, text.replace("faces faces.txt", faces))
+        return deck_of_cube(directory, scene, change)[1]
+    with_faces, without = column_of(tmp_path / "faces", "faces faces.txt"), column_of(tmp_path / "without", "")
+    assert with_faces["broken"][-1] > 100 and without["wall_work_J"].min() < -1e-3 * without["kinetic_J"][0]
+    assert with_faces["wall_work_J"] == pytest.approx(without["wall_work_J"], rel=1e-9)

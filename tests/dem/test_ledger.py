@@ -90,6 +90,7 @@ def test_a_sliding_collision_without_dashpots_loses_energy_to_friction_alone(tmp
     lost = kinetic - c["kinetic_J"][-1, 0]
     assert c["pair_damped_J"][-1, 0] == 0
     assert lost > 0.02 * kinetic
+    assert -c["pair_work_J"][-1, 0] == pytest.approx(lost, rel=1e-6)  # the torques' on the spins with the forces'
     # Rigid-sphere theory: J_n = m v_n (both masses equal), slip velocity falls by J_t (2/m + 2 r^2/I) with I = 2/5 m r^2.
     sine = 1.2 / 2.0
     v_n, v_t = np.sqrt(1 - sine**2), sine
