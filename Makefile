@@ -9,7 +9,7 @@ INSTALL := $(PYTHON) -m pip install --quiet --disable-pip-version-check
 LIGGGHTS_VERSION := 3.8.0+repack1-9+b2
 PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev zlib1g-dev g++ make
 # Packages are walked; those that name what they export have their modules listed.
-MODULES := $(subst /,.,$(filter-out %__init__ %__main__,$(basename $(wildcard analysis/*.py recognition/*.py recognition/*/*.py))))
+MODULES := $(subst /,.,$(filter-out %__init__ %__main__,$(basename $(wildcard $(foreach name,analysis dem plate_fem recognition,$(name)/*.py $(name)/*/*.py)))))
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 export OMPI_ALLOW_RUN_AS_ROOT := 1

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from analysis.records import RecordError
 from analysis.runs import Run
+from common.channels import force_column
 from common.files import refuse_irregular
 
 #: Two contacts of one agglomerate closer in time than this are one collision: within it the fragments of one impact
@@ -187,7 +188,7 @@ def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
     largest force are none. Raises RecordError if the run has no force of that agglomerate.
     """
     table = run.fast if run.fast is not None else run.signals
-    column = f"force_{agglomerate:02d}_N"
+    column = force_column(agglomerate)
     if column not in table.columns:
         raise RecordError(f"{run.path}: no column {column!r} in the streams")
     t_s = table["t_s"].to_numpy(dtype=float)

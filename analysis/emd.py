@@ -17,11 +17,7 @@ from analysis.records import Record, RecordError
 #: fixed_10: ten siftings for every IMF (Wu and Huang 2009), the fastest, whose cost is linear in the length.
 #: s_number_5: until extrema and zero crossings differ by at most one in five siftings in a row (Huang et al. 2003).
 #: energy_change: PyEMD's own default, a Cauchy-like test on the change of one sifting.
-STOPPING_RULES: dict[str, dict[str, int]] = {
-    "fixed_10": {"FIXE": 10},
-    "s_number_5": {"FIXE_H": 5},
-    "energy_change": {},
-}
+STOPPING_RULES: dict[str, dict[str, int]] = {"fixed_10": {"FIXE": 10}, "s_number_5": {"FIXE_H": 5}, "energy_change": {}}
 
 DEFAULT_RULE = "fixed_10"
 
@@ -40,6 +36,10 @@ class Decomposition:
     """The m IMFs (m, n) of a record, finest first, and the residue (n,), in the unit of the record.
 
     Their sum is the record. `extrema` names how PyEMD took the extrema, "parabol" or "simple".
+
+    >>> found = decompose(Record(np.sin(np.arange(400.0)) + 0.01 * np.arange(400.0), rate_Hz=1000.0))
+    >>> bool(np.allclose(found.imfs.sum(axis=0) + found.residue, found.record.values))
+    True
     """
 
     imfs: np.ndarray
@@ -58,6 +58,11 @@ def decompose(record: Record, rule: str = DEFAULT_RULE) -> Decomposition:
     """Decompose a record into intrinsic mode functions.
 
     Raises RecordError for an unknown rule or a constant record.
+
+    >>> fast, slow = np.sin(2 * np.pi * 90 * np.arange(1000) / 1e3), np.sin(2 * np.pi * 5 * np.arange(1000) / 1e3)
+    >>> imf = decompose(Record(fast + slow, rate_Hz=1000.0)).imfs[0]
+    >>> bool(abs(imf - fast)[100:-100].max() < 0.05)
+    True
     """
     from analysis.sifting import LeanEMD  # late: PyEMD is slow to import
 

@@ -25,6 +25,10 @@ class HilbertSpectrum:
     """Amplitude (bins, times) on cells between edges_Hz (bins + 1,) and edges_s (times + 1,), in the record's unit.
 
     It is the mean over a cell of the sum over the IMFs of a.
+
+    >>> spectrum = hilbert_spectrum(decompose(read_record("runs/paper/ratio_030")), times=50)
+    >>> spectrum.amplitude.shape == (spectrum.edges_Hz.size - 1, 50)
+    True
     """
 
     edges_s: np.ndarray
@@ -38,6 +42,9 @@ class MarginalSpectrum:
 
     `left_out` is the share of the integral at frequencies outside the bins: an instantaneous frequency may be negative
     where an IMF is not symmetric.
+
+    >>> MarginalSpectrum(np.array([0.0, 25.0, 50.0]), np.array([0.1, 0.3]), "amplitude", left_out=0.0).total
+    10.0
     """
 
     edges_Hz: np.ndarray
@@ -70,6 +77,10 @@ def instantaneous(imf: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarr
     """Return amplitude (n,) and frequency (n,) in Hz of one IMF at each sample.
 
     The frequency is the central difference of the unwrapped phase, one-sided at the ends.
+
+    >>> amplitude, frequency_Hz = instantaneous(2 * np.cos(2 * np.pi * 50 * np.arange(1000) / 1e3), rate_Hz=1000.0)
+    >>> round(float(amplitude[500]), 6), round(float(frequency_Hz[500]), 6)
+    (2.0, 50.0)
     """
     analytic = analytic_signal(imf)
     # The step of phase between neighbours is taken within (-pi, pi], which is what unwrapping does.
@@ -92,6 +103,10 @@ def marginal_spectrum(
 
     The kind is "amplitude" (integral of a) or "energy" (integral of a^2). The last bin reaches past half the sample
     rate if the width does not divide it. Raises RecordError for another kind, or a width not > 0.
+
+    >>> spectrum = marginal_spectrum(decompose(Record(np.cos(2 * np.pi * 60 * np.arange(1000) / 1e3), rate_Hz=1000.0)))
+    >>> float(spectrum.centres_Hz[spectrum.density.argmax()])
+    62.5
     """
     if kind not in ("amplitude", "energy"):
         raise RecordError(f"kind = {kind!r}; choose amplitude or energy")
@@ -112,7 +127,13 @@ def marginal_spectrum(
 def hilbert_spectrum(
     decomposition: Decomposition, *, bin_width_Hz: float = BIN_WIDTH_HZ, times: int = 100
 ) -> HilbertSpectrum:
-    """Return the Hilbert spectrum on equal cells of frequency and time. Raises RecordError for a width <= 0."""
+    """Return the Hilbert spectrum on equal cells of frequency and time. Raises RecordError for a width <= 0.
+
+    >>> record = Record(np.cos(2 * np.pi * 70 * np.arange(1000) / 1e3), rate_Hz=1000.0)
+    >>> spectrum = hilbert_spectrum(decompose(record), bin_width_Hz=20.0, times=4)
+    >>> spectrum.amplitude.argmax(axis=0).tolist()  # the bin of 60 to 80 Hz at each time
+    [3, 3, 3, 3]
+    """
     record = decomposition.record
     edges_Hz = frequency_edges_Hz(record.rate_Hz, bin_width_Hz)
     edges_s = record.t0_s + np.linspace(0, record.values.size / record.rate_Hz, times + 1)

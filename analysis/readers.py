@@ -52,6 +52,10 @@ def read_record(
     unit in brackets behind its name. rate_Hz: needed where the file has neither a rate nor times.
     scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples.
     Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
+
+    >>> record = read_record("runs/paper/ratio_030", column="acc_A_m_s2", scale=1000.0, unit="mm/s^2")
+    >>> record.values.size, record.unit
+    (267, 'mm/s^2')
     """
     path = Path(path)
     if path.is_dir():

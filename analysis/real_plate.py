@@ -17,6 +17,7 @@ from analysis.runs import Run
 from analysis.setup import places_of, setup_of
 from common import hertz
 from common.cache import user_cache
+from common.channels import force_column
 from common.plate import FlexiblePlate
 from plate_fem.contact_stress import HertzContact, total_stress, von_mises_3d
 from plate_fem.modes import PlateModes, modes_for_loads, plate_modes
@@ -75,7 +76,7 @@ def particle_forces_N(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """
     if run.fast is None:
         raise RecordError(f"{run.path}: no fast.parquet; needs it to drive the plate")
-    columns = [f"force_{k:02d}_N" for k in range(1, len(places_of(run)) + 1)]
+    columns = [force_column(k) for k in range(1, len(places_of(run)) + 1)]
     missing = [name for name in columns if name not in run.fast.columns]
     if missing:
         raise RecordError(f"{run.path}/fast.parquet: no column {missing[0]!r}")

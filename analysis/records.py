@@ -27,7 +27,12 @@ LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from 
 
 
 class RecordError(CommandError, ValueError):
-    """A record cannot be used. The message is one line: file, key, value, what is allowed."""
+    """A record cannot be used. The message is one line: file, key, value, what is allowed.
+
+    >>> Record([1.0, float("nan")], rate_Hz=1000.0)
+    Traceback (most recent call last):
+    analysis.records.RecordError: signal: sample 1 is nan; every sample must be finite
+    """
 
     exit_code = 2
 
@@ -37,6 +42,9 @@ class Record:
     """A uniformly sampled signal: finite values (n,) in `unit`, from the time `t0_s` on.
 
     Raises RecordError for values of another shape or not finite, and for a sample rate that is not positive.
+
+    >>> Record([0.0, 2.0, 1.0], rate_Hz=1000.0, unit="m/s^2").t_s.tolist()
+    [0.0, 0.001, 0.002]
     """
 
     values: np.ndarray
@@ -48,9 +56,7 @@ class Record:
     def __post_init__(self) -> None:
         values = np.asarray(self.values, dtype=float)
         if values.ndim != 1 or values.size < 2:
-            raise RecordError(
-                f"{self.name}: shape {values.shape}; needs one dimension and at least 2 samples"
-            )
+            raise RecordError(f"{self.name}: shape {values.shape}; needs one dimension and at least 2 samples")
         if not np.all(np.isfinite(values)):
             first = int(np.flatnonzero(~np.isfinite(values))[0])
             raise RecordError(f"{self.name}: sample {first} is {values[first]}; every sample must be finite")
@@ -107,6 +113,10 @@ def as_record(
 
     A Series needs no rate if its index is the time in seconds, a DatetimeIndex or a TimedeltaIndex.
     Raises RecordError for a missing rate, or one that differs from that of the record.
+
+    >>> import pandas as pd
+    >>> as_record(pd.Series([0.0, 2.0, 1.0], index=[0.0, 0.5, 1.0], name="a_m_s2")).rate_Hz
+    2.0
     """
     if isinstance(signal, Record):
         if rate_Hz is not None and not np.isclose(rate_Hz, signal.rate_Hz, rtol=1e-6):

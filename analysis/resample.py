@@ -27,6 +27,9 @@ def resample(record: Record, rate_Hz: float, *, anti_alias: bool = True) -> Reco
     With `anti_alias` a low pass of linear phase and no delay (scipy's polyphase filter) comes before the samples are
     taken. Without it every k-th sample is kept, which needs a whole ratio of rates. Raises RecordError where the
     rates have no such ratio, or where there would be more than MAX_SAMPLES samples.
+
+    >>> resample(Record(np.ones(300), rate_Hz=51_200.0), 20_000.0).values.size
+    118
     """
     if not (np.isfinite(rate_Hz) and rate_Hz > 0):
         raise RecordError(f"{record.name}: a rate of {rate_Hz} Hz; must be finite and > 0")

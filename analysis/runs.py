@@ -17,6 +17,7 @@ import pandas as pd
 
 from analysis.readers import read_table
 from analysis.records import Record, RecordError, sample_rate_Hz
+from common.channels import RESPONSES
 from common.files import read_json
 from common.run_summary import RecordedScene, RunSummary, summary_from
 from common.tables import InputError
@@ -25,16 +26,18 @@ from common.units import unit_of
 #: The eleven ratios of the paper.
 PAPER_RATIOS = tuple(round(0.1 * step, 1) for step in range(11))
 
-#: The six responses of the plate that the paper filters and fuses (Section V-B).
-RESPONSES = ("u_m", "v_m_s", "a_m_s2", "kinetic_J", "internal_J", "total_J")
-
 BREAKAGE_COLUMNS = ("t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2")
 
 
 @dataclass(frozen=True)
 class Run:
     """One finished run. `info` is its run.json as it stands, `signals` signals.parquet; the larger tables are read when
-    asked for."""
+    asked for.
+
+    >>> run = read_run("runs/paper/ratio_030")
+    >>> run.gangue_ratio, run.materials.count("gangue"), run.record("force_N").unit
+    (0.3, 3, 'N')
+    """
 
     path: Path
     info: dict[str, Any]
@@ -118,7 +121,11 @@ class Run:
 
 
 def read_run(path: str | Path) -> Run:
-    """Read a run directory. RecordError if it is not one, or not of a finished run."""
+    """Read a run directory. RecordError if it is not one, or not of a finished run.
+
+    >>> read_run("runs/paper/ratio_030").signals[["t_s", "force_N"]].shape
+    (267, 2)
+    """
     path = Path(path)
     info = _read_info(path)
     if info.get("status") != "finished":
@@ -151,7 +158,11 @@ def _summary(info: dict[str, Any], path: Path) -> RunSummary:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Runs in order of their ratio, the ratios that are missing, and what was passed over and why."""
+    """Runs in order of their ratio, the ratios that are missing, and what was passed over and why.
+
+    >>> read_sweep("runs/paper").stack("a_m_s2").shape
+    (11, 267)
+    """
 
     path: Path
     runs: list[Run]
@@ -182,6 +193,10 @@ def read_sweep(path: str | Path, expected: tuple[float, ...] = PAPER_RATIOS) -> 
 
     Ratios of `expected` without a run are listed as missing; directories that are no
     finished run are passed over and named. RecordError if no run is left.
+
+    >>> sweep = read_sweep("runs/paper")
+    >>> sweep.missing, float(sweep.ratios[3])
+    ([], 0.3)
     """
     path = Path(path)
     if not path.is_dir():

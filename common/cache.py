@@ -26,11 +26,13 @@ import scipy
 from platformdirs import user_cache_path
 
 from common.files import written_whole
+from common.messages import PACKAGES
 
 LARGEST_MB = 500
 HASH_BYTES = 32
 # Names of entries, with what a killed process left half written, which ages like the rest.
 ENTRY = re.compile(r"[a-z]+-[0-9a-f]{32}\.cache(\.\d+\.part)?")
+IMPORT = re.compile(rf"^ *(?:from|import) ((?:{'|'.join(PACKAGES)})\b[\w.]*)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
 LOCKS = 16  # of each kind of entry; keys that share one wait for each other now and then
 
 Arrays = dict[str, np.ndarray]
@@ -44,20 +46,32 @@ def user_cache() -> Path:
 
 
 def key_of(code: Path, *inputs: Any) -> str:
-    """Return the key of what the modules in the directory `code` find from `inputs`, whose repr must tell all of them.
+    """Return the key of what the module in the file `code` finds from `inputs`, whose repr must tell all of them.
 
-    Libraries, the kind of machine and the number of threads of linear algebra belong to it, since round-off differs
-    between them.
+    To it belong the text of the module and of all that it imports of these packages, libraries, the kind of machine and
+    the number of threads of linear algebra, since round-off differs between them.
     """
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or os.cpu_count()
-    text = f"{_modules(code)} {np.__version__} {scipy.__version__} {platform.machine()} {threads} {inputs!r}"
+    content = hashlib.sha256(b"".join(text for _, text in sorted(used_modules(code).items())))
+    text = f"{content.hexdigest()} {np.__version__} {scipy.__version__} {platform.machine()} {threads} {inputs!r}"
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 @cache
-def _modules(code: Path) -> str:
-    content = b"".join(file.read_bytes() for file in sorted(code.glob("*.py")))
-    return hashlib.sha256(content).hexdigest()
+def used_modules(code: Path) -> dict[Path, bytes]:
+    """Return files and texts of a module and all that it imports of these packages, late or through others. A pattern
+    finds them in a tenth of the time that a parser takes."""
+    top = next(directory for directory in code.parents if not (directory / "__init__.py").exists())
+    files, found = [code], {}
+    while files:
+        if (file := files.pop()) in found or not file.is_file():
+            continue
+        found[file] = file.read_bytes()
+        for module, names in IMPORT.findall(found[file].decode()):
+            place = top / module.replace(".", "/")
+            files += [place.with_suffix(".py"), place / "__init__.py"]
+            files += [place / f"{name}.py" for name in re.findall(r"\w+", names)]
+    return found
 
 
 def entry_file(directory: Path, kind: str, key: str) -> Path:

@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from common.channels import SENSORS, SensorKind
 from common.scene_file import scene_tables
 from common.tables import InputError, Place, Positive, Refused, Table, about, check
 
@@ -58,9 +59,12 @@ class PointSupport(Place):
 
 
 class Sensor(Place):
-    """An accelerometer on the plate."""
+    """A sensor on the plate, by default an accelerometer."""
 
-    name: Annotated[Name, about("name of its column: acc_NAME_m_s2")]
+    name: Annotated[Name, about(f"name of its column: {', '.join(SENSORS.values())}")]
+    # What is an accelerometer is written without it, so that hashes of such scenes do not depend on it.
+    kind: Annotated[SensorKind, about("what it measures, vertically upwards"), Field(
+        exclude_if=lambda kind: kind == "acceleration")] = "acceleration"
 
 
 class Walls(Table):
@@ -137,7 +141,12 @@ class FlexiblePlate(Plate):
     rods: Annotated[tuple[Rod, ...], about(
         "vertical rods below the plate, clamped at their lower ends", paper="four screws, their size not given")] = ()
     point_supports: Annotated[tuple[PointSupport, ...], about("points that cannot move vertically")] = ()
-    sensors: Annotated[tuple[Sensor, ...], about("accelerometers")] = ()
+    sensors: Annotated[tuple[Sensor, ...], about("sensors")] = ()
+
+    @property
+    def accelerometers(self) -> tuple[Sensor, ...]:
+        """The sensors of acceleration, which recognition takes."""
+        return tuple(sensor for sensor in self.sensors if sensor.kind == "acceleration")
 
     @model_validator(mode="after")
     def _one_limit(self) -> Self:

@@ -83,11 +83,6 @@ class BondTable(Table):
                           "must be left out where fracture_energy_J_m2 is given")
         return self
 
-    @property
-    def feels_dilatation(self) -> bool:
-        """Does the engine have to find the change of volume at each sub-sphere?"""
-        return self.volumetric_ratio > 0 or self.pressure_strengthening > 0
-
 
 class MaterialTable(Table):
     """A material of stones."""

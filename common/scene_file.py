@@ -13,10 +13,13 @@ MOST_BASES = 10  # one from another
 OF_A_MATERIAL = ("density_kg_m3", "youngs_modulus_Pa", "poisson_ratio", "contact_strength_Pa", "bond")
 
 
-def scene_tables(path: str | Path) -> dict[str, Any]:
+def scene_tables(path: str | Path, through: tuple[Path, ...] = ()) -> dict[str, Any]:
     """The tables of a scene with those of its `base`, less the keys of `without`, under its own, table by table; with
-    materials read from their files, and whole paths of shapes. Raises InputError."""
-    data = _with_base(Path(path), [])
+    materials read from their files, and whole paths of shapes. Files are beside the scene that names them.
+
+    through: scenes that begin from this one, one from another. Raises InputError.
+    """
+    data = _with_base(Path(path), through)
     materials, shapes = data.get("materials"), data.get("shapes")
     if isinstance(materials, dict):
         data["materials"] = {key: _material(Path(path), key, value) if isinstance(value, str) else value
@@ -27,7 +30,7 @@ def scene_tables(path: str | Path) -> dict[str, Any]:
     return data
 
 
-def _with_base(path: Path, seen: list[Path]) -> dict[str, Any]:
+def _with_base(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     data = read_toml(path)
     base, without = data.pop("base", None), data.pop("without", [])
     if base is None:
@@ -41,7 +44,7 @@ def _with_base(path: Path, seen: list[Path]) -> dict[str, Any]:
     if path.resolve() in seen or len(seen) >= MOST_BASES:
         raise InputError(f"{path}: base = {base!r}: must not lead back to this scene, nor through "
                          f"more than {MOST_BASES}")
-    under = _with_base(_found(path, base, "scenes"), [*seen, path.resolve()])
+    under = scene_tables(_found(path, base, "scenes"), (*seen, path.resolve()))
     for key in without:
         _leave_out(under, key, path)
     _make_way(under.get("stones"), data.get("stones"))

@@ -12,9 +12,11 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
-from common.input_error import InputError as InputError
-from common.input_error import refuse_monstrous as refuse_monstrous
-from common.input_error import refuse_unreadable as refuse_unreadable
+from common.input_error import (
+    InputError as InputError,
+    refuse_monstrous as refuse_monstrous,
+    refuse_unreadable as refuse_unreadable,
+)
 
 MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
 

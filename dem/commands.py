@@ -147,8 +147,7 @@ class CalibrationResult(Result):
 
 def calibrate(material: str, scene_file: Path, out: Path, rock: str | None = None) -> CalibrationResult:
     """Fit the bonds of a material, see `dem.calibration.calibrate`. What it replaces must be of an earlier one."""
-    from dem.calibration.calibrate import AT_WORK, FITTED
-    from dem.calibration.calibrate import calibrate as fit
+    from dem.calibration.calibrate import AT_WORK, FITTED, calibrate as fit
 
     name = rock or material
     file, tests, work = (out / f"{name}{ending}" for ending in (".toml", "_tests.csv", ".partial"))

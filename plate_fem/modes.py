@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import make_interp_spline
 
-from common.cache import cached, entry_file, key_of
+from common.cache import cached, key_of
 from common.plate import FlexiblePlate
 from common.tables import Refused
 from plate_fem import hermite
@@ -44,6 +44,10 @@ class PlateModes:
     n_residual: how many modes, the last ones, stand for the compliance of those left out (plate_fem/residual.py).
     lateral (n_nodes, 2, n): displacement of the top surface along x and y at the nodes, of a plate that can sway; no
         rows of one that cannot.
+
+    >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
+    >>> modes.shape_at([[0.0, 0.17]]).shape == (1, modes.frequency_Hz.size)
+    True
     """
 
     frequency_Hz: np.ndarray
@@ -145,6 +149,12 @@ def plate_modes(
     anywhere.
     Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
     table with too many cells or modes, or whose numbers are so extreme that they cannot be found.
+
+    >>> plate = FlexiblePlate(model="flexible", length_m=1.0, width_m=1.0, thickness_m=0.01, edges="simply_supported",
+    ...     density_kg_m3=7830.0, youngs_modulus_Pa=2.07e11, poisson_ratio=0.3, damping_ratio=0.0, max_frequency_Hz=60)
+    >>> exact_Hz = np.pi * np.sqrt(2.07e11 * 0.01**2 / (12 * (1 - 0.3**2) * 7830.0))
+    >>> bool(abs(plate_modes(plate).frequency_Hz[0] / exact_Hz - 1) < 2e-3)
+    True
     """
     refuse_too_many_modes(plate, MODES_AT_MOST)
     points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
@@ -164,11 +174,6 @@ def plate_modes(
     return _damped(PlateModes(**values), plate)
 
 
-def modes_file(plate: FlexiblePlate, cache_dir: Path, residual_points_m: np.ndarray) -> Path:
-    """Return the file in which `plate_modes` keeps its result."""
-    return entry_file(cache_dir, "modes", table_hash(plate, residual_points_m))
-
-
 def _damped(modes: PlateModes, plate: FlexiblePlate) -> PlateModes:
     return replace(modes, damping_ratio=np.full(len(modes.frequency_Hz), plate.damping_ratio))
 
@@ -182,7 +187,7 @@ def table_hash(
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
     points = np.asarray(residual_points_m, float).tolist()
-    return key_of(Path(__file__).parent, table, points, residual_rods)
+    return key_of(Path(__file__), table, points, residual_rods)
 
 
 def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, sp.csc_array]:

@@ -65,6 +65,12 @@ class ModalMotion:
 
     Amplitude (kg^1/2 m) and rate (kg^1/2 m/s) have shape (n,). A step gives new arrays and leaves the old ones as
     they are. Modal forces have unit N kg^-1/2; `work_J` is the exact work of the modal force since the start.
+
+    >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
+    >>> motion = ModalMotion(modes, interval_s=1e-5)
+    >>> motion.advance(-100.0 * modes.shape_at([[0.1, 0.0]])[0], intervals=50)  # 100 N downwards for 0.5 ms
+    >>> motion.work_J > 0 > float(modes.mean_shape @ motion.rate)
+    True
     """
 
     ROWS = 128  # the most states that `advance_rows` finds at once

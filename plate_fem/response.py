@@ -13,6 +13,11 @@ def pulse_response(modes: PlateModes, step_s: float, count: int) -> tuple[np.nda
 
     They are exact. Rows belong to the times 0, step_s, 2 step_s ...; units are those of `ModalMotion` per N kg^-1/2. At
     0 and at step_s, where the force jumps, the acceleration is the mean of both sides.
+
+    >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
+    >>> amplitude, rate, acceleration = pulse_response(modes, step_s=1e-4, count=200)
+    >>> amplitude.shape == (200, modes.frequency_Hz.size)
+    True
     """
     motion = ModalMotion(modes, step_s)
     n = len(modes.frequency_Hz)

@@ -14,12 +14,20 @@ def surface_stress(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
     """Return the stress (n_nodes, 3) in Pa at the top surface, columns sx, sy, txy, for modal amplitudes (n,).
 
     The bottom has the opposite sign. The local stress under a contact is not included.
+
+    >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
+    >>> surface_stress(modes, np.ones(modes.frequency_Hz.size)).shape == (len(modes.node_m), 3)
+    True
     """
     return modes.surface_stress @ amplitude
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
-    """Return the von Mises stress (...,) of plane stress (..., 3) with columns sx, sy, txy."""
+    """Return the von Mises stress (...,) of plane stress (..., 3) with columns sx, sy, txy.
+
+    >>> von_mises(np.array([[2e6, 0.0, 0.0], [1e6, 1e6, 0.0]])).tolist()  # along one axis, and along both
+    [2000000.0, 1000000.0]
+    """
     sx, sy, txy = np.moveaxis(np.asarray(stress), -1, 0)
     return np.sqrt(sx**2 - sx * sy + sy**2 + 3 * txy**2)
 

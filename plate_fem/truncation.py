@@ -20,13 +20,20 @@ def energy_left_out(max_frequency_Hz: float, contact_time_s: float) -> float:
     """Return the share of a plate's impact energy that would go into modes above max_frequency_Hz.
 
     It holds for an undamped Hertz contact that lasts contact_time_s, to first order in the plate's motion.
+
+    >>> f"{energy_left_out(max_frequency_Hz=10e3, contact_time_s=2e-4):.1e}"
+    '9.4e-04'
     """
     cut_off, share = _pulse_share()
     return float(np.interp(max_frequency_Hz * contact_time_s, cut_off, share))
 
 
 def frequency_for(tolerance: float, contact_time_s: float) -> float:
-    """Return the lowest max_frequency_Hz at which `energy_left_out` is at most `tolerance` (1e-6 to 0.5)."""
+    """Return the lowest max_frequency_Hz at which `energy_left_out` is at most `tolerance` (1e-6 to 0.5).
+
+    >>> f"{energy_left_out(frequency_for(0.01, contact_time_s=2e-4), contact_time_s=2e-4):.3f}"
+    '0.010'
+    """
     cut_off, share = _pulse_share()
     return float(np.interp(-tolerance, -share, cut_off)) / contact_time_s
 
@@ -45,7 +52,7 @@ def _pulse_share() -> tuple[np.ndarray, np.ndarray]:
     def find() -> dict[str, np.ndarray]:
         return dict(zip(("cut_off", "share"), _found_pulse_share(), strict=True))
 
-    kept = cached(user_cache(), "pulse", key_of(Path(__file__).parent), find)
+    kept = cached(user_cache(), "pulse", key_of(Path(__file__)), find)
     return kept["cut_off"], kept["share"]
 
 

@@ -18,6 +18,7 @@ import pandas as pd
 
 from analysis.features import BASE_PARAMETERS
 from analysis.runs import Run
+from common.channels import ACCELEROMETERS
 from common.files import is_sealed, seal, write_text
 from common.processes import side_by_side
 from common.tables import InputError, refuse_unreadable
@@ -44,6 +45,11 @@ class Model:
 
     provenance: origin of the runs, conditions that varied, and the number of draws in `groups`; left_out: methods that
     the runs do not allow, and why.
+
+    >>> runs = read_sweep("runs/paper").runs
+    >>> answer = Model.fit(runs[::2]).recognise(runs[3].signals)["energy_fusion_modified"]
+    >>> abs(answer.ratio - 0.3) < 0.05
+    True
     """
 
     window: Window
@@ -156,7 +162,7 @@ class Model:
 
 def _accelerations(signals: pd.DataFrame) -> tuple[list[str], Floats]:
     """Names and values (s, n)."""
-    names = [name for name in signals.columns if name.startswith("acc_")]
+    names = [name for name in signals.columns if name.startswith(ACCELEROMETERS)]
     return names, signals[names].to_numpy(dtype=float).T
 
 
@@ -172,6 +178,10 @@ def leave_one_out(runs: list[Run]) -> list[dict[str, Answer]]:
 
     Returns one dict per run, as of `Model.recognise`. The ends (0 and 100 %) are then outside
     the training ratios: the answer is an extrapolation.
+
+    >>> answers = leave_one_out(read_sweep("runs/paper").runs[::2])
+    >>> abs(answers[2]["energy_fusion_modified"].ratio - 0.4) < 0.05
+    True
     """
     prepared = PreparedRuns.of(runs)
     return side_by_side(prepared.answers_without, len(runs))

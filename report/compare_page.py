@@ -13,7 +13,7 @@ from common.files import write_text
 from common.output_directory import is_stamped, refuse_file, stamped
 from common.resources import resource
 from report.compare import MAIN_NUMBERS, Comparison, Curve, Pair, compare
-from report.figures.style import ACCENT, GANGUE, PALE, RATIO_LABEL, canvas, styled, to_uri
+from report.drawing.style import ACCENT, GANGUE, PALE, RATIO_LABEL, canvas, styled, to_uri
 
 
 def write_comparison(a: Path, b: Path, out: Path | None = None) -> Path:

@@ -19,29 +19,29 @@ from common.files import write_text
 from common.output_directory import begins_with, is_stamped, refuse_foreign_file, stamped
 from common.resources import resource
 from report import tables
-from report.chapters.breakage import BREAKAGE_FIGURES
-from report.chapters.figure_spec import FigureSpec, FinishedFigure
-from report.chapters.recognition import ANSWER, RECOGNITION_FIGURES
-from report.chapters.response import RESPONSE_FIGURES
-from report.chapters.signals import SIGNAL_FIGURES
-from report.chapters.theory import THEORY_FIGURES
-from report.claims.breakage import BREAKAGE_STATEMENTS
-from report.claims.recognition import RECOGNITION_STATEMENTS
-from report.claims.response import RESPONSE_STATEMENTS
-from report.claims.signals import SIGNAL_STATEMENTS
-from report.claims.theory import THEORY_STATEMENTS
-from report.claims.trends import falling_steps, spearman
-from report.claims.verdicts import HELD, VERDICTS, to_csv
-from report.figures.still import still
-from report.figures.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
+from report.breakage.chapter import BREAKAGE_FIGURES
+from report.breakage.claims import BREAKAGE_STATEMENTS
+from report.drawing.figure_spec import FigureSpec, FinishedFigure
+from report.drawing.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
 from report.film.reel import Films
+from report.film.still import still
 from report.film.still_scene import still_scene
+from report.missing import MISSING_RESULT
 from report.parts import Parts, Spec, make_parts
-from report.results.missing import MISSING_RESULT
-from report.results.recognition import HELD_OUT
-from report.results.sweep_results import SweepResults
-from report.stream_page import stream_runs
+from report.recognition.chapter import ANSWER, RECOGNITION_FIGURES
+from report.recognition.claims import RECOGNITION_STATEMENTS
+from report.recognition.results import HELD_OUT
+from report.response.chapter import RESPONSE_FIGURES
+from report.response.claims import RESPONSE_STATEMENTS
+from report.signals.chapter import SIGNAL_FIGURES
+from report.signals.claims import SIGNAL_STATEMENTS
+from report.stream.page import stream_runs
+from report.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
+from report.theory.chapter import THEORY_FIGURES
+from report.theory.claims import THEORY_STATEMENTS
+from report.trends import falling_steps, spearman
+from report.verdicts import HELD, VERDICTS, to_csv
 
 TEMPLATES = resource("templates")
 
@@ -101,7 +101,7 @@ class Number:
 
 def write_report(directory: str | Path) -> Path:
     """Write report.html into a directory of runs, and of the paper's scene claims.csv, each whole or not at all. Of
-    streams it is the page of what fell (report/stream_page.py).
+    streams it is the page of what fell (report/stream/page.py).
 
     Returns the path of the report. Raises RecordError or RecognitionError, with a message of one line, where the runs
     cannot be used, and OSError where the files cannot be written.

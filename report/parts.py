@@ -8,12 +8,12 @@ from functools import partial
 from typing import Any
 
 from common.processes import side_by_side
-from report.chapters.figure_spec import FigureSpec, FinishedFigure, finish_figure
-from report.claims.verdicts import Claim, Statement, check_statements
+from report.drawing.figure_spec import FigureSpec, FinishedFigure, finish_figure
 from report.film.reel import Films, films_of, pack_films
-from report.results.missing import MISSING_RESULT
-from report.results.sweep_results import SweepResults
+from report.missing import MISSING_RESULT
+from report.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
+from report.verdicts import Claim, Statement, check_statements
 
 Spec = FigureSpec | TableSpec
 Finished = FinishedFigure | FinishedTable

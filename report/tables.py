@@ -11,9 +11,9 @@ import numpy as np
 
 from analysis.features import BASE_PARAMETERS
 from report.film.packing import pack_text
-from report.results.methods import MODEL_METHODS
-from report.results.missing import MISSING_RESULT
-from report.results.sweep_results import SweepResults
+from report.missing import MISSING_RESULT
+from report.recognition.results import MODEL_METHODS
+from report.sweep_results import SweepResults
 
 #: A space at which "3 of 11" does not break into two lines.
 NO_BREAK = "\u00a0"
@@ -160,48 +160,17 @@ def _error_cells(errors_points: np.ndarray, count: int) -> list[str]:
     return [_of(size.size, count), *numbers]
 
 
-MATERIALS = TableSpec(
-    key="table-1",
-    title="Elastic parameters (Table 1)",
-    note="",
-    build=materials,
-)
-EMD_RULES = TableSpec(
-    key="table-rules",
-    title="Cost of the EMD stopping rules",
-    note="Time and error of the first IMF, as in the figure; measured when this report was written.",
-    build=emd_rules,
-)
-STANDARDISED = TableSpec(
-    key="table-2",
-    title="Standardised parameters (Table 2)",
-    note="Standardised by Eq. 39; the direction of each parameter is that of these runs, not the paper's.",
-    build=standardised,
-)
-DEVIATIONS = TableSpec(
-    key="table-3",
-    title="Q and its quadratic (Table 3)",
-    note="The paper's differences reach from 0.006 to 0.046, to both sides.",
-    build=deviations,
-)
-RECOGNISED = TableSpec(
-    key="table-recognised",
-    title="Recognised mixing ratio of each run",
-    note="In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations.",
-    build=recognised,
-)
-ERRORS = TableSpec(
-    key="table-errors",
-    title="Errors of recognition",
-    note=(
-        "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method"
-        " describes its own data. That ratio held out: trained on the other ratios."
-    ),
-    build=errors,
-)
-RUNS = TableSpec(
-    key="table-runs",
-    title="Runs",
-    note="",
-    build=runs,
-)
+MATERIALS = TableSpec("table-1", "Elastic parameters (Table 1)", "", materials)
+EMD_RULES = TableSpec("table-rules", "Cost of the EMD stopping rules",
+                      "Time and error of the first IMF, as in the figure; measured when this report was written.",
+                      emd_rules)
+STANDARDISED = TableSpec("table-2", "Standardised parameters (Table 2)", (
+    "Standardised by Eq. 39; the direction of each parameter is that of these runs, not the paper's."), standardised)
+DEVIATIONS = TableSpec("table-3", "Q and its quadratic (Table 3)",
+                       "The paper's differences reach from 0.006 to 0.046, to both sides.", deviations)
+RECOGNISED = TableSpec("table-recognised", "Recognised mixing ratio of each run",
+                       "In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations.", recognised)
+ERRORS = TableSpec("table-errors", "Errors of recognition", (
+    "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method"
+    " describes its own data. That ratio held out: trained on the other ratios."), errors)
+RUNS = TableSpec("table-runs", "Runs", "", runs)

@@ -1,6 +1,8 @@
 """The cache of a user: found once, shared by processes, never trusted when damaged, bounded."""
 
+import ast
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,9 +13,11 @@ import numpy as np
 import pytest
 
 from common import cache
-from common.cache import BeingFound, cached, entry_file, key_of, not_waiting
+from common.cache import BeingFound, cached, entry_file, key_of, not_waiting, used_modules
+from common.messages import PACKAGES
 
-KEY = key_of(Path(__file__).parent, "a key")
+ROOT = Path(__file__).resolve().parents[1]
+KEY = key_of(Path(__file__), "a key")
 ARRAYS = {"values": np.arange(1000) / 7, "scalar": np.float64(3.0), "turned": np.arange(12.0).reshape(3, 4).T}
 
 ASK = """
@@ -96,13 +100,13 @@ def test_a_damaged_file_is_made_anew(tmp_path, damage):
 
 def test_an_entry_under_another_name_is_foreign(tmp_path):
     cached(tmp_path, "test", KEY, lambda: ARRAYS)
-    other = key_of(Path(__file__).parent, "another key")
+    other = key_of(Path(__file__), "another key")
     entry_file(tmp_path, "test", KEY).rename(entry_file(tmp_path, "test", other))
     assert cached(tmp_path, "test", other, lambda: {"values": np.zeros(2)})["values"].tolist() == [0, 0]
 
 
 def test_what_was_not_used_for_longest_makes_room(tmp_path, monkeypatch):
-    keys = [key_of(tmp_path, number) for number in range(4)]
+    keys = [key_of(tmp_path / "code.py", number) for number in range(4)]
     cached(tmp_path, "test", keys[0], lambda: ARRAYS)
     monkeypatch.setattr(cache, "LARGEST_MB", 3.5e-6 * entry_file(tmp_path, "test", keys[0]).stat().st_size)
     half_written = entry_file(tmp_path, "test", keys[0]).with_suffix(".cache.99.part")
@@ -140,5 +144,48 @@ def test_what_was_found_with_other_threads_is_another_entry(tmp_path, monkeypatc
     keys = set()
     for threads in ("1", "2", "1"):
         monkeypatch.setenv(name, threads)
-        keys.add(key_of(tmp_path, "modes"))
+        keys.add(key_of(tmp_path / "code.py", "modes"))
     assert len(keys) == 2
+
+
+KEPT_BY = ["dem/stones/library.py", "plate_fem/modes.py", "plate_fem/truncation.py", "analysis/emd_rules.py"]
+
+
+@pytest.mark.parametrize("code, used, unused", [
+    (KEPT_BY[0], "plate_fem/eigen.py", "plate_fem/response.py"),
+    (KEPT_BY[0], "dem/stones/mesh.py", "dem/stones/paths.py"),
+    (KEPT_BY[1], "plate_fem/residual.py", "plate_fem/commands.py"), (KEPT_BY[1], "common/plate.py", "common/scene.py"),
+    (KEPT_BY[3], "analysis/sifting.py", "analysis/hilbert.py")])
+def test_the_key_is_another_where_a_module_that_is_used_has_changed(tmp_path, code, used, unused):
+    keys = []
+    for number, changed in enumerate([None, unused, used]):
+        copy = tmp_path / str(number)
+        for package in ("common", "dem/stones", "plate_fem", "analysis"):
+            shutil.copytree(ROOT / package, copy / package, ignore=shutil.ignore_patterns("__pycache__", "data"))
+        (copy / "dem" / "__init__.py").touch()
+        if changed:
+            (copy / changed).write_text((copy / changed).read_text() + "# changed\n")
+        keys.append(key_of(copy / code, 1))
+    assert keys[0] == keys[1] == key_of(ROOT / code, 1) != keys[2]
+
+
+def parsed(file, found):
+    """Files that a module imports of the packages, by Python's own parser."""
+    if file in found or not file.is_file():
+        return found
+    found.add(file)
+    for node in ast.walk(ast.parse(file.read_text())):
+        names = [node.module] if isinstance(node, ast.ImportFrom) else []
+        names += [f"{node.module}.{one.name}" for one in node.names] if names else []
+        names += [one.name for one in node.names] if isinstance(node, ast.Import) else []
+        for name in names:
+            if name.split(".")[0] in PACKAGES:
+                place = ROOT.joinpath(*name.split("."))
+                parsed(place.with_suffix(".py"), found)
+                parsed(place / "__init__.py", found)
+    return found
+
+
+def test_modules_that_are_used_are_those_that_the_parser_finds():
+    for code in [*KEPT_BY, "dem/run/run.py", "report/page.py", "recognition/methods.py"]:
+        assert set(used_modules(ROOT / code)) == parsed(ROOT / code, set()), code

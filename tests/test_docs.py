@@ -7,9 +7,14 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from analysis import read_sweep
+from common.scene import changed_scene, read_scene
+from dem.calibration import calibrate
+from dem.calibration.virtual_tests import LoadHistory
+from gangue.__main__ import main
 from tests.analysis.synthetic import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -27,13 +32,14 @@ def blocks(kind, text=EXTENDING):
     return re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL)
 
 
-@pytest.mark.parametrize("code", blocks("python"), ids=["material", "parameter", "fusion"])
+@pytest.mark.parametrize("code", blocks("python"), ids=["feature", "sensor", "fusion", "figure"])
 def test_examples_in_python(code, tmp_path, monkeypatch):
     assert "assert " in code  # each example says what comes of it
     monkeypatch.chdir(ROOT)
     names = {}
-    if "runs" in code:
-        names["runs"] = read_sweep(write_sweep(tmp_path / "runs")).runs
+    if "runs" in code or "sweep" in code:
+        names["sweep"] = read_sweep(write_sweep(tmp_path / "runs"))
+        names["runs"] = names["sweep"].runs
     exec(compile(code, "docs/extending.md", "exec"), names)  # noqa: S102  our own page
 
 
@@ -49,12 +55,35 @@ def test_pages_run_as_they_stand(page, number, tmp_path, monkeypatch):
 
 
 def test_examples_of_commands(tmp_path):
-    (commands,) = blocks("sh")
+    commands = blocks("sh")[1]
     for command in commands.strip().splitlines():
         words = [sys.executable, *command.replace("OUT", str(tmp_path)).split()[1:]]
         done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "run" / "run.json").is_file()
+
+
+def test_the_example_of_a_material(tmp_path, monkeypatch):
+    """The calibration on few coarse packings, with strengths that are met at once in place of the engine's."""
+    rock, scene = blocks("toml")
+    (tmp_path / "targets.toml").write_text(rock)
+    target = calibrate.read_target("sandstone", tmp_path / "targets.toml")
+    coarse = changed_scene(ROOT / "scenes" / "paper.toml", {"stones.agglomerate.subspheres": 60})
+
+    def strength(work, *_):
+        work.mkdir(parents=True, exist_ok=True)
+        met_Pa = target.compressive_strength_Pa if work.name == "compression" else target.tensile_strength_Pa
+        return LoadHistory(np.array([1.0]), np.array([met_Pa]))
+
+    for name, value in {"read_target": lambda rock: target, "read_scene": lambda file: coarse, "FIT_SEEDS": 2,
+                        "CHECK_SEEDS": 2, "check_engine": lambda: None, "strength_test": strength}.items():
+        monkeypatch.setattr(calibrate, name, value)
+    monkeypatch.chdir(ROOT)
+    assert main(blocks("sh")[0].replace("OUT", str(tmp_path)).split()[1:]) == 0
+    (tmp_path / "scene.toml").write_text(scene)
+    found = read_scene(tmp_path / "scene.toml")
+    assert found.materials["gangue"].youngs_modulus_Pa == 15e9 and found.bond_of("gangue").friction_angle_deg == 40.0
+    assert found.materials["coal"] == read_scene(ROOT / "scenes" / "paper.toml").materials["coal"]
 
 
 def engine_with_the_example(tmp_path):

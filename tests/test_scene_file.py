@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from common.scene import changed_scene, read_scene
-from common.tables import InputError
+from common.tables import InputError, read_toml
 from dem.stones.arrangement import stones_of
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,15 +41,36 @@ def test_a_way_of_saying_what_falls_takes_the_place_of_the_bases(tmp_path):
 
 
 def test_a_material_by_its_name_is_that_of_its_file(tmp_path):
+    bond = read_toml(SCENES / "materials" / "coal.toml")["bond"]
+    assert read_scene(SCENES / "paper.toml").bond_of("coal").model_dump(exclude_defaults=True) == bond
     text = (SCENES / "paper.toml").read_text()
-    start, end = text.index("[materials.coal]"), text.index("[materials.gangue]")
-    named = text[:start] + text[end:] + '\n[materials]\ncoal = "coal"\n'
-    assert read_scene(written(tmp_path, named)).materials["coal"] == read_scene(SCENES / "paper.toml").materials["coal"]
     (tmp_path / "materials").mkdir()
     other = "density_kg_m3 = 1500.0\nyoungs_modulus_Pa = 4e9\npoisson_ratio = 0.25\n"
     written(tmp_path / "materials", other, "coal.toml")
     with pytest.raises(InputError, match="materials.coal.bond"):
-        read_scene(tmp_path / "scene.toml")  # the one beside the scene comes first, and has no bonds
+        read_scene(written(tmp_path, text))  # the one beside the scene comes first, and has no bonds
+
+
+@pytest.mark.parametrize("material, of_table_1", [("coal", (1380.0, 5.12e9, 0.3)), ("gangue", (2400.0, 9.966e9, 0.28))])
+def test_density_and_elastic_constants_are_those_of_the_paper(material, of_table_1):
+    for name in ("paper", "small"):
+        found = read_scene(SCENES / f"{name}.toml").materials[material]
+        assert (found.density_kg_m3, found.youngs_modulus_Pa, found.poisson_ratio) == of_table_1
+
+
+def test_materials_of_a_base_are_changed_key_by_key_or_replaced_as_a_whole(tmp_path):
+    paper = read_scene(SCENES / "paper.toml").materials["coal"]
+    (tmp_path / "deep" / "materials").mkdir(parents=True)
+    written(tmp_path / "deep", 'base = "paper.toml"\nname = "x"\n[materials]\nslate = "slate"\n'
+                               "[materials.coal]\ncontact_strength_Pa = 1e7\n")
+    coal = (SCENES / "materials" / "coal.toml").read_text()
+    written(tmp_path / "deep" / "materials", coal.replace("1380", "2700"), "slate.toml")
+    over = read_scene(written(tmp_path, 'base = "deep/scene.toml"\nname = "y"\nmaterials.coal.poisson_ratio = 0.2\n'))
+    assert over.materials["coal"] == paper.model_copy(update={"contact_strength_Pa": 1e7, "poisson_ratio": 0.2})
+    assert over.materials["slate"] == paper.model_copy(update={"density_kg_m3": 2700.0})  # from beside the base
+    hard = read_scene(written(tmp_path, 'base = "deep/scene.toml"\nname = "y"\nmaterials.coal = "hard_coal"\n'))
+    assert hard.materials["coal"].contact_strength_Pa is None
+    assert hard.bond_of("coal").fracture_energy_J_m2 == 8.133
 
 
 @pytest.mark.parametrize("text, said", [

@@ -9,13 +9,14 @@ import jsonschema
 import pytest
 
 from common.scene import Scene
+from common.scene_file import scene_tables
 from common.scene_schema import PAGE, SCHEMA, scene_page, scene_schema
-from common.tables import InputError, check, read_toml
+from common.tables import InputError, check
 
 ROOT = Path(__file__).resolve().parents[1]
 NOT_SCENES = ("campaign.toml", "dataset.toml", "dataset_held_out.toml", "streams.toml")  # plans of many runs
 SCENES = sorted(file for file in (ROOT / "scenes").glob("*.toml") if file.name not in NOT_SCENES)
-PAPER = read_toml(ROOT / "scenes" / "paper.toml")
+PAPER = scene_tables(ROOT / "scenes" / "paper.toml")
 
 
 def validator():

@@ -78,6 +78,7 @@ class TargetTable(Table):
 
     youngs_modulus_Pa: Positive | None = None
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)] | None = None
+    elastic_source: Source = "as in the scene"  # of the density, too
     tensile_strength_Pa: Positive
     compressive_strength_Pa: Positive
     strength_source: Source
@@ -294,24 +295,25 @@ def _rounded(value: float) -> float:
 
 
 def calibration_toml(found: Calibration, scene: Scene, material: str, name: str, target: TargetTable) -> str:
-    """The file of a calibrated rock; `[bond]` is what a scene's materials.MATERIAL.bond takes."""
+    """The file of a calibrated rock; `materials.MATERIAL = "{name}"` takes it into a scene."""
     rock, tests, density_kg_m3 = found.rock, found.tests, scene.materials[material].density_kg_m3
     modulus_Pa, nu = target.elastic(scene.materials[material])
     fit, held_out = (sorted(set(tests.seed[tests.stage == stage])) for stage in ("strength", "check"))
     head = f"""# Bonds of {name}, written by `python -m dem calibrate {material} --rock {name}`: docs/calibration.md.
 
+# {target.elastic_source}
 density_kg_m3 = {density_kg_m3:g}
 youngs_modulus_Pa = {modulus_Pa:g}
 poisson_ratio = {nu:g}
 
-[bond]
-youngs_modulus_Pa = {rock.bond_modulus_Pa:g}
-stiffness_ratio = {rock.stiffness_ratio:g}
-tensile_strength_Pa = {rock.tensile_strength_Pa:g}
-shear_strength_Pa = {rock.shear_strength_Pa:g}
+[bond]  # assumption, fitted to [reached]
+youngs_modulus_Pa = {rock.bond_modulus_Pa:g}  # to E
+stiffness_ratio = {rock.stiffness_ratio:g}  # k_n/k_s; {MAX_STIFFNESS_RATIO:g} is the most that isotropy allows
+tensile_strength_Pa = {rock.tensile_strength_Pa:g}  # to the Brazilian strength
+shear_strength_Pa = {rock.shear_strength_Pa:g}  # to the uniaxial compressive strength
 friction_angle_deg = {target.friction_angle_deg:g}  # {target.friction_source}, not fitted
-volumetric_ratio = {rock.volumetric_ratio:g}
-pressure_strengthening = {rock.pressure_strengthening:g}
+volumetric_ratio = {rock.volumetric_ratio:g}  # to nu
+pressure_strengthening = {rock.pressure_strengthening:g}  # of the tensile strength, docs/calibration.md
 {_fracture_line(rock, target)}
 [provenance]
 scene = "{scene.name}"
@@ -342,16 +344,15 @@ def _comparison(found: Calibration, scene: Scene, material: str,
     """Name, target, its source, and the values found in the checks."""
     table, checks = scene.materials[material], found.tests[found.tests.stage == "check"]
     rock_source = target.strength_source
-    scene_source = f"scene {scene.name}" if target.youngs_modulus_Pa is None else rock_source
     modulus_Pa, nu = target.elastic(table)
     strength = {kind: checks.strength_Pa[(checks.test == kind) & (checks.confining_Pa == 0)]
                 for kind in ("Brazilian", "compression")}
     return [
-        ("youngs_modulus_Pa", modulus_Pa, scene_source, checks.youngs_modulus_Pa.dropna()),
-        ("poisson_ratio", nu, scene_source, checks.poisson_ratio.dropna()),
+        ("youngs_modulus_Pa", modulus_Pa, target.elastic_source, checks.youngs_modulus_Pa.dropna()),
+        ("poisson_ratio", nu, target.elastic_source, checks.poisson_ratio.dropna()),
         ("tensile_strength_Pa", target.tensile_strength_Pa, rock_source, strength["Brazilian"]),
         ("compressive_strength_Pa", target.compressive_strength_Pa, rock_source, strength["compression"]),
-        ("stone_youngs_modulus_Pa", modulus_Pa, scene_source, pd.Series(found.stone_modulus_Pa)),
+        ("stone_youngs_modulus_Pa", modulus_Pa, target.elastic_source, pd.Series(found.stone_modulus_Pa)),
     ]
 
 

@@ -1,6 +1,5 @@
 """Virtual laboratory tests in LIGGGHTS: compression of a cylinder, also under a confining pressure, its direct tension,
-the Brazilian test, a disc that is pressed across its diameter until it splits, and the work of fracture of that disc,
-pulled along its axis until it has parted.
+and the Brazilian test, a disc that is pressed across its diameter until it splits.
 
 Specimens are random dense packings with bonds as in a stone. The platens are frictionless: the sub-spheres at each
 one keep a constant speed along the axis and are free across it (fix setforce), as in
@@ -23,7 +22,7 @@ The specimen starts in the motion of homogeneous strain, so that no wave starts 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import jinja2
@@ -32,7 +31,6 @@ import numpy as np
 from dem.coupling.launch import engine_error, engine_running
 from dem.deck.render import TEMPLATES
 from dem.deck.time_step import BOND_FRACTION
-from dem.run.paraview import read_dump
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import PLATEN_GAP, Bonds, bond_network
 from dem.stones.packing import CylinderContainer, Packing, pack_cylinder
@@ -45,7 +43,6 @@ LOADED_HALF_ANGLE_rad = np.radians(15.0)  # alpha of the Brazilian test
 UNBREAKABLE_Pa = 1e30
 GRIP = 1.5              # mean diameters
 DROP = 0.15             # of the load at which a disc has split
-PARTED = 0.1            # of the largest load: below, a specimen that is pulled has parted
 STARTED = 0.1           # of the largest load: below, it may tremble
 CONFINING_RAMP = 0.3    # of the time to the failure that is expected
 
@@ -150,29 +147,6 @@ def tension_specimen(compressed: Specimen) -> Specimen:
     return replace(compressed, kind="tension", lower=z < -reach, upper=z > reach)
 
 
-def fracture_specimen(disc: Specimen, ligament: float) -> Specimen:
-    """The disc of a Brazilian test in grips along its own axis, so short that it gives way steadily, without the bonds
-    that cross its middle plane beyond the share `ligament` of its radius."""
-    bonds, center = disc.bonds, disc.packing.center_m
-    ends = center[bonds.first], center[bonds.second]
-    distance = np.hypot(*(0.5 * (ends[0] + ends[1])[:, :2]).T)
-    crosses = (ends[0][:, 2] > 0) != (ends[1][:, 2] > 0)
-    kept = ~(crosses & (distance > ligament * disc.packing.container.half_size_m[0]))
-    left = replace(bonds, **{f.name: getattr(bonds, f.name)[kept] for f in fields(bonds)})
-    return replace(tension_specimen(replace(disc, axis=2, bonds=left)), kind="fracture")
-
-
-def fracture_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float) -> float:
-    """Work of fracture in J/m^2: that of the grips over the whole section, until the load is PARTED of its peak.
-
-    Raises RuntimeError if the engine fails or the specimen has not parted at ten times `failure_strain`.
-    """
-    record = _run(directory, specimen, rock, Procedure(failure_strain, CHECKS, until=PARTED))
-    if record.stress_Pa[-1] > 2 * PARTED * record.stress_Pa.max():
-        raise RuntimeError(f"{directory}: the specimen has not parted within 10 times the strain {failure_strain:g}")
-    return float(np.trapezoid(record.stress_Pa, record.strain)) * 2 * specimen.half_size_m
-
-
 def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float,
                   confining_Pa: float = 0.0) -> LoadHistory:
     """Press, or pull a specimen for tension, until the load has fallen to half of its peak.
@@ -182,25 +156,10 @@ def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strai
     ten times that strain.
     """
     checks = CONFINED_CHECKS if confining_Pa else CHECKS
-    record = _run(directory, specimen, rock, Procedure(failure_strain, checks, confining_Pa=confining_Pa))
+    record = run_test(directory, specimen, rock, Procedure(failure_strain, checks, confining_Pa=confining_Pa))
     if not record.has_failed and not confining_Pa:  # a confined specimen may flow
         raise RuntimeError(f"{directory}: the specimen did not fail within 10 times the strain {failure_strain:g}")
     return record
-
-
-def elastic_test(directory: Path, specimen: Specimen, rock: Rock, strain: float = 2e-4) -> tuple[float, float]:
-    """Young's modulus in Pa and Poisson's ratio of an unbreakable specimen under compression along its axis.
-
-    Slopes of stress and of lateral strain against axial strain; lateral strain is fitted to all sub-spheres.
-    """
-    _check(specimen.kind == "compression", "an elastic test needs a specimen for compression")
-    record = _run(directory, specimen, rock, Procedure(strain, checks=20, breakable=False, dumped=True))
-    frames = np.array([frame[:, 1:] for _, frame in read_dump(directory / "view.dump")])
-    moved = frames - frames[0]
-    slopes = np.array([[np.polyfit(specimen.packing.center_m[:, k], u[:, k], 1)[0] for k in range(3)] for u in moved])
-    lateral = slopes[:, :2].mean(axis=1)
-    axial = strain * np.arange(len(frames)) / (len(frames) - 1)
-    return float(np.polyfit(record.strain, record.stress_Pa, 1)[0]), float(np.polyfit(axial, lateral, 1)[0])
 
 
 @dataclass(frozen=True)
@@ -216,7 +175,7 @@ class Procedure:
     until: float = 0.5  # of the largest load: below, the test ends
 
 
-def _run(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) -> LoadHistory:
+def run_test(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) -> LoadHistory:
     directory.mkdir(parents=True, exist_ok=True)
     mass = _mass_kg(specimen, rock)
     bond_time = _bond_time_s(specimen, rock, mass)

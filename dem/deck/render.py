@@ -40,12 +40,13 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     directory.mkdir(parents=True)
     writers: dict[str, Callable[[Path], object]] = {
         "deck.liggghts": lambda file: file.write_text(render(scene, assembly, step)),
-        "atoms.data": lambda file: _write_atoms(file, scene, assembly),
         "agglomerates.txt": lambda file: np.savetxt(file, assembly.sizes, fmt="%d")}
     if assembly.is_stream:
         writers["stones.bin"] = lambda file: write_stones(file, scene, assembly, step)
-    elif assembly.n_bonds:
-        writers["bonds.txt"] = lambda file: _write_bonds(file, assembly)
+    else:
+        writers["atoms.data"] = lambda file: _write_atoms(file, scene, assembly)
+        if assembly.n_bonds:
+            writers["bonds.txt"] = lambda file: _write_bonds(file, assembly)
     if assembly.surfaces:
         writers["surface.txt"] = lambda file: write_surfaces(file, scene, assembly)
     if assembly.faces:
@@ -101,6 +102,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         fast_steps=step.fast_steps,
         record_steps=record_steps(assembly, step),
         stream=assembly.is_stream,
+        box_m=" ".join(" ".join(ends) for ends in _box_m(assembly)),
         up=" ".join(f"{c:.17g}" for c in assembly.up),
         down=" ".join("0" if c == 0 else f"{-c:.17g}" for c in assembly.up),
         co_step=step.co_step,
@@ -210,19 +212,20 @@ def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, Any]:
             "feel_dilatation": any(m["volumetric_modulus_Pa"] or m["pressure_strengthening"] for m in materials)}
 
 
-def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
-    density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
-    # Boundaries of style m grow with the stones and never shrink below this: a small box means few neighbour bins.
+def _box_m(assembly: Assembly) -> list[tuple[str, str]]:
+    """From and to of the simulation box along each axis. Boundaries of style m grow with the stones and never shrink
+    below this: a small box means few neighbour bins."""
     low = (assembly.center_m - assembly.radius_m[:, None]).min(axis=0) - BOX_MARGIN_M
     high = (assembly.center_m + assembly.radius_m[:, None]).max(axis=0) + BOX_MARGIN_M
+    return [(f"{a:.9g}", f"{b:.9g}") for a, b in zip(low, high)]
+
+
+def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
+    density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
     with open(file, "w") as out:
-        n_atoms = 0 if assembly.is_stream else assembly.n_particles
-        out.write(f"{scene.name}\n\n{n_atoms} atoms\n{len(_types(scene, assembly))} atom types\n\n")
-        out.writelines(f"{a:.9g} {b:.9g} {axis}lo {axis}hi\n" for axis, a, b in zip("xyz", low, high))
-        out.write("\n")
-        if assembly.is_stream:  # they are in stones.bin
-            return
-        out.write("Atoms\n\n")
+        out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(_types(scene, assembly))} atom types\n\n")
+        out.writelines(f"{a} {b} {axis}lo {axis}hi\n" for axis, (a, b) in zip("xyz", _box_m(assembly)))
+        out.write("\nAtoms\n\n")
         for k in range(assembly.n_particles):
             x, y, z = assembly.center_m[k]
             out.write(f"{k + 1} {assembly.material[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "

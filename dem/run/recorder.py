@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from common.channels import RESPONSES, SENSORS, force_column, rod_column, sensor_column
 from common.parquet import Columns, write_parquet
 from common.plate import FlexiblePlate
 from common.scene import Scene
@@ -34,13 +35,13 @@ class PlateRecorder:
         self._pictures = pictures
         self._check = check
         assert isinstance(scene.plate, FlexiblePlate)  # the other has no motion to record
-        sensors = scene.plate.sensors
+        by_kind = {kind: [s for s in scene.plate.sensors if s.kind == kind] for kind in SENSORS}
         self._mean = modes.mean_shape
-        self._sensor = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]).reshape(-1, 2))
+        self._sensor = {kind: modes.shape_at(np.array([[s.x_m, s.y_m] for s in own]))
+                        for kind, own in by_kind.items() if own}
         self._rod = modes.rod_force
-        rods = [f"rod_{k + 1}_N" for k in range(len(self._rod))]
-        self.columns = ["u_m", "v_m_s", "a_m_s2", "kinetic_J", "internal_J", "total_J",
-                        *(f"acc_{s.name}_m_s2" for s in sensors), *rods]
+        self.columns = [*RESPONSES, *(sensor_column(s.name, kind) for kind, own in by_kind.items() for s in own),
+                        *(rod_column(k) for k in range(1, len(self._rod) + 1))]
         self.steps: list[int] = []
         self.view_amplitude: dict[int, np.ndarray] = {}  # by DEM step
         self.bending = StressPeak(modes, scene.plate.rods)
@@ -76,9 +77,10 @@ class PlateRecorder:
         acceleration = self._motion.acceleration_at(amplitude, rate, force)
         kinetic, internal = self._motion.energies_at(amplitude, rate)
         self._check(t_s, kinetic + internal)
+        measured = {"acceleration": acceleration, "velocity": rate, "displacement": amplitude}  # by kind of sensor
         self._blocks.append(np.column_stack([
             amplitude @ self._mean, rate @ self._mean, acceleration @ self._mean, kinetic, internal, kinetic + internal,
-            acceleration @ self._sensor.T, amplitude @ self._rod.T]))
+            *(measured[kind] @ shape.T for kind, shape in self._sensor.items()), amplitude @ self._rod.T]))
         self.bending.add(t_s, amplitude)
         self._evaluated, self._waiting = self._evaluated + self._waiting, 0
 
@@ -150,7 +152,7 @@ def fast_stream(step: TimeStep, pushes: Pushes, plate_signals: Columns, columns_
     own = pushes.stone < columns_of
     mean[pushes.step[own] // step.fast_steps, pushes.stone[own]] = pushes.mean_N[own]
     table = {"t_s": np.arange(n_rows) * step.fast_steps * step.dt_s, **plate_signals, "force_N": total,
-             **{f"force_{k + 1:02d}_N": mean[:, k] for k in range(columns_of)}}
+             **{force_column(k + 1): mean[:, k] for k in range(columns_of)}}
     if not all(np.isfinite(values).all() for values in table.values()):
         raise RuntimeError("a signal holds a value that is no number")
     return table

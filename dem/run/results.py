@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from common.channels import rod_column
 from common.parquet import Columns, write_parquet
 from common.plate import FlexiblePlate
 from common.run_summary import RecordedScene, YieldReport
@@ -152,7 +153,7 @@ def plate_momentum(prepared: PreparedRun, fast: Columns) -> dict[str, list[float
     modes = prepared.modes
     if modes is None or not len(modes.lateral):  # it has some where the plate stands on rods alone
         return {}
-    rods = np.array([fast[f"rod_{k + 1}_N"] for k in range(len(modes.rod_force))]).reshape(-1, len(fast["t_s"])).T
+    rods = np.array([fast[rod_column(k + 1)] for k in range(len(modes.rod_force))]).reshape(-1, len(fast["t_s"])).T
     impulse = -(np.diff(fast["t_s"])[:, None] * (rods[1:] + rods[:-1]) / 2).sum(axis=0)
     return {"rod_impulse_N_s": impulse.tolist(), "plate_momentum_kg_m_s": modes.mass_kg * float(fast["v_m_s"][-1])}
 

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import cg, eigsh
+from scipy.sparse.linalg import cg
 
 from dem.stones.packing import Packing, SphereContainer, near_pairs
 
@@ -141,21 +141,6 @@ def dilatations(count: int, bonds: Bonds) -> tuple[np.ndarray, csr_matrix]:
     columns = np.concatenate([(6 * other[:, None] + np.arange(3)).ravel() for _, other, _ in ends])
     values = np.concatenate([value.ravel() for _, _, value in ends])
     return weight / 6, coo_matrix((values, (rows, columns)), shape=(count, 6 * count)).tocsr()
-
-
-def highest_frequency_rad_s(bonds: Bonds, modulus_Pa: float, stiffness_ratio: float, mass_kg: np.ndarray,
-                            radius_m: np.ndarray, volumetric_ratio: float = 0.0) -> float:
-    """Of the network, sub-spheres with mass and radius (n,) and spin inertia 0.4 m R^2.
-
-    The leapfrog scheme is stable below a time step of 2 over this frequency, where nothing damps.
-    """
-    inertia = np.column_stack([np.repeat(mass_kg[:, None], 3, axis=1),
-                               np.repeat(0.4 * (mass_kg * radius_m**2)[:, None], 3, axis=1)]).ravel()
-    scale = diags(1 / np.sqrt(inertia))
-    matrix = stiffness_matrix(len(mass_kg), bonds, modulus_Pa, stiffness_ratio, volumetric_ratio)
-    largest = eigsh(scale @ matrix @ scale, k=1, which="LA", tol=1e-6, return_eigenvectors=False,
-                    v0=np.random.default_rng(1).normal(size=matrix.shape[0]))
-    return float(np.sqrt(largest[0]))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from dem.stones.mesh_container import MeshContainer
 from dem.stones.packing import ConvexContainer, Packing, SphereContainer, pack, pack_sphere
 from dem.stones.shapes import Solid
 
-CODE = Path(__file__).parent
+CODE = Path(__file__)
 SIZE_RATIO = 1.5  # of the sub-spheres, as in a sphere
 REFERENCE_RADIUS_m = 0.025  # with which a packing is kept; all sizes are alike
 

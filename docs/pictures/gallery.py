@@ -6,9 +6,9 @@ from pathlib import Path
 import matplotlib
 
 from analysis import read_sweep
-from report.figures.style import STYLE
+from report.drawing.style import STYLE
 from report.page import CHAPTERS
-from report.results.sweep_results import SweepResults
+from report.sweep_results import SweepResults
 
 SHOWN = ("fig-7", "fig-10", "fig-laws", "fig-area-time", "fig-18", "fig-19", "fig-hilbert", "fig-23", "fig-33",
          "fig-38")  # fmt: skip

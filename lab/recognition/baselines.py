@@ -3,19 +3,56 @@ straight line."""
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.linear_model import LinearRegression
 
+from analysis.runs import Run
 from lab.recognition.impulse import impulse
+from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.channels import channels_of
-from recognition.estimation.method import MethodEntry, Registry
+from recognition.estimation.estimator import RatioEstimator
+from recognition.estimation.method import Groups, MethodEntry, Registry
 from recognition.methods import METHODS
-from recognition.regression.feature_regression import EstimatorMethod, FeatureRegression
-from recognition.regression.features import FEATURES
+from recognition.regression.conformal import GroupConformal
+from recognition.regression.feature_regression import FeatureRegression
+
+
+@dataclass
+class EstimatorMethod(RatioEstimator):
+    """Any regressor of scikit-learn on what `features` makes of a record, an array of the same shape for each, with
+    intervals by `GroupConformal`. It is not saved in model files."""
+
+    features: Callable[[pd.DataFrame], Floats]
+    estimator: Any
+    conformal_: GroupConformal = field(init=False, repr=False)
+
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
+        """Features of one record."""
+        return self.features(signals)
+
+    def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
+            nuisance: pd.DataFrame | None = None) -> EstimatorMethod:
+        """Raises RecognitionError."""
+        self.conformal_ = GroupConformal(self.estimator).fit(np.asarray(X), y, groups, None if nuisance is None else nuisance.to_numpy(dtype=float))
+        return self
+
+    def predict(self, X: Sequence[Floats] | Floats) -> Floats:
+        """Mixing ratio of each record, shape (runs,)."""
+        return np.array([answer.ratio for answer in self.answer(X)])
+
+    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+        """Answers to records; none is called out of distribution."""
+        rows = self.conformal_.predict_interval(np.asarray(X), None if nuisance is None else nuisance.to_numpy(dtype=float))
+        return [Answer(float(ratio), float(low), float(high)) for ratio, low, high in rows]
+
+    def summary(self) -> str:
+        return f"interval of {100 * self.conformal_.width_:.1f} points"
 
 
 def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
@@ -23,13 +60,15 @@ def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
     return np.asarray(np.sqrt(np.mean(channels_of(signals, "centre")[1:] ** 2, axis=1)))
 
 
-def features_of_impulse(signals: pd.DataFrame) -> Floats:
-    """The stones' impulse and its standard error, shape (2, 1)."""
-    found = impulse(signals)
-    return np.array([[found.impulse_N_s], [found.standard_error_N_s]])
+class ImpulseRegression(FeatureRegression):
+    """A Gaussian process on the stones' impulse and its standard error, shape (2, 1), which take other channels."""
 
+    def __init__(self) -> None:
+        super().__init__("rms")
 
-FEATURES["impulse"] = features_of_impulse
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
+        found = impulse(signals)
+        return np.array([[found.impulse_N_s], [found.standard_error_N_s]])
 
 
 def _line() -> EstimatorMethod:
@@ -37,7 +76,7 @@ def _line() -> EstimatorMethod:
 
 
 BASELINES: Registry = {
-    "impulse": MethodEntry("impulse from plate and rods", partial(FeatureRegression, "impulse")),
+    "impulse": MethodEntry("impulse from plate and rods", ImpulseRegression),
     "rms_line": MethodEntry("RMS and a straight line", _line),
 }
 EVALUATED: Registry = {**METHODS, **BASELINES}

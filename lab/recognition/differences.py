@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.runs import Run
+from common.channels import ACCELEROMETERS, RODS, rod_column, sensor_column
 from common.plate import FlexiblePlate, read_plate
 from lab.known_truth import other_plates
 from lab.known_truth.faults import FAULTS, Fault
@@ -56,7 +57,7 @@ class Sources:
 def _fast(path: Path) -> pd.DataFrame:
     names = pd.read_parquet(path / "signals.parquet").columns
     return pd.read_parquet(path / "fast.parquet",
-                           columns=["t_s", *(name for name in names if name.startswith(("acc_", "rod_")))])
+                           columns=["t_s", *(name for name in names if name.startswith((ACCELEROMETERS, RODS)))])
 
 
 def plain(sources: Sources) -> Records:
@@ -92,7 +93,7 @@ def changed(fault: Fault) -> Callable[[Sources], Records]:
 
 
 def sensors(table: pd.DataFrame) -> list[str]:
-    return sorted(name for name in table.columns if name.startswith("acc_"))
+    return sorted(name for name in table.columns if name.startswith(ACCELEROMETERS))
 
 
 def only(*prefixes: str) -> Callable[[Sources], Records]:
@@ -112,10 +113,10 @@ def exact_plate(thickness: float = 1.0) -> PlateModel:
 def superposed(plate: PlateModel, force_N: np.ndarray, place_m: np.ndarray, step_s: float) -> pd.DataFrame:
     """A record of the plate's sensors under forces (stones, steps)."""
     force = np.pad(force_N, ((0, 0), (0, FINE * (SAMPLES - 1) + 1 - force_N.shape[1])))
-    names = [f"acc_{name}_m_s2" for name in plate.sensor_names]
+    names = [sensor_column(name) for name in plate.sensor_names]
     columns = dict(zip(names, plate.response(force, place_m, 1 / step_s), strict=True))
     rods = plate.rod_forces(force, place_m, 1 / step_s)
-    columns |= {f"rod_{k}_N": row for k, row in enumerate(rods, 1)}
+    columns |= {rod_column(k): row for k, row in enumerate(rods, 1)}
     table = pd.DataFrame(columns).iloc[::FINE].reset_index(drop=True)
     table.insert(0, "t_s", np.arange(len(table)) * FINE * step_s)
     return table
@@ -196,7 +197,7 @@ ROWS: dict[str, Callable[[Sources], Records]] = {
     "modes scattered by 1 %": on_plate(_scattered),
     "record starts anywhere within 0.3 ms": beginning(lambda rng: int(rng.integers(-60, 61))),
     "speed 2.5 m/s": scaled(1.0, 2.5 / 3),
-    "accelerometers alone": only("acc_"),
+    "accelerometers alone": only(ACCELEROMETERS),
     "radius 30 mm": scaled(1.2, 1.0),
     **{name: changed(fault) for name, fault in FAULTS.items()},
 }

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from common.channels import RODS
 from lab.known_truth import other_plates
 from lab.recognition.differences import (
     Sources,
@@ -92,7 +93,7 @@ def recognise_held_out(out: Path, dataset: str = "runs/dataset", held_out: str =
         sources = Sources([held.runs[k] for k in held.of("ring")], np.random.default_rng(7))
         for seed, (record, ratio) in enumerate(on_plate(lambda _, name=name: PLATES[name]())(sources)):  # type: ignore[misc]
             for sensors in ("all", "accelerometers"):
-                kept = [c for c in record.columns.astype(str) if sensors == "all" or not c.startswith("rod_")]
+                kept = [c for c in record.columns.astype(str) if sensors == "all" or not c.startswith(RODS)]
                 for noise in NOISES_dB:
                     yield Row({"plate": name, "records": f"ring, {sensors}", "noise_dB": noise, "record": seed}, partial(
                         lambda name, *rest, ratio: {"true": ratio, **answered(there(name), *rest)},

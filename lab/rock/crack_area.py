@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +17,15 @@ import numpy as np
 import pandas as pd
 
 from common.tables import read_toml
-from dem.calibration.virtual_tests import Rock, brazilian_specimen, fracture_specimen, fracture_test
+from dem.calibration.virtual_tests import (
+    CHECKS,
+    Procedure,
+    Rock,
+    Specimen,
+    brazilian_specimen,
+    run_test,
+    tension_specimen,
+)
 from lab.rock.stone import SCENES
 from lab.study import Row
 
@@ -25,6 +33,7 @@ LIGAMENT = 0.65
 NEAR_m = 5e-3  # of the plane of the crack, a mean sub-sphere's diameter
 STRAIN = 1e-4  # at failure, about
 ENERGIES_J_m2 = (1.28, 2.56)
+PARTED = 0.1  # of the largest load: below, a specimen that is pulled has parted
 
 
 def rock(file: Path = SCENES / "materials" / "coal.toml") -> Rock:
@@ -35,6 +44,29 @@ def rock(file: Path = SCENES / "materials" / "coal.toml") -> Rock:
                 bond["youngs_modulus_Pa"], bond["stiffness_ratio"], bond["tensile_strength_Pa"],
                 bond["shear_strength_Pa"], float(np.tan(np.radians(bond["friction_angle_deg"]))), 0.05,
                 bond["volumetric_ratio"], bond["pressure_strengthening"])
+
+
+def fracture_specimen(disc: Specimen, ligament: float) -> Specimen:
+    """The disc of a Brazilian test in grips along its own axis, so short that it gives way steadily, without the bonds
+    that cross its middle plane beyond the share `ligament` of its radius."""
+    bonds, center = disc.bonds, disc.packing.center_m
+    ends = center[bonds.first], center[bonds.second]
+    distance = np.hypot(*(0.5 * (ends[0] + ends[1])[:, :2]).T)
+    crosses = (ends[0][:, 2] > 0) != (ends[1][:, 2] > 0)
+    kept = ~(crosses & (distance > ligament * disc.packing.container.half_size_m[0]))
+    left = replace(bonds, **{f.name: getattr(bonds, f.name)[kept] for f in fields(bonds)})
+    return replace(tension_specimen(replace(disc, axis=2, bonds=left)), kind="fracture")
+
+
+def fracture_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float) -> float:
+    """Work of fracture in J/m^2: that of the grips over the whole section, until the load is PARTED of its peak.
+
+    Raises RuntimeError if the engine fails or the specimen has not parted at ten times `failure_strain`.
+    """
+    record = run_test(directory, specimen, rock, Procedure(failure_strain, CHECKS, until=PARTED))
+    if record.stress_Pa[-1] > 2 * PARTED * record.stress_Pa.max():
+        raise RuntimeError(f"{directory}: the specimen has not parted within 10 times the strain {failure_strain:g}")
+    return float(np.trapezoid(record.stress_Pa, record.strain)) * 2 * specimen.half_size_m
 
 
 def part(seed: int, energy_J_m2: float) -> dict:

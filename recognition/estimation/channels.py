@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
+from common.channels import ACCELEROMETERS, RODS
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 
@@ -14,10 +15,10 @@ from recognition.estimation.errors import RecognitionError
 #: brackets for columns that may be absent.
 CHANNELS = {
     "centre": ("v_m_s", "a_m_s2"),
-    "accelerometers": ("acc_*",),
-    "rods": ("rod_*",),
-    "plate": ("acc_*", "[rod_*]"),  # sensors that a plate can have
-    "all": ("v_m_s", "a_m_s2", "acc_*", "rod_*"),
+    "accelerometers": (f"{ACCELEROMETERS}*",),
+    "rods": (f"{RODS}*",),
+    "plate": (f"{ACCELEROMETERS}*", f"[{RODS}*]"),  # sensors that a plate can have
+    "all": ("v_m_s", "a_m_s2", f"{ACCELEROMETERS}*", f"{RODS}*"),
 }
 
 

@@ -4,10 +4,19 @@ from common.input_error import CommandError
 
 
 class RecognitionError(CommandError, ValueError):
-    """A model cannot be fitted, loaded or applied. The message is one line."""
+    """A model cannot be fitted, loaded or applied. The message is one line.
+
+    >>> Fusion("sound").names
+    Traceback (most recent call last):
+    recognition.estimation.errors.RecognitionError: fusion 'sound'; choose one of energy, other, absolute, composite
+    """
 
     exit_code = 2
 
 
 class NotRecognised(RecognitionError):
-    """A record has no answer under the rules of the method; the message says which rule."""
+    """A record has no answer under the rules of the method; the message says which rule.
+
+    >>> issubclass(NotRecognised, RecognitionError)
+    True
+    """

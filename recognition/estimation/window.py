@@ -43,7 +43,5 @@ class Window:
         if not np.isclose(rate_Hz, self.rate_Hz, rtol=1e-3):
             raise RecordError(f"{source}: {rate_Hz:.6g} Hz; the model needs {self.rate_Hz:.6g} Hz")
         if len(signals) < self.n_samples:
-            raise RecordError(
-                f"{source}: {len(signals)} samples; the model needs {self.n_samples} from the impact on"
-            )
+            raise RecordError(f"{source}: {len(signals)} samples; the model needs {self.n_samples} from the impact on")
         return signals.iloc[: self.n_samples]

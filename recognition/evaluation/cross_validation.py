@@ -159,8 +159,7 @@ class Evaluation:
 
     def _by_eleven(self, tested: Integers) -> Iterator[tuple[Integers, Integers]]:
         table = self.data.table
-        trainings = [np.flatnonzero(table["group"] == group)
-                     for group in table["group"][self.data.of(*RINGS)].unique()]
+        trainings = [np.flatnonzero(table["group"] == group) for group in table["group"][self.data.of(*RINGS)].unique()]
         trainings = [rows for rows in trainings if np.unique(self.data.ratios[rows]).size == 11]
         if not trainings:
             raise RecognitionError(f"no group of the families {', '.join(RINGS)} has all eleven ratios")

@@ -148,6 +148,11 @@ class Rule:
     forms: those tried; of several the best adjusted R^2 wins. degree: of the polynomial, or
     None for the paper's rule: the lowest degree with R^2 >= min_r2, at most max_degree. A
     moment whose best R^2 is below min_r2, or at which all runs agree, has no function.
+
+    >>> ratios = np.linspace(0, 1, 6)
+    >>> space = Rule(degree=2).fit(np.column_stack([ratios, ratios**2]), ratios)
+    >>> space(np.array([0, 1]), np.array([0.5, 0.5])).round(6).tolist()
+    [0.5, 0.25]
     """
 
     forms: tuple[str, ...] = (POLYNOMIAL,)
@@ -167,9 +172,7 @@ class Rule:
         for form in self.forms:
             chosen.take(self._fit_one(form, ratios, curves[:, moments], top))
         if not chosen.found.any():
-            raise RecognitionError(
-                f"no moment has a {' or '.join(self.forms)} fit with R^2 >= {self.min_r2:g}"
-            )
+            raise RecognitionError(f"no moment has a {' or '.join(self.forms)} fit with R^2 >= {self.min_r2:g}")
         found = chosen.found
         used = np.flatnonzero(chosen.parameters[found].any(axis=0)).max() + 1
         return FunctionSpace(curves.shape[1], moments[found], chosen.form[found], chosen.parameters[found, :used])

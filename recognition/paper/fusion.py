@@ -38,7 +38,13 @@ def plate_response(signals: pd.DataFrame, name: str) -> Floats:
 
 @dataclass
 class Fusion(BaseEstimator):
-    """One of the four fusions: normalisation (41) fitted to training runs, then the Kalman filter."""
+    """One of the four fusions: normalisation (41) fitted to training runs, then the Kalman filter.
+
+    >>> fusion = Fusion("energy")
+    >>> responses = np.stack([fusion.prepare(run.signals) for run in read_sweep("runs/paper").runs])
+    >>> fusion.fit(responses).transform(responses).shape
+    (11, 267)
+    """
 
     kind: str = "energy"
     process_to_measurement: float = PROCESS_TO_MEASUREMENT

@@ -49,7 +49,11 @@ def gains(count: int, samples: int, process_to_measurement: float) -> Floats:
 
 
 def fuse(signals: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
-    """Fuse m normalised responses into one estimate: shape (..., m, n) to (..., n)."""
+    """Fuse m normalised responses into one estimate: shape (..., m, n) to (..., n).
+
+    >>> fuse([[1.0, 1.0, 1.0], [3.0, 3.0, 3.0]]).tolist()
+    [2.0, 2.0, 2.0]
+    """
     signals = np.asarray(signals, dtype=float)
     count, samples = signals.shape[-2:]
     weights = gains(count, samples, float(process_to_measurement))
@@ -62,5 +66,9 @@ def fuse(signals: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT
 
 
 def kalman_filter(signal: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
-    """Filter one response, shape (..., n); same unit and shape."""
+    """Filter one response, shape (..., n); same unit and shape.
+
+    >>> kalman_filter([0.0, 1.0, 1.0]).round(3).tolist()
+    [0.0, 0.524, 0.707]
+    """
     return fuse(np.asarray(signal, dtype=float)[..., None, :], process_to_measurement)

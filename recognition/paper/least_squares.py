@@ -41,9 +41,7 @@ def fit_polynomial(ratios: Floats, values: Floats, degree: int) -> PolynomialFit
     """Polynomial of a given degree by least squares; needs more different ratios than the degree."""
     ratios, values = np.asarray(ratios, dtype=float), np.asarray(values, dtype=float)
     if np.unique(ratios).size <= degree:
-        raise RecognitionError(
-            f"degree {degree} needs at least {degree + 1} ratios; has {np.unique(ratios).size}"
-        )
+        raise RecognitionError(f"degree {degree} needs at least {degree + 1} ratios; has {np.unique(ratios).size}")
     coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree).astype(float)
     fitted = np.asarray(np.polynomial.polynomial.polyval(ratios, coefficients))
     return PolynomialFit(coefficients, r2(values, fitted), adjusted_r2(values, fitted, degree + 1))

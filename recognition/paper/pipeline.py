@@ -36,6 +36,12 @@ class FusionPipeline(RecordEstimator):
 
     fusion: which responses, and the filter (not fitted yet); strategy: function space and
     judge (not fitted yet). X has the shape (runs, m, n): `prepare` of each run's signals.
+
+    >>> sweep = read_sweep("runs/paper")
+    >>> pipeline = FusionPipeline(Fusion("energy"), Strategy(Rule(degree=2), judge="truncated"))
+    >>> X = np.stack([pipeline.prepare(run.signals) for run in sweep.runs])
+    >>> bool(abs(pipeline.fit(X, sweep.ratios).predict(X) - sweep.ratios).max() < 0.05)
+    True
     """
 
     fusion: Fusion = field(default_factory=Fusion)

@@ -34,6 +34,11 @@ class FusionQ(RatioEstimator):
     (`recognition.estimation.method`).
 
     X has the shape (runs, p): `prepare` of each run's signals.
+
+    >>> sweep, method = read_sweep("runs/paper"), FusionQ()
+    >>> X = np.stack([method.prepare(run.signals) for run in sweep.runs])
+    >>> abs(float(method.fit(X, sweep.ratios).predict(X[3:4])[0]) - 0.3) < 0.1
+    True
     """
 
     scaler_: MinMaxByTrend = field(init=False, repr=False)
@@ -89,9 +94,7 @@ class FusionQ(RatioEstimator):
             roots = roots[np.polynomial.polynomial.polyval(roots, slope) > 0]
         if roots.size == 0:
             low, high = -ROOT_MARGIN, 1 + ROOT_MARGIN
-            raise NotRecognised(
-                f"Q = {q:.4g} has no rising root between {low:g} and {high:g} of mixing ratio"
-            )
+            raise NotRecognised(f"Q = {q:.4g} has no rising root between {low:g} and {high:g} of mixing ratio")
         return float(roots[0])
 
     def summary(self) -> str:

@@ -61,6 +61,11 @@ class Strategy(BaseEstimator):
 
     rule: how moments get their functions. xi: available coefficient, on the scale of QQ
     (0..1); the paper gives no value. least_share: of usable points, 0..1. judge: of JUDGES.
+
+    >>> ratios = np.linspace(0, 1, 6)
+    >>> curves = np.column_stack([ratios, 0.5 + 0.5 * ratios])
+    >>> Strategy(Rule(degree=1)).fit(curves, ratios).predict([0.3, 0.65]).round(6).tolist()
+    [0.3]
     """
 
     rule: Rule = field(default_factory=Rule)
@@ -119,9 +124,7 @@ class Strategy(BaseEstimator):
         if self.judge == "truncated":
             return np.minimum(difference, self.xi).sum(axis=1) / others
         if self.judge == "median":
-            return np.array(
-                [np.median(d[u]) if u.any() else np.inf for d, u in zip(difference, usable, strict=True)]
-            )
+            return np.array([np.median(d[u]) if u.any() else np.inf for d, u in zip(difference, usable, strict=True)])
         power = 2 if self.judge == "rms" else 1
         sums = np.where(usable, difference**power, 0.0).sum(axis=1)
         return (sums / np.maximum(usable.sum(axis=1), 1)) ** (1 / power)

@@ -16,6 +16,7 @@ from analysis.records import RecordError
 from analysis.runs import Run
 from analysis.setup import places_of
 from common.cache import user_cache
+from common.channels import force_column, rod_column, sensor_column
 from common.plate import FlexiblePlate
 from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.response import pulse_response
@@ -62,7 +63,7 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     stream of that length, a flexible plate or places of the stones.
     """
     path, place_m = run.path / "fast.parquet", places_of(run)
-    forces = [f"force_{number:02d}_N" for number in range(1, len(place_m) + 1)]
+    forces = [force_column(number) for number in range(1, len(place_m) + 1)]
     table = read_table(path, ["t_s", *forces])
     t_s = table["t_s"].to_numpy(dtype=float)
     step_s = float(t_s[1] - t_s[0]) if len(t_s) > 1 else duration_s
@@ -124,9 +125,9 @@ def _unit_force_response(plate_json: str, places: Places, moved_m: Places, step_
                          modes_dir: Path | None) -> Floats:
     plate, modes, amplitude, acceleration = _pulse(plate_json, places, step_s, steps, modes_dir)
     down = -modes.shape_at(np.array(places) + np.array(moved_m))
-    sensors = sorted(plate.sensors, key=lambda sensor: f"acc_{sensor.name}_m_s2")  # as sorted columns are
+    sensors = sorted(plate.accelerometers, key=lambda sensor: sensor_column(sensor.name))  # as sorted columns are
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
-    rods = modes.rod_force[sorted(range(len(modes.rod_force)), key=lambda k: f"rod_{k + 1}_N")]
+    rods = modes.rod_force[sorted(range(len(modes.rod_force)), key=lambda k: rod_column(k + 1))]
     return np.concatenate([_channels(acceleration, at_sensors, down), _channels(amplitude, rods, down)])
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from common.channels import rod_column, sensor_column
 from common.plate import FlexiblePlate
 from recognition.estimation.arrays import Booleans, Floats
 from recognition.estimation.errors import RecognitionError
@@ -42,8 +43,8 @@ def on_plate(model: ArrangementModel, plate: PlateModel) -> ArrangementModel:
 def _columns(plate: PlateModel) -> dict[str, tuple[Floats, bool]]:
     """Of each column of a record, what it sees of each mode, and whether it is the force of a rod."""
     accelerometers = zip(plate.sensor_names, plate.sensor_shape, strict=True)
-    columns = {f"acc_{name}_m_s2": (row, False) for name, row in accelerometers}
-    return columns | {f"rod_{k}_N": (row, True) for k, row in enumerate(plate.rod_force_N_m, 1)}
+    columns = {sensor_column(name): (row, False) for name, row in accelerometers}
+    return columns | {rod_column(k): (row, True) for k, row in enumerate(plate.rod_force_N_m, 1)}
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,10 @@ class PlateModel:
     ratio and to the rms of its shape over the plate. Zero: taken to be exact.
     max_frequency_Hz: no mode up to here is missing.
     Raises RecognitionError for arrays that do not fit each other, are not finite or have the wrong sign.
+
+    >>> plate = PlateModel.from_scene("scenes/small.toml", max_frequency_Hz=500.0)
+    >>> plate.response([[100.0, 100.0]], [[0.1, 0.0]], sample_rate_Hz=20_000.0).shape  # of four sensors, m/s^2
+    (4, 2)
     """
 
     frequency_Hz: Floats
@@ -86,8 +90,8 @@ class PlateModel:
         plate = scene if isinstance(scene, FlexiblePlate) else read_plate(scene)
         if not isinstance(plate, FlexiblePlate):
             raise RecognitionError(f"{scene}: plate.model = {plate.model!r}; needs 'flexible'")
-        if not plate.sensors:
-            raise RecognitionError("plate.sensors is empty; needs at least one accelerometer")
+        if not (sensors := plate.accelerometers):
+            raise RecognitionError("plate.sensors has no accelerometer; needs at least one")
         plate = plate.model_copy(update={"max_frequency_Hz": float(max_frequency_Hz), "truncation_tolerance": None})
         modes = plate_modes(plate, user_cache())
         m = len(modes.frequency_Hz)
@@ -95,9 +99,9 @@ class PlateModel:
             raise RecognitionError(f"no mode below {max_frequency_Hz:g} Hz")
         wavenumber = bending_wavenumber(plate, max_frequency_Hz, choose_theory(plate))
         lines_x, lines_y = (_lines(side, wavenumber) for side in (plate.length_m, plate.width_m))
-        sensor_m = np.array([[sensor.x_m, sensor.y_m] for sensor in plate.sensors])
+        sensor_m = np.array([[sensor.x_m, sensor.y_m] for sensor in sensors])
         grid = modes.shape_at(_points(lines_x, lines_y)).reshape(len(lines_x), len(lines_y), m)
-        return cls(modes.frequency_Hz, modes.damping_ratio, tuple(sensor.name for sensor in plate.sensors), sensor_m,
+        return cls(modes.frequency_Hz, modes.damping_ratio, tuple(sensor.name for sensor in sensors), sensor_m,
                    modes.shape_at(sensor_m), modes.rod_force, lines_x, lines_y, grid, np.full(m, frequency_sd),
                    np.full(m, damping_sd), np.full(m, shape_sd), float(max_frequency_Hz))
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from analysis.readers import read_table
 from analysis.records import RecordError, sample_rate_Hz
+from common.channels import sensor_column
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
@@ -29,7 +30,7 @@ def read_accelerations(path: str | Path, plate: PlateModel) -> tuple[pd.DataFram
     """A run directory's or a file's table, its accelerations (s, t) in the order of the plate's sensors, and its sample
     rate. RecordError for what cannot be read, RecognitionError for a missing column."""
     table, source = record_table(path)
-    names = [f"acc_{name}_m_s2" for name in plate.sensor_names]
+    names = [sensor_column(name) for name in plate.sensor_names]
     for name in ("t_s", *names):
         if name not in table.columns:
             raise RecognitionError(f"{source}: no column {name!r}; needs t_s, {', '.join(names)}")

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from analysis.features import FEATURES, sensor_features
+from analysis.records import RecordError
 from analysis.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.calibration import reason_out_of_distribution
+from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
-from recognition.estimation.estimator import RatioEstimator, RecordEstimator
+from recognition.estimation.estimator import RecordEstimator
 from recognition.estimation.method import Groups
 from recognition.regression.conformal import GroupConformal
-from recognition.regression.features import FEATURES
 from recognition.regression.gaussian_process import ProcessModel, ProcessRegressor
 from recognition.regression.ratio_law import DISTANCES
 
 
 @dataclass
 class FeatureRegression(RecordEstimator):
-    """A Gaussian process on a set of FEATURES, with intervals by `GroupConformal`; X has the shape (runs, 2, p)."""
+    """A Gaussian process on one of FEATURES, of samples or sensors, taken of all accelerometers, with intervals by
+    `GroupConformal`; X has the shape (runs, 2, p).
+
+    >>> FeatureRegression("energies_sensors").prepare(read_run("runs/paper/ratio_030").signals).shape
+    (2, 8)
+    """
 
     features: str
     model_: ProcessModel = field(init=False, repr=False)
@@ -33,13 +39,18 @@ class FeatureRegression(RecordEstimator):
     limits_: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.features not in FEATURES:
-            raise RecognitionError(f"features {self.features!r}; choose among {', '.join(FEATURES)}")
+        allowed = [name for name, formula in FEATURES.items() if formula.takes != "imfs"]
+        if self.features not in allowed:
+            raise RecognitionError(f"features {self.features!r}; choose among {', '.join(allowed)}")
         self._estimator: ProcessRegressor | None = None  # only in the program that has fitted it
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
-        """Features and their standard errors, shape (2, p)."""
-        return FEATURES[self.features](signals)
+        """Features and their standard errors by the noise of the sensors, which is none, shape (2, p)."""
+        try:
+            found = sensor_features(self.features, channels_of(signals, "accelerometers"))
+        except RecordError as reason:
+            raise RecognitionError(str(reason)) from None
+        return np.stack([found, np.zeros_like(found)])
 
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> FeatureRegression:
@@ -76,38 +87,6 @@ class FeatureRegression(RecordEstimator):
     def summary(self) -> str:
         width_points = 100 * self.width_ * self.model_.standard_error
         return f"{self.model_.mean.size} features, interval of {width_points:.1f} points"
-
-
-@dataclass
-class EstimatorMethod(RatioEstimator):
-    """Any regressor of scikit-learn on what `features` makes of a record, an array of the same shape for each, with
-    intervals by `GroupConformal`. It is not saved in model files."""
-
-    features: Callable[[pd.DataFrame], Floats]
-    estimator: Any
-    conformal_: GroupConformal = field(init=False, repr=False)
-
-    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
-        """Features of one record."""
-        return self.features(signals)
-
-    def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
-            nuisance: pd.DataFrame | None = None) -> EstimatorMethod:
-        """Raises RecognitionError."""
-        self.conformal_ = GroupConformal(self.estimator).fit(np.asarray(X), y, groups, _numbers(nuisance))
-        return self
-
-    def predict(self, X: Sequence[Floats] | Floats) -> Floats:
-        """Mixing ratio of each record, shape (runs,)."""
-        return np.array([answer.ratio for answer in self.answer(X)])
-
-    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
-        """Answers to records; none is called out of distribution."""
-        rows = self.conformal_.predict_interval(np.asarray(X), _numbers(nuisance))
-        return [Answer(float(ratio), float(low), float(high)) for ratio, low, high in rows]
-
-    def summary(self) -> str:
-        return f"interval of {100 * self.conformal_.width_:.1f} points"
 
 
 def _numbers(nuisance: pd.DataFrame | None) -> Floats | None:

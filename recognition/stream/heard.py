@@ -11,6 +11,7 @@ import pandas as pd
 
 from analysis.records import Record, sample_rate_Hz
 from analysis.resample import resample
+from common.channels import rod_column, sensor_column
 from common.files import written_whole
 from common.output_directory import at_work_in
 from common.parquet import write_parquet
@@ -104,15 +105,15 @@ def _prior(radius_m: tuple[float, float], speed_m_s: tuple[float, float]) -> Sto
 def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:
     """Which sensors a record has, and their signals (c, samples) at RATE_Hz. RecognitionError where it has none of the
     plate's sensors, a value that is not finite, or too low a rate."""
-    names = [f"acc_{name}_m_s2" for name in plate.sensor_names]
+    names = [sensor_column(name) for name in plate.sensor_names]
     here = [k for k, name in enumerate(names) if name in table.columns]
-    rods = [k for k in range(len(plate.rod_force_N_m)) if f"rod_{k + 1}_N" in table.columns]
+    rods = [k for k in range(len(plate.rod_force_N_m)) if rod_column(k + 1) in table.columns]
     if "t_s" not in table.columns or not here:
         raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
     rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s")
     if rate_Hz < RATE_Hz * (1 - 1e-3):
         raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}")
-    columns = [names[k] for k in here] + [f"rod_{k + 1}_N" for k in rods]
+    columns = [names[k] for k in here] + [rod_column(k + 1) for k in rods]
     rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < 1e-3 else round(rate_Hz)
     records = [Record(numbers(table, name, source), rate_Hz, name=f"{source}: {name}") for name in columns]
     if rate_Hz != RATE_Hz:

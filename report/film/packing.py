@@ -37,20 +37,6 @@ def pack_moving(values: np.ndarray) -> str:
     return _text((zigzag & 0xFF).astype(np.uint8).tobytes() + (zigzag >> 8).astype(np.uint8).tobytes())
 
 
-def unpack_moving(text: str, instants: int) -> np.ndarray:
-    """Return what `pack_moving` packed, shape (instants, values of an instant); the page does the same."""
-    data = np.frombuffer(gzip.decompress(base64.b64decode(text)), dtype=np.uint8)
-    half = data.size // 2
-    zigzag = data[:half].astype(np.uint16) | (data[half:].astype(np.uint16) << 8)
-    error = ((zigzag >> 1) ^ (-(zigzag & 1).astype(np.int32)).astype(np.uint16)).astype(np.int16)
-    rows = error.reshape(instants, -1).copy()
-    for k in range(1, instants):
-        rows[k] += rows[k - 1]
-        if k > 1:
-            rows[k] += rows[k - 1] - rows[k - 2]
-    return rows
-
-
 def pack(values: np.ndarray, kind: str) -> str:
     """Return values of a numpy type (`<f4`, `<u4`, `u1` ...) as base64 of gzip."""
     return _text(np.ascontiguousarray(values, dtype=kind).tobytes())

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from report.film.vtu_file import Arrays, read_arrays
-from report.results.missing import MissingResult
+from report.missing import MissingResult
 
 PARTICLES = ("points", "radius_m")
 PLATE = ("points", "quads", "displacement_m", "von_mises_Pa")

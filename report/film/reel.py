@@ -12,11 +12,11 @@ from analysis import Run
 from analysis.breakage import Network
 from common.plate import wall_box_m
 from common.run_summary import RecordedPlate
+from report.drawing.lines import envelope
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
 from report.film.pictures import SERIES, Film, Series, choose, instants, read_film
-from report.results.envelope import envelope
-from report.results.missing import MissingResult
-from report.results.sweep_results import SweepResults
+from report.missing import MissingResult
+from report.sweep_results import SweepResults
 
 QUANTUM_M = 2e-5  # of positions: a hundredth of a sub-sphere; the box of 16-bit numbers is then 1.3 m wide
 CURVE_POINTS = 900  # about the pixels of a curve's width

@@ -6,8 +6,8 @@ import numpy as np
 
 from analysis import Run
 from analysis.breakage import Network
-from report.figures.still import StillScene
 from report.film.pictures import instants, read_film
+from report.film.still import StillScene
 
 #: To which the plate's motion is enlarged, as in templates/film.js.
 GREATEST_DEFLECTION_M = 0.01

@@ -2,11 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from analysis import RecordError, as_record, base_parameters, signal_features
-from analysis.features import BASE_PARAMETERS, TIME_PARAMETERS, time_features
+from analysis.features import BASE_PARAMETERS, FEATURES, time_features
 
 
 def by_name(values, rate_Hz=1000.0):
@@ -79,7 +78,7 @@ def test_naive_twin_agrees(x):
     assert set(found) == set(twin)
     scale = max(abs(v) for v in x)
     for name, value in twin.items():
-        power = TIME_PARAMETERS[name][1]
+        power = FEATURES[name].power
         assert found[name] == pytest.approx(value, rel=1e-7, abs=1e-8 * scale**power), name
 
 
@@ -87,14 +86,16 @@ def test_unit_scales_as_its_power():
     rng = np.random.default_rng(3)
     x = rng.standard_normal(500)
     metres, micrometres = by_name(x), by_name(1e6 * x)
-    for name, (_, power) in TIME_PARAMETERS.items():
-        assert micrometres[name] == pytest.approx(metres[name] * 1e6**power, rel=1e-9)
+    for name, value in metres.items():
+        assert micrometres[name] == pytest.approx(value * 1e6 ** FEATURES[name].power, rel=1e-9)
 
 
 def test_base_parameters_are_the_eight_of_the_paper():
     record = as_record(np.random.default_rng(1).standard_normal(267), 6667.0)
     assert base_parameters(record).shape == (8,) == (len(BASE_PARAMETERS),)
     assert set(BASE_PARAMETERS) <= set(signal_features(record))
+    assert BASE_PARAMETERS == ["square_root_amplitude", "absolute_mean", "variance", "peak_to_peak", "rms",
+                               "marginal_spectrum_energy", "skewness_raw", "margin_index"]
 
 
 def test_constant_record_is_refused():

@@ -6,7 +6,8 @@ from decks import bond_line, chain, deck, fcc_ball, frames, ledger, run_engine, 
 from scipy.spatial.transform import Rotation
 
 from dem.run.recorder import read_forces
-from dem.stones.bonds import Bonds, highest_frequency_rad_s
+from dem.stones.bonds import Bonds
+from lab.rock.bond_limit import highest_frequency_rad_s
 
 E, RATIO = 5e9, 2.0
 LENGTH, RADIUS = 2e-3, 1e-3

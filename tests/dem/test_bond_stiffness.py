@@ -15,12 +15,12 @@ from dem.stones.bonds import (
     Bonds,
     bond_matrices,
     bond_network,
-    highest_frequency_rad_s,
     network_stiffness,
     sphere_energies,
     stiffness_matrix,
 )
 from dem.stones.packing import Packing, pack_cylinder, pack_sphere
+from lab.rock.bond_limit import highest_frequency_rad_s
 
 E = 5e9
 

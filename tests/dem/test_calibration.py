@@ -1,6 +1,7 @@
 """Virtual tests against the static solution, the law of proportional loads, and what the fitted materials claim."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,18 +20,35 @@ from dem.calibration.calibrate import (
 )
 from dem.calibration.virtual_tests import (
     LoadHistory,
+    Procedure,
     Rock,
+    Specimen,
     brazilian_specimen,
     compression_specimen,
-    elastic_test,
+    run_test,
     strength_test,
 )
+from dem.run.paraview import read_dump
 from dem.stones.bonds import network_stiffness
 from lab.rock.impacts import LARGEST_SHARE, LEAST_SUBSPHERES, mass_exponent
 
 ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=0.3, restitution=0.5, friction=0.6,
             bond_modulus_Pa=6e9, stiffness_ratio=3.0, tensile_strength_Pa=3e6, shear_strength_Pa=6e6,
             tan_friction=0.5, damping_ratio=0.05)
+
+
+def elastic_test(directory: Path, specimen: Specimen, rock: Rock, strain: float = 2e-4) -> tuple[float, float]:
+    """Young's modulus in Pa and Poisson's ratio of an unbreakable specimen under compression along its axis.
+
+    Slopes of stress and of lateral strain against axial strain; lateral strain is fitted to all sub-spheres.
+    """
+    record = run_test(directory, specimen, rock, Procedure(strain, checks=20, breakable=False, dumped=True))
+    frames = np.array([frame[:, 1:] for _, frame in read_dump(directory / "view.dump")])
+    moved = frames - frames[0]
+    slopes = np.array([[np.polyfit(specimen.packing.center_m[:, k], u[:, k], 1)[0] for k in range(3)] for u in moved])
+    lateral = slopes[:, :2].mean(axis=1)
+    axial = strain * np.arange(len(frames)) / (len(frames) - 1)
+    return float(np.polyfit(record.strain, record.stress_Pa, 1)[0]), float(np.polyfit(axial, lateral, 1)[0])
 
 
 @pytest.mark.parametrize("volumetric_ratio", [0.0, 0.3])

@@ -48,7 +48,8 @@ def needed(scene):
     return {part for part, wanted in {
         "bonds": table is not None,
         "bond damping": table is not None and table.damping_ratio > 0,
-        "dilatation": table is not None and any(scene.bond_of(m).feels_dilatation for m in ("coal", "gangue")),
+        "dilatation": table is not None and any(
+            bond.volumetric_ratio > 0 or bond.pressure_strengthening > 0 for bond in map(scene.bond_of, ("coal", "gangue"))),
         "friction": rubs,
         "friction history": rubs,
         "gravity": scene.time.gravity_m_s2 > 0,

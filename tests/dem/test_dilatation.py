@@ -11,11 +11,11 @@ from dem.stones.bonds import (
     Bonds,
     bond_network,
     dilatations,
-    highest_frequency_rad_s,
     network_stiffness,
     stiffness_matrix,
 )
 from dem.stones.packing import pack_sphere
+from lab.rock.bond_limit import highest_frequency_rad_s
 
 E, RATIO, KAPPA = 5e9, 2.0, 1.5e9
 LENGTH, RADIUS = 2e-3, 1e-3

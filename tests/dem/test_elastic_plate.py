@@ -3,12 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scenes_of_tests import SCENES, hertz
-from scipy.integrate import solve_ivp
+from scenes_of_tests import SCENES, changed, hertz
+from scipy.integrate import cumulative_trapezoid, solve_ivp
 
+from analysis import read_run
 from common.cache import user_cache
 from common.scene import read_scene
-from dem.run.run import run
+from dem.run.run import run, run_scene
 from plate_fem.modes import plate_modes
 
 SCENE = SCENES / "elastic_plate.toml"
@@ -64,3 +65,17 @@ def test_energy_closes_and_impulse_is_momentum(default_run):
     assert abs(summary["energy"]["closure"]) < 1e-3
     assert summary["impulse_N_s"] == pytest.approx(summary["momentum_change_kg_m_s"], rel=1e-9)
     assert summary["energy"]["given_to_plate_J"] > 0.01 * summary["energy"]["impact_J"]
+
+
+def test_a_sensor_of_each_kind_measures_its_own_motion(runs):
+    """Velocity and displacement are the integrals of what an accelerometer at the same place measures."""
+    sensors = [{"name": kind, "x_m": 0.0, "y_m": 0.17, "kind": kind} for kind in ("displacement", "acceleration", "velocity")]
+    run_scene(changed("elastic_plate", {"plate.sensors": sensors}), "elastic_plate", runs / "kinds")
+    found = read_run(runs / "kinds")
+    assert [sensor.get("kind") for sensor in found.info["scene"]["plate"]["sensors"]] == ["displacement", None, "velocity"]
+    assert {found.record(name).unit for name in ("vel_velocity_m_s", "disp_displacement_m")} == {"m/s", "m"}
+    t_s, *motion = (found.fast[name].to_numpy() for name in (
+        "t_s", "acc_acceleration_m_s2", "vel_velocity_m_s", "disp_displacement_m"))
+    for rate, of in zip(motion, motion[1:]):
+        integral = cumulative_trapezoid(rate, t_s, initial=0.0)
+        assert np.linalg.norm(of - integral) < 0.01 * np.linalg.norm(integral) > 0

@@ -12,7 +12,7 @@ import pytest
 from scenes_of_tests import SCENES
 
 from dem.__main__ import main
-from plate_fem.modes import modes_file, plate_modes
+from plate_fem.modes import plate_modes, table_hash
 
 
 @pytest.fixture(scope="module")
@@ -105,11 +105,12 @@ def test_a_run_json_that_cannot_be_read_is_named(scene, tmp_path, capsys, text, 
 
 
 def test_modes_on_disk_that_are_cut_off_or_foreign_are_found_anew(tmp_path):
+    from common.cache import entry_file
     from common.plate import read_plate
 
     plate = read_plate(SCENES / "elastic_plate.toml").model_copy(update={"max_frequency_Hz": 400.0})
     expected = plate_modes(plate, tmp_path)
-    file = modes_file(plate, tmp_path, np.empty((0, 2)))
+    file = entry_file(tmp_path, "modes", table_hash(plate))
     whole = file.read_bytes()
     for damaged in (whole[:len(whole) // 2], b"", b"PAR1 something else"):
         file.write_bytes(damaged)

@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 from decks import Body, deck, frames, ledger, run_engine, write_files
 from test_checkpoint_engine import engine, stopped_at_next
-from test_stream import PLATE as PLATE_OF_STREAMS
-from test_stream import STREAMS, engine_run, scene_of, set_checkpoints, written
+from test_stream import PLATE as PLATE_OF_STREAMS, STREAMS, engine_run, scene_of, set_checkpoints, written
 
 from common.tables import InputError
 from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scenes_of_tests import changed
 
 from common.error_laws import Law, law, least_tolerance

@@ -5,8 +5,7 @@ import pytest
 from plates import four_rods, plate, rod
 
 from common.tables import Refused
-from plate_fem import eigen
-from plate_fem import modes as modes_module
+from plate_fem import eigen, modes as modes_module
 from plate_fem.modes import plate_modes, table_hash
 from plate_fem.rods import disc_quadrature
 

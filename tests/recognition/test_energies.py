@@ -5,10 +5,11 @@ import pandas as pd
 import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
 
+from analysis import RecordError
+from analysis.features import log_rms
 from recognition import RecognitionError
 from recognition.model_file import decode, encode
 from recognition.regression.feature_regression import FeatureRegression
-from recognition.regression.features import log_rms
 from recognition.regression.gaussian_process import ProcessRegressor
 
 T = np.arange(267) / 6667
@@ -32,8 +33,18 @@ def test_rms_of_a_sine_by_window_and_band():
     assert found[:2] == pytest.approx(3 / np.sqrt(2), rel=1e-9)
     assert found[3] == pytest.approx(3 * 200, rel=1e-9)  # one line at 0.25 of half the rate, n/2 high
     assert max(found[2], found[4]) < 1e-9 * found[3]
-    with pytest.raises(RecognitionError, match="silent"):
+    with pytest.raises(RecordError, match="silent"):
         log_rms(np.zeros((1, 400)))
+
+
+def test_any_feature_of_a_record_is_taken_of_each_accelerometer():
+    signals = pd.DataFrame({f"acc_{k}_m_s2": np.sin(2 * np.pi * 5 * T / T[-1]) + k for k in range(4)})
+    mean = FeatureRegression("mean").prepare(signals)
+    assert mean == pytest.approx(np.array([range(4), 4 * [0]]), abs=1e-9)
+    with pytest.raises(RecognitionError, match="waveform_index of a sensor is no number"):
+        FeatureRegression("waveform_index").prepare(0 * signals)
+    with pytest.raises(RecognitionError, match="marginal_spectrum_energy.*choose among"):
+        FeatureRegression("marginal_spectrum_energy")
 
 
 def test_the_model_answer_as_scikit_learn_does():

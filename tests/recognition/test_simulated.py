@@ -7,11 +7,12 @@ import pandas as pd
 import pytest
 from sklearn.linear_model import LinearRegression
 
+from analysis.features import log_rms
 from lab.known_truth.stone_histories import rock_of
+from lab.recognition.baselines import EVALUATED
 from lab.recognition.impulse import impulse
 from recognition.estimation.channels import channels_of
 from recognition.regression.feature_regression import FeatureRegression
-from recognition.regression.features import log_rms
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def test_the_stored_records_are_of_the_rock_of_the_scene():
 def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, name):
     """Through the rms of the accelerometers."""
     groups, ratio, signals = impacts
-    method = FeatureRegression(name)
+    method = EVALUATED[name].make()
     X = np.stack([method.prepare(s) for s in signals])
     rms = np.exp(np.stack([log_rms(channels_of(s, "accelerometers"), (0.0, 1.0), ()) for s in signals]))
     errors, straight, inside = [], [], []

@@ -10,7 +10,7 @@ import report.compare_page
 import report.page
 from report.compare import Curve
 from report.compare_page import draw_curve, write_comparison
-from report.figures.style import to_uri
+from report.drawing.style import to_uri
 from report.page import write_report
 from tests.analysis.synthetic import write_run
 from tests.report.synthetic_view import write_view

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from report.figures.data import to_csv
-from report.figures.response import stress_maps
+from report.drawing.data import to_csv
+from report.response.figures import stress_maps
 
 
 def read_back(figure):

@@ -1,5 +1,7 @@
 """The film of a run: what the page unpacks is what the pictures show."""
 
+import base64
+import gzip
 import json
 
 import meshio
@@ -8,12 +10,12 @@ import pytest
 
 from analysis import read_run
 from dem.run.vtk_file import Mesh, VtuWriter
-from report.film.packing import OUTSIDE, pack_moving, quantised, unpack_moving
+from report.drawing.lines import envelope
+from report.film.packing import OUTSIDE, pack_moving, quantised
 from report.film.pictures import SERIES, Instant, choose, instants, read_film
 from report.film.reel import QUANTUM_M, pack_run
 from report.film.vtu_file import read_arrays
-from report.results.envelope import envelope
-from report.results.missing import MissingResult
+from report.missing import MissingResult
 from tests.analysis.synthetic import write_run
 from tests.report.synthetic_view import T_S, centre_m, write_view
 
@@ -22,6 +24,20 @@ from tests.report.synthetic_view import T_S, centre_m, write_view
 def run(tmp_path_factory):
     directory = write_run(tmp_path_factory.mktemp("film") / "ratio_050", 0.5)
     return read_run(directory), write_view(directory)
+
+
+def unpack_moving(text: str, instants: int) -> np.ndarray:
+    """Return what `pack_moving` packed, shape (instants, values of an instant); the page does the same."""
+    data = np.frombuffer(gzip.decompress(base64.b64decode(text)), dtype=np.uint8)
+    half = data.size // 2
+    zigzag = data[:half].astype(np.uint16) | (data[half:].astype(np.uint16) << 8)
+    error = ((zigzag >> 1) ^ (-(zigzag & 1).astype(np.int32)).astype(np.uint16)).astype(np.int16)
+    rows = error.reshape(instants, -1).copy()
+    for k in range(1, instants):
+        rows[k] += rows[k - 1]
+        if k > 1:
+            rows[k] += rows[k - 1] - rows[k - 2]
+    return rows
 
 
 @pytest.mark.parametrize("instants_", [1, 2, 3, 7])

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from analysis.stream import COLUMNS
-from report.results.heard import WINDOW_S, read_heard
-from report.results.missing import MissingResult
-from report.results.stream import StreamResults
+from report.missing import MissingResult
+from report.stream.heard import WINDOW_S, read_heard
+from report.stream.results import StreamResults
 
 
 def fallen(path):

@@ -15,10 +15,10 @@ from common.scene import changed_scene
 from dem.run.prepare import prepare
 from dem.run.run import run_scene
 from recognition.stream.stones import COLUMNS
-from report.figures.stream import hits
 from report.page import write_report
-from report.results.heard import WINDOW_S, read_heard
-from report.results.stream import StreamResults
+from report.stream.figures import hits
+from report.stream.heard import WINDOW_S, read_heard
+from report.stream.results import StreamResults
 
 SCENE = Path(__file__).parents[2] / "scenes" / "stream.toml"
 SMALL = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "sub_spheres", "output": None,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from report.claims.trends import (
+from report.trends import (
     falling_steps,
     fluctuation,
     overlap,

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from report.claims.verdicts import (
+from report.missing import MissingResult
+from report.verdicts import (
     HELD,
     NOT_HELD,
     NOT_TESTED,
@@ -16,7 +17,6 @@ from report.claims.verdicts import (
     trend,
     without_order,
 )
-from report.results.missing import MissingResult
 
 RATIOS = np.arange(11) / 10
 

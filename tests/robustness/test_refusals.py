@@ -26,7 +26,7 @@ from plate_fem.mesh import default_mesh_size, mesh_lines
 from recognition.plate.plate_model import PlateModel
 from report.film.pictures import instants
 from report.film.vtu_file import read_arrays
-from report.results.missing import MissingResult
+from report.missing import MissingResult
 from tests.analysis.synthetic import write_run, write_sweep
 from tests.fuzz.mutations import outcome
 from tests.report.synthetic_view import write_view

@@ -83,7 +83,8 @@ void FixFreeFlight::setup(int) {
   next_reneighbor = -1;
 }
 
-// A resumed run is set up without the bodies that fly, which may be all of a material.
+// Bodies in flight, which may be all of a type, are not in the arrays when a resumed run is set up. LIGGGHTS asks for
+// the radii of each type then, so the fix notes them when it is made.
 void FixFreeFlight::note_radii() {
   least_radius_.assign(atom->ntypes + 1, 0.0);
   greatest_radius_ = least_radius_;
@@ -129,7 +130,7 @@ void FixFreeFlight::each_in_flight_near(const Vec &point, double range, const Vi
     if (norm(body->center_at(update->ntimestep) - point) <= range + body->radius) visit_parts(*body, visit);
 }
 
-// The attitude is integrated from one call to the next, so a copy is asked, and the body itself goes on as if unseen.
+// A body integrates its attitude from one call to the next. A copy is asked, so that the body goes on as if unseen.
 void FixFreeFlight::visit_parts(const FreeBody &body, const Visit &visit) const {
   if (body.is_leaving) return;
   FreeBody seen = body;
@@ -142,7 +143,7 @@ void FixFreeFlight::visit_parts(const FreeBody &body, const Visit &visit) const 
   }
 }
 
-// `thermo_modify lost error` cannot be asked, as it takes a run without a sub-sphere in the arrays for lost.
+// The fix counts by itself: `thermo_modify lost error` takes a run without a sub-sphere in the arrays for lost.
 void FixFreeFlight::check_count() const {
   int count = atom->nlocal;
   for (const auto &b : bodies_)
@@ -169,7 +170,7 @@ void FixFreeFlight::change_arrays() {
   for (auto &b : bodies_)
     if (b->is_waking) {
       b->go_to(update->ntimestep);
-      insert(*b, 0.5 * update->dt);
+      put_in_arrays(*b, 0.5 * update->dt);
     }
   bodies_.erase(std::remove_if(bodies_.begin(), bodies_.end(), wakes), bodies_.end());
 }
@@ -197,8 +198,9 @@ void FixFreeFlight::remove_leaving() {
   atom->nlocal = kept;
 }
 
-// Appends the body as it is at its present step; velocities `half_step` seconds earlier, as they are within a step.
-int FixFreeFlight::insert(FreeBody &b, double half_step) {
+// Appends the sub-spheres of the body as they are at its present step, with the velocities of `half_step` seconds
+// before: within a step, velocity Verlet has those of the half step. Returns how many sub-spheres it appended.
+int FixFreeFlight::put_in_arrays(FreeBody &b, double half_step) {
   const Vec down = weight();
   for (const FreeBody::Part &p : b.parts) {
     atom->avec->unpack_exchange(&b.packed[p.packed]);
@@ -223,7 +225,7 @@ void FixFreeFlight::show() {
     if (body->is_leaving) continue;
     FreeBody seen = *body;  // as in each_in_flight
     seen.go_to(now);
-    shown_ += insert(seen, 0);
+    shown_ += put_in_arrays(seen, 0);
   }
   atom->natoms += shown_;
 }
@@ -235,7 +237,7 @@ void FixFreeFlight::hide() {
 }
 
 void FixFreeFlight::bring_back() {
-  for (FreeBody *b : bodies_in_flight()) atom->natoms += insert(*b, 0);
+  for (FreeBody *b : bodies_in_flight()) atom->natoms += put_in_arrays(*b, 0);
   bodies_.clear();
 }
 
@@ -283,7 +285,7 @@ double FixFreeFlight::compute_vector(int n) { return n == 0 ? jumped_ : departur
 
 /* --- checkpoint: bodies that are away stay away -------------------------------------------------------------- */
 
-// The attitude is integrated from one call to the next, so every run must call at the same steps.
+// A body integrates its attitude from one call to the next, so a run that is resumed must call at the same steps.
 void FixFreeFlight::begin_anew() {
   for (FreeBody *b : bodies_in_flight()) b->attitude();
 }
@@ -315,6 +317,6 @@ void FixFreeFlight::restore(const CheckpointReader &in) {
     bodies_.push_back(std::make_unique<FreeBody>(row));
     bodies_.back()->go_to(update->ntimestep);
   }
-  for (FreeBody *b : bodies_in_flight()) shown_ += insert(*b, 0);  // until the end of the set-up
+  for (FreeBody *b : bodies_in_flight()) shown_ += put_in_arrays(*b, 0);  // until the end of the set-up
   atom->natoms += shown_;
 }

@@ -114,7 +114,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void note_elastic_energies();
   void add_pair_energy_by_body(double *energy) const;
   void remove_leaving();
-  int insert(FreeBody &, double half_step);
+  int put_in_arrays(FreeBody &, double half_step);
   bigint next_event() const;
 };
 

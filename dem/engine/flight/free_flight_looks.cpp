@@ -1,4 +1,4 @@
-// The looks of fix free_flight: who leaves the arrays, who comes back, and who is held.
+// The looks of fix free_flight, each N steps: which bodies leave the arrays, which come back, and which are held.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,10 +17,10 @@ using namespace LAMMPS_NS;
 
 namespace {
 const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants without velocity
-const int LEAST_REST = 4;         // looks: a body that may be touched sooner does not leave
-const double UNFORESEEN_LOOKS = 1.5;  // a body comes back this early for one in the arrays
-// A body flies together with the fragments that are trapped in it when all of them have less than this share of the
-// energy of the impact relative to its motion, for so many looks that those on their way out are gone.
+const int LEAST_REST = 4;         // looks ahead: a body that may be touched sooner does not leave
+const double UNFORESEEN_LOOKS = 1.5;  // ahead: a body comes back that may meet one in the arrays sooner
+// A body leaves together with the fragments trapped in it when their motion relative to it has less than this share of
+// the energy of the impact, all together, for so many looks that fragments on their way out are gone.
 const double TRAPPED_ENERGY = 1e-3;
 const int TRAPPED_LOOKS = 50;
 const double REACH_MARGIN = 1.1;  // the reach may grow by this before all times are found anew
@@ -37,7 +37,7 @@ struct FixFreeFlight::Look {
 
 double FixFreeFlight::horizon_s() const { return (nevery + 2) * update->dt; }  // until the next look has been acted on
 
-// During which a body that leaves must touch nothing.
+// How long a body that leaves must touch nothing.
 double FixFreeFlight::rest_s() const { return LEAST_REST * nevery * update->dt; }
 
 void FixFreeFlight::end_of_step() {
@@ -95,8 +95,9 @@ void FixFreeFlight::final_integrate() {
   }
 }
 
-// Finds until when it touches neither the plate nor a wall nor another body in free flight. The other one may not have known of
-// this body, which left the arrays after it. The plate moves, so what is known of the bodies is found less often.
+// Finds until when the body touches neither the plate nor a wall nor another body in free flight. That other body
+// notes the time of the meeting as well, since it may have left the arrays first. The plate's motion is not known
+// ahead, so the plate is asked more often than other bodies.
 void FixFreeFlight::find_safe_until(FreeBody &body) {
   auto step_after = [this](double time) {
     return update->ntimestep + static_cast<bigint>(std::min(time / update->dt, double(FAR_AHEAD)));
@@ -114,7 +115,7 @@ void FixFreeFlight::find_safe_until(FreeBody &body) {
   body.safe_until = std::min(body.meets_at, step_after(time_to_obstacle(body)));
 }
 
-// Bodies in free flight know of each other by their safe_until.
+// Pairs of two bodies in free flight are left out: their safe_until has their meeting in it.
 void FixFreeFlight::find_pairs(Look &look) const {
   const double time_s = std::max(rest_s(), UNFORESEEN_LOOKS * horizon_s());
   look.pairs = std::make_unique<ReachPairs>(look.all, look.in_arrays.size(), time_s, speed_);
@@ -202,7 +203,7 @@ void FixFreeFlight::let_calm_bodies_depart(Look &look) {
   if (std::count(leaves.begin(), leaves.end(), 1)) note_elastic_energies();
 }
 
-// Of those that could leave, one that meets a body that stays, or another one too soon, stays as well.
+// A body that could leave stays if it may meet a body that stays, or soon meets another one that could leave.
 void FixFreeFlight::keep_those_that_meet(Look &look, const std::vector<char> &is_part, std::vector<char> &leaves) {
   auto meet = [&](size_t k, size_t m) {
     ArrayBody &a = look.in_arrays[k], &b = look.in_arrays[m];
@@ -217,8 +218,8 @@ void FixFreeFlight::keep_those_that_meet(Look &look, const std::vector<char> &is
   }
 }
 
-// Does no encounter ahead, with the plate, a wall or another body, push with more than `limit_N`? Of each the peak force
-// is that of Hertz.
+// Does no encounter ahead, with the plate, a wall or another body, push with more than `limit_N`? The peak force of an
+// encounter is that of an elastic impact after Hertz.
 bool FixFreeFlight::is_gentle(const Look &look, ArrayBody &b, double limit_N) {
   double radius = 0;
   for (int i : b.atoms) radius = std::max(radius, atom->radius[i]);
@@ -257,7 +258,7 @@ void FixFreeFlight::depart(ArrayBody &b) {
   departures_++;
 }
 
-// What the bodies that leave hold in their bonds, and in contacts between their own sub-spheres.
+// Notes the elastic energy that leaving bodies take along, in bonds and in contacts between their own sub-spheres.
 void FixFreeFlight::note_elastic_energies() {
   auto may_hold = [](auto &b) { return b->is_leaving && b->parts.size() > 1; };
   if (std::none_of(bodies_.begin(), bodies_.end(), may_hold)) return;

@@ -60,7 +60,8 @@ bool NeighbourLists::have_moved() const {
   return std::any_of(groups_.begin(), groups_.end(), [this](const Group &g) { return has_deformed(g); });
 }
 
-// Beyond the rigid motion that fits best, whichever that is: any bounds how much nearer two members have come.
+// May two members have come nearer to each other by the body's skin? Motion beyond a rigid one bounds by how much; any
+// rigid motion would do, and the one that fits best bounds it closest.
 bool NeighbourLists::has_deformed(const Group &group) const {
   const Atom *atom = lmp_->atom;
   const double ahead = FASTER * LOOK_STEPS * lmp_->update->dt, limit = 0.5 * body_skin_;
@@ -121,8 +122,8 @@ void NeighbourLists::note_groups() {
   }
 }
 
-// What loops over the lists need not see sub-spheres without a pair. The last one stays, since LIGGGHTS's history of
-// contacts takes it for the end of the arrays.
+// Sub-spheres without a pair leave the lists, so that loops over these are shorter. The last one stays, since the
+// history of contacts of LIGGGHTS takes it for the end of the arrays.
 void NeighbourLists::leave_out_lonely() {
   NeighList *list = lmp_->force->pair->list;
   int kept = 0;
@@ -133,8 +134,8 @@ void NeighbourLists::leave_out_lonely() {
   list->inum = kept;
 }
 
-// Takes pairs within a body out of the lists that its own skin does not reach. They do not touch, so they have no
-// history.
+// Takes out of the lists pairs within a body that lie farther apart than its own skin. They do not touch, so they
+// have no history of contact.
 void NeighbourLists::thin_out() {
   const Atom *atom = lmp_->atom;
   has_neighbour_.assign(atom->nlocal, 0);

@@ -5,9 +5,9 @@
 
 namespace LAMMPS_NS {
 
-// Which bodies could come together within a time. Each of them stays in a box that follows the common fall; those whose
-// boxes overlap are found by a sweep along x. With n bodies that are spread over a plate this costs far less than n^2
-// looks at a pair, and it leaves out no pair that the times of outline.h would find.
+// Which bodies could come together within a time. Each body stays in a box that falls as all bodies fall; a sweep along
+// x finds the boxes that overlap. For n bodies spread over a plate this costs far less than the n^2 times of all pairs,
+// and no pair is left out that the times of outline.h would find.
 class ReachPairs {
  public:
   // Within `time_s`, for bodies that may gain the speed `unforeseen_m_s` each. Pairs of which both come after the first

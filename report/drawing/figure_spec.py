@@ -1,0 +1,58 @@
+"""A figure of the report before and after it is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from report.drawing.data import to_csv
+from report.drawing.style import to_uri
+from report.film.packing import pack_text
+from report.missing import MISSING_RESULT
+
+#: A figure alone, or with a note to add to its caption.
+Drawn = Figure | tuple[Figure, str]
+
+
+@dataclass(frozen=True)
+class FigureSpec:
+    """A figure to draw.
+
+    key: its id in the page. in_paper: what the paper says about its figure. caption: what ours shows. draw: draws it
+    from the results of a sweep, or of the run of a stream.
+    """
+
+    key: str
+    title: str
+    in_paper: str
+    caption: str
+    draw: Callable[..., Drawn]
+
+
+@dataclass(frozen=True)
+class FinishedFigure:
+    """A figure as the page shows it. uri: of its SVG, data: packed CSV of its numbers.
+
+    Both are empty where the runs do not give the figure; the caption then says why.
+    """
+
+    key: str
+    title: str
+    in_paper: str
+    caption: str
+    uri: str
+    data: str
+
+
+def finish_figure(spec: FigureSpec, results: object) -> FinishedFigure:
+    """Draw one figure, or say in its caption why the runs do not give it."""
+    try:
+        drawn = spec.draw(results)
+    except MISSING_RESULT as reason:
+        return FinishedFigure(spec.key, spec.title, spec.in_paper, f"Not drawn: {reason}", "", "")
+    figure, note = drawn if isinstance(drawn, tuple) else (drawn, "")
+    caption = f"{spec.caption} {note}".strip()
+    uri = to_uri(figure, spec.key)
+    return FinishedFigure(spec.key, spec.title, spec.in_paper, caption, uri, pack_text(to_csv(figure)))

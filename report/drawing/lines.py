@@ -1,0 +1,66 @@
+"""What many chapters draw: curves over time, thinned to what a screen can show, and values against the mixing ratio."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from report.drawing.style import (
+    ACCENT,
+    COAL,
+    GANGUE,
+    PALE,
+    RATIO_LABEL,
+    add_ratio_bar,
+    canvas,
+    ratio_colour,
+    styled,
+)
+
+
+@styled
+def curves(t_s: np.ndarray, panels: list[tuple[str, np.ndarray]], ratios: np.ndarray) -> Figure:
+    """Draw curves of all ratios over time. panels: (label, values of shape (runs, samples))."""
+    figure, axes = canvas(len(panels), height_in=0.6 + 1.6 * len(panels), sharex=True)
+    for axis, (label, values) in zip(axes[:, 0], panels, strict=True):
+        for ratio, row in zip(ratios, values, strict=True):
+            axis.plot(1e3 * t_s, row, color=ratio_colour(ratio), linewidth=0.9, label=f"_{100 * ratio:.0f} %")
+        axis.set_title(label)
+    axes[-1, 0].set_xlabel("time, ms")
+    axes[-1, 0].set_xlim(1e3 * t_s[0], 1e3 * t_s[-1])
+    add_ratio_bar(figure, axes)
+    return figure
+
+
+@styled
+def against_ratio(ratios: np.ndarray, panels: list[tuple[str, dict[str, np.ndarray]]]) -> Figure:
+    """Draw values against the mixing ratio. panels: (label, {name of the series: values of shape (runs,)})."""
+    rows = (len(panels) + 1) // 2
+    figure, grid = canvas(rows, 2, height_in=0.3 + 1.9 * rows)
+    axes = grid.ravel()
+    for axis, (label, series) in zip(axes, panels, strict=False):
+        for colour, (name, values) in zip((ACCENT, GANGUE, COAL, PALE), series.items(), strict=False):
+            axis.plot(100 * ratios, values, "o-", color=colour, markersize=3, label=name)
+        axis.set_title(label)
+        if len(series) > 1:
+            axis.legend()
+    for axis in axes[len(panels) :]:
+        axis.set_visible(False)
+    for axis in axes[max(0, len(panels) - 2) : len(panels)]:
+        axis.set_xlabel(RATIO_LABEL)
+    return figure
+
+
+def envelope(t_s: np.ndarray, values: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a curve thinned to about `points` points that keeps every extreme wide enough to be seen.
+
+    t_s, values: shape (samples,). Of each of points/2 stretches the least and the largest value remain, in their order.
+    """
+    bins = points // 2
+    if t_s.size <= points:
+        return t_s, values
+    edges = np.linspace(0, t_s.size, bins + 1).astype(int)
+    low = np.array([a + int(np.argmin(values[a:b])) for a, b in zip(edges, edges[1:], strict=False)])
+    high = np.array([a + int(np.argmax(values[a:b])) for a, b in zip(edges, edges[1:], strict=False)])
+    chosen = np.unique(np.concatenate([[0], low, high, [t_s.size - 1]]))
+    return t_s[chosen], values[chosen]

@@ -1,1 +1,0 @@
-"""Figures of the report, drawn from plain data. Only this room imports matplotlib."""

@@ -1,0 +1,1 @@
+"""The chapter of recognition (Figures 24 to 38): numbers, pictures, captions and statements."""

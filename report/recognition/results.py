@@ -1,0 +1,227 @@
+"""Recognition of the mixing ratio from the runs: Q, Kalman filter, fusion, answers (Section V, Figures 24 to 38)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from analysis import Sweep
+from analysis.features import BASE_PARAMETERS
+from common.channels import RESPONSES
+from common.processes import side_by_side
+from recognition.estimation.answer import Answer
+from recognition.estimation.errors import RecognitionError
+from recognition.estimation.window import Window
+from recognition.methods import METHODS
+from recognition.models import Model, PreparedRuns
+from recognition.paper.fusion import FUSIONS, Fusion
+from recognition.paper.kalman import kalman_filter
+from recognition.paper.least_squares import PolynomialFit, fit_polynomial
+from recognition.paper.pipeline import FusionPipeline
+from recognition.paper.q_parameter import FusionQ
+from report.signals.results import SignalResults
+
+#: The three methods of the paper.
+FUSION_Q = "fusion_q"
+FUSION_AS_PUBLISHED = "energy_fusion_as_published"
+FUSION_MODIFIED = "energy_fusion_modified"
+
+#: The paper's energy fusion in a few words, for the statement that compares it with Q.
+FUSION_WORDS = {FUSION_AS_PUBLISHED: "as published", FUSION_MODIFIED: "modified"}
+
+#: {name: as a reader sees it}, in order.
+MODEL_METHODS = {name: entry.title for name, entry in METHODS.items()}
+
+#: Methods of a model that give an interval; the first that answers opens the report.
+MODEL_METHODS_WITH_INTERVAL = tuple(name for name, entry in METHODS.items() if entry.gives_interval)
+
+#: How the model that answers was trained. "Held out": on all other ratios.
+TRAINED_ON_ALL, HELD_OUT = "trained on all", "that ratio held out"
+
+
+def in_paper_window(sweep: Sweep) -> Sweep:
+    """Return the sweep with the regular stream of each run cut to the paper's 0.04 s, or what all runs have of it."""
+    window = Window.of(sweep.runs)
+    return replace(
+        sweep, runs=[replace(run, signals=window.cut(run.signals, str(run.path))) for run in sweep.runs]
+    )
+
+
+@dataclass(frozen=True)
+class MomentFits:
+    """Some moments of the function space (Figure 37, left).
+
+    t_s (k,): the moments. measured (k, runs): QQ of the runs. fitted (k, n): the fitted functions at fine_ratios (n,).
+    """
+
+    t_s: np.ndarray
+    measured: np.ndarray
+    fine_ratios: np.ndarray
+    fitted: np.ndarray
+
+
+@dataclass(frozen=True)
+class ScoredCandidates:
+    """Candidate ratios of one record, shape (c,) each: ratio, mean difference, and whether enough points support it."""
+
+    ratio: np.ndarray
+    difference: np.ndarray
+    allowed: np.ndarray
+
+
+class RecognitionResults:
+    """Answers of every method, and the steps of the paper's methods on the way to them.
+
+    Raises RecognitionError for fewer than four different mixing ratios.
+    """
+
+    def __init__(self, sweep: Sweep, signals: SignalResults):
+        self._sweep = sweep
+        self._runs = sweep.runs
+        self._ratios = sweep.ratios
+        self._signals = signals
+
+    @cached_property
+    def prepared(self) -> PreparedRuns:
+        """What every model takes of the runs."""
+        return PreparedRuns.of(self._runs)
+
+    @cached_property
+    def _model(self) -> Model:
+        return self.prepared.fit(range(len(self._runs)))
+
+    @cached_property
+    def _fusion_q(self) -> FusionQ:
+        method = self._model.methods[FUSION_Q]
+        assert isinstance(method, FusionQ)
+        return method
+
+    @cached_property
+    def answers(self) -> dict[str, list[dict[str, Answer]]]:
+        """Answers of all methods to each run, by the training."""
+        return {TRAINED_ON_ALL: self._by_all, HELD_OUT: self._held_out}
+
+    @cached_property
+    def _by_all(self) -> list[dict[str, Answer]]:
+        return [self.prepared.answers_by(self._model, k) for k in range(len(self._runs))]
+
+    @cached_property
+    def _held_out(self) -> list[dict[str, Answer]]:
+        return side_by_side(self.prepared.answers_without, len(self._runs))
+
+    def of_model(self) -> tuple[Model, list[dict[str, Answer]]]:
+        """The model of all runs and its answers, for `take`."""
+        return self._model, self._by_all
+
+    def held_out(self, index: int) -> dict[str, Answer]:
+        """Answers to run `index` by the other ratios, for `take`."""
+        return self.prepared.answers_without(index)
+
+    def take(self, of_model: tuple[Model, list[dict[str, Answer]]], held_out: list[dict[str, Answer]]) -> None:
+        """Take what other processes found by `of_model` and by `held_out` of each run."""
+        self._model, self._by_all = of_model
+        self._held_out = held_out
+
+    def errors_points(self, training: str, method: str) -> np.ndarray:
+        """Return recognised less true ratio, in points, of the runs that a method answered, shape (answered,)."""
+        rows = zip(self.answers[training], self._ratios, strict=True)
+        return np.array([100 * (row[method].ratio - ratio) for row, ratio in rows if not row[method].reason])
+
+    @cached_property
+    def leading_method(self) -> str:
+        """The method that answers most records held out; of equals, the one that evaluations found best."""
+        return max(MODEL_METHODS_WITH_INTERVAL, key=lambda name: self.errors_points(HELD_OUT, name).size)
+
+    # ----------------------------------------------------------- fused parameter Q
+
+    @cached_property
+    def _base(self) -> np.ndarray:
+        """The eight base parameters of Q, shape (runs, 8)."""
+        return np.column_stack([self._signals.parameters[name] for name in BASE_PARAMETERS])
+
+    @cached_property
+    def standardised_base(self) -> tuple[np.ndarray, np.ndarray]:
+        """The base parameters by Eq. 39, shape (runs, 8), and which of them fall with the ratio, shape (8,) of bool."""
+        scaler = self._fusion_q.scaler_
+        return scaler.transform(self._base), scaler.direction < 0
+
+    @cached_property
+    def q(self) -> np.ndarray:
+        """The fused parameter Q of each run (Eq. 40), shape (runs,)."""
+        return self._fusion_q.q_of(self._base)
+
+    @property
+    def q_fit(self) -> PolynomialFit:
+        """The polynomial of Q that the model inverts."""
+        return self._fusion_q.fit_
+
+    @property
+    def q_quadratic(self) -> PolynomialFit:
+        """The quadratic through Q of the runs (Table 3)."""
+        return fit_polynomial(self._ratios, self.q, 2)
+
+    # ------------------------------------------------------ Kalman filter, fusion
+
+    @cached_property
+    def filtered(self) -> dict[str, np.ndarray]:
+        """The six responses after the Kalman filter, in SI units, shape (runs, samples) each."""
+        return {name: kalman_filter(self._sweep.stack(name)) for name in RESPONSES}
+
+    @cached_property
+    def _fusions(self) -> dict[str, Fusion]:
+        return {kind: Fusion(kind).fit(self.fusion_inputs(kind)) for kind in FUSIONS}
+
+    def fusion_inputs(self, kind: str) -> np.ndarray:
+        """Return the responses that a fusion takes of each run, shape (runs, m, samples)."""
+        return np.stack([Fusion(kind).prepare(run.signals) for run in self._runs])
+
+    def normalised_inputs(self, kind: str) -> dict[str, np.ndarray]:
+        """Return the same normalised by Eq. 41: {response: shape (runs, samples)}."""
+        fusion = self._fusions[kind]
+        values = fusion.normalised(self.fusion_inputs(kind))
+        return {name: values[:, row] for row, name in enumerate(fusion.names)}
+
+    @cached_property
+    def fused(self) -> dict[str, np.ndarray]:
+        """The four fusion parameters QQ, shape (runs, samples) each."""
+        return {kind: fusion.transform(self.fusion_inputs(kind)) for kind, fusion in self._fusions.items()}
+
+    # ------------------------------------------------------- recognition strategy
+
+    def moment_fits(self, count: int) -> MomentFits:
+        """Return `count` moments of the function space of the modified energy fusion, evenly chosen."""
+        method = self._model.methods[FUSION_MODIFIED]
+        assert isinstance(method, FusionPipeline)
+        curves = method.transform(self.fusion_inputs("energy")[:, :, : self._model.window.n_samples])
+        space, fine = method.strategy.space_, np.linspace(0, 1, 51)
+        chosen = np.linspace(0, space.moments.size - 1, count + 1).astype(int)[1:]
+        moments = space.moments[chosen]
+        fitted = np.stack([space(np.full(fine.size, k), fine) for k in chosen])
+        return MomentFits(self._runs[0].t_s[moments], curves[:, moments].T, fine, fitted)
+
+    def candidates(self, index: int) -> dict[str, ScoredCandidates]:
+        """Return the candidates for run `index` by the paper's strategies, fitted to all other ratios.
+
+        The keys are the methods as a reader sees them. Raises RecognitionError where none can be fitted.
+        """
+        run = self._runs[index]
+        others = [other for other in self._runs if other.gangue_ratio != run.gangue_ratio]
+        window, ratios = Window.of(others), np.array([other.gangue_ratio for other in others])
+        tables = [window.cut(one.signals, str(one.path)) for one in (*others, run)]
+        scored, reasons = {}, []
+        for name, label in MODEL_METHODS.items():
+            method = METHODS[name].make()
+            if not isinstance(method, FusionPipeline):
+                continue
+            *known, responses = [method.prepare(table) for table in tables]
+            try:
+                found = method.fit(known, ratios).strategy.candidates(method.transform(responses))
+            except RecognitionError as reason:
+                reasons.append(str(reason))
+                continue
+            scored[label] = ScoredCandidates(found.ratio, found.score, found.allowed)
+        if not scored:
+            raise RecognitionError("; ".join(dict.fromkeys(reasons)))
+        return scored

@@ -1,0 +1,180 @@
+"""The chapter of the plate's response: Figures 16 to 21 of the paper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from analysis import RecordError, Run
+from report.drawing.figure_spec import Drawn, FigureSpec
+from report.drawing.lines import against_ratio, curves, envelope
+from report.drawing.style import COAL, GANGUE, ratio_colour
+from report.missing import MissingResult
+from report.response import figures
+from report.sweep_results import SweepResults
+
+FIRST_COLLISION_S = 1e-3
+LATER_POINTS = 3000  # of a curve after the first collision, whose extremes all remain
+
+
+def motion_and_energy(results: SweepResults) -> Drawn:
+    stack = results.sweep.stack
+    panels = [
+        ("a: displacement, µm", 1e6 * stack("u_m")),
+        ("b: velocity, m/s", stack("v_m_s")),
+        ("c: acceleration, m/s²", stack("a_m_s2")),
+        ("d: kinetic energy, J", stack("kinetic_J")),
+        ("e: internal energy, J", stack("internal_J")),
+        ("f: total energy, J", stack("total_J")),
+    ]
+    return curves(results.t_s, panels, results.ratios)
+
+
+def _finest_stream(run: Run) -> pd.DataFrame:
+    """Return the fast stream, or the regular one of a run that kept no fast one."""
+    return run.fast if run.fast is not None else run.signals
+
+
+def _first_ms_and_envelope(run: Run, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and forces in kN: all of the first collision, and of what follows as much as can be seen."""
+    table = _finest_stream(run)
+    if column not in table:
+        raise MissingResult(f"{run.path.name}: no {column}: the force of each stone is not kept where there are many")
+    t_s, force_kN = table["t_s"].to_numpy(), 1e-3 * table[column].to_numpy()
+    first = int(np.searchsorted(t_s, FIRST_COLLISION_S, side="right"))
+    later = envelope(t_s[first:], force_kN[first:], LATER_POINTS)
+    return np.concatenate([t_s[:first], later[0]]), np.concatenate([force_kN[:first], later[1]])
+
+
+def single_force(results: SweepResults) -> Drawn:
+    lines: list[figures.ForceLine] = []
+    colours = (("coal", COAL), ("gangue", GANGUE))
+    for i, (name, colour) in zip(results.indices_coal_gangue_at_3(), colours, strict=True):
+        label = f"{name} ({results.ratios[i]:.0%} run)"
+        lines.append((label, colour, *_first_ms_and_envelope(results.runs[i], "force_03_N")))
+    return figures.contact_forces(lines, "force at place 3, kN")
+
+
+def total_force(results: SweepResults) -> Drawn:
+    lines: list[figures.ForceLine] = []
+    for run in results.runs:
+        label = f"_{100 * run.gangue_ratio:.0f} %"  # named in the figure's data, not in its legend
+        lines.append((label, ratio_colour(run.gangue_ratio), *_first_ms_and_envelope(run, "force_N")))
+    return figures.contact_forces(lines, "total force, kN")
+
+
+def maxima(results: SweepResults) -> Drawn:
+    extremes, peaks = results.response.extremes, results.response.peaks
+    motions = (("displacement, µm", "u_m", 1e6), ("velocity, m/s", "v_m_s", 1), ("acceleration, m/s²", "a_m_s2", 1))
+    panels = [
+        (label, {"up": unit * extremes[name][:, 0], "down": -unit * extremes[name][:, 1]})
+        for label, name, unit in motions
+    ]
+    panels += [
+        ("total contact force, kN", {"force": 1e-3 * peaks["force_N"]}),
+        ("energy, J", {name: peaks[f"{name}_J"] for name in ("kinetic", "internal", "total")}),
+    ]
+    return against_ratio(results.ratios, panels)
+
+
+def bending_stress(results: SweepResults) -> Drawn:
+    modes = results.plate.modes[0]
+    x_m, y_m = (np.linspace(lines[0], lines[-1], 101) for lines in (modes.lines_x_m, modes.lines_y_m))
+    points_m = np.stack(np.meshgrid(x_m, y_m, indexing="ij"), axis=-1).reshape(-1, 2)
+    maps_Pa = list(results.plate.bending_stress_at_Pa(points_m).reshape(-1, x_m.size, y_m.size))
+    return figures.stress_maps((x_m, y_m), maps_Pa, results.ratios, results.theory.setup.places_m)
+
+
+def contact_stress(results: SweepResults) -> Drawn:
+    offset_m = np.linspace(-0.006, 0.006, 121)
+    count = len(results.theory.setup.places_m)
+    if count < 3:
+        raise RecordError(f"{count} stones; the paper shows the third")
+    maps_Pa = results.plate.contact_stress_Pa(3, offset_m)
+    pressure_Pa = results.mean_by_material(results.plate.contact_pressure_Pa)
+    means = ", ".join(
+        f"{name} {1e-6 * np.nanmean(p):.0f} MPa" for name, p in pressure_Pa.items() if np.isfinite(p).any()
+    )
+    figure = figures.stress_maps((offset_m, offset_m), maps_Pa, results.ratios, np.zeros((1, 2)))
+    return figure, f"Largest Hertz pressure of one stone, mean over runs: {means}."
+
+
+def stress_against_ratio(results: SweepResults) -> Drawn:
+    plate, note = results.plate, ""
+    pressure_Pa = plate.contact_pressure_Pa
+    panels = [
+        ("Hertz pressure of one stone, MPa",
+         {name: 1e-6 * p for name, p in results.mean_by_material(pressure_Pa).items()}),
+        ("Hertz pressure, mean of all, MPa", {"all": 1e-6 * pressure_Pa.mean(axis=1)}),
+    ]  # fmt: skip
+    try:
+        panels += [
+            ("bending stress below stones, MPa", {"mean": 1e-6 * plate.mean_stress_below_stones_Pa}),
+            ("area of high bending stress, %", {"share": 100 * plate.high_stress_share}),
+        ]
+    except RecordError as reason:
+        note = f"Bending not drawn: {reason}."
+    return against_ratio(results.ratios, panels), note
+
+
+RESPONSE_FIGURES = [
+    FigureSpec(
+        key="fig-16",
+        title="Response of the plate (Figure 16)",
+        in_paper="Amplitudes of displacement, velocity and acceleration and all energies rise with the ratio.",
+        caption="Centre of mass of the plate.",
+        draw=motion_and_energy,
+    ),
+    FigureSpec(
+        key="fig-17",
+        title="Force of one stone (Figure 17)",
+        in_paper="At place 3 gangue pushes harder than coal and hits again later.",
+        caption="Fast stream: first collision, and all after it.",
+        draw=single_force,
+    ),
+    FigureSpec(
+        key="fig-18",
+        title="Total contact force (Figure 18)",
+        in_paper="Rises with the ratio; from the second collision on the particles do not hit together.",
+        caption="Fast stream, each ratio one curve (dark: coal): first collision, and all after it.",
+        draw=total_force,
+    ),
+    FigureSpec(
+        key="fig-19",
+        title="Maxima against the ratio (Figure 19)",
+        in_paper="All rise, in both directions.",
+        caption="Largest values of the run, fast stream.",
+        draw=maxima,
+    ),
+    FigureSpec(
+        key="fig-21",
+        title="Stress of the plate (Figures 20, 21)",
+        in_paper="The stress rises above 20 %; a region of high stress crosses the contact area above 70 %.",
+        caption=(
+            "Von Mises stress of bending at the top surface at the instant of the largest total force, without the"
+            " contacts' own. Crosses: places of the stones."
+        ),
+        draw=bending_stress,
+    ),
+    FigureSpec(
+        key="fig-21-contact",
+        title="Stress at a contact (Figures 20, 21)",
+        in_paper="The stresses are taken where the particles touch.",
+        caption=(
+            "The same instant, 12 mm x 12 mm about place 3 (coal until gangue takes it): bending plus the Hertz"
+            " stress of each stone as one sphere of its radius; the sub-spheres of a bonded stone press on smaller"
+            " spots."
+        ),
+        draw=contact_stress,
+    ),
+    FigureSpec(
+        key="fig-21-ratio",
+        title="Stress against the ratio (Figure 21)",
+        in_paper="Rises above 20 %; high stress from 70 %.",
+        caption=(
+            "High: above 0.8 of the highest bending stress of any run. Hertz pressure: of each stone as a whole"
+            " sphere, at its own largest force."
+        ),
+        draw=stress_against_ratio,
+    ),
+]

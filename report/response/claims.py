@@ -1,0 +1,115 @@
+"""Statements of Section III on the response of the plate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis import breakage
+from report.missing import MissingResult
+from report.sweep_results import SweepResults
+from report.trends import falling_steps, spearman
+from report.verdicts import (
+    HELD,
+    NOT_HELD,
+    PARTLY,
+    Finding,
+    Statement,
+    Test,
+    all_rise,
+    graded,
+    held_if,
+    need_enough_ratios,
+    ratios_of_trend,
+    trend,
+)
+
+
+def gangue_pushes_harder_at_3(results: SweepResults) -> Finding:
+    coal_N, gangue_N = (results.runs[i].peak("force_03_N") for i in results.indices_coal_gangue_at_3())
+    return graded(gangue_N / coal_N, 1.1, 1.0), f"gangue {gangue_N:.0f} N, coal {coal_N:.0f} N at place 3"
+
+
+def gangue_comes_back_later(results: SweepResults) -> Finding:
+    times_s = []
+    for i, name in zip(results.indices_coal_gangue_at_3(), ("coal", "gangue"), strict=True):
+        found = breakage.collisions(results.runs[i], 3)
+        if len(found) < 2:
+            raise MissingResult(f"{name} at place 3 touches the plate once only")
+        times_s.append(found[1][0])
+    coal_s, gangue_s = times_s
+    value = f"second collision: coal at {1e3 * coal_s:.2f} ms, gangue at {1e3 * gangue_s:.2f} ms"
+    return held_if(gangue_s > coal_s), value
+
+
+def second_collisions_spread(results: SweepResults) -> Finding:
+    run = results.runs[results.index_nearest(0.5)]
+    found = [breakage.collisions(run, k) for k in range(1, len(run.materials) + 1)]
+    second_s = [collisions[1][0] for collisions in found if len(collisions) > 1]
+    if len(second_s) < 2:
+        raise MissingResult(f"{len(second_s)} agglomerates touch the plate a second time")
+    first_s = np.ptp([collisions[0][0] for collisions in found if collisions])
+    spread_s = np.ptp(second_s)
+    value = f"first within {1e6 * first_s:.0f} µs, second within {1e3 * spread_s:.2f} ms"
+    return held_if(spread_s > max(10 * first_s, 1e-3)), f"{value} ({len(second_s)} of {len(found)})"
+
+
+def maxima_rise_both_ways(results: SweepResults) -> Finding:
+    need_enough_ratios(results)
+    named: dict[str, np.ndarray] = {}
+    for name, label in (("u_m", "u"), ("v_m_s", "v"), ("a_m_s2", "a")):
+        extremes = results.response.extremes[name]
+        named |= {f"{label}+": extremes[:, 0], f"{label}-": -extremes[:, 1]}
+    return all_rise(named, results.ratios)
+
+
+def high_stress_appears(results: SweepResults) -> Finding:
+    share = results.plate.high_stress_share
+    ratios = ratios_of_trend(results, share)
+    there = ratios[share > 0]
+    first = f"first at {100 * there[0]:.0f} %" if there.size else "nowhere"
+    rho = spearman(ratios, share)
+    if rho < 0.5:
+        verdict = NOT_HELD
+    elif there.size and there[0] >= 0.6 and not falling_steps(ratios, share):
+        verdict = HELD
+    else:
+        verdict = PARTLY
+    return verdict, f"{first}, Spearman of its area {rho:.3f}"
+
+
+def _peak_rises(name: str, factor: float = 1.0, unit: str = "J") -> Test:
+    return trend(lambda results: results.response.peaks[name], 1, factor, unit)
+
+
+RISES = "Spearman >= 0.9"
+
+RESPONSE_STATEMENTS = [
+    Statement("The amplitude of the plate's displacement rises with the ratio", "Fig. 16 a", "fig-16", RISES,
+              _peak_rises("u_m", 1e6, "µm")),
+    Statement("The amplitude of the plate's velocity rises with the ratio", "Fig. 16 b", "fig-16", RISES,
+              _peak_rises("v_m_s", 1.0, "m/s")),
+    Statement("The amplitude of the plate's acceleration rises with the ratio", "Fig. 16 c", "fig-16", RISES,
+              _peak_rises("a_m_s2", 1.0, "m/s²")),
+    Statement("The plate's kinetic energy rises with the ratio", "Fig. 16 d", "fig-16", RISES,
+              _peak_rises("kinetic_J")),
+    Statement("The plate's internal energy rises with the ratio", "Fig. 16 e", "fig-16", RISES,
+              _peak_rises("internal_J")),
+    Statement("The plate's total energy rises with the ratio", "Fig. 16 f", "fig-16", RISES, _peak_rises("total_J")),
+    Statement("A gangue at place 3 pushes harder than a coal", "Fig. 17", "fig-17", "1.1 or more; partly above 1",
+              gangue_pushes_harder_at_3),
+    Statement("Gangue hits the plate again later than coal does", "Fig. 17", "fig-17", "gangue later",
+              gangue_comes_back_later),
+    Statement("From the second collision on the particles do not hit at the same time", "Fig. 18", "fig-18",
+              "spread above 1 ms and ten times the first's", second_collisions_spread),
+    Statement("The largest total contact force rises with the ratio", "Fig. 18, 19", "fig-19", RISES,
+              _peak_rises("force_N", 1e-3, "kN")),
+    Statement("The largest displacement, velocity and acceleration rise in both directions", "Fig. 19", "fig-19",
+              "Spearman >= 0.9 for each", maxima_rise_both_ways),
+    Statement("The overall stress under the particles rises with the ratio", "Fig. 21", "fig-21", RISES,
+              trend(lambda results: results.plate.mean_stress_below_stones_Pa, 1, 1e-6, "MPa")),
+    Statement("The stress at the contact points rises with the ratio", "Fig. 21", "fig-21-ratio", RISES,
+              trend(lambda results: results.plate.contact_pressure_Pa.mean(axis=1), 1, 1e-6,
+                    "MPa, largest Hertz pressure")),
+    Statement("A region of high stress appears above 70 % and grows with the ratio", "Fig. 21", "fig-21",
+              "first at 60-80 %, growing; high: above 0.8 of the highest", high_stress_appears),
+]  # fmt: skip

@@ -1,0 +1,91 @@
+"""What `listen` heard of a stream beside what fell: numbers, picture and caption."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from analysis import RecordError
+from analysis.readers import read_table
+from analysis.stream import true_ratio
+from recognition.stream.stones import sliding_ratio
+from report.drawing.figure_spec import Drawn, FigureSpec
+from report.drawing.style import ACCENT, COAL, RATIO_LABEL, canvas, styled
+from report.missing import MissingResult
+from report.stream.results import StreamResults
+
+DIRECTORY = "heard"  # beside the run, as `make recognise` names it
+WINDOW_S, STEP_S = 0.2, 0.01
+
+
+@dataclass(frozen=True)
+class HeardStream:
+    """heard: a table of `sliding_ratio`; truth: t_s, mass_ratio. stones_heard, stones: how many."""
+
+    heard: pd.DataFrame
+    truth: pd.DataFrame
+    stones_heard: int
+    stones: int
+
+
+def was_heard(results: StreamResults) -> bool:
+    """Whether `listen` left its stones beside the run."""
+    return (results.run.path.parent / DIRECTORY).is_dir()
+
+
+def read_heard(results: StreamResults) -> HeardStream:
+    """The stones that were heard of a run. Raises MissingResult where nothing was, or where `listen` gave no ratio."""
+    directory = results.run.path.parent / DIRECTORY
+    if not (directory / "ratio.parquet").is_file():
+        raise MissingResult(f"no {DIRECTORY}/ratio.parquet; `make recognise` makes one")
+    if read_table(directory / "ratio.parquet")["ratio"].isna().all():
+        raise MissingResult("`listen` did not trust the record and gave no ratio")
+    stones = read_table(directory / "stones.parquet")
+    heard = sliding_ratio(stones, WINDOW_S, STEP_S, results.end_s)
+    truth = [_share(results.touched, t_s) for t_s in heard["t_s"]]
+    return HeardStream(heard, pd.DataFrame({"t_s": heard["t_s"], "mass_ratio": truth}), len(stones),
+                       len(results.touched))
+
+
+def _share(touched: pd.DataFrame, end_s: float) -> float:
+    """Share of gangue by mass of the stones of the last window; not a number where none fell."""
+    try:
+        return true_ratio(touched, end_s - WINDOW_S, end_s)
+    except RecordError:
+        return np.nan
+
+
+@styled
+def ratio_over_time(heard: pd.DataFrame, truth: pd.DataFrame) -> Figure:
+    """Draw the mixing ratio by mass with its interval, and the truth.
+
+    heard: a table of `sliding_ratio`; truth: t_s, mass_ratio.
+    """
+    figure, axes = canvas(1, height_in=2.6)
+    axis = axes[0, 0]
+    time_s = heard["t_s"].to_numpy()
+    low, middle, high = (100 * heard[f"mass_{name}"].to_numpy() for name in ("low", "ratio", "high"))
+    axis.fill_between(time_s, low, high, color=ACCENT, alpha=0.25, linewidth=0, label="90 % interval")
+    axis.plot(time_s, middle, color=ACCENT, label="recognised")
+    axis.plot(truth["t_s"], 100 * truth["mass_ratio"], "--", color=COAL, label="truth")
+    axis.set_xlabel("time, s")
+    axis.set_ylabel(RATIO_LABEL)
+    axis.set_ylim(-3, 103)
+    axis.legend(loc="best")
+    return figure
+
+
+def heard(results: StreamResults) -> Drawn:
+    found = read_heard(results)
+    return (ratio_over_time(found.heard, found.truth),
+            f"{found.stones_heard} stones were heard, {found.stones} touched the plate.")
+
+
+HEARD_FIGURES = [
+    FigureSpec("stream-heard", "What was heard", "",
+               f"Mixing ratio by mass of the stones of the last {WINDOW_S:g} s, from accelerometers with noise.",
+               heard),
+]

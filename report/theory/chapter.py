@@ -1,0 +1,105 @@
+"""The chapter of the theory: Figures 7 to 11 of the paper."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis import RecordError
+from analysis.impact import DAMPING, force_history
+from analysis.theory import contact_stiffness, materials_in_order, sphere_mass_kg
+from report.drawing.figure_spec import Drawn, FigureSpec
+from report.missing import MissingResult
+from report.sweep_results import SweepResults
+from report.theory import figures
+
+
+def arrangement(results: SweepResults) -> Drawn:
+    s, plate = results.theory.setup, results.runs[0].scene.plate
+    if plate.rods is None or plate.length_m is None or plate.width_m is None:
+        raise MissingResult("the scene in run.json has no plate with its rods and size")
+    rods_m = [(rod.x_m, rod.y_m) for rod in plate.rods]
+    size_m = (plate.length_m, plate.width_m)
+    return figures.arrangement(s.places_m, s.radius_m, s.gangue_order, size_m, rods_m)
+
+
+def mixing_order(results: SweepResults) -> Drawn:
+    counts = results.theory.gangue_counts
+    materials = [materials_in_order(count, results.theory.setup.gangue_order) for count in counts]
+    return figures.mixing_order(materials, counts / counts[-1])
+
+
+def peak_against_position(results: SweepResults) -> Drawn:
+    x_m = np.linspace(-0.49, 0.49, 99) * results.theory.setup.support_length_m
+    return figures.peak_against_position(x_m, results.theory.single_peaks_N(x_m))
+
+
+def totals(results: SweepResults) -> Drawn:
+    panels, note = {"plate as the paper's beam": results.theory.beam_totals_N}, ""
+    try:
+        panels["real plate (modes)"] = results.theory.real_plate_totals_N
+    except RecordError as reason:
+        note = f"Real plate not drawn: {reason}."
+    counts = results.theory.gangue_counts
+    simulated = (results.ratios, results.response.peaks["force_N"])
+    return figures.totals(counts / counts[-1], panels, simulated), note
+
+
+def force_histories(results: SweepResults) -> Drawn:
+    s, histories = results.theory.setup, {}
+    for name, rock in s.rocks.items():
+        stiffness, mass_kg = contact_stiffness(rock, s.radius_m, s.plate), sphere_mass_kg(rock, s.radius_m)
+        e = s.restitution[name]
+        by_law = {law: force_history(law, stiffness, mass_kg, s.speed_m_s, e) for law in DAMPING}
+        histories[f"{name}, e = {e:g}"] = {law: (h.t_s, h.force_N) for law, h in by_law.items()}
+    return figures.force_histories(histories)
+
+
+THEORY_FIGURES = [
+    FigureSpec(
+        key="fig-7",
+        title="Arrangement (Figure 7, 11)",
+        in_paper="Ten particles at equal angles on a circle; two of them, A and B, on the axis along the length L.",
+        caption="Stones with their number and the turn in which gangue replaces coal; grey: rods.",
+        draw=arrangement,
+    ),
+    FigureSpec(
+        key="fig-8",
+        title="Mixing order (Figure 8)",
+        in_paper="Gangue replaces coal in ten steps.",
+        caption="The order of the scene; the paper's own is read back from Table 2.",
+        draw=mixing_order,
+    ),
+    FigureSpec(
+        key="fig-9",
+        title="Largest force against position (Figure 9)",
+        in_paper=(
+            "Constant without deflection; with it smallest in the middle of the length, growing to the ends, and much"
+            " less. Flores below Hertz, gangue above coal."
+        ),
+        caption="Eqs. 8, 9, 19, 20, 26-30 with the scene's values, restitution included.",
+        draw=peak_against_position,
+    ),
+    FigureSpec(
+        key="fig-10",
+        title="Total force (Figure 10)",
+        in_paper=(
+            "All four states rise with the ratio; the two without deflection in straight lines, the others in uneven"
+            " steps."
+        ),
+        caption=(
+            "Left with the paper's beam, right with the static compliance of the real plate on its rods; points:"
+            " largest simulated force."
+        ),
+        draw=totals,
+    ),
+    FigureSpec(
+        key="fig-laws",
+        title="Force histories (Eqs. 5, 14)",
+        in_paper="The paper integrates energies only.",
+        caption=(
+            "One stone on a rigid plate. The damped force peaks before the largest compression and above the force of"
+            " Eq. 20."
+        ),
+        draw=force_histories,
+    ),
+]

@@ -1,0 +1,78 @@
+"""Peak forces by the paper's theory of four contact states (Section II, Figures 9 and 10)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from analysis import Sweep
+from analysis.real_plate import static_compliance_m_N
+from analysis.setup import Setup, setup_of
+from analysis.theory import STATES, State, beam_compliance, materials_in_order, peak, total_force_N
+from report.response.plate import PlateResults
+
+
+class TheoryResults:
+    """Peak forces by theory, with the values of the sweep's first scene."""
+
+    def __init__(self, sweep: Sweep, plate: PlateResults):
+        self._sweep = sweep
+        self._plate = plate
+
+    @cached_property
+    def setup(self) -> Setup:
+        """Places, materials and supports of the first run. Raises RecordError if its scene does not hold them."""
+        return setup_of(self._sweep.runs[0])
+
+    def beam_compliance_m_N(self, x_m: np.ndarray) -> np.ndarray:
+        """Return the compliance of the paper's beam at distances from the plate's centre along the axis A-B."""
+        s = self.setup
+        return beam_compliance(np.asarray(x_m) + s.support_length_m / 2, s.support_length_m, s.support_width_m,
+                               s.thickness_m, s.plate)  # fmt: skip
+
+    def single_peaks_N(self, x_m: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
+        """Return the peak force of one sphere at each x_m (Figure 9): {material: {state: shape of x_m}}."""
+        compliance = self.beam_compliance_m_N(x_m)
+        return {
+            name: {key: np.array([self._peak_N(state, name, c) for c in compliance]) for key, state in STATES.items()}
+            for name in self.setup.rocks
+        }
+
+    def _peak_N(self, state: State, material: str, compliance_m_N: float) -> float:
+        s = self.setup
+        found = peak(state, s.rocks[material], radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate,
+                     restitution=s.restitution[material], compliance_m_N=compliance_m_N)  # fmt: skip
+        return found.force_N
+
+    @cached_property
+    def gangue_counts(self) -> np.ndarray:
+        """Numbers of gangue spheres, from none to all, shape (stones + 1,)."""
+        return np.arange(len(self.setup.places_m) + 1)
+
+    def _totals_N(self, compliance_m_N: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the total force in each state (Figure 10) for each of `gangue_counts`, in the scene's order.
+
+        compliance_m_N: of the plate at each place, shape (stones,).
+        """
+        return {
+            key: np.array([self._total_N(state, count, compliance_m_N) for count in self.gangue_counts])
+            for key, state in STATES.items()
+        }
+
+    def _total_N(self, state: State, gangue_count: int, compliance_m_N: np.ndarray) -> float:
+        s = self.setup
+        names = materials_in_order(gangue_count, s.gangue_order)
+        rocks, restitutions = [s.rocks[name] for name in names], [s.restitution[name] for name in names]
+        return total_force_N(state, rocks, compliance_m_N, restitutions,
+                             radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate)  # fmt: skip
+
+    @cached_property
+    def beam_totals_N(self) -> dict[str, np.ndarray]:
+        """Total force in each state on the paper's beam, shape (stones + 1,) each."""
+        return self._totals_N(self.beam_compliance_m_N(self.setup.places_m[:, 0]))
+
+    @cached_property
+    def real_plate_totals_N(self) -> dict[str, np.ndarray]:
+        """The same with the static compliance of the real plate. Raises RecordError if the plate is rigid or free."""
+        return self._totals_N(static_compliance_m_N(self._plate.modes[0], self.setup.places_m))

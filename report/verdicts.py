@@ -1,0 +1,159 @@
+"""Verdicts on the paper's statements, and the rules that give them.
+
+A verdict is "held", "partly", "not held", or "not tested" where the runs do not hold what the statement is about.
+A trend is held from |Spearman| >= 0.9 in the stated direction and partly from 0.5; a change "without order" is held
+below 0.6 and partly below 0.9. Other rules stand in each statement's `expected`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from report.missing import MISSING_RESULT, MissingResult
+from report.sweep_results import SweepResults
+from report.trends import falling_steps, spearman
+
+HELD, PARTLY, NOT_HELD, NOT_TESTED = "held", "partly", "not held", "not tested"
+VERDICTS = (HELD, PARTLY, NOT_HELD, NOT_TESTED)
+
+#: A trend needs at least so many ratios.
+LEAST_RATIOS = 4
+
+#: The verdict, and our number in words.
+Finding = tuple[str, str]
+Test = Callable[[SweepResults], Finding]
+Values = Callable[[SweepResults], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A statement of the paper.
+
+    where: its figure, table or section. figure: key of ours. expected: the rule in words. test: gives the finding.
+    """
+
+    text: str
+    where: str
+    figure: str
+    expected: str
+    test: Test
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement with its verdict and our number."""
+
+    text: str
+    where: str
+    figure: str
+    expected: str
+    verdict: str
+    value: str
+
+
+def check_statements(results: SweepResults, statements: Sequence[Statement]) -> list[Claim]:
+    """Compare every statement with the results of a sweep."""
+    claims = []
+    for s in statements:
+        try:
+            verdict, value = s.test(results)
+        except MISSING_RESULT as reason:
+            verdict, value = NOT_TESTED, str(reason)
+        claims.append(Claim(s.text, s.where, s.figure, s.expected, verdict, value))
+    return claims
+
+
+def to_csv(claims: list[Claim]) -> str:
+    """Return the claims as CSV: claim, where, verdict, value, expected."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["claim", "where", "verdict", "value", "expected"])
+    writer.writerows([c.text, c.where, c.verdict, c.value, c.expected] for c in claims)
+    return out.getvalue()
+
+
+# ------------------------------------------------------------ kinds of statement
+
+
+def held_if(true: bool) -> str:
+    """Return the verdict on a statement that is either true or not."""
+    return HELD if true else NOT_HELD
+
+
+def held_if_all(true: Sequence[bool]) -> str:
+    """Return held if all parts of a statement are true, partly if some are."""
+    return HELD if all(true) else PARTLY if any(true) else NOT_HELD
+
+
+def graded(value: float, held: float, partly: float) -> str:
+    """Return held from one limit on and partly from another on: upward, or downward if held < partly."""
+    if held < partly:
+        value, held, partly = -value, -held, -partly
+    return HELD if value >= held else PARTLY if value >= partly else NOT_HELD
+
+
+def trend(values: Values, direction: int = 1, factor: float = 1.0, unit: str = "") -> Test:
+    """Test whether values rise (direction 1) or fall (-1) with the ratio as a whole.
+
+    The number shown is the first and the last value times a factor, in a unit.
+    """
+
+    def test(results: SweepResults) -> Finding:
+        x = np.asarray(values(results), dtype=float)
+        ratios = ratios_of_trend(results, x)
+        span = f"{factor * x[0]:.4g} to {factor * x[-1]:.4g} {unit}".rstrip()
+        verdict = graded(direction * spearman(ratios, x), 0.9, 0.5)
+        return verdict, f"{describe_trend(ratios, x, direction)}; {span}"
+
+    return test
+
+
+def describe_trend(ratios: np.ndarray, values: np.ndarray, direction: int = 1) -> str:
+    """Return the rank correlation and the steps against the direction, in words."""
+    wrong = falling_steps(ratios, direction * values)
+    steps = ", ".join(f"{100 * a:.0f}-{100 * b:.0f} %" for a, b in wrong)
+    against = f"against it at {steps}" if wrong else "no step against it"
+    return f"Spearman {spearman(ratios, values):.3f}, {against}"
+
+
+def without_order(values: Values) -> Test:
+    """Test whether values change with the ratio without order."""
+
+    def test(results: SweepResults) -> Finding:
+        x = np.asarray(values(results), dtype=float)
+        rho = spearman(ratios_of_trend(results, x), x)
+        return graded(abs(rho), 0.6, 0.9), f"Spearman {rho:.3f}"
+
+    return test
+
+
+def all_rise(named: dict[str, np.ndarray], ratios: np.ndarray) -> Finding:
+    """Return the finding on several quantities that rise together: held if each does."""
+    rho = {name: spearman(ratios, values) for name, values in named.items()}
+    numbers = ", ".join(f"{name} {value:.3f}" for name, value in rho.items())
+    if all(value >= 0.9 for value in rho.values()):
+        return HELD, f"Spearman {numbers}"
+    partly = max(rho.values()) >= 0.9 or min(rho.values()) >= 0.5
+    return PARTLY if partly else NOT_HELD, f"Spearman {numbers}"
+
+
+def ratios_of_trend(results: SweepResults, values: np.ndarray) -> np.ndarray:
+    """Return the ratios of the runs, shape (runs,).
+
+    Raises MissingResult for too few ratios, and if not every run has a finite value.
+    """
+    if len(results.ratios) < LEAST_RATIOS:
+        raise MissingResult(f"{len(results.ratios)} ratios; a trend needs at least {LEAST_RATIOS}")
+    if len(values) != len(results.ratios) or not np.all(np.isfinite(values)):
+        raise MissingResult("not every run has a value")
+    return results.ratios
+
+
+def need_enough_ratios(results: SweepResults) -> None:
+    """Raise MissingResult if the sweep has too few ratios for a trend."""
+    ratios_of_trend(results, results.ratios)

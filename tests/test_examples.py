@@ -1,0 +1,50 @@
+"""Public names of the packages, and the examples in their docstrings, which run where scenes/ and runs/paper are."""
+
+import doctest
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from tests.analysis.synthetic import write_sweep
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ["analysis", "plate_fem", "recognition"]
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("examples")
+    write_sweep(directory / "runs" / "paper")
+    (directory / "scenes").symlink_to(ROOT / "scenes")
+    return directory
+
+
+@pytest.fixture(scope="module")
+def start():
+    """What is known after the lines that docs/from_python.md gives for the examples."""
+    text = (ROOT / "docs" / "from_python.md").read_text()
+    (lines,) = re.findall(r"Examples in docstrings .*?```python\n(.*?)```", text, re.DOTALL)
+    names = {}
+    exec(lines, names)  # noqa: S102  our own page
+    return names
+
+
+@pytest.mark.parametrize("package", [*PACKAGES, "dem"])
+def test_a_package_shows_what_it_exports(package):
+    module = import_module(package)
+    names = dir(module)
+    assert names == sorted(module.__all__) and len(names) == len(set(names)) > 4
+    assert all(getattr(module, name) is not None for name in names)
+    with pytest.raises(AttributeError, match=f"'{package}' has no attribute 'nothing'"):
+        module.nothing  # noqa: B018
+
+
+@pytest.mark.parametrize("package, name", [
+    (package, name) for package in PACKAGES for name in dir(import_module(package)) if not name.isupper()])
+def test_the_example_of_a_public_name_runs(package, name, here, start, monkeypatch):
+    monkeypatch.chdir(here)
+    (found,) = doctest.DocTestFinder(recurse=False).find(getattr(import_module(package), name), name, globs=dict(start))
+    assert found.examples, f"{package}.{name} has no example"
+    assert doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(found).failed == 0
