@@ -14,5 +14,5 @@ from analysis.hilbert import (
 )
 from analysis.readers import read_record as read_record
 from analysis.records import Record as Record, RecordError as RecordError, as_record as as_record
-from analysis.resample import resample as resample
+from analysis.resampling import resample as resample
 from analysis.runs import Run as Run, Sweep as Sweep, read_run as read_run, read_sweep as read_sweep

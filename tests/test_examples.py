@@ -4,6 +4,7 @@ import doctest
 import re
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 
@@ -35,6 +36,8 @@ def start():
 def test_a_package_shows_what_it_exports(package):
     module = import_module(package)
     names = dir(module)
+    modules = {found.name for found in iter_modules(module.__path__)}
+    assert not modules & set(names), "a module that is imported would take the place of what has its name"
     assert names == sorted(module.__all__) and len(names) == len(set(names)) > 4
     assert all(getattr(module, name) is not None for name in names)
     with pytest.raises(AttributeError, match=f"'{package}' has no attribute 'nothing'"):

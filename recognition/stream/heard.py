@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.records import Record, sample_rate_Hz
-from analysis.resample import resample
+from analysis.resampling import resample
 from common.channels import rod_column, sensor_column
 from common.files import written_whole
 from common.output_directory import at_work_in

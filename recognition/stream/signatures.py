@@ -2,7 +2,7 @@
 
 The plate is a set of oscillators, q'' + 2 zeta w q' + w^2 q = f, with w = 2 pi frequency. They are integrated exactly
 under a force that is constant over steps of FINE_S, and then pass the low pass that the record passed when it was
-sampled (scipy's polyphase filter, as in analysis.resample).
+sampled (scipy's polyphase filter, as in analysis.resampling).
 """
 
 from __future__ import annotations
