@@ -60,10 +60,10 @@ def cases():
 
 
 def files_of(out):
-    """What each file of a result holds, but for times, and so for the hash of run.json."""
+    """What each file of a result holds, but for times, and so for the hashes of what holds them."""
     found = {str(file.relative_to(out)): file.read_bytes() for file in out.rglob("*") if file.is_file()}
     summary, contents = json.loads(found.pop("run.json")), json.loads(found["contents.json"])
-    contents["files"]["run.json"] = None
+    contents["files"] |= dict.fromkeys(("run.json", "started.json"))
     found["contents.json"] = contents
     return found, {key: value for key, value in summary.items() if key not in ("wall_time_s", "resumed_at_s")}
 
