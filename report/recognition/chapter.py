@@ -99,8 +99,8 @@ ANSWER = FigureSpec(
     title="Recognised against true mixing ratio",
     in_paper="The paper reports no test on unseen data.",
     caption=(
-        "By models trained on the other ratios of this sweep, where gangue takes its places in one order. The harder"
-        " test, other arrangements and packings, is below: runs not trained on."
+        "By models trained on the other ratios of this sweep, where gangue takes its places in one order. Other"
+        " arrangements and packings are a harder test: `gangue evaluate` on a data set."
     ),
     draw=recognised_against_true,
 )
