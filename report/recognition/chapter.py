@@ -100,7 +100,7 @@ ANSWER = FigureSpec(
     in_paper="The paper reports no test on unseen data.",
     caption=(
         "By models trained on the other ratios of this sweep, where gangue takes its places in one order. Other"
-        " arrangements and packings are a harder test: `gangue evaluate` on a data set."
+        " arrangements and packings are a harder test: gangue evaluate, on a data set."
     ),
     draw=recognised_against_true,
 )
