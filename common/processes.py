@@ -113,7 +113,7 @@ def _pool(processes: int, work: Callable[[int], Any]) -> ProcessPoolExecutor:
 
 def begin_copy() -> None:
     """Called in a copy of a process, which leaves the answer to Ctrl-C to the one that it came from, dies with it, and
-    does not seek garbage among what was there before: that takes long, and writes on the pages that both share."""
+    skips in garbage collection what was there before: that takes long, and writes on the pages that both share."""
     gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()

@@ -177,7 +177,7 @@ def _free_flight(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, 
 
 
 def skin_m(assembly: Assembly, knows_bodies: bool = False) -> float:
-    """Neighbour skin. Pairs within a body have their own where the engine knows bodies, as fix free_flight does."""
+    """Neighbour skin. Fix free_flight gives pairs within a body a skin of their own."""
     if assembly.n_bonds and not knows_bodies:
         return body_skin_m(assembly)
     return float(f"{0.25 * assembly.radius_m.min():.3g}")
