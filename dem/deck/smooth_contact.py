@@ -1,9 +1,9 @@
-"""The contact of stones with the plate as smooth spheres: its law, and the file that the engine reads it from."""
+"""The contact of stones as smooth spheres, with the plate and with each other: its law, and the file that the engine reads it from."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,13 +17,12 @@ from plate_fem.contact_stress import YIELD_PRESSURE
 OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
 
 
-@dataclass(frozen=True)
-class SmoothLaw:
-    """Contact of a smooth sphere with the plate (docs/contact.md).
+class SmoothLaw(NamedTuple):
+    """Contact of a smooth sphere with the plate or with another one (docs/contact.md).
 
     E* and G* in Pa; the damping ratio of the dashpot that gives the restitution, and that of the one across, which is
-    LIGGGHTS' own; friction; the pressure in the middle
-    of the contact at which stone or plate gives way, Pa, 0 where neither does.
+    LIGGGHTS' own; friction; the pressure in the middle of the contact at which one of the two gives way, Pa, 0 where
+    neither does.
     """
 
     modulus_Pa: float
@@ -34,15 +33,30 @@ class SmoothLaw:
     yield_pressure_Pa: float
 
 
-def smooth_law(scene: Scene, material: str) -> SmoothLaw:
-    """The law of a stone of one material."""
-    bodies, contact = (scene.materials[material], scene.plate), scene.contacts[contact_key(material, PLATE)]
+def smooth_law(scene: Scene, material: str, other: str = PLATE) -> SmoothLaw:
+    """The law of a stone of one material, on the plate or on a stone of the `other` material."""
+    bodies = [scene.plate if name == PLATE else scene.materials[name] for name in (material, other)]
+    contact = scene.contacts[contact_key(material, other)]
     shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
-    modulus = contact_modulus_Pa(*bodies)
-    plate_limit = None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
-    limits = [limit for limit in (scene.materials[material].contact_strength_Pa, plate_limit) if limit is not None]
-    return SmoothLaw(modulus, 1 / shear_compliance, damping_ratio(contact.restitution),
+    limits = [limit for limit in (_strength_Pa(scene, material), _strength_Pa(scene, other)) if limit is not None]
+    return SmoothLaw(contact_modulus_Pa(*bodies), 1 / shear_compliance, damping_ratio(contact.restitution),
                      elastic_damping_ratio(contact.restitution), contact.friction, min(limits, default=0.0))
+
+
+def _strength_Pa(scene: Scene, name: str) -> float | None:
+    if name != PLATE:
+        return scene.materials[name].contact_strength_Pa
+    return None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
+
+
+def pair_laws(scene: Scene, assembly: Assembly) -> list[tuple[int | float, ...]]:
+    """Of each pair of types of stones in the deck the types and the numbers of SmoothLaw; none where no two stones can
+    touch as smooth ones."""
+    if not assembly.surfaces or len(assembly.sizes) < 2:
+        return []
+    named = list(enumerate(assembly.materials, start=1))
+    return [(i, j, *smooth_law(scene, a, b)) for i, a in named for j, b in named
+            if i <= j and contact_key(a, b) in scene.contacts]
 
 
 def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
@@ -50,9 +64,8 @@ def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
     laws = {name: smooth_law(scene, name) for name in set(assembly.stone_materials)}
     rows = []
     for surface, stone in zip(assembly.surfaces, assembly.stones, strict=True):
-        law, radius = laws[stone.material], stone.radius_m
-        rows.append([radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio,
-                     law.damping_ratio_across, law.friction, law.yield_pressure_Pa, surface.first.normal_m_N,
+        radius = stone.radius_m
+        rows.append([radius, PATCH_RADIUS * radius, *laws[stone.material], surface.first.normal_m_N,
                      surface.other.normal_m_N, surface.first.tangential_m_N, surface.other.tangential_m_N])
     return np.array(rows, dtype=float)
 
