@@ -33,7 +33,6 @@ from lab.study import Row
 
 GAP = 1e-3       # of the radii, between the stones at the start
 SAMPLES = 200    # of the contact time
-DENSITY_kg_m3 = 1500.0  # a guess at which the length of a run is found
 
 
 @dataclass(frozen=True)
@@ -60,34 +59,66 @@ class Meeting:
 
 
 def scene_of(meeting: Meeting, seed: int, **changes: object) -> Scene:
-    """Two stones side by side, each turned at random."""
+    """Two stones side by side, each turned at random, for as long as their contact lasts and more."""
+    volume = 4 / 3 * np.pi * np.array(meeting.radii_m) ** 3
     turned = Rotation.random(2, random_state=seed).as_quat()[:, [3, 0, 1, 2]].tolist()
     each = [{"material": name, "radius_m": radius, "x_m": 0.2 * k - 0.1, "y_m": 0.0, "speed_m_s": meeting.speed_m_s,
              "attitude": turned[k], "seed": 2 * seed + k}
             for k, (name, radius) in enumerate(zip(meeting.materials, meeting.radii_m))]
     contact = {f"contacts.{pair}": {"restitution": 1.0, "friction": 0.0} for pair in PAIRS}
-    return changed_scene(SCENES / "single.toml", {
+    everything = {
         "time.gravity_m_s2": 0.0, "time.duration_s": 1e-3, "output": None, "time.free_flight_tolerance": 0.0,
         **{f"stones.{key}": None for key in ("count", "gangue_order", "gangue_ratio", "positions", "radius_m", "speed_m_s")},
         "stones.each": each, "stones.agglomerate.subspheres": meeting.subspheres,
-        "stones.agglomerate.unbreakable": True, "plate": RIGID, **contact} | changes)
+        "stones.agglomerate.unbreakable": True, "plate": RIGID, **contact}
+    scene = changed_scene(SCENES / "single.toml", everything)
+    time_s = meeting.hertz(scene, np.array([scene.materials[m].density_kg_m3 for m in meeting.materials]) * volume)[1]
+    lasts_s = 1.6 * time_s + GAP * sum(meeting.radii_m) / meeting.speed_m_s
+    return changed_scene(SCENES / "single.toml", everything | {
+        "time.duration_s": lasts_s, "time.sample_interval_s": time_s / SAMPLES} | changes)
 
 
 def meet(meeting: Meeting, seed: int, aside: float = 0.0, **changes: object) -> dict[str, float]:
     """One pair, `aside` (of the sum of the radii) beside each other's line; the second comes down on the first."""
-    radii = np.array(meeting.radii_m)
-    time_s = meeting.hertz(scene_of(meeting, seed), DENSITY_kg_m3 * 4 / 3 * np.pi * radii**3)[1]
-    lasts_s = 1.6 * time_s + GAP * radii.sum() / meeting.speed_m_s
-    scene = scene_of(meeting, seed, **{"time.duration_s": lasts_s, "time.sample_interval_s": time_s / SAMPLES} | changes)
+    scene = scene_of(meeting, seed, **changes)
     directory = Path(tempfile.mkdtemp())
     try:
-        prepared = prepare(scene, "two_stones", directory)
-        assembly = _stacked(prepared.assembly, aside)
-        write_deck(directory / "deck", prepared.scene, assembly, prepared.step, prepared.modes)
-        found = _come_down(directory / "deck", prepared, meeting.speed_m_s)
+        prepared = write_meeting(directory, meeting, scene, aside)
+        run_engine(directory / "deck")
+        rows, velocity = read_ledger(directory / "deck" / "ledger.bin", 2), velocities(directory / "deck", prepared)
     finally:
         shutil.rmtree(directory)
-    return _shares_of_hertz(meeting, scene, assembly, prepared.step.dt_s, *found)
+    return _shares_of_hertz(meeting, scene, prepared, rows, velocity)
+
+
+def write_meeting(directory: Path, meeting: Meeting, scene: Scene, aside: float) -> PreparedRun:
+    """The deck in `directory`/deck. Its view.dump has the stones at the start and the end."""
+    prepared = prepare(scene, "two_stones", directory)
+    prepared.assembly = _stacked(prepared.assembly, aside)
+    deck = directory / "deck"
+    write_deck(deck, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+    text, count = (deck / "deck.liggghts").read_text(), prepared.assembly.sizes[0]
+    start = next(line for line in text.splitlines() if line.startswith("velocity"))
+    down = (f"group lower id <= {count}\ngroup upper id > {count}\n"
+            f"velocity lower set 0 0 0 units box\nvelocity upper set 0 0 {-meeting.speed_m_s} units box\n"
+            f"dump view all custom {prepared.step.steps} view.dump id x y z vx vy vz mass omegax omegay omegaz\n"
+            f'dump_modify view format "%d{10 * " %.17g"}"')
+    energy = 0.5 * prepared.assembly.mass_kg[count:].sum() * meeting.speed_m_s**2
+    (deck / "deck.liggghts").write_text(re.sub(r"impact_J \S+", f"impact_J {float(energy)!r}", text).replace(start, down))
+    return prepared
+
+
+def run_engine(deck: Path) -> None:
+    """Run a deck. Raises RuntimeError with what the engine said where it fails."""
+    done = subprocess.run([str(ENGINE), "-in", "deck.liggghts"], cwd=deck, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(done.stdout[-500:] + done.stderr[-500:])
+
+
+def velocities(deck: Path, prepared: PreparedRun) -> np.ndarray:
+    """(2, 3) of the stones at the end, m/s."""
+    last, count = list(read_dump(deck / "view.dump"))[-1][1], prepared.assembly.sizes[0]
+    return np.array([np.average(rows[:, 4:7], axis=0, weights=rows[:, 7]) for rows in (last[:count], last[count:])])
 
 
 def _stacked(assembly: Assembly, aside: float) -> Assembly:
@@ -104,27 +135,10 @@ def _stacked(assembly: Assembly, aside: float) -> Assembly:
     return replace(assembly, center_m=center)
 
 
-def _come_down(deck: Path, prepared: PreparedRun, speed_m_s: float) -> tuple[StoneLedger, np.ndarray]:
-    """The ledger, and the velocity (2, 3) and spin of the stones at the end."""
-    text, count = (deck / "deck.liggghts").read_text(), prepared.assembly.sizes[0]
-    start = next(line for line in text.splitlines() if line.startswith("velocity"))
-    down = (f"group lower id <= {count}\ngroup upper id > {count}\n"
-            f"velocity lower set 0 0 0 units box\nvelocity upper set 0 0 {-speed_m_s} units box\n"
-            f"dump view all custom {prepared.step.steps} view.dump id x y z vx vy vz mass\n"
-            'dump_modify view format "%d %.17g %.17g %.17g %.17g %.17g %.17g %.17g"')
-    energy = 0.5 * prepared.assembly.mass_kg[count:].sum() * speed_m_s**2
-    (deck / "deck.liggghts").write_text(re.sub(r"impact_J \S+", f"impact_J {float(energy)!r}", text).replace(start, down))
-    done = subprocess.run([str(ENGINE), "-in", "deck.liggghts"], cwd=deck, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError(done.stdout[-500:] + done.stderr[-500:])
-    last = list(read_dump(deck / "view.dump"))[-1][1]
-    return read_ledger(deck / "ledger.bin", 2), np.array([
-        np.average(rows[:, 4:7], axis=0, weights=rows[:, 7]) for rows in (last[:count], last[count:])])
-
-
-def _shares_of_hertz(meeting: Meeting, scene: Scene, assembly: Assembly, dt_s: float, rows: StoneLedger,
+def _shares_of_hertz(meeting: Meeting, scene: Scene, prepared: PreparedRun, rows: StoneLedger,
                      velocity: np.ndarray) -> dict[str, float]:
-    momentum, time = rows.column["momentum_z_kg_m_s"][:, 1], rows.step * dt_s
+    assembly = prepared.assembly
+    momentum, time = rows.column["momentum_z_kg_m_s"][:, 1], rows.step * prepared.step.dt_s
     force = np.diff(momentum) / np.diff(time)
     pressing = np.flatnonzero(force > 1e-3 * force.max())
     peak, lasts = meeting.hertz(scene, np.bincount(assembly.agglomerate, assembly.mass_kg))
