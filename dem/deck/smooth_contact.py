@@ -1,4 +1,4 @@
-"""The contact of stones as smooth spheres, with the plate and with each other: its law, and the file that the engine reads it from."""
+"""The contact of stones as smooth spheres, with the plate and with each other: its law, and the file for the engine."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def two_stones(out: Path, packings: int = 24, cases: tuple[str, ...] = CASES) ->
 def two_stones_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     """Mean and standard deviation over the pairs, and the worst of what should be 1 or 0."""
     groups = rows.groupby("case", sort=False)
-    table = pd.DataFrame([dict(zip(("first", "second", "r1_mm", "r2_mm", "speed_m_s", "subspheres"), name.split("_")))
+    table = pd.DataFrame([dict(zip(("first", "second", "r1_mm", "r2_mm", "speed_m_s", "subspheres"), str(name).split("_")))
                           for name in groups.groups])
     for key in ("force", "time"):
         table[key], table[f"{key}_sd"] = groups[key].mean().to_numpy(), groups[key].std().to_numpy()

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 from decks import run_engine
-from scipy.integrate import solve_ivp
 from test_checkpoint_engine import stopped_at_next
 from test_smooth_contact import PAIRS
 
 from common import hertz
-from dem.deck.restitution import damping_ratio
 from dem.deck.smooth_contact import smooth_law
 from dem.run.energy_balance import read_ledger, stone_energies
 from dem.run.paraview import read_dump
@@ -129,7 +127,7 @@ def test_a_run_stopped_in_the_contact_goes_on_bit_by_bit(tmp_path):
     """At each of its checkpoints, while bonds break under the patches."""
     meeting = Meeting.of("coal_coal_25_25_8_200")
     for name in ("whole", "parted"):
-        prepared = write_meeting(tmp_path / name, meeting, scene_of(meeting, 1, **BREAKS), 0.2)
+        write_meeting(tmp_path / name, meeting, scene_of(meeting, 1, **BREAKS), 0.2)
     run_engine(tmp_path / "whole" / "deck", (tmp_path / "whole" / "deck" / "deck.liggghts").read_text())
     step, stops = 0, 0
     while step is not None:

@@ -16,6 +16,7 @@ const int LOOK_STEPS = 32;
 const double DEFORMED = 0.02;       // of the radius: a piece's surface is no further from where the whole stone has it
 const double LEAST_SHARE = 0.5;     // of a patch's surface that must belong to the piece
 const double OUT_OF_PLACE = 0.1;    // of its radius: further off, one that lost half its bonds leaves the patch
+const double TURN_rad = 1e-4;       // of the axis in the stone: the lever of a push that far beside the middle is nothing
 const double FIRST_AXIS_rad = 0.1;  // about the lowest point at the start, whose own compliance is known
 const double BEYOND = 0.1;          // of its radius: with an axis further beyond the outline a patch dissolves
 const double HEADROOM = 1e-3;       // of the radius: a patch is found before it comes so near
@@ -239,7 +240,9 @@ Vec SmoothContact::beyond_outline(const Vec &place) const {
 // The members, and what has come into the patch as the stone turned, share the force by weights about the present axis. q
 // stays, since it is that of this step; so the push goes through the middle of the stone at every look.
 void SmoothContact::follow_axis(Patch &p, const StonePieces::Motion &motion) {
-  p.axis = motion.turned.inverse()(Vec(0, 0, -1));
+  const Vec axis = motion.turned.inverse()(Vec(0, 0, -1));
+  if (norm(cross(axis, p.axis)) < TURN_rad) return;
+  p.axis = axis;
   std::set<int> before;
   for (const Weight &m : p.members) before.insert(m.tag);
   double share = 0;
