@@ -1,8 +1,11 @@
 """Two bonded stones that touch each other: Hertz' elastic spheres, Mindlin's rigid ones, and the energy when they break."""
 
+import re
+
 import numpy as np
 import pytest
 from decks import run_engine
+from scipy.integrate import solve_ivp
 from test_checkpoint_engine import stopped_at_next
 from test_smooth_contact import PAIRS
 
@@ -108,6 +111,44 @@ def test_stones_that_break_each_other_keep_the_energy_and_do_not_pass(tmp_path, 
     first, second = last[:prepared.assembly.sizes[0]], last[prepared.assembly.sizes[0]:]
     middle = np.average(first[:, 3], weights=first[:, 7])
     assert second[second[:, 3] < middle, 7].sum() < 0.01 * second[:, 7].sum()
+
+
+def chain_N(scene, mass_kg, speed, clear_m):
+    """Peaks of the forces between two equal rigid spheres and on the plate, N: the upper one comes down on the lower one,
+    which lies on the plate."""
+    pair, plate = (smooth_law(scene, "coal", other) for other in ("coal", "plate"))
+    k = [hertz.stiffness_N_m32(pair.modulus_Pa, R_m / 2), hertz.stiffness_N_m32(plate.modulus_Pa, R_m)]
+
+    def forces(y):
+        return k[0] * max(0, y[0] - y[1] - clear_m[0]) ** 1.5, k[1] * max(0, y[1] - clear_m[1]) ** 1.5
+
+    def rate(_, y):  # ways down, speeds down
+        on_lower, on_plate = forces(y)
+        return [y[2], y[3], -on_lower / mass_kg, (on_lower - on_plate) / mass_kg]
+    run = solve_ivp(rate, (0, 1e-3), [0, 0, speed, 0], rtol=1e-9, atol=1e-12, max_step=1e-6)
+    return np.max([forces(y) for y in run.y.T], axis=0)
+
+
+def test_a_stone_that_lands_on_a_lying_one_is_a_chain_of_hertz_contacts(tmp_path):
+    meeting = Meeting.of("coal_coal_25_25_2_500")
+    prepared = write_meeting(tmp_path, meeting, scene_of(meeting, 6, **{"time.duration_s": 6e-4}), 0.0)
+    deck = tmp_path / "deck"
+    head, atoms = (deck / "atoms.data").read_text().split("Atoms\n\n")
+    rows = np.array([line.split() for line in atoms.splitlines()], dtype=float)
+    surface = [line.split() for line in (deck / "surface.txt").read_text().splitlines()]
+    place = np.array([row for row in surface if len(row) == 6], dtype=float)[:, :3]
+    middle = rows[[0, -1], 4:] - [place[0], place[-1]]  # of the surfaces, which is not that of the mass
+    clear = 1e-5, np.linalg.norm(middle[1] - middle[0]) - 2 * R_m
+    rows[:, 6] -= middle[0, 2] - R_m - clear[0]
+    head = re.sub(r"\S+( \S+ zlo)", r"-0.01\1", head)
+    (deck / "atoms.data").write_text(head + "Atoms\n\n" + "".join(
+        f"{row[0]:.0f} {row[1]:.0f} " + " ".join(f"{number:.17g}" for number in row[2:]) + "\n" for row in rows))
+    run_engine(deck, (deck / "deck.liggghts").read_text())
+    ledger, dt = read_ledger(deck / "ledger.bin", 2), prepared.step.dt_s
+    momentum = np.diff(ledger.column["momentum_z_kg_m_s"], axis=0) / np.diff(ledger.step * dt)[:, None]
+    expected = chain_N(prepared.scene, prepared.assembly.mass_kg.sum() / 2, 2.0, (clear[1], clear[0]))
+    assert [momentum[:, 1].max(), momentum.sum(axis=1).max()] == pytest.approx(expected.tolist(), rel=0.03)
+
 
 
 BREAKS = {**of_all(0.7, 0.4), "stones.agglomerate.unbreakable": False, "stones.agglomerate.subspheres": 200}
