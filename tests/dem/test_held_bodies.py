@@ -89,7 +89,8 @@ def arch(loose_m):
 
 def struck_at_once(directory, body, speed, tolerance, tension):
     """Loose sub-spheres fly to what lies held, each so gently that it stays held for one of them; brute force beside.
-    Returns the largest energy that the bonds had, with that of broken ones, by way of integration."""
+    The plate gets what momentum they lose and their weight gives, also while it is let go. Returns the largest energy
+    that the bonds had, with that of broken ones, by way of integration."""
     found = {}
     way = body.center_m[7:] - np.array([body.center_m[np.linalg.norm(body.center_m[:7] - x, axis=1).argmin()]
                                         for x in body.center_m[7:]])
@@ -103,7 +104,11 @@ def struck_at_once(directory, body, speed, tolerance, tension):
         text = deck(DT, 12_000, 20, bonds=bond_line(tension=tension, shear=1e30, damping_time=2e-8),
                     lines=WEIGHT + PLATE + fix, velocity=velocity + "thermo_modify lost ignore\n")
         run_engine(directory / name, text.replace("5e9 2e11", "5e9 5e9"))  # what is foreseen has the stiffest pair
-        column = ledger(directory / name).column
+        column, weight = ledger(directory / name).column, GRAVITY * body.mass_kg.sum() * 12_000 * DT
+        start = -speed * (body.mass_kg[7:] * way[:, 2] / np.linalg.norm(way, axis=1)).sum()
+        gained = column["momentum_z_kg_m_s"][-1, 0] - start
+        impulse = read_forces(directory / name / "forces.bin").all_mean_N.sum() * 20 * DT
+        assert impulse - weight == pytest.approx(gained, abs=1e-7 * weight)
         found[name] = (column["bond_elastic_J"] + column["released_J"])[:, 0].max()
     return found
 

@@ -59,7 +59,10 @@ def _lagrange(x, y, shape, point):
     return np.einsum("i,j,ijm->m", *weights, block)
 
 
-def test_largest_shape_bounds_every_point(modes):
+@pytest.mark.parametrize("table", [TABLE, plate(edges="simply_supported", max_frequency_Hz=2000.0, theory="kirchhoff")],
+                         ids=["largest at corners", "largest between nodes"])
+def test_largest_shape_bounds_every_point(table):
+    modes = plate_modes(table)
     points = np.random.default_rng(5).uniform(-0.25, 0.25, (20000, 2))
     found = abs(modes.shape_at(points)).max(axis=0)
     assert np.all(found <= modes.largest_shape)

@@ -236,6 +236,8 @@ def test_frequencies_from_the_ringing(plate, histories):
     kept = plate.frequency_Hz < 6000
     before, after = (np.median(np.abs(p.frequency_Hz / plate.frequency_Hz - 1)[kept]) for p in (wrong, right))
     assert after < 0.6 * before
+    damping = np.log(right.damping_ratio / plate.damping_ratio)[kept & (plate.frequency_Hz > 60)]  # was known, and is kept
+    assert abs(damping.mean()) < 4 * damping.std() / np.sqrt(len(damping))
 
 
 def test_interval_of_stones_that_tell_nothing():
