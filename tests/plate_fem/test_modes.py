@@ -69,6 +69,15 @@ def test_largest_shape_bounds_every_point(table):
     assert np.all(modes.largest_shape < 1.2 * found)
 
 
+def test_the_middle_plane_sways_and_yaws_as_a_rigid_body(modes):
+    """The top face moves as it does, less half the thickness times the slope: the fibres of a thin plate stay normal."""
+    middle = modes.lateral + TABLE.thickness_m / 2 * modes.nodal[1:3].transpose(1, 0, 2)
+    (x, y), ones = modes.node_m.T, np.ones(len(modes.node_m))
+    for axis, across in enumerate((y, x)):
+        left = np.linalg.lstsq(np.column_stack([ones, across]), middle[:, axis], rcond=None)[1]
+        assert np.all(left < 1e-12 * (modes.lateral[:, axis] ** 2).sum(axis=0).max())
+
+
 def test_mean_shape_is_the_mean(modes):
     s = (np.arange(400) + 0.5) / 400 * 0.5 - 0.25
     points = np.stack(np.meshgrid(s, s), axis=-1).reshape(-1, 2)

@@ -13,7 +13,7 @@ from lab.known_truth.simulated import draw_stones, scattered, stream_of
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.bank import FIT_LAGS, LAGS, TIME, Bank
+from recognition.stream.bank import FIT_LAGS, LAGS, SHAPE_STEP_M, TIME, Bank
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
 from recognition.stream.forces import PULSE_S, History, StoneForces
@@ -203,11 +203,13 @@ def test_signature_is_the_whitened_response(plate, forces):
 
 
 def test_derivatives_of_a_signature(plate, forces):
+    """By the signatures of the neighbours on the grids of times, durations and places."""
     whitening = Whitening.of(plate, CHANNELS, RATE_Hz, np.full(4, 1.0), np.full(4, 10.0))
     bank = Bank.of(plate, CHANNELS, forces, whitening, RATE_Hz)
-    stone = np.array([30.32, np.log(DURATIONS_S[11]), 0.0531, -0.0771, 0.3, np.log(0.7)])
+    stone = np.array([30.3, np.log(DURATIONS_S[11]), 0.0525, -0.0775, 0.3, np.log(0.7)])
     rows = bank.signature(stone)[1].astype(float)
-    for k, step in enumerate([1e-2, 1e-2, 1e-4, 1e-4, 0.5, 1e-2]):
+    one_duration = np.log(DURATIONS_S[12] / DURATIONS_S[11])
+    for k, step in enumerate([1 / bank.phases, one_duration, SHAPE_STEP_M, SHAPE_STEP_M, 0.5, 1e-2]):
         up, down = (bank.signature(stone + s * step * np.eye(6)[k])[1][0].astype(float) for s in (1, -1))
         slope = (up - down) / (2 * step)
         assert np.abs(slope - rows[1 + k]).max() < 0.02 * np.abs(slope).max()
