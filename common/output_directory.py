@@ -268,8 +268,3 @@ def is_sealed_as(form: str) -> IsOwn:
             return False
         return isinstance(data, dict) and data.get("format") == form and is_sealed(data)
     return is_own
-
-
-def begins_with(line: str) -> IsOwn:
-    """Tells whether a table has this first line, or as much of it as is given."""
-    return lambda content: content.startswith(line.encode())

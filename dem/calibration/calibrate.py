@@ -30,7 +30,7 @@ import pandas as pd
 from pydantic import Field
 from scipy.optimize import brentq
 
-from common.files import write_text, written_whole
+from common.files import write_text
 from common.output_directory import stamped
 from common.resources import resource
 from common.scene import MaterialTable, Scene, contact_key, read_scene, scene_hash
@@ -205,8 +205,8 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
         found = _fit(scene, material, target, laboratory)
     except RuntimeError as error:
         raise RunError(str(error)) from error
-    with written_whole(out / f"{rock}_tests.csv") as beside:
-        found.tests.to_csv(beside, index=False, float_format="%.9g")
+    tests = found.tests.to_csv(index=False, float_format="%.9g")
+    write_text(out / f"{rock}_tests.csv", stamped(tests, "# {}"))
     write_text(out / f"{rock}.toml", stamped(calibration_toml(found, scene, material, rock, target), "# {}"))
     shutil.rmtree(work)
     return found

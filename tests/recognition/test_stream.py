@@ -18,6 +18,7 @@ from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
 from recognition.stream.forces import PULSE_S, History, StoneForces
 from recognition.stream.law_file import load_forces, save_forces
+from recognition.stream.listen import Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
 from recognition.stream.retuning import retuned
@@ -347,6 +348,21 @@ def test_cost_of_a_fit_is_that_of_normal_noise_and_prior(bank, forces, temper):
     size = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
     assert np.abs(found.curvature - expected).max() <= 0.03 * size.max()
     assert np.abs((found.curvature - expected) / size).max() < 0.03
+
+
+def test_a_stone_in_three_times_the_noise_is_known_a_third_as_well(bank, forces):
+    """The fit to it takes the misfit as noise, against one that takes the noise for that of the sensors."""
+    prior, rng = StonePrior(forces, (0.02, 0.03), (2.0, 4.0)), np.random.default_rng(7)
+    stone = np.array([[40.3, prior.typical[0], 0.05, -0.07, 0.4, prior.typical[2]]])
+    first, rows = bank.signature(stone[0])
+    values = 3 * rng.standard_normal((4, 120))
+    values[:, first:first + FIT_LAGS] += rows[0].reshape(FIT_LAGS, 4).T
+    window = Window(bank, prior, values, 0)
+    fit = window.fit(stone)
+    heard = Listener(bank, prior, None)._judged(window, fit)[1]
+    too_sure = np.linalg.inv(fit.curvature)[TIME, TIME]
+    assert heard.misfit == pytest.approx(9, rel=0.2)
+    assert heard.covariance[TIME, TIME] == pytest.approx(9 * too_sure, rel=0.25)
 
 
 def test_evidence_of_a_material_is_the_overlap_of_its_law_with_the_likelihood(forces):
