@@ -70,7 +70,7 @@ def test_largest_shape_bounds_every_point(table):
 
 
 def test_the_middle_plane_sways_and_yaws_as_a_rigid_body(modes):
-    """The top face moves as it does, less half the thickness times the slope, since fibres of a thin plate stay normal."""
+    """The top face moves as it does, less half the thickness times the slope: fibres of a thin plate stay normal."""
     middle = modes.lateral + TABLE.thickness_m / 2 * modes.nodal[1:3].transpose(1, 0, 2)
     (x, y), ones = modes.node_m.T, np.ones(len(modes.node_m))
     for axis, across in enumerate((y, x)):
