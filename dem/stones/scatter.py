@@ -15,6 +15,7 @@ from dem.stones.paths import Flying
 from dem.stones.stone import Stone
 
 PLACE_TRIES = 1000
+MOST_SUBSTANCES = 500  # the deck has a number for each pair of them
 ONE, NOTHING = Distribution(value=1.0), Distribution(value=0.0)
 
 
@@ -34,6 +35,9 @@ def scattered(scene: Scene, stones: list[Stone], file: str) -> list[Stone]:
         velocity_m_s=tuple(speed * v for v in stone.velocity_m_s),
         arrival_s=stone.arrival_s + arrival)
         for stone, radius, density, modulus, strength, speed, restitution, arrival in own]
+    if len({stone.substance for stone in stones}) > MOST_SUBSTANCES:
+        raise InputError(f"{file}: scatter: {count} stones of as many moduli or restitutions; must be at most "
+                         f"{MOST_SUBSTANCES}, each of which is a type of particle")
     return stones if table.place_m is None else _moved(scene, stones, table.place_m, file)
 
 

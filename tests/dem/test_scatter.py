@@ -163,3 +163,12 @@ def test_a_wrong_scatter_is_refused_in_one_line(key, value, said):
 def test_stones_that_find_no_place_are_refused():
     with pytest.raises(InputError, match="scatter.place_m = 0.001: stone . finds no place"):
         stones_of(changed("natural", {"scatter.place_m": 1e-3, "scatter.radius_factor": 1.5, "scatter.arrival_s": 0.0}), "s")
+
+
+def test_more_moduli_than_the_engine_takes_are_refused():
+    each = [{"material": "coal", "radius_m": 1e-4, "x_m": 4e-4 * k - 0.2, "y_m": 0.0, "speed_m_s": 1.0} for k in range(501)]
+    volley = ("count", "radius_m", "speed_m_s", "circle_radius_m", "gangue_order", "gangue_ratio")
+    scene = changed("paper", {f"stones.{key}": None for key in volley} | {
+        "stones.each": each, "scatter.youngs_modulus_factor": {"lognormal_cv": 0.1}})
+    with pytest.raises(InputError, match="scatter: 501 stones .*must be at most 500"):
+        stones_of(scene, "scene")
