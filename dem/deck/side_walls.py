@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from common.parquet import Columns
-from common.scene import ContactTable, Scene
+from common.files.parquet import Columns
+from common.scene.scene import ContactTable, Scene
 from dem.deck.time_step import TimeStep
 from dem.stones.substance import Substance, pair_contact, plate_contact
 

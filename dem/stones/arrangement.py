@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.scene import Scene
-from common.scene_stones import By, EachStone
+from common.scene.scene import Scene
+from common.scene.stones import By, EachStone
 from common.tables import InputError
-from dem.stones.drawn import drawn_stones
+from dem.stones.drawn import drawn_stones, scattered
 from dem.stones.paths import Flying, gap_to_box_m, reach_m
-from dem.stones.scatter import scattered
 from dem.stones.stone import UPRIGHT, Stone
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.scene import BondTable, ContactTable, MaterialTable, Scene
+from common.scene.scene import BondTable, ContactTable, MaterialTable, Scene
 
 LEAST_RESTITUTION = 0.051  # LIGGGHTS refuses 0.05 and less
 

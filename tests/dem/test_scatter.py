@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from scenes_of_tests import SCENES, changed
 
-from common.distribution import Distribution
 from common.hertz import contact_modulus_Pa, largest_approach_m, stiffness_N_m32
+from common.scene.distribution import Distribution
 from common.tables import InputError
 from dem.batch.dataset import plan_dataset
 from dem.run.run import run_scene
