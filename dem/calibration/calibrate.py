@@ -45,7 +45,7 @@ from dem.calibration.virtual_tests import (
 )
 from dem.coupling.launch import LIGGGHTS_VERSION, check_engine
 from dem.run.errors import RunError
-from dem.stones.bonds import bond_network, network_stiffness
+from dem.stones.bonds import CRACK_AREA, bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
 
 TARGETS = resource("scenes/materials/targets.toml")
@@ -56,8 +56,6 @@ MAX_VOLUMETRIC_RATIO = 0.6
 STRENGTHENING = 2.0
 FIT_SEEDS = 12             # of the Brazilian test and the elastic constants; half of them do for the other strengths
 CHECK_SEEDS = 12           # likewise, and a quarter of them for confined compression
-# Bonds that a crack breaks near its plane, by their section, over its own area (lab/rock/crack_area.py).
-CRACK_AREA = 2.1
 CONFINING_Pa = (2e6, 5e6)  # of the checks
 DISC_RADIUS_RATIO = 1.5    # disc against stone: 14 sub-spheres across, as laboratories want ten grains at least
 FIRST_GUESS = 1.25         # of the bonds' tensile strength over the rock's
