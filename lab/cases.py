@@ -92,6 +92,7 @@ CASES = {case.name: case for case in (
          (*METHODS, "lab/recognition/error_bounds.py")),
     Case("stone_forces", "lab.streams.stone_forces", "rock, size, speed and place of a stone",
          "the law of forces that is learnt", (*STONE, "recognition/stone_forces/forces.py")),
+    Case("rod_joint", "lab.plate.rod_joint", "radius and modulus of a rod, Poisson's ratio", "plate and beam theory", ()),
     Case("solid_plate", "lab.plate.solid_plate", "symmetry of the plate as a solid", "CalculiX",
          ("tests/plate_fem/solid.py",)),
 )}
