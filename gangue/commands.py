@@ -162,7 +162,7 @@ COMMANDS = {
         _arg("--speed", dest="speed_m_s", type=float, nargs=2, default=(2.0, 4.0), metavar=("LOW", "HIGH"),
              help="between which their speeds across the plate lie, in m/s (default: 2 4)"),
         _arg("--silence", dest="quiet_s", type=float, default=0.02, metavar="S",
-             help="beginning in which nothing falls, by which noise is learnt: 1 s where a machine runs (default: %(default)g s)"),
+             help="beginning without stones, which tells the noise: 1 s where a machine runs (default: %(default)g s)"),
         _arg("--window", dest="window_s", type=float, default=1.0, metavar="S",
              help="of the ratio (default: %(default)g s)"),
         _arg("--step", dest="step_s", type=float, default=0.1, metavar="S",

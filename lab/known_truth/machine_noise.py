@@ -15,8 +15,9 @@ OWN = 0.05  # of the power: white noise of each sensor itself
 Source = Callable[[int, float, np.random.Generator], Floats]
 
 
-def noise(kind: str, channels: int, samples: int, rate_Hz: float, rng: np.random.Generator) -> Floats:
-    """(channels, samples), each of unit rms. kind: one of KINDS."""
+def noise(kind: str, shape: tuple[int, ...], rate_Hz: float, rng: np.random.Generator) -> Floats:
+    """Channels (c, samples), each of unit rms. kind: one of KINDS."""
+    channels, samples = shape
     sources = np.array([KINDS[kind](samples, rate_Hz, rng) for _ in range(SOURCES)])
     mixed = rng.standard_normal((channels, SOURCES)) @ (sources / sources.std(axis=1, keepdims=True))
     mixed /= mixed.std(axis=1, keepdims=True)
@@ -44,8 +45,8 @@ def drifting(n: int, rate_Hz: float, rng: np.random.Generator) -> Floats:
 
 def gear(n: int, rate_Hz: float, rng: np.random.Generator) -> Floats:
     """21 harmonics of a meshing gear, those next to the 7th strongest."""
-    order = np.arange(1, 22)
-    return _sines(order * rng.uniform(150, 300), n, rate_Hz, rng, None, 1 / (1 + abs(order - 7)))
+    order = np.arange(1.0, 22.0)
+    return _sines(rng.uniform(150, 300) * order, n, rate_Hz, rng, None, 1 / (1.0 + abs(order - 7)))
 
 
 def shaker(n: int, rate_Hz: float, rng: np.random.Generator) -> Floats:

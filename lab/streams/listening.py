@@ -56,7 +56,7 @@ GOALS: list[tuple[str, Case, str, int]] = [
     ("volley of ten", Case(100, 30, at_once=10), "held_out", 4)]
 PLATES, PLATE_STREAMS, PLATE_RATES_1_s = ("1", "3 %", "other theory", "solid"), 10, (100, 200)
 NOISE_SEEDS, QUIET_S, BURSTS_QUIET_S = 5, 1.0, 4.0
-NOISY, FAULT_NOISES = Case(50, 30, noise_db=None), ("pink", "tones", "gear", "mixture")
+NOISY, FAULT_NOISES = Case(50, 60, noise_db=None), ("pink", "tones", "gear", "mixture")
 SILENTLY_WRONG = 5.0  # points
 SILENT_STREAMS = 60  # of each row: where none is wrong, the rate is below 4.9 % with 95 % confidence
 
@@ -146,7 +146,7 @@ def _in_noise(kind: str, noise_db: float, seed: int, fault: Difference, out: Pat
     rms = np.sqrt(np.mean(record.values**2, axis=1, keepdims=True))
     values = np.pad(record.values, ((0, 0), (round(quiet_s * RATE_Hz), 0)))
     rng = np.random.default_rng([23, seed, 1])
-    values = values + 10 ** (-noise_db / 20) * rms * noise(kind, *values.shape, RATE_Hz, rng)
+    values = values + 10 ** (-noise_db / 20) * rms * noise(kind, values.shape, RATE_Hz, rng)
     truth = record.truth.assign(**{name: record.truth[name] + quiet_s for name in ("t_s", "centre_s")})
     record = replace(record, values=values, truth=truth)
     return heard(_told(fault, out), NOISY, record if fault.record is None else fault.record(record), quiet_s)

@@ -104,7 +104,7 @@ class Listener:
         return heard
 
     def unexplained(self, until: int) -> float:
-        """Share of the innovations' energy between the quiet and a sample, above that of noise, that no stone explains."""
+        """Share of the innovations' energy before a sample, above that of noise, that no stone explains."""
         noise = self.bank.channels * (until - self.begin)
         energy, left = (float(np.sum(values[:, self.begin:until] ** 2)) - noise for values in (self.whole, self.left))
         return max(left, 0.0) / max(energy, 1.0)

@@ -61,8 +61,8 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
                      quiet_s: float = QUIET_S) -> Recognised:
     """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods, which begin with quiet_s without any.
 
-    NotRecognised for a channel that is dead, clipped or without noise, or a record without stones; RecognitionError for a
-    plate that is known too low, or a quiet beginning that is shorter than QUIET_S or longer than the record.
+    NotRecognised for a channel that is dead, clipped or without noise, or a record without stones; RecognitionError for
+    a plate that is known too low, or a quiet beginning that is shorter than QUIET_S or longer than the record.
     """
     names = [plate.sensor_names[k] for k in channels.accelerometers]
     refuse_faulty(values[:len(names)], names)

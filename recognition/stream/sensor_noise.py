@@ -85,7 +85,7 @@ def _regression(part: tuple[Floats, int], c: int, order: int) -> Floats:
 
 
 def _surprise(white: Floats, part: tuple[Floats, int], c: int, order: int) -> tuple[float, float]:
-    """Minus twice the mean log likelihood of another part, but for a constant, and the variance that it is left with."""
+    """Minus twice the mean log likelihood of another part, but for a constant, and the variance that is left."""
     rows = white.swapaxes(0, 1).reshape(c, -1)
     products, count = part[0][:rows.shape[1], :rows.shape[1]], part[1]
     left = float(np.einsum("ik,kl,il->", rows, products, rows)) / count

@@ -5,8 +5,8 @@ only so well: over a time 1/(w sd) the phase of a mode is lost. The filter count
 mode's mean energy in the record. The filter then forgets ringing no faster than the plate's model loses it, and what it
 cannot predict, the innovations, is nearly white between stones. All later steps work on innovations of unit covariance.
 
-Where the sensors' noise is coloured, it is made white first, by z[t] = sum_k W_k y[t - k] (sensor_noise.py). A mode that
-moves freely, x[t] = F x[t - 1], is seen in z as it is now by C' = sum_k W_k C F^-k: the state needs no more numbers.
+Where the sensors' noise is coloured, it is made white first, by z[t] = sum_k W_k y[t - k] (sensor_noise.py). A mode
+that moves freely, x[t] = F x[t - 1], is seen in z by C' = sum_k W_k C F^-k: the state needs no more numbers.
 """
 
 from __future__ import annotations

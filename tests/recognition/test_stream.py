@@ -275,7 +275,7 @@ def test_stones_in_the_noise_of_a_machine(heard, plate, forces, kind):
     stream, _ = heard
     values, rng = after_noise(stream, 1.0), np.random.default_rng(9)
     level = np.sqrt(0.1 * np.mean(stream.values**2, axis=1, keepdims=True))
-    values = values + level * noise(kind, *values.shape, RATE_Hz, rng)
+    values = values + level * noise(kind, values.shape, RATE_Hz, rng)
     found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), values, 1.0)
     assert found.refused == ""
     assert len(found.stones) == len(stream.truth)
@@ -292,7 +292,7 @@ def test_frequencies_from_the_ringing(plate, histories, kind):
     values, before_s = stream.values, 0.04
     if kind != "white":  # as loud as the stones
         values, before_s = after_noise(stream, 1.0), 1.0
-        values = values + np.std(values, axis=1, keepdims=True) * noise(kind, *values.shape, RATE_Hz, rng)
+        values = values + np.std(values, axis=1, keepdims=True) * noise(kind, values.shape, RATE_Hz, rng)
     quiet = round(before_s * RATE_Hz)
     right = retuned(wrong, CHANNELS, values[:, quiet if kind != "white" else 0:], RATE_Hz, SensorNoise.of(values[:, :quiet]))
     kept = plate.frequency_Hz < 6000
