@@ -9,8 +9,8 @@ import numpy as np
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised
+from recognition.innovations.bank import TIME
 from recognition.sensors.channel_check import channel_faults
-from recognition.stream.bank import TIME
 from recognition.stream.listen import Heard, Listener
 
 HUM_Hz = (50.0, 60.0)
@@ -37,7 +37,7 @@ class Checks:
     channel, relative to what the stones make of all channels. unlike: share of stones that are none of the sizes,
     speeds and materials that there should be. broken: share of stones that seem to have broken, less the share that
     breaks at their speeds: stones of another size seem so. together: share of stones that arrive within TOGETHER_S of
-    another; at 200 a second it is 8 %. change: of the noise in the quiet beginning (sensor_noise.py)."""
+    another; at 200 a second it is 8 %. change: of the noise in the quiet beginning (coloured_noise.py)."""
 
     unexplained: float
     gain: Floats
