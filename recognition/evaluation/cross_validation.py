@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from sklearn.model_selection import GroupKFold
 
 from analysis import RecordError
-from common.files import write_text
-from common.output_directory import stamped
+from common.files.output_directory import stamped
+from common.files.whole import write_text
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Integers
 from recognition.estimation.errors import RecognitionError
@@ -71,6 +71,8 @@ CASES = (
     Case("free positions", f"{PLACE}, positions", ("free",)),
     Case("everything varies", f"{PLACE}, speed, damping, arrival times, strengths, positions", ("all",),
          nuisance=("speed_m_s", "damping_ratio")),
+    Case("stones that vary", "all that a stone has of its own", ("natural",)),
+    Case("stones that vary widely", "all that a stone has of its own, places", ("wide",)),
 )
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.readers import read_table
-from analysis.records import RecordError, sample_rate_Hz
+from analysis.files.readers import read_table
+from analysis.signals.records import RecordError, sample_rate_Hz
 from common.channels import sensor_column
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError

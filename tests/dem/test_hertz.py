@@ -5,8 +5,8 @@ import pytest
 from decks import Body, deck, run_engine, write_files
 from scenes_of_tests import SCENES, hertz
 
-from common.scene import read_scene
-from dem.run.recorder import read_forces
+from common.scene.scene import read_scene
+from dem.record.recorder import read_forces
 from dem.run.run import run
 
 
