@@ -79,6 +79,7 @@ CASES = {case.name: case for case in (
     Case("listening_limits", "lab.streams.listening", "rate and plate; forces of the limits", "the true ratio", HEARD),
     Case("listening_plates", "lab.streams.listening", "plate that is tapped", "the true ratio", HEARD),
     Case("listening_differences", "lab.streams.listening", "what `listen` is not told", "the true ratio", HEARD),
+    Case("listening_noise", "lab.streams.listening", "noise of a machine, and faults in it", "the true ratio", HEARD),
     Case("speed_laws", "lab.streams.speed_laws", "law of the stones' speeds", "the true ratio", HEARD),
     Case("volleys", "lab.streams.volleys", "runs, on tapped plates", "the true ratio", (*HEARD, "recognition/volley")),
     Case("volley_differences", "lab.streams.volleys", "what `volley` is not told", "the true ratio",
