@@ -57,7 +57,8 @@ def doctor() -> DoctorResult:
     lines = (
         _program(), _memory(), _disk(), _library(), _engine(), _ranks(),
         _extra("report", ("matplotlib",), "report.html and its figures"),
-        _extra("records", ("pyuff", "soundfile", "h5py"), "UFF, FLAC and HDF5 records"),
+        _extra("records", ("pyuff", "soundfile", "h5py", "nptdms"), "UFF, FLAC, HDF5 and TDMS records"),
+        _extra("tables", ("openpyxl",), "tables for spreadsheets (XLSX)"),
         _extra("campaign", ("snakemake", "snakemake_executor_plugin_slurm"), "campaigns"),
         _programs("ParaView", ("paraview", "pvpython"), "opens view.pvd, on this or any other machine"))
     return DoctorResult(tuple(Finding(*line) for line in lines))

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis import as_record, resample
 from common.result import Result
 from dem.batch.sweep import SweepResult
 from dem.commands import BatchResult, CalibrationResult, DeckResult, EngineResult, PlateEnergy, RunResult
@@ -140,6 +141,25 @@ def test_recognise(runs, tapped, capsys, record, code, options):
         assert said.out.startswith(f"mixing ratio {100 * best['ratio']:.1f} %, 90 % interval {100 * best['low']:.1f} ")
     else:
         assert found["methods"] == {}  # nothing that nobody should trust
+
+
+def test_recognise_a_record_of_another_rate_in_g(runs, capsys):
+    clean = pd.read_csv(runs / "clean.csv")
+    rate_Hz, g = 20e3, 9.80665
+    other = {name: resample(as_record(clean[name], 1 / np.diff(clean["t_s"]).mean()), rate_Hz).values
+             for name in clean.columns.drop("t_s")}
+    table = pd.DataFrame({"t_s": np.arange(len(other["a_m_s2"])) / rate_Hz, **other})
+    table[[name for name in table if name.startswith("acc_")]] /= 10 * g
+    table.to_csv(runs / "other.csv", index=False)
+    words = ["recognise", "--model", str(runs / "model.json")]
+    _, same = both(capsys, [*words, str(runs / "clean.csv")], 0)
+    _, refused = both(capsys, [*words, str(runs / "other.csv")], 2)
+    assert "20000 Hz" in refused["error"] and "--resample" in refused["error"]
+    said, found = both(capsys, [*words, str(runs / "other.csv"), "--resample", "--scale", "10", "--unit", "g"], 0)
+    check_same(said.out, found)
+    best = same["best"]
+    assert found["best"] == best and best is not None
+    assert found["methods"][best]["ratio"] == pytest.approx(same["methods"][best]["ratio"], abs=0.02)
 
 
 @pytest.mark.parametrize("record", ["clean", "dead", "foreign"])
