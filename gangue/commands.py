@@ -80,6 +80,7 @@ WALLTIME = _arg("--walltime", dest="walltime_s", type=_seconds, metavar="SECONDS
 SCALE = _arg("--scale", type=float, default=1.0, help="factor on the samples: the sensor's unit per volt, mV or count")
 UNIT = _arg("--unit", help="unit of the scaled samples, such as m/s^2 or g")
 RECORD = _arg("record", help="run directory or record: t_s, acc_NAME_m_s2 or NAME and unit; 20 kHz for stones")
+EXPORT = _arg("--out", metavar="FILE", type=Path, help="also write FILE (.csv or .xlsx)")
 PLATE = _arg("--plate", required=True, help="plate, from `tap` (.json)")
 
 COMMANDS = {
@@ -119,6 +120,17 @@ COMMANDS = {
         SCENE, _arg("--out", metavar="FILE", type=Path, help="also write the mode shapes to FILE (.vtu)")), (
         "gangue modes scenes/paper.toml",
         "gangue modes scenes/paper.toml --out modes.vtu")),
+    "motion": Command("plate_fem.commands:motion", "motion of any point of the plate of a run", (
+        _file("directory", "run", "run directory"),
+        _arg("--at", dest="at_m", type=float, nargs=2, action="append", required=True, metavar=("X", "Y"),
+             help="point from the plate's centre, in m; may be given several times"), EXPORT), (
+        "gangue motion runs/single --at 0.1 0 --out motion.csv",)),
+    "table": Command("analysis.run_table:table", "runs in a table: keys that vary, and results", (
+        _file("directory", "directory", "directory of a run, a sweep or a campaign"),
+        _arg("--stones", action="store_true", help="a row a stone"),
+        _arg("--csv", dest="as_csv", action="store_true", help="print text between commas"), EXPORT), (
+        "gangue table runs/paper --csv > paper.csv",
+        "gangue table runs/campaign --out campaign.xlsx")),
     "features": Command("analysis.commands:features", "time-frequency parameters of a run or of any record", (
         _arg("file", help="run directory, .parquet, .csv, .wav, .flac, .uff, .mat, .h5, .lvm or .tdms"),
         _arg("--column", help="signal to take (default: a_m_s2, or the only one)"),

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from analysis import as_record, resample
+from analysis.run_table import TableResult
 from common.result import Result
 from dem.batch.sweep import SweepResult
 from dem.commands import BatchResult, CalibrationResult, DeckResult, EngineResult, PlateEnergy, RunResult
@@ -18,7 +19,7 @@ from gangue.__main__ import main
 from gangue.commands import COMMANDS
 from gangue.parser import commands_of, parser_of
 from lab.known_truth.faulty_records import volley, with_fault
-from plate_fem.commands import ModesResult
+from plate_fem.commands import ModesResult, MotionResult
 from recognition.commands import EvaluateResult
 from recognition.estimation.answer import Answer
 from recognition.estimation.window import Window
@@ -228,6 +229,9 @@ CANNED = [
     ("deck", DeckResult(HERE)), ("plate", PlateEnergy(0.12345678, 1e-9, 0.25)), ("build-engine", EngineResult(HERE)),
     ("calibrate", CalibrationResult(HERE, HERE, {"modulus_Pa": 5e9})),
     ("modes", ModesResult("Mindlin", 12, 39.15, (0.0, 101.23456), (0.0, 0.01234), None)),
+    ("motion", MotionResult(((0.1, 0.0), (0.05, -0.2)), (1e-4, 2e-4), (0.5, 0.25), (300.0, 412.5), HERE, 2_400_000)),
+    ("table", TableResult(({"run": "ratio_030", "stones.speed_m_s": 2.5, "peak_force_N": 28123.45},),
+                          ("ratio_040: not finished",), HERE)),
     ("evaluate", EvaluateResult(HERE)), ("report", ReportResult(HERE)), ("compare", ComparisonResult(HERE)),
     ("tap", TapResult(HERE, 12_345, MODES, SENSORS, "")),
     ("tap", TapResult(None, 0, MODES, SENSORS, "sensor 'north': 40% of its taps, limit 30%")),
@@ -239,7 +243,8 @@ CANNED = [
 ]
 ON_SCENE = ["x.toml", "--out", "y"]
 LEAST = {"resume": ["y"], "calibrate": ["coal", "--out", "y", "--scene", "x.toml"], "build-engine": [],
-         "modes": ["x.toml"], "evaluate": ["y"], "report": ["y"], "compare": ["a", "b"],
+         "modes": ["x.toml"], "motion": ["y", "--at", "0.1", "0"], "table": ["y"],
+         "evaluate": ["y"], "report": ["y"], "compare": ["a", "b"],
          "tap": ["taps.toml", *ON_SCENE],
          "listen": ["r.csv", "--plate", "p.json", "--out", "y"], "volley": ["r.csv", "--plate", "p.json"],
          "check": ["r.csv", "--plate", "p.json"]}
