@@ -1,6 +1,6 @@
 """Names of the signals of a run, which are columns of signals.parquet and fast.parquet.
 
-Each ends in its unit, as `common.units.unit_of` reads it. What a kind of sensor measures is in `dem.run.recorder`.
+Each ends in its unit, as `common.units.unit_of` reads it. What a kind of sensor measures is in `dem.record.recorder`.
 """
 
 from __future__ import annotations

@@ -12,9 +12,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from common.files import read_json, write_json
-from common.plate import Edge
-from common.scene_stones import StonePosition
+from common.files.whole import read_json, write_json
+from common.scene.plate import Edge
+from common.scene.stones import StonePosition
 from common.tables import check
 
 
@@ -29,7 +29,7 @@ class Recorded(BaseModel):
 
 
 class RecordedStones(Recorded):
-    """`[stones]` of the scene (common/scene.py) as far as it is recorded."""
+    """`[stones]` of the scene (common/scene/scene.py) as far as it is recorded."""
 
     count: int | None = None
     radius_m: float | None = None
@@ -72,7 +72,7 @@ class RecordedWalls(Recorded):
 
 
 class RecordedPlate(RecordedMaterial):
-    """`[plate]` of the scene (common/plate.py) as far as it is recorded."""
+    """`[plate]` of the scene (common/scene/plate.py) as far as it is recorded."""
 
     model: str | None = None
     length_m: float | None = None
@@ -140,7 +140,7 @@ class RunSummary(Recorded):
     wall_impulse_N_s: dict[str, list[float]] | None = None  # x, y, z on each side wall, by its edge
     plate: dict[str, float] | None = None  # largest absolute value of each signal of the plate
     yield_: YieldReport | None = Field(default=None, alias="yield")
-    energy: dict[str, Any] | None = None  # dem.run.energy_balance.energy_ledger
+    energy: dict[str, Any] | None = None  # dem.record.energy_balance.energy_ledger
     rebound_speed_m_s: list[float] | None = None
     n_samples: int | None = None
     wall_time_s: dict[str, float] = {}  # by stage

@@ -9,8 +9,8 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from common.cache import user_cache
-from common.output_directory import (
+from common.files.cache import user_cache
+from common.files.output_directory import (
     begins_with,
     files_in,
     is_stamped,
@@ -19,7 +19,7 @@ from common.output_directory import (
     refuse_place,
 )
 from common.result import Result
-from common.scene import Scene, changed_scene
+from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.coupling.build_engine import build_engine as make_engine
 from dem.deck.render import write_deck

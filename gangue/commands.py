@@ -125,7 +125,7 @@ COMMANDS = {
         _arg("--at", dest="at_m", type=float, nargs=2, action="append", required=True, metavar=("X", "Y"),
              help="point from the plate's centre, in m; may be given several times"), EXPORT), (
         "gangue motion runs/single --at 0.1 0 --out motion.csv",)),
-    "table": Command("analysis.run_table:table", "runs in a table: keys that vary, and results", (
+    "table": Command("analysis.sweep.run_table:table", "runs in a table: keys that vary, and results", (
         _file("directory", "directory", "directory of a run, a sweep or a campaign"),
         _arg("--stones", action="store_true", help="a row a stone"),
         _arg("--csv", dest="as_csv", action="store_true", help="print text between commas"), EXPORT), (

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.cache import user_cache
-from common.export import export, refuse_export
-from common.output_directory import is_stamped, refuse_file, stamped
-from common.plate import read_plate
+from common.files.cache import user_cache
+from common.files.export import export, refuse_export
+from common.files.output_directory import is_stamped, refuse_file, stamped
 from common.result import Result
+from common.scene.plate import read_plate
 from common.tables import InputError, refused_in
 from plate_fem.modes import PlateModes, plate_modes
 
@@ -100,7 +100,7 @@ def write_shapes(modes: PlateModes, out: Path) -> None:
     import meshio
     import numpy as np
 
-    from common.files import written_whole
+    from common.files.whole import written_whole
 
     points = np.column_stack([modes.node_m, np.zeros(len(modes.node_m))])
     largest = abs(modes.shape).max(axis=0)

@@ -12,16 +12,16 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import make_interp_spline
 
-from common.cache import cached, key_of
-from common.plate import FlexiblePlate
+from common.files.cache import cached, key_of
+from common.scene.plate import FlexiblePlate
 from common.tables import Refused
-from plate_fem import hermite
-from plate_fem.mesh import highest_frequency_Hz
-from plate_fem.mode_count import MODES_AT_MOST, refuse_too_many_modes
+from plate_fem.elements import hermite
+from plate_fem.elements.mesh import highest_frequency_Hz
+from plate_fem.solution.mode_count import MODES_AT_MOST, refuse_too_many_modes
 
 if TYPE_CHECKING:
-    from plate_fem.model import PlateModel
-    from plate_fem.system import PlateSystem
+    from plate_fem.elements.system import PlateSystem
+    from plate_fem.solution.model import PlateModel
 
 
 MOST_RESIDUAL_POINTS = 32  # each adds a mode
@@ -41,7 +41,7 @@ class PlateModes:
     surface_stress (n_nodes, 3, n): sx, sy, txy (Pa) at the top surface, per amplitude.
     mass_kg: mass of the plate without rods.
     theory: "kirchhoff" or "mindlin".
-    n_residual: how many modes, the last ones, stand for the compliance of those left out (plate_fem/residual.py).
+    n_residual: how many modes, the last ones, stand for the compliance of the rest (plate_fem/solution/residual.py).
     lateral (n_nodes, 2, n): displacement of the top surface along x and y at the nodes, of a plate that can sway; no
         rows of one that cannot.
 
@@ -140,11 +140,11 @@ def plate_modes(
 ) -> PlateModes:  # fmt: skip
     """Return the modes of a plate up to its `max_frequency_Hz`.
 
-    cache_dir: directory for results (common/cache.py), with an entry for each table and set of points. The modes below
-    `max_frequency_Hz`, which take longest, have an entry of their own that other points and damping ratios share.
-    Without it nothing is kept.
+    cache_dir: directory for results (common/files/cache.py), with an entry for each table and set of points. The modes
+    below `max_frequency_Hz`, which take longest, have an entry of their own that other points and damping ratios
+    share. Without it nothing is kept.
     residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
-    points the static compliance of all the modes left out (plate_fem/residual.py). Without it there are none.
+    points the static compliance of all the modes left out (plate_fem/solution/residual.py). Without it there are none.
     residual_rods: whether a mode for each rod is added, with which the rods bear their exact share of a steady force
     anywhere.
     Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
@@ -194,7 +194,7 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
     """Return omega^2 (n,) and sparse vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there."""
 
     def find() -> dict[str, np.ndarray]:
-        from plate_fem.eigen import eigenmodes
+        from plate_fem.solution.eigen import eigenmodes
 
         omega_squared, vectors = eigenmodes(model.parts, highest_frequency_Hz(plate))
         return {"omega_squared": omega_squared, "data": vectors.data, "row": vectors.indices, "start": vectors.indptr}
@@ -207,10 +207,10 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
 def _compute(
     plate: FlexiblePlate, residual_points_m: np.ndarray, residual_rods: bool, cache_dir: Path | None
 ) -> PlateModes:
-    from plate_fem.model import build_model  # late: most modes are in the cache
-    from plate_fem.residual import load_rows, residual_modes
-    from plate_fem.stress_recovery import modal_surface_stress
-    from plate_fem.system import sways
+    from plate_fem.elements.system import sways
+    from plate_fem.solution.model import build_model  # late: most modes are in the cache
+    from plate_fem.solution.residual import load_rows, residual_modes
+    from plate_fem.solution.stress_recovery import modal_surface_stress
 
     model = build_model(plate)
     omega_squared, kept = _kept_modes(plate, model, cache_dir)

@@ -10,7 +10,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from common.files import written_whole
+from common.files.whole import written_whole
 from common.tables import InputError
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion

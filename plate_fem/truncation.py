@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from common.cache import cached, key_of, user_cache
-from common.plate import FlexiblePlate
+from common.files.cache import cached, key_of, user_cache
+from common.scene.plate import FlexiblePlate
 
 
 def energy_left_out(max_frequency_Hz: float, contact_time_s: float) -> float:

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.runs import read_sweep
-from common.output_directory import begins_with, is_sealed_as, refuse_file, refuse_foreign_file
+from analysis.sweep.runs import read_sweep
+from common.files.output_directory import begins_with, is_sealed_as, refuse_file, refuse_foreign_file
 from common.result import Result
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError

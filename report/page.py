@@ -14,9 +14,9 @@ import numpy as np
 from markupsafe import Markup
 
 from analysis import Sweep, read_sweep
-from analysis.stream import is_stream
-from common.files import write_text
-from common.output_directory import begins_with, is_stamped, refuse_foreign_file, stamped
+from analysis.sweep.stream import is_stream
+from common.files.output_directory import begins_with, is_stamped, refuse_foreign_file, stamped
+from common.files.whole import write_text
 from common.resources import resource
 from report import tables
 from report.breakage.chapter import BREAKAGE_FIGURES

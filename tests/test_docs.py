@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from analysis import read_sweep
-from common.scene import changed_scene, read_scene
+from common.scene.scene import changed_scene, read_scene
 from dem.calibration import calibrate
 from dem.calibration.virtual_tests import LoadHistory
 from gangue.__main__ import main

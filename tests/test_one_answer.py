@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from analysis import as_record, resample
-from analysis.run_table import TableResult
+from analysis.sweep.run_table import TableResult
 from common.result import Result
 from dem.batch.sweep import SweepResult
 from dem.commands import BatchResult, CalibrationResult, DeckResult, EngineResult, PlateEnergy, RunResult

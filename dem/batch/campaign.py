@@ -25,11 +25,11 @@ from typing import Any
 import pandas as pd
 from pydantic import Field
 
-from common.files import written_whole
-from common.output_directory import at_work_in
-from common.processes import run_group
+from common.files.output_directory import at_work_in
+from common.files.whole import written_whole
+from common.process.processes import run_group
 from common.resources import resource
-from common.scene import changed_scene, ratio_name, scene_hash
+from common.scene.scene import changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Table, check, inline_toml, read_toml
 from dem.commands import BatchResult
 from dem.coupling.launch import check_engine

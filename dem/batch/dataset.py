@@ -19,9 +19,9 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from common.cache import user_cache
-from common.output_directory import at_work_in, remove_written
-from common.scene import Scene, changed_scene, ratio_name, scene_hash
+from common.files.cache import user_cache
+from common.files.output_directory import at_work_in, remove_written
+from common.scene.scene import Scene, changed_scene, ratio_name, scene_hash
 from common.tables import InputError, NotNegative, Positive, Refused, Table, check, read_toml, refused_in
 from dem.batch.children import run_all
 from dem.batch.dataset_streams import StreamFamily, draw_stream

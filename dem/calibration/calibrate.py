@@ -30,10 +30,10 @@ import pandas as pd
 from pydantic import Field
 from scipy.optimize import brentq
 
-from common.files import write_text, written_whole
-from common.output_directory import stamped
+from common.files.output_directory import stamped
+from common.files.whole import write_text, written_whole
 from common.resources import resource
-from common.scene import MaterialTable, Scene, contact_key, read_scene, scene_hash
+from common.scene.scene import MaterialTable, Scene, contact_key, read_scene, scene_hash
 from common.tables import InputError, Positive, Table, check, read_toml, refused_in
 from dem.calibration.virtual_tests import (
     Rock,

@@ -18,8 +18,8 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from common.output_directory import Busy, locked, locked_directory
-from common.processes import die_with_parent
+from common.files.output_directory import Busy, locked, locked_directory
+from common.process.processes import die_with_parent
 from common.resources import checkout
 from common.tables import InputError
 

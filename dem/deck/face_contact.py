@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.scene import Scene
+from common.scene.scene import Scene
 from dem.stones.assembly import Assembly
 from dem.stones.faces import FaceColumns
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from common import hertz
-from common.parquet import Columns
-from common.scene import Scene
+from common.files.parquet import Columns
+from common.scene.scene import Scene
 from dem.stones.assembly import Assembly
 from plate_fem.contact_stress import YIELD_PRESSURE, HertzContact
 

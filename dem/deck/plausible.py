@@ -1,6 +1,6 @@
 """What a scene asks for that no stone or plate can be, or that the model's laws do not hold for, as warnings.
 
-What is refused outright stands with the keys in common/scene.py and common/plate.py.
+What is refused outright stands with the keys in common/scene/scene.py and common/scene/plate.py.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from common import hertz
-from common.plate import FlexiblePlate
-from common.scene import Scene
+from common.scene.plate import FlexiblePlate
+from common.scene.scene import Scene
 from dem.stones.stone import Stone
 
 GRAVITY_m_s2 = 9.81

@@ -12,9 +12,9 @@ import jinja2
 import numpy as np
 from isal import isal_zlib
 
-from common.files import named
+from common.files.whole import named
 from common.resources import resource
-from common.scene import PLATE, Scene, contact_key
+from common.scene.scene import PLATE, Scene, contact_key
 from dem.deck.face_contact import write_faces
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa

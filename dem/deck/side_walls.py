@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from common.parquet import Columns
-from common.scene import PLATE, ContactTable, Scene, contact_key
+from common.files.parquet import Columns
+from common.scene.scene import PLATE, ContactTable, Scene, contact_key
 from dem.deck.time_step import TimeStep
 
 OWN_TYPE = "side_walls"  # of the deck's materials, where stones touch the walls otherwise than the plate

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from common.hertz import contact_modulus_Pa
-from common.scene import PLATE, Scene, contact_key
+from common.scene.scene import PLATE, Scene, contact_key
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from common import hertz
-from common.scene import PLATE, Scene, contact_key
+from common.scene.scene import PLATE, Scene, contact_key
 from common.tables import InputError
 from dem.deck.face_contact import stiffest_face_N_m, stone_columns_N_m
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
@@ -202,8 +202,7 @@ def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContac
 
 
 def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
-    """The numerical settings of a run by their names in common/error_laws.py; `scene` has its plate's frequency filled
-    in."""
+    """The numerical settings of a run by their names in common/scene/error_laws.py, with the plate's frequency."""
     contact = stone_contact_time_s(scene, assembly)
     settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
                 {"time_step": step.dt_s / step.bond_time_s})

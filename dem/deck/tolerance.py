@@ -1,14 +1,14 @@
 """Settings that keep a tolerance, and the error that settings are expected to have.
 
-A tolerance is shared out equally among time step, co-step and modes (common/error_laws.py); the expected error is their
-sum. It is the error of the numerical solution. Breakage is chaotic, and differs from packing to packing by far more
-(docs/accuracy.md).
+A tolerance is shared out equally among time step, co-step and modes (common/scene/error_laws.py); the expected error is
+their sum. It is the error of the numerical solution. Breakage is chaotic, and differs from packing to packing by far
+more (docs/accuracy.md).
 """
 
 from __future__ import annotations
 
-from common.error_laws import SHARES, law
-from common.plate import FlexiblePlate
+from common.scene.error_laws import SHARES, law
+from common.scene.plate import FlexiblePlate
 from plate_fem.truncation import with_max_frequency
 
 

@@ -11,8 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from common.files import force_to_disk, read_sealed_json, seal, write_json
-from common.output_directory import (
+from common.files.output_directory import (
     files_in,
     hash_of,
     listed_files,
@@ -22,6 +21,7 @@ from common.output_directory import (
     remove_written,
     write_contents,
 )
+from common.files.whole import force_to_disk, read_sealed_json, seal, write_json
 from common.run_summary import RunSummary, read_summary
 from common.tables import InputError
 

@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from common.files import named
-from common.parquet import Columns
-from common.plate import FlexiblePlate
+from common.files.parquet import Columns
+from common.files.whole import named
 from common.resources import resource
-from common.scene import Scene
+from common.scene.plate import FlexiblePlate
+from common.scene.scene import Scene
 from dem.deck.plate_yield import modulus_on_plate_Pa
 from dem.deck.time_step import TimeStep, weak_contact
+from dem.record.vtk_file import Mesh, VtuWriter, rounded, write_pvd
 from dem.run.prepare import PreparedRun
-from dem.run.vtk_file import Mesh, VtuWriter, rounded, write_pvd
 from dem.stones.assembly import Assembly
 from dem.stones.bonds import fragments
-from plate_fem import hermite
 from plate_fem.contact_stress import HertzContact, contact_patch, contact_surface_stress, von_mises_3d
+from plate_fem.elements import hermite
 from plate_fem.modes import PlateModes
 from plate_fem.stress import von_mises
 

@@ -9,8 +9,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from common.cache import BeingFound, not_waiting
-from common.scene import Scene, scene_hash
+from common.files.cache import BeingFound, not_waiting
+from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
 from dem.deck.plausible import warnings_of
 from dem.deck.time_step import TimeStep, mobility_of_stones_1_kg, step_limits, stone_contact_time_s, time_step

@@ -13,22 +13,22 @@ from typing import Any
 import numpy as np
 
 from common.channels import rod_column
-from common.parquet import Columns, write_parquet
-from common.plate import FlexiblePlate
+from common.files.parquet import Columns, write_parquet
 from common.run_summary import RecordedScene, YieldReport
-from common.scene import Scene
+from common.scene.plate import FlexiblePlate
+from common.scene.scene import Scene
 from dem.coupling.launch import LIGGGHTS_VERSION
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
-from dem.run.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
+from dem.record.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
+from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
+from dem.record.stones_table import left_table, read_left, stones_table
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
-from dem.run.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
-from dem.run.stones_table import left_table, read_left, stones_table
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 @dataclass(frozen=True)
 class Results:
     """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,);
-    `energy` is that of dem.run.energy_balance.energy_ledger; `walls` that of dem.deck.side_walls.read_walls."""
+    `energy` is that of dem.record.energy_balance.energy_ledger; `walls` that of dem.deck.side_walls.read_walls."""
 
     events: Columns
     fast: Columns

@@ -12,10 +12,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from common.cache import user_cache
-from common.output_directory import Busy, hash_of, refuse_place
+from common.files.cache import user_cache
+from common.files.output_directory import Busy, hash_of, refuse_place
 from common.run_summary import RunSummary, read_summary, write_summary
-from common.scene import Scene, read_scene, scene_hash
+from common.scene.scene import Scene, read_scene, scene_hash
 from common.tables import InputError
 from dem.coupling.checkpoint import last_whole
 from dem.coupling.launch import ENGINE, check_engine

@@ -14,8 +14,8 @@ from dem.coupling.exit_code import STOPPED
 from dem.coupling.launch import engine_error, engine_running
 from dem.coupling.messages import CouplingError
 from dem.coupling.watchdog import EngineWatchdog
+from dem.record.energy_balance import read_ledger
 from dem.run.directory import SUFFIX
-from dem.run.energy_balance import read_ledger
 from dem.run.errors import RunError, Stopped
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.scene import Scene
-from common.scene_stones import EachStone
+from common.scene.scene import Scene
+from common.scene.stones import EachStone
 from common.tables import InputError
 from dem.stones.drawn import drawn_stones
 from dem.stones.paths import Flying, gap_to_box_m, reach_m

@@ -11,18 +11,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.cache import BeingFound, not_waiting
-from common.scene import Scene
-from common.scene_shapes import ShapeTable
-from common.scene_stones import SPHERE
+from common.files.cache import BeingFound, not_waiting
+from common.scene.scene import Scene
+from common.scene.shapes import ShapeTable
+from common.scene.stones import SPHERE
 from common.tables import Refused
+from dem.shapes.mesh_container import MeshContainer
+from dem.shapes.solids import Solid, solid_of
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
 from dem.stones.faces import FaceColumns, face_columns
 from dem.stones.library import REFERENCE_RADIUS_m, packed_solid, packed_sphere, scaled_packing, surface_of
-from dem.stones.mesh_container import MeshContainer
 from dem.stones.packing import Packing, SphereContainer
-from dem.stones.shapes import Solid, solid_of
 from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact

@@ -23,10 +23,10 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 from scipy.sparse.linalg import SuperLU
 
-from common.scene import BondTable
+from common.scene.scene import BondTable
 from dem.stones.bonds import Bonds, dof_scale, solve_static, stiffness_matrix
 from dem.stones.packing import Packing, SphereContainer
-from plate_fem.eigen import factor
+from plate_fem.solution.eigen import factor
 
 PATCH_RADIUS = 0.4      # b/R
 SURFACE_DEPTH = 0.5     # a sub-sphere is of the surface if it reaches nearer to it than this share of its own radius

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.scene import Scene
-from common.scene_stones import MOST_STONES, DrawnStones, StreamTable
+from common.scene.scene import Scene
+from common.scene.stones import MOST_STONES, DrawnStones, StreamTable
 from common.tables import InputError
 from dem.stones.paths import Flying
 from dem.stones.stone import UPRIGHT, Stone

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.scene_stones import SPHERE
+from common.scene.stones import SPHERE
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)  # the attitude of a stone that is not turned
 

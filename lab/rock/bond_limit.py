@@ -17,12 +17,12 @@ import pandas as pd
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh
 
-from common.scene import Scene
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
+from common.scene.scene import Scene
 from common.tables import check
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
-from dem.run.energy_balance import read_ledger
+from dem.record.energy_balance import read_ledger
 from dem.run.prepare import prepare
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import Bonds, bond_network, stiffness_matrix

@@ -18,14 +18,14 @@ from lab.known_truth.tap_records import hammer_taps
 from recognition.estimation.answer import warning_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
+from recognition.innovations.bank import TIME
+from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.bank import TIME
-from recognition.stream.forces import History, heard_of
-from recognition.stream.law_file import load_forces
+from recognition.stone_forces.forces import History, heard_of
+from recognition.stone_forces.law_file import load_forces
 from recognition.stream.listen import Heard
 from recognition.stream.prior import TRIPLE, StonePrior
 from recognition.stream.recognise import LEAST_DOUBT, RATE_Hz, recognise_stream
-from recognition.stream.signatures import Channels
 from recognition.stream.speed_law import with_speed_laws
 from recognition.stream.stones import ratio_of, stone_table
 from recognition.tapping.fit import fit_plate

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError
-from analysis.records import sample_rate_Hz
-from analysis.runs import Run
+from analysis.signals.records import sample_rate_Hz
+from analysis.sweep.runs import Run
 from recognition.estimation.errors import RecognitionError
 
 #: The window of the paper: 0..0.04 s at 1.5e-4 s.

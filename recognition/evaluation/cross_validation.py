@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sklearn.model_selection import GroupKFold
 
 from analysis import RecordError
-from common.files import write_text
+from common.files.whole import write_text
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Integers
 from recognition.estimation.errors import RecognitionError

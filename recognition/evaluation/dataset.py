@@ -14,7 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from analysis import RecordError, read_run
-from analysis.runs import Run
+from analysis.sweep.runs import Run
 from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.window import Window

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import fftconvolve
 
-from analysis.readers import read_table
-from analysis.real_plate import flexible_plate
-from analysis.records import RecordError
-from analysis.runs import Run
-from analysis.setup import places_of
-from common.cache import user_cache
+from analysis.files.readers import read_table
+from analysis.signals.records import RecordError
+from analysis.sweep.runs import Run
+from analysis.theory.real_plate import flexible_plate
+from analysis.theory.setup import places_of
 from common.channels import force_column, rod_column, sensor_column
-from common.plate import FlexiblePlate
+from common.files.cache import user_cache
+from common.scene.plate import FlexiblePlate
 from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.response import pulse_response
 from recognition.estimation.arrays import Booleans, Floats

@@ -12,11 +12,11 @@ from typing import Any, Self
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from common.cache import user_cache
-from common.files import read_sealed_json, seal, write_text
-from common.plate import FlexiblePlate, read_plate
+from common.files.cache import user_cache
+from common.files.whole import read_sealed_json, seal, write_text
+from common.scene.plate import FlexiblePlate, read_plate
 from common.tables import InputError
-from plate_fem.mesh import bending_wavenumber, choose_theory
+from plate_fem.elements.mesh import bending_wavenumber, choose_theory
 from plate_fem.modes import plate_modes
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError

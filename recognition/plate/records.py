@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.readers import read_signals
-from analysis.records import Record, RecordError, sample_rate_Hz
-from analysis.resampling import resample
-from analysis.text_tables import name_and_unit
+from analysis.files.readers import read_signals
+from analysis.files.text_tables import name_and_unit
+from analysis.signals.records import Record, RecordError, sample_rate_Hz
+from analysis.signals.resampling import resample
 from common.channels import sensor_column
 from common.units import unit_of
 from recognition.estimation.arrays import Floats

@@ -9,8 +9,8 @@ import numpy as np
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised
+from recognition.innovations.bank import TIME
 from recognition.sensors.channel_check import channel_faults
-from recognition.stream.bank import TIME
 from recognition.stream.listen import Heard, Listener
 
 HUM_Hz = (50.0, 60.0)

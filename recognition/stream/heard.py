@@ -9,22 +9,22 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.records import Record, sample_rate_Hz
-from analysis.resampling import resample
+from analysis.signals.records import Record, sample_rate_Hz
+from analysis.signals.resampling import resample
 from common.channels import rod_column, sensor_column
-from common.files import written_whole
-from common.output_directory import at_work_in
-from common.parquet import write_parquet
+from common.files.output_directory import at_work_in
+from common.files.parquet import write_parquet
+from common.files.whole import written_whole
 from common.result import Result
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import numbers, record_table
-from recognition.stream.law_file import load_forces
+from recognition.stone_forces.law_file import load_forces
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
-from recognition.stream.signatures import Channels
 from recognition.stream.stones import ratio_of, sliding_ratio
 
 KIND = "stones heard"

@@ -9,11 +9,11 @@ from itertools import count
 import numpy as np
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.bank import FIT_LAGS, IMPULSE, LAGS, PARAMETERS, TIME, Bank
+from recognition.innovations.bank import FIT_LAGS, IMPULSE, LAGS, PARAMETERS, TIME, Bank
+from recognition.innovations.signatures import LEAD
 from recognition.stream.fit import NO_STONES, Fit, Window, in_order
 from recognition.stream.prior import TRIPLE, StonePrior
 from recognition.stream.search import Dictionary
-from recognition.stream.signatures import LEAD
 
 SCANNED = 1000  # samples at once
 BLOCK = 8  # samples whose energy tells that something fell

@@ -10,17 +10,17 @@ import pandas as pd
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.innovations.bank import Bank
+from recognition.innovations.retuning import retuned
+from recognition.innovations.signatures import Channels
+from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.bank import Bank
 from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
 from recognition.stream.listen import Heard, Listener
 from recognition.stream.prior import StonePrior
-from recognition.stream.retuning import retuned
 from recognition.stream.search import Dictionary
-from recognition.stream.signatures import Channels
 from recognition.stream.speed_law import with_speed_laws
 from recognition.stream.stones import stone_table
-from recognition.stream.whitening import Whitening
 
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise

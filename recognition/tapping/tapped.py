@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from common.output_directory import is_sealed_as, refuse_file
+from common.files.output_directory import is_sealed_as, refuse_file
 from common.result import Result
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel

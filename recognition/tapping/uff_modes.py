@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.files import written_whole
+from common.files.whole import written_whole
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 

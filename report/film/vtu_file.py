@@ -1,4 +1,4 @@
-"""Arrays of the pictures of a run (dem/run/vtk_file.py), read with little work.
+"""Arrays of the pictures of a run (dem/record/vtk_file.py), read with little work.
 
 meshio turns arrays that are appended as bytes into text and back, and reads those that nobody asks for: it takes ten
 times as long.
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from isal import isal_zlib
 
-from common.files import refuse_irregular
+from common.files.whole import refuse_irregular
 
 APPENDED = b'<AppendedData encoding="raw">\n_'
 Arrays = dict[str, np.ndarray]

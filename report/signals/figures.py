@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from analysis.emd_rules import RuleCost
-from analysis.hilbert import HilbertSpectrum, MarginalSpectrum
+from analysis.signals.emd_rules import RuleCost
+from analysis.signals.hilbert import HilbertSpectrum, MarginalSpectrum
 from report.drawing.style import ACCENT, COAL, GANGUE, PALE, canvas, ratio_colour, styled
 
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from analysis import RecordError, breakage, read_run
+from analysis import RecordError, read_run
+from analysis.sweep import breakage
 from tests.analysis.synthetic import BROKEN_BONDS, lattice, write_run
 
 CENTRE, FIRST, SECOND = lattice()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis import RecordError, read_record
-from analysis.readers import read_signals
+from analysis.files.readers import read_signals
 
 BESIDE = [above / "shared" / "real" / "formats" for above in Path(__file__).resolve().parents]  # of the checkout
 REAL = next(filter(Path.is_dir, BESIDE), None)

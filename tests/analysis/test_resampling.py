@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from analysis import RecordError, as_record
-from analysis.resampling import resample
+from analysis.signals.resampling import resample
 
 RATE_HZ = 100_000.0
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES
 
-from common.scene import BondTable, read_scene
+from common.scene.scene import BondTable, read_scene
 from common.tables import InputError, check, read_toml
 from dem.__main__ import main
 from dem.calibration.calibrate import (

@@ -7,7 +7,7 @@ from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
 import dem.run.participants
-from common.cache import user_cache
+from common.files.cache import user_cache
 from dem.coupling.pipes import PlatePipes
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared, run_scene

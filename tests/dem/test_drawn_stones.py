@@ -5,8 +5,8 @@ import pytest
 from scenes_of_tests import SCENES
 from scipy import stats
 
-from common.distribution import Distribution, LogNormal, RosinRammler
-from common.scene import changed_scene
+from common.scene.distribution import Distribution, LogNormal, RosinRammler
+from common.scene.scene import changed_scene
 from common.tables import InputError
 from dem.deck.render import write_deck
 from dem.run.prepare import prepare

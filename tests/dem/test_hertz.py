@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES, hertz
 
-from common.scene import read_scene
+from common.scene.scene import read_scene
 from dem.run.run import run
 
 

@@ -12,7 +12,7 @@ from test_smooth_contact import RADIUS_m, stone
 import dem.deck.render
 import dem.run.participants
 import dem.run.results
-from common.cache import user_cache
+from common.files.cache import user_cache
 from dem.coupling.pipes import PlatePipes
 from dem.deck.restitution import damping_ratio
 from dem.run.prepare import prepare

@@ -6,14 +6,14 @@ import pytest
 from scenes_of_tests import SCENES
 from scipy.spatial import ConvexHull
 
-from common.scene import changed_scene
-from common.scene_shapes import ShapeTable
+from common.scene.scene import changed_scene
+from common.scene.shapes import ShapeTable
 from common.tables import InputError
 from dem.run.run import run_scene
+from dem.shapes.solids import moments, polyhedron, solid_of
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from dem.stones.library import REFERENCE_RADIUS_m, packed_solid
-from dem.stones.shapes import moments, polyhedron, solid_of
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 

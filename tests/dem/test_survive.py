@@ -20,7 +20,7 @@ from test_stream import scene_of
 import dem.coupling.pipes
 import dem.deck.render
 import dem.run.directory
-from common.output_directory import Busy
+from common.files.output_directory import Busy
 from common.tables import InputError
 from dem.coupling.checkpoint import latest
 from dem.run.directory import RunDirectory

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scenes_of_tests import changed
 
-from common.error_laws import Law, law, least_tolerance
+from common.scene.error_laws import Law, law, least_tolerance
 from common.tables import InputError
 from dem.deck.time_step import accuracy_settings, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import expected_error, with_tolerance

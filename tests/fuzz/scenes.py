@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
 from common.tables import read_toml
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"

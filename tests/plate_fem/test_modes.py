@@ -5,9 +5,10 @@ import pytest
 from plates import four_rods, plate, rod
 
 from common.tables import Refused
-from plate_fem import eigen, modes as modes_module
+from plate_fem import modes as modes_module
+from plate_fem.elements.rods import disc_quadrature
 from plate_fem.modes import plate_modes, table_hash
-from plate_fem.rods import disc_quadrature
+from plate_fem.solution import eigen
 
 TABLE = plate(rods=[rod(0.15, 0.1)], max_frequency_Hz=1500.0, theory="kirchhoff")
 

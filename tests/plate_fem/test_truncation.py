@@ -12,12 +12,12 @@ from scipy.special import j1
 from statics import static_response
 
 from common.tables import InputError
-from plate_fem.mesh import bending_stiffness, bending_wavenumber, choose_theory, shear_stiffness
-from plate_fem.model import build_model
+from plate_fem.elements.mesh import bending_stiffness, bending_wavenumber, choose_theory, shear_stiffness
+from plate_fem.elements.rods import disc_quadrature
 from plate_fem.modes import modes_for_loads, plate_modes
 from plate_fem.motion import ModalMotion
-from plate_fem.residual import LOAD_RADIUS, load_rows
-from plate_fem.rods import disc_quadrature
+from plate_fem.solution.model import build_model
+from plate_fem.solution.residual import LOAD_RADIUS, load_rows
 from plate_fem.truncation import energy_left_out, frequency_for, with_max_frequency
 
 HELD = {"edges": "clamped", "max_frequency_Hz": 4e3}

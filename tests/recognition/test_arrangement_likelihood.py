@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from scipy.stats import multivariate_normal
 
-from common.plate import FlexiblePlate
+from common.scene.plate import FlexiblePlate
 from lab.recognition.error_bounds import arrangement_error_points
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion

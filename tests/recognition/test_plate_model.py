@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from common.cache import user_cache
-from common.plate import read_plate
+from common.files.cache import user_cache
 from common.resources import resource
+from common.scene.plate import read_plate
 from plate_fem.modes import plate_modes
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel

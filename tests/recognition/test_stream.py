@@ -8,22 +8,22 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import multivariate_normal
 
-from common.plate import read_plate
+from common.scene.plate import read_plate
 from lab.known_truth.simulated import draw_stones, scattered, stream_of
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.innovations.bank import FIT_LAGS, LAGS, TIME, Bank
+from recognition.innovations.retuning import retuned
+from recognition.innovations.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
+from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.bank import FIT_LAGS, LAGS, TIME, Bank
+from recognition.stone_forces.forces import PULSE_S, History, StoneForces
+from recognition.stone_forces.law_file import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
-from recognition.stream.forces import PULSE_S, History, StoneForces
-from recognition.stream.law_file import load_forces, save_forces
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
-from recognition.stream.retuning import retuned
-from recognition.stream.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
 from recognition.stream.stones import ratio_of
-from recognition.stream.whitening import Whitening
 
 CHANNELS = Channels((0, 1, 2, 3))
 #: Contact modulus with the steel plate, Pa, and density of coal and gangue as in scenes/paper.toml.

@@ -12,7 +12,7 @@ import dem.run.run
 import plate_fem.__main__
 import recognition.__main__
 import report.__main__
-from common.output_directory import (
+from common.files.output_directory import (
     Busy,
     at_work_in,
     hash_of,
@@ -359,8 +359,8 @@ def test_damage_within_a_table_is_refused(tmp_path):
     import numpy as np
 
     from analysis import RecordError
-    from analysis.readers import read_table
-    from common.parquet import write_parquet
+    from analysis.files.readers import read_table
+    from common.files.parquet import write_parquet
 
     table = pd.DataFrame({"t_s": np.arange(200) * 1e-3, "a_m_s2": np.random.default_rng(1).normal(size=200)})
     file = tmp_path / "signals.parquet"

@@ -13,8 +13,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import dem.deck.render
-from common.cache import user_cache
-from common.scene import changed_scene, read_scene
+from common.files.cache import user_cache
+from common.scene.scene import changed_scene, read_scene
 from dem.coupling import launch
 from dem.coupling.launch import engine_running
 from dem.run.errors import Stopped
