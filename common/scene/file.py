@@ -10,7 +10,7 @@ from common.scene.stones import ONLY_VOLLEY, WAYS
 from common.tables import InputError, read_toml
 
 MOST_BASES = 10  # one from another
-OF_A_MATERIAL = ("density_kg_m3", "youngs_modulus_Pa", "poisson_ratio", "contact_strength_Pa", "bond")
+OF_A_MATERIAL = ("kind", "density_kg_m3", "youngs_modulus_Pa", "poisson_ratio", "contact_strength_Pa", "bond")
 
 
 def scene_tables(path: str | Path, through: tuple[Path, ...] = ()) -> dict[str, Any]:

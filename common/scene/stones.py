@@ -15,6 +15,8 @@ from common.scene.distribution import Distribution, Spread, refuse_outside
 from common.tables import NotNegative, Place, Positive, Refused, Table, about
 
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Kind = Literal["coal", "gangue"]  # what a stone counts as in the mixing ratio
+By = Literal["mass", "number"]
 SPHERE = "sphere"
 MOST_STONES = 10_000
 LARGEST_SIZE_m = 10.0
@@ -93,7 +95,7 @@ class DrawnStones(Table):
     strength_factor: Annotated[Spread, about("factor on the strengths of a stone's bonds")] = Distribution(value=1.0)
     attitude: Annotated[Literal["random", "fixed"], about(
         "how a stone is turned: at random, or not at all")] = "random"
-    gangue_by: Annotated[Literal["mass", "number"], about("what stones.gangue_ratio is a share of")] = "mass"
+    gangue_by: Annotated[By, about("what stones.gangue_ratio is a share of")] = "mass"
     shapes: Annotated[tuple[str, ...], Field(min_length=1), about(
         "\"sphere\" and names of tables in shapes, of which stones have one or the other with equal chance"),
     ] = (SPHERE,)

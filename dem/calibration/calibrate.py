@@ -192,7 +192,7 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
         raise InputError(f"{scene_file}: stones.agglomerate is missing: the size of sub-spheres follows from it")
     with refused_in(scene_file, "stones"):
         _ = scene.stones.volley  # the size of specimens follows from that of the stones
-    if contact_key(material, material) not in scene.contacts:
+    if scene.contact_of(material, material) is None:
         raise InputError(f"{scene_file}: contacts.{contact_key(material, material)} is missing: restitution and "
                          "friction of broken pieces must be given")
     target = read_target(rock)
@@ -242,7 +242,8 @@ def _fit(scene: Scene, material: str, target: TargetTable, laboratory: _Laborato
 def fit_stiffness(scene: Scene, material: str, target: TargetTable, laboratory: _Laboratory, seeds: range) -> Rock:
     """Bond modulus, stiffness ratio and volumetric ratio; strengths are a first guess."""
     table = scene.materials[material]
-    contact = scene.contacts[contact_key(material, material)]
+    contact = scene.contact_of(material, material)
+    assert contact is not None  # as `calibrate` has seen
     modulus_Pa, nu = target.elastic(table)
     rock = Rock(table.density_kg_m3, modulus_Pa, nu, contact.restitution, contact.friction, modulus_Pa, 1.0,
                 FIRST_GUESS * target.tensile_strength_Pa, 0.36 * target.compressive_strength_Pa,

@@ -14,7 +14,7 @@ from isal import isal_zlib
 
 from common.files.whole import named
 from common.resources import resource
-from common.scene.scene import PLATE, Scene, contact_key
+from common.scene.scene import PLATE, Scene
 from dem.deck.face_contact import write_faces
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
@@ -23,6 +23,7 @@ from dem.deck.smooth_contact import write_surfaces
 from dem.deck.stone_file import write_stones
 from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
+from dem.stones.substance import Substance, bond_of, material_of
 from plate_fem.modes import PlateModes
 
 TEMPLATES = resource("templates")
@@ -84,7 +85,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         plate=scene.plate.model,
         yield_pressure_Pa=yield_pressure_Pa(scene, assembly),
         coupling=scene.plate.model == "flexible",
-        materials=[{"name": name, **scene.materials[name].model_dump()} for name in assembly.materials],
+        materials=[{"name": one.material, **material_of(scene, one).model_dump()} for one in assembly.substances],
         plate_material=scene.plate.model_dump(),
         walls=deck_walls(scene),
         own_wall=OWN_TYPE in types,
@@ -153,11 +154,11 @@ def _impact_J(assembly: Assembly) -> float:
     return float(assembly.kinetic_start_J.sum())
 
 
-def _types(scene: Scene, assembly: Assembly) -> list[str]:
-    """Materials by their type in the deck."""
+def _types(scene: Scene, assembly: Assembly) -> list[Substance | str]:
+    """Substances, the plate and walls by their type in the deck."""
     walls = scene.plate.walls
     own = walls is not None and (walls.restitution, walls.friction) != (None, None)
-    return [*assembly.materials, PLATE, *([OWN_TYPE] if own else [])]
+    return [*assembly.substances, PLATE, *([OWN_TYPE] if own else [])]
 
 
 def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
@@ -196,8 +197,8 @@ def _describe(scene: Scene, assembly: Assembly) -> str:
 def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, Any]:
     table = scene.agglomerate
     materials = []
-    for name in assembly.materials:
-        bond = scene.bond_of(name)
+    for substance in assembly.substances:
+        bond = bond_of(scene, substance)
         values = bond.model_dump()
         if table.unbreakable:
             values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa,
@@ -228,7 +229,7 @@ def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
         out.write("\nAtoms\n\n")
         for k in range(assembly.n_particles):
             x, y, z = assembly.center_m[k]
-            out.write(f"{k + 1} {assembly.material[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "
+            out.write(f"{k + 1} {assembly.substance[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "
                       f"{x:.17g} {y:.17g} {z:.17g}\n")
         if _common_velocity(assembly) is None:
             _write_velocities(out, assembly)
@@ -243,13 +244,13 @@ def _write_velocities(out: TextIO, assembly: Assembly) -> None:
 
 
 def _write_bonds(file: Path, assembly: Assembly) -> None:
-    columns = np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_material + 1,
+    columns = np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_substance + 1,
                                assembly.bond_vector_m, assembly.bond_radius_m, assembly.bond_strength_factor])
     np.savetxt(file, columns, fmt=["%d"] * 3 + ["%.17g"] * 5)
 
 
 def _drags_plate(scene: Scene, assembly: Assembly) -> bool:
-    return any(scene.contacts[contact_key(name, PLATE)].friction for name in assembly.materials)
+    return any(scene.plate_contact(one.material).friction for one in assembly.substances)
 
 
 def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:

@@ -7,6 +7,7 @@ import logging
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
 from dem.record.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
 from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
-from dem.record.stones_table import left_table, read_left, stones_table
+from dem.record.stones_table import left_table, read_left, stones_given, stones_table
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
@@ -74,7 +75,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     left = read_left(deck / "left.csv")
     if assembly.is_stream:
         write_parquet(left_table(left, step), file("left.parquet"))
-    write_parquet(stones_table(assembly, step, pushes, events, left), file("stones.parquet"))
+    write_parquet(stones_table(scene, assembly, step, pushes, events, left), file("stones.parquet"))
     parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
     write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
@@ -90,17 +91,25 @@ def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> di
 
 def _origin(prepared: PreparedRun) -> dict[str, Any]:
     """What was run, and by what."""
-    scene = prepared.scene
+    scene, assembly = prepared.scene, prepared.assembly
+    share = partial(gangue_ratio, scene, list(assembly.stones), assembly.stone_mass_kg)
     return {
         "scene": RecordedScene.model_validate(scene.model_dump(mode="json")),
         "scene_hash": prepared.scene_hash,
         "assumptions": list(scene.assumptions),
         "warnings": prepared.warnings,
-        "gangue_ratio": gangue_ratio(scene, list(prepared.assembly.stones), prepared.assembly.stone_mass_kg),
-        "materials": prepared.assembly.stone_materials,
+        "gangue_ratio": share(),
+        "gangue_ratio_by_mass": share("mass"),
+        "materials": assembly.stone_materials,
         "versions": versions(),
-        "seeds": [stone.seed for stone in prepared.assembly.stones] if prepared.assembly.n_bonds else [],
+        "stones": _drawn(prepared) if scene.scatter.drawn else None,
+        "seeds": [stone.seed for stone in assembly.stones] if assembly.n_bonds else [],
     }
+
+
+def _drawn(prepared: PreparedRun) -> dict[str, Any]:
+    """Columns of stones.parquet that say what each stone is."""
+    return {name: values.tolist() for name, values in stones_given(prepared.scene, prepared.assembly).items()}
 
 
 def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:

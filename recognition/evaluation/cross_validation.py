@@ -70,6 +70,8 @@ CASES = (
     Case("free positions", f"{PLACE}, positions", ("free",)),
     Case("everything varies", f"{PLACE}, speed, damping, arrival times, strengths, positions", ("all",),
          nuisance=("speed_m_s", "damping_ratio")),
+    Case("stones that vary", "all that a stone has of its own", ("natural",)),
+    Case("stones that vary widely", "all that a stone has of its own, places", ("wide",)),
 )
 
 
