@@ -111,9 +111,11 @@ COMMANDS = {
     "calibrate": Command("dem.commands:calibrate", "fit the bonds of a material in virtual tests", (
         _arg("material", help="name of a material of the scene"),
         _arg("--scene", dest="scene_file", type=Path, required=True, help="scene file (TOML)"),
-        _arg("--out", type=Path, required=True, help="directory for ROCK.toml and ROCK_tests.csv"),
-        _arg("--rock", help="name in scenes/materials/targets.toml; default: MATERIAL")), (
-        "gangue calibrate coal --scene scenes/paper.toml --out scenes/materials",)),
+        _arg("--out", type=Path, help="directory for ROCK.toml and ROCK_tests.csv (default: materials/ beside it)"),
+        _arg("--rock", help="ROCK (default: what the scene's materials.MATERIAL names, or MATERIAL)"),
+        _arg("--targets", metavar="FILE", type=Path, help="lab sheet (TOML; default: the scene's targets.MATERIAL)")), (
+        "gangue calibrate gangue --scene my.toml --targets sheet.toml",
+        "gangue calibrate coal --scene scenes/paper.toml --out runs/materials")),
     "build-engine": Command("dem.commands:build_engine", "build the engine, where Debian has libliggghts-dev", (), (
         "gangue build-engine",)),
     "modes": Command("plate_fem.commands:modes", "natural frequencies of the plate of a scene", (
