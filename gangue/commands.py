@@ -200,6 +200,10 @@ COMMANDS = {
         _arg("--out", type=Path, help="the page (default: compare_A_B.html beside B)")), (
         "gangue compare runs/before runs/after",
         "gangue compare runs/before/ratio_030 runs/after/ratio_030 --out thirty.html")),
+    "scenes": Command("gangue.scenes:scenes", "the shipped scenes, or a copy of one", (
+        _arg("name", nargs="?", help="a shipped scene"),
+        _arg("--out", metavar="FILE", type=Path, help="copy (default: the scene's name, here)")), (
+        "gangue scenes", "gangue scenes paper --out my.toml")),
     "doctor": Command("gangue.doctor:doctor", "what this machine has and lacks to simulate", (), (
         "gangue doctor", "gangue --json doctor")),
     "completion": Command("gangue.completion:completion", "completion of commands for a shell, by shtab", (

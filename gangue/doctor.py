@@ -81,23 +81,26 @@ def _disk() -> Line:
 
 
 def _library() -> Line:
-    from dem.coupling.launch import LIGGGHTS_VERSION, check_library
+    from dem.coupling.launch import library_version
 
-    return _checked("LIGGGHTS", check_library, f"libliggghts-dev {LIGGGHTS_VERSION}")
+    return _checked("LIGGGHTS", lambda: f"libliggghts-dev {library_version()}")
 
 
 def _engine() -> Line:
     from dem.coupling.launch import ENGINE, check_engine
 
-    return _checked("engine", check_engine, str(ENGINE))
+    def there() -> str:
+        check_engine()
+        return str(ENGINE)
+
+    return _checked("engine", there)
 
 
-def _checked(name: str, check: Callable[[], None], there: str) -> Line:
+def _checked(name: str, check: Callable[[], str]) -> Line:
     try:
-        check()
+        return name, True, check()
     except (InputError, OSError) as error:  # OSError: no dpkg-query, so no Debian
         return name, False, str(error)
-    return name, True, there
 
 
 def _ranks() -> Line:

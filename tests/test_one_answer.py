@@ -18,6 +18,7 @@ from dem.commands import BatchResult, CalibrationResult, DeckResult, EngineResul
 from gangue.__main__ import main
 from gangue.commands import COMMANDS
 from gangue.parser import commands_of, parser_of
+from gangue.scenes import ScenesResult
 from lab.known_truth.faulty_records import volley, with_fault
 from plate_fem.commands import ModesResult, MotionResult
 from recognition.commands import EvaluateResult
@@ -232,6 +233,7 @@ CANNED = [
     ("motion", MotionResult(((0.1, 0.0), (0.05, -0.2)), (1e-4, 2e-4), (0.5, 0.25), (300.0, 412.5), HERE, 2_400_000)),
     ("table", TableResult(({"run": "ratio_030", "stones.speed_m_s": 2.5, "peak_force_N": 28123.45},),
                           ("ratio_040: not finished",), HERE)),
+    ("scenes", ScenesResult({"paper.toml": "ten stones"})), ("scenes", ScenesResult({"paper.toml": "ten"}, HERE)),
     ("evaluate", EvaluateResult(HERE)), ("report", ReportResult(HERE)), ("compare", ComparisonResult(HERE)),
     ("tap", TapResult(HERE, 12_345, MODES, SENSORS, "")),
     ("tap", TapResult(None, 0, MODES, SENSORS, "sensor 'north': 40% of its taps, limit 30%")),
@@ -243,7 +245,7 @@ CANNED = [
 ]
 ON_SCENE = ["x.toml", "--out", "y"]
 LEAST = {"resume": ["y"], "calibrate": ["coal", "--out", "y", "--scene", "x.toml"], "build-engine": [],
-         "modes": ["x.toml"], "motion": ["y", "--at", "0.1", "0"], "table": ["y"],
+         "modes": ["x.toml"], "motion": ["y", "--at", "0.1", "0"], "table": ["y"], "scenes": [],
          "evaluate": ["y"], "report": ["y"], "compare": ["a", "b"],
          "tap": ["taps.toml", *ON_SCENE],
          "listen": ["r.csv", "--plate", "p.json", "--out", "y"], "volley": ["r.csv", "--plate", "p.json"],

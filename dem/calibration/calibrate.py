@@ -1,4 +1,4 @@
-"""Fit the bonds of a material to a rock: `python -m dem calibrate MATERIAL --scene SCENE --out DIR [--rock ROCK]`.
+"""Fit the bonds of a material to a rock: `gangue calibrate MATERIAL --scene SCENE --out DIR [--rock ROCK]`.
 
 Specimens of the virtual tests have the sub-spheres of the scene's stones, by size. In this order:
 
@@ -43,7 +43,7 @@ from dem.calibration.virtual_tests import (
     strength_test,
     tension_specimen,
 )
-from dem.coupling.launch import LIGGGHTS_VERSION, check_engine
+from dem.coupling.launch import check_engine, library_version
 from dem.run.errors import RunError
 from dem.stones.bonds import bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
@@ -299,7 +299,7 @@ def calibration_toml(found: Calibration, scene: Scene, material: str, name: str,
     rock, tests, density_kg_m3 = found.rock, found.tests, scene.materials[material].density_kg_m3
     modulus_Pa, nu = target.elastic(scene.materials[material])
     fit, held_out = (sorted(set(tests.seed[tests.stage == stage])) for stage in ("strength", "check"))
-    head = f"""# Bonds of {name}, written by `python -m dem calibrate {material} --rock {name}`: docs/calibration.md.
+    head = f"""# Bonds of {name}, written by `gangue calibrate {material} --rock {name}`: docs/calibration.md.
 
 # {target.elastic_source}
 density_kg_m3 = {density_kg_m3:g}
@@ -318,7 +318,7 @@ pressure_strengthening = {rock.pressure_strengthening:g}  # of the tensile stren
 [provenance]
 scene = "{scene.name}"
 scene_hash = "{scene_hash(scene)}"
-liggghts = "{LIGGGHTS_VERSION}"
+liggghts = "{library_version()}"
 stone_radius_m = {scene.stones.volley[1]:g}
 subspheres = {scene.agglomerate.subspheres}
 subsphere_radius_m = {found.subsphere_radius_m:.5g}  # mean

@@ -18,7 +18,7 @@ from common.files.parquet import Columns, write_parquet
 from common.run_summary import RecordedScene, YieldReport
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
-from dem.coupling.launch import LIGGGHTS_VERSION
+from dem.coupling.launch import library_version
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
@@ -184,7 +184,7 @@ def plate_maxima(fast: Columns) -> dict[str, float]:
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on."""
     packages = ["numpy", "scipy", "pandas", "meshio"]
-    return {"liggghts": LIGGGHTS_VERSION, "python": platform.python_version(), "machine": platform.machine(),
+    return {"liggghts": library_version(), "python": platform.python_version(), "machine": platform.machine(),
             **{name: importlib.metadata.version(name) for name in packages},
             "coal-gangue-impact": own_version()}
 
