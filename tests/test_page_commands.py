@@ -29,8 +29,8 @@ IN_PARTS = {
 QUICK = ["docs/analysis.md 0", "docs/extending.md 1"]
 LONG = sorted({*BLOCKS} - {*IN_PARTS} - {*QUICK})
 OF_THE_USER = {"record.csv", "hit.wav", "taps.toml", "stream.parquet", "measured.csv", "record.parquet",
-               "OUT/scene.toml", "OUT/sheet.toml", "plate.json", "runs/paper", "runs/paper/ratio_030", "runs/before", "runs/after",
-               "runs/dataset", "runs/other/ratio_040", "runs/a"}
+               "OUT/scene.toml", "OUT/sheet.toml", "plate.json", "runs/paper", "runs/paper/ratio_030",
+               "runs/before", "runs/after", "runs/dataset", "runs/other/ratio_040", "runs/a"}
 
 
 def commands(block):
