@@ -102,12 +102,13 @@ class DeckResult(Result):
 
 def deck(scene_file: Path, out: Path, gangue_ratio: float | None = None, changes: Changes = ()) -> DeckResult:
     """Write the deck of a scene into `out`/deck, whole or not at all, and run nothing."""
-    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache())
+    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache(), True)
     refuse_place(out)
     if out.exists():
         raise InputError(f"--out = {out}: must not exist yet")
     try:
-        write_deck(out / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+        with prepared.stages("deck"):
+            write_deck(out / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
     except BaseException:
         shutil.rmtree(out, ignore_errors=True)
         raise
@@ -126,7 +127,7 @@ class PlateEnergy(Result):
 
 def plate(scene_file: Path, out: Path, gangue_ratio: float | None = None, changes: Changes = ()) -> PlateEnergy:
     """Be the plate of the deck in `out`, whose engine somebody starts, stops and debugs by hand."""
-    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache())
+    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache(), True)
     if not prepared.flexible:
         raise InputError(f"{scene_file}: plate.model = 'rigid': only a flexible plate takes part in a run")
     participant, directory = participant_of(prepared), out / "deck"

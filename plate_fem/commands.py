@@ -9,6 +9,7 @@ from pathlib import Path
 from common.files.cache import user_cache
 from common.files.export import export, refuse_export
 from common.files.output_directory import is_stamped, refuse_file, stamped
+from common.process.messages import told
 from common.result import Result
 from common.scene.plate import read_plate
 from common.tables import InputError, refused_in
@@ -48,7 +49,7 @@ def modes(scene_file: Path, out: Path | None = None) -> ModesResult:
         raise InputError(f"--out = {out}: the name must end in .vtu")
     if out is not None:
         refuse_file(str(out), is_stamped)
-    with refused_in(scene_file, "plate"):
+    with refused_in(scene_file, "plate"), told(f"{scene_file}: modes"):
         found = plate_modes(plate, user_cache())
     if out is not None:
         write_shapes(found, out)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from common.files.output_directory import is_sealed_as, refuse_file
+from common.process.messages import told
 from common.result import Result
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel
@@ -57,9 +58,11 @@ def tap(scene_file: str, taps: str, out: str, max_frequency_Hz: float = 6000.0, 
         refuse_file(uff, is_own)
     if not 0 < max_frequency_Hz < 1e5:
         raise RecognitionError(f"--max-frequency {max_frequency_Hz:g}: must lie between 0 and 1e5 Hz")
-    plate = PlateModel.from_scene(scene_file, BEYOND * max_frequency_Hz)
+    with told(f"{scene_file}: modes"):
+        plate = PlateModel.from_scene(scene_file, BEYOND * max_frequency_Hz)
     given, prior = read_taps(taps, plate)
-    found = learnt(fit_plate(plate, given, prior), prior)
+    with told(f"{taps}: fit"):
+        found = learnt(fit_plate(plate, given, prior), prior)
     modes, sensors = _modes(found), _sensors(found)
     try:
         refuse_unexplained(found)
