@@ -15,7 +15,7 @@ LEVEL = "GANGUE_LOG_LEVEL"
 PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report")
 
 
-PATIENCE_s = 0.3  # with a stage that is not named yet
+PATIENCE_s = 0.1  # with a stage that is not named yet
 
 
 class _Terminal(logging.Handler):
