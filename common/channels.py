@@ -21,6 +21,10 @@ SENSORS: dict[SensorKind, str] = {
 ACCELEROMETERS, RODS = "acc_", "rod_"
 
 
+#: Of a plate that stands on rods alone, upwards: the impulse that modal damping took, and the momentum of the rods.
+DAMPING_IMPULSE, RODS_MOMENTUM = "damping_impulse_N_s", "rods_momentum_kg_m_s"
+
+
 def sensor_column(name: str, kind: SensorKind = "acceleration") -> str:
     """Column of a sensor by its name in the scene."""
     return SENSORS[kind].replace("NAME", name)

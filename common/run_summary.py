@@ -142,13 +142,17 @@ class RunSummary(Recorded):
     n_bonds_broken: int | None = None
     n_bonds_broken_by_agglomerate: list[int] | None = None
     n_modes: int | None = None
+    fragment_size_over_subsphere: list[float | None] | None = None  # of each stone, None where bonds snap
     plate_energy_left_out: float | None = None  # share that would belong to modes above those kept
 
     peak_force_N: float | None = None
     impulse_N_s: float | None = None
     momentum_change_kg_m_s: float | None = None
-    rod_impulse_N_s: list[float] | None = None  # on the foot of each rod, downwards; of plates on rods alone
-    plate_momentum_kg_m_s: float | None = None  # at the end, upwards, without that of the rods; of plates on rods alone
+    rod_impulse_N_s: list[float] | None = None  # on the foot of each rod, downwards
+    plate_momentum_kg_m_s: float | None = None  # at the end, upwards; these four of plates on rods alone
+    rods_momentum_kg_m_s: float | None = None  # at the end, upwards
+    damping_impulse_N_s: float | None = None  # which modal damping took, upwards
+    momentum_missing: float | None = None  # of the impulse on the plate, at its worst time, as a share
     wall_impulse_N_s: dict[str, list[float]] | None = None  # x, y, z on each side wall, by its edge
     plate: dict[str, float] | None = None  # largest absolute value of each signal of the plate
     yield_: YieldReport | None = Field(default=None, alias="yield")

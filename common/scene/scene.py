@@ -65,6 +65,10 @@ class BondTable(Table):
     pressure_threshold_Pa: Annotated[NotNegative, about("mean pressure from which the tensile strength rises")] = 0.0
     fracture_energy_J_m2: Annotated[Positive | None, about(
         "energy over its section that a bond takes to break as it softens; without it bonds snap")] = None
+    flaw_modulus: Annotated[Annotated[float, Field(ge=1, le=100)] | None, about(
+        "Weibull modulus of the strengths from place to place in a stone; absent: all bonds are alike")] = None
+    flaw_length_m: Annotated[Positive | None, about(
+        "distance over which the correlation of these strengths falls to 1/e; goes with flaw_modulus")] = None
 
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
@@ -72,6 +76,12 @@ class BondTable(Table):
             if getattr(self, key) < LEAST_STRENGTH_Pa:
                 raise Refused(key, getattr(self, key), f"must be at least {LEAST_STRENGTH_Pa:g}, the weight of half a "
                               "centimetre of rock: anything less is loose already")
+        return self
+
+    @model_validator(mode="after")
+    def _whole_field(self) -> Self:
+        if (self.flaw_modulus is None) != (self.flaw_length_m is None):
+            raise Refused("flaw_length_m", self.flaw_length_m, "must be given with flaw_modulus, and only with it")
         return self
 
     @model_validator(mode="after")

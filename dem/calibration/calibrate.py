@@ -45,7 +45,7 @@ from dem.calibration.virtual_tests import (
 )
 from dem.coupling.launch import check_engine, library_version
 from dem.run.errors import RunError
-from dem.stones.bonds import bond_network, network_stiffness
+from dem.stones.bonds import CRACK_AREA, bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
 
 MAX_STIFFNESS_RATIO = 4.0  # beyond, nu rises little, and time step and isotropy are lost (docs/calibration.md)
@@ -55,8 +55,6 @@ MAX_VOLUMETRIC_RATIO = 0.6
 STRENGTHENING = 2.0
 FIT_SEEDS = 12             # of the Brazilian test and the elastic constants; half of them do for the other strengths
 CHECK_SEEDS = 12           # likewise, and a quarter of them for confined compression
-# Bonds that a crack breaks near its plane, by their section, over its own area (lab/rock/crack_area.py).
-CRACK_AREA = 2.1
 CONFINING_Pa = (2e6, 5e6)  # of the checks
 DISC_RADIUS_RATIO = 1.5    # disc against stone: 14 sub-spheres across, as laboratories want ten grains at least
 FIRST_GUESS = 1.25         # of the bonds' tensile strength over the rock's
@@ -84,8 +82,12 @@ class TargetTable(Table):
     strength_source: Source = "laboratory sheet"
     friction_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 35.0
     friction_source: Source = "assumed"
-    fracture_toughness_Pa_m05: Positive | None = None  # None: bonds snap
+    fracture_toughness_Pa_m05: Positive | None = None
+    crack_energy_J_m2: Positive | None = None  # of a crack's area, in place of the toughness; without both bonds snap
     toughness_source: Source = ""
+    flaw_modulus: Positive | None = None  # of strengths from place to place, with the length of their correlation
+    flaw_length_m: Positive | None = None
+    flaw_source: Source = ""
 
     def elastic(self, table: MaterialTable) -> tuple[float, float]:
         """Young's modulus in Pa and Poisson's ratio to be met."""
@@ -93,9 +95,13 @@ class TargetTable(Table):
         return (table.youngs_modulus_Pa if modulus is None else modulus, table.poisson_ratio if nu is None else nu)
 
 
-def fracture_energy(toughness_Pa_m05: float, modulus_Pa: float, nu: float) -> float:
-    """Of the bonds, in J/m^2 of their section: Irwin's K^2 (1 - nu^2)/E of a crack's area over what it breaks."""
-    return toughness_Pa_m05**2 * (1 - nu**2) / (modulus_Pa * CRACK_AREA)
+def fracture_energy(target: TargetTable, modulus_Pa: float, nu: float) -> float | None:
+    """Of the bonds, in J/m^2 of their section: that of a crack's area, Irwin's K^2 (1 - nu^2)/E where the toughness is
+    given, over what it breaks."""
+    toughness, crack = target.fracture_toughness_Pa_m05, target.crack_energy_J_m2
+    if toughness is not None:
+        crack = toughness**2 * (1 - nu**2) / modulus_Pa
+    return None if crack is None else _rounded(crack / CRACK_AREA)
 
 
 class Strengths(Protocol):
@@ -247,10 +253,8 @@ def fit_stiffness(scene: Scene, material: str, target: TargetTable, laboratory: 
     rock = Rock(table.density_kg_m3, modulus_Pa, nu, contact.restitution, contact.friction, modulus_Pa, 1.0,
                 FIRST_GUESS * target.tensile_strength_Pa, 0.36 * target.compressive_strength_Pa,
                 float(np.tan(np.radians(target.friction_angle_deg))), scene.agglomerate.damping_ratio,
-                pressure_strengthening=STRENGTHENING)
-    if target.fracture_toughness_Pa_m05 is not None:
-        energy_J_m2 = fracture_energy(target.fracture_toughness_Pa_m05, modulus_Pa, nu)
-        rock = replace(rock, fracture_energy_J_m2=_rounded(energy_J_m2))
+                pressure_strengthening=STRENGTHENING, fracture_energy_J_m2=fracture_energy(target, modulus_Pa, nu),
+                flaw_modulus=target.flaw_modulus, flaw_length_m=target.flaw_length_m)
     specimen = laboratory.specimen("compression", seeds[0])
 
     def network(ratio: float, volumetric: float) -> tuple[float, float]:
@@ -302,6 +306,7 @@ def calibration_toml(found: Calibration, scene: Scene, material: str, name: str,
     head = f"""# Bonds of {name}, written by `gangue calibrate {material} --rock {name}`: docs/calibration.md.
 
 # {target.elastic_source}
+kind = "{scene.kind_of(material)}"
 density_kg_m3 = {density_kg_m3:g}
 youngs_modulus_Pa = {modulus_Pa:g}
 poisson_ratio = {nu:g}
@@ -314,7 +319,7 @@ shear_strength_Pa = {rock.shear_strength_Pa:g}  # to the uniaxial compressive st
 friction_angle_deg = {target.friction_angle_deg:g}  # {target.friction_source}, not fitted
 volumetric_ratio = {rock.volumetric_ratio:g}  # to nu
 pressure_strengthening = {rock.pressure_strengthening:g}  # of the tensile strength, docs/calibration.md
-{_fracture_line(rock, target)}
+{_fracture_lines(rock, target)}
 [provenance]
 scene = "{scene.name}"
 scene_hash = "{scene_hash(scene)}"
@@ -333,10 +338,11 @@ check_seeds = {held_out}
     return head + "".join(reached) + _beside(tests, target)
 
 
-def _fracture_line(rock: Rock, target: TargetTable) -> str:
-    if rock.fracture_energy_J_m2 is None:
-        return ""
-    return f"fracture_energy_J_m2 = {rock.fracture_energy_J_m2:g}  # {target.toughness_source}\n"
+def _fracture_lines(rock: Rock, target: TargetTable) -> str:
+    sources = {"fracture_energy_J_m2": target.toughness_source, "flaw_modulus": target.flaw_source,
+               "flaw_length_m": target.flaw_source}
+    return "".join(f"{key} = {getattr(rock, key):g}  # {source}\n" for key, source in sources.items()
+                   if getattr(rock, key) is not None)
 
 
 def _comparison(found: Calibration, scene: Scene, material: str,

@@ -8,7 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from common.channels import RESPONSES, SENSORS, force_column, rod_column, sensor_column
+from common.channels import (
+    DAMPING_IMPULSE,
+    RESPONSES,
+    RODS_MOMENTUM,
+    SENSORS,
+    force_column,
+    rod_column,
+    sensor_column,
+)  # fmt: skip
 from common.files.parquet import Columns, write_parquet
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
@@ -41,9 +49,14 @@ class PlateRecorder:
         self._mean = modes.mean_shape
         self._sensor = {kind: modes.shape_at(np.array([[s.x_m, s.y_m] for s in own]))
                         for kind, own in by_kind.items() if own}
-        self._rod = modes.rod_force
-        self.columns = [*RESPONSES, *(sensor_column(s.name, kind) for kind, own in by_kind.items() for s in own),
-                        *(rod_column(k) for k in range(1, len(self._rod) + 1))]
+        self._of_amplitude, self._of_rate = modes.rod_force, np.empty((0, len(self._mean)))
+        rods = [rod_column(k) for k in range(1, len(modes.rod_force) + 1)]
+        if len(modes.lateral):  # on rods alone
+            damping = 4 * np.pi * modes.damping_ratio * modes.frequency_Hz * modes.momentum
+            self._of_amplitude = np.vstack([modes.rod_force, damping])
+            self._of_rate = (modes.momentum - modes.mass_kg * modes.mean_shape)[None]
+            rods += [DAMPING_IMPULSE, RODS_MOMENTUM]
+        self.columns = [*RESPONSES, *(sensor_column(s.name, kind) for kind, own in by_kind.items() for s in own), *rods]
         self.steps: list[int] = []
         self.view_amplitude: dict[int, np.ndarray] = {}  # by DEM step
         self.bending = StressPeak(modes, scene.plate.rods)
@@ -86,7 +99,8 @@ class PlateRecorder:
         measured = {"acceleration": acceleration, "velocity": rate, "displacement": amplitude}  # by kind of sensor
         self._blocks.append(np.column_stack([
             amplitude @ self._mean, rate @ self._mean, acceleration @ self._mean, kinetic, internal, kinetic + internal,
-            *(measured[kind] @ shape.T for kind, shape in self._sensor.items()), amplitude @ self._rod.T]))
+            *(measured[kind] @ shape.T for kind, shape in self._sensor.items()),
+            amplitude @ self._of_amplitude.T, rate @ self._of_rate.T]))
         self.bending.add(t_s, amplitude)
         self._evaluated, self._waiting = self._evaluated + self._waiting, 0
 

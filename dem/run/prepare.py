@@ -10,7 +10,7 @@ from pathlib import Path
 from common.files.cache import BeingFound, not_waiting
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
-from dem.deck.plausible import warnings_of
+from dem.deck.plausible import warnings_of, warnings_of_fragments
 from dem.deck.time_step import TimeStep, mobility_of_stones_1_kg, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import with_tolerance
 from dem.run.progress import Stages
@@ -59,6 +59,12 @@ def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
                              f"as stone {late[0] + 1} does, since it takes bodies in free flight to let stones go")
 
 
+def _told(source: str, warnings: list[str]) -> list[str]:
+    for line in warnings:
+        print(f"warning: {source}: {line}", file=sys.stderr)
+    return warnings
+
+
 def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool = False) -> PreparedRun:
     """Check, pack, find the modes and choose the time step.
 
@@ -69,9 +75,7 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     """
     stages, stones = Stages(shown=scene.name if show_progress else ""), stones_of(scene, source)
     _refuse_late(stones, scene, source)
-    warnings = warnings_of(scene, stones)
-    for line in warnings:
-        print(f"warning: {source}: {line}", file=sys.stderr)
+    warnings = _told(source, warnings_of(scene, stones))
 
     def seek_modes() -> None:
         """Into the cache. A tolerance chooses the highest mode by the stones, which are not there yet."""
@@ -82,6 +86,7 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
             assembly = assemble(scene, stones, cache, seek_modes)
+    warnings += _told(source, warnings_of_fragments(scene, assembly))
     limits = step_limits(scene, assembly, source)
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
-from common.channels import rod_column
+from common.channels import DAMPING_IMPULSE, RODS_MOMENTUM, rod_column
 from common.files.parquet import Columns, write_parquet
 from common.run_summary import RecordedScene, YieldReport
 from common.scene.plate import FlexiblePlate
@@ -21,6 +22,7 @@ from common.scene.scene import Scene
 from dem.coupling.launch import library_version
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
+from dem.deck.plausible import fragment_resolution
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
@@ -125,6 +127,7 @@ def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dic
         "n_particles": assembly.n_particles,
         "n_bonds": assembly.n_bonds,
         "n_modes": plate.n_modes,
+        "fragment_size_over_subsphere": fragment_resolution(scene, assembly),
         "plate_energy_left_out": plate_energy_left_out(scene, assembly),
         "n_samples": len(results.signals["t_s"]),
     }
@@ -156,16 +159,23 @@ def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict
 
 
 def plate_momentum(prepared: PreparedRun, fast: Columns) -> dict[str, list[float] | float]:
-    """What the feet of the rods got, downwards, and the plate's momentum at the end, where nothing else holds it.
+    """What the feet of the rods got, downwards, and upwards the momentum of plate and rods and what modal damping took
+    at the end, where nothing else holds the plate.
 
-    The impulse of the stones on the plate is the sum of the first less the second, but for the rods' own momentum.
+    The impulse of the stones on the plate is the first less the others. What misses of it at any time, as a share of
+    the impulse, is `momentum_missing`.
     """
     modes = prepared.modes
-    if modes is None or not len(modes.lateral):  # it has some where the plate stands on rods alone
+    if modes is None or RODS_MOMENTUM not in fast:
         return {}
-    rods = np.array([fast[rod_column(k + 1)] for k in range(len(modes.rod_force))]).reshape(-1, len(fast["t_s"])).T
-    impulse = -(np.diff(fast["t_s"])[:, None] * (rods[1:] + rods[:-1]) / 2).sum(axis=0)
-    return {"rod_impulse_N_s": impulse.tolist(), "plate_momentum_kg_m_s": modes.mass_kg * float(fast["v_m_s"][-1])}
+    t_s, plate = fast["t_s"], modes.mass_kg * fast["v_m_s"]
+    rods = -np.column_stack([fast[rod_column(k + 1)] for k in range(len(modes.rod_force))])
+    impulse = cumulative_trapezoid(rods, t_s, axis=0, initial=0)
+    given = np.cumsum(fast["force_N"]) * (t_s[1] - t_s[0])
+    missing = abs(given - impulse.sum(axis=1) + plate + fast[RODS_MOMENTUM] + fast[DAMPING_IMPULSE]).max()
+    return {"rod_impulse_N_s": impulse[-1].tolist(), "plate_momentum_kg_m_s": float(plate[-1]),
+            RODS_MOMENTUM: float(fast[RODS_MOMENTUM][-1]), DAMPING_IMPULSE: float(fast[DAMPING_IMPULSE][-1]),
+            "momentum_missing": float(missing / given[-1]) if given[-1] else 0.0}
 
 
 def plate_energy_left_out(scene: Scene, assembly: Assembly) -> float | None:

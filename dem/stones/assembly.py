@@ -24,7 +24,7 @@ from dem.stones.faces import FaceColumns, face_columns
 from dem.stones.library import REFERENCE_RADIUS_m, packed_solid, packed_sphere, scaled_packing, surface_of
 from dem.stones.packing import Packing, SphereContainer
 from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
-from dem.stones.substance import Substance
+from dem.stones.substance import Substance, flaw_factors
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
 # before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
@@ -151,12 +151,14 @@ class Assembly:
 
 @dataclass(frozen=True)
 class StoneParts:
-    """One stone where it enters: its n sub-spheres and its bonds, as in `Assembly`, numbered from 0."""
+    """One stone where it enters: its n sub-spheres and its m bonds, as in `Assembly`, numbered from 0;
+    `strength_factor` (m,)."""
 
     center_m: np.ndarray
     radius_m: np.ndarray
     mass_kg: np.ndarray
     bonds: Bonds
+    strength_factor: np.ndarray
     surface: StoneSurface | None
     faces: FaceColumns | None = None
 
@@ -169,6 +171,7 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
     """
     one = _at_reference_size(scene, stone, cache_dir)
     packing, network, surface = one.scaled(stone.radius_m)
+    strength = stone.strength_factor * _flaws(scene, stone, packing, network)
     faces = None if one.faces is None else one.faces.scaled(stone.radius_m / REFERENCE_RADIUS_m)
     if stone.attitude != UPRIGHT and len(network):
         packing, network, surface = turned(stone.attitude, packing, network, surface)
@@ -181,7 +184,16 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
     center = packing.center_m + [stone.place_m[0] + x, stone.place_m[1] + y, height - lowest]
     mass = density_kg_m3(scene, stone) * 4 / 3 * np.pi * stone.radius_m**3
     share = mass * radius**3 / (radius**3).sum() if one.mass_share is None else mass * one.mass_share
-    return StoneParts(center, radius, share, network, surface, faces)
+    return StoneParts(center, radius, share, network, strength, surface, faces)
+
+
+def _flaws(scene: Scene, stone: Stone, packing: Packing, network: Bonds) -> np.ndarray:
+    """(m,) factors on the strengths of the bonds of a stone that is not turned yet."""
+    if not len(network):
+        return np.ones(0)
+    bond = scene.bond_of(stone.material)
+    return flaw_factors(bond.flaw_modulus, bond.flaw_length_m, stone.seed,
+                        packing.center_m[network.first] + network.vector_m / 2)
 
 
 def density_kg_m3(scene: Scene, stone: Stone) -> float:
@@ -225,7 +237,7 @@ def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = Non
     once, and then the others. Raises Refused as `stone_parts` does."""
     substances = sorted({stone.substance for stone in stones})  # LIGGGHTS wants types without gaps
     parts = _all_parts(scene, stones, cache_dir, meanwhile)
-    sizes, bonds = [len(p.radius_m) for p in parts], [len(p.bonds) for p in parts]
+    sizes = [len(p.radius_m) for p in parts]
     first = np.cumsum([0, *sizes])
     return Assembly(
         stones=tuple(stones),
@@ -240,7 +252,7 @@ def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = Non
         bond_second=np.concatenate([p.bonds.second + f for p, f in zip(parts, first)]),
         bond_vector_m=np.vstack([p.bonds.vector_m for p in parts]),
         bond_radius_m=np.concatenate([p.bonds.radius_m for p in parts]),
-        bond_strength_factor=np.repeat([stone.strength_factor for stone in stones], bonds),
+        bond_strength_factor=np.concatenate([p.strength_factor for p in parts]),
         surfaces=tuple(p.surface for p in parts if p.surface is not None),
         faces=tuple(p.faces for p in parts) if any(p.faces is not None for p in parts) else (),
         is_of_stream=scene.stones.stream is not None,

@@ -6,12 +6,15 @@ mass each, and bonds a factor each.
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import gamma, log_ndtr
 
 from common.scene.scene import BondTable, ContactTable, MaterialTable, Scene
 
+WAVES = 256  # of a field of flaws; with so many it is Gaussian within its statistical error
 LEAST_RESTITUTION = 0.051  # LIGGGHTS refuses 0.05 and less
 
 
@@ -55,3 +58,19 @@ def pair_contact(scene: Scene, first: Substance, second: Substance) -> ContactTa
               for one in (first, second)]
     restitution = float(np.clip(contact.restitution * np.sqrt(gained[0] * gained[1]), LEAST_RESTITUTION, 1.0))
     return contact.model_copy(update={"restitution": restitution})
+
+
+def flaw_factors(modulus: float | None, length_m: float | None, seed: int, place_m: np.ndarray) -> np.ndarray:
+    """Factors (m,) on the strengths of bonds at `place_m` (m, 3) from the centre of a stone that is not turned: a field
+    of the seed alone, whatever the packing. They have a Weibull law of mean 1 and the correlation exp(-r^2/length^2);
+    all are 1 without a modulus.
+
+    The field is a sum of cosines of random waves, which is Gaussian with the correlation that their spectrum has, and
+    each value takes the place in the Weibull law that it has in the normal one.
+    """
+    if modulus is None or length_m is None:
+        return np.ones(len(place_m))
+    rng = np.random.default_rng([seed, zlib.crc32(b"flaws")])
+    wave, phase = rng.normal(0, np.sqrt(2) / length_m, (WAVES, 3)), rng.uniform(0, 2 * np.pi, WAVES)
+    normal = np.sqrt(2 / WAVES) * np.cos(place_m @ wave.T + phase).sum(axis=1)
+    return np.asarray((-log_ndtr(-normal)) ** (1 / modulus) / gamma(1 + 1 / modulus))

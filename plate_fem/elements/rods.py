@@ -11,16 +11,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from common.scene.plate import Rod
+from plate_fem.elements.joints import joint_of
 from plate_fem.elements.line import integral, parabolas, smooth_cubics
-from plate_fem.elements.system import PlateSystem
+from plate_fem.elements.mesh import bending_stiffness, shear_stiffness
+from plate_fem.elements.system import PlateSystem, grown
 
-PARTS = 4  # of each rod
+PARTS = 5  # of each rod
 CELLS_PER_WAVELENGTH = 8
 RADII, ANGLES = 6, 24  # points of the quadrature over a disc
-# Rotation of a rod's end against the plate under a moment M, in M / (E a^3), E being the plate's modulus and a the
-# rod's radius. It was identified on solid models of a plate of 20 mm with rods of 16, 20 and 24 mm, and holds on
-# another plate with four unlike rods (docs/plate.md). A rigid disc on a half-space has 3/4 (1 - nu^2).
-JOINT_COMPLIANCE = 0.3
 
 
 def disc_quadrature(x_m: float, y_m: float, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -60,19 +58,20 @@ class Part:
 
 
 def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]:
-    """Return the PARTS that a rod adds to a plate: the bar, the beams in the planes xz and yz, and the shaft.
+    """Return the PARTS that a rod adds to a plate: the bar, the beams in the planes xz and yz, the shaft and the stub.
 
-    The top of the rod has the mean deflection of the plate over its disc and the lateral displacement of the plate's
-    lower surface there. A spring ties its rotation to the plate's mean rotation over the disc, since the plate's
-    theory leaves out what the material about the joint gives way.
+    The head of the rod has the mean deflection of the plate over its disc, the lateral displacement of the plate's
+    lower surface and the plate's rotation there, but for what its joint gives way.
     """
     points, weights = disc_quadrature(rod.x_m, rod.y_m, rod.diameter_m / 2)
     mean = sp.csr_array(weights[None, :])
+    joint = joint_of(system.plate, rod, system.theory)
     alike = rod.model_copy(update={"x_m": 0.0, "y_m": 0.0})  # of equal rods the matrices are made once
-    stiffness, mass, top, base = _bar(alike, max_frequency_Hz)
-    bar = Part(stiffness, mass, (top[0],), mean @ system.deflection(points), (base[0],))
-    spring = system.plate.youngs_modulus_Pa * (rod.diameter_m / 2) ** 3 / JOINT_COMPLIANCE
-    stiffness, mass, top, base = _joined(*_beam(alike, max_frequency_Hz), spring)
+    x, y, twist = system.curvature(points)
+    stiffness, mass, top, base = _joined(*_bar(alike, max_frequency_Hz), np.array([[joint.axial_m_N]]))
+    head = mean @ (system.deflection(points) + joint.offset_m2 * (x + y))
+    bar = Part(stiffness, mass, tuple(top), sp.csr_array(head), tuple(base))
+    stiffness, mass, top, base = _joined(*_beam(alike, max_frequency_Hz), joint.bending)
     lower_m = -system.plate.thickness_m / 2
     sideways = [system.lateral(points, axis, lower_m) for axis in (0, 1)]
     turned = [system.rotation(points, axis) for axis in (0, 1)]
@@ -80,19 +79,33 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     beams = [Part(stiffness, mass, tuple(top), row, tuple(base)) for row in rows]
     stiffness, mass, top, base = _shaft(alike, max_frequency_Hz)
     shaft = Part(stiffness, mass, (top[0],), system.yaw(), (base[0],))
-    return [bar, *beams, shaft]
+    return [bar, *beams, shaft, _stub(system, points, weights * _area(rod) * joint.stub, (x, y, twist))]
 
 
-def _joined(
-    stiffness: sp.csr_array, mass: sp.csr_array, top: np.ndarray, base: np.ndarray, spring: float
-) -> Matrices:
-    """Return a beam whose rotation at the top turns against the plate's by a spring (N m)."""
-    size = stiffness.shape[0]
-    ends, turned = [top[1], size], spring * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    joint = sp.csr_array((turned.ravel(), (np.repeat(ends, 2), np.tile(ends, 2))), shape=(size + 1, size + 1))
-    grown = (sp.block_diag([matrix, sp.csr_array((1, 1))]) for matrix in (stiffness, mass))
-    stiffness, mass = (sp.csr_array(matrix) for matrix in grown)
-    return sp.csr_array(stiffness + joint), mass, np.array([top[0], size]), base
+def _stub(system: PlateSystem, points: np.ndarray, area_m2: np.ndarray, curvature: Sequence[sp.csr_array]) -> Part:
+    """Return the plate's energy once more over areas (k,) at points (k, 2)."""
+    x, y, twist = curvature
+    bending, nu = bending_stiffness(system.plate), system.plate.poisson_ratio
+    rows, stiff = [x + y, x - y, twist], [bending * (1 + nu) / 2, bending * (1 - nu) / 2, bending * (1 - nu) / 2]
+    if system.theory == "mindlin":
+        slopes = zip(((1, 0), (0, 1)), (0, 1), strict=True)
+        rows += [system.deflection(points, by) - system.rotation(points, axis) for by, axis in slopes]
+        stiff += 2 * [shear_stiffness(system.plate)]
+    diagonal = sp.diags_array(np.outer(stiff, area_m2).ravel(), format="csr")
+    size = diagonal.shape[0]
+    return Part(diagonal, sp.csr_array((size, size)), tuple(range(size)), sp.csr_array(sp.vstack(rows)), ())
+
+
+def _joined(stiffness: sp.csr_array, mass: sp.csr_array, top: np.ndarray, base: np.ndarray,
+            compliance: np.ndarray) -> Matrices:
+    """Return a bar or beam whose k unknowns at the top give way against the plate's by a compliance (k, k)."""
+    size, k = stiffness.shape[0], len(top)
+    spring = np.linalg.inv(compliance)
+    ends = np.append(top, size + np.arange(k))
+    joint = np.block([[spring, -spring], [-spring, spring]])
+    entries = joint.ravel(), (np.repeat(ends, 2 * k), np.tile(ends, 2 * k))
+    joined = grown(stiffness, size + k) + sp.csr_array(entries, shape=(size + k, size + k))
+    return sp.csr_array(joined), grown(mass, size + k), size + np.arange(k), base
 
 
 def _pick(size: int, chosen: Sequence[int] | np.ndarray) -> sp.csr_array:

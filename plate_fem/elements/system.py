@@ -56,14 +56,21 @@ class PlateSystem:
         rows = self.deflections.values(points_m, derivative)
         return sp.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], self.size))
 
-    def rotation(self, points_m: np.ndarray, axis: int) -> sp.csr_array:
-        """Return the sparse matrix (k, size) that evaluates theta_x (axis 0) or theta_y (axis 1) at points (k, 2)."""
+    def rotation(self, points_m: np.ndarray, axis: int, derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
+        """Return the sparse matrix (k, size) that evaluates theta_x (axis 0) or theta_y (axis 1), or a derivative of it,
+        at points (k, 2)."""
         if self.theory == "kirchhoff":
-            return self.deflection(points_m, (1, 0) if axis == 0 else (0, 1))
+            return self.deflection(points_m, (derivative[0] + (axis == 0), derivative[1] + (axis == 1)))
         assert self.rotations is not None  # a Mindlin plate has them
-        rows = self.rotations.values(points_m)
+        rows = self.rotations.values(points_m, derivative)
         columns = rows.indices + 4 * self.n_nodes + axis * self.rotations.size
         return sp.csr_array((rows.data, columns, rows.indptr), shape=(rows.shape[0], self.size))
+
+    def curvature(self, points_m: np.ndarray) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+        """Return the sparse matrices (k, size) of theta_x,x, theta_y,y and theta_x,y + theta_y,x at points (k, 2)."""
+        x, y = ((1, 0), (0, 1))
+        twist = self.rotation(points_m, 0, y) + self.rotation(points_m, 1, x)
+        return self.rotation(points_m, 0, x), self.rotation(points_m, 1, y), sp.csr_array(twist)
 
     def lateral(self, points_m: np.ndarray, axis: int, z_m: float) -> sp.csr_array:
         """Return the sparse matrix (k, size) of the displacement along x (axis 0) or y (axis 1) at points (k, 2).

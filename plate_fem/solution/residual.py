@@ -60,8 +60,8 @@ def load_rows(system: PlateSystem, points_m: np.ndarray) -> sp.csr_array:
     """
     if system.theory == "kirchhoff":
         return system.deflection(points_m)
-    rows = []
-    for x, y in np.atleast_2d(points_m):
+    rows = [sp.csr_array((0, system.size))]
+    for x, y in points_m:
         points, weights = disc_quadrature(x, y, LOAD_RADIUS * system.plate.thickness_m)
         inside = (points[:, 0] >= system.lines_x_m[0]) & (points[:, 0] <= system.lines_x_m[-1])
         inside &= (points[:, 1] >= system.lines_y_m[0]) & (points[:, 1] <= system.lines_y_m[-1])

@@ -247,7 +247,8 @@ def test_what_misses_its_target_is_named():
 def test_fracture_energy_of_the_shipped_coal():
     """Irwin's K^2 (1 - nu^2)/E of 0.12 MPa m^0.5 is 2.56 J/m^2 of a crack, which breaks 2.1 times its area of bonds."""
     target = read_target("coal")
-    assert fracture_energy(target.fracture_toughness_Pa_m05, 5.12e9, 0.3) == pytest.approx(2.56 / 2.1, rel=1e-3)
+    assert fracture_energy(target, 5.12e9, 0.3) == pytest.approx(2.56 / 2.1, rel=1e-3)
+    assert fracture_energy(read_target("soft_coal"), 2.96e9, 0.3) == pytest.approx(13 / 2.1, rel=1e-3)
 
 
 @pytest.mark.parametrize("tau", [1.5, 2.2])
