@@ -13,7 +13,7 @@ from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
 from recognition.models import FORMAT, Model
 from recognition.plate.plate_model import PlateModel
-from recognition.plate.records import record_table
+from recognition.plate.records import at_rate, record_table
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,16 @@ class RecogniseResult(Result):
             yield f"{name:<26} {answer.reason or f'{100 * answer.ratio:.2f} %'}"
 
 
-def recognise(record: str, model: str, plate: str | None = None) -> RecogniseResult:
-    """Mixing ratio of a record by a model of `fit`, on a plate of `tap` where it is not that of the training. Raises
-    RecordError, RecognitionError."""
+def recognise(record: str, model: str, plate: str | None = None, resample: bool = False, scale: float = 1.0,
+              unit: str | None = None) -> RecogniseResult:
+    """Mixing ratio of a record by a model of `fit`, on a plate of `tap` where it is not that of the training.
+    `resample`: at the model's rate; scale, unit: see `record_table`. Raises RecordError, RecognitionError."""
     known = Model.load(model)
     if plate is not None:
         known = known.on_plate(PlateModel.load(Path(plate)))
-    table, source = record_table(record)
+    table, source = record_table(record, scale, unit)
+    if resample and "t_s" in table:
+        table = at_rate(table, known.window.rate_Hz, source)
     answers = known.recognise(table, source)
     if faults := known.faults(table):
         return RecogniseResult(source, None, {}, refused=tuple(faults))
