@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from common.processes import side_by_side
+from common.process.processes import side_by_side
 from report.drawing.figure_spec import FigureSpec, FinishedFigure, finish_figure
 from report.film.reel import Films, films_of, pack_films
 from report.missing import MISSING_RESULT

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.features import BASE_PARAMETERS
+from analysis.signals.features import BASE_PARAMETERS
 from report.film.packing import pack_text
 from report.missing import MISSING_RESULT
 from report.recognition.results import MODEL_METHODS

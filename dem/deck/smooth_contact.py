@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from common.hertz import contact_modulus_Pa
-from common.scene import PLATE, Scene, contact_key
+from common.scene.plate import Plate
+from common.scene.scene import ContactTable, MaterialTable, Scene
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS
+from dem.stones.substance import material_of, pair_contact, plate_contact
 from plate_fem.contact_stress import YIELD_PRESSURE
 
 OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
@@ -33,20 +36,19 @@ class SmoothLaw(NamedTuple):
     yield_pressure_Pa: float
 
 
-def smooth_law(scene: Scene, material: str, other: str = PLATE) -> SmoothLaw:
-    """The law of a stone of one material, on the plate or on a stone of the `other` material."""
-    bodies = [scene.plate if name == PLATE else scene.materials[name] for name in (material, other)]
-    contact = scene.contacts[contact_key(material, other)]
+def smooth_law(contact: ContactTable, first: MaterialTable, second: MaterialTable | Plate) -> SmoothLaw:
+    """The law of a stone of one material, on the plate or on a stone of another material."""
+    bodies = (first, second)
     shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
-    limits = [limit for limit in (_strength_Pa(scene, material), _strength_Pa(scene, other)) if limit is not None]
-    return SmoothLaw(contact_modulus_Pa(*bodies), 1 / shear_compliance, damping_ratio(contact.restitution),
+    limits = [limit for limit in (first.contact_strength_Pa, _strength_Pa(second)) if limit is not None]
+    return SmoothLaw(contact_modulus_Pa(first, second), 1 / shear_compliance, damping_ratio(contact.restitution),
                      elastic_damping_ratio(contact.restitution), contact.friction, min(limits, default=0.0))
 
 
-def _strength_Pa(scene: Scene, name: str) -> float | None:
-    if name != PLATE:
-        return scene.materials[name].contact_strength_Pa
-    return None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
+def _strength_Pa(body: MaterialTable | Plate) -> float | None:
+    if isinstance(body, MaterialTable):
+        return body.contact_strength_Pa
+    return None if body.yield_stress_Pa is None else YIELD_PRESSURE * body.yield_stress_Pa
 
 
 def pair_laws(scene: Scene, assembly: Assembly) -> list[tuple[int | float, ...]]:
@@ -54,18 +56,22 @@ def pair_laws(scene: Scene, assembly: Assembly) -> list[tuple[int | float, ...]]
     touch as smooth ones."""
     if not assembly.surfaces or len(assembly.sizes) < 2:
         return []
-    named = list(enumerate(assembly.materials, start=1))
-    return [(i, j, *smooth_law(scene, a, b)) for i, a in named for j, b in named
-            if i <= j and contact_key(a, b) in scene.contacts]
+    found, types = [], list(enumerate(assembly.substances, start=1))
+    for (i, first), (j, second) in combinations_with_replacement(types, 2):
+        contact = pair_contact(scene, first, second)
+        if contact is not None:
+            found.append((i, j, *smooth_law(contact, material_of(scene, first), material_of(scene, second))))
+    return found
 
 
 def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
     """(stones, 12) numbers of the engine's SmoothStone, from the radius on."""
-    laws = {name: smooth_law(scene, name) for name in set(assembly.stone_materials)}
+    laws = {one: smooth_law(plate_contact(scene, one), material_of(scene, one), scene.plate)
+            for one in assembly.substances}
     rows = []
     for surface, stone in zip(assembly.surfaces, assembly.stones, strict=True):
         radius = stone.radius_m
-        rows.append([radius, PATCH_RADIUS * radius, *laws[stone.material], surface.first.normal_m_N,
+        rows.append([radius, PATCH_RADIUS * radius, *laws[stone.substance], surface.first.normal_m_N,
                      surface.other.normal_m_N, surface.first.tangential_m_N, surface.other.tangential_m_N])
     return np.array(rows, dtype=float)
 

@@ -21,10 +21,10 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from common import hertz
-from common.scene import Scene, changed_scene
+from common.scene.scene import Scene, changed_scene
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
-from dem.run.energy_balance import StoneLedger, read_ledger
+from dem.record.energy_balance import StoneLedger, read_ledger
 from dem.run.paraview import read_dump
 from dem.run.prepare import PreparedRun, prepare
 from dem.stones.assembly import Assembly
@@ -151,7 +151,7 @@ CASES = (*(f"coal_coal_25_25_2_{count}" for count in (200, 500, 1000)), "coal_co
          "gangue_gangue_25_25_2_500", "coal_gangue_25_25_2_500", "coal_coal_25_12.5_2_500", "coal_gangue_50_12.5_2_500")
 
 
-def two_stones(out: Path, packings: int = 12, cases: tuple[str, ...] = CASES) -> Iterator[Row]:
+def two_stones(out: Path, packings: int = 4, cases: tuple[str, ...] = CASES) -> Iterator[Row]:
     """Pairs of packings and attitudes."""
     for name in cases:
         for seed in range(7001, 7001 + packings):

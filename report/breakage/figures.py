@@ -9,7 +9,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from analysis.breakage import Section
+from analysis.sweep.breakage import Section
 from report.drawing.style import (
     ACCENT,
     COAL,

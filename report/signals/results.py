@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import Sweep, emd_rules
-from analysis.emd import Decomposition, decompose
-from analysis.emd_rules import RuleCost, compare_rules
-from analysis.features import time_features
-from analysis.hilbert import marginal_spectrum
-from common.cache import cached, key_of, user_cache
+from analysis import Sweep
+from analysis.signals import emd_rules
+from analysis.signals.emd import Decomposition, decompose
+from analysis.signals.emd_rules import RuleCost, compare_rules
+from analysis.signals.features import time_features
+from analysis.signals.hilbert import marginal_spectrum
+from common.files.cache import cached, key_of, user_cache
 from report.missing import MissingResult
 
 RULE_SAMPLES = (267, 4000, 20000)

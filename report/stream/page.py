@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError, Run
-from analysis.stream import By, true_ratio
-from common.processes import side_by_side
+from analysis.sweep.stream import By, true_ratio
+from common.process.processes import side_by_side
 from report.drawing.figure_spec import FinishedFigure, finish_figure
 from report.stream.chapter import STREAM_FIGURES
 from report.stream.heard import HEARD_FIGURES, was_heard

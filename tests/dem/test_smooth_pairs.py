@@ -11,7 +11,7 @@ from test_smooth_contact import PAIRS
 
 from common import hertz
 from dem.deck.smooth_contact import smooth_law
-from dem.run.energy_balance import read_ledger, stone_energies
+from dem.record.energy_balance import read_ledger, stone_energies
 from dem.run.paraview import read_dump
 from lab.rock.two_stones import Meeting, meet, scene_of, velocities, write_meeting
 
@@ -52,7 +52,7 @@ def test_restitution_is_that_of_whole_stones(restitution):
 def mindlin_pair(scene, mass_kg, speed, aside, friction):
     """Velocities of two equal rigid spheres with Hertz' force, Mindlin's spring and Coulomb's limit: (2, 3) m/s, and the
     spin about y of each. The second comes down beside the first's axis; state: x, z, v_x, v_z, spin of both, slip."""
-    law = smooth_law(scene, "coal", "coal")
+    law = smooth_law(scene.contacts["coal_coal"], scene.materials["coal"], scene.materials["coal"])
     reach, inertia = 2 * R_m, 0.4 * mass_kg * R_m**2
     state = np.zeros(11)
     state[[2, 3]] = aside * 1.001 * reach, np.sqrt(1 - aside**2) * 1.001 * reach
@@ -116,7 +116,9 @@ def test_stones_that_break_each_other_keep_the_energy_and_do_not_pass(tmp_path, 
 def chain_N(scene, mass_kg, speed, clear_m):
     """Peaks of the forces between two equal rigid spheres and on the plate, N: the upper one comes down on the lower one,
     which lies on the plate."""
-    pair, plate = (smooth_law(scene, "coal", other) for other in ("coal", "plate"))
+    coal = scene.materials["coal"]
+    pair = smooth_law(scene.contacts["coal_coal"], coal, coal)
+    plate = smooth_law(scene.contacts["coal_plate"], coal, scene.plate)
     k = [hertz.stiffness_N_m32(pair.modulus_Pa, R_m / 2), hertz.stiffness_N_m32(plate.modulus_Pa, R_m)]
 
     def forces(y):
