@@ -17,7 +17,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep stream streams campaign dataset report test validate sanitize bench accuracy forces listening recognise \
+.PHONY: help sweep stream streams campaign dataset natural report test validate sanitize bench accuracy forces listening recognise \
         stability mutants pictures engine setup lint docs clean
 
 help:  ## this list
@@ -30,6 +30,10 @@ sweep: setup  ## every mixing ratio of SCENE into OUT, then OUT/report.html; OVE
 dataset: setup  ## hundreds of runs into runs/dataset, and every method of recognition on runs it was not trained on
 	$(PYTHON) -m dem dataset scenes/dataset.toml --out runs/dataset --jobs $(JOBS)
 	$(PYTHON) -m recognition evaluate runs/dataset
+
+natural: setup  ## draws of stones that vary into runs/natural, and the report of runs/paper with them
+	$(PYTHON) -m dem dataset scenes/dataset_natural.toml --out runs/natural --jobs $(JOBS)
+	$(PYTHON) -m report runs/paper
 
 campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/campaign, by Snakemake
 	$(PYTHON) -m dem campaign scenes/campaign.toml --out runs/campaign --jobs $(JOBS)

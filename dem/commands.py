@@ -11,7 +11,6 @@ from typing import Any
 
 from common.files.cache import user_cache
 from common.files.output_directory import (
-    begins_with,
     files_in,
     is_stamped,
     refuse_below_a_file,
@@ -168,7 +167,7 @@ def calibrate(material: str, scene_file: Path, out: Path | None = None, rock: st
     refuse_below_a_file(out / name)
     if "/" not in name:  # no material has such a name, as `fit` says
         refuse_foreign_file(file, is_stamped)
-        refuse_foreign_file(tests, begins_with("stage,test,seed,"))
+        refuse_foreign_file(tests, is_stamped)
         if not all(map(AT_WORK.fullmatch, files_in(work))):
             raise InputError(f"{work}: is there, and this program did not write it; move it away")
     found = fit(material, scene_file, out, rock=rock, targets=targets).rock

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.sweep.runs import read_sweep
-from common.files.output_directory import begins_with, is_sealed_as, refuse_file, refuse_foreign_file
+from common.files.output_directory import is_sealed_as, is_stamped, refuse_file, refuse_foreign_file
 from common.result import Result
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
@@ -132,6 +132,6 @@ def evaluate(directory: str, methods: Sequence[str] | None = None) -> EvaluateRe
     unknown = [name for name in names if name not in METHODS]
     if unknown:
         raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(METHODS)}")
-    refuse_foreign_file(Path(directory) / "evaluation.csv", begins_with("method,held_out,"))
+    refuse_foreign_file(Path(directory) / "evaluation.csv", is_stamped)
     data = read_dataset(directory)
     return EvaluateResult(write_evaluation(data, directory, {name: METHODS[name] for name in names}))

@@ -3,6 +3,7 @@
 One entry is a file of named arrays under a key, which is a hash of everything that the arrays follow from. Many
 processes may ask for one key at once: the first finds the arrays while the others wait for it. A file that is damaged
 or foreign is found out by its hash and made anew. The directory is bounded: what was not used for longest goes first.
+diskcache checks no hash, unpickles what it finds, and lets all who miss find the same.
 """
 
 from __future__ import annotations

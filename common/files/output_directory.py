@@ -2,7 +2,10 @@
 
 A directory that this program wrote says so in `contents.json`: its kind, and for a directory that is replaced as a
 whole the files in it with their hashes. Nothing that is not in that list, as it was written, is ever deleted. A single
-file holds its hash itself: JSON as common.files.seal puts it, other text in a comment at its end.
+file holds its hash itself: JSON as common.files.whole.seal puts it, other text in a comment at its end.
+
+A lock is a descriptor that processes which are started inherit, and lasts until all have ended, the engine included;
+that of filelock ends with the process that took it.
 """
 
 from __future__ import annotations
@@ -269,8 +272,3 @@ def is_sealed_as(form: str) -> IsOwn:
             return False
         return isinstance(data, dict) and data.get("format") == form and is_sealed(data)
     return is_own
-
-
-def begins_with(line: str) -> IsOwn:
-    """Tells whether a table has this first line, or as much of it as is given."""
-    return lambda content: content.startswith(line.encode())

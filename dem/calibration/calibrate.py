@@ -31,7 +31,7 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from common.files.output_directory import stamped
-from common.files.whole import write_text, written_whole
+from common.files.whole import write_text
 from common.scene.scene import MaterialTable, Scene, contact_key, scene_hash
 from common.tables import InputError, Positive, Table, check, read_toml, refused_in
 from dem.calibration.lab_sheet import TARGETS, find_sheet, scene_with
@@ -210,8 +210,8 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
         found = _fit(scene, material, target, laboratory)
     except RuntimeError as error:
         raise RunError(str(error)) from error
-    with written_whole(out / f"{rock}_tests.csv") as beside:
-        found.tests.to_csv(beside, index=False, float_format="%.9g")
+    tests = found.tests.to_csv(index=False, float_format="%.9g")
+    write_text(out / f"{rock}_tests.csv", stamped(tests, "# {}"))
     write_text(out / f"{rock}.toml", stamped(calibration_toml(found, scene, material, rock, target), "# {}"))
     shutil.rmtree(work)
     return found

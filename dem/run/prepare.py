@@ -79,7 +79,7 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
 
     def seek_modes() -> None:
         """Into the cache. A tolerance chooses the highest mode by the stones, which are not there yet."""
-        if scene.plate.model == "flexible" and scene.tolerance is None and scene.plate.truncation_tolerance is None:
+        if scene.plate.model == "flexible" and scene.tolerance is None:
             with suppress(BeingFound), not_waiting(), refused_in(source, "plate"):
                 modes_for_loads(scene.plate, cache, places_m(stones))
 

@@ -92,7 +92,7 @@ class PlateModel:
             raise RecognitionError(f"{scene}: plate.model = {plate.model!r}; needs 'flexible'")
         if not (sensors := plate.accelerometers):
             raise RecognitionError("plate.sensors has no accelerometer; needs at least one")
-        plate = plate.model_copy(update={"max_frequency_Hz": float(max_frequency_Hz), "truncation_tolerance": None})
+        plate = plate.model_copy(update={"max_frequency_Hz": float(max_frequency_Hz)})
         modes = plate_modes(plate, user_cache())
         m = len(modes.frequency_Hz)
         if m == 0:

@@ -42,10 +42,12 @@ def errors(found, truth):
 
 @pytest.mark.parametrize("force_known", [True, False])
 def test_modes_are_found(start, truth, force_known):
-    rng = np.random.default_rng(7)
-    taps = hammer_taps(truth, PLACES, rng, rate_Hz=8e3, force_known=force_known)
+    rng, loud = np.random.default_rng(7), truth.sensor_shape * [[1.0], [1.08], [1.0], [1.0]]
+    taps = hammer_taps(replace(truth, sensor_shape=loud), PLACES, rng, rate_Hz=8e3, force_known=force_known)
     found = learnt(fit_plate(start, taps))
     frequency, over_sd, damping = errors(found, truth)
+    shape = np.abs(found.plate.sensor_shape[1, 3:8]) @ np.abs(truth.sensor_shape[1, 3:8])
+    assert shape / np.sum(truth.sensor_shape[1, 3:8] ** 2) == pytest.approx(1.08, abs=0.04)  # its gain
     assert found.identified[3:8].all()  # all below 1200 Hz but those of the next line
     assert not found.identified[:3].any()  # sway and yaw, which no tap on the top excites
     assert abs(frequency).max() < 2e-3 and abs(damping).max() < 0.2
