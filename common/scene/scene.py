@@ -168,7 +168,7 @@ class Scene(Table):
         "keys whose values are assumed, for the reader; run.json repeats them")] = ()
     tolerance: Annotated[Annotated[float, Field(gt=0, le=0.1)] | None, about(
         "relative error that time step, co-step and modes together may make; it takes the place of time.time_step_s, "
-        "time.co_step, plate.max_frequency_Hz and plate.truncation_tolerance (docs/accuracy.md)")] = None
+        "time.co_step and plate.max_frequency_Hz (docs/accuracy.md)")] = None
     time: Annotated[TimeTable, about("how long the run is, and in which steps")]
     stones: Annotated[StonesTable, about("the stones, where they are, and how they arrive")]
     shapes: Annotated[
@@ -278,12 +278,9 @@ class Scene(Table):
     def _one_way_to_set_accuracy(self) -> Self:
         keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
         if self.plate.model == "flexible":
-            modes = {"plate.max_frequency_Hz": self.plate.max_frequency_Hz,
-                     "plate.truncation_tolerance": self.plate.truncation_tolerance}
-            if self.tolerance is None and set(modes.values()) == {None}:
-                raise Refused("plate.max_frequency_Hz", None,
-                              "it, plate.truncation_tolerance or tolerance must be given")
-            keys |= modes
+            if self.tolerance is None and self.plate.max_frequency_Hz is None:
+                raise Refused("plate.max_frequency_Hz", None, "it or tolerance must be given")
+            keys["plate.max_frequency_Hz"] = self.plate.max_frequency_Hz
         if self.tolerance is None:
             return self
         least = least_tolerance(self.stones.agglomerate is not None)

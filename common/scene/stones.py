@@ -29,9 +29,10 @@ class AgglomerateTable(Table):
     subspheres: Annotated[int, Field(ge=2, le=100_000), about("sub-spheres of a stone")]
     damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
     unbreakable: Annotated[bool, about("bonds never break")] = False
-    contact: Annotated[Literal["sub_spheres", "smooth", "faces"], about(
-        "how a stone touches the plate: with its sub-spheres, each alone, as the smooth sphere that it stands for, or, "
-        "where it is none, with its flat faces (docs/contact.md)")] = "sub_spheres"
+    contact: Annotated[Literal["sub_spheres", "smooth", "faces"] | None, about(
+        "how a stone touches the plate: as the smooth sphere that it stands for, where it is none with its flat faces, "
+        "or with its sub-spheres, each alone, which is too soft (docs/contact.md); absent: \"smooth\" where all stones "
+        "are spheres, otherwise \"faces\"")] = None
 
 
 class StonePosition(Place):
@@ -224,6 +225,14 @@ class StonesTable(Table):
                 raise Refused(key, f"{len(values)} values", f"must be {self.count}, one a stone")
         if self.strength_factor is not None and self.agglomerate is None:
             raise Refused("strength_factor", self.strength_factor, "needs stones.agglomerate, whose bonds it is for")
+        return self
+
+    @model_validator(mode="after")
+    def _shape_chooses_contact(self) -> Self:
+        if self.agglomerate is not None and self.agglomerate.contact is None:
+            contact = "smooth" if self.shapes == [SPHERE] else "faces"
+            # The scene as it is run says which, in run.json as in its hash.
+            object.__setattr__(self, "agglomerate", self.agglomerate.model_copy(update={"contact": contact}))
         return self
 
     @property

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from common.files.parquet import Columns
-from common.scene.scene import ContactTable, Scene
+from common.scene.scene import Scene
 from dem.deck.time_step import TimeStep
-from dem.stones.substance import Substance, pair_contact, plate_contact
 
-OWN_TYPE = "side_walls"  # of the deck's materials, where stones touch the walls otherwise than the plate
 AXES = "xyz"
 
 
@@ -27,22 +25,6 @@ def deck_walls(scene: Scene) -> list[dict[str, Any]]:
 def wall_files(scene: Scene) -> list[str]:
     """Files in the deck's directory with the forces on the walls."""
     return [wall["file"] for wall in deck_walls(scene)]
-
-
-def contact_of_types(scene: Scene, first: Substance | str, second: Substance | str,
-                     stones_meet: bool) -> ContactTable | None:
-    """The contact of two types of the deck, which are substances, the plate and walls; None where they cannot meet."""
-    stones = [one for one in (first, second) if isinstance(one, Substance)]
-    if len(stones) == 2:
-        return pair_contact(scene, *stones) if stones_meet else None
-    if not stones:
-        return None
-    contact, walls = plate_contact(scene, stones[0]), scene.plate.walls
-    if OWN_TYPE not in (first, second):
-        return contact
-    assert walls is not None
-    return contact.model_copy(update={key: value for key, value in (
-        ("restitution", walls.restitution), ("friction", walls.friction)) if value is not None})
 
 
 def read_walls(scene: Scene, deck: Path, step: TimeStep) -> Columns | None:
