@@ -121,7 +121,7 @@ class RunSummary(Recorded):
 
     status: str
     scene: RecordedScene = RecordedScene()
-    scene_hash: str | None = None  # common.scene.scene.scene_hash of the scene as its file gave it
+    scene_hash: str | None = None  # common.scene.scene_hash of the scene as its file gave it
     assumptions: list[str] | dict[str, Any] = []
     gangue_ratio: Annotated[float, Field(ge=0, le=1)]
     gangue_ratio_by_mass: float | None = None

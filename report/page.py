@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from analysis import Sweep, read_sweep
 from analysis.sweep.stream import is_stream
-from common.files.output_directory import begins_with, is_stamped, refuse_foreign_file, stamped
+from common.files.output_directory import is_stamped, refuse_foreign_file, stamped
 from common.files.whole import write_text
 from common.resources import resource
 from report import tables, variation
@@ -113,12 +113,12 @@ def write_report(directory: str | Path) -> Path:
     if all(is_stream(run) for run in sweep.runs):
         write_text(file, stamped(render_streams(sweep)))
         return file
-    refuse_foreign_file(file.with_name("claims.csv"), begins_with("claim,where,verdict,"))
+    refuse_foreign_file(file.with_name("claims.csv"), is_stamped)
     results = SweepResults(sweep)
     parts = _parts(results)
     parts = replace(parts, claims=[replace(c, value=local(c.value, results.sweep)) for c in parts.claims])
     if parts.claims:
-        write_text(file.with_name("claims.csv"), to_csv(parts.claims))
+        write_text(file.with_name("claims.csv"), stamped(to_csv(parts.claims), "# {}"))
     write_text(file, stamped(render(results, parts)))
     return file
 

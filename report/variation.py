@@ -85,8 +85,7 @@ def _runs_beside(results: SweepResults) -> list[Run]:
     directory = results.sweep.path.resolve().parent / BESIDE
     runs = [read_run(path) for path in sorted(directory.glob("*/*/ratio_*")) if (path / "run.json").is_file()]
     if not runs:
-        raise MissingResult(f"no runs in {BESIDE} beside this directory; `gangue dataset {PLAN} --out {BESIDE}` there "
-                            "makes them")
+        raise MissingResult(f"no runs in {BESIDE} beside this directory; `make natural` makes those of runs/paper")
     return runs
 
 

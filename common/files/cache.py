@@ -8,7 +8,6 @@ diskcache checks no hash, unpickles what it finds, and lets all who miss find th
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import io
 import os
@@ -130,6 +129,11 @@ def _as_arrays(found: Mapping[str, Any]) -> Arrays:
 @contextmanager
 def _locked(directory: Path, kind: str, key: str) -> Iterator[None]:
     """Hold the lock of a key, which the kernel lets go of when the process dies. Raises BeingFound, CannotKeep."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        raise CannotKeep("this system has no locks") from None
+
     try:
         directory.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(directory / f"{kind}-{int(key, 16) % LOCKS}.lock", os.O_RDWR | os.O_CREAT, 0o600)

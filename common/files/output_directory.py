@@ -10,7 +10,6 @@ that of filelock ends with the process that took it.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
@@ -193,6 +192,8 @@ def _is_foreign(entry: Path) -> bool:
 def locked(file: Path, wait_s: float = 0.0) -> int:
     """Lock a file, made where there is none, and return its descriptor; the lock lasts until all its copies are closed.
     Raises Busy if another process has it for longer than `wait_s`."""
+    import fcntl  # late: Windows has none, and what writes no directories works there
+
     deadline = time.monotonic() + wait_s
     while True:
         lock = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
@@ -271,8 +272,3 @@ def is_sealed_as(form: str) -> IsOwn:
             return False
         return isinstance(data, dict) and data.get("format") == form and is_sealed(data)
     return is_own
-
-
-def begins_with(line: str) -> IsOwn:
-    """Tells whether a table has this first line, or as much of it as is given."""
-    return lambda content: content.startswith(line.encode())

@@ -1,4 +1,4 @@
-"""Fit the bonds of a material to a rock: `python -m dem calibrate MATERIAL --scene SCENE --out DIR [--rock ROCK]`.
+"""Fit the bonds of a material to a rock: `gangue calibrate MATERIAL --scene SCENE --out DIR [--rock ROCK]`.
 
 Specimens of the virtual tests have the sub-spheres of the scene's stones, by size. In this order:
 
@@ -31,10 +31,10 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from common.files.output_directory import stamped
-from common.files.whole import write_text, written_whole
-from common.resources import resource
-from common.scene.scene import MaterialTable, Scene, contact_key, read_scene, scene_hash
+from common.files.whole import write_text
+from common.scene.scene import MaterialTable, Scene, contact_key, scene_hash
 from common.tables import InputError, Positive, Table, check, read_toml, refused_in
+from dem.calibration.lab_sheet import TARGETS, find_sheet, scene_with
 from dem.calibration.virtual_tests import (
     Rock,
     Specimen,
@@ -43,12 +43,11 @@ from dem.calibration.virtual_tests import (
     strength_test,
     tension_specimen,
 )
-from dem.coupling.launch import LIGGGHTS_VERSION, check_engine
+from dem.coupling.launch import check_engine, library_version
 from dem.run.errors import RunError
 from dem.stones.bonds import CRACK_AREA, bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
 
-TARGETS = resource("scenes/materials/targets.toml")
 MAX_STIFFNESS_RATIO = 4.0  # beyond, nu rises little, and time step and isotropy are lost (docs/calibration.md)
 MAX_VOLUMETRIC_RATIO = 0.6
 # What the tensile strength gains per pressure. More would keep a disc from splitting in the middle, where the mean
@@ -74,14 +73,15 @@ Source = Annotated[str, Field(pattern=r'^[^"\\\x00-\x1f\x7f]*$', max_length=200)
 class TargetTable(Table):
     """The strengths of a rock, with their sources, and its elastic constants where they are not the scene's."""
 
+    density_kg_m3: Positive | None = None
     youngs_modulus_Pa: Positive | None = None
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)] | None = None
     elastic_source: Source = "as in the scene"  # of the density, too
     tensile_strength_Pa: Positive
     compressive_strength_Pa: Positive
-    strength_source: Source
-    friction_angle_deg: Annotated[float, Field(ge=0, lt=90)]
-    friction_source: Source
+    strength_source: Source = "laboratory sheet"
+    friction_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 35.0
+    friction_source: Source = "assumed"
     fracture_toughness_Pa_m05: Positive | None = None
     crack_energy_J_m2: Positive | None = None  # of a crack's area, in place of the toughness; without both bonds snap
     toughness_source: Source = ""
@@ -183,17 +183,15 @@ class _Laboratory:
 
 
 def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable[[str], None] = print,
-              rock: str | None = None) -> Calibration:
-    """Fit the bonds of `material` in a scene to `rock` of scenes/materials/targets.toml (default: that of the
-    material's name); leaves `out`/ROCK.toml and `out`/ROCK_tests.csv.
+              rock: str | None = None, targets: Path | None = None) -> Calibration:
+    """Fit the bonds of `material` in a scene to what `dem.calibration.lab_sheet` finds of it; leaves `out`/ROCK.toml
+    and `out`/ROCK_tests.csv, where ROCK is `rock` or the name of the material's file in the scene.
 
     Raises InputError for bad input, RunError if LIGGGHTS fails or a strength is not reached.
     """
-    rock = rock or material
-    scene = read_scene(scene_file)
-    if material not in scene.materials:
-        raise InputError(f"MATERIAL = {material!r}: must be one of {sorted(scene.materials)}, the materials of "
-                         f"{scene_file}")
+    sheet = find_sheet(material, scene_file, rock, targets)
+    target: TargetTable = check(TargetTable, sheet.table, sheet.file, where=sheet.where)
+    scene, rock = scene_with(material, scene_file, sheet.table), sheet.rock
     if scene.stones.agglomerate is None:
         raise InputError(f"{scene_file}: stones.agglomerate is missing: the size of sub-spheres follows from it")
     with refused_in(scene_file, "stones"):
@@ -201,7 +199,8 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
     if scene.contact_of(material, material) is None:
         raise InputError(f"{scene_file}: contacts.{contact_key(material, material)} is missing: restitution and "
                          "friction of broken pieces must be given")
-    target = read_target(rock)
+    if "friction_angle_deg" not in target.model_fields_set:
+        report(f"note: {sheet.file}: friction_angle_deg is not given: {target.friction_angle_deg:g} is assumed")
     check_engine()
     out.mkdir(parents=True, exist_ok=True)
     work = out / f"{rock}.partial"
@@ -211,8 +210,8 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
         found = _fit(scene, material, target, laboratory)
     except RuntimeError as error:
         raise RunError(str(error)) from error
-    with written_whole(out / f"{rock}_tests.csv") as beside:
-        found.tests.to_csv(beside, index=False, float_format="%.9g")
+    tests = found.tests.to_csv(index=False, float_format="%.9g")
+    write_text(out / f"{rock}_tests.csv", stamped(tests, "# {}"))
     write_text(out / f"{rock}.toml", stamped(calibration_toml(found, scene, material, rock, target), "# {}"))
     shutil.rmtree(work)
     return found
@@ -304,7 +303,7 @@ def calibration_toml(found: Calibration, scene: Scene, material: str, name: str,
     rock, tests, density_kg_m3 = found.rock, found.tests, scene.materials[material].density_kg_m3
     modulus_Pa, nu = target.elastic(scene.materials[material])
     fit, held_out = (sorted(set(tests.seed[tests.stage == stage])) for stage in ("strength", "check"))
-    head = f"""# Bonds of {name}, written by `python -m dem calibrate {material} --rock {name}`: docs/calibration.md.
+    head = f"""# Bonds of {name}, written by `gangue calibrate {material} --rock {name}`: docs/calibration.md.
 
 # {target.elastic_source}
 kind = "{scene.kind_of(material)}"
@@ -324,7 +323,7 @@ pressure_strengthening = {rock.pressure_strengthening:g}  # of the tensile stren
 [provenance]
 scene = "{scene.name}"
 scene_hash = "{scene_hash(scene)}"
-liggghts = "{LIGGGHTS_VERSION}"
+liggghts = "{library_version()}"
 stone_radius_m = {scene.stones.volley[1]:g}
 subspheres = {scene.agglomerate.subspheres}
 subsphere_radius_m = {found.subsphere_radius_m:.5g}  # mean

@@ -19,7 +19,7 @@ from common.files.parquet import Columns, write_parquet
 from common.run_summary import RecordedScene, YieldReport
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
-from dem.coupling.launch import LIGGGHTS_VERSION
+from dem.coupling.launch import library_version
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
 from dem.deck.plausible import fragment_resolution
@@ -64,6 +64,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     fast = fast_stream(step, pushes, plate.signals(range(0, step.steps + 1, step.fast_steps)),
                        0 if assembly.is_stream else n)
     signals = write_streams(file, fast, step)
+    plate.write_motion(file)
     write_parquet(events, file("breakage.parquet"))
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
     write_parquet(contacts, file("contacts.parquet"))
@@ -193,7 +194,7 @@ def plate_maxima(fast: Columns) -> dict[str, float]:
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on."""
     packages = ["numpy", "scipy", "pandas", "meshio"]
-    return {"liggghts": LIGGGHTS_VERSION, "python": platform.python_version(), "machine": platform.machine(),
+    return {"liggghts": library_version(), "python": platform.python_version(), "machine": platform.machine(),
             **{name: importlib.metadata.version(name) for name in packages},
             "coal-gangue-impact": own_version()}
 

@@ -1,4 +1,4 @@
-"""A data set of many runs, as `python -m dem dataset` leaves it: DIRECTORY/FAMILY/GROUP/ratio_050."""
+"""A data set of many runs, as `gangue dataset` leaves it: DIRECTORY/FAMILY/GROUP/ratio_050."""
 
 from __future__ import annotations
 

@@ -63,13 +63,13 @@ class ListenResult(Result):
 
 def listen(record: str, plate: str, out: str, radius_m: tuple[float, float] = (0.025, 0.025),
            speed_m_s: tuple[float, float] = (2.0, 4.0), window_s: float = 1.0, step_s: float = 0.1,
-           quiet_s: float = QUIET_S) -> ListenResult:
+           quiet_s: float = QUIET_S, scale: float = 1.0, unit: str | None = None) -> ListenResult:
     """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits; write them and the
     ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing falls. Raises
     RecordError, RecognitionError."""
     prior = _prior(radius_m, speed_m_s)
     known = PlateModel.load(Path(plate))
-    table, source = record_table(record)
+    table, source = record_table(record, scale, unit)
     channels, values = channels_of(table, known, source)
     for name, value in (("window", window_s), ("step", step_s)):
         if not 0 < value < 1e6:

@@ -13,7 +13,7 @@ from lab.known_truth.machine_noise import noise
 from lab.known_truth.simulated import draw_stones, scattered, stream_of
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.innovations.bank import FIT_LAGS, LAGS, TIME, Bank
+from recognition.innovations.bank import FIT_LAGS, LAGS, SHAPE_STEP_M, TIME, Bank
 from recognition.innovations.coloured_noise import SensorNoise
 from recognition.innovations.retuning import retuned
 from recognition.innovations.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
@@ -23,6 +23,7 @@ from recognition.stone_forces.forces import PULSE_S, History, StoneForces
 from recognition.stone_forces.law_file import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
+from recognition.stream.listen import Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of
@@ -209,11 +210,13 @@ def test_signature_is_the_whitened_response(plate, forces):
 
 
 def test_derivatives_of_a_signature(plate, forces):
+    """By the signatures of the neighbours on the grids of times, durations and places."""
     whitening = Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(np.ones(4)), np.full(4, 10.0))
     bank = Bank.of(plate, CHANNELS, forces, whitening, RATE_Hz)
-    stone = np.array([30.32, np.log(DURATIONS_S[11]), 0.0531, -0.0771, 0.3, np.log(0.7)])
+    stone = np.array([30.3, np.log(DURATIONS_S[11]), 0.0525, -0.0775, 0.3, np.log(0.7)])
     rows = bank.signature(stone)[1].astype(float)
-    for k, step in enumerate([1e-2, 1e-2, 1e-4, 1e-4, 0.5, 1e-2]):
+    one_duration = np.log(DURATIONS_S[12] / DURATIONS_S[11])
+    for k, step in enumerate([1 / bank.phases, one_duration, SHAPE_STEP_M, SHAPE_STEP_M, 0.5, 1e-2]):
         up, down = (bank.signature(stone + s * step * np.eye(6)[k])[1][0].astype(float) for s in (1, -1))
         slope = (up - down) / (2 * step)
         assert np.abs(slope - rows[1 + k]).max() < 0.02 * np.abs(slope).max()
@@ -298,6 +301,8 @@ def test_frequencies_from_the_ringing(plate, histories, kind):
     kept = plate.frequency_Hz < 6000
     before, after = (np.median(np.abs(p.frequency_Hz / plate.frequency_Hz - 1)[kept]) for p in (wrong, right))
     assert after < 0.6 * before
+    damping = np.log(right.damping_ratio / plate.damping_ratio)[kept & (plate.frequency_Hz > 60)]  # was known, and is kept
+    assert abs(damping.mean()) < 4 * damping.std() / np.sqrt(len(damping))
 
 
 def test_interval_of_stones_that_tell_nothing():
@@ -405,6 +410,21 @@ def test_cost_of_a_fit_is_that_of_normal_noise_and_prior(bank, forces, temper):
     size = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
     assert np.abs(found.curvature - expected).max() <= 0.03 * size.max()
     assert np.abs((found.curvature - expected) / size).max() < 0.03
+
+
+def test_a_stone_in_three_times_the_noise_is_known_a_third_as_well(bank, forces):
+    """The fit to it takes the misfit as noise, against one that takes the noise for that of the sensors."""
+    prior, rng = StonePrior(forces, (0.02, 0.03), (2.0, 4.0)), np.random.default_rng(7)
+    stone = np.array([[40.3, prior.typical[0], 0.05, -0.07, 0.4, prior.typical[2]]])
+    first, rows = bank.signature(stone[0])
+    values = 3 * rng.standard_normal((4, 120))
+    values[:, first:first + FIT_LAGS] += rows[0].reshape(FIT_LAGS, 4).T
+    window = Window(bank, prior, values, 0)
+    fit = window.fit(stone)
+    heard = Listener(bank, prior, None)._judged(window, fit)[1]
+    too_sure = np.linalg.inv(fit.curvature)[TIME, TIME]
+    assert heard.misfit == pytest.approx(9, rel=0.2)
+    assert heard.covariance[TIME, TIME] == pytest.approx(9 * too_sure, rel=0.25)
 
 
 def test_evidence_of_a_material_is_the_overlap_of_its_law_with_the_likelihood(forces):

@@ -37,7 +37,7 @@ def test_one_stone_is_shown_over_all_stones_with_its_deviation_and_resolution(pa
 
 def test_a_sweep_stands_beside_draws_with_their_mean_deviation_and_rank(paper):
     results = SweepResults(read_sweep(paper))
-    with pytest.raises(MissingResult, match="no runs in natural beside this directory; `gangue dataset"):
+    with pytest.raises(MissingResult, match="no runs in natural beside this directory; `make natural`"):
         varying(results)
     peaks = []
     for draw in range(3):
