@@ -74,7 +74,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     left = read_left(deck / "left.csv")
     if assembly.is_stream:
         write_parquet(left_table(left, step), file("left.parquet"))
-    write_parquet(stones_table(assembly, step, pushes, events, left), file("stones.parquet"))
+    write_parquet(stones_table(assembly, step, pushes, events, left, ledger), file("stones.parquet"))
     parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
     write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
