@@ -10,14 +10,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from common import hertz
-from common.scene.plate import FlexiblePlate
+from common.scene.plate import FlexiblePlate, Rod
 from common.scene.scene import Scene
 from dem.stones.stone import Stone
+from plate_fem.elements.joints import joint_range
+from plate_fem.elements.mesh import (
+    SHEAR_ERROR_ALLOWED, choose_theory, first_in_plane_Hz, highest_frequency_Hz, kirchhoff_error,
+)  # fmt: skip
+from plate_fem.solution.mode_count import least_modes
 
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
+LEAST_SPAN, FIRST_MODES = 10, 10  # the shorter side in thicknesses; modes among which one within the plane matters
+MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its modes; of the impulse
 
 
 def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
@@ -48,6 +55,50 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
                 lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: below {weight_Pa:.3g}, the stress of "
                              "a stone's own weight on earth")
     return lines
+
+
+def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
+    """One line for each reason for which the plate's modes are not to be trusted; `left_out` is the share of its energy
+    above max_frequency_Hz. The plate's max_frequency_Hz is known."""
+    lines, shorter, theory = [], min(plate.length_m, plate.width_m), choose_theory(plate)
+    if shorter < LEAST_SPAN * plate.thickness_m:
+        lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is {shorter / plate.thickness_m:.3g} "
+                     f"times as long; theories of plates are for {LEAST_SPAN} and more")
+    in_plane_Hz = first_in_plane_Hz(plate)
+    if in_plane_Hz < highest_frequency_Hz(plate) and least_modes(plate, in_plane_Hz) < FIRST_MODES:
+        lines.append(f"plate.max_frequency_Hz = {plate.max_frequency_Hz:g}: from about {in_plane_Hz:.2g} Hz there are modes "
+                     f"within the plane, which are left out, among the first {FIRST_MODES}")
+    if theory == "kirchhoff" and kirchhoff_error(plate) > SHEAR_ERROR_ALLOWED:
+        lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is {kirchhoff_error(plate):.2g} too "
+                     f"high, and {SHEAR_ERROR_ALLOWED:g} is allowed where theory = 'auto'")
+    if left_out > MOST_LEFT_OUT:
+        lines.append(f"plate.max_frequency_Hz = {plate.max_frequency_Hz:.4g}: {left_out:.2g} of the plate's energy belongs "
+                     f"to modes above it; at most {MOST_LEFT_OUT:g} leaves forces and motion right")
+    return lines + [line for number, rod in enumerate(plate.rods) for line in _joint_beyond_what_is_known(plate, number, rod)]
+
+
+def _joint_beyond_what_is_known(plate: FlexiblePlate, number: int, rod: Rod) -> list[str]:
+    """A joint's table ends, and is of a rod in the middle of a plate."""
+    lines, (thinnest, thickest), (softest, stiffest) = [], *joint_range()
+    to_edge = min(plate.length_m / 2 - abs(rod.x_m), plate.width_m / 2 - abs(rod.y_m))
+    if to_edge < rod.diameter_m:
+        lines.append(f"plate.rods.{number}: stands {to_edge:.2g} m from an edge, less than its diameter; its joint is that "
+                     "of a rod far from edges")
+    for key, ratio, least, most in (("diameter_m", rod.diameter_m / 2 / plate.thickness_m, thinnest, thickest),
+                                    ("youngs_modulus_Pa", rod.youngs_modulus_Pa / plate.youngs_modulus_Pa, softest, stiffest)):
+        if not least <= ratio * (1 + 1e-9) <= most * (1 + 2e-9):
+            of = "half of it over the plate's thickness" if key == "diameter_m" else "over the plate's"
+            lines.append(f"plate.rods.{number}.{key} = {getattr(rod, key):g}: {of} is {ratio:.2g}; joints are known from "
+                         f"{least:.2g} to {most:.2g}, and the nearest is taken")
+    return lines
+
+
+def momentum_warnings(missing: float | None) -> list[str]:
+    """Of the share of the impulse on the plate that a run misses."""
+    if missing is None or missing <= MOST_MISSING:
+        return []
+    return [f"momentum_missing = {missing:.2g}: of the stones' impulse this share is neither in the rods, nor in the motion "
+            f"of plate and rods, nor taken by damping; at most {MOST_MISSING:g} is rounding of the record"]
 
 
 def _stiffer_than_diamond(scene: Scene) -> list[str]:

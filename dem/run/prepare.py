@@ -12,13 +12,15 @@ from pathlib import Path
 from common.files.cache import BeingFound, not_waiting
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
-from dem.deck.plausible import warnings_of
+from dem.deck.plausible import warnings_of, warnings_of_plate
 from dem.deck.time_step import TimeStep, mobility_of_stones_1_kg, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import with_tolerance
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from dem.stones.stone import Stone, entry_of, places_m
+from plate_fem.elements.mesh import highest_frequency_Hz
 from plate_fem.modes import PlateModes, modes_for_loads
+from plate_fem.truncation import energy_left_out
 
 LATEST_ARRIVAL_s = 1e6  # up to which a number of DEM steps is exact
 
@@ -61,6 +63,13 @@ class PreparedRun:
         return self.modes is not None
 
 
+def told(warnings: list[str], source: str) -> list[str]:
+    """The warnings, told on the error output too."""
+    for line in warnings:
+        print(f"warning: {source}: {line}", file=sys.stderr)
+    return warnings
+
+
 def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
     """Stones that enter later need bodies in free flight, who say what has left, and those are known to one rank."""
     for k, stone in enumerate(stones):
@@ -88,9 +97,7 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     """
     stages, stones = Stages(), stones_of(scene, source)
     _refuse_late(stones, scene, source)
-    warnings = warnings_of(scene, stones)
-    for line in warnings:
-        print(f"warning: {source}: {line}", file=sys.stderr)
+    warnings = told(warnings_of(scene, stones), source)
 
     def seek_modes() -> None:
         """Into the cache. A tolerance chooses the highest mode by the stones, which are not there yet."""
@@ -105,8 +112,9 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":
         with stages("modes"):
-            plate = with_tolerance(scene.plate, scene.tolerance, stone_contact_time_s(scene, assembly),
-                                   assembly.n_bonds > 0)
+            contact_s = stone_contact_time_s(scene, assembly)
+            plate = with_tolerance(scene.plate, scene.tolerance, contact_s, assembly.n_bonds > 0)
+            warnings += told(warnings_of_plate(plate, energy_left_out(highest_frequency_Hz(plate), contact_s)), source)
             resolved = scene.model_copy(update={"plate": plate})
             with refused_in(source, "plate"):
                 modes = modes_for_loads(plate, cache, places_m(stones))

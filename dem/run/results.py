@@ -20,6 +20,7 @@ from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.coupling.launch import LIGGGHTS_VERSION
 from dem.coupling.monitor import check_closure
+from dem.deck.plausible import momentum_warnings
 from dem.deck.plate_yield import read_contacts, yield_report
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
@@ -29,7 +30,7 @@ from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, w
 from dem.record.stones_table import left_table, read_left, stones_table
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
-from dem.run.prepare import PreparedRun
+from dem.run.prepare import PreparedRun, told
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
@@ -84,8 +85,10 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
 
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
-    return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results),
-            **_outcome(prepared, plate, results)}
+    outcome = _outcome(prepared, plate, results)
+    late = told(momentum_warnings(outcome.get("momentum_missing")), prepared.source)
+    return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
+            "warnings": prepared.warnings + late}
 
 
 def _origin(prepared: PreparedRun) -> dict[str, Any]:
@@ -95,7 +98,6 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "scene": RecordedScene.model_validate(scene.model_dump(mode="json")),
         "scene_hash": prepared.scene_hash,
         "assumptions": list(scene.assumptions),
-        "warnings": prepared.warnings,
         "gangue_ratio": gangue_ratio(scene, list(prepared.assembly.stones), prepared.assembly.stone_mass_kg),
         "materials": prepared.assembly.stone_materials,
         "versions": versions(),
