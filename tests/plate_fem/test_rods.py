@@ -9,7 +9,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from lab.plate.rod_joint import joint
-from plate_fem.elements.mesh import default_mesh_size
+from plate_fem.elements.joints import joint_of
+from plate_fem.elements.mesh import bending_stiffness, default_mesh_size, shear_stiffness
 from plate_fem.elements.rods import attach
 from plate_fem.elements.system import assemble
 from plate_fem.modes import plate_modes
@@ -71,6 +72,26 @@ def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says():
         loads = (free[:, None] == np.array(part.top)).astype(float)
         moved = loads.T @ np.linalg.solve(part.stiffness.toarray()[np.ix_(free, free)], loads)
         assert moved == pytest.approx(np.array(of_rod) + np.array(of_joint) / (69e9 * a), rel=1e-4)
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
+def test_stub_and_head_of_a_rod_where_the_plate_bends_or_shears(theory):
+    """Energy over the disc, of w = x^2/2 bent and, with shear, of w = x: the plate's own times stub and area. The bent
+    plate lifts the head by the mean of w, (x0^2 + a^2/4)/2, and by the offset."""
+    table = plate(rods=[rod(0.1, 0.05)], theory=theory, max_frequency_Hz=2e3)
+    system, joint = assemble(table), joint_of(table, table.rods[0], theory)
+    bar, *_, stub = attach(system, table.rods[0], 2e3)
+    x = np.repeat(system.lines_x_m, len(system.lines_y_m))
+    u = np.zeros(system.size)
+    if theory == "kirchhoff":
+        u[: len(x)], u[len(x) : 2 * len(x)] = x**2 / 2, x
+        stiffness = bending_stiffness(table)
+        assert bar.rows @ u == pytest.approx((0.1**2 + 0.01**2 / 4) / 2 + joint.offset_m2, rel=1e-9)
+    else:
+        u[: len(x)], u[len(x) : 2 * len(x)] = x, 1.0
+        stiffness = shear_stiffness(table)
+    strain = stub.rows @ u
+    assert strain @ (stub.stiffness @ strain) == pytest.approx(stiffness * joint.stub * math.pi * 0.01**2, rel=1e-9)
 
 
 def test_solid_of_revolution_in_limits_that_are_known():
