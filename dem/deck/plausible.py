@@ -10,12 +10,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from common import hertz
-from common.scene.plate import FlexiblePlate, Rod
+from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.stones.stone import Stone
 from plate_fem.elements.joints import joint_range
 from plate_fem.elements.mesh import (
-    SHEAR_ERROR_ALLOWED, choose_theory, first_in_plane_Hz, highest_frequency_Hz, kirchhoff_error,
+    SHEAR_ERROR_ALLOWED,
+    choose_theory,
+    first_in_plane_Hz,
+    highest_frequency_Hz,
+    kirchhoff_error,
 )  # fmt: skip
 from plate_fem.solution.mode_count import least_modes
 
@@ -60,35 +64,35 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
 def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
     """One line for each reason for which the plate's modes are not to be trusted; `left_out` is the share of its energy
     above max_frequency_Hz. The plate's max_frequency_Hz is known."""
-    lines, shorter, theory = [], min(plate.length_m, plate.width_m), choose_theory(plate)
+    shorter, highest_Hz = min(plate.length_m, plate.width_m), highest_frequency_Hz(plate)
+    in_plane_Hz, lines = first_in_plane_Hz(plate), []
     if shorter < LEAST_SPAN * plate.thickness_m:
-        lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is {shorter / plate.thickness_m:.3g} "
-                     f"times as long; theories of plates are for {LEAST_SPAN} and more")
-    in_plane_Hz = first_in_plane_Hz(plate)
-    if in_plane_Hz < highest_frequency_Hz(plate) and least_modes(plate, in_plane_Hz) < FIRST_MODES:
-        lines.append(f"plate.max_frequency_Hz = {plate.max_frequency_Hz:g}: from about {in_plane_Hz:.2g} Hz there are modes "
-                     f"within the plane, which are left out, among the first {FIRST_MODES}")
-    if theory == "kirchhoff" and kirchhoff_error(plate) > SHEAR_ERROR_ALLOWED:
-        lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is {kirchhoff_error(plate):.2g} too "
-                     f"high, and {SHEAR_ERROR_ALLOWED:g} is allowed where theory = 'auto'")
+        lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is {shorter / plate.thickness_m:.3g} of "
+                     f"it; theories of plates are for {LEAST_SPAN} and more")
+    if in_plane_Hz < highest_Hz and least_modes(plate, in_plane_Hz) < FIRST_MODES:
+        lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about {in_plane_Hz:.2g} "
+                     f"Hz on, are left out, and the first is among the lowest {FIRST_MODES}")
+    if choose_theory(plate) == "kirchhoff" and kirchhoff_error(plate) > SHEAR_ERROR_ALLOWED:
+        lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is {kirchhoff_error(plate):.2g} "
+                     f"too high; 'auto' allows {SHEAR_ERROR_ALLOWED:g}")
     if left_out > MOST_LEFT_OUT:
-        lines.append(f"plate.max_frequency_Hz = {plate.max_frequency_Hz:.4g}: {left_out:.2g} of the plate's energy belongs "
-                     f"to modes above it; at most {MOST_LEFT_OUT:g} leaves forces and motion right")
-    return lines + [line for number, rod in enumerate(plate.rods) for line in _joint_beyond_what_is_known(plate, number, rod)]
+        lines.append(f"plate.max_frequency_Hz = {highest_Hz:.4g}: {left_out:.2g} of the plate's energy belongs to "
+                     f"modes above it; at most {MOST_LEFT_OUT:g} leaves forces and motion right")
+    return lines + [line for number in range(len(plate.rods)) for line in _unknown_joint(plate, number)]
 
 
-def _joint_beyond_what_is_known(plate: FlexiblePlate, number: int, rod: Rod) -> list[str]:
-    """A joint's table ends, and is of a rod in the middle of a plate."""
-    lines, (thinnest, thickest), (softest, stiffest) = [], *joint_range()
+def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:
+    """A joint is that of a rod far from edges, and its table ends."""
+    rod, name, lines = plate.rods[number], f"plate.rods.{number}", []
     to_edge = min(plate.length_m / 2 - abs(rod.x_m), plate.width_m / 2 - abs(rod.y_m))
     if to_edge < rod.diameter_m:
-        lines.append(f"plate.rods.{number}: stands {to_edge:.2g} m from an edge, less than its diameter; its joint is that "
-                     "of a rod far from edges")
-    for key, ratio, least, most in (("diameter_m", rod.diameter_m / 2 / plate.thickness_m, thinnest, thickest),
-                                    ("youngs_modulus_Pa", rod.youngs_modulus_Pa / plate.youngs_modulus_Pa, softest, stiffest)):
-        if not least <= ratio * (1 + 1e-9) <= most * (1 + 2e-9):
-            of = "half of it over the plate's thickness" if key == "diameter_m" else "over the plate's"
-            lines.append(f"plate.rods.{number}.{key} = {getattr(rod, key):g}: {of} is {ratio:.2g}; joints are known from "
+        lines.append(f"{name}: stands {to_edge:.2g} m from an edge, less than its diameter; its joint is that of a rod "
+                     "far from edges")
+    ratios = {"diameter_m": ("half of it over the plate's thickness", rod.diameter_m / 2 / plate.thickness_m),
+              "youngs_modulus_Pa": ("over the plate's it", rod.youngs_modulus_Pa / plate.youngs_modulus_Pa)}
+    for (key, (words, ratio)), (least, most) in zip(ratios.items(), joint_range(), strict=True):
+        if not 0.999 * least <= ratio <= 1.001 * most:
+            lines.append(f"{name}.{key} = {getattr(rod, key):g}: {words} is {ratio:.2g}; joints are known from "
                          f"{least:.2g} to {most:.2g}, and the nearest is taken")
     return lines
 
@@ -97,8 +101,8 @@ def momentum_warnings(missing: float | None) -> list[str]:
     """Of the share of the impulse on the plate that a run misses."""
     if missing is None or missing <= MOST_MISSING:
         return []
-    return [f"momentum_missing = {missing:.2g}: of the stones' impulse this share is neither in the rods, nor in the motion "
-            f"of plate and rods, nor taken by damping; at most {MOST_MISSING:g} is rounding of the record"]
+    return [f"momentum_missing = {missing:.2g}: this share of the stones' impulse is neither in the rods, nor in the "
+            f"motion of plate and rods, nor damped; at most {MOST_MISSING:g} is the record's"]
 
 
 def _stiffer_than_diamond(scene: Scene) -> list[str]:

@@ -9,7 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from common.channels import (
-    DAMPING_IMPULSE, RESPONSES, RODS_MOMENTUM, SENSORS, force_column, rod_column, sensor_column,
+    DAMPING_IMPULSE,
+    RESPONSES,
+    RODS_MOMENTUM,
+    SENSORS,
+    force_column,
+    rod_column,
+    sensor_column,
 )  # fmt: skip
 from common.files.parquet import Columns, write_parquet
 from common.scene.plate import FlexiblePlate

@@ -32,7 +32,8 @@ def stones_table(assembly: Assembly, step: TimeStep, pushes: Pushes, events: Col
                  ledger: StoneLedger) -> Columns:
     """A row a stone, in order, with what each is (dem.stones.stone.Stone), and:
 
-    waited_s until nothing was in its way, first_contact_s (to the end of a row of the fast stream), first_x_m, first_y_m, peak_force_N (mean over a co-step),
+    waited_s until nothing was in its way, first_contact_s (to the end of a row of the fast stream), first_x_m,
+    first_y_m, peak_force_N (mean over a co-step),
     impulse_Ns on the plate, broken_area_m2, left_mass_kg of its pieces that have left the plate for good, left_s when
     the last of them did, and where then, left_x_m, left_y_m. What did not happen is not a number.
     """

@@ -20,8 +20,8 @@ from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.coupling.launch import LIGGGHTS_VERSION
 from dem.coupling.monitor import check_closure
-from dem.deck.plausible import momentum_warnings
 from dem.deck.plate_yield import read_contacts, yield_report
+from dem.deck.plausible import momentum_warnings
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error

@@ -49,7 +49,7 @@ def test_a_stream_pushes_the_plate_as_much_as_it_pushes_its_rods(tmp_path, dampi
                                                       "rods_momentum_kg_m_s", "damping_impulse_N_s"))
     assert len(stones_of(scene, "stream")) == 40 and len(on_rods) == 4
     assert sum(on_rods) - sum(others) == pytest.approx(impulse, rel=1e-3) and run["momentum_missing"] < 1e-3
-    assert sum(on_rods) != pytest.approx(impulse, rel=1e-2)  # the plate still moves
+    assert abs(sum(others)) > 5e-3 * impulse  # the plate still moves
 
 
 @pytest.mark.parametrize("damping_ratio", [0.01, 0.9])

@@ -84,8 +84,8 @@ def test_signs_and_values_repeat_to_the_bit(modes):
 
 
 def test_rod_force_follows_the_deflection():
-    """In a mode, E A k / sin(k l) times the rise of the rod's head, which is the mean deflection over the disc and more by
-    its offset and by the joint, under its force there; k the wavenumber of the bar."""
+    """In a mode, E A k / sin(k l) times the rise of the rod's head, which is the mean deflection over the disc, more by
+    its offset and less by what the joint gives way; k the wavenumber of the bar."""
     table = plate(rods=four_rods(), max_frequency_Hz=600.0, theory="kirchhoff")
     modes, joint = plate_modes(table), joint_of(table, table.rods[0], "kirchhoff")
     k = 2 * np.pi * modes.frequency_Hz * np.sqrt(7830 / 207e9)

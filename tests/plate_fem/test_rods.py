@@ -60,13 +60,15 @@ def test_beam_stiffness_of_this_test_at_rest():
 def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says():
     """Side and turn of a beam's head under a push and a moment there: those of the rod below, and of its joint by the
     solid, which is solved anew; and so a bar under a pull."""
-    table = plate(rods=[rod(0.1, 0.05, diameter_m=0.014)], theory="mindlin", youngs_modulus_Pa=69e9, max_frequency_Hz=2e3)
+    rods = [rod(0.1, 0.05, diameter_m=0.014)]
+    table = plate(rods=rods, theory="mindlin", youngs_modulus_Pa=69e9, max_frequency_Hz=2e3)
     parts, found = attach(assemble(table), table.rods[0], 2e3), joint(0.35, 0.3, 3.0)
     a, area, bending = 0.007, math.pi * 0.007**2, 207e9 * math.pi * 0.014**4 / 64
     shear = 1.3 * 6 / 8.8 * 207e9 / 2.6 * area
+    across, along = 0.1**3 / 3 / bending + 0.1 / shear, -(0.1**2) / 2 / bending
     for part, of_rod, of_joint in (
             (parts[0], [[0.1 / 207e9 / area]], [[found["axial"]]]),
-            (parts[1], [[0.1**3 / 3 / bending + 0.1 / shear, -(0.1**2) / 2 / bending], [-(0.1**2) / 2 / bending, 0.1 / bending]],
+            (parts[1], [[across, along], [along, 0.1 / bending]],
              [[found["side"], found["side_turn"] / a], [found["side_turn"] / a, found["turn"] / a**2]])):
         free = np.setdiff1d(np.arange(part.stiffness.shape[0]), part.held)
         loads = (free[:, None] == np.array(part.top)).astype(float)
@@ -95,8 +97,8 @@ def test_stub_and_head_of_a_rod_where_the_plate_bends_or_shears(theory):
 
 
 def test_solid_of_revolution_in_limits_that_are_known():
-    """A rod almost without stiffness leaves the plate alone, whose lower face follows the mid-plane where Poisson's ratio
-    is zero. A stiff disc on a half-space turns by 3/4 (1 - nu^2)."""
+    """A rod almost without stiffness leaves the plate alone, whose lower face follows the mid-plane where Poisson's
+    ratio is zero. A stiff disc on a half-space turns by 3/4 (1 - nu^2)."""
     soft, stiff = joint(0.6, 0.0, 1e-6), joint(0.1, 0.3, 1e3, fine=2)
     assert abs(soft["stub"]) < 1e-5 and abs(soft["offset"]) < 1e-3
     assert stiff["turn"] == pytest.approx(0.75 * 0.91, rel=0.05)

@@ -174,7 +174,7 @@ def test_karas_plate():
 
 
 def test_energy_left_out_is_what_an_impact_leaves_out():
-    """Ball on a plate, its modes cut at 1.5 and 2 kHz, against all that matter: coal of the paper, 234 us, all over it."""
+    """Ball on a plate, its modes cut at 1.5 and 2 kHz, against all that matter: coal of the paper, 234 us."""
     table = plate(rods=four_rods(), max_frequency_Hz=12e3, theory="kirchhoff")
     modes = plate_modes(table)
 

@@ -278,7 +278,7 @@ THICK = {"length_m": 0.2, "width_m": 0.2, "thickness_m": 0.03}
 
 
 @pytest.mark.parametrize("changes, left_out, words", [
-    (THICK, 0.0, ["plate.thickness_m = 0.03", "6.67 times"]),
+    (THICK, 0.0, ["plate.thickness_m = 0.03", "6.67 of it"]),
     ({"length_m": 0.75, "width_m": 0.1, "thickness_m": 0.01, "rods": ()}, 0.0, ["within the plane"]),
     ({"theory": "kirchhoff"}, 0.0, ["plate.theory = 'kirchhoff'", "without shear"]),
     ({}, 0.06, ["plate.max_frequency_Hz = 2e+04", "0.06"]),
