@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from common.files.whole import read_json, write_json
 from common.scene.plate import Edge
-from common.scene.stones import StonePosition
+from common.scene.stones import Kind, StonePosition
 from common.tables import check
 
 
@@ -44,8 +44,10 @@ class RecordedStones(Recorded):
 
 
 class RecordedMaterial(Recorded):
-    """The elastic constants of a material or of the plate."""
+    """The elastic constants of a material or of the plate; `kind` of a material that is not named by stones.coal or
+    stones.gangue."""
 
+    kind: Kind | None = None
     density_kg_m3: float | None = None
     youngs_modulus_Pa: float | None = None
     poisson_ratio: float | None = None
@@ -91,7 +93,15 @@ class RecordedScene(Recorded):
     stones: RecordedStones = RecordedStones()
     materials: dict[str, RecordedMaterial] = {}
     contacts: dict[str, RecordedContact] = {}
+    scatter: dict[str, Any] = {}
     plate: RecordedPlate = RecordedPlate()
+
+
+    def kind_of(self, material: str) -> str:
+        """"coal" or "gangue", or the name of a material that says neither."""
+        table = self.materials.get(material)
+        by_name = {self.stones.coal: "coal", self.stones.gangue: "gangue"}
+        return (table.kind if table is not None else None) or by_name.get(material, material)
 
 
 class YieldReport(Recorded):
@@ -111,10 +121,12 @@ class RunSummary(Recorded):
 
     status: str
     scene: RecordedScene = RecordedScene()
-    scene_hash: str | None = None  # common.scene.scene.scene_hash of the scene as its file gave it
+    scene_hash: str | None = None  # common.scene.scene_hash of the scene as its file gave it
     assumptions: list[str] | dict[str, Any] = []
     gangue_ratio: Annotated[float, Field(ge=0, le=1)]
+    gangue_ratio_by_mass: float | None = None
     materials: list[str]
+    stones: dict[str, list[Any]] | None = None  # by column of stones.parquet, where the scene's scatter draws them
     versions: dict[str, str] | None = None
     seeds: list[int] | dict[str, int] | None = None  # of the packings
     deck_hash: str | None = None
@@ -130,6 +142,7 @@ class RunSummary(Recorded):
     n_bonds_broken: int | None = None
     n_bonds_broken_by_agglomerate: list[int] | None = None
     n_modes: int | None = None
+    fragment_size_over_subsphere: list[float | None] | None = None  # of each stone, None where bonds snap
     plate_energy_left_out: float | None = None  # share that would belong to modes above those kept
 
     peak_force_N: float | None = None

@@ -15,10 +15,10 @@ from markupsafe import Markup
 
 from analysis import Sweep, read_sweep
 from analysis.sweep.stream import is_stream
-from common.files.output_directory import begins_with, is_stamped, refuse_foreign_file, stamped
+from common.files.output_directory import is_stamped, refuse_foreign_file, stamped
 from common.files.whole import write_text
 from common.resources import resource
-from report import tables
+from report import tables, variation
 from report.breakage.chapter import BREAKAGE_FIGURES
 from report.breakage.claims import BREAKAGE_STATEMENTS
 from report.drawing.figure_spec import FigureSpec, FinishedFigure
@@ -48,10 +48,11 @@ TEMPLATES = resource("templates")
 #: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
-    ("Breakage", BREAKAGE_FIGURES, []),
+    ("Breakage", BREAKAGE_FIGURES, [variation.ONE_STONE]),
     ("Response of the plate", RESPONSE_FIGURES, []),
     ("Signals", SIGNAL_FIGURES, [tables.EMD_RULES, tables.STANDARDISED]),
     ("Recognition", RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED]),
+    ("With stones that vary", [], [variation.VARYING]),
 ]
 
 #: Of whose scene alone the page says what the paper states.
@@ -112,21 +113,30 @@ def write_report(directory: str | Path) -> Path:
     if all(is_stream(run) for run in sweep.runs):
         write_text(file, stamped(render_streams(sweep)))
         return file
-    refuse_foreign_file(file.with_name("claims.csv"), begins_with("claim,where,verdict,"))
+    refuse_foreign_file(file.with_name("claims.csv"), is_stamped)
     results = SweepResults(sweep)
     parts = _parts(results)
     parts = replace(parts, claims=[replace(c, value=local(c.value, results.sweep)) for c in parts.claims])
     if parts.claims:
-        write_text(file.with_name("claims.csv"), to_csv(parts.claims))
+        write_text(file.with_name("claims.csv"), stamped(to_csv(parts.claims), "# {}"))
     write_text(file, stamped(render(results, parts)))
     return file
 
 
 def _parts(results: SweepResults) -> Parts:
-    longest_first: list[Spec] = [table for _, _, chapter_tables in CHAPTERS for table in chapter_tables]
-    specs = [*longest_first, ANSWER, *(figure for _, figures, _ in CHAPTERS for figure in figures)]
-    of_paper = all(run.scene.name == PAPER for run in results.runs)
-    return make_parts(results, specs, STATEMENTS if of_paper else [[]])
+    chapters = chapters_of(results)
+    longest_first: list[Spec] = [table for _, _, chapter_tables in chapters for table in chapter_tables]
+    specs = [*longest_first, ANSWER, *(figure for _, figures, _ in chapters for figure in figures)]
+    return make_parts(results, specs, STATEMENTS if _is_of_paper(results) else [[]])
+
+
+def _is_of_paper(results: SweepResults) -> bool:
+    return all(run.scene.name == PAPER for run in results.runs)
+
+
+def chapters_of(results: SweepResults) -> list[tuple[str, list[FigureSpec], list[TableSpec]]]:
+    """Return the chapters of a sweep; draws of stones that vary stand beside the paper's scene alone."""
+    return [chapter for chapter in CHAPTERS if _is_of_paper(results) or variation.VARYING not in chapter[2]]
 
 
 def render(results: SweepResults, parts: Parts) -> str:
@@ -143,7 +153,7 @@ def render(results: SweepResults, parts: Parts) -> str:
         verdicts=[(verdict, counts[verdict]) for verdict in VERDICTS],
         chapters=[Chapter(title, [parts.finished[spec.key] for spec in figures],
                           [parts.finished[spec.key] for spec in chapter_tables])
-                  for title, figures, chapter_tables in CHAPTERS],
+                  for title, figures, chapter_tables in chapters_of(results)],
         runs=finish_table(tables.RUNS, results),
         assumptions=assumptions(results.sweep),
         **view_of(results, parts.films),

@@ -14,7 +14,8 @@ from common.tables import InputError, check
 from lab.scene_schema import PAGE, SCHEMA, scene_page, scene_schema
 
 ROOT = Path(__file__).resolve().parents[1]
-NOT_SCENES = ("campaign.toml", "dataset.toml", "dataset_held_out.toml", "streams.toml")  # plans of many runs
+NOT_SCENES = ("campaign.toml", "dataset.toml", "dataset_held_out.toml", "dataset_natural.toml",
+              "streams.toml")  # plans of many runs
 SCENES = sorted(file for file in (ROOT / "scenes").glob("*.toml") if file.name not in NOT_SCENES)
 PAPER = scene_tables(ROOT / "scenes" / "paper.toml")
 

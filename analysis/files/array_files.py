@@ -47,7 +47,7 @@ class Arrays:
     def rate_Hz(self, name: str) -> float | None:
         """The sample rate that the file gives for a signal, the nearest group first."""
         numbers = {key.lower(): value for key, value in self.numbers.items()}
-        for place in (name.split(":")[0], *_groups(name)):
+        for place in (name, name.split(":")[0], *_groups(name)):
             for key in RATES:
                 if f"{place}/{key}".lstrip("/").lower() in numbers:
                     return numbers[f"{place}/{key}".lstrip("/").lower()]

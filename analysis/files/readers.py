@@ -1,4 +1,4 @@
-"""One signal from a file: run directories, tables, sound files, UFF-58, HDF5 and MATLAB of measurement systems."""
+"""Signals from a file: run directories, tables, sound files, UFF-58, HDF5, MATLAB and LabVIEW."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analysis.files.array_files import Arrays, read_hdf5, read_matlab
+from analysis.files.labview_files import read_lvm, read_tdms
 from analysis.files.sound_files import read_flac, read_wav
 from analysis.files.text_tables import name_and_unit, plain_unit, read_plain_table, read_text_table
 from analysis.files.uff_files import read_uff
-from analysis.signals.records import Record, RecordError, sample_rate_Hz
+from analysis.signals.frequency_responses import OF_A_TABLE, as_tap, impulse_response
+from analysis.signals.records import Record, RecordError, chosen, sample_rate_Hz
 from common.files.parquet import read_numbers, read_parquet
 from common.input_error import InputError, refuse_unreadable
 from common.process.processes import Crashed, apart
@@ -27,7 +29,8 @@ SHORT_BYTES = 3e6  # of a table that is read sooner than pandas is imported
 TABLES = (".parquet", ".csv", ".txt")
 CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read_uff}
 ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5}
-ENDINGS = (*TABLES, *CHANNELS, *ARRAYS)
+LABVIEW = {".lvm": read_lvm, ".tdms": read_tdms}
+ENDINGS = (*TABLES, *CHANNELS, *ARRAYS, *LABVIEW)
 TIME_COLUMNS = ("t_s", "time_s", "time", "t")
 # What such a column is called elsewhere, without the unit that follows in brackets.
 TIME_WORDS = ("t", "time", "time_s", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
@@ -66,16 +69,52 @@ def read_record(
     ending = path.suffix.lower()
     if ending in TABLES:
         record = _from_table(_plain_table(path) or _columns(read_table(path)), str(path), column, time, rate_Hz)
-    elif ending in ARRAYS:
+    elif ending in (*ARRAYS, *LABVIEW):
         record = _from_arrays(_arrays(path), str(path), column, time, rate_Hz)
     elif ending in CHANNELS:
-        record = CHANNELS[ending](path, column)
+        record = chosen(path, column, CHANNELS[ending](path))
         _check_rate(record.name, rate_Hz, record.rate_Hz, "the file")
     else:
         raise RecordError(f"{path}: ending {path.suffix!r}; needs one of {', '.join(ENDINGS)}")
     if not (np.isfinite(scale) and scale != 0):
         raise RecordError(f"{path}: scale = {scale}; must be finite and not 0")
     return replace(record, values=scale * record.values, unit=unit or record.unit)
+
+
+def read_signals(path: str | Path) -> pd.DataFrame:
+    """Return all signals of a run directory or a file as a table with the times `t_s`, `NAME [unit]` being called what
+    no ending says. Frequency responses become a tap of 1 N s, `force_N`. Raises RecordError where signals do not share
+    rate and length."""
+    import pandas as pd
+
+    path = Path(path) / "signals.parquet" if Path(path).is_dir() else Path(path)
+    ending = path.suffix.lower()
+    if ending not in (*CHANNELS, *ARRAYS, *LABVIEW):
+        table = read_table(path)
+        time = _time_of(list(map(str, table.columns)), str(path), None)
+        if time in (None, "t_s"):
+            return table
+        return table.assign(t_s=_seconds(time, _numbers(table[time]), str(path))).drop(columns=time)
+    _refuse_unreadable(path)
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file")
+    if ending in CHANNELS:
+        records = {name: read() for name, read in CHANNELS[ending](path).items()}
+    else:
+        arrays = _arrays(path)
+        records = {name: _from_arrays(arrays, str(path), name, None, None) for name in arrays.signals
+                   if not _says_time(_last(name))}
+    if len({(record.values.size, record.rate_Hz) for record in records.values()}) != 1:
+        names = ", ".join(list(records)[:12])
+        raise RecordError(f"{path}: needs signals of one rate and one length; has {names or 'none'}")
+    records = as_tap(records)
+    t_s = next(iter(records.values())).t_s
+    signals = {_with_unit(_last(name), record.unit): record.values for name, record in records.items()}
+    return pd.DataFrame({"t_s": t_s, **signals})
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return name if unit_of(name) == unit else f"{name} [{unit}]"
 
 
 def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -120,7 +159,9 @@ def _plain_table(path: Path) -> dict[str, np.ndarray]:
 
 
 def _arrays(path: Path) -> Arrays:
-    """Read in a process of its own: a damaged MATLAB file can crash scipy, as can HDF5's library."""
+    """MATLAB and HDF5 files are read in a process of their own: a damaged one can crash scipy, or HDF5's library."""
+    if path.suffix.lower() in LABVIEW:
+        return LABVIEW[path.suffix.lower()](path)
     try:
         return apart(lambda: ARRAYS[path.suffix.lower()](path))
     except Crashed:
@@ -137,6 +178,9 @@ def _refuse_unreadable(path: Path) -> None:
 def _from_table(table: Mapping[str, Any], source: str, column: str | None, time: str | None,
                 rate_Hz: float | None) -> Record:
     names = list(table)
+    if [name_and_unit(name)[0].lower() for name in names] == list(OF_A_TABLE):
+        frequency_Hz, real, imaginary = (_numbers(table[name]) for name in names)
+        return impulse_response(frequency_Hz, real + 1j * imaginary, name_and_unit(names[1])[1] or "1", source)
     time = _time_of(names, source, time)
     column = _signal_of([name for name in names if name != time], source, column)
     t_s = None if time is None else _seconds(time, _numbers(table[time]), source)
@@ -148,7 +192,7 @@ def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | No
     names = [name for name in arrays.signals if not _says_time(_last(name)) and _last(name) != time]
     column = _signal_of(names, source, column)
     beside, values = arrays.beside(column), arrays.signals[column]
-    unit = plain_unit(arrays.units.get(column.split(":")[0], unit_of(_last(column))))
+    unit = plain_unit(arrays.units.get(column) or arrays.units.get(column.split(":")[0]) or unit_of(_last(column)))
     time = _time_of(list(beside), source, time)
     if time is not None:
         t_s = _seconds(time, beside[time], source)

@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import struct
 import warnings
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from analysis.signals.records import Record, RecordError, chosen
+from analysis.signals.records import Channels, Record, RecordError
 
 # What scipy raises for a broken file, found by tests/fuzz.
 BROKEN_WAV = (OSError, ValueError, EOFError, TypeError, UnboundLocalError, ZeroDivisionError, struct.error)
 
 
-def read_wav(path: str | Path, channel: str | None = None) -> Record:
-    """Return one channel of a WAV file; whole numbers become shares of full scale, -1..1.
-
-    The channel is a number from 0, needed where there are several. `scale` of `read_record` calibrates the samples.
-    Raises RecordError if the file cannot be read or the channel is left open.
-    """
+def read_wav(path: Path) -> Channels:
+    """The channels of a WAV file by their numbers; whole numbers become shares of full scale, -1..1, which `scale` of
+    `read_record` calibrates. Raises RecordError."""
     from scipy.io import wavfile
 
-    path = Path(path)
     try:
         with warnings.catch_warnings():
             # Chunks beside the samples (calibration notes of a recorder) are no fault.
@@ -32,12 +29,11 @@ def read_wav(path: str | Path, channel: str | None = None) -> Record:
         raise RecordError(f"{path}: not a readable WAV file ({error})") from None
     if samples.size == 0:
         raise RecordError(f"{path}: holds no samples")
-    return _channel(path, _shares_of_full_scale(samples), rate_Hz, channel)
+    return _channels(path, _shares_of_full_scale(samples), rate_Hz)
 
 
-def read_flac(path: str | Path, channel: str | None = None) -> Record:
-    """Return one channel of a FLAC file, as `read_wav`. Raises RecordError also where soundfile is missing."""
-    path = Path(path)
+def read_flac(path: Path) -> Channels:
+    """The channels of a FLAC file, as `read_wav`. Raises RecordError also where soundfile is missing."""
     try:
         import soundfile
     except (ImportError, OSError):  # OSError: without the library libsndfile
@@ -49,7 +45,7 @@ def read_flac(path: str | Path, channel: str | None = None) -> Record:
         raise RecordError(f"{path}: not a readable FLAC file ({' '.join(str(error).split())})") from None
     if samples.size == 0:
         raise RecordError(f"{path}: holds no samples")
-    return _channel(path, samples, rate_Hz, channel)
+    return _channels(path, samples, rate_Hz)
 
 
 def _shares_of_full_scale(samples: np.ndarray) -> np.ndarray:
@@ -60,8 +56,7 @@ def _shares_of_full_scale(samples: np.ndarray) -> np.ndarray:
     return (samples - centre) / (centre or -float(np.iinfo(samples.dtype).min))
 
 
-def _channel(path: Path, samples: np.ndarray, rate_Hz: float, channel: str | None) -> Record:
-    """One of the channels of samples (n,) or (n, channels)."""
-    samples = samples.reshape(len(samples), -1)
-    number = chosen(path, channel, [str(i) for i in range(samples.shape[1])])
-    return Record(samples[:, number], float(rate_Hz), "1", f"{path}: {number}")
+def _channels(path: Path, samples: np.ndarray, rate_Hz: float) -> Channels:
+    """Of samples (n,) or (n, channels)."""
+    return {str(k): partial(Record, one, float(rate_Hz), "1", f"{path}: {k}")
+            for k, one in enumerate(samples.reshape(len(samples), -1).T)}

@@ -2,7 +2,8 @@
 
 The layout follows from the lines that hold nothing but numbers. The separator is a semicolon, a tab, a comma or blanks,
 whichever makes most lines such lines; a comma that does not separate is the decimal mark. The names stand in the line
-above the numbers, a line of units between them where there is one. What stands further above is passed over.
+above the numbers, lines of units between them where there are any. What stands further above is passed over. Two
+columns of whole numbers without names may as well be one with a decimal comma, and are refused.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import codecs
 import re
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,10 +24,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 HEAD_LINES = 300  # that the layout is found from
+FRACTION = re.compile(r"\d+([eE][-+]?\d+)?")
 LAYOUTS: tuple[tuple[str | None, str], ...] = (
     (";", "."), (";", ","), ("\t", "."), ("\t", ","), (",", "."), (None, "."), (None, ","))
 BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
-UNITS = {*UNIT_BY_SUFFIX.values(), "ms", "us", "min", "h", "g", "kg", "mm", "mm/s", "kN", "V", "mV", "mA", "%", "-"}
+UNITS = {*UNIT_BY_SUFFIX.values(), "ms", "us", "min", "h", "g", "kg", "mm", "mm/s", "mm/s^2",
+         "kN", "V", "mV", "mA", "%", "-"}
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ def read_plain_table(path: Path) -> dict[str, np.ndarray]:
 
 def _looked_at(path: Path) -> tuple[str, list[str], Layout | None]:
     """Encoding, first lines, and layout of a file."""
-    encoding = _encoding(path)
+    encoding = encoding_of(path)
     with path.open(encoding=encoding, newline=None) as file:
         head = [line.rstrip("\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
     return encoding, head, find_layout(head, str(path))
@@ -97,12 +101,22 @@ def find_layout(head: list[str], source: str) -> Layout | None:
     if not found:
         return None
     _, named, layout = max(found, key=lambda one: one[:2])
+    if (layout.separator, layout.width, named) == (",", 2, False):
+        _refuse_fractions(head, layout, source)
     above = [k for k in range(layout.first) if head[k].strip()]
     if named and len(above) > 1:
         cells = _split(head[above[-1]], layout.separator)
         if any(_is_number(cell, layout.decimal) for cell in cells):
             raise RecordError(f"{source}: line {above[-1] + 1} holds words and numbers; needs names, or numbers alone")
     return layout
+
+
+def _refuse_fractions(head: list[str], layout: Layout, source: str) -> None:
+    """Raises RecordError where every second cell may be the digits behind a decimal comma."""
+    rows = [_split(line, ",") for line in head[layout.first:]]
+    if all(len(row) != 2 or FRACTION.fullmatch(row[1]) and "." not in row[0] for row in rows):
+        raise RecordError(f"{source}: line {layout.first + 1}: {','.join(rows[0])!r} is one number with a decimal "
+                          "comma, or two numbers; needs a line of names above, of one word or of two with a comma")
 
 
 def _try(head: list[str], separator: str | None, decimal: str) -> tuple[int, bool, Layout] | None:
@@ -122,13 +136,18 @@ def _try(head: list[str], separator: str | None, decimal: str) -> tuple[int, boo
 
 def _names(above: list[str], separator: str | None, width: int) -> list[str] | None:
     """Names from the lines above the numbers, with the units that stand below them; None where there are none."""
-    lines = [_split(line.lstrip("#% "), separator) for line in above[-2:]]
-    if not lines or len(lines[-1]) != width:
-        return None
-    *higher, names = lines
-    if higher and len(higher[0]) == width and all(plain_unit(cell) in UNITS for cell in names):
-        return [f"{name} [{unit.strip('[]()')}]" for name, unit in zip(higher[0], names, strict=True)]
-    return names
+    lines = [_split(line.lstrip("#% "), separator) for line in above[-4:]]
+    lowest = next((k for k in range(len(lines) - 1, -1, -1) if not _are_units(lines[k])), -1)
+    if 0 <= lowest < len(lines) - 1 and len(lines[lowest]) == width:
+        units = [cell.replace(")(", "/").strip("[]()") for cell in max(lines[lowest + 1:], key=len)]
+        return [f"{name} [{unit}]" if unit else name for name, unit in zip_longest(lines[lowest], units, fillvalue="")]
+    return lines[-1] if lines and len(lines[-1]) == width else None
+
+
+def _are_units(cells: list[str]) -> bool:
+    """Those of the columns, (m/s²)(N) being a ratio, or the word that announces them."""
+    parts = [part for cell in cells for part in re.findall("[^()]+", cell)]
+    return cells == ["Units:"] or all(plain_unit(part) in UNITS for part in parts)
 
 
 def plain_unit(text: str) -> str:
@@ -167,7 +186,7 @@ def _is_number(cell: str, decimal: str) -> bool:
     return True
 
 
-def _encoding(path: Path) -> str:
+def encoding_of(path: Path) -> str:
     """That of the file's mark, else UTF-8 if it can be that, else Windows' western one."""
     with path.open("rb") as file:
         data = file.read(1 << 16)

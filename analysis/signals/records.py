@@ -7,6 +7,7 @@ that features, EMD and spectra can be taken from a measurement as well as from a
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeGuard
@@ -76,6 +77,9 @@ class Record:
         return self.t0_s + np.arange(self.values.size) / self.rate_Hz
 
 
+Channels = dict[str, Callable[[], Record]]  # of a file, by name
+
+
 def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
     """Return the sample rate of times (n,). Raises RecordError where they are not uniformly spaced, or closer than
     anything is sampled."""
@@ -95,14 +99,15 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
     return 1.0 / dt_s
 
 
-def chosen(path: str | Path, asked: str | None, names: list[str]) -> int:
-    """Return the number of the signal `asked`, or 0 where there is but one. Raises RecordError."""
-    if asked is None and len(names) == 1:
-        return 0
-    if asked not in names:
+def chosen(path: str | Path, asked: str | None, channels: Channels) -> Record:
+    """Return the channel `asked`, a name or a number from 0, or the only one. Raises RecordError."""
+    numbers = dict(zip(map(str, range(len(channels))), channels.values(), strict=True))
+    if asked is None and len(channels) == 1:
+        return numbers["0"]()
+    if asked not in {**numbers, **channels}:
         found = "none named" if asked is None else f"no signal {asked!r}"
-        raise RecordError(f"{path}: {found}; choose one of 0..{len(names) - 1}")
-    return names.index(asked)
+        raise RecordError(f"{path}: {found}; choose one of 0..{len(channels) - 1}")
+    return {**numbers, **channels}[asked]()
 
 
 def as_record(

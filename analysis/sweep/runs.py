@@ -61,8 +61,7 @@ class Run:
     @property
     def materials(self) -> list[str]:
         """Material of each agglomerate, "coal" or "gangue", in order, whatever the scene names them."""
-        kind = {self.scene.stones.coal: "coal", self.scene.stones.gangue: "gangue"}
-        return [kind.get(name, name) for name in self.summary.materials]
+        return [self.scene.kind_of(name) for name in self.summary.materials]
 
     @property
     def t_s(self) -> np.ndarray:

@@ -31,7 +31,7 @@ def fallen(run: Run) -> pd.DataFrame:
     missing = [name for name in COLUMNS if name not in table.columns]
     if missing:
         raise RecordError(f"{file}: no column {missing[0]!r}; needs {', '.join(COLUMNS)}")
-    return table.assign(is_gangue=table["material"] == run.scene.stones.gangue)
+    return table.assign(is_gangue=table["material"].map(run.scene.kind_of) == "gangue")
 
 
 def true_ratio(stones: pd.DataFrame, begin_s: float, end_s: float, by: By = "mass") -> float:

@@ -3,11 +3,11 @@
 One entry is a file of named arrays under a key, which is a hash of everything that the arrays follow from. Many
 processes may ask for one key at once: the first finds the arrays while the others wait for it. A file that is damaged
 or foreign is found out by its hash and made anew. The directory is bounded: what was not used for longest goes first.
+diskcache checks no hash, unpickles what it finds, and lets all who miss find the same.
 """
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import io
 import os
@@ -129,6 +129,11 @@ def _as_arrays(found: Mapping[str, Any]) -> Arrays:
 @contextmanager
 def _locked(directory: Path, kind: str, key: str) -> Iterator[None]:
     """Hold the lock of a key, which the kernel lets go of when the process dies. Raises BeingFound, CannotKeep."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        raise CannotKeep("this system has no locks") from None
+
     try:
         directory.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(directory / f"{kind}-{int(key, 16) % LOCKS}.lock", os.O_RDWR | os.O_CREAT, 0o600)

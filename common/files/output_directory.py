@@ -3,11 +3,13 @@
 A directory that this program wrote says so in `contents.json`: its kind, and for a directory that is replaced as a
 whole the files in it with their hashes. Nothing that is not in that list, as it was written, is ever deleted. A single
 file holds its hash itself: JSON as common.files.whole.seal puts it, other text in a comment at its end.
+
+A lock is a descriptor that processes which are started inherit, and lasts until all have ended, the engine included;
+that of filelock ends with the process that took it.
 """
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
@@ -190,6 +192,8 @@ def _is_foreign(entry: Path) -> bool:
 def locked(file: Path, wait_s: float = 0.0) -> int:
     """Lock a file, made where there is none, and return its descriptor; the lock lasts until all its copies are closed.
     Raises Busy if another process has it for longer than `wait_s`."""
+    import fcntl  # late: Windows has none, and what writes no directories works there
+
     deadline = time.monotonic() + wait_s
     while True:
         lock = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
@@ -268,8 +272,3 @@ def is_sealed_as(form: str) -> IsOwn:
             return False
         return isinstance(data, dict) and data.get("format") == form and is_sealed(data)
     return is_own
-
-
-def begins_with(line: str) -> IsOwn:
-    """Tells whether a table has this first line, or as much of it as is given."""
-    return lambda content: content.startswith(line.encode())

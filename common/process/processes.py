@@ -21,7 +21,7 @@ PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
 _work: Callable[[int], Any]
 
 
-def die_with_parent(by: int = signal.SIGKILL) -> None:
+def die_with_parent(by: int = getattr(signal, "SIGKILL", 0)) -> None:  # Windows has none
     """Called in a new process: the kernel sends it a signal when the one that started it is gone."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, by)
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from common.tables import Positive, Refused, Table, about
 
 POINTS = 2001  # of a distribution function that is inverted
+CUT_OFF = 3.0  # standard deviations of a logarithm
 
 
 class _Bounded(Table):
@@ -44,13 +45,16 @@ class Distribution(Table):
     uniform: Annotated[tuple[float, float] | None, about("least and most, by number")] = None
     lognormal: Annotated[LogNormal | None, about("a lognormal law by number, cut off")] = None
     rosin_rammler: Annotated[RosinRammler | None, about("a law of sizes by mass, cut off")] = None
+    lognormal_cv: Annotated[Annotated[float, Field(gt=0, le=0.5)] | None, about(
+        "of a factor: coefficient of variation of a lognormal law of mean 1 by number, cut off at three standard "
+        "deviations of its logarithm")] = None
 
     @model_validator(mode="after")
     def _one_law(self) -> Self:
         given = [name for name in type(self).model_fields if getattr(self, name) is not None]
         if len(given) != 1:
             raise Refused("uniform", self.uniform,
-                          "one of a number, uniform, lognormal and rosin_rammler must be given")
+                          "one of a number, uniform, lognormal, rosin_rammler and lognormal_cv must be given")
         if self.uniform is not None and self.uniform[1] < self.uniform[0]:
             raise Refused("uniform", self.uniform, "must ascend")
         return self
@@ -58,7 +62,7 @@ class Distribution(Table):
     @property
     def bounds(self) -> tuple[float, float]:
         """No value is smaller or larger."""
-        law = self.lognormal or self.rosin_rammler
+        law = self._lognormal or self.rosin_rammler
         if law is not None:
             return law.least, law.most
         if self.uniform is not None:
@@ -66,13 +70,22 @@ class Distribution(Table):
         assert self.value is not None
         return self.value, self.value
 
+    @property
+    def _lognormal(self) -> LogNormal | None:
+        if self.lognormal_cv is None:
+            return self.lognormal
+        sigma = float(np.sqrt(np.log1p(self.lognormal_cv**2)))
+        median = float(np.exp(-sigma**2 / 2))
+        return LogNormal(median=median, sigma=sigma, least=median * float(np.exp(-CUT_OFF * sigma)),
+                         most=median * float(np.exp(CUT_OFF * sigma)))
+
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """(count,) values."""
         share = rng.uniform(size=count)
         least, most = self.bounds
-        if self.lognormal is not None:
+        if (lognormal := self._lognormal) is not None:
             log = np.linspace(np.log(least), np.log(most), POINTS)
-            density = np.exp(-((log - np.log(self.lognormal.median)) / self.lognormal.sigma) ** 2 / 2)
+            density = np.exp(-((log - np.log(lognormal.median)) / lognormal.sigma) ** 2 / 2)
             return np.exp(_inverse(log, density, share))
         if self.rosin_rammler is not None:
             law, log = self.rosin_rammler, np.linspace(np.log(least), np.log(most), POINTS)
@@ -93,7 +106,7 @@ def _from_number(value: Any) -> Any:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return {"value": float(value)}
     if not isinstance(value, (dict, Distribution)):
-        raise ValueError("must be a number or a table with uniform, lognormal or rosin_rammler")
+        raise ValueError("must be a number or a table with uniform, lognormal, rosin_rammler or lognormal_cv")
     return value
 
 

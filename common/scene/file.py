@@ -10,19 +10,21 @@ from common.scene.stones import ONLY_VOLLEY, WAYS
 from common.tables import InputError, read_toml
 
 MOST_BASES = 10  # one from another
-OF_A_MATERIAL = ("density_kg_m3", "youngs_modulus_Pa", "poisson_ratio", "contact_strength_Pa", "bond")
+OF_A_MATERIAL = ("kind", "density_kg_m3", "youngs_modulus_Pa", "poisson_ratio", "contact_strength_Pa", "bond")
 
 
-def scene_tables(path: str | Path, through: tuple[Path, ...] = ()) -> dict[str, Any]:
+def scene_tables(path: str | Path, through: tuple[Path, ...] = (), sought: str = "") -> dict[str, Any]:
     """The tables of a scene with those of its `base`, less the keys of `without`, under its own, table by table; with
     materials read from their files, and whole paths of shapes. Files are beside the scene that names them.
 
-    through: scenes that begin from this one, one from another. Raises InputError.
+    through: scenes that begin from this one, one from another. sought: a material whose file need not be there yet.
+    `targets`, what a calibration fits, is no part of a scene. Raises InputError.
     """
     data = _with_base(Path(path), through)
+    data.pop("targets", None)
     materials, shapes = data.get("materials"), data.get("shapes")
     if isinstance(materials, dict):
-        data["materials"] = {key: _material(Path(path), key, value) if isinstance(value, str) else value
+        data["materials"] = {key: _material(Path(path), key, value, sought) if isinstance(value, str) else value
                              for key, value in materials.items()}
     for table in shapes.values() if isinstance(shapes, dict) else ():
         if isinstance(table, dict) and isinstance(table.get("file"), str):
@@ -87,8 +89,9 @@ def _merged(under: Any, over: Any) -> Any:
     return under | {key: _merged(under[key], value) if key in under else value for key, value in over.items()}
 
 
-def _material(path: Path, key: str, name: str) -> dict[str, Any]:
+def _material(path: Path, key: str, name: str, sought: str) -> dict[str, Any]:
     if not name.isidentifier():
         raise InputError(f"{path}: materials.{key} = {name!r}: must be a table, or the name of a file in materials/")
-    table = read_toml(_found(path, f"materials/{name}.toml", "scenes"))
+    file = _found(path, f"materials/{name}.toml", "scenes")
+    table = {} if key == sought and not file.exists() else read_toml(file)
     return {of: table[of] for of in OF_A_MATERIAL if of in table}

@@ -72,11 +72,6 @@ class Walls(Table):
 
     edges: Annotated[tuple[Edge, ...], Field(min_length=1), about("edges of the plate that have a wall")]
     height_m: Annotated[Positive, about("height above the plate's top face")]
-    # LIGGGHTS refuses a restitution of 0.05 and less.
-    restitution: Annotated[Annotated[float, Field(gt=0.05, le=1)] | None, about(
-        "coefficient of restitution of stones with the walls; absent: that with the plate")] = None
-    friction: Annotated[Annotated[float, Field(ge=0, le=10)] | None, about(
-        "coefficient of friction of stones with the walls; absent: that with the plate")] = None
 
     @model_validator(mode="after")
     def _distinct(self) -> Self:
@@ -123,18 +118,15 @@ class RigidPlate(Plate):
 class FlexiblePlate(Plate):
     """A plate that bends, described by its modes up to `max_frequency_Hz`.
 
-    The frequency may be given. Otherwise it follows from `truncation_tolerance`, the share of the impact energy that
-    the modes left out may have (plate_fem/truncation.py, which needs the contact time), or from the tolerance of the
-    scene.
+    The frequency is given, or follows from the tolerance of the scene.
     """
 
     model: Annotated[Literal["flexible"], about("a plate that bends")]
     thickness_m: Annotated[Positive, about("thickness, at most a fifth of the shorter side")]
     theory: Annotated[Literal["auto", "kirchhoff", "mindlin"], about("plate theory (docs/plate.md)")] = "auto"
     edges: Annotated[Literal["free", "simply_supported", "clamped"], about("how all four edges are held")] = "free"
-    max_frequency_Hz: Annotated[Positive | None, about("frequency up to which modes are kept")] = None
-    truncation_tolerance: Annotated[Annotated[float, Field(ge=1e-6, le=0.5)] | None, about(
-        "share of the impact energy that the modes left out may have; instead of max_frequency_Hz")] = None
+    max_frequency_Hz: Annotated[Positive | None, about(
+        "frequency up to which modes are kept; absent where the scene has a tolerance")] = None
     damping_ratio: Annotated[float, Field(ge=0, lt=1), about("damping ratio of every mode")]
     mesh_size_m: Annotated[Positive | None, about(
         "side of a finite element; absent: from max_frequency_Hz, rods and supports")] = None
@@ -147,13 +139,6 @@ class FlexiblePlate(Plate):
     def accelerometers(self) -> tuple[Sensor, ...]:
         """The sensors of acceleration, which recognition takes."""
         return tuple(sensor for sensor in self.sensors if sensor.kind == "acceleration")
-
-    @model_validator(mode="after")
-    def _one_limit(self) -> Self:
-        if self.max_frequency_Hz is not None and self.truncation_tolerance is not None:
-            allowed = "must be left out where max_frequency_Hz is given"
-            raise Refused("truncation_tolerance", self.truncation_tolerance, allowed)
-        return self
 
     @model_validator(mode="after")
     def _inside(self) -> Self:

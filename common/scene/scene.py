@@ -18,8 +18,9 @@ from common.input_error import MOST_DEEP
 from common.scene.error_laws import least_tolerance
 from common.scene.file import scene_tables
 from common.scene.plate import PlateTable, refuse_density
+from common.scene.scatter import OF_DRAWN, ScatterTable
 from common.scene.shapes import ShapeTable
-from common.scene.stones import SPHERE, AgglomerateTable, StonesTable
+from common.scene.stones import SPHERE, AgglomerateTable, Kind, StonesTable
 from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
@@ -64,6 +65,10 @@ class BondTable(Table):
     pressure_threshold_Pa: Annotated[NotNegative, about("mean pressure from which the tensile strength rises")] = 0.0
     fracture_energy_J_m2: Annotated[Positive | None, about(
         "energy over its section that a bond takes to break as it softens; without it bonds snap")] = None
+    flaw_modulus: Annotated[Annotated[float, Field(ge=1, le=100)] | None, about(
+        "Weibull modulus of the strengths from place to place in a stone; absent: all bonds are alike")] = None
+    flaw_length_m: Annotated[Positive | None, about(
+        "distance over which the correlation of these strengths falls to 1/e; goes with flaw_modulus")] = None
 
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
@@ -71,6 +76,12 @@ class BondTable(Table):
             if getattr(self, key) < LEAST_STRENGTH_Pa:
                 raise Refused(key, getattr(self, key), f"must be at least {LEAST_STRENGTH_Pa:g}, the weight of half a "
                               "centimetre of rock: anything less is loose already")
+        return self
+
+    @model_validator(mode="after")
+    def _whole_field(self) -> Self:
+        if (self.flaw_modulus is None) != (self.flaw_length_m is None):
+            raise Refused("flaw_length_m", self.flaw_length_m, "must be given with flaw_modulus, and only with it")
         return self
 
     @model_validator(mode="after")
@@ -87,6 +98,9 @@ class BondTable(Table):
 class MaterialTable(Table):
     """A material of stones."""
 
+    kind: Annotated[Kind | None, about(
+        "what its stones count as in the mixing ratio; absent: as the name says, where it is that of stones.coal or "
+        "stones.gangue")] = None
     density_kg_m3: Annotated[Positive, about("density", paper="Table 1: coal 1380, gangue 2400")]
     youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa), about(
         "Young's modulus", paper="Table 1: coal 5.12e9, gangue 9.966e9")]
@@ -154,7 +168,7 @@ class Scene(Table):
         "keys whose values are assumed, for the reader; run.json repeats them")] = ()
     tolerance: Annotated[Annotated[float, Field(gt=0, le=0.1)] | None, about(
         "relative error that time step, co-step and modes together may make; it takes the place of time.time_step_s, "
-        "time.co_step, plate.max_frequency_Hz and plate.truncation_tolerance (docs/accuracy.md)")] = None
+        "time.co_step and plate.max_frequency_Hz (docs/accuracy.md)")] = None
     time: Annotated[TimeTable, about("how long the run is, and in which steps")]
     stones: Annotated[StonesTable, about("the stones, where they are, and how they arrive")]
     shapes: Annotated[
@@ -165,7 +179,9 @@ class Scene(Table):
         about(
             "materials of the stones, by name; a text names a file in materials/, beside the scene or shipped")]
     contacts: Annotated[dict[str, ContactTable], about(
-        "contacts by pair of materials in alphabetic order, the plate last: coal_gangue, coal_plate")]
+        "contacts by pair of materials, or of their kinds, in alphabetic order, the plate last: coal_gangue, "
+        "coal_plate")]
+    scatter: Annotated[ScatterTable, about("what each stone has of its own")] = ScatterTable()
     plate: Annotated[PlateTable, about("the plate")]
     output: Annotated[OutputTable, about("what is written besides the signals")] = OutputTable()
     engine: Annotated[EngineTable, about("how the engine runs")] = EngineTable()
@@ -177,6 +193,12 @@ class Scene(Table):
                 raise Refused(key, name, f"unknown material; materials here are {sorted(self.materials)}")
             if self.stones.agglomerate and self.materials[name].bond is None:
                 raise Refused(f"materials.{name}.bond", None, "must be given, as stones.agglomerate needs it")
+            if self._kind_by_name(name) is None and self.materials[name].kind is None:
+                raise Refused(f"materials.{name}.kind", None, "must be given, \"coal\" or \"gangue\": stones of it "
+                              "count in the mixing ratio")
+            if self._kind_by_name(name) not in (None, self.kind_of(name)):
+                raise Refused(f"materials.{name}.kind", self.materials[name].kind,
+                              f"must be \"{self._kind_by_name(name)}\", as stones.{self._kind_by_name(name)} says")
         if self.plate.youngs_modulus_Pa < LEAST_MODULUS_Pa:
             raise Refused("plate.youngs_modulus_Pa", self.plate.youngs_modulus_Pa,
                           f"must be at least {LEAST_MODULUS_Pa:g}")
@@ -189,7 +211,27 @@ class Scene(Table):
             raise Refused("materials", PLATE, "must be another name, this one is the plate's")
         self._check_shapes()
         self._check_contacts()
+        self._check_scatter()
         return self
+
+    def _kind_by_name(self, material: str) -> Kind | None:
+        return "coal" if material == self.stones.coal else "gangue" if material == self.stones.gangue else None
+
+    def kind_of(self, material: str) -> Kind | None:
+        """What stones of a material count as; None of one that does not fall and does not say."""
+        return self.materials[material].kind or self._kind_by_name(material)
+
+    def contact_of(self, first: str, second: str) -> ContactTable | None:
+        """The contact of two materials, or of one and the plate: their own, or else that of their kinds."""
+        names = [(name,) if name == PLATE else (name, self.kind_of(name) or name) for name in (first, second)]
+        keys = [contact_key(a, b) for a in names[0] for b in names[1]]
+        return next((self.contacts[key] for key in keys if key in self.contacts), None)
+
+    def plate_contact(self, material: str) -> ContactTable:
+        """The contact of a material and the plate, which the checks above see is given."""
+        contact = self.contact_of(material, PLATE)
+        assert contact is not None
+        return contact
 
     def _material_keys(self) -> list[tuple[str, str]]:
         """Keys that name materials of stones, with the names."""
@@ -236,12 +278,9 @@ class Scene(Table):
     def _one_way_to_set_accuracy(self) -> Self:
         keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
         if self.plate.model == "flexible":
-            modes = {"plate.max_frequency_Hz": self.plate.max_frequency_Hz,
-                     "plate.truncation_tolerance": self.plate.truncation_tolerance}
-            if self.tolerance is None and set(modes.values()) == {None}:
-                raise Refused("plate.max_frequency_Hz", None,
-                              "it, plate.truncation_tolerance or tolerance must be given")
-            keys |= modes
+            if self.tolerance is None and self.plate.max_frequency_Hz is None:
+                raise Refused("plate.max_frequency_Hz", None, "it or tolerance must be given")
+            keys["plate.max_frequency_Hz"] = self.plate.max_frequency_Hz
         if self.tolerance is None:
             return self
         least = least_tolerance(self.stones.agglomerate is not None)
@@ -283,15 +322,25 @@ class Scene(Table):
 
     def _check_contacts(self) -> None:
         names = self.falling_materials
-        needed = {contact_key(a, b) for a in names for b in [*names, PLATE]}
-        known = {contact_key(a, b) for a in self.materials for b in [*self.materials, PLATE]}
+        needed = {contact_key(a, b): (a, b) for a in names for b in [*names, PLATE]}
+        possible = {*self.materials, "coal", "gangue"}
+        known = {contact_key(a, b) for a in possible for b in [*possible, PLATE]}
         for key in self.contacts:
             if key not in known:
                 raise Refused(f"contacts.{key}", key, f"unknown pair of materials; possible are {sorted(known)}")
         alone = self._one_stone and self.stones.agglomerate is None
-        for key in sorted(needed - set(self.contacts)):
-            if key.endswith("_" + PLATE) or not alone:
+        for key, pair in sorted(needed.items()):
+            if self.contact_of(*pair) is None and (PLATE in pair or not alone):
                 raise Refused(f"contacts.{key}", None, "must be given with restitution and friction")
+
+    def _check_scatter(self) -> None:
+        scatter = self.scatter
+        way = "drawn" if self.stones.drawn is not None else "stream" if self.stones.stream is not None else None
+        for key in OF_DRAWN if way else ():
+            if getattr(scatter, key) is not None:
+                raise Refused(f"scatter.{key}", "...", f"must be left out where stones.{way} is given, which says it")
+        if scatter.strength_factor is not None and self.stones.agglomerate is None:
+            raise Refused("scatter.strength_factor", "...", "needs stones.agglomerate, whose bonds it is for")
 
 
 def contact_key(first: str, second: str) -> str:

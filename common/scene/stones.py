@@ -15,6 +15,8 @@ from common.scene.distribution import Distribution, Spread, refuse_outside
 from common.tables import NotNegative, Place, Positive, Refused, Table, about
 
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Kind = Literal["coal", "gangue"]  # what a stone counts as in the mixing ratio
+By = Literal["mass", "number"]
 SPHERE = "sphere"
 MOST_STONES = 10_000
 LARGEST_SIZE_m = 10.0
@@ -27,9 +29,10 @@ class AgglomerateTable(Table):
     subspheres: Annotated[int, Field(ge=2, le=100_000), about("sub-spheres of a stone")]
     damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
     unbreakable: Annotated[bool, about("bonds never break")] = False
-    contact: Annotated[Literal["sub_spheres", "smooth", "faces"], about(
-        "how a stone touches the plate: with its sub-spheres, each alone, as the smooth sphere that it stands for, or, "
-        "where it is none, with its flat faces (docs/contact.md)")] = "sub_spheres"
+    contact: Annotated[Literal["sub_spheres", "smooth", "faces"] | None, about(
+        "how a stone touches the plate: as the smooth sphere that it stands for, where it is none with its flat faces, "
+        "or with its sub-spheres, each alone, which is too soft (docs/contact.md); absent: \"smooth\" where all stones "
+        "are spheres, otherwise \"faces\"")] = None
 
 
 class StonePosition(Place):
@@ -93,7 +96,7 @@ class DrawnStones(Table):
     strength_factor: Annotated[Spread, about("factor on the strengths of a stone's bonds")] = Distribution(value=1.0)
     attitude: Annotated[Literal["random", "fixed"], about(
         "how a stone is turned: at random, or not at all")] = "random"
-    gangue_by: Annotated[Literal["mass", "number"], about("what stones.gangue_ratio is a share of")] = "mass"
+    gangue_by: Annotated[By, about("what stones.gangue_ratio is a share of")] = "mass"
     shapes: Annotated[tuple[str, ...], Field(min_length=1), about(
         "\"sphere\" and names of tables in shapes, of which stones have one or the other with equal chance"),
     ] = (SPHERE,)
@@ -222,6 +225,14 @@ class StonesTable(Table):
                 raise Refused(key, f"{len(values)} values", f"must be {self.count}, one a stone")
         if self.strength_factor is not None and self.agglomerate is None:
             raise Refused("strength_factor", self.strength_factor, "needs stones.agglomerate, whose bonds it is for")
+        return self
+
+    @model_validator(mode="after")
+    def _shape_chooses_contact(self) -> Self:
+        if self.agglomerate is not None and self.agglomerate.contact is None:
+            contact = "smooth" if self.shapes == [SPHERE] else "faces"
+            # The scene as it is run says which, in run.json as in its hash.
+            object.__setattr__(self, "agglomerate", self.agglomerate.model_copy(update={"contact": contact}))
         return self
 
     @property

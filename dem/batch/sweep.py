@@ -41,7 +41,7 @@ class SweepResult(Result):
 
 def sweep(scene_file: Path, out: Path, jobs: int, changes: Changes = (), overwrite: bool = False) -> SweepResult:
     """Run the missing ratios, `jobs` at a time. `changes` are values of the scene by dotted key
-    (`common.scene.scene.changed_scene`). Runs of another scene are replaced with `overwrite` only. Raises InputError
+    (`common.scene.changed_scene`). Runs of another scene are replaced with `overwrite` only. Raises InputError
     for bad input, Busy where another process is at work."""
     check_engine()
     keys = dict(changes)

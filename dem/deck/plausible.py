@@ -5,6 +5,7 @@ What is refused outright stands with the keys in common/scene/scene.py and commo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,19 +13,16 @@ import numpy as np
 from common import hertz
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
-from dem.stones.stone import Stone
+from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
+from dem.stones.bonds import CRACK_AREA
+from dem.stones.stone import Stone, impact_speed_m_s
+from plate_fem.elements import mesh
 from plate_fem.elements.joints import joint_range
-from plate_fem.elements.mesh import (
-    SHEAR_ERROR_ALLOWED,
-    choose_theory,
-    first_in_plane_Hz,
-    highest_frequency_Hz,
-    kirchhoff_error,
-)  # fmt: skip
 from plate_fem.solution.mode_count import least_modes
 
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
+LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are within 10 % of those of finer stones
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 LEAST_SPAN, FIRST_MODES = 10, 10  # the shorter side in thicknesses; modes among which one within the plane matters
@@ -62,19 +60,19 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
 
 
 def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
-    """One line for each reason for which the plate's modes are not to be trusted; `left_out` is the share of its energy
-    above max_frequency_Hz. The plate's max_frequency_Hz is known."""
-    shorter, highest_Hz = min(plate.length_m, plate.width_m), highest_frequency_Hz(plate)
-    in_plane_Hz, lines = first_in_plane_Hz(plate), []
+    """One line for each reason for which the plate's modes are not to be trusted; `left_out` is the share of energy
+    above max_frequency_Hz, which is known."""
+    shorter, highest_Hz = min(plate.length_m, plate.width_m), mesh.highest_frequency_Hz(plate)
+    in_plane_Hz, lines = mesh.first_in_plane_Hz(plate), []
     if shorter < LEAST_SPAN * plate.thickness_m:
-        lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is {shorter / plate.thickness_m:.3g} of "
-                     f"it; theories of plates are for {LEAST_SPAN} and more")
+        lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is {shorter / plate.thickness_m:.3g} "
+                     f"of it; theories of plates are for {LEAST_SPAN} and more")
     if in_plane_Hz < highest_Hz and least_modes(plate, in_plane_Hz) < FIRST_MODES:
         lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about {in_plane_Hz:.2g} "
                      f"Hz on, are left out, and the first is among the lowest {FIRST_MODES}")
-    if choose_theory(plate) == "kirchhoff" and kirchhoff_error(plate) > SHEAR_ERROR_ALLOWED:
-        lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is {kirchhoff_error(plate):.2g} "
-                     f"too high; 'auto' allows {SHEAR_ERROR_ALLOWED:g}")
+    if mesh.choose_theory(plate) == "kirchhoff" and mesh.kirchhoff_error(plate) > mesh.SHEAR_ERROR_ALLOWED:
+        lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is "
+                     f"{mesh.kirchhoff_error(plate):.2g} too high; 'auto' allows {mesh.SHEAR_ERROR_ALLOWED:g}")
     if left_out > MOST_LEFT_OUT:
         lines.append(f"plate.max_frequency_Hz = {highest_Hz:.4g}: {left_out:.2g} of the plate's energy belongs to "
                      f"modes above it; at most {MOST_LEFT_OUT:g} leaves forces and motion right")
@@ -103,6 +101,37 @@ def momentum_warnings(missing: float | None) -> list[str]:
         return []
     return [f"momentum_missing = {missing:.2g}: this share of the stones' impulse is neither in the rods, nor in the "
             f"motion of plate and rods, nor damped; at most {MOST_MISSING:g} is the record's"]
+
+
+def fragment_resolution(scene: Scene, assembly: Assembly) -> list[float | None]:
+    """Of each stone the size of fragments over the diameter of its sub-spheres, both means; None where bonds snap or
+    never break. The size is Grady's (1982, J. Appl. Phys. 53:322), (24 G/(rho rate^2))^(1/3), with the energy G of a
+    crack's area and the rate of strain v/R."""
+    mean_m = np.bincount(assembly.agglomerate, assembly.radius_m) / assembly.sizes / CONTACT_RADIUS_RATIO
+    found: list[float | None] = []
+    for stone, radius_m in zip(assembly.stones, mean_m, strict=True):
+        bond = scene.materials[stone.material].bond
+        table = scene.stones.agglomerate
+        if table is None or table.unbreakable or bond is None or bond.fracture_energy_J_m2 is None:
+            found.append(None)
+            continue
+        crack = CRACK_AREA * bond.fracture_energy_J_m2 * stone.strength_factor**2
+        rate = impact_speed_m_s(stone, assembly.gravity_m_s2) / stone.radius_m
+        size_m = (24 * crack / (density_kg_m3(scene, stone) * rate**2)) ** (1 / 3)
+        found.append(float(size_m / (2 * radius_m)))
+    return found
+
+
+def warnings_of_fragments(scene: Scene, assembly: Assembly) -> list[str]:
+    """A line where fragments would be too small for the sub-spheres of their stone."""
+    resolved = [(ratio, k) for k, ratio in enumerate(fragment_resolution(scene, assembly)) if ratio is not None]
+    ratio, k = min(resolved, default=(np.inf, 0))
+    if ratio >= LEAST_RESOLUTION:
+        return []
+    count = assembly.sizes[k] * (LEAST_RESOLUTION / ratio) ** 3
+    return [f"stones.agglomerate.subspheres = {assembly.sizes[k]}: where stone {k + 1} breaks, fragments are of "
+            f"{ratio:.2g} sub-spheres; what breaks depends on their number below {LEAST_RESOLUTION:g}, which takes "
+            f"{math.ceil(count / 100) * 100}"]
 
 
 def _stiffer_than_diamond(scene: Scene) -> list[str]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from common.scene.error_laws import SHARES, law
 from common.scene.plate import FlexiblePlate
-from plate_fem.truncation import with_max_frequency
 
 
 def modes_setting(bonded: bool) -> str:
@@ -28,10 +27,9 @@ def setting_for(name: str, tolerance: float) -> float:
 
 
 def with_tolerance(plate: FlexiblePlate, tolerance: float | None, contact_time_s: float, bonded: bool) -> FlexiblePlate:
-    """The plate's table with `max_frequency_Hz` from the tolerance; without one, from its own
-    `truncation_tolerance`."""
+    """The plate's table with `max_frequency_Hz` from the tolerance; without one, as it is."""
     if tolerance is None:
-        return with_max_frequency(plate, contact_time_s)
+        return plate
     setting = setting_for(modes_setting(bonded), tolerance)
     return plate.model_copy(update={"max_frequency_Hz": 1 / (setting * contact_time_s)})
 

@@ -24,11 +24,13 @@ from dem.deck.pictures import PictureSchedule
 from dem.deck.time_step import TimeStep
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
+from plate_fem.recorded import RecordedMotion
 from plate_fem.stress import StressPeak
 
 
 class PlateRecorder:
-    """Collects the plate's state at each row of the fast stream, and its modal amplitudes where there may be a picture.
+    """Collects the plate's state at each row of the fast stream, its modal state at the samples, and its modal
+    amplitudes where there may be a picture.
 
     The signals of the rows are computed in blocks, since a product of matrices costs little more than one of vectors.
     `check(t_s, total_J)` is called with the energy of each block, arrays (k,).
@@ -59,6 +61,8 @@ class PlateRecorder:
         self.view_amplitude: dict[int, np.ndarray] = {}  # by DEM step
         self.bending = StressPeak(modes, scene.plate.rods)
         self._blocks: list[np.ndarray] = []
+        self._every = step.sample_steps // step.fast_steps
+        self._samples: list[np.ndarray] = []
         self._evaluated = 0                                       # rows
         self._block = np.empty((3, self.BLOCK, len(self._mean)))  # amplitude, rate and modal force of rows that wait,
         self._waiting = 0                                         # and how many of them there are
@@ -88,6 +92,8 @@ class PlateRecorder:
         t_s = np.array(self.steps[self._evaluated:self._evaluated + self._waiting]) * self._step.dt_s
         amplitude, rate, force = self._block[:, :self._waiting]
         acceleration = self._motion.acceleration_at(amplitude, rate, force)
+        samples = self._block[:, :self._waiting][:, -self._evaluated % self._every::self._every]
+        self._samples.append(samples.astype(np.float32))
         kinetic, internal = self._motion.energies_at(amplitude, rate)
         self._check(t_s, kinetic + internal)
         measured = {"acceleration": acceleration, "velocity": rate, "displacement": amplitude}  # by kind of sensor
@@ -101,7 +107,7 @@ class PlateRecorder:
     def get_state(self) -> dict[str, np.ndarray]:
         """All that was recorded, for `set_state`. The rows that wait for their block still wait, so that a run that
         goes on from here computes the same blocks."""
-        return {"rows": self._rows(), "steps": np.array(self.steps),
+        return {"rows": self._rows(), "samples": self._of_samples(), "steps": np.array(self.steps),
                 "waiting": self._block[:, :self._waiting].swapaxes(0, 1),
                 "view_steps": np.array(list(self.view_amplitude), dtype=int),
                 "view_amplitude": np.array(list(self.view_amplitude.values())), **self.bending.get_state()}
@@ -109,6 +115,7 @@ class PlateRecorder:
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         """Go on from what `get_state` gave."""
         self._blocks, self.steps, self._evaluated = [state["rows"]], state["steps"].tolist(), len(state["rows"])
+        self._samples = [state["samples"]]
         self._waiting = len(state["waiting"])
         self._block[:, :self._waiting] = state["waiting"].swapaxes(0, 1)
         self.view_amplitude = dict(zip(state["view_steps"].tolist(), state["view_amplitude"], strict=True))
@@ -117,10 +124,19 @@ class PlateRecorder:
     def _rows(self) -> np.ndarray:
         return np.concatenate([np.empty((0, len(self.columns))), *self._blocks])
 
+    def _of_samples(self) -> np.ndarray:
+        return np.concatenate([np.empty((3, 0, len(self._mean)), np.float32), *self._samples], axis=1)
+
     def signals(self) -> Columns:
         """The signals of all rows."""
         self._evaluate()
         return dict(zip(self.columns, self._rows().T, strict=True))
+
+    def motion(self, modes: PlateModes) -> RecordedMotion:
+        """The modal state at the samples."""
+        self._evaluate()
+        t_s = np.array(self.steps[::self._every]) * self._step.dt_s
+        return RecordedMotion(modes, t_s, *self._of_samples())
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from common.files.parquet import Columns
+from common.scene.scene import Scene
 from dem.deck.time_step import TimeStep
 from dem.record.energy_balance import StoneLedger
 from dem.record.recorder import Pushes, read_text_columns
-from dem.stones.assembly import Assembly
+from dem.stones.assembly import Assembly, density_kg_m3
+from dem.stones.substance import material_of, plate_contact
 
 LEFT_COLUMNS = ["step", "agglomerate", "subspheres", "mass_kg", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s",
                 "kinetic_J", "elastic_J"]
@@ -28,8 +30,8 @@ def left_table(left: Columns, step: TimeStep) -> Columns:
     return {"t_s": left["step"] * step.dt_s, **{name: left[name] for name in LEFT_COLUMNS[1:]}}
 
 
-def stones_table(assembly: Assembly, step: TimeStep, pushes: Pushes, events: Columns, left: Columns,
-                 ledger: StoneLedger) -> Columns:
+def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushes, events: Columns,
+                 left: Columns, ledger: StoneLedger) -> Columns:
     """A row a stone, in order, with what each is (dem.stones.stone.Stone), and:
 
     waited_s until nothing was in its way, first_contact_s (to the end of a row of the fast stream), first_x_m,
@@ -44,7 +46,7 @@ def stones_table(assembly: Assembly, step: TimeStep, pushes: Pushes, events: Col
     impulse = np.bincount(pushes.stone, pushes.mean_N, n) * step.fast_steps * step.dt_s
     area = [math.fsum(events["area_m2"][events["agglomerate"] == k]) for k in range(1, n + 1)]
     return {
-        "stone": np.arange(1, n + 1), **_given(assembly), "mass_kg": assembly.stone_mass_kg,
+        "stone": np.arange(1, n + 1), **stones_given(scene, assembly), "mass_kg": assembly.stone_mass_kg,
         "subspheres": assembly.sizes,
         "waited_s": np.where(ledger.has_entered[-1], ledger.column["waited_steps"][-1] * step.dt_s, np.nan),
         "first_contact_s": contact_s, "first_x_m": place[:, 0], "first_y_m": place[:, 1],
@@ -52,10 +54,15 @@ def stones_table(assembly: Assembly, step: TimeStep, pushes: Pushes, events: Col
         **_gone(left, assembly, step)}
 
 
-def _given(assembly: Assembly) -> Columns:
+def stones_given(scene: Scene, assembly: Assembly) -> Columns:
+    """What each stone is, as the scene gave it or as it was drawn."""
     stones = assembly.stones
     table = {name: np.array([getattr(stone, name) for stone in stones]) for name in (
         "material", "shape", "radius_m", "arrival_s", "strength_factor")}
+    table["kind"] = np.array([scene.kind_of(stone.material) for stone in stones])
+    table["density_kg_m3"] = np.array([density_kg_m3(scene, stone) for stone in stones])
+    table["youngs_modulus_Pa"] = np.array([material_of(scene, stone.substance).youngs_modulus_Pa for stone in stones])
+    table["restitution"] = np.array([plate_contact(scene, stone.substance).restitution for stone in stones])
     table["seed"] = np.array([str(stone.seed) for stone in stones])  # may be beyond a column of whole numbers
     for name, axes, unit in (("place", "xy", "_m"), ("velocity", "xyz", "_m_s"), ("spin", "xyz", "_rad_s"),
                              ("attitude", "wxyz", "")):

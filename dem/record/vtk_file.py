@@ -1,7 +1,7 @@
 """Files of VTK's XML formats (vtu, pvd), which ParaView reads, written with little work.
 
 Arrays are appended as they lie in memory, in blocks compressed in zlib's format. What pays was measured on pictures of
-the default scene (docs/runs.md): ISA-L takes a fifth of zlib's time for floating-point numbers and leaves as much;
+the default scene (docs/runs.md): ISA-L takes a thirtieth of zlib's time for floating-point numbers and leaves less;
 lists of points take zlib's search for repetitions; what is the same in the next picture is compressed once.
 """
 

@@ -36,7 +36,7 @@ KIND, REPLACED = "run", "run in the place of which another comes"
 OF_ENGINE = r"deck/(engine\.(out|log)|log\.liggghts|dumps/particles_(boundingBox_)?\d+\.(vtp|vtr|dump))"
 # All names that a run gives to files, in a directory that it was killed in, too.
 OWN = re.compile(rf"""{OF_ENGINE}
-    |lock|(started|run|contents)\.json|(signals|fast|breakage|contacts|energy|stones|left|walls)\.parquet
+    |lock|(started|run|contents)\.json|(signals|fast|breakage|contacts|energy|stones|left|walls)\.parquet|modes\.npz
     |view\.(py|pvd)|view/(particles|bonds|plate|contacts|rods|walls)((_\d+)?\.vtu|\.pvd)
     |deck(\.fresh)?/(deck\.liggghts|atoms\.data|(agglomerates|bonds|surface|faces)\.txt|(stones|shapes)\.bin)
     |deck/((ledger|forces|contacts|pictures|wall_\w+)\.bin|(events|left)\.csv|dumps\.pvd|(to|from)_plate)

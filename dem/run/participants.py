@@ -26,6 +26,7 @@ from dem.run.prepare import PreparedRun
 from plate_fem.contact_stress import HertzContact
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
+from plate_fem.recorded import FILE
 
 
 class RigidPlateParticipant:
@@ -48,6 +49,9 @@ class RigidPlateParticipant:
     def signals(self, dem_steps: range) -> Columns:
         """No columns."""
         return {}
+
+    def write_motion(self, file: Callable[[str], Path]) -> None:
+        """No motion."""
 
     def energy(self) -> PlateEnergy:
         """No energy."""
@@ -130,6 +134,10 @@ class FlexiblePlateParticipant:
         if self._recorder.steps != list(dem_steps):
             raise RuntimeError("the plate was not recorded at every row of the fast stream")
         return self._recorder.signals()
+
+    def write_motion(self, file: Callable[[str], Path]) -> None:
+        """Write the modes and their state at the samples, to the path that `file` gives."""
+        self._recorder.motion(self._modes).write(file(FILE))
 
     def energy(self) -> PlateEnergy:
         """Where the plate's energy is now."""

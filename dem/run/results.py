@@ -7,6 +7,7 @@ import logging
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +19,16 @@ from common.files.parquet import Columns, write_parquet
 from common.run_summary import RecordedScene, YieldReport
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
-from dem.coupling.launch import LIGGGHTS_VERSION
+from dem.coupling.launch import library_version
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
-from dem.deck.plausible import momentum_warnings
+from dem.deck.plausible import fragment_resolution, momentum_warnings
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
 from dem.record.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
 from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
-from dem.record.stones_table import left_table, read_left, stones_table
+from dem.record.stones_table import left_table, read_left, stones_given, stones_table
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun, told
@@ -63,6 +64,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     fast = fast_stream(step, pushes, plate.signals(range(0, step.steps + 1, step.fast_steps)),
                        0 if assembly.is_stream else n)
     signals = write_streams(file, fast, step)
+    plate.write_motion(file)
     write_parquet(events, file("breakage.parquet"))
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
     write_parquet(contacts, file("contacts.parquet"))
@@ -75,7 +77,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     left = read_left(deck / "left.csv")
     if assembly.is_stream:
         write_parquet(left_table(left, step), file("left.parquet"))
-    write_parquet(stones_table(assembly, step, pushes, events, left, ledger), file("stones.parquet"))
+    write_parquet(stones_table(scene, assembly, step, pushes, events, left, ledger), file("stones.parquet"))
     parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
     write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
@@ -86,23 +88,31 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
     outcome = _outcome(prepared, plate, results)
-    late = told(momentum_warnings(outcome.get("momentum_missing")), prepared.source)
+    late = told(prepared.source, momentum_warnings(outcome.get("momentum_missing")))
     return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
             "warnings": prepared.warnings + late}
 
 
 def _origin(prepared: PreparedRun) -> dict[str, Any]:
     """What was run, and by what."""
-    scene = prepared.scene
+    scene, assembly = prepared.scene, prepared.assembly
+    share = partial(gangue_ratio, scene, list(assembly.stones), assembly.stone_mass_kg)
     return {
         "scene": RecordedScene.model_validate(scene.model_dump(mode="json")),
         "scene_hash": prepared.scene_hash,
         "assumptions": list(scene.assumptions),
-        "gangue_ratio": gangue_ratio(scene, list(prepared.assembly.stones), prepared.assembly.stone_mass_kg),
-        "materials": prepared.assembly.stone_materials,
+        "gangue_ratio": share(),
+        "gangue_ratio_by_mass": share("mass"),
+        "materials": assembly.stone_materials,
         "versions": versions(),
-        "seeds": [stone.seed for stone in prepared.assembly.stones] if prepared.assembly.n_bonds else [],
+        "stones": _drawn(prepared) if scene.scatter.drawn else None,
+        "seeds": [stone.seed for stone in assembly.stones] if assembly.n_bonds else [],
     }
+
+
+def _drawn(prepared: PreparedRun) -> dict[str, Any]:
+    """Columns of stones.parquet that say what each stone is."""
+    return {name: values.tolist() for name, values in stones_given(prepared.scene, prepared.assembly).items()}
 
 
 def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
@@ -118,6 +128,7 @@ def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dic
         "n_particles": assembly.n_particles,
         "n_bonds": assembly.n_bonds,
         "n_modes": plate.n_modes,
+        "fragment_size_over_subsphere": fragment_resolution(scene, assembly),
         "plate_energy_left_out": plate_energy_left_out(scene, assembly),
         "n_samples": len(results.signals["t_s"]),
     }
@@ -184,7 +195,7 @@ def plate_maxima(fast: Columns) -> dict[str, float]:
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on."""
     packages = ["numpy", "scipy", "pandas", "meshio"]
-    return {"liggghts": LIGGGHTS_VERSION, "python": platform.python_version(), "machine": platform.machine(),
+    return {"liggghts": library_version(), "python": platform.python_version(), "machine": platform.machine(),
             **{name: importlib.metadata.version(name) for name in packages},
             "coal-gangue-impact": own_version()}
 

@@ -72,7 +72,7 @@ def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False,
     stop_at = None if walltime_s is None else time.monotonic() + walltime_s
     refuse_place(out)
     RunDirectory(out).refuse(scene_hash(scene), overwrite)
-    return run_prepared(prepare(scene, source, user_cache()), out, show_progress, stop_at, overwrite)
+    return run_prepared(prepare(scene, source, user_cache(), show_progress), out, show_progress, stop_at, overwrite)
 
 
 def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,

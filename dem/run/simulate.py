@@ -75,7 +75,7 @@ def _check_not_stopped(prepared: PreparedRun, deck: Path, code: int) -> None:
     step = latest(deck / "checkpoint", prepared.flexible)
     raise Stopped(f"{prepared.scene.name}: stopped at the checkpoint at t = {step * prepared.step.dt_s:.6g} s of "
                   f"{prepared.scene.time.duration_s:g} s; "
-                  f"`python -m dem resume {deck.parent.with_name(deck.parent.name.removesuffix(SUFFIX))}` goes on")
+                  f"`gangue resume {deck.parent.with_name(deck.parent.name.removesuffix(SUFFIX))}` goes on")
 
 
 def _check_finished(prepared: PreparedRun, deck: Path, code: int) -> None:

@@ -17,7 +17,7 @@ material and axis.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
@@ -103,6 +103,10 @@ class StoneSurface:
     is_surface: np.ndarray
     first: PatchCompliance
     other: PatchCompliance
+
+    def scaled(self, factor: float) -> StoneSurface:
+        """With compliances times a factor."""
+        return replace(self, first=self.first.scaled(factor), other=self.other.scaled(factor))
 
 
 def stone_surface(packing: Packing, bonds: Bonds, bond: BondTable) -> StoneSurface:

@@ -89,8 +89,8 @@ def engine_limit(damping_ratio: float, seed: int) -> float:
     data = scene_tables(SCENES / "single.toml")
     data["plate"] = RIGID
     del data["output"]
-    data["stones"] |= {"agglomerate": {"subspheres": COUNT, "unbreakable": True, "damping_ratio": damping_ratio},
-                       "gap_m": 0.05, "seed": seed}
+    data["stones"] |= {"agglomerate": {"subspheres": COUNT, "contact": "sub_spheres", "unbreakable": True,
+                                       "damping_ratio": damping_ratio}, "gap_m": 0.05, "seed": seed}
     data["time"] |= {"gravity_m_s2": 0.0, "free_flight_tolerance": 0.0}
     model = prepare(check(Scene, data, "single.toml"), "single.toml", None)
     assert model.step.bond_time_s is not None  # the stone is bonded

@@ -49,7 +49,7 @@ def bending_wavenumber(plate: FlexiblePlate, frequency_Hz: float, theory: str) -
 def highest_frequency_Hz(plate: FlexiblePlate) -> float:
     """Return `max_frequency_Hz` of a plate. Raises ValueError if its table leaves it to a tolerance."""
     if plate.max_frequency_Hz is None:
-        raise ValueError("max_frequency_Hz is not known yet: see plate_fem.truncation.with_max_frequency")
+        raise ValueError("max_frequency_Hz is not known yet: see dem.deck.tolerance.with_tolerance")
     return plate.max_frequency_Hz
 
 

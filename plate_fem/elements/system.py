@@ -57,8 +57,8 @@ class PlateSystem:
         return sp.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], self.size))
 
     def rotation(self, points_m: np.ndarray, axis: int, derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
-        """Return the sparse matrix (k, size) that evaluates theta_x (axis 0) or theta_y (axis 1), or a derivative, at
-        points (k, 2)."""
+        """Return the sparse matrix (k, size) that evaluates theta_x (axis 0) or theta_y (axis 1), or a derivative
+        of it, at points (k, 2)."""
         if self.theory == "kirchhoff":
             return self.deflection(points_m, (derivative[0] + (axis == 0), derivative[1] + (axis == 1)))
         assert self.rotations is not None  # a Mindlin plate has them

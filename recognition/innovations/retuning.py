@@ -6,7 +6,8 @@ expected spectrum of the channels is then a sum over the modes,
     S(f) = g(f) sum_j a_j(f) c_j c_j' + noise,    a_j = f^4/((f_j^2 - f^2)^2 + 4 zeta_j^2 f_j^2 f^2),
 
 with c_j the shape of mode j at the sensors and g the smooth spectrum of the forces. Frequencies, damping ratios and
-g maximise Whittle's likelihood of the record's spectrum times the prior of the plate model.
+g maximise Whittle's likelihood of the record's spectrum times the prior of the plate model. The noise is that of the
+quiet beginning (coloured_noise.py).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.optimize import minimize
 
 from recognition.estimation.arrays import Floats
+from recognition.innovations.coloured_noise import SensorNoise
 from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
 
@@ -37,7 +39,7 @@ class _Spectrum:
     spectrum: Floats
     count: float
     shape: Floats  # (c, n)
-    noise: Floats  # (c,), per bin
+    noise: Floats  # (bins, c, c)
     smooth: Floats  # (bins, FORCE_DEGREE + 1)
     start: tuple[Floats, Floats]
     sd: tuple[Floats, Floats]
@@ -63,7 +65,7 @@ class _Spectrum:
         a = f2**2 / (apart**2 + width)
         g, pairs = np.exp(smooth @ level), self._pairs
         modes = (a @ pairs).reshape(spectrum.shape)
-        model = g[:, None, None] * modes + np.diag(self.noise)
+        model = g[:, None, None] * modes + self.noise[bins]
         inverse = np.linalg.inv(model)
         slope = self.count * (inverse - inverse @ spectrum @ inverse)  # of the cost, by the model's entries
         value = self.count * float(np.linalg.slogdet(model)[1].sum() + np.sum(inverse * spectrum.swapaxes(1, 2)))
@@ -78,9 +80,8 @@ class _Spectrum:
         return np.asarray(np.einsum("cj,dj->jcd", self.shape, self.shape).reshape(self.shape.shape[1], -1))
 
 
-def retuned(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: float, noise: Floats) -> PlateModel:
-    """The plate with the frequencies and damping ratios that a record (c, samples) of accelerometers shows. noise (c,):
-    standard deviation of white sensor noise.
+def retuned(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: float, noise: SensorNoise) -> PlateModel:
+    """The plate with the frequencies and damping ratios that a record (c, samples) of accelerometers shows.
 
     A mode that the record does not show keeps its values, and all keep their standard deviations.
     """
@@ -96,7 +97,7 @@ def retuned(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: floa
 
 
 def _problem(plate: PlateModel, channels: Channels, kept: np.ndarray, values: Floats, rate_Hz: float,
-             noise: Floats) -> _Spectrum:
+             noise: SensorNoise) -> _Spectrum:
     f_Hz, spectrum, count = _spectrum(values[: len(channels.accelerometers)], rate_Hz)
     inside = (f_Hz > 60) & (f_Hz < HIGHEST_SHARE * rate_Hz)
     f_Hz, spectrum = f_Hz[inside], spectrum[inside]
@@ -104,7 +105,7 @@ def _problem(plate: PlateModel, channels: Channels, kept: np.ndarray, values: Fl
     smooth = legvander(2 * f_Hz / f_Hz[-1] - 1, FORCE_DEGREE)
     damping_sd = np.where(plate.damping_sd[kept] > 0, plate.damping_sd[kept], DAMPING_SD)
     frequency_sd = np.maximum(plate.frequency_sd[kept], 1e-4)
-    floor = noise[: len(shape)] ** 2 / (rate_Hz / 2)
+    floor = noise.spectrum(f_Hz, rate_Hz)[:, :len(shape), :len(shape)]
     return _Spectrum(f_Hz, spectrum, count, shape, floor, smooth,
                      (plate.frequency_Hz[kept], plate.damping_ratio[kept]), (frequency_sd, damping_sd))
 
@@ -129,5 +130,6 @@ def _first_level(problem: _Spectrum) -> Floats:
     f2, b = problem.f_Hz[:, None] ** 2, problem.start[0] ** 2
     a = f2**2 / ((b - f2) ** 2 + 4 * (3 * problem.start[1]) ** 2 * b * f2)
     model = a @ (problem.shape**2).sum(axis=0)
-    signal = np.maximum(np.einsum("kcc->k", problem.spectrum), 1e-3 * problem.noise.sum())
+    noise, both = (np.einsum("kcc->k", values) for values in (problem.noise, problem.spectrum))
+    signal = np.maximum(both - noise, 0.1 * noise)
     return np.asarray(np.linalg.lstsq(problem.smooth, np.log(signal / model), rcond=None)[0])

@@ -4,6 +4,9 @@ The state are amplitude and rate of every mode. Between stones they move freely,
 only so well: over a time 1/(w sd) the phase of a mode is lost. The filter counts that as noise on its state, of the
 mode's mean energy in the record. The filter then forgets ringing no faster than the plate's model loses it, and what it
 cannot predict, the innovations, is nearly white between stones. All later steps work on innovations of unit covariance.
+
+Where the sensors' noise is coloured, it is made white first, by z[t] = sum_k W_k y[t - k] (coloured_noise.py). A mode
+that moves freely, x[t] = F x[t - 1], is seen in z by C' = sum_k W_k C F^-k: the state needs no more numbers.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from scipy.linalg import cholesky, solve_discrete_are, solve_triangular
 from scipy.signal import fftconvolve
 
 from recognition.estimation.arrays import Floats
+from recognition.innovations.coloured_noise import SensorNoise
 from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
 
@@ -31,26 +35,23 @@ class Whitening:
     response: Floats
 
     @classmethod
-    def of(cls, plate: PlateModel, channels: Channels, rate_Hz: float, noise: Floats, rms: Floats,
+    def of(cls, plate: PlateModel, channels: Channels, rate_Hz: float, noise: SensorNoise, rms: Floats,
            phase_loss: float = 1.0) -> Whitening:
-        """The filter for white sensor noise (c,) on channels whose signal has an rms (c,).
+        """The filter for channels whose signal has an rms (c,) where the noise was made white.
 
         phase_loss: factor on the rate at which the modes lose their phase.
         """
         kept = (plate.frequency_Hz > 0) & (plate.frequency_Hz < 0.55 * rate_Hz)
         w, zeta = 2 * np.pi * plate.frequency_Hz[kept], plate.damping_ratio[kept]
-        step, observed = _free_motion(w, zeta, 1 / rate_Hz), _observation(plate, channels, kept, w, zeta)
+        step = _free_motion(w, zeta, 1 / rate_Hz)
+        observed = _seen(_observation(plate, channels, kept, w, zeta), noise.filter, step)
         energy = _rate_variance(observed, w, zeta, rms)
         loss = phase_loss * np.maximum(plate.frequency_sd[kept], LEAST_PHASE_LOSS) * w / rate_Hz
         drive = np.concatenate([loss * energy / w**2, loss * energy])
-        scale = 1 / noise
-        observed = observed * scale[:, None]
-        return cls(_innovation_filter(step, observed, drive, round(MEMORY_S * rate_Hz)) * scale[None, :, None])
-
-    def variance_of(self, noise: Floats) -> float:
-        """Mean variance of the innovations of white noise (c,) alone: below one, since the filter also expects that
-        modes lose their phase."""
-        return float(np.sum((self.response * noise[None, :, None]) ** 2)) / len(noise)
+        taps = round(MEMORY_S * rate_Hz)
+        after = _innovation_filter(step, observed, drive, taps)
+        spectrum = np.fft.rfft(after, 2 * taps), np.fft.rfft(noise.filter, 2 * taps, axis=0)
+        return cls(np.fft.irfft(np.einsum("dek,kec->dck", *spectrum), 2 * taps)[..., :taps])
 
     def __call__(self, values: Floats) -> Floats:
         """Innovations (c, samples) of channels (c, samples)."""
@@ -71,6 +72,14 @@ def _observation(plate: PlateModel, channels: Channels, kept: np.ndarray, w: Flo
     """Channels (c, 2n) of amplitudes and rates."""
     acceleration, amplitude = (values[:, kept] for values in channels.observed(plate))
     return np.hstack([amplitude - acceleration * w**2, -2 * acceleration * zeta * w])
+
+
+def _seen(observed: Floats, white: Floats, step: Floats) -> Floats:
+    """C' (c, 2n) of C by the filter (p + 1, c, c) that whitens the noise, from the last lag on."""
+    back, seen = np.linalg.inv(step), np.zeros_like(observed)
+    for one in white[::-1]:
+        seen = seen @ back + one @ observed
+    return seen
 
 
 def _rate_variance(observed: Floats, w: Floats, zeta: Floats, rms: Floats) -> Floats:

@@ -73,9 +73,13 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     stones = run.scene.stones
     if stones.speed_m_s is None:
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
-    return ForceRecord(flexible_plate(run), user_cache(), place_m, _touches_of(run, place_m), stones.arrival_s is None,
+    return ForceRecord(flexible_plate(run), user_cache(), place_m, _touches_of(run, place_m), _fall_at_once(run),
                        stones.speed_m_s, sample_s or 1 / run.rate_Hz, step_s,
                        table[forces][1:steps + 1].to_numpy(dtype=float).T, np.array(run.materials) == "gangue")
+
+
+def _fall_at_once(run: Run) -> bool:
+    return run.scene.stones.arrival_s is None and run.scene.scatter.get("arrival_s") is None
 
 
 def _touches_of(run: Run, place_m: Floats) -> Floats:

@@ -8,6 +8,7 @@ from matplotlib.ticker import LogLocator
 
 from analysis.signals.emd_rules import RuleCost
 from analysis.signals.hilbert import HilbertSpectrum, MarginalSpectrum
+from analysis.signals.pictures import plot_hilbert
 from report.drawing.style import ACCENT, COAL, GANGUE, PALE, canvas, ratio_colour, styled
 
 
@@ -35,14 +36,7 @@ def hilbert_map(spectrum: HilbertSpectrum, marginal: dict[float, MarginalSpectru
     """Draw the Hilbert spectrum of one run, and the marginal spectra of all. marginal: {mixing ratio: spectrum}."""
     figure, axes = canvas(2, height_in=4.6)
     upper, lower = axes[:, 0]
-    field = np.ma.masked_equal(spectrum.amplitude, 0)
-    image = upper.pcolormesh(
-        1e3 * spectrum.edges_s, 1e-3 * spectrum.edges_Hz, field, cmap="viridis", rasterized=True
-    )
-    figure.colorbar(image, ax=upper, label="amplitude, m/s²", fraction=0.05)
-    upper.set_xlabel("time, ms")
-    upper.set_ylabel("frequency, kHz")
-    upper.grid(False)
+    plot_hilbert(spectrum, upper, "m/s²")
     for ratio, found in marginal.items():
         lower.plot(1e-3 * found.centres_Hz, found.density, color=ratio_colour(ratio), linewidth=0.8,
                    label=f"_{100 * ratio:.0f} %")  # fmt: skip

@@ -4,11 +4,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lsim
-
-from analysis import RecordError
-from analysis.theory.contact_states import COAL, GANGUE, PLATE, contact_stiffness
-from analysis.theory.real_plate import (
+from analysis.theory.contact_states.contact_states import COAL, GANGUE, PLATE, contact_stiffness
+from analysis.theory.contact_states.real_plate import (
     amplitude_at_peak,
     contact_stress_map_Pa,
     hertz_contacts,
@@ -16,6 +13,9 @@ from analysis.theory.real_plate import (
     nodal_at,
     static_compliance_m_N,
 )
+from scipy.signal import lsim
+
+from analysis import RecordError
 from common.run_summary import RecordedScene
 from common.scene.plate import FlexiblePlate
 from plate_fem.modes import plate_modes

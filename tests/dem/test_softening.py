@@ -27,6 +27,18 @@ def test_a_bond_takes_its_fracture_energy_to_break(tmp_path, name, kernel):
 
 
 @pytest.mark.parametrize("kernel", ["plain", "auto"])
+def test_a_stronger_bond_takes_the_square_of_its_factor(tmp_path, kernel):
+    """With f on the strength and f^2 on the fracture energy it yields and breaks at f times the displacement."""
+    freedom, critical, mode, bond = CASES["pull"]
+    ratio, factor = 3.0, 1.5
+    found = load_one_bond(tmp_path, freedom, 2 * factor * ratio * critical, strength_factor=factor, kernel=kernel,
+                          fracture=ratio * STORED_J_m2["pull"], **bond)
+    assert [event["mode"] for event in found] == [mode]
+    assert float(found[0]["step"]) == pytest.approx(STEPS / 2, abs=2)
+    assert float(found[0]["energy_J"]) == pytest.approx(factor**2 * ratio * STORED_J_m2["pull"] * AREA, rel=1e-2)
+
+
+@pytest.mark.parametrize("kernel", ["plain", "auto"])
 def test_a_bond_of_mohr_and_coulomb_takes_its_fracture_energy_too(tmp_path, kernel):
     """Sheared and pulled by half as much: |F_s| + tan(phi) F_n reaches the cohesion at the displacement y below."""
     ratio, tan_friction, along = 3.0, 0.6, 0.5

@@ -11,14 +11,13 @@ from scipy.integrate import cumulative_trapezoid, quad
 from scipy.special import j1
 from statics import static_response
 
-from common.tables import InputError
 from plate_fem.elements.mesh import bending_stiffness, bending_wavenumber, choose_theory, shear_stiffness
 from plate_fem.elements.rods import disc_quadrature
 from plate_fem.modes import NOWHERE, modes_for_loads, plate_modes
 from plate_fem.motion import ModalMotion
 from plate_fem.solution.model import build_model
 from plate_fem.solution.residual import LOAD_RADIUS, load_rows
-from plate_fem.truncation import energy_left_out, frequency_for, with_max_frequency
+from plate_fem.truncation import energy_left_out, frequency_for
 
 HELD = {"edges": "clamped", "max_frequency_Hz": 4e3}
 POINTS = np.array([[0.1, 0.0], [-0.03, 0.08]])
@@ -194,12 +193,5 @@ def test_energy_left_out_is_what_an_impact_leaves_out():
 def test_frequency_follows_from_the_tolerance():
     for tolerance in (0.3, 1e-2, 1e-4):
         assert energy_left_out(frequency_for(tolerance, 234e-6), 234e-6) == pytest.approx(tolerance, rel=1e-3)
-    table = plate(max_frequency_Hz=None, truncation_tolerance=1e-3)
-    assert with_max_frequency(table, 234e-6).max_frequency_Hz == pytest.approx(frequency_for(1e-3, 234e-6))
     with pytest.raises(ValueError, match="max_frequency_Hz"):
-        plate_modes(table)
-
-
-def test_a_plate_is_not_given_two_limits():
-    with pytest.raises(InputError, match="truncation_tolerance"):
-        plate(truncation_tolerance=1e-3)
+        plate_modes(plate(max_frequency_Hz=None))

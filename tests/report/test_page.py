@@ -51,7 +51,7 @@ def test_report_of_one_run_says_what_it_cannot_give(tmp_path):
 
 
 def test_claims_table_is_beside_the_report(report):
-    rows = list(csv.reader(report.with_name("claims.csv").open()))
+    *rows, _ = csv.reader(report.with_name("claims.csv").open())  # the last line holds the hash
     assert rows[0] == ["claim", "where", "verdict", "value", "expected"]
     assert len(rows) > 25 + 1
     assert {row[2] for row in rows[1:]} <= {"held", "partly", "not held", "not tested"}
