@@ -65,8 +65,8 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
     shorter, highest_Hz = min(plate.length_m, plate.width_m), mesh.highest_frequency_Hz(plate)
     in_plane_Hz, lines = mesh.first_in_plane_Hz(plate), []
     if shorter < LEAST_SPAN * plate.thickness_m:
-        lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is {shorter / plate.thickness_m:.3g} "
-                     f"of it; theories of plates are for {LEAST_SPAN} and more")
+        lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is "
+                     f"{shorter / plate.thickness_m:.3g} of it; theories of plates are for {LEAST_SPAN} and more")
     if in_plane_Hz < highest_Hz and least_modes(plate, in_plane_Hz) < FIRST_MODES:
         lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about {in_plane_Hz:.2g} "
                      f"Hz on, are left out, and the first is among the lowest {FIRST_MODES}")
