@@ -19,19 +19,16 @@ from plate_fem.elements.system import PlateSystem, grown
 PARTS = 5  # of each rod
 CELLS_PER_WAVELENGTH = 8
 RADII, ANGLES = 6, 24  # points of the quadrature over a disc
-FOR_CURVATURE = 3, 12  # and of that of curvatures, which is exact for bicubics without lines of the mesh in the disc
 
 
-def disc_quadrature(
-    x_m: float, y_m: float, radius_m: float, radii: int = RADII, angles: int = ANGLES
-) -> tuple[np.ndarray, np.ndarray]:
+def disc_quadrature(x_m: float, y_m: float, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return points (k, 2) in m and weights (k,) of sum one, for the mean over a disc."""
-    s, w = np.polynomial.legendre.leggauss(radii)
+    s, w = np.polynomial.legendre.leggauss(RADII)
     r = radius_m * np.sqrt((s + 1) / 2)  # equal weight per area
-    angle = 2 * math.pi * (np.arange(angles) + 0.5) / angles
+    angle = 2 * math.pi * (np.arange(ANGLES) + 0.5) / ANGLES
     x = x_m + np.outer(r, np.cos(angle))
     y = y_m + np.outer(r, np.sin(angle))
-    weights = np.repeat(w / 2 / angles, angles)
+    weights = np.repeat(w / 2 / ANGLES, ANGLES)
     return np.column_stack([x.ravel(), y.ravel()]), weights
 
 
@@ -70,10 +67,9 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     mean = sp.csr_array(weights[None, :])
     joint = joint_of(system.plate, rod, system.theory)
     alike = rod.model_copy(update={"x_m": 0.0, "y_m": 0.0})  # of equal rods the matrices are made once
-    few, few_weights = disc_quadrature(rod.x_m, rod.y_m, rod.diameter_m / 2, *FOR_CURVATURE)
-    x, y, twist = system.curvature(few)
+    x, y, twist = system.curvature(points)
     stiffness, mass, top, base = _joined(*_bar(alike, max_frequency_Hz), np.array([[joint.axial_m_N]]))
-    head = mean @ system.deflection(points) + sp.csr_array(few_weights[None, :]) @ (joint.offset_m2 * (x + y))
+    head = mean @ (system.deflection(points) + joint.offset_m2 * (x + y))
     bar = Part(stiffness, mass, tuple(top), sp.csr_array(head), tuple(base))
     stiffness, mass, top, base = _joined(*_beam(alike, max_frequency_Hz), joint.bending)
     lower_m = -system.plate.thickness_m / 2
@@ -83,7 +79,7 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     beams = [Part(stiffness, mass, tuple(top), row, tuple(base)) for row in rows]
     stiffness, mass, top, base = _shaft(alike, max_frequency_Hz)
     shaft = Part(stiffness, mass, (top[0],), system.yaw(), (base[0],))
-    return [bar, *beams, shaft, _stub(system, few, few_weights * _area(rod) * joint.stub, (x, y, twist))]
+    return [bar, *beams, shaft, _stub(system, points, weights * _area(rod) * joint.stub, (x, y, twist))]
 
 
 def _stub(system: PlateSystem, points: np.ndarray, area_m2: np.ndarray, curvature: Sequence[sp.csr_array]) -> Part:
