@@ -82,7 +82,7 @@ def motion(directory: Path, at_m: Sequence[Sequence[float]], out: Path | None = 
     from plate_fem.recorded import FILE, RecordedMotion
 
     if out is not None:
-        refuse_export(out, "t_s,u_1_m")
+        refuse_export(out)
     recorded = RecordedMotion.read(directory)
     found = recorded.at(at_m)
     if out is not None:

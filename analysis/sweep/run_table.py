@@ -52,7 +52,7 @@ def table(directory: Path, stones: bool = False, as_csv: bool = False, out: Path
     their stones. Written to `out`: .csv, or .xlsx with both tables. Raises RecordError where no run is finished,
     InputError."""
     if out is not None:
-        refuse_export(out, "run,")
+        refuse_export(out)
     runs, passed_over = run_table(directory)
     of_stones = stone_table(runs, directory) if stones or out is not None and out.suffix == ".xlsx" else pd.DataFrame()
     wanted = of_stones if stones else runs

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from common.files.output_directory import begins_with, refuse_file
+from common.files.output_directory import refuse_file
 from common.files.whole import written_whole
 from common.tables import InputError
 
@@ -15,14 +15,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def refuse_export(out: Path, heading: str) -> None:
-    """Raises InputError for a file that `export` cannot write, or must not: what is there must be a .csv of this
-    `heading`."""
+def refuse_export(out: Path) -> None:
+    """Raises InputError for a file that `export` cannot write, or must not: such a table holds no mark of its writer,
+    which another program would read as a row, so that what is there is never replaced."""
     if out.suffix not in (".csv", ".xlsx"):
         raise InputError(f"--out = {out}: the name must end in .csv or .xlsx")
     if out.suffix == ".xlsx" and find_spec("openpyxl") is None:
         raise InputError(f"--out = {out}: needs the package openpyxl (pip install openpyxl)")
-    refuse_file(str(out), begins_with(heading) if out.suffix == ".csv" else lambda _: False)
+    if out.exists():
+        raise InputError(f"--out = {out}: is there; move it away or choose another name")
+    refuse_file(str(out), lambda _: False)
 
 
 def export(tables: Mapping[str, pd.DataFrame], out: Path) -> None:
