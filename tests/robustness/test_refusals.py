@@ -22,6 +22,7 @@ from common.tables import InputError, Refused
 from dem.__main__ import main
 from dem.deck.plausible import momentum_warnings, warnings_of, warnings_of_plate
 from dem.stones.arrangement import stones_of
+from plate_fem.__main__ import main as modes_of
 from plate_fem.elements.mesh import default_mesh_size, mesh_lines
 from recognition.plate.plate_model import PlateModel
 from report.film.pictures import instants
@@ -139,6 +140,9 @@ def test_a_plate_that_the_engine_does_not_take(tmp_path):
     negative = ["--set", "plate.poisson_ratio=-0.9", "--out", tmp_path / "out"]
     assert "plate.poisson_ratio = -0.9" in ends_with_one_line(main, ["run", HERTZ, *negative])
     assert not list(tmp_path.iterdir())
+    auxetic = (SCENES / "paper.toml").read_text().replace("poisson_ratio = 0.3   ", "poisson_ratio = -0.3  ")
+    (tmp_path / "scene.toml").write_text(auxetic)
+    assert "plate.poisson_ratio = -0.3" in ends_with_one_line(modes_of, ["modes", tmp_path / "scene.toml"])
 
 
 @pytest.mark.parametrize("diameter_m", [2e-5, 2e-6, 1e-9])
