@@ -190,7 +190,7 @@ def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | None = None
     The damping ratio does not belong to it: frequencies and shapes are those without damping.
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
-    return key_of(Path(__file__), table, None if residual_points_m is None else residual_points_m.tolist())
+    return key_of(Path(__file__), table, None if residual_points_m is None else np.asarray(residual_points_m).tolist())
 
 
 def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, sp.csc_array]:
