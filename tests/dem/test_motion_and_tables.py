@@ -44,7 +44,8 @@ def test_motion_is_written_and_said(runs, tmp_path, capsys):
     run, out = runs / "speed_3", tmp_path / "motion.csv"
     words = ["--json", "motion", str(run), "--at", "0", "0.17", "--at", "-0.25", "0.25", "--out", str(out)]
     assert main(words) == 0
-    said, table = json.loads(capsys.readouterr().out.split("\n}\n")[0] + "}"), pd.read_csv(out)
+    said, table = json.loads(capsys.readouterr().out), pd.read_csv(out)
+    assert main(words) == 2 and "is there" in capsys.readouterr().err
     sensor = pd.read_parquet(run / "signals.parquet")["acc_north_a_m_s2"]
     np.testing.assert_allclose(table["a_1_m_s2"], sensor, atol=2e-6 * abs(sensor).max())
     assert list(table) == ["t_s", *(f"{name}_{k}_{unit}" for k in (1, 2) for name, unit in (("u", "m"), ("v", "m_s"),
