@@ -50,7 +50,7 @@ CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
     ("Breakage", BREAKAGE_FIGURES, [variation.ONE_STONE]),
     ("Response of the plate", RESPONSE_FIGURES, []),
-    ("Signals", SIGNAL_FIGURES, [tables.EMD_RULES, tables.STANDARDISED]),
+    ("Signals", SIGNAL_FIGURES, [tables.STANDARDISED]),
     ("Recognition", RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED]),
     ("With stones that vary", [], [variation.VARYING]),
 ]

@@ -22,8 +22,7 @@ Work = Callable[[], Any]
 
 #: Results that take long and that several parts show; kept where they are first asked for.
 SHARED: tuple[Callable[[SweepResults], object], ...] = (
-    lambda results: results.signals.rule_costs, lambda results: results.recognition.filtered,
-    lambda results: results.recognition.fused)
+    lambda results: results.recognition.filtered, lambda results: results.recognition.fused)
 
 
 @dataclass(frozen=True)

@@ -71,16 +71,6 @@ def materials(results: SweepResults) -> Cells:
     return header, rows
 
 
-def emd_rules(results: SweepResults) -> Cells:
-    """Return time and error of the first IMF by each stopping rule."""
-    rows = [
-        [cost.rule, str(cost.samples), str(cost.imfs), f"{1e3 * cost.seconds:.1f}", f"{100 * cost.error:.2f}"]
-        for cost in results.signals.rule_costs
-    ]
-    header = ["rule", "samples", "IMFs", "time, ms", "error, %"]
-    return header, rows
-
-
 def standardised(results: SweepResults) -> Cells:
     """Return the eight base parameters by Eq. 39, a row a parameter."""
     values, falling = results.recognition.standardised_base
@@ -161,9 +151,6 @@ def _error_cells(errors_points: np.ndarray, count: int) -> list[str]:
 
 
 MATERIALS = TableSpec("table-1", "Elastic parameters (Table 1)", "", materials)
-EMD_RULES = TableSpec("table-rules", "Cost of the EMD stopping rules",
-                      "Time and error of the first IMF, as in the figure; measured when this report was written.",
-                      emd_rules)
 STANDARDISED = TableSpec("table-2", "Standardised parameters (Table 2)", (
     "Standardised by Eq. 39; the direction of each parameter is that of these runs, not the paper's."), standardised)
 DEVIATIONS = TableSpec("table-3", "Q and its quadratic (Table 3)",

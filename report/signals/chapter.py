@@ -43,10 +43,6 @@ def parameters(results: SweepResults) -> Drawn:
     return against_ratio(results.ratios, panels)
 
 
-def rule_costs(results: SweepResults) -> Drawn:
-    return figures.rule_costs(results.signals.rule_costs)
-
-
 SIGNAL_FIGURES = [
     FigureSpec(
         key="fig-22",
@@ -71,15 +67,5 @@ SIGNAL_FIGURES = [
         ),
         caption="Formulas: docs/analysis.md.",
         draw=parameters,
-    ),
-    FigureSpec(
-        key="fig-rules",
-        title="Cost of the EMD stopping rules",
-        in_paper="Not in the paper.",
-        caption=(
-            "AM-FM mode of 900 Hz plus tone of 110 Hz at 6667 Hz; 267, 4000 and 20000 samples. Up to 10000 samples"
-            " extrema are vertices of parabolas, beyond it samples."
-        ),
-        draw=rule_costs,
     ),
 ]

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
-from analysis.signals.emd_rules import RuleCost
 from analysis.signals.hilbert import HilbertSpectrum, MarginalSpectrum
 from analysis.signals.pictures import plot_hilbert
-from report.drawing.style import ACCENT, COAL, GANGUE, PALE, canvas, ratio_colour, styled
+from report.drawing.style import ACCENT, canvas, ratio_colour, styled
 
 
 @styled
@@ -42,26 +40,4 @@ def hilbert_map(spectrum: HilbertSpectrum, marginal: dict[float, MarginalSpectru
                    label=f"_{100 * ratio:.0f} %")  # fmt: skip
     lower.set_xlabel("frequency, kHz")
     lower.set_ylabel("marginal spectrum, m/s² s/Hz")
-    return figure
-
-
-@styled
-def rule_costs(costs: list[RuleCost]) -> Figure:
-    """Draw the error against the time of the EMD stopping rules."""
-    figure, axes = canvas(1, height_in=2.6)
-    axis = axes[0, 0]
-    colours = dict(zip(dict.fromkeys(c.rule for c in costs), (ACCENT, GANGUE, COAL), strict=True))
-    marks = dict(zip(dict.fromkeys(c.samples for c in costs), "os^", strict=True))
-    for c in costs:
-        axis.loglog(1e3 * c.seconds, 100 * c.error, marks[c.samples], color=colours[c.rule])
-    for rule, colour in colours.items():
-        axis.plot([], [], color=colour, linewidth=4, label=rule)
-    for samples, mark in marks.items():
-        axis.plot([], [], mark, color=PALE, label=f"{samples} samples")
-    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.yaxis.set_major_formatter("{x:g}")
-    axis.minorticks_off()
-    axis.set_ylabel("error of the first IMF, %")
-    axis.set_xlabel("time of one decomposition, ms")
-    axis.legend(ncols=2, loc="center left")
     return figure
