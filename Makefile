@@ -6,8 +6,7 @@ JOBS ?= 2
 
 PYTHON := .venv/bin/python
 INSTALL := $(PYTHON) -m pip install --quiet --disable-pip-version-check
-LIGGGHTS_VERSION := 3.8.0+repack1-9+b2
-PACKAGES := liggghts=$(LIGGGHTS_VERSION) libliggghts-dev=$(LIGGGHTS_VERSION) libopenmpi-dev zlib1g-dev g++ make
+PACKAGES := liggghts libliggghts-dev libopenmpi-dev zlib1g-dev g++ make
 # Packages are walked; those that name what they export have their modules listed.
 MODULES := $(subst /,.,$(filter-out %__init__ %__main__,$(basename $(wildcard $(foreach name,analysis dem plate_fem recognition,$(name)/*.py $(name)/*/*.py)))))
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
@@ -18,7 +17,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep stream streams campaign dataset report test validate sanitize bench accuracy forces listening recognise \
+.PHONY: help sweep stream streams campaign dataset natural report test validate sanitize bench accuracy forces listening recognise \
         stability mutants pictures engine setup lint docs clean
 
 help:  ## this list
@@ -31,6 +30,10 @@ sweep: setup  ## every mixing ratio of SCENE into OUT, then OUT/report.html; OVE
 dataset: setup  ## hundreds of runs into runs/dataset, and every method of recognition on runs it was not trained on
 	$(PYTHON) -m dem dataset scenes/dataset.toml --out runs/dataset --jobs $(JOBS)
 	$(PYTHON) -m recognition evaluate runs/dataset
+
+natural: setup  ## draws of stones that vary into runs/natural, and the report of runs/paper with them
+	$(PYTHON) -m dem dataset scenes/dataset_natural.toml --out runs/natural --jobs $(JOBS)
+	$(PYTHON) -m report runs/paper
 
 campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/campaign, by Snakemake
 	$(PYTHON) -m dem campaign scenes/campaign.toml --out runs/campaign --jobs $(JOBS)
@@ -118,7 +121,7 @@ build/python:
 	touch $@
 
 build/packages: | build/python
-	@if [ "$$(dpkg-query -W -f='$${Version}' libliggghts-dev 2>/dev/null)" = "$(LIGGGHTS_VERSION)" ] \
+	@if dpkg-query -W libliggghts-dev >/dev/null 2>&1 \
 	  && command -v mpicxx >/dev/null && command -v liggghts >/dev/null && [ -f /usr/include/zlib.h ]; then \
 	  echo "Debian packages: there"; else \
 	  $(SUDO) apt-get update && $(SUDO) apt-get install -y --no-install-recommends $(PACKAGES); fi

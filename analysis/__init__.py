@@ -1,6 +1,6 @@
 """Analysis of run directories and of anybody's acceleration record.
 
-Needs neither LIGGGHTS nor a simulation. Plotting lives in `report.drawing.style`.
+Needs neither LIGGGHTS nor a simulation.
 """
 
 from common.late import late

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from analysis.features import Feature, signal_features
-from analysis.readers import read_record
+from analysis.files.readers import read_record
+from analysis.signals.features import Feature, signal_features
 from common.result import Result
 
 
@@ -32,7 +32,7 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
     Raises RecordError."""
     record = read_record(file, column=column, rate_Hz=rate_Hz, scale=scale, unit=unit, time=time)
     if resample_Hz is not None:
-        from analysis.resampling import resample  # late: it takes longer than all else
+        from analysis.signals.resampling import resample  # late: it takes longer than all else
 
         record = resample(record, resample_Hz, anti_alias=anti_alias)
     found = {feature.name: feature for feature in signal_features(record).values()}

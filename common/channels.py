@@ -1,6 +1,6 @@
 """Names of the signals of a run, which are columns of signals.parquet and fast.parquet.
 
-Each ends in its unit, as `common.units.unit_of` reads it. What a kind of sensor measures is in `dem.run.recorder`.
+Each ends in its unit, as `common.units.unit_of` reads it. What a kind of sensor measures is in `dem.record.recorder`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,10 @@ SENSORS: dict[SensorKind, str] = {
 
 #: What the columns of all accelerometers and of all rods begin with.
 ACCELEROMETERS, RODS = "acc_", "rod_"
+
+
+#: Of a plate that stands on rods alone, upwards: the impulse that modal damping took, and the momentum of the rods.
+DAMPING_IMPULSE, RODS_MOMENTUM = "damping_impulse_N_s", "rods_momentum_kg_m_s"
 
 
 def sensor_column(name: str, kind: SensorKind = "acceleration") -> str:

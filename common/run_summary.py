@@ -12,9 +12,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from common.files import read_json, write_json
-from common.plate import Edge
-from common.scene_stones import StonePosition
+from common.files.whole import read_json, write_json
+from common.scene.plate import Edge
+from common.scene.stones import Kind, StonePosition
 from common.tables import check
 
 
@@ -29,7 +29,7 @@ class Recorded(BaseModel):
 
 
 class RecordedStones(Recorded):
-    """`[stones]` of the scene (common/scene.py) as far as it is recorded."""
+    """`[stones]` of the scene (common/scene/scene.py) as far as it is recorded."""
 
     count: int | None = None
     radius_m: float | None = None
@@ -44,8 +44,10 @@ class RecordedStones(Recorded):
 
 
 class RecordedMaterial(Recorded):
-    """The elastic constants of a material or of the plate."""
+    """The elastic constants of a material or of the plate; `kind` of a material that is not named by stones.coal or
+    stones.gangue."""
 
+    kind: Kind | None = None
     density_kg_m3: float | None = None
     youngs_modulus_Pa: float | None = None
     poisson_ratio: float | None = None
@@ -72,7 +74,7 @@ class RecordedWalls(Recorded):
 
 
 class RecordedPlate(RecordedMaterial):
-    """`[plate]` of the scene (common/plate.py) as far as it is recorded."""
+    """`[plate]` of the scene (common/scene/plate.py) as far as it is recorded."""
 
     model: str | None = None
     length_m: float | None = None
@@ -92,7 +94,15 @@ class RecordedScene(Recorded):
     stones: RecordedStones = RecordedStones()
     materials: dict[str, RecordedMaterial] = {}
     contacts: dict[str, RecordedContact] = {}
+    scatter: dict[str, Any] = {}
     plate: RecordedPlate = RecordedPlate()
+
+
+    def kind_of(self, material: str) -> str:
+        """"coal" or "gangue", or the name of a material that says neither."""
+        table = self.materials.get(material)
+        by_name = {self.stones.coal: "coal", self.stones.gangue: "gangue"}
+        return (table.kind if table is not None else None) or by_name.get(material, material)
 
 
 class YieldReport(Recorded):
@@ -115,7 +125,9 @@ class RunSummary(Recorded):
     scene_hash: str | None = None  # common.scene.scene_hash of the scene as its file gave it
     assumptions: list[str] | dict[str, Any] = []
     gangue_ratio: Annotated[float, Field(ge=0, le=1)]
+    gangue_ratio_by_mass: float | None = None
     materials: list[str]
+    stones: dict[str, list[Any]] | None = None  # by column of stones.parquet, where the scene's scatter draws them
     versions: dict[str, str] | None = None
     seeds: list[int] | dict[str, int] | None = None  # of the packings
     deck_hash: str | None = None
@@ -131,17 +143,21 @@ class RunSummary(Recorded):
     n_bonds_broken: int | None = None
     n_bonds_broken_by_agglomerate: list[int] | None = None
     n_modes: int | None = None
+    fragment_size_over_subsphere: list[float | None] | None = None  # of each stone, None where bonds snap
     plate_energy_left_out: float | None = None  # share that would belong to modes above those kept
 
     peak_force_N: float | None = None
     impulse_N_s: float | None = None
     momentum_change_kg_m_s: float | None = None
-    rod_impulse_N_s: list[float] | None = None  # on the foot of each rod, downwards; of plates on rods alone
-    plate_momentum_kg_m_s: float | None = None  # at the end, upwards, without that of the rods; of plates on rods alone
+    rod_impulse_N_s: list[float] | None = None  # on the foot of each rod, downwards
+    plate_momentum_kg_m_s: float | None = None  # at the end, upwards; these four of plates on rods alone
+    rods_momentum_kg_m_s: float | None = None  # at the end, upwards
+    damping_impulse_N_s: float | None = None  # which modal damping took, upwards
+    momentum_missing: float | None = None  # of the impulse on the plate, at its worst time, as a share
     wall_impulse_N_s: dict[str, list[float]] | None = None  # x, y, z on each side wall, by its edge
     plate: dict[str, float] | None = None  # largest absolute value of each signal of the plate
     yield_: YieldReport | None = Field(default=None, alias="yield")
-    energy: dict[str, Any] | None = None  # dem.run.energy_balance.energy_ledger
+    energy: dict[str, Any] | None = None  # dem.record.energy_balance.energy_ledger
     rebound_speed_m_s: list[float] | None = None
     n_samples: int | None = None
     wall_time_s: dict[str, float] = {}  # by stage

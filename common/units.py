@@ -3,6 +3,8 @@
 #: The longest ending that fits comes first.
 UNIT_BY_SUFFIX = {
     "_m_s2": "m/s^2",
+    "_kg_m_s": "kg m/s",
+    "_N_s": "N s",
     "_kg_m3": "kg/m^3",
     "_m_s": "m/s",
     "_rad_s": "rad/s",

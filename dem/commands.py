@@ -9,17 +9,17 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from common.cache import user_cache
-from common.output_directory import (
-    begins_with,
+from common.files.cache import user_cache
+from common.files.output_directory import (
     files_in,
     is_stamped,
     refuse_below_a_file,
     refuse_foreign_file,
     refuse_place,
 )
+from common.resources import resource
 from common.result import Result
-from common.scene import Scene, changed_scene
+from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.coupling.build_engine import build_engine as make_engine
 from dem.deck.render import write_deck
@@ -101,12 +101,13 @@ class DeckResult(Result):
 
 def deck(scene_file: Path, out: Path, gangue_ratio: float | None = None, changes: Changes = ()) -> DeckResult:
     """Write the deck of a scene into `out`/deck, whole or not at all, and run nothing."""
-    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache())
+    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache(), True)
     refuse_place(out)
     if out.exists():
         raise InputError(f"--out = {out}: must not exist yet")
     try:
-        write_deck(out / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+        with prepared.stages("deck"):
+            write_deck(out / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
     except BaseException:
         shutil.rmtree(out, ignore_errors=True)
         raise
@@ -125,7 +126,7 @@ class PlateEnergy(Result):
 
 def plate(scene_file: Path, out: Path, gangue_ratio: float | None = None, changes: Changes = ()) -> PlateEnergy:
     """Be the plate of the deck in `out`, whose engine somebody starts, stops and debugs by hand."""
-    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache())
+    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache(), True)
     if not prepared.flexible:
         raise InputError(f"{scene_file}: plate.model = 'rigid': only a flexible plate takes part in a run")
     participant, directory = participant_of(prepared), out / "deck"
@@ -137,28 +138,42 @@ def plate(scene_file: Path, out: Path, gangue_ratio: float | None = None, change
 
 @dataclass(frozen=True)
 class CalibrationResult(Result):
-    """The file of a calibrated rock, the table of its virtual tests, and what was fitted of its bonds."""
+    """The file of a calibrated rock, the table of its virtual tests, what was fitted of its bonds, and the line by
+    which the scene takes it, "" where it does."""
 
-    line = "{file}"
     file: Path
     tests: Path
     bond: Mapping[str, float]
+    scene_line: str = ""
+
+    def words(self) -> Iterator[str]:
+        yield str(self.file)
+        if self.scene_line:
+            yield f"the scene takes it by {self.scene_line}"
 
 
-def calibrate(material: str, scene_file: Path, out: Path, rock: str | None = None) -> CalibrationResult:
-    """Fit the bonds of a material, see `dem.calibration.calibrate`. What it replaces must be of an earlier one."""
+def calibrate(material: str, scene_file: Path, out: Path | None = None, rock: str | None = None,
+              targets: Path | None = None) -> CalibrationResult:
+    """Fit the bonds of a material, see `dem.calibration.calibrate`, into `materials/` beside the scene where `out` is
+    not given. What it replaces must be of an earlier calibration."""
     from dem.calibration.calibrate import AT_WORK, FITTED, calibrate as fit
+    from dem.calibration.lab_sheet import find_sheet, named_in
 
-    name = rock or material
+    if out is None and scene_file.resolve().parent == resource("scenes").resolve():
+        raise InputError(f"--out is missing: must be given where the scene, {scene_file}, is a shipped one")
+    beside = scene_file.parent / "materials"
+    out, name = out or beside, find_sheet(material, scene_file, rock, targets).rock
     file, tests, work = (out / f"{name}{ending}" for ending in (".toml", "_tests.csv", ".partial"))
     refuse_below_a_file(out / name)
     if "/" not in name:  # no material has such a name, as `fit` says
         refuse_foreign_file(file, is_stamped)
-        refuse_foreign_file(tests, begins_with("stage,test,seed,"))
+        refuse_foreign_file(tests, is_stamped)
         if not all(map(AT_WORK.fullmatch, files_in(work))):
             raise InputError(f"{work}: is there, and this program did not write it; move it away")
-    found = fit(material, scene_file, out, rock=rock).rock
-    return CalibrationResult(file, tests, {key.removeprefix("bond_"): getattr(found, key) for key in FITTED})
+    found = fit(material, scene_file, out, rock=rock, targets=targets).rock
+    taken = out.resolve() == beside.resolve() and named_in(scene_file, material) == name
+    return CalibrationResult(file, tests, {key.removeprefix("bond_"): getattr(found, key) for key in FITTED},
+                             "" if taken else f'materials.{material} = "{name}"')
 
 
 @dataclass(frozen=True)

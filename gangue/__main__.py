@@ -11,8 +11,8 @@ import os
 import sys
 from collections.abc import Iterator
 
-from common.command import imports, listen_for_interrupt, run_command
-from common.messages import show_messages
+from common.process.command import imports, listen_for_interrupt, run_command
+from common.process.messages import show_messages
 from gangue.commands import COMMANDS
 from gangue.parser import PROGRAM, parser_of
 

@@ -77,7 +77,10 @@ OVERWRITE = _arg("--overwrite", action="store_true",
                  help="replace runs of other scenes, and discard those that were begun")
 WALLTIME = _arg("--walltime", dest="walltime_s", type=_seconds, metavar="SECONDS",
                 help="stop at a checkpoint when this time has passed, with exit code 75")
-RECORD = _arg("record", help="run directory, .parquet or .csv with t_s and acc_NAME_m_s2, for stones from 20 kHz on")
+SCALE = _arg("--scale", type=float, default=1.0, help="factor on the samples: the sensor's unit per volt, mV or count")
+UNIT = _arg("--unit", help="unit of the scaled samples, such as m/s^2 or g")
+RECORD = _arg("record", help="run directory or record: t_s, acc_NAME_m_s2 or NAME and unit; 20 kHz for stones")
+EXPORT = _arg("--out", metavar="FILE", type=Path, help="also write FILE (.csv or .xlsx)")
 PLATE = _arg("--plate", required=True, help="plate, from `tap` (.json)")
 
 COMMANDS = {
@@ -108,21 +111,33 @@ COMMANDS = {
     "calibrate": Command("dem.commands:calibrate", "fit the bonds of a material in virtual tests", (
         _arg("material", help="name of a material of the scene"),
         _arg("--scene", dest="scene_file", type=Path, required=True, help="scene file (TOML)"),
-        _arg("--out", type=Path, required=True, help="directory for ROCK.toml and ROCK_tests.csv"),
-        _arg("--rock", help="name in scenes/materials/targets.toml; default: MATERIAL")), (
-        "gangue calibrate coal --scene scenes/paper.toml --out scenes/materials",)),
+        _arg("--out", type=Path, help="directory for ROCK.toml and ROCK_tests.csv (default: materials/ beside it)"),
+        _arg("--rock", help="ROCK (default: what the scene's materials.MATERIAL names, or MATERIAL)"),
+        _arg("--targets", metavar="FILE", type=Path, help="lab sheet (TOML; default: the scene's targets.MATERIAL)")), (
+        "gangue calibrate gangue --scene my.toml --targets sheet.toml",
+        "gangue calibrate coal --scene scenes/paper.toml --out runs/materials")),
     "build-engine": Command("dem.commands:build_engine", "build the engine, where Debian has libliggghts-dev", (), (
         "gangue build-engine",)),
     "modes": Command("plate_fem.commands:modes", "natural frequencies of the plate of a scene", (
         SCENE, _arg("--out", metavar="FILE", type=Path, help="also write the mode shapes to FILE (.vtu)")), (
         "gangue modes scenes/paper.toml",
         "gangue modes scenes/paper.toml --out modes.vtu")),
+    "motion": Command("plate_fem.commands:motion", "motion of any point of the plate of a run", (
+        _file("directory", "run", "run directory"),
+        _arg("--at", dest="at_m", type=float, nargs=2, action="append", required=True, metavar=("X", "Y"),
+             help="point from the plate's centre, in m; may be given several times"), EXPORT), (
+        "gangue motion runs/single --at 0.1 0 --out motion.csv",)),
+    "table": Command("analysis.sweep.run_table:table", "runs in a table: keys that vary, and results", (
+        _file("directory", "directory", "directory of a run, a sweep or a campaign"),
+        _arg("--stones", action="store_true", help="a row a stone"),
+        _arg("--csv", dest="as_csv", action="store_true", help="print text between commas"), EXPORT), (
+        "gangue table runs/paper --csv > paper.csv",
+        "gangue table runs/campaign --out campaign.xlsx")),
     "features": Command("analysis.commands:features", "time-frequency parameters of a run or of any record", (
-        _arg("file", help="run directory, .parquet, .csv, .wav, .flac, .uff, .mat or .h5"),
+        _arg("file", help="run directory, .parquet, .csv, .wav, .flac, .uff, .mat, .h5, .lvm or .tdms"),
         _arg("--column", help="signal to take (default: a_m_s2, or the only one)"),
         _arg("--rate", dest="rate_Hz", type=float, metavar="HZ", help="sample rate, where the file has no time column"),
-        _arg("--scale", type=float, default=1.0, help="factor on the samples, of the sensor's calibration"),
-        _arg("--unit", help="unit of the scaled samples, such as m/s^2"),
+        SCALE, UNIT,
         _arg("--time", metavar="COLUMN", help="column of times (default: the one that is called so)"),
         _arg("--resample", dest="resample_Hz", type=float, metavar="HZ", help="sample rate to go to first"),
         _arg("--no-filter", dest="anti_alias", action="store_false", help="resample without the anti-alias filter")), (
@@ -135,8 +150,8 @@ COMMANDS = {
         _arg("--out", required=True, help="model file to write (.json)")), (
         "gangue fit runs/paper --out model.json",)),
     "recognise": Command("recognition.commands:recognise", "mixing ratio of a record", (
-        _arg("record", help="run directory, .parquet or .csv with t_s and the plate's responses"),
-        _arg("--model", required=True, help="model file"),
+        RECORD, SCALE, UNIT, _arg("--model", required=True, help="model file"),
+        _arg("--resample", action="store_true", help="go to the sample rate of the model first"),
         _arg("--plate", help="plate that `tap` wrote, where it is not exactly that of the training")), (
         "gangue recognise runs/other/ratio_040 --model model.json",
         "gangue recognise measured.csv --model model.json --plate plate.json")),
@@ -149,18 +164,21 @@ COMMANDS = {
         _arg("taps", help="file with a table [[taps]] a tap: record, x_m, y_m (docs/tapping.md)"),
         _arg("--out", required=True, help="file to write the plate to (.json)"),
         _arg("--max-frequency", dest="max_frequency_Hz", type=float, default=6000.0, metavar="HZ",
-             help="fit modes and records up to here (default: %(default)g)")), (
+             help="fit modes and records up to here (default: %(default)g)"),
+        _arg("--uff", metavar="FILE", help="also write the modes to FILE (.uff), datasets 15 and 55")), (
         "gangue tap scenes/paper.toml taps.toml --out plate.json",)),
     "check": Command("recognition.sensors.checked:check", "look for faults in the channels of a record", (
-        RECORD, PLATE), (
+        RECORD, PLATE, SCALE, UNIT), (
         "gangue check measured.csv --plate plate.json",)),
     "listen": Command("recognition.stream.heard:listen",
                       "stones one by one, and the mixing ratio over time, from a stream", (
-        RECORD, PLATE, _arg("--out", required=True, help="directory for stones.parquet and ratio.parquet"),
+        RECORD, PLATE, SCALE, UNIT, _arg("--out", required=True, help="directory for stones.parquet and ratio.parquet"),
         _arg("--radius", dest="radius_m", type=float, nargs=2, default=(0.025, 0.025), metavar=("LOW", "HIGH"),
              help="between which the stones' radii lie, in m (default: 0.025 0.025)"),
         _arg("--speed", dest="speed_m_s", type=float, nargs=2, default=(2.0, 4.0), metavar=("LOW", "HIGH"),
-             help="between which their speeds lie, in m/s (default: 2 4)"),
+             help="between which their speeds across the plate lie, in m/s (default: 2 4)"),
+        _arg("--silence", dest="quiet_s", type=float, default=0.02, metavar="S",
+             help="beginning without stones, which tells the noise: 1 s where a machine runs (default: %(default)g s)"),
         _arg("--window", dest="window_s", type=float, default=1.0, metavar="S",
              help="of the ratio (default: %(default)g s)"),
         _arg("--step", dest="step_s", type=float, default=0.1, metavar="S",
@@ -168,7 +186,7 @@ COMMANDS = {
         "gangue listen stream.parquet --plate plate.json --out runs/heard",)),
     "volley": Command("recognition.volley.judged:volley",
                       "mixing ratio of stones that arrive at once on unknown places", (
-        RECORD, PLATE,
+        RECORD, PLATE, SCALE, UNIT,
         _arg("--stones", type=int, nargs="+", default=[10], metavar="N",
              help="how many arrive, or the fewest and the most (default: 10)"),
         _arg("--radius", dest="radius_m", type=float, default=0.025, metavar="M",
@@ -184,6 +202,10 @@ COMMANDS = {
         _arg("--out", type=Path, help="the page (default: compare_A_B.html beside B)")), (
         "gangue compare runs/before runs/after",
         "gangue compare runs/before/ratio_030 runs/after/ratio_030 --out thirty.html")),
+    "scenes": Command("gangue.scenes:scenes", "the shipped scenes, or a copy of one", (
+        _arg("name", nargs="?", help="a shipped scene"),
+        _arg("--out", metavar="FILE", type=Path, help="copy (default: the scene's name, here)")), (
+        "gangue scenes", "gangue scenes paper --out my.toml")),
     "doctor": Command("gangue.doctor:doctor", "what this machine has and lacks to simulate", (), (
         "gangue doctor", "gangue --json doctor")),
     "completion": Command("gangue.completion:completion", "completion of commands for a shell, by shtab", (

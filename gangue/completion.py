@@ -1,10 +1,9 @@
-"""`gangue completion SHELL`: a script that completes commands, options and files, by shtab (extra `completion`)."""
+"""`gangue completion SHELL`: a script that completes commands, options and files, by shtab."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from common.input_error import InputError
 from common.result import Result
 from gangue.parser import PROGRAM, commands_of, parser_of
 
@@ -19,11 +18,9 @@ class CompletionResult(Result):
 
 
 def completion(shell: str) -> CompletionResult:
-    """Write the script. Where a value is not one of a few, files complete it. Raises InputError without shtab."""
-    try:
-        import shtab
-    except ImportError:
-        raise InputError("completion: needs the package shtab (pip install shtab)") from None
+    """Write the script. Where a value is not one of a few, files complete it."""
+    import shtab  # late: no other command needs it
+
     parser = parser_of()
     for sub in commands_of(parser).values():
         for action in sub._actions:

@@ -57,7 +57,8 @@ def doctor() -> DoctorResult:
     lines = (
         _program(), _memory(), _disk(), _library(), _engine(), _ranks(),
         _extra("report", ("matplotlib",), "report.html and its figures"),
-        _extra("records", ("pyuff", "soundfile", "h5py"), "UFF, FLAC and HDF5 records"),
+        _extra("records", ("pyuff", "soundfile", "h5py", "nptdms"), "UFF, FLAC, HDF5 and TDMS records"),
+        _extra("tables", ("openpyxl",), "tables for spreadsheets (XLSX)"),
         _extra("campaign", ("snakemake", "snakemake_executor_plugin_slurm"), "campaigns"),
         _programs("ParaView", ("paraview", "pvpython"), "opens view.pvd, on this or any other machine"))
     return DoctorResult(tuple(Finding(*line) for line in lines))
@@ -80,23 +81,26 @@ def _disk() -> Line:
 
 
 def _library() -> Line:
-    from dem.coupling.launch import LIGGGHTS_VERSION, check_library
+    from dem.coupling.launch import library_version
 
-    return _checked("LIGGGHTS", check_library, f"libliggghts-dev {LIGGGHTS_VERSION}")
+    return _checked("LIGGGHTS", lambda: f"libliggghts-dev {library_version()}")
 
 
 def _engine() -> Line:
     from dem.coupling.launch import ENGINE, check_engine
 
-    return _checked("engine", check_engine, str(ENGINE))
+    def there() -> str:
+        check_engine()
+        return str(ENGINE)
+
+    return _checked("engine", there)
 
 
-def _checked(name: str, check: Callable[[], None], there: str) -> Line:
+def _checked(name: str, check: Callable[[], str]) -> Line:
     try:
-        check()
+        return name, True, check()
     except (InputError, OSError) as error:  # OSError: no dpkg-query, so no Debian
         return name, False, str(error)
-    return name, True, there
 
 
 def _ranks() -> Line:

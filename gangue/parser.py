@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from common.command import Parser
+from common.process.command import Parser
 from gangue.commands import COMMANDS
 
 PROGRAM = "gangue"

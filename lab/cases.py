@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-STONE = ("dem/engine", "dem/deck", "dem/stones", "templates/deck.liggghts.j2", "scenes/single.toml", "scenes/paper.toml",
-         "lab/rock/stone.py")
+STONE = ("dem/engine", "dem/deck", "dem/shapes", "dem/stones", "templates/deck.liggghts.j2", "scenes/single.toml",
+         "scenes/paper.toml", "lab/rock/stone.py")
 PLATE = (*STONE, "dem/coupling", "plate_fem")
 TAPPED = ("recognition/plate", "recognition/tapping", "lab/known_truth")
-HEARD = (*TAPPED, "recognition/stream", "lab/streams/known_streams.py")
+HEARD = (*TAPPED, "recognition/stone_forces", "recognition/innovations", "recognition/stream",
+         "lab/streams/known_streams.py")
 METHODS = ("recognition/paper", "recognition/physics", "recognition/regression", "recognition/estimation",
            "recognition/methods.py", "recognition/models.py")
 
@@ -46,7 +47,7 @@ class Case:
 
 CASES = {case.name: case for case in (
     Case("work_precision", "lab.accuracy.work_precision", "each numerical setting", "a far finer value of it", PLATE),
-    Case("tolerance", "lab.accuracy.tolerance", "tolerance of a scene", "a finer run", (*PLATE, "common/error_laws.toml")),
+    Case("tolerance", "lab.accuracy.tolerance", "tolerance of a scene", "a finer run", (*PLATE, "common/scene/error_laws.toml")),
     Case("omissions", "lab.accuracy.omissions", "parts of a scene left out", "the cost of the whole scene", PLATE),
     Case("free_flight", "lab.accuracy.free_flight", "free flight of bodies", "brute force", PLATE),
     Case("stability", "lab.accuracy.stability", "every quantity to its extremes",
@@ -55,6 +56,8 @@ CASES = {case.name: case for case in (
     Case("bond_limit", "lab.rock.bond_limit", "packing, stiffness ratio and damping of bonds", "the stable time step", STONE),
     Case("bond_time_step", "lab.rock.impacts", "time step over t0", "a twentieth of t0", STONE),
     Case("breakage_size", "lab.rock.impacts", "number of sub-spheres of a stone that breaks", "one another", STONE),
+    Case("breakage_mesh", "lab.rock.impacts", "number of sub-spheres of a coal with flaws, and speed", "one another",
+         (*STONE, "scenes/materials/soft_coal.toml")),
     Case("closure", "lab.rock.impacts", "stones that break, with friction", "the energy of the impact", STONE),
     Case("fragments", "lab.rock.impacts", "rock and speed", "published distributions", (*STONE, "scenes/materials")),
     Case("calibration", "lab.rock.calibration", "rock", "laboratory tables", ("scenes/materials",)),
@@ -76,6 +79,7 @@ CASES = {case.name: case for case in (
     Case("listening_limits", "lab.streams.listening", "rate and plate; forces of the limits", "the true ratio", HEARD),
     Case("listening_plates", "lab.streams.listening", "plate that is tapped", "the true ratio", HEARD),
     Case("listening_differences", "lab.streams.listening", "what `listen` is not told", "the true ratio", HEARD),
+    Case("listening_noise", "lab.streams.listening", "noise of a machine, and faults in it", "the true ratio", HEARD),
     Case("speed_laws", "lab.streams.speed_laws", "law of the stones' speeds", "the true ratio", HEARD),
     Case("volleys", "lab.streams.volleys", "runs, on tapped plates", "the true ratio", (*HEARD, "recognition/volley")),
     Case("volley_differences", "lab.streams.volleys", "what `volley` is not told", "the true ratio",
@@ -90,7 +94,8 @@ CASES = {case.name: case for case in (
     Case("error_bounds", "lab.recognition.evaluation", "noise and scatter", "the least error of any method",
          (*METHODS, "lab/recognition/error_bounds.py")),
     Case("stone_forces", "lab.streams.stone_forces", "rock, size, speed and place of a stone",
-         "the law of forces that is learnt", (*STONE, "recognition/stream/forces.py")),
+         "the law of forces that is learnt", (*STONE, "recognition/stone_forces/forces.py")),
+    Case("rod_joint", "lab.plate.rod_joint", "radius and modulus of a rod, Poisson's ratio", "plate and beam theory", ()),
     Case("solid_plate", "lab.plate.solid_plate", "symmetry of the plate as a solid", "CalculiX",
          ("tests/plate_fem/solid.py",)),
 )}

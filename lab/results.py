@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from common.files import write_text
+from common.files.whole import write_text
 from lab.cost import machine
 
 ROOT = Path(__file__).resolve().parents[1]

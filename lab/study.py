@@ -15,7 +15,7 @@ from typing import Any
 
 import pandas as pd
 
-from common.files import written_whole
+from common.files.whole import written_whole
 
 
 @dataclass(frozen=True)

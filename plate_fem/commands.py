@@ -1,15 +1,17 @@
-"""What the commands on a plate alone answer: `modes`."""
+"""What the commands on a plate alone answer: `modes` and `motion`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.cache import user_cache
-from common.output_directory import is_stamped, refuse_file, stamped
-from common.plate import read_plate
+from common.files.cache import user_cache
+from common.files.export import export, refuse_export
+from common.files.output_directory import is_stamped, refuse_file, stamped
+from common.process.messages import told
 from common.result import Result
+from common.scene.plate import read_plate
 from common.tables import InputError, refused_in
 from plate_fem.modes import PlateModes, plate_modes
 
@@ -47,12 +49,50 @@ def modes(scene_file: Path, out: Path | None = None) -> ModesResult:
         raise InputError(f"--out = {out}: the name must end in .vtu")
     if out is not None:
         refuse_file(str(out), is_stamped)
-    with refused_in(scene_file, "plate"):
+    with refused_in(scene_file, "plate"), told(f"{scene_file}: modes"):
         found = plate_modes(plate, user_cache())
     if out is not None:
         write_shapes(found, out)
     return ModesResult(found.theory, len(found.quad), float(found.mass_kg), tuple(found.frequency_Hz.tolist()),
                        tuple(found.damping_ratio.tolist()), out)
+
+
+@dataclass(frozen=True)
+class MotionResult(Result):
+    """Largest displacement, velocity and acceleration at points of a run's plate, the table of them over time if one
+    was asked for, and how large the file is that they follow from."""
+
+    at_m: tuple[tuple[float, float], ...]
+    max_u_m: tuple[float, ...]
+    max_v_m_s: tuple[float, ...]
+    max_a_m_s2: tuple[float, ...]
+    table: Path | None
+    modes_bytes: int
+
+    def words(self) -> Iterator[str]:
+        yield f"{'x, m':>9} {'y, m':>9} {'max u, m':>11} {'max v, m/s':>11} {'max a, m/s2':>11}"
+        for (x_m, y_m), *largest in zip(self.at_m, self.max_u_m, self.max_v_m_s, self.max_a_m_s2, strict=True):
+            yield f"{x_m:9.6g} {y_m:9.6g} " + " ".join(f"{value:11.6g}" for value in largest)
+        yield f"from {self.modes_bytes / 1e3:.0f} kB of modes" + (f", written to {self.table}" if self.table else "")
+
+
+def motion(directory: Path, at_m: Sequence[Sequence[float]], out: Path | None = None) -> MotionResult:
+    """The vertical motion, upwards, of points of the plate of a run, at its samples; over time in `out` (.csv or
+    .xlsx): `t_s`, and for each point from 1 `u_1_m`, `v_1_m_s`, `a_1_m_s2`. Raises InputError."""
+    from plate_fem.recorded import FILE, RecordedMotion
+
+    if out is not None:
+        refuse_export(out)
+    recorded = RecordedMotion.read(directory)
+    found = recorded.at(at_m)
+    if out is not None:
+        import pandas as pd
+
+        columns = {f"{name[0]}_{k + 1}{name[1:]}": found[name][:, k] for k in range(len(at_m)) for name in found}
+        export({"motion": pd.DataFrame({"t_s": recorded.t_s, **columns})}, out)
+    largest = {f"max_{name}": tuple(abs(values).max(axis=0).tolist()) for name, values in found.items()}
+    return MotionResult(at_m=tuple((float(x), float(y)) for x, y in at_m), table=out,
+                        modes_bytes=(directory / FILE).stat().st_size, **largest)
 
 
 def write_shapes(modes: PlateModes, out: Path) -> None:
@@ -61,7 +101,7 @@ def write_shapes(modes: PlateModes, out: Path) -> None:
     import meshio
     import numpy as np
 
-    from common.files import written_whole
+    from common.files.whole import written_whole
 
     points = np.column_stack([modes.node_m, np.zeros(len(modes.node_m))])
     largest = abs(modes.shape).max(axis=0)

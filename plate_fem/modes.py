@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,19 +11,20 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import make_interp_spline
 
-from common.cache import cached, key_of
-from common.plate import FlexiblePlate
+from common.files.cache import cached, key_of
+from common.scene.plate import FlexiblePlate
 from common.tables import Refused
-from plate_fem import hermite
-from plate_fem.mesh import highest_frequency_Hz
-from plate_fem.mode_count import MODES_AT_MOST, refuse_too_many_modes
+from plate_fem.elements import hermite
+from plate_fem.elements.mesh import highest_frequency_Hz
+from plate_fem.solution.mode_count import MODES_AT_MOST, refuse_too_many_modes
 
 if TYPE_CHECKING:
-    from plate_fem.model import PlateModel
-    from plate_fem.system import PlateSystem
+    from plate_fem.elements.system import PlateSystem
+    from plate_fem.solution.model import PlateModel
 
 
 MOST_RESIDUAL_POINTS = 32  # each adds a mode
+NOWHERE = np.empty((0, 2))  # for residual modes of the rods alone
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class PlateModes:
     surface_stress (n_nodes, 3, n): sx, sy, txy (Pa) at the top surface, per amplitude.
     mass_kg: mass of the plate without rods.
     theory: "kirchhoff" or "mindlin".
-    n_residual: how many modes, the last ones, stand for the compliance of those left out (plate_fem/residual.py).
+    n_residual: how many modes, the last ones, stand for the compliance of the rest (plate_fem/solution/residual.py).
     lateral (n_nodes, 2, n): displacement of the top surface along x and y at the nodes, of a plate that can sway; no
         rows of one that cannot.
 
@@ -67,6 +67,15 @@ class PlateModes:
     def shape(self) -> np.ndarray:
         """(n_nodes, n): deflection at the nodes."""
         return self.nodal[0]
+
+    @cached_property
+    def momentum(self) -> np.ndarray:
+        """(n,): upward momentum of plate and rods per rate, of a plate that nothing but rods holds.
+
+        Lifted as a whole by the feet of its rods, the plate moves by the sum of all modes times their momentum, if
+        there are residual modes of the rods. A mode gives the feet omega^2 times as much force as it has momentum.
+        """
+        return np.asarray(self.rod_force.sum(axis=0) / (2 * np.pi * self.frequency_Hz) ** 2)
 
     @cached_property
     def node_m(self) -> np.ndarray:
@@ -130,23 +139,20 @@ def modes_for_loads(plate: FlexiblePlate, cache_dir: Path | None, places_m: np.n
     A few places get the static compliance of the modes left out. More would need a mode each, and have the rods'
     share of it alone.
     """
-    few = len(places_m) <= MOST_RESIDUAL_POINTS
-    return plate_modes(plate, cache_dir, places_m if few else None, residual_rods=not few)
+    return plate_modes(plate, cache_dir, places_m if len(places_m) <= MOST_RESIDUAL_POINTS else NOWHERE)
 
 
 def plate_modes(
-    plate: FlexiblePlate, cache_dir: Path | None = None, residual_points_m: np.ndarray | None = None,
-    residual_rods: bool = False,
-) -> PlateModes:  # fmt: skip
+    plate: FlexiblePlate, cache_dir: Path | None = None, residual_points_m: np.ndarray | None = None
+) -> PlateModes:
     """Return the modes of a plate up to its `max_frequency_Hz`.
 
-    cache_dir: directory for results (common/cache.py), with an entry for each table and set of points. The modes below
-    `max_frequency_Hz`, which take longest, have an entry of their own that other points and damping ratios share.
-    Without it nothing is kept.
+    cache_dir: directory for results (common/files/cache.py), with an entry for each table and set of points. The modes
+    below `max_frequency_Hz`, which take longest, have an entry of their own that other points and damping ratios
+    share. Without it nothing is kept.
     residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
-    points the static compliance of all the modes left out (plate_fem/residual.py). Without it there are none.
-    residual_rods: whether a mode for each rod is added, with which the rods bear their exact share of a steady force
-    anywhere.
+    points the static compliance of all the modes left out (plate_fem/solution/residual.py), and one for each rod, with
+    which the rods bear their exact share of a steady force anywhere. Without it there are none.
     Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
     table with too many cells or modes, or whose numbers are so extreme that they cannot be found.
 
@@ -157,19 +163,19 @@ def plate_modes(
     True
     """
     refuse_too_many_modes(plate, MODES_AT_MOST)
-    points = np.empty((0, 2)) if residual_points_m is None else np.atleast_2d(np.asarray(residual_points_m, float))
+    points = None if residual_points_m is None else np.asarray(residual_points_m, float).reshape(-1, 2)
     names = [one.name for one in fields(PlateModes)]
 
     def find() -> dict[str, object]:
         try:
-            modes = _compute(plate, points, residual_rods, cache_dir)
+            modes = _compute(plate, points, cache_dir)
         except (RuntimeError, np.linalg.LinAlgError) as error:  # of a factor, or of the eigensolver
             why = " ".join(str(error).split())
             raise Refused("model", plate.model, f"its modes cannot be found ({why}): stiffness, density and size of "
                           "plate and rods must be less extreme") from error
         return {name: getattr(modes, name) for name in names}
 
-    stored = cached(cache_dir, "modes", table_hash(plate, points, residual_rods), find)
+    stored = cached(cache_dir, "modes", table_hash(plate, points), find)
     values: dict[str, Any] = {name: stored[name] if stored[name].shape else stored[name].item() for name in names}
     return _damped(PlateModes(**values), plate)
 
@@ -178,23 +184,20 @@ def _damped(modes: PlateModes, plate: FlexiblePlate) -> PlateModes:
     return replace(modes, damping_ratio=np.full(len(modes.frequency_Hz), plate.damping_ratio))
 
 
-def table_hash(
-    plate: FlexiblePlate, residual_points_m: np.ndarray | Sequence[Sequence[float]] = (), residual_rods: bool = False
-) -> str:
+def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | None = None) -> str:
     """Return a hash of everything that frequencies and shapes depend on, the code included.
 
     The damping ratio does not belong to it: frequencies and shapes are those without damping.
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
-    points = np.asarray(residual_points_m, float).tolist()
-    return key_of(Path(__file__), table, points, residual_rods)
+    return key_of(Path(__file__), table, None if residual_points_m is None else residual_points_m.tolist())
 
 
 def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, sp.csc_array]:
     """Return omega^2 (n,) and sparse vectors (size, n) up to `max_frequency_Hz`, from the cache if they are there."""
 
     def find() -> dict[str, np.ndarray]:
-        from plate_fem.eigen import eigenmodes
+        from plate_fem.solution.eigen import eigenmodes
 
         omega_squared, vectors = eigenmodes(model.parts, highest_frequency_Hz(plate))
         return {"omega_squared": omega_squared, "data": vectors.data, "row": vectors.indices, "start": vectors.indptr}
@@ -204,20 +207,18 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
     return kept["omega_squared"], sp.csc_array((kept["data"], kept["row"], kept["start"]), shape=shape)
 
 
-def _compute(
-    plate: FlexiblePlate, residual_points_m: np.ndarray, residual_rods: bool, cache_dir: Path | None
-) -> PlateModes:
-    from plate_fem.model import build_model  # late: most modes are in the cache
-    from plate_fem.residual import load_rows, residual_modes
-    from plate_fem.stress_recovery import modal_surface_stress
-    from plate_fem.system import sways
+def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_dir: Path | None) -> PlateModes:
+    from plate_fem.elements.system import sways
+    from plate_fem.solution.model import build_model  # late: most modes are in the cache
+    from plate_fem.solution.residual import load_rows, residual_modes
+    from plate_fem.solution.stress_recovery import modal_surface_stress
 
     model = build_model(plate)
     omega_squared, kept = _kept_modes(plate, model, cache_dir)
     vectors, n_residual = kept.toarray(), 0
-    loads = [load_rows(model.system, residual_points_m) @ model.expansion] if len(residual_points_m) else []
-    loads += [model.rod_force] if residual_rods and plate.rods else []
-    if loads:
+    loads = [] if residual_points_m is None else [load_rows(model.system, residual_points_m) @ model.expansion,
+                                                  model.rod_force]
+    if any(rows.shape[0] for rows in loads):
         more_omega_squared, more = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
         omega_squared, vectors = np.append(omega_squared, more_omega_squared), np.hstack([vectors, more])
         n_residual = len(more_omega_squared)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from common.plate import Rod
+from common.scene.plate import Rod
 from plate_fem.modes import PlateModes
 
 

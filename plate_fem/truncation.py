@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.cache import cached, key_of, user_cache
-from common.plate import FlexiblePlate
+from common.files.cache import cached, key_of, user_cache
 
 
 def energy_left_out(max_frequency_Hz: float, contact_time_s: float) -> float:
@@ -36,14 +35,6 @@ def frequency_for(tolerance: float, contact_time_s: float) -> float:
     """
     cut_off, share = _pulse_share()
     return float(np.interp(-tolerance, -share, cut_off)) / contact_time_s
-
-
-def with_max_frequency(plate: FlexiblePlate, contact_time_s: float) -> FlexiblePlate:
-    """Return the plate's table with `max_frequency_Hz` filled in from its `truncation_tolerance`, if it has one."""
-    if plate.truncation_tolerance is None:
-        return plate
-    frequency = frequency_for(plate.truncation_tolerance, contact_time_s)
-    return plate.model_copy(update={"max_frequency_Hz": frequency, "truncation_tolerance": None})
 
 
 @cache

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.runs import read_sweep
-from common.output_directory import begins_with, is_sealed_as, refuse_file, refuse_foreign_file
+from analysis.sweep.runs import read_sweep
+from common.files.output_directory import is_sealed_as, is_stamped, refuse_file, refuse_foreign_file
 from common.result import Result
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
 from recognition.models import FORMAT, Model
 from recognition.plate.plate_model import PlateModel
-from recognition.plate.records import record_table
+from recognition.plate.records import at_rate, record_table
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,16 @@ class RecogniseResult(Result):
             yield f"{name:<26} {answer.reason or f'{100 * answer.ratio:.2f} %'}"
 
 
-def recognise(record: str, model: str, plate: str | None = None) -> RecogniseResult:
-    """Mixing ratio of a record by a model of `fit`, on a plate of `tap` where it is not that of the training. Raises
-    RecordError, RecognitionError."""
+def recognise(record: str, model: str, plate: str | None = None, resample: bool = False, scale: float = 1.0,
+              unit: str | None = None) -> RecogniseResult:
+    """Mixing ratio of a record by a model of `fit`, on a plate of `tap` where it is not that of the training.
+    `resample`: at the model's rate; scale, unit: see `record_table`. Raises RecordError, RecognitionError."""
     known = Model.load(model)
     if plate is not None:
         known = known.on_plate(PlateModel.load(Path(plate)))
-    table, source = record_table(record)
+    table, source = record_table(record, scale, unit)
+    if resample and "t_s" in table:
+        table = at_rate(table, known.window.rate_Hz, source)
     answers = known.recognise(table, source)
     if faults := known.faults(table):
         return RecogniseResult(source, None, {}, refused=tuple(faults))
@@ -129,6 +132,6 @@ def evaluate(directory: str, methods: Sequence[str] | None = None) -> EvaluateRe
     unknown = [name for name in names if name not in METHODS]
     if unknown:
         raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(METHODS)}")
-    refuse_foreign_file(Path(directory) / "evaluation.csv", begins_with("method,held_out,"))
+    refuse_foreign_file(Path(directory) / "evaluation.csv", is_stamped)
     data = read_dataset(directory)
     return EvaluateResult(write_evaluation(data, directory, {name: METHODS[name] for name in names}))

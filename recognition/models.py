@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.features import BASE_PARAMETERS
-from analysis.runs import Run
+from analysis.signals.features import BASE_PARAMETERS
+from analysis.sweep.runs import Run
 from common.channels import ACCELEROMETERS
-from common.files import is_sealed, seal, write_text
-from common.processes import side_by_side
+from common.files.whole import is_sealed, seal, write_text
+from common.process.processes import side_by_side
 from common.tables import InputError, refuse_unreadable
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats

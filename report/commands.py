@@ -32,7 +32,7 @@ class ComparisonResult(Result):
 
 
 def compare(a: Path, b: Path, out: Path | None = None) -> ComparisonResult:
-    """Write the page of what differs between two runs or sweeps, see `report.compare_page.write_comparison`."""
-    from report.compare_page import write_comparison
+    """Write the page of what differs between two runs or sweeps, see `report.comparison.page.write_comparison`."""
+    from report.comparison.page import write_comparison
 
     return ComparisonResult(write_comparison(a, b, out))

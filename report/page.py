@@ -14,11 +14,10 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from analysis import Run, Sweep, breakage, read_sweep
-from analysis.stream import is_stream
-from common.files import write_text
-from common.output_directory import (
-    begins_with,
+from analysis import Run, Sweep, read_sweep
+from analysis.sweep import breakage
+from analysis.sweep.stream import is_stream
+from common.files.output_directory import (
     hash_of,
     is_stamped,
     listed_files,
@@ -26,10 +25,11 @@ from common.output_directory import (
     stamped,
     write_contents,
 )
+from common.files.whole import write_text
 from common.resources import resource
-from common.scene import read_scene
+from common.scene.scene import read_scene
 from recognition.estimation.window import LEAST_RATIOS
-from report import tables
+from report import tables, variation
 from report.breakage.chapter import BREAKAGE_FIGURES
 from report.drawing.figure_spec import FigureSpec, FinishedFigure, finish_figure
 from report.drawing.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
@@ -53,7 +53,7 @@ TEMPLATES = resource("templates")
 #: Title, figures and tables of each chapter, in order; that of recognition follows where it has runs enough.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Response of the plate", RESPONSE_FIGURES, []),
-    ("Breakage", BREAKAGE_FIGURES, []),
+    ("Breakage", BREAKAGE_FIGURES, [variation.ONE_STONE]),
     ("Signals", SIGNAL_FIGURES, []),
     ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
 ]
@@ -126,11 +126,11 @@ def write_report(directory: str | Path) -> Path:
     directory = Path(directory)
     file, claims = directory / "report.html", directory / "claims.csv"
     refuse_foreign_file(file, is_stamped)
-    refuse_foreign_file(claims, begins_with("claim,where,verdict,"))
+    refuse_foreign_file(claims, is_stamped)
     sweep = read_sweep(directory)
     content = _of_streams(sweep) if all(map(is_stream, sweep.runs)) else _of_impacts(SweepResults(sweep))
     if content.claims:
-        write_text(claims, local(to_csv(content.claims), sweep))
+        write_text(claims, stamped(local(to_csv(content.claims), sweep), "# {}"))
     write_text(file, stamped(render(sweep, content)))
     if (listed := listed_files(directory, "run")) is not None:  # a run may be replaced with what belongs to it
         own = {one.name: hash_of(one) for one in (file, claims) if one.is_file()}
@@ -150,6 +150,7 @@ def _of_impacts(results: SweepResults) -> Content:
         chapters.append(("Recognition", chapter.RECOGNITION_FIGURES, chapter.RECOGNITION_TABLES))
     if ratios >= LEAST_TREND and all(map(is_papers, runs)):
         from report.statements import STATEMENTS as statements
+        chapters.append(("With stones that vary", [], [variation.VARYING]))
     of_chapters: list[FigureSpec | TableSpec] = []
     for _, figures, of_chapter in chapters:
         of_chapters += [*of_chapter, *figures]

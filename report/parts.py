@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from common.processes import side_by_side
+from common.process.processes import side_by_side
 from report.missing import MISSING_RESULT
 from report.sweep_results import SweepResults
 from report.verdicts import Claim, Statement, check_statements

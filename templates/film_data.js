@@ -80,7 +80,7 @@ film.brokenCount = function (reel, time) {
   return count;
 };
 
-// Broken share of the bonds of each sub-sphere, 0..1, as analysis.breakage.damage.
+// Broken share of the bonds of each sub-sphere, 0..1, as analysis.sweep.breakage.damage.
 film.damage = function (reel, time) {
   const damage = new Float32Array(reel.radius.length);
   for (let k = 0; k < reel.first.length; k++) {

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common import cache
-from common.cache import BeingFound, cached, entry_file, key_of, not_waiting, used_modules
-from common.messages import PACKAGES
+from common.files import cache
+from common.files.cache import BeingFound, cached, entry_file, key_of, not_waiting, used_modules
+from common.process.messages import PACKAGES
 
 ROOT = Path(__file__).resolve().parents[1]
 KEY = key_of(Path(__file__), "a key")
@@ -24,7 +24,7 @@ ASK = """
 import sys, time
 from pathlib import Path
 import numpy as np
-from common.cache import cached
+from common.files.cache import cached
 directory, key, log = Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3])
 def find():
     with log.open("a") as file:
@@ -152,15 +152,16 @@ KEPT_BY = ["dem/stones/library.py", "plate_fem/modes.py", "plate_fem/truncation.
 
 
 @pytest.mark.parametrize("code, used, unused", [
-    (KEPT_BY[0], "plate_fem/eigen.py", "plate_fem/response.py"),
-    (KEPT_BY[0], "dem/stones/mesh.py", "dem/stones/paths.py"),
-    (KEPT_BY[1], "plate_fem/residual.py", "plate_fem/commands.py"), (KEPT_BY[1], "common/plate.py", "common/scene.py"),
-    ("analysis/emd_rules.py", "analysis/sifting.py", "analysis/hilbert.py")])
+    (KEPT_BY[0], "plate_fem/solution/eigen.py", "plate_fem/response.py"),
+    (KEPT_BY[0], "dem/shapes/mesh.py", "dem/stones/paths.py"),
+    (KEPT_BY[1], "plate_fem/solution/residual.py", "plate_fem/commands.py"),
+    (KEPT_BY[1], "common/scene/plate.py", "common/scene/scene.py"),
+    ("analysis/signals/emd_rules.py", "analysis/signals/sifting.py", "analysis/signals/hilbert.py")])
 def test_the_key_is_another_where_a_module_that_is_used_has_changed(tmp_path, code, used, unused):
     keys = []
     for number, changed in enumerate([None, unused, used]):
         copy = tmp_path / str(number)
-        for package in ("common", "dem/stones", "plate_fem", "analysis"):
+        for package in ("common", "dem/stones", "dem/shapes", "plate_fem", "analysis"):
             shutil.copytree(ROOT / package, copy / package, ignore=shutil.ignore_patterns("__pycache__", "data"))
         (copy / "dem" / "__init__.py").touch()
         if changed:

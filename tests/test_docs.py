@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from analysis import read_sweep
-from common.scene import changed_scene, read_scene
+from common.scene.scene import read_scene
 from dem.calibration import calibrate
 from dem.calibration.virtual_tests import LoadHistory
 from gangue.__main__ import main
@@ -65,24 +65,24 @@ def test_examples_of_commands(tmp_path):
 
 def test_the_example_of_a_material(tmp_path, monkeypatch):
     """The calibration on few coarse packings, with strengths that are met at once in place of the engine's."""
-    rock, scene = blocks("toml")
-    (tmp_path / "targets.toml").write_text(rock)
-    target = calibrate.read_target("sandstone", tmp_path / "targets.toml")
-    coarse = changed_scene(ROOT / "scenes" / "paper.toml", {"stones.agglomerate.subspheres": 60})
+    sheet, scene = blocks("toml")
+    (tmp_path / "sheet.toml").write_text(sheet)
+    (tmp_path / "scene.toml").write_text(scene + "stones.agglomerate.subspheres = 60\n")
 
     def strength(work, *_):
         work.mkdir(parents=True, exist_ok=True)
-        met_Pa = target.compressive_strength_Pa if work.name == "compression" else target.tensile_strength_Pa
-        return LoadHistory(np.array([1.0]), np.array([met_Pa]))
+        return LoadHistory(np.array([1.0]), np.array([60e6 if work.name == "compression" else 6e6]))
 
-    for name, value in {"read_target": lambda rock: target, "read_scene": lambda file: coarse, "FIT_SEEDS": 2,
-                        "CHECK_SEEDS": 2, "check_engine": lambda: None, "strength_test": strength}.items():
+    for name, value in {"FIT_SEEDS": 2, "CHECK_SEEDS": 2, "check_engine": lambda: None,
+                        "strength_test": strength}.items():
         monkeypatch.setattr(calibrate, name, value)
     monkeypatch.chdir(ROOT)
     assert main(blocks("sh")[0].replace("OUT", str(tmp_path)).split()[1:]) == 0
     (tmp_path / "scene.toml").write_text(scene)
     found = read_scene(tmp_path / "scene.toml")
-    assert found.materials["gangue"].youngs_modulus_Pa == 15e9 and found.bond_of("gangue").friction_angle_deg == 40.0
+    gangue = found.materials["gangue"]
+    assert (gangue.youngs_modulus_Pa, gangue.density_kg_m3) == (15e9, 2500.0)
+    assert found.bond_of("gangue").friction_angle_deg == 35.0  # assumed, and said so
     assert found.materials["coal"] == read_scene(ROOT / "scenes" / "paper.toml").materials["coal"]
 
 

@@ -6,13 +6,17 @@ import os
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from analysis import read_record, signal_features
+from common.scene.scene import read_scene
 from common.tables import InputError, read_toml
 from dem.coupling.exit_code import STOPPED
 from gangue.__main__ import main
@@ -173,3 +177,56 @@ def test_completion_knows_commands_options_and_files(tmp_path):
 
 def test_the_help_names_the_exit_code_of_a_run_that_stopped():
     assert f"exit code {STOPPED}" in " ".join(commands_of(parser_of())["run"].format_help().split())
+
+
+def test_shipped_scenes_are_listed_and_a_copy_is_the_scene_wherever_it_is(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["--json", "scenes"]) == 0
+    shipped = json.loads(capsys.readouterr().out)["scenes"]
+    assert len(shipped) > 10 and "campaign.toml" not in shipped and all(shipped.values())
+    for name in shipped:
+        assert main(["--quiet", "scenes", name.removesuffix(".toml")]) == 0
+        assert read_scene(tmp_path / name) == read_scene(ROOT / "scenes" / name)
+    assert main(["scenes"]) == 0 and set(shipped) == {line.split()[0] for line in capsys.readouterr().out.splitlines()}
+    for words, line in ((["paper"], "is there"), (["nothing"], "paper.toml"), (["--out", "x.toml"], "left out")):
+        assert main(["scenes", *words]) == 2 and line in capsys.readouterr().err
+
+
+WITHOUT_UNIX = """
+import os, signal, sys
+
+sys.modules |= dict.fromkeys(("fcntl", "resource", "pwd", "grp", "termios"))  # an import of one of them fails
+del signal.SIGKILL, signal.SIGHUP, os.fork, os.setsid, os.sched_getaffinity
+
+import analysis, recognition, plate_fem
+
+for package in (analysis, recognition, plate_fem):
+    for name in dir(package):
+        getattr(package, name)
+
+from gangue.__main__ import main
+
+sys.exit(main(["features", sys.argv[1]]))
+"""
+
+
+def test_what_needs_no_engine_works_without_what_windows_lacks(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text("t_s,a_m_s2\n" + "".join(f"{k / 1000},{(7 * k) % 13 - 6}\n" for k in range(200)))
+    done = subprocess.run([sys.executable, "-c", WITHOUT_UNIX, file], capture_output=True, text=True, check=False,
+                          cwd=ROOT)
+    assert done.returncode == 0 and "rms" in done.stdout, done.stderr
+
+
+def test_the_lock_file_and_the_container_have_what_the_project_asks_for():
+    from dem.coupling.launch import LIGGGHTS_VERSION
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    lines = (ROOT / "requirements.lock").read_text().splitlines()
+    locked = dict(line.split("==") for line in lines if not line.startswith("#"))
+    extras = project["optional-dependencies"]
+    for text in (*project["dependencies"], *extras["report"], *extras["records"], *extras["tables"]):
+        wanted = Requirement(text)
+        assert wanted.specifier.contains(locked[canonicalize_name(wanted.name)]), text
+    container = (ROOT / "Containerfile").read_text()
+    assert f"LIGGGHTS={LIGGGHTS_VERSION}\n" in container

@@ -10,14 +10,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis import as_record, resample
+from analysis.sweep.run_table import TableResult
 from common.result import Result
 from dem.batch.sweep import SweepResult
 from dem.commands import BatchResult, CalibrationResult, DeckResult, EngineResult, PlateEnergy, RunResult
 from gangue.__main__ import main
 from gangue.commands import COMMANDS
 from gangue.parser import commands_of, parser_of
+from gangue.scenes import ScenesResult
 from lab.known_truth.faulty_records import volley, with_fault
-from plate_fem.commands import ModesResult
+from plate_fem.commands import ModesResult, MotionResult
 from recognition.commands import EvaluateResult
 from recognition.estimation.answer import Answer
 from recognition.estimation.window import Window
@@ -142,6 +145,25 @@ def test_recognise(runs, tapped, capsys, record, code, options):
         assert found["methods"] == {}  # nothing that nobody should trust
 
 
+def test_recognise_a_record_of_another_rate_in_g(runs, capsys):
+    clean = pd.read_csv(runs / "clean.csv")
+    rate_Hz, g = 20e3, 9.80665
+    other = {name: resample(as_record(clean[name], 1 / np.diff(clean["t_s"]).mean()), rate_Hz).values
+             for name in clean.columns.drop("t_s")}
+    table = pd.DataFrame({"t_s": np.arange(len(other["a_m_s2"])) / rate_Hz, **other})
+    table[[name for name in table if name.startswith("acc_")]] /= 10 * g
+    table.to_csv(runs / "other.csv", index=False)
+    words = ["recognise", "--model", str(runs / "model.json")]
+    _, same = both(capsys, [*words, str(runs / "clean.csv")], 0)
+    _, refused = both(capsys, [*words, str(runs / "other.csv")], 2)
+    assert "20000 Hz" in refused["error"] and "--resample" in refused["error"]
+    said, found = both(capsys, [*words, str(runs / "other.csv"), "--resample", "--scale", "10", "--unit", "g"], 0)
+    check_same(said.out, found)
+    best = same["best"]
+    assert found["best"] == best and best is not None
+    assert found["methods"][best]["ratio"] == pytest.approx(same["methods"][best]["ratio"], abs=0.02)
+
+
 @pytest.mark.parametrize("record", ["clean", "dead", "foreign"])
 @pytest.mark.parametrize("options", [[], ["--column", "acc_B_m_s2"], ["--time", "t_s"], ["--resample", HALF_Hz],
                                      ["--scale", "9.81", "--unit", "m/s^2"], ["--resample", HALF_Hz, "--no-filter"]])
@@ -208,6 +230,10 @@ CANNED = [
     ("deck", DeckResult(HERE)), ("plate", PlateEnergy(0.12345678, 1e-9, 0.25)), ("build-engine", EngineResult(HERE)),
     ("calibrate", CalibrationResult(HERE, HERE, {"modulus_Pa": 5e9})),
     ("modes", ModesResult("Mindlin", 12, 39.15, (0.0, 101.23456), (0.0, 0.01234), None)),
+    ("motion", MotionResult(((0.1, 0.0), (0.05, -0.2)), (1e-4, 2e-4), (0.5, 0.25), (300.0, 412.5), HERE, 2_400_000)),
+    ("table", TableResult(({"run": "ratio_030", "stones.speed_m_s": 2.5, "peak_force_N": 28123.45},),
+                          ("ratio_040: not finished",), HERE)),
+    ("scenes", ScenesResult({"paper.toml": "ten stones"})), ("scenes", ScenesResult({"paper.toml": "ten"}, HERE)),
     ("evaluate", EvaluateResult(HERE)), ("report", ReportResult(HERE)), ("compare", ComparisonResult(HERE)),
     ("tap", TapResult(HERE, 12_345, MODES, SENSORS, "")),
     ("tap", TapResult(None, 0, MODES, SENSORS, "sensor 'north': 40% of its taps, limit 30%")),
@@ -219,7 +245,8 @@ CANNED = [
 ]
 ON_SCENE = ["x.toml", "--out", "y"]
 LEAST = {"resume": ["y"], "calibrate": ["coal", "--out", "y", "--scene", "x.toml"], "build-engine": [],
-         "modes": ["x.toml"], "evaluate": ["y"], "report": ["y"], "compare": ["a", "b"],
+         "modes": ["x.toml"], "motion": ["y", "--at", "0.1", "0"], "table": ["y"], "scenes": [],
+         "evaluate": ["y"], "report": ["y"], "compare": ["a", "b"],
          "tap": ["taps.toml", *ON_SCENE],
          "listen": ["r.csv", "--plate", "p.json", "--out", "y"], "volley": ["r.csv", "--plate", "p.json"],
          "check": ["r.csv", "--plate", "p.json"]}

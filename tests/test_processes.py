@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from common.processes import Crashed, apart, side_by_side
+from common.process.processes import Crashed, apart, side_by_side
 from tests.robustness.small import ROOT, is_alive
 
 
@@ -40,7 +40,7 @@ def test_work_apart_may_crash():
 
 
 def test_no_process_outlives_the_one_that_was_killed(tmp_path):
-    program = ("import os, time\nfrom pathlib import Path\nfrom common.processes import side_by_side\n"
+    program = ("import os, time\nfrom pathlib import Path\nfrom common.process.processes import side_by_side\n"
                f"side_by_side(lambda k: (Path({str(tmp_path)!r}, str(os.getpid())).touch(), time.sleep(600)), 2)")
     process = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT)
     while not (workers := [int(file.name) for file in tmp_path.iterdir()]):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from common.scene import changed_scene, read_scene
+from common.scene.scene import changed_scene, read_scene
 from common.tables import InputError, read_toml
 from dem.stones.arrangement import stones_of
 

@@ -105,7 +105,7 @@ def test_the_wheel_has_one_command_for_everything(installed):
 
 
 def test_a_missing_engine_is_refused_with_the_command_that_builds_it(found):
-    assert "python -m dem build-engine" in found["refusal"]
+    assert "gangue build-engine" in found["refusal"]
 
 
 def test_features_of_a_record_are_those_of_the_checkout(installed, tmp_path):

@@ -6,7 +6,7 @@
     "stones.speed_m_s" = [2.0, 3.0, 4.0]
     "stones.seed" = [20011, 20021]
 
-The plan is a table; `python -m dem campaign` hands it to Snakemake (workflow/Snakefile), which runs on one machine or,
+The plan is a table; `gangue campaign` hands it to Snakemake (workflow/Snakefile), which runs on one machine or,
 by a profile, on a cluster. Runs lie in DIR/GROUP/ratio_050, GROUP after what the scene says but for the ratio: a
 changed scene gives new directories, an unchanged one is found finished, and each group is a sweep that analysis and
 recognition read as they read any other.
@@ -25,11 +25,11 @@ from typing import Any
 import pandas as pd
 from pydantic import Field
 
-from common.files import written_whole
-from common.output_directory import at_work_in
-from common.processes import run_group
+from common.files.output_directory import at_work_in
+from common.files.whole import written_whole
+from common.process.processes import run_group
 from common.resources import resource
-from common.scene import changed_scene, ratio_name, scene_hash
+from common.scene.scene import changed_scene, ratio_name, scene_hash
 from common.tables import InputError, Table, check, inline_toml, read_toml
 from dem.commands import BatchResult
 from dem.coupling.launch import check_engine
@@ -95,7 +95,7 @@ def write_campaign_runs(runs: list[CampaignRun], out: Path) -> None:
 
 
 def read_campaign_runs(out: Path) -> dict[str, tuple[int, list[str]]]:
-    """Read OUT/plan.csv: by directory of a run its ranks, and its `--set` arguments of `python -m dem run`."""
+    """Read OUT/plan.csv: by directory of a run its ranks, and its `--set` arguments of `gangue run`."""
     table = pd.read_csv(out / PLAN, dtype=str, keep_default_na=False)
     keys = [name for name in table.columns if name not in ("place", "np", "scene")]
     return {row["place"]: (int(row["np"]), [word for key in keys for word in ("--set", f"{key}={row[key]}")])

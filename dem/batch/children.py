@@ -12,8 +12,8 @@ from typing import Any
 
 import pyarrow.parquet  # noqa: F401 - every run writes tables, and its copy would import this by itself
 
-from common.command import end_of, say
-from common.processes import begin_copy
+from common.process.command import end_of, say
+from common.process.processes import begin_copy
 
 Work = Callable[[], Any]  # returns what there is to tell
 

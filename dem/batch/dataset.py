@@ -19,9 +19,9 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from common.cache import user_cache
-from common.output_directory import at_work_in, remove_written
-from common.scene import Scene, changed_scene, ratio_name, scene_hash
+from common.files.cache import user_cache
+from common.files.output_directory import at_work_in, remove_written
+from common.scene.scene import Scene, changed_scene, ratio_name, scene_hash
 from common.tables import InputError, NotNegative, Positive, Refused, Table, check, read_toml, refused_in
 from dem.batch.children import run_all
 from dem.batch.dataset_streams import StreamFamily, draw_stream
@@ -123,12 +123,17 @@ def _of_volley(path: Path, plan: DatasetPlan, name: str, family: Family, group: 
     scene_file = Path(path).parent / plan.scene
     base = _base_scene(scene_file, tuple(plan.changes.items()))
     with refused_in(scene_file, "stones"):
-        count, _ = base.stones.volley
+        count = _count(base)
     drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
     if family.packing and plan.packings is not None:
         drawn["stones.seed"] = _shared_packing(plan.packings, plan.seed, name, group)
     return [changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
             for ratio in _ratios(name, family, count, group, plan.seed)]
+
+
+def _count(scene: Scene) -> int:
+    """Number of stones of a volley, or of drawn ones."""
+    return scene.stones.drawn.count if scene.stones.drawn is not None else scene.stones.volley[0]
 
 
 def _shared_packing(packings: int, seed: int, name: str, group: int) -> int:
@@ -151,7 +156,7 @@ def _of_stream(path: Path, plan: DatasetPlan, name: str, family: StreamFamily, r
 
 def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, Any]:
     """Draw the changes of one group, by dotted key of the scene. Raises InputError where free stones find no place."""
-    count, _ = scene.stones.volley
+    count = _count(scene)
     changes: dict[str, Any] = {}
     if family.arrangement:
         changes["stones.gangue_order"] = (rng.permutation(count) + 1).tolist()
@@ -169,6 +174,8 @@ def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, An
         position = _free_positions(scene, rng) if family.free_positions else _moved_positions(scene, family, rng)
         changes["stones.positions"] = [{"x_m": float(x), "y_m": float(y)} for x, y in position]
         changes["stones.circle_radius_m"] = None
+    if scene.scatter.drawn:
+        changes["scatter.seed"] = int(rng.integers(1_000_000_000))
     return changes
 
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from common.distribution import Spread
-from common.scene_stones import MOST_STONES
+from common.scene.distribution import Spread
+from common.scene.stones import MOST_STONES
 from common.tables import Positive, Refused, Table
 
 Share = Annotated[float, Field(ge=0, le=1)]

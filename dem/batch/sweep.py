@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from common.output_directory import at_work_in
+from common.files.output_directory import at_work_in
 from common.result import Result
 from common.run_summary import read_summary
-from common.scene import Scene, changed_scene, ratio_name, scene_hash
+from common.scene.scene import Scene, changed_scene, ratio_name, scene_hash
 from common.tables import InputError
 from dem.batch.children import run_all
 from dem.commands import Changes, RunResult
@@ -41,8 +41,8 @@ class SweepResult(Result):
 
 def sweep(scene_file: Path, out: Path, jobs: int, changes: Changes = (), overwrite: bool = False) -> SweepResult:
     """Run the missing ratios, `jobs` at a time. `changes` are values of the scene by dotted key
-    (`common.scene.changed_scene`). Runs of another scene are replaced with `overwrite` only. Raises InputError for bad
-    input, Busy where another process is at work."""
+    (`common.scene.changed_scene`). Runs of another scene are replaced with `overwrite` only. Raises InputError
+    for bad input, Busy where another process is at work."""
     check_engine()
     keys = dict(changes)
     if RATIO in keys:

@@ -1,4 +1,4 @@
-"""Fit the bonds of a material to a rock: `python -m dem calibrate MATERIAL --scene SCENE --out DIR [--rock ROCK]`.
+"""Fit the bonds of a material to a rock: `gangue calibrate MATERIAL --scene SCENE --out DIR [--rock ROCK]`.
 
 Specimens of the virtual tests have the sub-spheres of the scene's stones, by size. In this order:
 
@@ -30,11 +30,11 @@ import pandas as pd
 from pydantic import Field
 from scipy.optimize import brentq
 
-from common.files import write_text, written_whole
-from common.output_directory import stamped
-from common.resources import resource
-from common.scene import MaterialTable, Scene, contact_key, read_scene, scene_hash
+from common.files.output_directory import stamped
+from common.files.whole import write_text
+from common.scene.scene import MaterialTable, Scene, contact_key, scene_hash
 from common.tables import InputError, Positive, Table, check, read_toml, refused_in
+from dem.calibration.lab_sheet import TARGETS, find_sheet, scene_with
 from dem.calibration.virtual_tests import (
     Rock,
     Specimen,
@@ -43,12 +43,11 @@ from dem.calibration.virtual_tests import (
     strength_test,
     tension_specimen,
 )
-from dem.coupling.launch import LIGGGHTS_VERSION, check_engine
+from dem.coupling.launch import check_engine, library_version
 from dem.run.errors import RunError
-from dem.stones.bonds import bond_network, network_stiffness
+from dem.stones.bonds import CRACK_AREA, bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
 
-TARGETS = resource("scenes/materials/targets.toml")
 MAX_STIFFNESS_RATIO = 4.0  # beyond, nu rises little, and time step and isotropy are lost (docs/calibration.md)
 MAX_VOLUMETRIC_RATIO = 0.6
 # What the tensile strength gains per pressure. More would keep a disc from splitting in the middle, where the mean
@@ -56,8 +55,6 @@ MAX_VOLUMETRIC_RATIO = 0.6
 STRENGTHENING = 2.0
 FIT_SEEDS = 12             # of the Brazilian test and the elastic constants; half of them do for the other strengths
 CHECK_SEEDS = 12           # likewise, and a quarter of them for confined compression
-# Bonds that a crack breaks near its plane, by their section, over its own area (lab/rock/crack_area.py).
-CRACK_AREA = 2.1
 CONFINING_Pa = (2e6, 5e6)  # of the checks
 DISC_RADIUS_RATIO = 1.5    # disc against stone: 14 sub-spheres across, as laboratories want ten grains at least
 FIRST_GUESS = 1.25         # of the bonds' tensile strength over the rock's
@@ -76,16 +73,21 @@ Source = Annotated[str, Field(pattern=r'^[^"\\\x00-\x1f\x7f]*$', max_length=200)
 class TargetTable(Table):
     """The strengths of a rock, with their sources, and its elastic constants where they are not the scene's."""
 
+    density_kg_m3: Positive | None = None
     youngs_modulus_Pa: Positive | None = None
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)] | None = None
     elastic_source: Source = "as in the scene"  # of the density, too
     tensile_strength_Pa: Positive
     compressive_strength_Pa: Positive
-    strength_source: Source
-    friction_angle_deg: Annotated[float, Field(ge=0, lt=90)]
-    friction_source: Source
-    fracture_toughness_Pa_m05: Positive | None = None  # None: bonds snap
+    strength_source: Source = "laboratory sheet"
+    friction_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 35.0
+    friction_source: Source = "assumed"
+    fracture_toughness_Pa_m05: Positive | None = None
+    crack_energy_J_m2: Positive | None = None  # of a crack's area, in place of the toughness; without both bonds snap
     toughness_source: Source = ""
+    flaw_modulus: Positive | None = None  # of strengths from place to place, with the length of their correlation
+    flaw_length_m: Positive | None = None
+    flaw_source: Source = ""
 
     def elastic(self, table: MaterialTable) -> tuple[float, float]:
         """Young's modulus in Pa and Poisson's ratio to be met."""
@@ -93,9 +95,13 @@ class TargetTable(Table):
         return (table.youngs_modulus_Pa if modulus is None else modulus, table.poisson_ratio if nu is None else nu)
 
 
-def fracture_energy(toughness_Pa_m05: float, modulus_Pa: float, nu: float) -> float:
-    """Of the bonds, in J/m^2 of their section: Irwin's K^2 (1 - nu^2)/E of a crack's area over what it breaks."""
-    return toughness_Pa_m05**2 * (1 - nu**2) / (modulus_Pa * CRACK_AREA)
+def fracture_energy(target: TargetTable, modulus_Pa: float, nu: float) -> float | None:
+    """Of the bonds, in J/m^2 of their section: that of a crack's area, Irwin's K^2 (1 - nu^2)/E where the toughness is
+    given, over what it breaks."""
+    toughness, crack = target.fracture_toughness_Pa_m05, target.crack_energy_J_m2
+    if toughness is not None:
+        crack = toughness**2 * (1 - nu**2) / modulus_Pa
+    return None if crack is None else _rounded(crack / CRACK_AREA)
 
 
 class Strengths(Protocol):
@@ -177,25 +183,24 @@ class _Laboratory:
 
 
 def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable[[str], None] = print,
-              rock: str | None = None) -> Calibration:
-    """Fit the bonds of `material` in a scene to `rock` of scenes/materials/targets.toml (default: that of the
-    material's name); leaves `out`/ROCK.toml and `out`/ROCK_tests.csv.
+              rock: str | None = None, targets: Path | None = None) -> Calibration:
+    """Fit the bonds of `material` in a scene to what `dem.calibration.lab_sheet` finds of it; leaves `out`/ROCK.toml
+    and `out`/ROCK_tests.csv, where ROCK is `rock` or the name of the material's file in the scene.
 
     Raises InputError for bad input, RunError if LIGGGHTS fails or a strength is not reached.
     """
-    rock = rock or material
-    scene = read_scene(scene_file)
-    if material not in scene.materials:
-        raise InputError(f"MATERIAL = {material!r}: must be one of {sorted(scene.materials)}, the materials of "
-                         f"{scene_file}")
+    sheet = find_sheet(material, scene_file, rock, targets)
+    target: TargetTable = check(TargetTable, sheet.table, sheet.file, where=sheet.where)
+    scene, rock = scene_with(material, scene_file, sheet.table), sheet.rock
     if scene.stones.agglomerate is None:
         raise InputError(f"{scene_file}: stones.agglomerate is missing: the size of sub-spheres follows from it")
     with refused_in(scene_file, "stones"):
         _ = scene.stones.volley  # the size of specimens follows from that of the stones
-    if contact_key(material, material) not in scene.contacts:
+    if scene.contact_of(material, material) is None:
         raise InputError(f"{scene_file}: contacts.{contact_key(material, material)} is missing: restitution and "
                          "friction of broken pieces must be given")
-    target = read_target(rock)
+    if "friction_angle_deg" not in target.model_fields_set:
+        report(f"note: {sheet.file}: friction_angle_deg is not given: {target.friction_angle_deg:g} is assumed")
     check_engine()
     out.mkdir(parents=True, exist_ok=True)
     work = out / f"{rock}.partial"
@@ -205,8 +210,8 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
         found = _fit(scene, material, target, laboratory)
     except RuntimeError as error:
         raise RunError(str(error)) from error
-    with written_whole(out / f"{rock}_tests.csv") as beside:
-        found.tests.to_csv(beside, index=False, float_format="%.9g")
+    tests = found.tests.to_csv(index=False, float_format="%.9g")
+    write_text(out / f"{rock}_tests.csv", stamped(tests, "# {}"))
     write_text(out / f"{rock}.toml", stamped(calibration_toml(found, scene, material, rock, target), "# {}"))
     shutil.rmtree(work)
     return found
@@ -242,15 +247,14 @@ def _fit(scene: Scene, material: str, target: TargetTable, laboratory: _Laborato
 def fit_stiffness(scene: Scene, material: str, target: TargetTable, laboratory: _Laboratory, seeds: range) -> Rock:
     """Bond modulus, stiffness ratio and volumetric ratio; strengths are a first guess."""
     table = scene.materials[material]
-    contact = scene.contacts[contact_key(material, material)]
+    contact = scene.contact_of(material, material)
+    assert contact is not None  # as `calibrate` has seen
     modulus_Pa, nu = target.elastic(table)
     rock = Rock(table.density_kg_m3, modulus_Pa, nu, contact.restitution, contact.friction, modulus_Pa, 1.0,
                 FIRST_GUESS * target.tensile_strength_Pa, 0.36 * target.compressive_strength_Pa,
                 float(np.tan(np.radians(target.friction_angle_deg))), scene.agglomerate.damping_ratio,
-                pressure_strengthening=STRENGTHENING)
-    if target.fracture_toughness_Pa_m05 is not None:
-        energy_J_m2 = fracture_energy(target.fracture_toughness_Pa_m05, modulus_Pa, nu)
-        rock = replace(rock, fracture_energy_J_m2=_rounded(energy_J_m2))
+                pressure_strengthening=STRENGTHENING, fracture_energy_J_m2=fracture_energy(target, modulus_Pa, nu),
+                flaw_modulus=target.flaw_modulus, flaw_length_m=target.flaw_length_m)
     specimen = laboratory.specimen("compression", seeds[0])
 
     def network(ratio: float, volumetric: float) -> tuple[float, float]:
@@ -299,9 +303,10 @@ def calibration_toml(found: Calibration, scene: Scene, material: str, name: str,
     rock, tests, density_kg_m3 = found.rock, found.tests, scene.materials[material].density_kg_m3
     modulus_Pa, nu = target.elastic(scene.materials[material])
     fit, held_out = (sorted(set(tests.seed[tests.stage == stage])) for stage in ("strength", "check"))
-    head = f"""# Bonds of {name}, written by `python -m dem calibrate {material} --rock {name}`: docs/calibration.md.
+    head = f"""# Bonds of {name}, written by `gangue calibrate {material} --rock {name}`: docs/calibration.md.
 
 # {target.elastic_source}
+kind = "{scene.kind_of(material)}"
 density_kg_m3 = {density_kg_m3:g}
 youngs_modulus_Pa = {modulus_Pa:g}
 poisson_ratio = {nu:g}
@@ -314,11 +319,11 @@ shear_strength_Pa = {rock.shear_strength_Pa:g}  # to the uniaxial compressive st
 friction_angle_deg = {target.friction_angle_deg:g}  # {target.friction_source}, not fitted
 volumetric_ratio = {rock.volumetric_ratio:g}  # to nu
 pressure_strengthening = {rock.pressure_strengthening:g}  # of the tensile strength, docs/calibration.md
-{_fracture_line(rock, target)}
+{_fracture_lines(rock, target)}
 [provenance]
 scene = "{scene.name}"
 scene_hash = "{scene_hash(scene)}"
-liggghts = "{LIGGGHTS_VERSION}"
+liggghts = "{library_version()}"
 stone_radius_m = {scene.stones.volley[1]:g}
 subspheres = {scene.agglomerate.subspheres}
 subsphere_radius_m = {found.subsphere_radius_m:.5g}  # mean
@@ -333,10 +338,11 @@ check_seeds = {held_out}
     return head + "".join(reached) + _beside(tests, target)
 
 
-def _fracture_line(rock: Rock, target: TargetTable) -> str:
-    if rock.fracture_energy_J_m2 is None:
-        return ""
-    return f"fracture_energy_J_m2 = {rock.fracture_energy_J_m2:g}  # {target.toughness_source}\n"
+def _fracture_lines(rock: Rock, target: TargetTable) -> str:
+    sources = {"fracture_energy_J_m2": target.toughness_source, "flaw_modulus": target.flaw_source,
+               "flaw_length_m": target.flaw_source}
+    return "".join(f"{key} = {getattr(rock, key):g}  # {source}\n" for key, source in sources.items()
+                   if getattr(rock, key) is not None)
 
 
 def _comparison(found: Calibration, scene: Scene, material: str,

@@ -34,6 +34,7 @@ from dem.deck.time_step import BOND_FRACTION
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import PLATEN_GAP, Bonds, bond_network
 from dem.stones.packing import CylinderContainer, Packing, pack_cylinder
+from dem.stones.substance import flaw_factors
 
 TRANSITS = 100          # of a sound wave through the specimen while it is strained by `failure_strain`
 AVERAGE_STEPS = 50      # over which a recorded load is averaged
@@ -66,6 +67,8 @@ class Rock:
     pressure_strengthening: float = 0.0
     pressure_threshold_Pa: float = 0.0
     fracture_energy_J_m2: float | None = None  # None: bonds snap
+    flaw_modulus: float | None = None
+    flaw_length_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,12 @@ class Specimen:
     axis: int
     lower: np.ndarray
     upper: np.ndarray
+    seed: int = 0  # of its flaws
+
+    def strength_factors(self, rock: Rock) -> np.ndarray:
+        """(bonds,), as in a stone."""
+        place_m = self.packing.center_m[self.bonds.first] + self.bonds.vector_m / 2
+        return flaw_factors(rock.flaw_modulus, rock.flaw_length_m, self.seed, place_m)
 
     @property
     def is_pulled(self) -> bool:
@@ -127,7 +136,7 @@ def compression_specimen(radius_m: float, count: int, seed: int) -> Specimen:
     packing = pack_cylinder(radius_m, 4 * radius_m, count, seed)
     z, reach = packing.center_m[:, 2], (1 + PLATEN_GAP) * packing.radius_m
     return Specimen("compression", packing, bond_network(packing), 2, lower=z - reach < -2 * radius_m,
-                    upper=z + reach > 2 * radius_m)
+                    upper=z + reach > 2 * radius_m, seed=seed)
 
 
 def brazilian_specimen(radius_m: float, count: int, seed: int) -> Specimen:
@@ -137,7 +146,7 @@ def brazilian_specimen(radius_m: float, count: int, seed: int) -> Specimen:
     x, y, _ = packing.center_m.T
     at_rim = np.hypot(x, y) + (1 + PLATEN_GAP) * packing.radius_m > radius_m
     near = at_rim & (np.abs(y) < radius_m * np.sin(LOADED_HALF_ANGLE_rad))
-    return Specimen("Brazilian", packing, bond_network(packing), 0, near & (x < 0), near & (x > 0))
+    return Specimen("Brazilian", packing, bond_network(packing), 0, near & (x < 0), near & (x > 0), seed)
 
 
 def tension_specimen(compressed: Specimen) -> Specimen:
@@ -184,7 +193,7 @@ def run_test(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedu
     check_steps = AVERAGE_STEPS * int(np.ceil(time / (20 * AVERAGE_STEPS * BOND_FRACTION * bond_time)))
     dt = time / (20 * check_steps)
     speed = (-0.5 if specimen.is_pulled else 0.5) * procedure.strain * height / time  # of each platen
-    _write(directory, specimen, mass)
+    _write(directory, specimen, mass, specimen.strength_factors(rock))
     values = dict(vars(rock))
     if not procedure.breakable:
         values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa, "tan_friction": 0.0,
@@ -253,7 +262,7 @@ def _bond_time_s(specimen: Specimen, rock: Rock, mass_kg: np.ndarray) -> float:
     return float(np.sqrt(mass * bonds.length_m / (rock.bond_modulus_Pa * bonds.area_m2)).min())
 
 
-def _write(directory: Path, specimen: Specimen, mass_kg: np.ndarray) -> None:
+def _write(directory: Path, specimen: Specimen, mass_kg: np.ndarray, strength_factor: np.ndarray) -> None:
     """atoms.data, bonds.txt and agglomerates.txt."""
     packing, bonds = specimen.packing, specimen.bonds
     radius = CONTACT_RADIUS_RATIO * packing.radius_m
@@ -265,6 +274,6 @@ def _write(directory: Path, specimen: Specimen, mass_kg: np.ndarray) -> None:
         out.write(f"{specimen.kind}\n\n{n} atoms\n3 atom types\n\n{box}\nAtoms\n\n")
         np.savetxt(out, columns, fmt=["%d"] * 2 + ["%.17g"] * 5)
     columns = np.column_stack([bonds.first + 1, bonds.second + 1, np.ones(len(bonds)), bonds.vector_m, bonds.radius_m,
-                               np.ones(len(bonds))])
+                               strength_factor])
     np.savetxt(directory / "bonds.txt", columns, fmt=["%d"] * 3 + ["%.17g"] * 5)
     (directory / "agglomerates.txt").write_text(f"{n}\n")

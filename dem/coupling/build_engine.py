@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 from common.tables import InputError
-from dem.coupling.launch import SOURCES, build_directory, check_library
+from dem.coupling.launch import SOURCES, build_directory, library_version
 
 TOOLS = {"make": "make", "mpicxx": "libopenmpi-dev", "g++": "g++"}  # and the Debian package of each
 
@@ -17,7 +17,7 @@ def build_engine() -> Path:
     """Build the engine; return where it is. Raises InputError, one line, if LIGGGHTS, a compiler or make is missing, if
     LIGGGHTS is of another version, or after the compiler's errors.
     """
-    check_library()
+    library_version()
     for tool, package in TOOLS.items():
         if shutil.which(tool) is None:
             raise InputError(f"the engine: {tool} is not installed; it is needed to build it "

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.files import written_whole
+from common.files.whole import written_whole
 from common.tables import InputError
 
 HEADER = struct.Struct("<8sq64sqq")  # magic, version, identity of the run, bytes that follow, their CRC-32

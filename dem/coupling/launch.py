@@ -1,8 +1,9 @@
-"""Find the engine, refuse another LIGGGHTS than the pinned one, and start it."""
+"""Find the engine and its library, tell where that is another than the tested one, and start the engine."""
 
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import secrets
 import shutil
@@ -12,18 +13,19 @@ import subprocess
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from common.output_directory import Busy, locked, locked_directory
-from common.processes import die_with_parent
+from common.files.output_directory import Busy, locked, locked_directory
+from common.process.processes import die_with_parent
 from common.resources import checkout
 from common.tables import InputError
 
-LIGGGHTS_VERSION = "3.8.0+repack1-9+b2"  # Debian package; the engine is built against its headers
+LIGGGHTS_VERSION = "3.8.0+repack1-9+b2"  # Debian package that all is tested with
+_log = logging.getLogger(__name__)
 SHARED_MEMORY, PREFIX = Path("/dev/shm"), "cgi-"  # a short path, as that of a socket must be
 SOURCES = Path(__file__).resolve().parent.parent / "engine"
 
@@ -47,8 +49,11 @@ def hash_of_sources(directory: Path) -> str:
 ENGINE = Path(os.environ.get("LIGGGHTS_BONDED", build_directory() / "liggghts-bonded"))
 
 
-def check_library() -> None:
-    """Raises InputError, one line, if LIGGGHTS is missing or of another version, OSError if one cannot ask."""
+@cache
+def library_version() -> str:
+    """The version of LIGGGHTS. One that is not the tested one is told: the engine, when it starts, compares the sizes
+    of its classes with those that it was built with (dem/engine/library_check.cpp). Raises InputError, one line, if
+    LIGGGHTS is missing, OSError if one cannot ask."""
     query = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "libliggghts-dev"], capture_output=True, text=True,
                            check=False)
     if query.returncode < 0:
@@ -57,14 +62,15 @@ def check_library() -> None:
         raise InputError(f"LIGGGHTS: libliggghts-dev is not installed; version {LIGGGHTS_VERSION} is needed "
                          f"(apt-get install libliggghts-dev={LIGGGHTS_VERSION})")
     if query.stdout != LIGGGHTS_VERSION:
-        raise InputError(f"LIGGGHTS: libliggghts-dev is of version {query.stdout}; allowed is {LIGGGHTS_VERSION}")
+        _log.warning("note: LIGGGHTS: libliggghts-dev is of version %s; tested is %s", query.stdout, LIGGGHTS_VERSION)
+    return query.stdout
 
 
 def check_engine() -> None:
-    """Raises InputError, one line, if LIGGGHTS or the engine is missing or LIGGGHTS is of another version."""
-    check_library()
+    """Raises InputError, one line, if LIGGGHTS or the engine is missing."""
+    library_version()
     if not os.access(ENGINE, os.X_OK):
-        raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `python -m dem build-engine` builds it")
+        raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `gangue build-engine` builds it")
 
 
 def _before_engine() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from common.scene import Scene
+from common.scene.scene import Scene
 from dem.stones.assembly import Assembly
 
 ENERGY_SHARE = 0.01  # of the energy supplied

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from common.scene import Scene
+from common.scene.scene import Scene
 from dem.stones.assembly import Assembly
 from dem.stones.faces import FaceColumns
+from dem.stones.substance import material_of
 
 NUMBERS = 7  # of a column in a file
 
@@ -32,7 +33,7 @@ def stone_columns_N_m(scene: Scene, assembly: Assembly, stone: int) -> np.ndarra
     if columns is None:
         return np.zeros(0)
     plate_modulus = scene.plate.youngs_modulus_Pa / (1 - scene.plate.poisson_ratio**2)
-    modulus = scene.materials[assembly.stones[stone].material].youngs_modulus_Pa
+    modulus = material_of(scene, assembly.stones[stone].substance).youngs_modulus_Pa
     return column_stiffness_N_m(columns, modulus, plate_modulus)
 
 

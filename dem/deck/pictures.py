@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from common.scene import Scene
+from common.scene.scene import Scene
 from dem.deck.time_step import TimeStep, stone_contact_time_s
 from dem.stones.assembly import Assembly
 

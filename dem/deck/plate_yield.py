@@ -13,15 +13,17 @@ from typing import Any
 import numpy as np
 
 from common import hertz
-from common.parquet import Columns
-from common.scene import Scene
+from common.files.parquet import Columns
+from common.scene.scene import Scene
 from dem.stones.assembly import Assembly
+from dem.stones.stone import Stone
+from dem.stones.substance import material_of
 from plate_fem.contact_stress import YIELD_PRESSURE, HertzContact
 
 
-def modulus_on_plate_Pa(scene: Scene, material: str) -> float:
-    """E* of a material on the plate."""
-    return hertz.contact_modulus_Pa(scene.materials[material], scene.plate)
+def modulus_on_plate_Pa(scene: Scene, stone: Stone) -> float:
+    """E* of a stone on the plate."""
+    return hertz.contact_modulus_Pa(material_of(scene, stone.substance), scene.plate)
 
 
 def pressure_bound_Pa(scene: Scene, assembly: Assembly) -> float:
@@ -29,7 +31,7 @@ def pressure_bound_Pa(scene: Scene, assembly: Assembly) -> float:
     smallest sub-sphere, 8/15 E* sqrt(r) d^(5/2)."""
     pressure, mass, start = 0.0, assembly.stone_mass_kg, np.cumsum([0, *assembly.sizes])
     for k, stone in enumerate(assembly.stones):
-        modulus = modulus_on_plate_Pa(scene, stone.material)
+        modulus = modulus_on_plate_Pa(scene, stone)
         radius = assembly.radius_m[start[k]:start[k + 1]].min()
         speed2 = stone.speed_m_s**2 - 2 * assembly.gravity_m_s2[2] * stone.gap_m
         energy = 0.5 * mass[k] * speed2
@@ -54,7 +56,7 @@ def yield_report(scene: Scene, assembly: Assembly, peak_force_N: np.ndarray, dee
     sub-sphere. bending: "bending" and "bending_at_rods" of plate_fem.stress.StressPeak, empty for a rigid plate.
     """
 
-    modulus = np.array([modulus_on_plate_Pa(scene, name) for name in assembly.stone_materials])
+    modulus = np.array([modulus_on_plate_Pa(scene, stone) for stone in assembly.stones])
     pressure = hertz.peak_pressure_Pa(modulus, deepest)
     limit = yield_pressure_Pa(scene, assembly)
     if limit is not None:

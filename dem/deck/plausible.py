@@ -1,21 +1,25 @@
 """What a scene asks for that no stone or plate can be, or that the model's laws do not hold for, as warnings.
 
-What is refused outright stands with the keys in common/scene.py and common/plate.py.
+What is refused outright stands with the keys in common/scene/scene.py and common/scene/plate.py.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from common import hertz
-from common.plate import FlexiblePlate
-from common.scene import Scene
-from dem.stones.stone import Stone
+from common.scene.plate import FlexiblePlate
+from common.scene.scene import Scene
+from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
+from dem.stones.bonds import CRACK_AREA
+from dem.stones.stone import Stone, impact_speed_m_s
 
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
+LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are within 10 % of those of finer stones
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 
@@ -48,6 +52,37 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
                 lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: below {weight_Pa:.3g}, the stress of "
                              "a stone's own weight on earth")
     return lines
+
+
+def fragment_resolution(scene: Scene, assembly: Assembly) -> list[float | None]:
+    """Of each stone the size of fragments over the diameter of its sub-spheres, both means; None where bonds snap or
+    never break. The size is Grady's (1982, J. Appl. Phys. 53:322), (24 G/(rho rate^2))^(1/3), with the energy G of a
+    crack's area and the rate of strain v/R."""
+    mean_m = np.bincount(assembly.agglomerate, assembly.radius_m) / assembly.sizes / CONTACT_RADIUS_RATIO
+    found: list[float | None] = []
+    for stone, radius_m in zip(assembly.stones, mean_m, strict=True):
+        bond = scene.materials[stone.material].bond
+        table = scene.stones.agglomerate
+        if table is None or table.unbreakable or bond is None or bond.fracture_energy_J_m2 is None:
+            found.append(None)
+            continue
+        crack = CRACK_AREA * bond.fracture_energy_J_m2 * stone.strength_factor**2
+        rate = impact_speed_m_s(stone, assembly.gravity_m_s2) / stone.radius_m
+        size_m = (24 * crack / (density_kg_m3(scene, stone) * rate**2)) ** (1 / 3)
+        found.append(float(size_m / (2 * radius_m)))
+    return found
+
+
+def warnings_of_fragments(scene: Scene, assembly: Assembly) -> list[str]:
+    """A line where fragments would be too small for the sub-spheres of their stone."""
+    resolved = [(ratio, k) for k, ratio in enumerate(fragment_resolution(scene, assembly)) if ratio is not None]
+    ratio, k = min(resolved, default=(np.inf, 0))
+    if ratio >= LEAST_RESOLUTION:
+        return []
+    count = assembly.sizes[k] * (LEAST_RESOLUTION / ratio) ** 3
+    return [f"stones.agglomerate.subspheres = {assembly.sizes[k]}: where stone {k + 1} breaks, fragments are of "
+            f"{ratio:.2g} sub-spheres; what breaks depends on their number below {LEAST_RESOLUTION:g}, which takes "
+            f"{math.ceil(count / 100) * 100}"]
 
 
 def _stiffer_than_diamond(scene: Scene) -> list[str]:

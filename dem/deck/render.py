@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import math
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
 import jinja2
 import numpy as np
-from isal import isal_zlib
 
-from common.files import named
+from common.files.whole import named
 from common.resources import resource
-from common.scene import PLATE, Scene, contact_key
+from common.scene.scene import PLATE, ContactTable, Scene
 from dem.deck.face_contact import write_faces
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
-from dem.deck.side_walls import OWN_TYPE, contact_of_types, deck_walls, wall_files
+from dem.deck.side_walls import deck_walls, wall_files
 from dem.deck.smooth_contact import write_surfaces
 from dem.deck.stone_file import write_stones
 from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
+from dem.stones.substance import Substance, bond_of, material_of, pair_contact, plate_contact
 from plate_fem.modes import PlateModes
 
 TEMPLATES = resource("templates")
@@ -71,8 +72,9 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     """The text of the deck."""
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
                                      keep_trailing_newline=True)
-    types, stones_meet = _types(scene, assembly), _stones_meet(scene, assembly)
-    contacts = [contact_of_types(scene, a, b, stones_meet) for a in types for b in types]
+    types: list[Substance | str] = [*assembly.substances, PLATE]
+    stones_meet = _stones_meet(scene, assembly)
+    contacts = [_contact(scene, a, b, stones_meet) for a in types for b in types]
     friction = [c.friction if c else 0.0 for c in contacts]
     tangential = " tangential history" if any(friction) else ""
     half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
@@ -84,10 +86,9 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         plate=scene.plate.model,
         yield_pressure_Pa=yield_pressure_Pa(scene, assembly),
         coupling=scene.plate.model == "flexible",
-        materials=[{"name": name, **scene.materials[name].model_dump()} for name in assembly.materials],
+        materials=[{"name": one.material, **material_of(scene, one).model_dump()} for one in assembly.substances],
         plate_material=scene.plate.model_dump(),
         walls=deck_walls(scene),
-        own_wall=OWN_TYPE in types,
         # A pair that cannot meet in this scene still needs a number; elastic is what does least.
         restitution=[c.restitution if c else 1.0 for c in contacts],
         friction=friction if any(friction) else None,
@@ -153,11 +154,12 @@ def _impact_J(assembly: Assembly) -> float:
     return float(assembly.kinetic_start_J.sum())
 
 
-def _types(scene: Scene, assembly: Assembly) -> list[str]:
-    """Materials by their type in the deck."""
-    walls = scene.plate.walls
-    own = walls is not None and (walls.restitution, walls.friction) != (None, None)
-    return [*assembly.materials, PLATE, *([OWN_TYPE] if own else [])]
+def _contact(scene: Scene, first: Substance | str, second: Substance | str, stones_meet: bool) -> ContactTable | None:
+    """The contact of two types of the deck, which are substances and the plate; None where they cannot meet."""
+    stones = [one for one in (first, second) if isinstance(one, Substance)]
+    if len(stones) == 2:
+        return pair_contact(scene, *stones) if stones_meet else None
+    return plate_contact(scene, stones[0]) if stones else None
 
 
 def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
@@ -196,8 +198,8 @@ def _describe(scene: Scene, assembly: Assembly) -> str:
 def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, Any]:
     table = scene.agglomerate
     materials = []
-    for name in assembly.materials:
-        bond = scene.bond_of(name)
+    for substance in assembly.substances:
+        bond = bond_of(scene, substance)
         values = bond.model_dump()
         if table.unbreakable:
             values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa,
@@ -223,12 +225,12 @@ def _box_m(assembly: Assembly) -> list[tuple[str, str]]:
 def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
     density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
     with open(file, "w") as out:
-        out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(_types(scene, assembly))} atom types\n\n")
+        out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(assembly.substances) + 1} atom types\n\n")
         out.writelines(f"{a} {b} {axis}lo {axis}hi\n" for axis, (a, b) in zip("xyz", _box_m(assembly)))
         out.write("\nAtoms\n\n")
         for k in range(assembly.n_particles):
             x, y, z = assembly.center_m[k]
-            out.write(f"{k + 1} {assembly.material[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "
+            out.write(f"{k + 1} {assembly.substance[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "
                       f"{x:.17g} {y:.17g} {z:.17g}\n")
         if _common_velocity(assembly) is None:
             _write_velocities(out, assembly)
@@ -243,13 +245,13 @@ def _write_velocities(out: TextIO, assembly: Assembly) -> None:
 
 
 def _write_bonds(file: Path, assembly: Assembly) -> None:
-    columns = np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_material + 1,
+    columns = np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_substance + 1,
                                assembly.bond_vector_m, assembly.bond_radius_m, assembly.bond_strength_factor])
     np.savetxt(file, columns, fmt=["%d"] * 3 + ["%.17g"] * 5)
 
 
 def _drags_plate(scene: Scene, assembly: Assembly) -> bool:
-    return any(scene.contacts[contact_key(name, PLATE)].friction for name in assembly.materials)
+    return any(scene.plate_contact(one.material).friction for one in assembly.substances)
 
 
 def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
@@ -264,4 +266,4 @@ def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
     with open(file, "wb") as out:
         np.array(shape.shape, dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
-        out.write(isal_zlib.compress(by_mode.reshape(-1, 1).view("u1").T.tobytes(), 1))
+        out.write(zlib.compress(by_mode.reshape(-1, 1).view("u1").T.tobytes(), 1))

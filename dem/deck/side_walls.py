@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from common.parquet import Columns
-from common.scene import PLATE, ContactTable, Scene, contact_key
+from common.files.parquet import Columns
+from common.scene.scene import Scene
 from dem.deck.time_step import TimeStep
 
-OWN_TYPE = "side_walls"  # of the deck's materials, where stones touch the walls otherwise than the plate
 AXES = "xyz"
 
 
@@ -26,20 +25,6 @@ def deck_walls(scene: Scene) -> list[dict[str, Any]]:
 def wall_files(scene: Scene) -> list[str]:
     """Files in the deck's directory with the forces on the walls."""
     return [wall["file"] for wall in deck_walls(scene)]
-
-
-def contact_of_types(scene: Scene, first: str, second: str, stones_meet: bool) -> ContactTable | None:
-    """The contact of two types of the deck, which are materials, the plate and walls; None where they cannot meet."""
-    names = {first, second}
-    if OWN_TYPE in names:
-        walls, stone = scene.plate.walls, names - {OWN_TYPE, PLATE}
-        if not stone:
-            return None
-        assert walls is not None
-        with_plate = scene.contacts[contact_key(stone.pop(), PLATE)]
-        return with_plate.model_copy(update={key: value for key, value in (
-            ("restitution", walls.restitution), ("friction", walls.friction)) if value is not None})
-    return scene.contacts.get(contact_key(first, second)) if stones_meet or PLATE in names else None
 
 
 def read_walls(scene: Scene, deck: Path, step: TimeStep) -> Columns | None:

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from common.hertz import contact_modulus_Pa
-from common.scene import PLATE, Scene, contact_key
+from common.scene.scene import Scene
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS
+from dem.stones.substance import Substance, material_of, plate_contact
 from plate_fem.contact_stress import YIELD_PRESSURE
 
 OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
@@ -34,23 +35,24 @@ class SmoothLaw:
     yield_pressure_Pa: float
 
 
-def smooth_law(scene: Scene, material: str) -> SmoothLaw:
-    """The law of a stone of one material."""
-    bodies, contact = (scene.materials[material], scene.plate), scene.contacts[contact_key(material, PLATE)]
+def smooth_law(scene: Scene, substance: Substance) -> SmoothLaw:
+    """The law of a stone of one substance."""
+    material, contact = material_of(scene, substance), plate_contact(scene, substance)
+    bodies = (material, scene.plate)
     shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
     modulus = contact_modulus_Pa(*bodies)
     plate_limit = None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
-    limits = [limit for limit in (scene.materials[material].contact_strength_Pa, plate_limit) if limit is not None]
+    limits = [limit for limit in (material.contact_strength_Pa, plate_limit) if limit is not None]
     return SmoothLaw(modulus, 1 / shear_compliance, damping_ratio(contact.restitution),
                      elastic_damping_ratio(contact.restitution), contact.friction, min(limits, default=0.0))
 
 
 def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
     """(stones, 12) numbers of the engine's SmoothStone, from the radius on."""
-    laws = {name: smooth_law(scene, name) for name in set(assembly.stone_materials)}
+    laws = {substance: smooth_law(scene, substance) for substance in assembly.substances}
     rows = []
     for surface, stone in zip(assembly.surfaces, assembly.stones, strict=True):
-        law, radius = laws[stone.material], stone.radius_m
+        law, radius = laws[stone.substance], stone.radius_m
         rows.append([radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio,
                      law.damping_ratio_across, law.friction, law.yield_pressure_Pa, surface.first.normal_m_N,
                      surface.other.normal_m_N, surface.first.tangential_m_N, surface.other.tangential_m_N])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.scene import Scene
+from common.scene.scene import Scene
 from dem.deck.face_contact import NUMBERS as FACE_NUMBERS, face_rows
 from dem.deck.smooth_contact import contact_rows
 from dem.deck.time_step import TimeStep
@@ -24,7 +24,7 @@ def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -
     bond_start = np.searchsorted(assembly.bond_first, atom_start)
     contact = contact_rows(scene, assembly) if assembly.surfaces else None
     index, parts = [], []
-    at = 8 * (3 + len(assembly.materials) + INDEX_NUMBERS * len(assembly.stones))
+    at = 8 * (3 + len(assembly.substances) + INDEX_NUMBERS * len(assembly.stones))
     for k, (stone, entry) in enumerate(zip(assembly.stones, assembly.entries, strict=True)):
         here, held = slice(atom_start[k], atom_start[k + 1]), slice(bond_start[k], bond_start[k + 1])
         entry_step, ahead_m, faster_m_s = at_step(entry, assembly.gravity_m_s2, step.dt_s)
@@ -42,7 +42,7 @@ def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -
         index.append(np.concatenate([np.array([entry_step, at, len(own), held.stop - held.start, contact is not None,
                                                len(faces)], dtype="<i8").view("<f8"), stone.spin_rad_s]))
         at += 8 * sum(values.size for values in part)
-    greatest = [assembly.radius_m[assembly.material == m].max() for m in range(len(assembly.materials))]
+    greatest = [assembly.radius_m[assembly.substance == m].max() for m in range(len(assembly.substances))]
     with open(file, "wb") as out:
         np.array([len(index), len(greatest)], dtype="<i8").tofile(out)
         for values in ([assembly.radius_m.min(), *greatest], *index, *parts):
@@ -60,10 +60,10 @@ def at_step(entry: Entry, gravity_m_s2: tuple[float, float, float], dt_s: float)
 
 def _atoms(assembly: Assembly) -> np.ndarray:
     density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
-    return np.column_stack([assembly.material + 1, 2 * assembly.radius_m, density, assembly.center_m,
+    return np.column_stack([assembly.substance + 1, 2 * assembly.radius_m, density, assembly.center_m,
                             assembly.start_motion()[0]])
 
 
 def _bonds(assembly: Assembly) -> np.ndarray:
-    return np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_material + 1,
+    return np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_substance + 1,
                             assembly.bond_vector_m, assembly.bond_radius_m, assembly.bond_strength_factor])

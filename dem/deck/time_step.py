@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from common import hertz
-from common.scene import PLATE, Scene, contact_key
+from common.scene.scene import Scene
 from common.tables import InputError
 from dem.deck.face_contact import stiffest_face_N_m, stone_columns_N_m
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
 from dem.stones.stone import Stone, impact_speed_m_s, places_m
+from dem.stones.substance import Substance, bond_of, material_of, plate_contact
 from plate_fem.modes import PlateModes
 
 BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it
@@ -88,7 +89,7 @@ def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
     limits = {"rayleigh": RAYLEIGH_FRACTION * rayleigh_time_s(scene, assembly),
               "plate_contact": contact / CONTACT_STEPS}
     if bond_time is not None:
-        least = min(scene.bond_of(name).stiffness_ratio for name in assembly.materials)
+        least = min(bond_of(scene, one).stiffness_ratio for one in assembly.substances)
         limits["bond"] = bond_fraction(scene.agglomerate.damping_ratio, least) * bond_time
         del limits["plate_contact"]  # the bonds carry the contact of an agglomerate
         if assembly.faces:
@@ -202,8 +203,7 @@ def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContac
 
 
 def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
-    """The numerical settings of a run by their names in common/error_laws.py; `scene` has its plate's frequency filled
-    in."""
+    """The numerical settings of a run by their names in common/scene/error_laws.py, with the plate's frequency."""
     contact = stone_contact_time_s(scene, assembly)
     settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
                 {"time_step": step.dt_s / step.bond_time_s})
@@ -217,8 +217,8 @@ def bond_time_s(scene: Scene, assembly: Assembly) -> float | None:
     """t0 = min over bonds of sqrt(m r0/(E A)), m the lighter end; None without bonds."""
     if assembly.n_bonds == 0:
         return None
-    modulus = np.array([scene.bond_of(name).youngs_modulus_Pa for name in assembly.materials])
-    modulus = modulus[assembly.bond_material]
+    modulus = np.array([bond_of(scene, one).youngs_modulus_Pa for one in assembly.substances])
+    modulus = modulus[assembly.bond_substance]
     mass = np.minimum(assembly.mass_kg[assembly.bond_first], assembly.mass_kg[assembly.bond_second])
     length = np.linalg.norm(assembly.bond_vector_m, axis=1)
     return float(np.sqrt(mass * length / (modulus * np.pi * assembly.bond_radius_m**2)).min())
@@ -258,9 +258,9 @@ def face_fraction(scene: Scene, assembly: Assembly, stiffness_ratio: float, bond
 def rayleigh_time_s(scene: Scene, assembly: Assembly) -> float:
     """pi R sqrt(rho/G)/(0.1631 nu + 0.8766), the least of all sub-spheres (Thornton and Randall 1988)."""
     times = []
-    for k, name in enumerate(assembly.materials):
-        here = assembly.material == k
-        m = scene.materials[name]
+    for k, substance in enumerate(assembly.substances):
+        here = assembly.substance == k
+        m = material_of(scene, substance)
         shear_modulus = m.youngs_modulus_Pa / (2 * (1 + m.poisson_ratio))
         density = assembly.mass_kg[here] / (4 / 3 * np.pi * assembly.radius_m[here] ** 3)
         times.append((np.pi * assembly.radius_m[here] * np.sqrt(density / shear_modulus)
@@ -271,16 +271,16 @@ def rayleigh_time_s(scene: Scene, assembly: Assembly) -> float:
 def subsphere_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a sub-sphere with the plate."""
     times = []
-    for k, name in enumerate(assembly.materials):
-        here = assembly.material == k
-        times.append(_hertz_time_s(scene, name, assembly.radius_m[here], assembly.mass_kg[here],
+    for k, substance in enumerate(assembly.substances):
+        here = assembly.substance == k
+        times.append(_hertz_time_s(scene, substance, assembly.radius_m[here], assembly.mass_kg[here],
                                    assembly.impact_speed_m_s).min())
     return float(min(times))
 
 
 def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a whole stone with the plate."""
-    return float(min(_hertz_time_s(scene, body.material, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
+    return float(min(_hertz_time_s(scene, body.substance, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
                      for body in bodies_of(assembly)))
 
 
@@ -288,7 +288,8 @@ def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
 class Body:
     """What the contact of a whole stone with the plate goes by."""
 
-    material: str
+    substance: Substance
+    density_factor: float
     radius_m: float
     speed_m_s: float
 
@@ -300,29 +301,30 @@ def bodies_of(assembly: Assembly) -> set[Body]:
 
 def body_of(stone: Stone, gravity_m_s2: Sequence[float]) -> Body:
     """A stone as it hits the plate."""
-    return Body(stone.material, stone.radius_m, impact_speed_m_s(stone, gravity_m_s2))
+    return Body(stone.substance, stone.density_factor, stone.radius_m, impact_speed_m_s(stone, gravity_m_s2))
 
 
-def _hertz(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
+def _hertz(scene: Scene, substance: Substance, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
            speed_m_s: float) -> tuple[Any, Any]:
     """Stiffness in N/m^(3/2) and largest approach in m of a sphere that hits the rigid plate."""
-    modulus = hertz.contact_modulus_Pa(scene.materials[material], scene.plate)
+    modulus = hertz.contact_modulus_Pa(material_of(scene, substance), scene.plate)
     stiffness = hertz.stiffness_N_m32(modulus, radius_m)
     return stiffness, hertz.largest_approach_m(stiffness, mass_kg, speed_m_s)
 
 
 def _body_mass_kg(scene: Scene, body: Body) -> float:
-    return scene.materials[body.material].density_kg_m3 * 4 / 3 * np.pi * body.radius_m**3
+    density = scene.materials[body.substance.material].density_kg_m3 * body.density_factor
+    return density * 4 / 3 * np.pi * body.radius_m**3
 
 
-def _hertz_time_s(scene: Scene, material: str, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
+def _hertz_time_s(scene: Scene, substance: Substance, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
                   speed_m_s: float) -> Any:
-    return hertz.contact_time_s(_hertz(scene, material, radius_m, mass_kg, speed_m_s)[1], speed_m_s)
+    return hertz.contact_time_s(_hertz(scene, substance, radius_m, mass_kg, speed_m_s)[1], speed_m_s)
 
 
 def _peak_force_N(scene: Scene, body: Body) -> float:
     """Of a whole stone on the rigid plate."""
-    stiffness, depth = _hertz(scene, body.material, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
+    stiffness, depth = _hertz(scene, body.substance, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
     return float(stiffness * depth**1.5)
 
 
@@ -331,13 +333,13 @@ def coupling_limits_s(scene: Scene, stones: Sequence[Stone], mobility_1_kg: floa
     largest approach, which is stiffer than the agglomerate. Each could be of any material of the scene, so that the
     ratios of a sweep have one co-step."""
     limits = {"coupling_stiffness": np.inf, "coupling_dashpot": np.inf}
-    bodies = {Body(name, stone.radius_m, max(stone.speed_m_s, 1e-3)) for stone in stones
-              for name in {*scene.falling_materials}}
+    bodies = {Body(replace(stone.substance, material=name), stone.density_factor, stone.radius_m,
+                   max(stone.speed_m_s, 1e-3)) for stone in stones for name in {*scene.falling_materials}}
     for body in bodies:
         mass = _body_mass_kg(scene, body)
-        contact, depth = _hertz(scene, body.material, body.radius_m, mass, body.speed_m_s)
+        contact, depth = _hertz(scene, body.substance, body.radius_m, mass, body.speed_m_s)
         stiffness = 1.5 * contact * np.sqrt(depth)
-        restitution = scene.contacts[contact_key(body.material, PLATE)].restitution
+        restitution = plate_contact(scene, body.substance).restitution
         ratio = damping_ratio(restitution) if scene.has_smooth_contact else elastic_damping_ratio(restitution)
         dashpot = 2 * np.sqrt(5 / 6) * ratio * np.sqrt(4 / 3 * stiffness * mass)
         limits["coupling_stiffness"] = min(limits["coupling_stiffness"],

@@ -1,15 +1,14 @@
 """Settings that keep a tolerance, and the error that settings are expected to have.
 
-A tolerance is shared out equally among time step, co-step and modes (common/error_laws.py); the expected error is their
-sum. It is the error of the numerical solution. Breakage is chaotic, and differs from packing to packing by far more
-(docs/accuracy.md).
+A tolerance is shared out equally among time step, co-step and modes (common/scene/error_laws.py); the expected error is
+their sum. It is the error of the numerical solution. Breakage is chaotic, and differs from packing to packing by far
+more (docs/accuracy.md).
 """
 
 from __future__ import annotations
 
-from common.error_laws import SHARES, law
-from common.plate import FlexiblePlate
-from plate_fem.truncation import with_max_frequency
+from common.scene.error_laws import SHARES, law
+from common.scene.plate import FlexiblePlate
 
 
 def modes_setting(bonded: bool) -> str:
@@ -28,10 +27,9 @@ def setting_for(name: str, tolerance: float) -> float:
 
 
 def with_tolerance(plate: FlexiblePlate, tolerance: float | None, contact_time_s: float, bonded: bool) -> FlexiblePlate:
-    """The plate's table with `max_frequency_Hz` from the tolerance; without one, from its own
-    `truncation_tolerance`."""
+    """The plate's table with `max_frequency_Hz` from the tolerance; without one, as it is."""
     if tolerance is None:
-        return with_max_frequency(plate, contact_time_s)
+        return plate
     setting = setting_for(modes_setting(bonded), tolerance)
     return plate.model_copy(update={"max_frequency_Hz": 1 / (setting * contact_time_s)})
 

@@ -11,8 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from common.files import force_to_disk, read_sealed_json, seal, write_json
-from common.output_directory import (
+from common.files.output_directory import (
     files_in,
     hash_of,
     listed_files,
@@ -22,6 +21,7 @@ from common.output_directory import (
     remove_written,
     write_contents,
 )
+from common.files.whole import force_to_disk, read_sealed_json, seal, write_json
 from common.run_summary import RunSummary, read_summary
 from common.tables import InputError
 
@@ -36,7 +36,7 @@ KIND, REPLACED = "run", "run in the place of which another comes"
 OF_ENGINE = r"deck/(engine\.(out|log)|log\.liggghts|dumps/particles_(boundingBox_)?\d+\.(vtp|vtr|dump))"
 # All names that a run gives to files, in a directory that it was killed in, too.
 OWN = re.compile(rf"""{OF_ENGINE}
-    |lock|(started|run|contents)\.json|(signals|fast|breakage|contacts|energy|stones|left|walls)\.parquet
+    |lock|(started|run|contents)\.json|(signals|fast|breakage|contacts|energy|stones|left|walls)\.parquet|modes\.npz
     |view\.(py|pvd)|view/(particles|bonds|plate|contacts|rods|walls)((_\d+)?\.vtu|\.pvd)
     |deck(\.fresh)?/(deck\.liggghts|atoms\.data|(agglomerates|bonds|surface|faces)\.txt|(stones|shapes)\.bin)
     |deck/((ledger|forces|contacts|pictures|wall_\w+)\.bin|(events|left)\.csv|dumps\.pvd|(to|from)_plate)

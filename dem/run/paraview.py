@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from common.files import named
-from common.parquet import Columns
-from common.plate import FlexiblePlate
+from common.files.parquet import Columns
+from common.files.whole import named
 from common.resources import resource
-from common.scene import Scene
+from common.scene.plate import FlexiblePlate
+from common.scene.scene import Scene
 from dem.deck.plate_yield import modulus_on_plate_Pa
 from dem.deck.time_step import TimeStep, weak_contact
+from dem.record.vtk_file import Mesh, VtuWriter, rounded, write_pvd
 from dem.run.prepare import PreparedRun
-from dem.run.vtk_file import Mesh, VtuWriter, rounded, write_pvd
 from dem.stones.assembly import Assembly
 from dem.stones.bonds import fragments
-from plate_fem import hermite
 from plate_fem.contact_stress import HertzContact, contact_patch, contact_surface_stress, von_mises_3d
+from plate_fem.elements import hermite
 from plate_fem.modes import PlateModes
 from plate_fem.stress import von_mises
 
@@ -83,6 +83,7 @@ class StoneMeshes:
 
     def __init__(self, assembly: Assembly):
         self._assembly = assembly
+        self._material = np.unique(assembly.stone_materials, return_inverse=True)[1]
         self._ends = np.column_stack([assembly.bond_first, assembly.bond_second])
         self._length_m = np.linalg.norm(assembly.bond_vector_m, axis=1)
         self._broken: int | None = None  # bonds, when the fragments were found
@@ -102,7 +103,7 @@ class StoneMeshes:
         points = rounded(spheres[:, :3], PLACE_BITS)
         particles = Mesh(points, np.arange(len(points)).reshape(-1, 1), {
             "radius_m": assembly.radius_m[shown], "velocity_m_s": rounded(spheres[:, 3:], VELOCITY_BITS),
-            "material": (assembly.material[shown] + 1).astype("u1"),
+            "material": (self._material[assembly.agglomerate[shown]] + 1).astype("u1"),
             "agglomerate": (assembly.agglomerate[shown] + 1).astype("u2"),
             "fragment": self._fragment[shown].astype("i4")})
         if not assembly.n_bonds:
@@ -200,7 +201,7 @@ def shown_contacts(rows: np.ndarray, scene: Scene, assembly: Assembly, step: Tim
     """The contacts of a picture, given as `read_pictures` does, without those so weak that a stone's own push is a
     thousand times theirs (dem.deck.time_step.weak_contact): chips that lie on the plate."""
     weak = weak_contact(scene, assembly, step)
-    modulus = [modulus_on_plate_Pa(scene, name) for name in assembly.stone_materials]
+    modulus = [modulus_on_plate_Pa(scene, stone) for stone in assembly.stones]
     return [HertzContact(x, y, force, radius, modulus[int(stone) - 1]) for stone, x, y, force, radius in rows
             if weak is None or force > weak.force_N]
 

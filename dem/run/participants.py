@@ -11,21 +11,22 @@ from pathlib import Path
 
 import numpy as np
 
-from common.parquet import Columns
-from common.plate import FlexiblePlate
+from common.files.parquet import Columns
+from common.scene.plate import FlexiblePlate
 from dem.coupling.checkpoint import BY_HAND, State, plate_file, read_plate_state, write_plate_state
 from dem.coupling.monitor import PlateMonitor
 from dem.coupling.participant import CouplingState, PlateParticipant
 from dem.coupling.pipes import PlatePipes
 from dem.deck.pictures import picture_schedule
-from dem.run.energy_balance import PlateEnergy
+from dem.record.energy_balance import PlateEnergy
+from dem.record.recorder import PlateRecorder
+from dem.record.vtk_file import Mesh
 from dem.run.paraview import PlateMeshes
 from dem.run.prepare import PreparedRun
-from dem.run.recorder import PlateRecorder
-from dem.run.vtk_file import Mesh
 from plate_fem.contact_stress import HertzContact
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion
+from plate_fem.recorded import FILE
 
 
 class RigidPlateParticipant:
@@ -48,6 +49,9 @@ class RigidPlateParticipant:
     def signals(self, dem_steps: range) -> Columns:
         """No columns."""
         return {}
+
+    def write_motion(self, file: Callable[[str], Path]) -> None:
+        """No motion."""
 
     def energy(self) -> PlateEnergy:
         """No energy."""
@@ -130,6 +134,10 @@ class FlexiblePlateParticipant:
         if self._recorder.steps != list(dem_steps):
             raise RuntimeError("the plate was not recorded at every row of the fast stream")
         return self._recorder.signals()
+
+    def write_motion(self, file: Callable[[str], Path]) -> None:
+        """Write the modes and their state at the samples, to the path that `file` gives."""
+        self._recorder.motion(self._modes).write(file(FILE))
 
     def energy(self) -> PlateEnergy:
         """Where the plate's energy is now."""

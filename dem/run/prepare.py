@@ -3,42 +3,23 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from common.cache import BeingFound, not_waiting
-from common.scene import Scene, scene_hash
+from common.files.cache import BeingFound, not_waiting
+from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
-from dem.deck.plausible import warnings_of
+from dem.deck.plausible import warnings_of, warnings_of_fragments
 from dem.deck.time_step import TimeStep, mobility_of_stones_1_kg, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import with_tolerance
+from dem.run.progress import Stages
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from dem.stones.stone import Stone, entry_of, places_m
 from plate_fem.modes import PlateModes, modes_for_loads
 
 LATEST_ARRIVAL_s = 1e6  # up to which a number of DEM steps is exact
-
-
-@dataclass
-class Stages:
-    """Wall time by stage, s."""
-
-    wall_time_s: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def __call__(self, name: str) -> Iterator[None]:
-        """Add the time spent within to the stage `name`."""
-        start = time.perf_counter()
-        yield
-        self.wall_time_s[name] = self.wall_time_s.get(name, 0.0) + time.perf_counter() - start
-
-    def copy(self) -> Stages:
-        """The times so far, to which each of several runs adds its own."""
-        return Stages(dict(self.wall_time_s))
 
 
 @dataclass
@@ -78,7 +59,13 @@ def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
                              f"as stone {late[0] + 1} does, since it takes bodies in free flight to let stones go")
 
 
-def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
+def _told(source: str, warnings: list[str]) -> list[str]:
+    for line in warnings:
+        print(f"warning: {source}: {line}", file=sys.stderr)
+    return warnings
+
+
+def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool = False) -> PreparedRun:
     """Check, pack, find the modes and choose the time step.
 
     `source` is the scene's file, for messages; `cache` a directory that keeps packings and the plate's modes. What
@@ -86,21 +73,20 @@ def prepare(scene: Scene, source: str, cache: Path | None) -> PreparedRun:
     stones: the two share the work, and this one seeks the modes while the other packs. Raises InputError before
     anything is written.
     """
-    stages, stones = Stages(), stones_of(scene, source)
+    stages, stones = Stages(shown=scene.name if show_progress else ""), stones_of(scene, source)
     _refuse_late(stones, scene, source)
-    warnings = warnings_of(scene, stones)
-    for line in warnings:
-        print(f"warning: {source}: {line}", file=sys.stderr)
+    warnings = _told(source, warnings_of(scene, stones))
 
     def seek_modes() -> None:
         """Into the cache. A tolerance chooses the highest mode by the stones, which are not there yet."""
-        if scene.plate.model == "flexible" and scene.tolerance is None and scene.plate.truncation_tolerance is None:
+        if scene.plate.model == "flexible" and scene.tolerance is None:
             with suppress(BeingFound), not_waiting(), refused_in(source, "plate"):
                 modes_for_loads(scene.plate, cache, places_m(stones))
 
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
             assembly = assemble(scene, stones, cache, seek_modes)
+    warnings += _told(source, warnings_of_fragments(scene, assembly))
     limits = step_limits(scene, assembly, source)
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":

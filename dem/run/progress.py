@@ -1,13 +1,38 @@
-"""Progress of long work on the terminal: what, simulated time, time left."""
+"""Progress of long work on the terminal: the stage, simulated time, time left."""
 
 from __future__ import annotations
 
 import logging
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from common.process.messages import told
 
 _log = logging.getLogger(__name__)
 INTERVAL_s = 0.5  # between two lines on a terminal; a log gets one a tenth
+
+
+@dataclass
+class Stages:
+    """Wall time by stage, s. Stages of the work `shown` are told; "": none is."""
+
+    wall_time_s: dict[str, float] = field(default_factory=dict)
+    shown: str = ""
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        """Add the time spent within to the stage `name`."""
+        start = time.perf_counter()
+        with told(f"{self.shown}: {name}" if self.shown else ""):
+            yield
+        self.wall_time_s[name] = self.wall_time_s.get(name, 0.0) + time.perf_counter() - start
+
+    def copy(self) -> Stages:
+        """The times so far, to which each of several runs adds its own."""
+        return Stages(dict(self.wall_time_s), self.shown)
 
 
 class Progress:

@@ -7,28 +7,31 @@ import logging
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
-from common.channels import rod_column
-from common.parquet import Columns, write_parquet
-from common.plate import FlexiblePlate
+from common.channels import DAMPING_IMPULSE, RODS_MOMENTUM, rod_column
+from common.files.parquet import Columns, write_parquet
 from common.run_summary import RecordedScene, YieldReport
-from common.scene import Scene
-from dem.coupling.launch import LIGGGHTS_VERSION
+from common.scene.plate import FlexiblePlate
+from common.scene.scene import Scene
+from dem.coupling.launch import library_version
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
+from dem.deck.plausible import fragment_resolution
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
-from dem.run.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
+from dem.record.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
+from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
+from dem.record.stones_table import left_table, read_left, stones_given, stones_table
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
-from dem.run.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
-from dem.run.stones_table import left_table, read_left, stones_table
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
@@ -39,7 +42,7 @@ _log = logging.getLogger(__name__)
 @dataclass(frozen=True)
 class Results:
     """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,);
-    `energy` is that of dem.run.energy_balance.energy_ledger; `walls` that of dem.deck.side_walls.read_walls."""
+    `energy` is that of dem.record.energy_balance.energy_ledger; `walls` that of dem.deck.side_walls.read_walls."""
 
     events: Columns
     fast: Columns
@@ -61,6 +64,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     fast = fast_stream(step, pushes, plate.signals(range(0, step.steps + 1, step.fast_steps)),
                        0 if assembly.is_stream else n)
     signals = write_streams(file, fast, step)
+    plate.write_motion(file)
     write_parquet(events, file("breakage.parquet"))
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
     write_parquet(contacts, file("contacts.parquet"))
@@ -73,7 +77,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     left = read_left(deck / "left.csv")
     if assembly.is_stream:
         write_parquet(left_table(left, step), file("left.parquet"))
-    write_parquet(stones_table(assembly, step, pushes, events, left), file("stones.parquet"))
+    write_parquet(stones_table(scene, assembly, step, pushes, events, left), file("stones.parquet"))
     parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
     write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
@@ -89,17 +93,25 @@ def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> di
 
 def _origin(prepared: PreparedRun) -> dict[str, Any]:
     """What was run, and by what."""
-    scene = prepared.scene
+    scene, assembly = prepared.scene, prepared.assembly
+    share = partial(gangue_ratio, scene, list(assembly.stones), assembly.stone_mass_kg)
     return {
         "scene": RecordedScene.model_validate(scene.model_dump(mode="json")),
         "scene_hash": prepared.scene_hash,
         "assumptions": list(scene.assumptions),
         "warnings": prepared.warnings,
-        "gangue_ratio": gangue_ratio(scene, list(prepared.assembly.stones), prepared.assembly.stone_mass_kg),
-        "materials": prepared.assembly.stone_materials,
+        "gangue_ratio": share(),
+        "gangue_ratio_by_mass": share("mass"),
+        "materials": assembly.stone_materials,
         "versions": versions(),
-        "seeds": [stone.seed for stone in prepared.assembly.stones] if prepared.assembly.n_bonds else [],
+        "stones": _drawn(prepared) if scene.scatter.drawn else None,
+        "seeds": [stone.seed for stone in assembly.stones] if assembly.n_bonds else [],
     }
+
+
+def _drawn(prepared: PreparedRun) -> dict[str, Any]:
+    """Columns of stones.parquet that say what each stone is."""
+    return {name: values.tolist() for name, values in stones_given(prepared.scene, prepared.assembly).items()}
 
 
 def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
@@ -115,6 +127,7 @@ def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dic
         "n_particles": assembly.n_particles,
         "n_bonds": assembly.n_bonds,
         "n_modes": plate.n_modes,
+        "fragment_size_over_subsphere": fragment_resolution(scene, assembly),
         "plate_energy_left_out": plate_energy_left_out(scene, assembly),
         "n_samples": len(results.signals["t_s"]),
     }
@@ -146,16 +159,23 @@ def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict
 
 
 def plate_momentum(prepared: PreparedRun, fast: Columns) -> dict[str, list[float] | float]:
-    """What the feet of the rods got, downwards, and the plate's momentum at the end, where nothing else holds it.
+    """What the feet of the rods got, downwards, and upwards the momentum of plate and rods and what modal damping took
+    at the end, where nothing else holds the plate.
 
-    The impulse of the stones on the plate is the sum of the first less the second, but for the rods' own momentum.
+    The impulse of the stones on the plate is the first less the others. What misses of it at any time, as a share of
+    the impulse, is `momentum_missing`.
     """
     modes = prepared.modes
-    if modes is None or not len(modes.lateral):  # it has some where the plate stands on rods alone
+    if modes is None or RODS_MOMENTUM not in fast:
         return {}
-    rods = np.array([fast[rod_column(k + 1)] for k in range(len(modes.rod_force))]).reshape(-1, len(fast["t_s"])).T
-    impulse = -(np.diff(fast["t_s"])[:, None] * (rods[1:] + rods[:-1]) / 2).sum(axis=0)
-    return {"rod_impulse_N_s": impulse.tolist(), "plate_momentum_kg_m_s": modes.mass_kg * float(fast["v_m_s"][-1])}
+    t_s, plate = fast["t_s"], modes.mass_kg * fast["v_m_s"]
+    rods = -np.column_stack([fast[rod_column(k + 1)] for k in range(len(modes.rod_force))])
+    impulse = cumulative_trapezoid(rods, t_s, axis=0, initial=0)
+    given = np.cumsum(fast["force_N"]) * (t_s[1] - t_s[0])
+    missing = abs(given - impulse.sum(axis=1) + plate + fast[RODS_MOMENTUM] + fast[DAMPING_IMPULSE]).max()
+    return {"rod_impulse_N_s": impulse[-1].tolist(), "plate_momentum_kg_m_s": float(plate[-1]),
+            RODS_MOMENTUM: float(fast[RODS_MOMENTUM][-1]), DAMPING_IMPULSE: float(fast[DAMPING_IMPULSE][-1]),
+            "momentum_missing": float(missing / given[-1]) if given[-1] else 0.0}
 
 
 def plate_energy_left_out(scene: Scene, assembly: Assembly) -> float | None:
@@ -174,7 +194,7 @@ def plate_maxima(fast: Columns) -> dict[str, float]:
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on."""
     packages = ["numpy", "scipy", "pandas", "meshio"]
-    return {"liggghts": LIGGGHTS_VERSION, "python": platform.python_version(), "machine": platform.machine(),
+    return {"liggghts": library_version(), "python": platform.python_version(), "machine": platform.machine(),
             **{name: importlib.metadata.version(name) for name in packages},
             "coal-gangue-impact": own_version()}
 

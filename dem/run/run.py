@@ -12,10 +12,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from common.cache import user_cache
-from common.output_directory import Busy, hash_of, refuse_place
+from common.files.cache import user_cache
+from common.files.output_directory import Busy, hash_of, refuse_place
 from common.run_summary import RunSummary, read_summary, write_summary
-from common.scene import Scene, read_scene, scene_hash
+from common.scene.scene import Scene, read_scene, scene_hash
 from common.tables import InputError
 from dem.coupling.checkpoint import last_whole
 from dem.coupling.launch import ENGINE, check_engine
@@ -72,7 +72,7 @@ def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False,
     stop_at = None if walltime_s is None else time.monotonic() + walltime_s
     refuse_place(out)
     RunDirectory(out).refuse(scene_hash(scene), overwrite)
-    return run_prepared(prepare(scene, source, user_cache()), out, show_progress, stop_at, overwrite)
+    return run_prepared(prepare(scene, source, user_cache(), show_progress), out, show_progress, stop_at, overwrite)
 
 
 def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,

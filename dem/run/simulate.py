@@ -14,8 +14,8 @@ from dem.coupling.exit_code import STOPPED
 from dem.coupling.launch import engine_error, engine_running
 from dem.coupling.messages import CouplingError
 from dem.coupling.watchdog import EngineWatchdog
+from dem.record.energy_balance import read_ledger
 from dem.run.directory import SUFFIX
-from dem.run.energy_balance import read_ledger
 from dem.run.errors import RunError, Stopped
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
@@ -75,7 +75,7 @@ def _check_not_stopped(prepared: PreparedRun, deck: Path, code: int) -> None:
     step = latest(deck / "checkpoint", prepared.flexible)
     raise Stopped(f"{prepared.scene.name}: stopped at the checkpoint at t = {step * prepared.step.dt_s:.6g} s of "
                   f"{prepared.scene.time.duration_s:g} s; "
-                  f"`python -m dem resume {deck.parent.with_name(deck.parent.name.removesuffix(SUFFIX))}` goes on")
+                  f"`gangue resume {deck.parent.with_name(deck.parent.name.removesuffix(SUFFIX))}` goes on")
 
 
 def _check_finished(prepared: PreparedRun, deck: Path, code: int) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.scene import Scene
-from common.scene_stones import EachStone
+from common.scene.scene import Scene
+from common.scene.stones import By, EachStone
 from common.tables import InputError
-from dem.stones.drawn import drawn_stones
+from dem.stones.drawn import drawn_stones, scattered
 from dem.stones.paths import Flying, gap_to_box_m, reach_m
 from dem.stones.stone import UPRIGHT, Stone
 
@@ -25,6 +25,8 @@ def stones_of(scene: Scene, file: str) -> list[Stone]:
         stones = [_one(scene, k, one) for k, one in enumerate(table.each)]
     else:
         stones = _volley(scene, file)
+    if scene.scatter.drawn:
+        stones = scattered(scene, stones, file)
     _check_motion(scene, stones, file)
     _check_walls(scene, stones, file)
     if table.drawn is None and table.stream is None:  # whose places were drawn so
@@ -32,14 +34,12 @@ def stones_of(scene: Scene, file: str) -> list[Stone]:
     return stones
 
 
-def gangue_ratio(scene: Scene, stones: list[Stone], mass_kg: np.ndarray) -> float:
-    """The share of gangue that falls, by what the scene's mixing ratio is a share of."""
-    table = scene.stones
-    if table.gangue_ratio is not None and table.count is not None:
-        return table.gangue_ratio
-    drawn = table.drawn or table.stream
-    weight = mass_kg if drawn is not None and drawn.gangue_by == "mass" else np.ones(len(stones))
-    return float(weight @ [stone.material == table.gangue for stone in stones] / weight.sum())
+def gangue_ratio(scene: Scene, stones: list[Stone], mass_kg: np.ndarray, by: By | None = None) -> float:
+    """The share of gangue that falls, by mass, by number, or by what the scene's mixing ratio is a share of."""
+    drawn = scene.stones.drawn or scene.stones.stream
+    by = by or ("number" if drawn is None else drawn.gangue_by)
+    weight = mass_kg if by == "mass" else np.ones(len(stones))
+    return float(weight @ [scene.kind_of(stone.material) == "gangue" for stone in stones] / weight.sum())
 
 
 def _one(scene: Scene, k: int, one: EachStone) -> Stone:

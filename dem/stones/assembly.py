@@ -11,19 +11,20 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.cache import BeingFound, not_waiting
-from common.scene import Scene
-from common.scene_shapes import ShapeTable
-from common.scene_stones import SPHERE
+from common.files.cache import BeingFound, not_waiting
+from common.scene.scene import Scene
+from common.scene.shapes import ShapeTable
+from common.scene.stones import SPHERE
 from common.tables import Refused
+from dem.shapes.mesh_container import MeshContainer
+from dem.shapes.solids import Solid, solid_of
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
 from dem.stones.faces import FaceColumns, face_columns
 from dem.stones.library import REFERENCE_RADIUS_m, packed_solid, packed_sphere, scaled_packing, surface_of
-from dem.stones.mesh_container import MeshContainer
 from dem.stones.packing import Packing, SphereContainer
-from dem.stones.shapes import Solid, solid_of
 from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
+from dem.stones.substance import Substance, flaw_factors
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
 # before its bond breaks: no stiffness counted twice. Its density makes up for the mass.
@@ -36,7 +37,7 @@ class Assembly:
     """What falls: the `stones`, gravity (3,) in the frame of the plate, and their n sub-spheres and m bonds where each
     stone enters.
 
-    `center_m` (n, 3), `radius_m` (n,) of contact, `mass_kg` (n,), `material` (n,) index into `materials`,
+    `center_m` (n, 3), `radius_m` (n,) of contact, `mass_kg` (n,), `substance` (n,) index into `substances`,
     `agglomerate` (n,) 0-based and ascending; `bond_first`, `bond_second` (m,) 0-based sub-spheres, `bond_vector_m`
     (m, 3) from first to second, `bond_radius_m` (m,), all in the undeformed state; `bond_strength_factor` (m,) on both
     strengths of the material. `surfaces`: of each agglomerate where stones touch as smooth bodies, else empty; `faces`:
@@ -46,11 +47,11 @@ class Assembly:
 
     stones: tuple[Stone, ...]
     gravity_m_s2: tuple[float, float, float]
-    materials: list[str]
+    substances: list[Substance]
     center_m: np.ndarray
     radius_m: np.ndarray
     mass_kg: np.ndarray
-    material: np.ndarray
+    substance: np.ndarray
     agglomerate: np.ndarray
     bond_first: np.ndarray
     bond_second: np.ndarray
@@ -72,9 +73,9 @@ class Assembly:
         return len(self.bond_first)
 
     @property
-    def bond_material(self) -> np.ndarray:
-        """(m,) index into `materials` of each bond."""
-        return self.material[self.bond_first]
+    def bond_substance(self) -> np.ndarray:
+        """(m,) index into `substances` of each bond."""
+        return self.substance[self.bond_first]
 
     @property
     def sizes(self) -> np.ndarray:
@@ -150,12 +151,14 @@ class Assembly:
 
 @dataclass(frozen=True)
 class StoneParts:
-    """One stone where it enters: its n sub-spheres and its bonds, as in `Assembly`, numbered from 0."""
+    """One stone where it enters: its n sub-spheres and its m bonds, as in `Assembly`, numbered from 0;
+    `strength_factor` (m,)."""
 
     center_m: np.ndarray
     radius_m: np.ndarray
     mass_kg: np.ndarray
     bonds: Bonds
+    strength_factor: np.ndarray
     surface: StoneSurface | None
     faces: FaceColumns | None = None
 
@@ -168,6 +171,7 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
     """
     one = _at_reference_size(scene, stone, cache_dir)
     packing, network, surface = one.scaled(stone.radius_m)
+    strength = stone.strength_factor * _flaws(scene, stone, packing, network)
     faces = None if one.faces is None else one.faces.scaled(stone.radius_m / REFERENCE_RADIUS_m)
     if stone.attitude != UPRIGHT and len(network):
         packing, network, surface = turned(stone.attitude, packing, network, surface)
@@ -178,9 +182,23 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
         lowest = min(lowest, faces.lowest_m(packing.center_m))
     x, y, height = entry_of(stone, scene.gravity_vector_m_s2).offset_m
     center = packing.center_m + [stone.place_m[0] + x, stone.place_m[1] + y, height - lowest]
-    mass = scene.materials[stone.material].density_kg_m3 * 4 / 3 * np.pi * stone.radius_m**3
+    mass = density_kg_m3(scene, stone) * 4 / 3 * np.pi * stone.radius_m**3
     share = mass * radius**3 / (radius**3).sum() if one.mass_share is None else mass * one.mass_share
-    return StoneParts(center, radius, share, network, surface, faces)
+    return StoneParts(center, radius, share, network, strength, surface, faces)
+
+
+def _flaws(scene: Scene, stone: Stone, packing: Packing, network: Bonds) -> np.ndarray:
+    """(m,) factors on the strengths of the bonds of a stone that is not turned yet."""
+    if not len(network):
+        return np.ones(0)
+    bond = scene.bond_of(stone.material)
+    return flaw_factors(bond.flaw_modulus, bond.flaw_length_m, stone.seed,
+                        packing.center_m[network.first] + network.vector_m / 2)
+
+
+def density_kg_m3(scene: Scene, stone: Stone) -> float:
+    """Of a stone, by its material and its own factor."""
+    return scene.materials[stone.material].density_kg_m3 * stone.density_factor
 
 
 def _matrix(attitude: tuple[float, float, float, float]) -> np.ndarray:
@@ -217,24 +235,24 @@ def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = Non
              meanwhile: Callable[[], None] = lambda: None) -> Assembly:
     """Pack each stone and set it where it enters. Where another process is packing one of them, `meanwhile` is done
     once, and then the others. Raises Refused as `stone_parts` does."""
-    materials = sorted({stone.material for stone in stones})  # LIGGGHTS wants types without gaps
+    substances = sorted({stone.substance for stone in stones})  # LIGGGHTS wants types without gaps
     parts = _all_parts(scene, stones, cache_dir, meanwhile)
-    sizes, bonds = [len(p.radius_m) for p in parts], [len(p.bonds) for p in parts]
+    sizes = [len(p.radius_m) for p in parts]
     first = np.cumsum([0, *sizes])
     return Assembly(
         stones=tuple(stones),
         gravity_m_s2=scene.gravity_vector_m_s2,
-        materials=materials,
+        substances=substances,
         center_m=np.vstack([p.center_m for p in parts]),
         radius_m=np.concatenate([p.radius_m for p in parts]),
         mass_kg=np.concatenate([p.mass_kg for p in parts]),
-        material=np.repeat([materials.index(stone.material) for stone in stones], sizes),
+        substance=np.repeat([substances.index(stone.substance) for stone in stones], sizes),
         agglomerate=np.repeat(np.arange(len(parts)), sizes),
         bond_first=np.concatenate([p.bonds.first + f for p, f in zip(parts, first)]),
         bond_second=np.concatenate([p.bonds.second + f for p, f in zip(parts, first)]),
         bond_vector_m=np.vstack([p.bonds.vector_m for p in parts]),
         bond_radius_m=np.concatenate([p.bonds.radius_m for p in parts]),
-        bond_strength_factor=np.repeat([stone.strength_factor for stone in stones], bonds),
+        bond_strength_factor=np.concatenate([p.strength_factor for p in parts]),
         surfaces=tuple(p.surface for p in parts if p.surface is not None),
         faces=tuple(p.faces for p in parts) if any(p.faces is not None for p in parts) else (),
         is_of_stream=scene.stones.stream is not None,
@@ -256,8 +274,7 @@ class _ReferenceStone:
         size, surface = radius_m / REFERENCE_RADIUS_m, self.surface
         bonds = replace(self.bonds, vector_m=size * self.bonds.vector_m, radius_m=size * self.bonds.radius_m)
         if surface is not None:
-            surface = replace(surface, place_m=size * surface.place_m,
-                              first=surface.first.scaled(1 / size), other=surface.other.scaled(1 / size))
+            surface = replace(surface.scaled(1 / size), place_m=size * surface.place_m)
         return scaled_packing(self.packing, radius_m), bonds, surface
 
 
@@ -274,7 +291,7 @@ def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _R
         faces = _faces(table.subspheres, stone.seed, cache_dir, shape) if table.contact == "faces" else None
         return _ReferenceStone(packing, network, None, mass_shares(packing, solid_of(shape, stone.seed)), faces)
     packing, network = _packed(table.subspheres, stone.seed, cache_dir, None)
-    surface = _surface(scene, packing, network, stone.material, cache_dir) if scene.has_smooth_contact else None
+    surface = _surface(scene, packing, network, stone, cache_dir) if scene.has_smooth_contact else None
     return _ReferenceStone(packing, network, surface)
 
 
@@ -322,10 +339,12 @@ def mass_shares(packing: Packing, solid: Solid) -> np.ndarray:
     return share
 
 
-def _surface(scene: Scene, packing: Packing, network: Bonds, material: str,
+def _surface(scene: Scene, packing: Packing, network: Bonds, stone: Stone,
              cache_dir: Path | None) -> StoneSurface:
+    """Compliances go with 1/E, so that one that is kept serves all stones of a material."""
     try:
-        return surface_of(packing, network, scene.bond_of(material), cache_dir)
+        return surface_of(packing, network, scene.bond_of(stone.material), cache_dir).scaled(
+            1 / stone.youngs_modulus_factor)
     except ValueError as error:
         allowed = f"must be more where contact = 'smooth', such as 200: {error}"
         raise Refused("subspheres", len(packing.radius_m), allowed) from None

@@ -24,6 +24,8 @@ from dem.stones.packing import Packing, SphereContainer, near_pairs
 
 GAP_TOLERANCE = 0.2  # of the sum of the two radii
 LEAST_BONDS = 3      # that hold a sub-sphere against any force
+# Bonds that a crack breaks near its plane, by their section, over its own area (lab/rock/crack_area.py).
+CRACK_AREA = 2.1
 PLATEN_GAP = 0.02    # of the radius: nearer sub-spheres are held by a platen
 
 

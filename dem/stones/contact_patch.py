@@ -17,16 +17,16 @@ material and axis.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 from scipy.sparse.linalg import SuperLU
 
-from common.scene import BondTable
+from common.scene.scene import BondTable
 from dem.stones.bonds import Bonds, dof_scale, solve_static, stiffness_matrix
 from dem.stones.packing import Packing, SphereContainer
-from plate_fem.eigen import factor
+from plate_fem.solution.eigen import factor
 
 PATCH_RADIUS = 0.4      # b/R
 SURFACE_DEPTH = 0.5     # a sub-sphere is of the surface if it reaches nearer to it than this share of its own radius
@@ -103,6 +103,10 @@ class StoneSurface:
     is_surface: np.ndarray
     first: PatchCompliance
     other: PatchCompliance
+
+    def scaled(self, factor: float) -> StoneSurface:
+        """With compliances times a factor."""
+        return replace(self, first=self.first.scaled(factor), other=self.other.scaled(factor))
 
 
 def stone_surface(packing: Packing, bonds: Bonds, bond: BondTable) -> StoneSurface:

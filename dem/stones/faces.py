@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from dem.shapes.solids import Solid
 from dem.stones.packing import Packing
-from dem.stones.shapes import Solid
 
 BEHIND = 0.5      # of its radius: the gap of a sub-sphere that lies behind a face
 FEWEST = 3        # sub-spheres behind a face; a plane with fewer is taken to be part of a curved surface

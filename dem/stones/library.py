@@ -1,4 +1,4 @@
-"""Packings and surfaces of stones, kept for every later run (common/cache.py).
+"""Packings and surfaces of stones, kept for every later run (common/files/cache.py).
 
 A packing takes a third of a second to find and a few milliseconds to read. It is the same bit by bit for the same
 radius, number, seed and code; so is what a run makes of it.
@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from common.cache import cached, key_of
-from common.scene import BondTable
+from common.files.cache import cached, key_of
+from common.scene.scene import BondTable
+from dem.shapes.mesh_container import MeshContainer
+from dem.shapes.solids import Solid
 from dem.stones.bonds import Bonds
 from dem.stones.contact_patch import PatchCompliance, StoneSurface, is_surface, stone_surface
-from dem.stones.mesh_container import MeshContainer
 from dem.stones.packing import ConvexContainer, Packing, SphereContainer, pack, pack_sphere
-from dem.stones.shapes import Solid
 
 CODE = Path(__file__)
 SIZE_RATIO = 1.5  # of the sub-spheres, as in a sphere

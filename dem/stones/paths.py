@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from common.scene import Scene
-from common.scene_stones import SPHERE
-from dem.stones.shapes import solid_of
+from common.scene.scene import Scene
+from common.scene.stones import SPHERE
+from dem.shapes.solids import solid_of
 from dem.stones.stone import Entry, Stone, apex_s, entry_of
 
 LOOKS = 100  # at the path of a stone

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.scene_stones import SPHERE
+from common.scene.stones import SPHERE
+from dem.stones.substance import Substance
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)  # the attitude of a stone that is not turned
 
@@ -26,8 +27,8 @@ class Stone:
 
     `radius_m`: of the sphere of equal volume; `place_m` (x, y) of its centre when it first touches the plate;
     `velocity_m_s` (3,) then; `spin_rad_s` (3,); `arrival_s`: when it touches. At 0 it starts `gap_m` above the plate.
-    `attitude`: unit quaternion (w, x, y, z) that turns its packing; `strength_factor` on the strengths of its bonds;
-    `seed` of its packing.
+    `attitude`: unit quaternion (w, x, y, z) that turns its packing; `strength_factor` on the strengths of its bonds,
+    others on what the material has; `seed` of its packing.
     """
 
     material: str
@@ -41,6 +42,14 @@ class Stone:
     attitude: tuple[float, float, float, float] = UPRIGHT
     strength_factor: float = 1.0
     shape: str = SPHERE
+    density_factor: float = 1.0
+    youngs_modulus_factor: float = 1.0
+    restitution: float = 0.0  # on the plate; 0: that of the scene's contacts
+
+    @property
+    def substance(self) -> Substance:
+        """What it is made of."""
+        return Substance(self.material, self.youngs_modulus_factor, self.restitution)
 
     @property
     def speed_m_s(self) -> float:

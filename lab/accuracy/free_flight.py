@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from common.scene import changed_scene, read_scene
+from common.scene.scene import changed_scene, read_scene
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 from lab.cost import cpu_s

@@ -23,7 +23,7 @@ def write_laws(table: pd.DataFrame, file: Path) -> None:
     """Write the law of each of LAW_OF (of the modes on the thinner plate, which needs more of them): the worst error of
     each setting, and of all finer ones, which chance may have made larger; a repeated error is raised by a thousandth,
     so that the law ascends."""
-    lines = ["# Error of each numerical setting by its value; common/error_laws.py says what they are.",
+    lines = ["# Error of each numerical setting by its value; common/scene/error_laws.py says what they are.",
              f"# Written by `python -m lab run work_precision`, {date.today().isoformat()}.", ""]
     for varied, name in LAW_OF.items():
         rows = table[(table["numerical_setting"] == varied) & (table["outcome"] == "finished")]

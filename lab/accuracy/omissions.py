@@ -16,8 +16,8 @@ from pathlib import Path
 import pandas as pd
 
 import dem.deck.render
-from common.scene import changed_scene
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
+from common.scene.scene import changed_scene
 from dem.run.prepare import PreparedRun, prepare
 from dem.run.run import run_prepared
 from lab.cost import cpu_s

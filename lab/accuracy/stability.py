@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from common.scene import Scene, changed_scene
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
+from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.coupling.monitor import ENERGY_SHARE
 from dem.deck.time_step import step_limits, stone_contact_time_s, time_step

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
 from lab.rock.stone import SCENES
 
 SEED = 20012

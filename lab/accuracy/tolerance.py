@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from common.scene import Scene, changed_scene
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
+from common.scene.scene import Scene, changed_scene
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 from lab.accuracy.laws import ERRORS

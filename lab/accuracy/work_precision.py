@@ -4,7 +4,7 @@ Four stones that do not break, 200 sub-spheres each, fall on a plate of 0.3 x 0.
 the impact and many periods of the plate. Without breakage nothing is chaotic, and the error of a setting has an order.
 What is chaotic, the broken area of one stone, is an ensemble of five packings with its spread.
 
-Beside the table it writes error_laws.toml (what `tolerance` in a scene goes by, committed as common/error_laws.toml) and
+Beside the table it writes error_laws.toml (what `tolerance` in a scene goes by, committed as common/scene/error_laws.toml) and
 work_precision.png. Processor time is the least of the repeats after a warm-up, of engine, plate and output; with settings
 of the plate the modes are counted too.
 """
@@ -23,8 +23,8 @@ import numpy as np
 import pandas as pd
 
 import dem.deck.time_step
-from common.scene import Scene, changed_scene
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
+from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
 from dem.run.errors import RunError
@@ -38,7 +38,7 @@ from lab.constants import time_step_constants
 from lab.cost import cpu_s
 from lab.rock.stone import SCENES, SEEDS, strike
 from lab.study import Row
-from plate_fem.mesh import default_mesh_size
+from plate_fem.elements.mesh import default_mesh_size
 from recognition.estimation.errors import RecognitionError
 from recognition.methods import METHODS
 

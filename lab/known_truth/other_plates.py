@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.plate import FlexiblePlate, read_plate
+from common.scene.plate import FlexiblePlate, read_plate
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel

@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 
 from recognition.estimation.arrays import Floats
+from recognition.innovations.signatures import FINE_S, Channels, low_passed, modal_motion
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.forces import PULSE_S, History
-from recognition.stream.signatures import FINE_S, Channels, low_passed, modal_motion
+from recognition.stone_forces.forces import PULSE_S, History
 
 SILENCE_S = 0.05  # before the first stone, and after the last
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from common.scene import read_scene
-from recognition.stream.forces import History
+from common.scene.scene import read_scene
+from recognition.stone_forces.forces import History
 
 FILE = Path(__file__).with_name("data") / "stone_histories.npz"
 STEPS = 500  # of 5 us that a history has

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from sklearn.linear_model import LinearRegression
 
-from analysis.runs import Run
+from analysis.sweep.runs import Run
 from lab.recognition.impulse import impulse
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats

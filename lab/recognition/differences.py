@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.runs import Run
+from analysis.sweep.runs import Run
 from common.channels import ACCELEROMETERS, RODS, rod_column, sensor_column
-from common.plate import FlexiblePlate, read_plate
+from common.scene.plate import FlexiblePlate, read_plate
 from lab.known_truth import other_plates
 from lab.known_truth.faults import FAULTS, Fault
 from lab.study import Row

@@ -17,12 +17,12 @@ import pandas as pd
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh
 
-from common.scene import Scene
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
+from common.scene.scene import Scene
 from common.tables import check
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
-from dem.run.energy_balance import read_ledger
+from dem.record.energy_balance import read_ledger
 from dem.run.prepare import prepare
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import Bonds, bond_network, stiffness_matrix
@@ -89,8 +89,8 @@ def engine_limit(damping_ratio: float, seed: int) -> float:
     data = scene_tables(SCENES / "single.toml")
     data["plate"] = RIGID
     del data["output"]
-    data["stones"] |= {"agglomerate": {"subspheres": COUNT, "unbreakable": True, "damping_ratio": damping_ratio},
-                       "gap_m": 0.05, "seed": seed}
+    data["stones"] |= {"agglomerate": {"subspheres": COUNT, "contact": "sub_spheres", "unbreakable": True,
+                                       "damping_ratio": damping_ratio}, "gap_m": 0.05, "seed": seed}
     data["time"] |= {"gravity_m_s2": 0.0, "free_flight_tolerance": 0.0}
     model = prepare(check(Scene, data, "single.toml"), "single.toml", None)
     assert model.step.bond_time_s is not None  # the stone is bonded

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from common.scene import changed_scene
+from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 from dem.stones import assembly
 from dem.stones.library import packed_sphere

@@ -23,7 +23,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from common.hertz import contact_modulus_Pa
-from common.scene import Scene, changed_scene
+from common.scene.scene import Scene, changed_scene
 from dem.run.run import run_scene
 from lab.rock.elastic_solid import Rock, block, disc, hit as solid_hit
 from lab.rock.stone import RIGID, SCENES

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from common.scene import changed_scene
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
+from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 from dem.stones.bonds import fragments
 

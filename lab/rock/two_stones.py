@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 
 from common import hertz
-from common.scene import Scene, changed_scene
+from common.scene.scene import Scene, changed_scene
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
-from dem.run.energy_balance import StoneLedger, read_ledger
+from dem.record.energy_balance import StoneLedger, read_ledger
 from dem.run.prepare import prepare
 from dem.stones.assembly import Assembly
 from lab.rock.stone import PAIRS, RIGID, SCENES

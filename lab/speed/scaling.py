@@ -19,8 +19,8 @@ from unittest.mock import patch
 import numpy as np
 
 import dem.stones.assembly
-from common.processes import apart
-from common.scene import Scene, changed_scene
+from common.process.processes import apart
+from common.scene.scene import Scene, changed_scene
 from dem.coupling.launch import mpirun
 from dem.deck.render import write_deck
 from dem.run.prepare import prepare

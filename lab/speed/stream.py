@@ -17,7 +17,7 @@ from typing import Any
 
 import pandas as pd
 
-from common.scene import Scene, changed_scene
+from common.scene.scene import Scene, changed_scene
 from dem.deck.render import write_deck
 from dem.run.prepare import prepare
 from lab.rock.stone import SCENES

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from common.plate import FlexiblePlate, read_plate
+from common.scene.plate import FlexiblePlate, read_plate
 from lab.known_truth.faults import FAULTS, Fault
 from lab.known_truth.simulated import Stream
 from lab.known_truth.stone_histories import histories
 from lab.streams.known_streams import SCENE, Case, TRUE_Hz, true_plate
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.forces import History
+from recognition.stone_forces.forces import History
 from recognition.stream.recognise import RATE_Hz
 
 

@@ -18,14 +18,14 @@ from lab.known_truth.tap_records import hammer_taps
 from recognition.estimation.answer import warning_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
+from recognition.innovations.bank import TIME
+from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.bank import TIME
-from recognition.stream.forces import History, heard_of
-from recognition.stream.law_file import load_forces
+from recognition.stone_forces.forces import History, heard_of
+from recognition.stone_forces.law_file import load_forces
 from recognition.stream.listen import Heard
 from recognition.stream.prior import TRIPLE, StonePrior
-from recognition.stream.recognise import LEAST_DOUBT, RATE_Hz, recognise_stream
-from recognition.stream.signatures import Channels
+from recognition.stream.recognise import LEAST_DOUBT, QUIET_S, RATE_Hz, recognise_stream
 from recognition.stream.speed_law import with_speed_laws
 from recognition.stream.stones import ratio_of, stone_table
 from recognition.tapping.fit import fit_plate
@@ -53,7 +53,7 @@ class Case:
     channels: Channels = ALL
     all_sizes: bool = False
     gangue: float = 0.5
-    noise_db: float = 20.0
+    noise_db: float | None = 20.0
     at_once: int = 1
 
 
@@ -109,12 +109,12 @@ def prior_of(case: Case) -> StonePrior:
     return StonePrior(load_forces(), SIZES_m if case.all_sizes else (PAPER_m, PAPER_m), SPEEDS_m_s)
 
 
-def heard(plate: PlateModel, case: Case, record: Stream) -> dict[str, object]:
+def heard(plate: PlateModel, case: Case, record: Stream, quiet_s: float = QUIET_S) -> dict[str, object]:
     """What is made of a record: errors in points, checks, and how often the interval of PART stones holds."""
     prior = prior_of(case)
     began = time.process_time()
     try:
-        found = recognise_stream(plate, case.channels, prior, record.values)
+        found = recognise_stream(plate, case.channels, prior, record.values, quiet_s)
     except RecognitionError as error:
         return {"stones": case.count, "refused": str(error)}
     stones, truth, checks = found.stones, record.truth, found.checks
@@ -123,7 +123,7 @@ def heard(plate: PlateModel, case: Case, record: Stream) -> dict[str, object]:
         "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused,
         "warned": not found.tapped or bool(warning_of(*ratio_of(stones))),
         "unexplained": checks.unexplained, "gain": float(abs(checks.gain - 1).max()), "unlike": checks.unlike,
-        "broken": checks.broken, "together": checks.together, "silence": checks.silence}
+        "broken": checks.broken, "together": checks.together, "change": checks.change}
     for name, by_mass in (("number", False), ("mass", True)):
         low, middle, high = ratio_of(stones, by_mass)
         right = true_ratio(truth, by_mass)

@@ -15,13 +15,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from lab.known_truth.faults import FAULTS
+from lab.known_truth.machine_noise import KINDS, noise
+from lab.known_truth.simulated import Stream
 from lab.known_truth.stone_histories import histories
 from lab.streams.differences import Difference, differences
 from lab.streams.known_streams import (
@@ -38,6 +41,7 @@ from lab.streams.known_streams import (
 )
 from lab.study import Row
 from recognition.plate.plate_model import PlateModel
+from recognition.stream.recognise import RATE_Hz
 
 #: Goals of the docs: name, case, set of the forces, and how many streams, which fall on the plates "1" and "2" in turn.
 GOALS: list[tuple[str, Case, str, int]] = [
@@ -51,6 +55,8 @@ GOALS: list[tuple[str, Case, str, int]] = [
     ("one accelerometer", Case(20, 60, ONE), "held_out", 20),
     ("volley of ten", Case(100, 30, at_once=10), "held_out", 4)]
 PLATES, PLATE_STREAMS, PLATE_RATES_1_s = ("1", "3 %", "other theory", "solid"), 10, (100, 200)
+NOISE_SEEDS, QUIET_S, BURSTS_QUIET_S = 5, 1.0, 4.0
+NOISY, FAULT_NOISES = Case(50, 60, noise_db=None), ("pink", "tones", "gear", "mixture")
 SILENTLY_WRONG = 5.0  # points
 SILENT_STREAMS = 60  # of each row: where none is wrong, the rate is below 4.9 % with 95 % confidence
 
@@ -113,16 +119,55 @@ def _different(difference: Difference, seed: int, out: Path) -> dict[str, object
     record = stream(plate, case, pool, rng)
     if difference.record is not None:
         record = difference.record(record)
-    model = tapped("1", out)
-    if difference.untapped:
-        model = PlateModel.from_scene(SCENE, HIGHEST_Hz, frequency_sd=0.03, damping_sd=0.5)
     told = replace(case, all_sizes=False, count=len(record.truth))
-    return heard(model, told, record)
+    return heard(_told(difference, out), told, record)
 
 
 def listening_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     """Of each case the errors in points, mean and 95th percentile of their sizes over the streams that were answered."""
     return grouped(rows, ["case"], told_of)
+
+
+def listening_noise(out: Path) -> Iterator[Row]:
+    """Each kind of noise of a machine at each level, for NOISE_SEEDS; and each fault under four of them."""
+    for seed, noise_db, kind in product(range(NOISE_SEEDS), (20.0, 10.0, 5.0), KINDS):
+        yield Row({"noise": kind, "noise_db": noise_db, "fault": "none", "seed": seed},
+                  partial(_in_noise, kind, noise_db, seed, Difference("none"), out))
+    faulty = [d for d in differences() if d.name in FAULTS or d.plate is not None]
+    for fault, kind in product(faulty, FAULT_NOISES):
+        yield Row({"noise": kind, "noise_db": 20.0, "fault": fault.name, "seed": 0},
+                  partial(_in_noise, kind, 20.0, 0, fault, out))
+
+
+def _in_noise(kind: str, noise_db: float, seed: int, fault: Difference, out: Path) -> dict[str, object]:
+    """What is heard of a stream in a machine's noise, which runs for a while before."""
+    quiet_s = BURSTS_QUIET_S if kind == "bursts" else QUIET_S
+    record = _without_noise(seed, fault)
+    rms = np.sqrt(np.mean(record.values**2, axis=1, keepdims=True))
+    values = np.pad(record.values, ((0, 0), (round(quiet_s * RATE_Hz), 0)))
+    rng = np.random.default_rng([23, seed, 1])
+    values = values + 10 ** (-noise_db / 20) * rms * noise(kind, values.shape, RATE_Hz, rng)
+    truth = record.truth.assign(**{name: record.truth[name] + quiet_s for name in ("t_s", "centre_s")})
+    record = replace(record, values=values, truth=truth)
+    return heard(_told(fault, out), NOISY, record if fault.record is None else fault.record(record), quiet_s)
+
+
+@cache
+def _without_noise(seed: int, fault: Difference) -> Stream:
+    rng = np.random.default_rng([23, seed])
+    plate = true_plate("1") if fault.plate is None else fault.plate()
+    return stream(plate, replace(NOISY, gangue=rng.uniform(0.2, 0.8)), histories("tried"), rng)
+
+
+def _told(difference: Difference, out: Path) -> PlateModel:
+    """The plate that `listen` is given."""
+    if difference.untapped:
+        return PlateModel.from_scene(SCENE, HIGHEST_Hz, frequency_sd=0.03, damping_sd=0.5)
+    return tapped("1", out)
+
+
+def listening_noise_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
+    return grouped(rows, ["noise", "noise_db", "fault"], told_of)
 
 
 def listening_limits_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:

@@ -17,7 +17,7 @@ import pandas as pd
 from lab.streams.known_streams import SIZES_m, SPEEDS_m_s, heard_as, true_ratio
 from lab.study import Row
 from recognition.estimation.arrays import Floats
-from recognition.stream.law_file import load_forces
+from recognition.stone_forces.law_file import load_forces
 from recognition.stream.listen import Heard
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import LEAST_DOUBT, RATE_Hz

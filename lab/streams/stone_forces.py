@@ -1,7 +1,7 @@
 """Forces of single stones on the plate, and the law of them by which `listen` tells coal from gangue: `make forces`.
 
 Runs scenes/single.toml for each stone of the sets, then writes lab/known_truth/data/stone_histories.npz (all histories;
-those of sets that are not named stay as they are) and recognition/stream/stone_forces.json (the law, from those of the set
+those of sets that are not named stay as they are) and recognition/stone_forces/stone_forces.json (the law, from those of the set
 "learnt"): 364 runs of three to five seconds of processor time each. Runs of the same engine and scene that are there are
 kept.
 """
@@ -17,14 +17,14 @@ import numpy as np
 import pandas as pd
 from scipy.stats import qmc
 
-from common.scene import read_scene
+from common.scene.scene import read_scene
 from dem.__main__ import main as dem
 from dem.coupling.launch import ENGINE
 from lab.known_truth.stone_histories import SETS, STEPS, histories, rock_of, stored_rock, write_histories
 from lab.rock.stone import SCENES
 from lab.study import Row
-from recognition.stream.forces import History, StoneForces
-from recognition.stream.law_file import SHIPPED, save_forces
+from recognition.stone_forces.forces import History, StoneForces
+from recognition.stone_forces.law_file import SHIPPED, save_forces
 
 SCENE = SCENES / "single.toml"
 #: Of each set: seed of its random numbers, and how many stones of the paper's size and of any. Seed 2 was that of a

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.runs import Run
+from analysis.sweep.runs import Run
 from lab.known_truth.faults import FAULTS, Fault
 from lab.known_truth.simulated import stone_rows, stream_of
 from lab.streams.differences import scaled
@@ -34,8 +34,8 @@ from recognition.estimation.errors import RecognitionError
 from recognition.evaluation.dataset import DataSet, read_dataset
 from recognition.physics.force_records import ForceRecord, force_record_of
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.forces import History
-from recognition.stream.law_file import load_forces
+from recognition.stone_forces.forces import History
+from recognition.stone_forces.law_file import load_forces
 from recognition.volley.recognise import recognise_volley
 from recognition.volley.responses import RATE_Hz, Stones
 

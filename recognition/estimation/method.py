@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.runs import Run
+from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError
-from analysis.records import sample_rate_Hz
-from analysis.runs import Run
+from analysis.signals.records import sample_rate_Hz
+from analysis.sweep.runs import Run
 from recognition.estimation.errors import RecognitionError
 
 #: The window of the paper: 0..0.04 s at 1.5e-4 s.
@@ -41,7 +41,8 @@ class Window:
             raise RecordError(f"{source}: no column 't_s'; needs the time of each sample")
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), f"{source}: t_s")
         if not np.isclose(rate_Hz, self.rate_Hz, rtol=1e-3):
-            raise RecordError(f"{source}: {rate_Hz:.6g} Hz; the model needs {self.rate_Hz:.6g} Hz")
+            raise RecordError(f"{source}: {rate_Hz:.6g} Hz; the model needs {self.rate_Hz:.6g} Hz, "
+                              "to which --resample goes")
         if len(signals) < self.n_samples:
             raise RecordError(f"{source}: {len(signals)} samples; the model needs {self.n_samples} from the impact on")
         return signals.iloc[: self.n_samples]

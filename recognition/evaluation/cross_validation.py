@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from sklearn.model_selection import GroupKFold
 
 from analysis import RecordError
-from common.files import write_text
+from common.files.output_directory import stamped
+from common.files.whole import write_text
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Integers
 from recognition.estimation.errors import RecognitionError
@@ -70,6 +71,8 @@ CASES = (
     Case("free positions", f"{PLACE}, positions", ("free",)),
     Case("everything varies", f"{PLACE}, speed, damping, arrival times, strengths, positions", ("all",),
          nuisance=("speed_m_s", "damping_ratio")),
+    Case("stones that vary", "all that a stone has of its own", ("natural",)),
+    Case("stones that vary widely", "all that a stone has of its own, places", ("wide",)),
 )
 
 
@@ -218,12 +221,8 @@ def table(results: list[Result]) -> pd.DataFrame:
     return pd.DataFrame([summary(result) for result in results])
 
 
-def write_csv(frame: pd.DataFrame, path: Path) -> Path:
-    """Write a table whole or not at all; returns its path."""
-    write_text(path, frame.to_csv(index=False, float_format="%.4g"))
-    return path
-
-
 def write_evaluation(data: DataSet, directory: str | Path, methods: Registry) -> Path:
     """Evaluate methods on a data set; writes evaluation.csv into a directory and returns its path."""
-    return write_csv(table(evaluate(data, methods)), Path(directory) / "evaluation.csv")
+    file = Path(directory) / "evaluation.csv"
+    write_text(file, stamped(table(evaluate(data, methods)).to_csv(index=False, float_format="%.4g"), "# {}"))
+    return file

@@ -1,4 +1,4 @@
-"""A data set of many runs, as `python -m dem dataset` leaves it: DIRECTORY/FAMILY/GROUP/ratio_050."""
+"""A data set of many runs, as `gangue dataset` leaves it: DIRECTORY/FAMILY/GROUP/ratio_050."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from analysis import RecordError, read_run
-from analysis.runs import Run
+from analysis.sweep.runs import Run
 from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.window import Window
@@ -100,14 +100,22 @@ def _kin(group: pd.Series, *shared: pd.Series) -> Integers:
     return np.asarray(connected_components(graph, directed=False)[1][nodes[0]])
 
 
+def _speed_m_s(run: Run) -> float | None:
+    """That of a volley, or the mean of stones that were drawn."""
+    if run.scene.stones.speed_m_s is not None or run.stones is None:
+        return run.scene.stones.speed_m_s
+    velocity = run.stones[["velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s"]].to_numpy(dtype=float)
+    return float(np.linalg.norm(velocity, axis=1).mean())
+
+
 def _row(run: Run, directory: Path) -> dict[str, Any]:
-    conditions = {"speed_m_s": run.scene.stones.speed_m_s, "damping_ratio": run.scene.plate.damping_ratio}
+    conditions = {"speed_m_s": _speed_m_s(run), "damping_ratio": run.scene.plate.damping_ratio}
     for name, value in conditions.items():
         if value is None:
             raise RecognitionError(f"{directory}/run.json: scene has no {name!r}")
     family = directory.parent.parent.name
     group, stones = f"{family}/{directory.parent.name}", run.scene.stones
-    order = group if stones.gangue_order is None else str(list(stones.gangue_order))
+    order = group if not stones.gangue_order else str(list(stones.gangue_order))
     packing = str(run.scene.as_json()["stones"].get("seed", group))
     return {"family": family, "group": group, "order": order, "packing": packing, "gangue_ratio": run.gangue_ratio,
             **conditions}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from analysis.runs import Run
+from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised

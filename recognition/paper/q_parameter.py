@@ -14,8 +14,8 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from analysis import as_record, base_parameters
-from analysis.records import sample_rate_Hz
-from analysis.runs import Run
+from analysis.signals.records import sample_rate_Hz
+from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError

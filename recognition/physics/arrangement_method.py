@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError
-from analysis.records import sample_rate_Hz
-from analysis.runs import Run
+from analysis.signals.records import sample_rate_Hz
+from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.calibration import reason_out_of_distribution

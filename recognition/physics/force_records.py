@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import fftconvolve
 
-from analysis.readers import read_table
-from analysis.real_plate import flexible_plate
-from analysis.records import RecordError
-from analysis.runs import Run
-from analysis.setup import places_of
-from common.cache import user_cache
+from analysis.files.readers import read_table
+from analysis.signals.records import RecordError
+from analysis.sweep.runs import Run
+from analysis.theory.real_plate import flexible_plate
+from analysis.theory.setup import places_of
 from common.channels import force_column, rod_column, sensor_column
-from common.plate import FlexiblePlate
+from common.files.cache import user_cache
+from common.scene.plate import FlexiblePlate
 from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.response import pulse_response
 from recognition.estimation.arrays import Booleans, Floats
@@ -73,9 +73,13 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     stones = run.scene.stones
     if stones.speed_m_s is None:
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
-    return ForceRecord(flexible_plate(run), user_cache(), place_m, _touches_of(run, place_m), stones.arrival_s is None,
+    return ForceRecord(flexible_plate(run), user_cache(), place_m, _touches_of(run, place_m), _fall_at_once(run),
                        stones.speed_m_s, sample_s or 1 / run.rate_Hz, step_s,
                        table[forces][1:steps + 1].to_numpy(dtype=float).T, np.array(run.materials) == "gangue")
+
+
+def _fall_at_once(run: Run) -> bool:
+    return run.scene.stones.arrival_s is None and run.scene.scatter.get("arrival_s") is None
 
 
 def _touches_of(run: Run, place_m: Floats) -> Floats:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from common.channels import rod_column, sensor_column
-from common.plate import FlexiblePlate
+from common.scene.plate import FlexiblePlate
 from recognition.estimation.arrays import Booleans, Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.physics.arrangement_likelihood import SMALL_M, ArrangementModel, hats

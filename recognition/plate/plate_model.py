@@ -12,11 +12,11 @@ from typing import Any, Self
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from common.cache import user_cache
-from common.files import read_sealed_json, seal, write_text
-from common.plate import FlexiblePlate, read_plate
+from common.files.cache import user_cache
+from common.files.whole import read_sealed_json, seal, write_text
+from common.scene.plate import FlexiblePlate, read_plate
 from common.tables import InputError
-from plate_fem.mesh import bending_wavenumber, choose_theory
+from plate_fem.elements.mesh import bending_wavenumber, choose_theory
 from plate_fem.modes import plate_modes
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
@@ -92,7 +92,7 @@ class PlateModel:
             raise RecognitionError(f"{scene}: plate.model = {plate.model!r}; needs 'flexible'")
         if not (sensors := plate.accelerometers):
             raise RecognitionError("plate.sensors has no accelerometer; needs at least one")
-        plate = plate.model_copy(update={"max_frequency_Hz": float(max_frequency_Hz), "truncation_tolerance": None})
+        plate = plate.model_copy(update={"max_frequency_Hz": float(max_frequency_Hz)})
         modes = plate_modes(plate, user_cache())
         m = len(modes.frequency_Hz)
         if m == 0:
@@ -175,7 +175,7 @@ class PlateModel:
 def _decoded(cls: Any, content: dict[str, Any], file: Path) -> Any:
     names = {field.name for field in fields(PlateModel)}
     if content.pop("format", None) != FORMAT or set(content) - {"sha256"} != names:
-        raise RecognitionError(f"{file}: not a plate model of this version; `python -m recognition tap` writes one")
+        raise RecognitionError(f"{file}: not a plate model of this version; `gangue tap` writes one")
     try:
         kept = {"sensor_names": tuple(map(str, content["sensor_names"])),
                 "max_frequency_Hz": float(content["max_frequency_Hz"])}

@@ -2,34 +2,73 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from analysis.readers import read_table
-from analysis.records import RecordError, sample_rate_Hz
+from analysis.files.readers import read_signals
+from analysis.files.text_tables import name_and_unit
+from analysis.signals.records import Record, RecordError, sample_rate_Hz
+from analysis.signals.resampling import resample
 from common.channels import sensor_column
+from common.units import unit_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 
+M_S2 = {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": 9.80665}
+ACCELERATION = re.compile(r"acc_\w+_m_s2")
 MOST = 1e30  # of a sample in its unit
 LEAST_SAMPLES = 64  # the filters need a run-up
 BENDS = 0.3  # of the largest shape: modes that bend the plate
 
 
-def record_table(path: str | Path) -> tuple[pd.DataFrame, str]:
-    """The table of a run directory or of a file, and which file that is. RecordError for what cannot be read."""
+def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) -> tuple[pd.DataFrame, str]:
+    """The table of a run directory or of a file, and which file that is.
+
+    Accelerations are `acc_NAME_m_s2` there. A column `NAME` or `acc_NAME` becomes that where its unit is one of
+    M_S2: that in brackets behind its name, or `unit` of all samples after `scale`. RecordError for what cannot be
+    read."""
     path = Path(path)
-    path = path / "signals.parquet" if path.is_dir() else path
-    return read_table(path), str(path)
+    source = str(path / "signals.parquet" if path.is_dir() else path)
+    if unit is not None and unit not in M_S2:
+        raise RecordError(f"{source}: unit = {unit!r}; must be one of {', '.join(M_S2)}")
+    if not (np.isfinite(scale) and scale != 0):
+        raise RecordError(f"{source}: scale = {scale}; must be finite and not 0")
+    table = read_signals(path)
+    if unit is None and scale == 1.0 and not any(name_and_unit(str(name))[1] in M_S2 for name in table):
+        return table, source
+    return pd.concat([_acceleration(table[name], scale, unit) for name in table], axis=1), source
 
 
-def read_accelerations(path: str | Path, plate: PlateModel) -> tuple[pd.DataFrame, Floats, float]:
+def _acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
+    """A column of accelerations in m/s^2 under its name; any other as it is."""
+    name, own = name_and_unit(str(column.name))
+    if ACCELERATION.fullmatch(name):
+        return column * (scale * M_S2[unit or "m/s^2"])
+    if unit_of(name) != "1" or (unit or own) not in M_S2:
+        return column
+    return (column * (scale * M_S2[unit or str(own)])).rename(sensor_column(name.removeprefix("acc_")))
+
+
+def at_rate(table: pd.DataFrame, rate_Hz: float, source: str) -> pd.DataFrame:
+    """The signals of a table at another rate, without an anti-alias filter, as runs are recorded. RecordError."""
+    found_Hz = sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{source}: t_s")
+    if np.isclose(found_Hz, rate_Hz, rtol=1e-3):
+        return table
+    records = {name: resample(Record(numbers(table, name, source), found_Hz, name=name), rate_Hz, anti_alias=False)
+               for name in table.columns.drop("t_s")}
+    t_s = float(table["t_s"].iloc[0]) + next(iter(records.values())).t_s
+    return pd.DataFrame({"t_s": t_s, **{name: record.values for name, record in records.items()}})
+
+
+def read_accelerations(path: str | Path, plate: PlateModel, scale: float = 1.0,
+                       unit: str | None = None) -> tuple[pd.DataFrame, Floats, float]:
     """A run directory's or a file's table, its accelerations (s, t) in the order of the plate's sensors, and its sample
-    rate. RecordError for what cannot be read, RecognitionError for a missing column."""
-    table, source = record_table(path)
+    rate, see `record_table`. RecordError for what cannot be read, RecognitionError for a missing column."""
+    table, source = record_table(path, scale, unit)
     names = [sensor_column(name) for name in plate.sensor_names]
     for name in ("t_s", *names):
         if name not in table.columns:

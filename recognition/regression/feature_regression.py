@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from analysis.features import FEATURES, sensor_features
-from analysis.records import RecordError
-from analysis.runs import Run
+from analysis.signals.features import FEATURES, sensor_features
+from analysis.signals.records import RecordError
+from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.calibration import reason_out_of_distribution

@@ -35,10 +35,11 @@ class CheckResult(Result):
                    f"{100 * self.expected_misfit:.1f} % expected")
 
 
-def check(record: str, plate: str) -> CheckResult:
-    """Look for faults in the channels of a record, by a plate of `tap`. Raises RecordError, RecognitionError."""
+def check(record: str, plate: str, scale: float = 1.0, unit: str | None = None) -> CheckResult:
+    """Look for faults in the channels of a record (see `record_table`), by a plate of `tap`. Raises RecordError,
+    RecognitionError."""
     known = PlateModel.load(Path(plate))
-    _, signals, rate_Hz = read_accelerations(record, known)
+    _, signals, rate_Hz = read_accelerations(record, known, scale, unit)
     found = check_channels(signals, rate_Hz, known)
     ringing = found.ringing
     if ringing is None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised
+from recognition.innovations.bank import TIME
 from recognition.sensors.channel_check import channel_faults
-from recognition.stream.bank import TIME
 from recognition.stream.listen import Heard, Listener
 
 HUM_Hz = (50.0, 60.0)
@@ -20,15 +20,15 @@ UNLIKE = -3.0  # log evidence of a stone, against all that is conceivable, below
 
 @dataclass(frozen=True)
 class Limits:
-    """The most that a record may have, between good records and those with a wrong ratio (docs/listening.md). gain,
-    silence: deviation from one; a gain of 5 % does no harm."""
+    """The most that a record may have, between good records and those with a wrong ratio (docs/listening.md). gain:
+    deviation from one; 5 % does no harm."""
 
     unexplained: float = 0.08
     gain: float = 0.1
     unlike: float = 0.05
     broken: float = 0.5
     together: float = 0.3
-    silence: float = 0.15
+    change: float = 1.8
 
 
 @dataclass(frozen=True)
@@ -37,21 +37,18 @@ class Checks:
     channel, relative to what the stones make of all channels. unlike: share of stones that are none of the sizes,
     speeds and materials that there should be. broken: share of stones that seem to have broken, less the share that
     breaks at their speeds: stones of another size seem so. together: share of stones that arrive within TOGETHER_S of
-    another; at 200 a second it is 8 %. silence: variance of the innovations at the beginning,
-    where only noise should be, over what the filter makes of white noise."""
+    another; at 200 a second it is 8 %. change: of the noise in the quiet beginning (coloured_noise.py)."""
 
     unexplained: float
     gain: Floats
     unlike: float
     broken: float
     together: float
-    silence: float
+    change: float
 
     @classmethod
-    def of(cls, listener: Listener, heard: Sequence[Heard], silent: int, of_noise: float) -> Checks:
-        """silent: samples at the beginning in which nothing should have fallen; of_noise: variance of the innovations
-        of the sensors' noise."""
-        whole, left = (values[:, :listener.end] for values in (listener.whole, listener.left))
+    def of(cls, listener: Listener, heard: Sequence[Heard], change: float) -> Checks:
+        whole, left = (values[:, listener.begin:listener.end] for values in (listener.whole, listener.left))
         explained = whole - left
         gain = np.sum(whole * explained, axis=1) / np.maximum(np.sum(explained**2, axis=1), 1e-300)
         evidence = np.array([h.log_evidence.max() for h in heard])
@@ -59,7 +56,7 @@ class Checks:
         broken = [h.more_broken[h.log_evidence.argmax()] for h in heard]
         return cls(listener.unexplained(listener.end), gain, float(np.mean(evidence < UNLIKE)) if heard else 0.0,
                    float(np.mean(broken)) if heard else 0.0,
-                   together(at_s), float(np.mean(whole[:, :silent] ** 2)) / of_noise)
+                   together(at_s), change)
 
     def reason(self, limits: Limits = Limits()) -> str:
         """Which limits are exceeded, "" if none is."""
@@ -71,7 +68,7 @@ class Checks:
                   self.broken, limits.broken),
                  (f"{self.together:.0%} of the stones arrive at once with another (`volley` is for those)",
                   self.together, limits.together),
-                 ("the record does not begin with silence", abs(self.silence - 1), limits.silence)]
+                 ("the beginning is not quiet, or its noise changes", self.change, limits.change)]
         return "; ".join(f"{text}, limit {limit:g}" for text, value, limit in found if value > limit)
 
 

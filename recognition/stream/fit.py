@@ -1,6 +1,6 @@
 """Joint fit of overlapping stones to the innovations, by damped Gauss-Newton steps.
 
-Stones are rows (k, 6) of parameters, see `recognition.stream.bank`.
+Stones are rows (k, 6) of parameters, see `recognition.innovations.bank`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.bank import FIT_LAGS, PARAMETERS, TIME, Bank, X, Y
+from recognition.innovations.bank import FIT_LAGS, PARAMETERS, TIME, Bank, X, Y
 from recognition.stream.prior import TRIPLE, StonePrior
 
 STEPS = 10  # Gauss-Newton steps at most

@@ -9,22 +9,22 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.records import Record, sample_rate_Hz
-from analysis.resampling import resample
+from analysis.signals.records import Record, sample_rate_Hz
+from analysis.signals.resampling import resample
 from common.channels import rod_column, sensor_column
-from common.files import written_whole
-from common.output_directory import at_work_in
-from common.parquet import write_parquet
+from common.files.output_directory import at_work_in
+from common.files.parquet import write_parquet
+from common.files.whole import written_whole
 from common.result import Result
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import numbers, record_table
-from recognition.stream.law_file import load_forces
+from recognition.stone_forces.law_file import load_forces
 from recognition.stream.prior import StonePrior
-from recognition.stream.recognise import RATE_Hz, recognise_stream
-from recognition.stream.signatures import Channels
+from recognition.stream.recognise import QUIET_S, RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of, sliding_ratio
 
 KIND = "stones heard"
@@ -62,12 +62,14 @@ class ListenResult(Result):
 
 
 def listen(record: str, plate: str, out: str, radius_m: tuple[float, float] = (0.025, 0.025),
-           speed_m_s: tuple[float, float] = (2.0, 4.0), window_s: float = 1.0, step_s: float = 0.1) -> ListenResult:
+           speed_m_s: tuple[float, float] = (2.0, 4.0), window_s: float = 1.0, step_s: float = 0.1,
+           quiet_s: float = QUIET_S, scale: float = 1.0, unit: str | None = None) -> ListenResult:
     """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits; write them and the
-    ratio over a window, every so many seconds, into the directory `out`. Raises RecordError, RecognitionError."""
+    ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing falls. Raises
+    RecordError, RecognitionError."""
     prior = _prior(radius_m, speed_m_s)
     known = PlateModel.load(Path(plate))
-    table, source = record_table(record)
+    table, source = record_table(record, scale, unit)
     channels, values = channels_of(table, known, source)
     for name, value in (("window", window_s), ("step", step_s)):
         if not 0 < value < 1e6:
@@ -75,7 +77,7 @@ def listen(record: str, plate: str, out: str, radius_m: tuple[float, float] = (0
     if values.shape[1] / RATE_Hz > MOST_RATIOS * step_s:
         raise RecognitionError(f"--step {step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
     try:
-        found = recognise_stream(known, channels, prior, values)
+        found = recognise_stream(known, channels, prior, values, quiet_s)
     except NotRecognised as error:
         return ListenResult(refused=str(error))
     begin_s = float(table["t_s"].iloc[0])

@@ -9,11 +9,11 @@ from itertools import count
 import numpy as np
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.bank import FIT_LAGS, IMPULSE, LAGS, PARAMETERS, TIME, Bank
+from recognition.innovations.bank import FIT_LAGS, IMPULSE, LAGS, PARAMETERS, TIME, Bank
+from recognition.innovations.signatures import LEAD
 from recognition.stream.fit import NO_STONES, Fit, Window, in_order
 from recognition.stream.prior import TRIPLE, StonePrior
 from recognition.stream.search import Dictionary
-from recognition.stream.signatures import LEAD
 
 SCANNED = 1000  # samples at once
 BLOCK = 8  # samples whose energy tells that something fell
@@ -62,18 +62,19 @@ class Listener:
     prior: StonePrior
     dictionary: Dictionary
 
-    def hear(self, innovations: Floats) -> list[Heard]:
-        """All stones, in the order of arrival, or those up to where it is hopeless: this is not the plate.
+    def hear(self, innovations: Floats, begin: int = 0) -> list[Heard]:
+        """All stones from a sample on, in the order of arrival, or those up to where it is hopeless: this is not the
+        plate.
 
         A stone is final WINDOW samples after its arrival.
         """
         self.left = np.pad(innovations, ((0, 0), (0, LAGS + FIT_LAGS)))
-        self.whole, self.end = self.left.copy(), innovations.shape[1]
+        self.whole, self.begin, self.end = self.left.copy(), begin, innovations.shape[1]
         before = np.cumsum(np.pad(np.sum(self.whole**2, axis=0), (FIT_LAGS, 0)))
         self.around = LEAST_SHARE / 2 * (before[FIT_LAGS:] - before[:-FIT_LAGS])
         heard: list[Heard] = []
         waiting = NO_STONES
-        at = LEAD + LOOK_BACK
+        at = max(LEAD + LOOK_BACK, begin)
         for window_number in count(1):
             if window_number % CHECKED == 0 and self.unexplained(at) > HOPELESS:
                 break
@@ -104,8 +105,8 @@ class Listener:
 
     def unexplained(self, until: int) -> float:
         """Share of the innovations' energy before a sample, above that of noise, that no stone explains."""
-        noise = self.bank.channels * until
-        energy, left = (float(np.sum(values[:, :until] ** 2)) - noise for values in (self.whole, self.left))
+        noise = self.bank.channels * (until - self.begin)
+        energy, left = (float(np.sum(values[:, self.begin:until] ** 2)) - noise for values in (self.whole, self.left))
         return max(left, 0.0) / max(energy, 1.0)
 
     @cached_property

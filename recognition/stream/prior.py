@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.bank import BREAKING, DURATION, IMPULSE
-from recognition.stream.forces import MATERIALS, StoneForces
+from recognition.innovations.bank import BREAKING, DURATION, IMPULSE
+from recognition.stone_forces.forces import MATERIALS, StoneForces
 
 NODES = 12  # of radius and of speed
 WIDER = 2.0  # the covariance of the wide Gaussian, by that of all that there is

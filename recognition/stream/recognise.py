@@ -10,20 +10,22 @@ import pandas as pd
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.innovations.bank import Bank
+from recognition.innovations.coloured_noise import SensorNoise
+from recognition.innovations.retuning import retuned
+from recognition.innovations.signatures import Channels
+from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.bank import Bank
 from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
 from recognition.stream.listen import Heard, Listener
 from recognition.stream.prior import StonePrior
-from recognition.stream.retuning import retuned
 from recognition.stream.search import Dictionary
-from recognition.stream.signatures import Channels
 from recognition.stream.speed_law import with_speed_laws
 from recognition.stream.stones import stone_table
-from recognition.stream.whitening import Whitening
 
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
-SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise
+QUIET_S = 0.02  # at least so much at the beginning of a record tells the noise
+STRETCH_S = 0.02
 LOUD = 0.01  # of the power of a record's loudest stretch, in one that counts for its rms
 #: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
 LEAST_DOUBT = 0.005
@@ -44,7 +46,7 @@ class Recognised:
     stones: pd.DataFrame
     heard: list[Heard]
     plate: PlateModel
-    noise: Floats
+    noise: SensorNoise
     checks: Checks
     tapped: bool
     hearing_s: float
@@ -56,36 +58,35 @@ class Recognised:
 
 
 def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,
-                     noise: Floats | None = None) -> Recognised:
-    """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods.
+                     quiet_s: float = QUIET_S) -> Recognised:
+    """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods, which begin with quiet_s without any.
 
-    noise (c,): standard deviation of the sensors' white noise; None: that of the first SILENCE_S.
-    NotRecognised for a channel that is dead, clipped, without noise, or louder at the beginning than in the whole;
-    RecognitionError for a plate that is known too low.
+    NotRecognised for a channel that is dead, clipped or without noise, or a record without stones; RecognitionError for
+    a plate that is known too low, or a quiet beginning that is shorter than QUIET_S or longer than the record.
     """
     names = [plate.sensor_names[k] for k in channels.accelerometers]
     refuse_faulty(values[:len(names)], names)
     values = without_offset_and_hum(values, RATE_Hz)
     if plate.max_frequency_Hz < RATE_Hz / 2:
         raise RecognitionError(f"the plate has modes up to {plate.max_frequency_Hz:g} Hz; needs {RATE_Hz / 2:g}")
-    noise = _noise_of(values) if noise is None else noise
-    rms = np.sqrt(np.mean(values**2, axis=1))
-    if not np.all(noise > 0) or not np.all(rms > noise):
-        raise NotRecognised("a channel has no noise at all, or the record does not begin with silence")
+    if not QUIET_S <= quiet_s < values.shape[1] / RATE_Hz:
+        raise RecognitionError(f"--silence {quiet_s:g}: must be from {QUIET_S:g} s to the length of the record")
+    quiet = round(quiet_s * RATE_Hz)
+    noise = _noise_of(values[:, :quiet])
+    white = noise.whitened(values)
     tapped = bool(plate.frequency_sd.min() <= LEAST_FREQUENCY_SD)  # taps teach some modes, and others stay unknown
     if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:
-        plate = retuned(plate, channels, values, RATE_Hz, noise)
+        plate = retuned(plate, channels, values[:, quiet:], RATE_Hz, noise)
     plate = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
-    listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(values, rms))
+    listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(white))
     began_s = process_time()
-    heard = listener.hear(whitening(values))
+    heard = listener.hear(whitening(values), quiet)
     stones = stone_table(*with_speed_laws(heard, prior), prior, RATE_Hz, LEAST_DOUBT)
-    return Recognised(stones, heard, plate, noise,
-                      Checks.of(listener, heard, round(SILENCE_S * RATE_Hz), whitening.variance_of(noise)),
-                      tapped, process_time() - began_s)
+    return Recognised(stones, heard, plate, noise, Checks.of(listener, heard, noise.change), tapped,
+                      process_time() - began_s)
 
 
-def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise: Floats,
+def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise: SensorNoise,
                 rms: Floats) -> tuple[Listener, Whitening]:
     """What hears the stones, and what whitens the record for it."""
     whitening = Whitening.of(plate, channels, RATE_Hz, noise, rms, PHASE_LOSS)
@@ -93,17 +94,22 @@ def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise:
     return Listener(bank, prior, Dictionary.of(bank, prior)), whitening
 
 
-def _noise_of(values: Floats) -> Floats:
-    return np.asarray(values[:, :round(SILENCE_S * RATE_Hz)].std(axis=1))
+def _noise_of(quiet: Floats) -> SensorNoise:
+    try:
+        return SensorNoise.of(quiet)
+    except np.linalg.LinAlgError:
+        raise NotRecognised("a channel has no noise at all, or is a copy of others, in the quiet beginning") from None
 
 
-def _loud_rms(values: Floats, rms: Floats) -> Floats:
-    """(c,): root mean square of a record while something rings, that is, in those stretches of SILENCE_S that have more
-    than LOUD of the power of the loudest. The filter would take stones between long silences to be weaker than they
-    are."""
-    size = round(SILENCE_S * RATE_Hz)
-    stretches = values[:, :values.shape[1] // size * size].reshape(len(values), -1, size)
-    power = np.mean(stretches**2, axis=2)
-    relative = np.mean(power / rms[:, None] ** 2, axis=0)
-    loud = relative > LOUD * relative.max()
-    return np.asarray(np.sqrt(power[:, loud].mean(axis=1)))
+def _loud_rms(white: Floats) -> Floats:
+    """(c,): root mean square of the signal in channels (c, samples) with unit noise while something rings, that is, in
+    those stretches that have more than LOUD of the power of the loudest. The filter would take stones between long
+    silences to be weaker than they are. NotRecognised where nothing rings."""
+    size = round(STRETCH_S * RATE_Hz)
+    stretches = white[:, :white.shape[1] // size * size].reshape(len(white), -1, size)
+    power = np.mean(stretches**2, axis=2) - 1
+    loud = power.mean(axis=0) > LOUD * power.mean(axis=0).max()
+    signal = power[:, loud].mean(axis=1)
+    if not np.all(signal > 0):
+        raise NotRecognised("a channel hears nothing that is louder than the quiet beginning")
+    return np.asarray(np.sqrt(signal))

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.bank import Bank
+from recognition.innovations.bank import Bank
+from recognition.innovations.signatures import DURATIONS_S, LEAD, Floats32
 from recognition.stream.prior import StonePrior
-from recognition.stream.signatures import DURATIONS_S, LEAD, Floats32
 
 SPACING_M = 0.03
 LOST = 0.01  # of the energy of the signatures, that the basis leaves out

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.bank import DURATION, IMPULSE, TIME, X, Y
+from recognition.innovations.bank import DURATION, IMPULSE, TIME, X, Y
 from recognition.stream.listen import Heard
 from recognition.stream.prior import StonePrior
 

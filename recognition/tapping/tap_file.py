@@ -20,7 +20,7 @@ Deviation = Annotated[float, Field(ge=1e-9, le=1)]
 class TapTable(Table):
     """One tap."""
 
-    record: Annotated[str, about("table with t_s, acc_NAME_m_s2 and, where it was measured, force_N; beside this file")]
+    record: Annotated[str, about("beside this file: t_s, acc_NAME_m_s2 and, where measured, force_N; or FRFs")]
     x_m: Annotated[float, about("place along the plate's length, from its centre")]
     y_m: Annotated[float, about("place along the plate's width, from its centre")]
     unknown_force: Annotated[bool, about("take no notice of force_N")] = False
@@ -40,6 +40,8 @@ class TapFile(Table):
 
     taps: Annotated[tuple[TapTable, ...], Field(min_length=1), about("the taps")]
     prior: PriorTable = PriorTable()
+    scale: Annotated[float, about("factor on the samples of accelerations")] = 1.0
+    unit: Annotated[str | None, about("unit of the scaled samples, where their names do not say it")] = None
 
 
 def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
@@ -48,12 +50,12 @@ def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
     Raises InputError for the file, RecordError or RecognitionError for a record.
     """
     content: TapFile = check(TapFile, read_toml(path), path)
-    taps = [_tap(Path(path).parent / table.record, table, plate) for table in content.taps]
+    taps = [_tap(Path(path).parent / table.record, table, plate, content) for table in content.taps]
     return taps, Prior(**content.prior.model_dump())
 
 
-def _tap(file: Path, table: TapTable, plate: PlateModel) -> Tap:
-    found, acceleration, rate_Hz = read_accelerations(file, plate)
+def _tap(file: Path, table: TapTable, plate: PlateModel, content: TapFile) -> Tap:
+    found, acceleration, rate_Hz = read_accelerations(file, plate, content.scale, content.unit)
     force = None if table.unknown_force or "force_N" not in found.columns else numbers(found, "force_N", file)
     place = np.array([table.x_m, table.y_m])
     plate.shape(*place[:, None])  # refuses a place beside the plate

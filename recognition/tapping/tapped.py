@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from common.output_directory import is_sealed_as, refuse_file
+from common.files.output_directory import is_sealed_as, refuse_file
+from common.process.messages import told
 from common.result import Result
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel
 from recognition.tapping.fit import BEYOND, fit_plate
 from recognition.tapping.learnt import Learnt, learnt
 from recognition.tapping.tap_file import read_taps
+from recognition.tapping.uff_modes import is_own, write_modes
 
 LARGEST_UNEXPLAINED = 0.3  # of a sensor's record: more, and the plate, a place or a sensor is not what it is said to be
 
@@ -48,21 +50,27 @@ class TapResult(Result):
             yield f"plate written to {self.plate}, {self.plate_bytes / 1e3:.0f} kB"
 
 
-def tap(scene_file: str, taps: str, out: str, max_frequency_Hz: float = 6000.0) -> TapResult:
-    """Learn the plate of a scene from taps at known places, and write it to `out` (.json) if they suit it. Raises
-    RecognitionError, InputError."""
+def tap(scene_file: str, taps: str, out: str, max_frequency_Hz: float = 6000.0, uff: str | None = None) -> TapResult:
+    """Learn the plate of a scene from taps at known places, and write it to `out` (.json) if they suit it; its modes to
+    `uff` as well. Raises RecognitionError, InputError."""
     refuse_file(out, is_sealed_as(FORMAT))
+    if uff is not None:
+        refuse_file(uff, is_own)
     if not 0 < max_frequency_Hz < 1e5:
         raise RecognitionError(f"--max-frequency {max_frequency_Hz:g}: must lie between 0 and 1e5 Hz")
-    plate = PlateModel.from_scene(scene_file, BEYOND * max_frequency_Hz)
+    with told(f"{scene_file}: modes"):
+        plate = PlateModel.from_scene(scene_file, BEYOND * max_frequency_Hz)
     given, prior = read_taps(taps, plate)
-    found = learnt(fit_plate(plate, given, prior), prior)
+    with told(f"{taps}: fit"):
+        found = learnt(fit_plate(plate, given, prior), prior)
     modes, sensors = _modes(found), _sensors(found)
     try:
         refuse_unexplained(found)
     except NotRecognised as error:
         return TapResult(None, 0, modes, sensors, str(error))
     found.plate.save(Path(out))
+    if uff is not None:
+        write_modes(Path(uff), found.plate)
     return TapResult(Path(out), Path(out).stat().st_size, modes, sensors, "")
 
 

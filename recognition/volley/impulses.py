@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.forces import StoneForces
+from recognition.stone_forces.forces import StoneForces
 from recognition.volley.moments import REACHES
 from recognition.volley.responses import Stones
 

@@ -11,8 +11,8 @@ from recognition.estimation.answer import Answer
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import record_table
+from recognition.stone_forces.law_file import load_forces
 from recognition.stream.heard import channels_of
-from recognition.stream.law_file import load_forces
 from recognition.volley.impulses import WRONG_SPEED
 from recognition.volley.recognise import Found, recognise_volley
 from recognition.volley.responses import Stones
@@ -48,13 +48,13 @@ class VolleyResult(Result):
 
 
 def volley(record: str, plate: str, stones: Sequence[int] = (10,), radius_m: float = 0.025,
-           speed_m_s: Sequence[float] = (3.0,)) -> VolleyResult:
+           speed_m_s: Sequence[float] = (3.0,), scale: float = 1.0, unit: str | None = None) -> VolleyResult:
     """Judge a record on a plate of `tap` by what is told of the stones: how many, or the fewest and the most; their
     radius; their speed, or the lowest and the highest. Raises RecordError, RecognitionError."""
     counts, speeds_m_s = _between("stones", stones, COUNTS), _between("speed", speed_m_s, SPEEDS_m_s)
     _between("radius", [radius_m], RADII_m)
     known = PlateModel.load(Path(plate))
-    table, source = record_table(record)
+    table, source = record_table(record, scale, unit)
     channels, values = channels_of(table, known, source)
     sensors, told = channels.accelerometers, Stones((int(counts[0]), int(counts[1])), radius_m, speeds_m_s)
     try:

@@ -19,7 +19,7 @@ import numpy as np
 
 from recognition.estimation.arrays import Floats
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.forces import StoneForces
+from recognition.stone_forces.forces import StoneForces
 from recognition.volley.responses import DELAY_STEP_S, SPREAD_S, HIGHEST_Hz, Responses, Stones
 
 #: How far from the plate's centre stones fall, as shares of its half sides: all are tried, as nobody knows.

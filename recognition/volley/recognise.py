@@ -11,8 +11,8 @@ from scipy.special import logsumexp
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
+from recognition.stone_forces.forces import StoneForces
 from recognition.stream.checks import refuse_faulty, without_offset_and_hum
-from recognition.stream.forces import StoneForces
 from recognition.volley.impulses import Hypotheses, widened
 from recognition.volley.likelihood import Likelihood
 from recognition.volley.moments import PHASES, REACHES, Moments

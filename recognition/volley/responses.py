@@ -13,9 +13,9 @@ import numpy as np
 from scipy.signal import resample_poly
 
 from recognition.estimation.arrays import Floats
+from recognition.innovations.signatures import FINE_S, low_passed, modal_motion
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.forces import StoneForces
-from recognition.stream.signatures import FINE_S, low_passed, modal_motion
+from recognition.stone_forces.forces import StoneForces
 
 RATE_Hz = 20_000.0  # of the record
 DECIMATION = 3

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis import breakage
+from analysis.sweep import breakage
 from report.breakage import figures
 from report.drawing.figure_spec import Drawn, FigureSpec
 from report.drawing.lines import against_ratio

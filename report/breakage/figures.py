@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullFormatter
 
-from analysis.breakage import Section
+from analysis.sweep.breakage import Section
 from report.drawing.style import (
     ACCENT,
     COAL,

@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis import Sweep, breakage
+from analysis import Sweep
+from analysis.sweep import breakage
 
 
 class BreakageResults:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.breakage import Network
+from analysis.sweep.breakage import Network
 from report.film.vtu_file import Arrays, read_arrays
 from report.missing import MissingResult
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from analysis import Run
-from analysis.breakage import Network
-from common.plate import wall_box_m
+from analysis.sweep.breakage import Network
 from common.run_summary import RecordedPlate
+from common.scene.plate import wall_box_m
 from report.drawing.lines import envelope
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
 from report.film.pictures import IMPACT, WHOLE, Film, Series, choose, instants, read_film

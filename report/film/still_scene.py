@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis import Run
-from analysis.breakage import Network
+from analysis.sweep.breakage import Network
 from report.film.pictures import instants, read_film
 from report.film.still import StillScene
 

@@ -1,4 +1,4 @@
-"""Arrays of the pictures of a run (dem/run/vtk_file.py), read with little work.
+"""Arrays of the pictures of a run (dem/record/vtk_file.py), read with little work.
 
 meshio turns arrays that are appended as bytes into text and back, and reads those that nobody asks for: it takes ten
 times as long.
@@ -7,13 +7,13 @@ times as long.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+import zlib
 from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
-from isal import isal_zlib
 
-from common.files import refuse_irregular
+from common.files.whole import refuse_irregular
 
 APPENDED = b'<AppendedData encoding="raw">\n_'
 Arrays = dict[str, np.ndarray]
@@ -32,7 +32,7 @@ def read_arrays(file: Path, names: Collection[str]) -> Arrays:
         return _by_meshio(file)
     try:
         return _of_names(ElementTree.fromstring(head + b"</VTKFile>"), data, names)
-    except (LookupError, SyntaxError, isal_zlib.error) as error:  # type: ignore[misc]  # declared as no class
+    except (LookupError, SyntaxError, zlib.error) as error:
         raise ValueError(f"{file}: damaged ({error})") from error
 
 
@@ -52,7 +52,7 @@ def _unpacked(data: bytes, at: int) -> bytes:
     compressed blocks, and these."""
     count = int(np.frombuffer(data, "<u4", 1, at)[0])
     ends = at + 4 * (3 + count) + np.cumsum([0, *np.frombuffer(data, "<u4", count, at + 12)])
-    return b"".join(isal_zlib.decompress(data[begin:end]) for begin, end in zip(ends, ends[1:], strict=False))
+    return b"".join(zlib.decompress(data[begin:end]) for begin, end in zip(ends, ends[1:], strict=False))
 
 
 def _by_meshio(file: Path) -> Arrays:

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from analysis import Sweep
-from analysis.features import BASE_PARAMETERS
+from analysis.signals.features import BASE_PARAMETERS
 from common.channels import RESPONSES
-from common.processes import side_by_side
+from common.process.processes import side_by_side
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.window import Window

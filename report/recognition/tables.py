@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.features import BASE_PARAMETERS
+from analysis.signals.features import BASE_PARAMETERS
 from report.recognition.results import MODEL_METHODS
 from report.sweep_results import SweepResults
 from report.tables import Cells, TableSpec

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis import breakage
+from analysis.sweep import breakage
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
 from report.trends import falling_steps, spearman

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analysis.hilbert import hilbert_spectrum, marginal_spectrum
+from analysis.signals.hilbert import hilbert_spectrum, marginal_spectrum
 from report.drawing.figure_spec import Drawn, FigureSpec
 from report.drawing.lines import against_ratio
 from report.signals import figures

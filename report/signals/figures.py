@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.hilbert import HilbertSpectrum, MarginalSpectrum
+from analysis.signals.hilbert import HilbertSpectrum, MarginalSpectrum
 from report.drawing.style import bar_axes, canvas, ratio_colours, styled
 
 

@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from analysis import Sweep
-from analysis.emd import Decomposition, decompose
-from analysis.features import time_features
-from analysis.hilbert import marginal_spectrum
+from analysis.signals.emd import Decomposition, decompose
+from analysis.signals.features import time_features
+from analysis.signals.hilbert import marginal_spectrum
 from report.missing import MissingResult
 
 

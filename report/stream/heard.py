@@ -9,8 +9,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from analysis import RecordError
-from analysis.readers import read_table
-from analysis.stream import true_ratio
+from analysis.files.readers import read_table
+from analysis.sweep.stream import true_ratio
 from recognition.stream.stones import sliding_ratio
 from report.drawing.figure_spec import Drawn, FigureSpec
 from report.drawing.style import ACCENT, COAL, RATIO_LABEL, canvas, styled

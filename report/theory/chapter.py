@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from analysis import RecordError
-from analysis.impact import DAMPING, force_history
-from analysis.theory import contact_stiffness, materials_in_order, sphere_mass_kg
+from analysis.theory.contact_states import contact_stiffness, materials_in_order, sphere_mass_kg
+from analysis.theory.impact import DAMPING, force_history
 from report.drawing.figure_spec import Drawn, FigureSpec
 from report.missing import MissingResult
 from report.sweep_results import SweepResults

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.theory import STATES
+from analysis.theory.contact_states import STATES
 from report.sweep_results import SweepResults
 from report.verdicts import Finding, Statement, graded, held_if
 

@@ -1,7 +1,10 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from analysis import RecordError, breakage, read_run
+from analysis import RecordError, read_run
+from analysis.sweep import breakage
 from tests.analysis.synthetic import BROKEN_BONDS, lattice, write_run
 
 CENTRE, FIRST, SECOND = lattice()
@@ -103,6 +106,10 @@ def test_first_collision_is_the_first_pulse(run):
     assert len(found) == 2
     assert found[0] == (pytest.approx(1.1e-4, abs=2e-6), pytest.approx(3.3e-4, abs=2e-6))
     np.testing.assert_allclose(breakage.first_collision_end_s(run), 3.3e-4, atol=2e-6)
+    for share, hits in ((0.009, 2), (0.011, 3)):  # of its largest force: of a splinter, and of a collision
+        force_N = run.fast["force_01_N"].to_numpy(copy=True)
+        force_N[3000] = share * force_N.max()
+        assert len(breakage.collisions(SimpleNamespace(fast=run.fast.assign(force_01_N=force_N)), 1)) == hits
 
 
 def test_section_through_the_middle(network):
@@ -125,6 +132,9 @@ def test_a_section_beside_the_middle_of_a_sub_sphere_is_a_smaller_disc():
     np.testing.assert_allclose(found.radius_m, 3e-3, rtol=1e-3)
     assert found.area_m2 == pytest.approx(2 * np.pi * 9e-6, rel=1e-3)
     assert found.broken_area_m2 == pytest.approx(np.pi * 9e-6, rel=1e-3)
+    # Without its second bond the large one in the middle has lost half of its bonds, and the small one its only one.
+    damaged = breakage.damaged_volume_share(beside, np.array([False, True]))
+    assert damaged == pytest.approx((0.5 * 5**3 + 0.1**3) / (2 * 5**3 + 0.1**3))
 
 
 def test_a_run_without_deck_says_so(tmp_path):

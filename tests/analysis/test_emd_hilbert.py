@@ -4,10 +4,10 @@ from PyEMD import EMD
 from scipy.interpolate import CubicSpline
 
 from analysis import RecordError, as_record
-from analysis.emd import STOPPING_RULES, decompose
-from analysis.emd_rules import compare_rules
-from analysis.hilbert import hilbert_spectrum, instantaneous, marginal_spectrum
-from analysis.sifting import not_a_knot
+from analysis.signals.emd import STOPPING_RULES, decompose
+from analysis.signals.emd_rules import compare_rules
+from analysis.signals.hilbert import hilbert_spectrum, instantaneous, marginal_spectrum
+from analysis.signals.sifting import not_a_knot
 
 RATE_HZ = 6667.0
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from analysis import RecordError, as_record, base_parameters, signal_features
-from analysis.features import BASE_PARAMETERS, FEATURES, time_features
+from analysis.signals.features import BASE_PARAMETERS, FEATURES, time_features
 
 
 def by_name(values, rate_Hz=1000.0):

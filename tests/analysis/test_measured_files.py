@@ -6,8 +6,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from analysis import RecordError, read_record
-from analysis.text_tables import read_plain_table, read_text_table
-from common.parquet import read_numbers, write_parquet
+from analysis.files.text_tables import read_plain_table, read_text_table
+from common.files.parquet import read_numbers, write_parquet
 
 T_s = np.arange(6) / 2000.0
 A = np.array([0.0, 12.5, -3.25, 7.125, -1.0, 0.5])

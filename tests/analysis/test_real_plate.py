@@ -4,10 +4,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lsim
-
-from analysis import RecordError
-from analysis.real_plate import (
+from analysis.theory.contact_states.contact_states import COAL, GANGUE, PLATE, contact_stiffness
+from analysis.theory.contact_states.real_plate import (
     amplitude_at_peak,
     contact_stress_map_Pa,
     hertz_contacts,
@@ -15,9 +13,11 @@ from analysis.real_plate import (
     nodal_at,
     static_compliance_m_N,
 )
-from analysis.theory import COAL, GANGUE, PLATE, contact_stiffness
-from common.plate import FlexiblePlate
+from scipy.signal import lsim
+
+from analysis import RecordError
 from common.run_summary import RecordedScene
+from common.scene.plate import FlexiblePlate
 from plate_fem.modes import plate_modes
 from tests.analysis.synthetic import SCENE
 

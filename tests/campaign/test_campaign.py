@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from common.scene import read_scene, scene_hash
+from common.scene.scene import read_scene, scene_hash
 from common.tables import InputError, inline_toml
 from dem.__main__ import main
 from dem.batch.campaign import plan_campaign, read_campaign_runs, write_campaign_runs

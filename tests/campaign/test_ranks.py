@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from common.scene import changed_scene
+from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 
 SMALL = Path(__file__).resolve().parents[2] / "scenes" / "small.toml"

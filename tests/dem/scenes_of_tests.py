@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.scene import changed_scene, read_scene
+from common.scene.scene import changed_scene, read_scene
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 

@@ -68,17 +68,19 @@ def test_a_missing_scene_and_no_toml_are_refused(tmp_path, capsys):
         assert error.count("\n") == 1 and name in error
 
 
-def test_another_liggghts_or_none_is_refused(tmp_path, capsys, monkeypatch):
+def test_another_liggghts_is_told_and_none_is_refused(tmp_path, capsys, monkeypatch):
     import dem.coupling.launch
     from dem.__main__ import main
 
     scene = str(SCENES / "hertz_coal.toml")
     arguments = ["run", scene, "--out", str(tmp_path / "run")]
+    dem.coupling.launch.library_version.cache_clear()
     with monkeypatch.context() as patch:
         patch.setattr(dem.coupling.launch, "LIGGGHTS_VERSION", "3.7.0")
+        patch.setattr(dem.coupling.launch, "ENGINE", tmp_path / "nothing")
         assert main(arguments) == 2
-        error = capsys.readouterr().err
-        assert error.count("\n") == 1 and "3.7.0" in error and "LIGGGHTS" in error
+        told, refused = capsys.readouterr().err.splitlines()
+        assert "3.7.0" in told and told.startswith("note: LIGGGHTS") and "engine" in refused
     with monkeypatch.context() as patch:
         patch.setattr(dem.coupling.launch, "ENGINE", tmp_path / "nothing")
         assert main(arguments) == 2

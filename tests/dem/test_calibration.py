@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES
 
-from common.scene import BondTable, read_scene
+from common.scene.scene import BondTable, read_scene
 from common.tables import InputError, check, read_toml
 from dem.__main__ import main
 from dem.calibration.calibrate import (
@@ -18,6 +18,7 @@ from dem.calibration.calibrate import (
     fracture_energy,
     read_target,
 )
+from dem.calibration.lab_sheet import find_sheet, scene_with
 from dem.calibration.virtual_tests import (
     LoadHistory,
     Procedure,
@@ -161,6 +162,34 @@ def test_a_calibration_that_was_killed_can_be_repeated(tmp_path, capsys, monkeyp
     assert main(arguments) == 0 and (tmp_path / "coal.toml").exists(), capsys.readouterr().err
 
 
+def test_the_sheet_stands_in_a_file_or_in_the_scene(tmp_path):
+    """The scene needs no bonds of the rock, nor a file of it; a run takes no notice of the sheet."""
+    scene, sheet = tmp_path / "my.toml", tmp_path / "sheet.toml"
+    numbers = "tensile_strength_Pa = 6e6\ncompressive_strength_Pa = 6e7\nyoungs_modulus_Pa = 1.5e10\npoisson_ratio = 0.2\n"
+    scene.write_text('base = "paper.toml"\nmaterials.gangue = "sandstone"\n\n[targets.gangue]\n' + numbers)
+    found = find_sheet("gangue", scene)
+    assert (found.rock, found.where, found.table["tensile_strength_Pa"]) == ("sandstone", "targets.gangue", 6e6)
+    with pytest.raises(InputError, match="density_kg_m3 is missing"):
+        scene_with("gangue", scene, found.table)
+    for text, where in ((numbers, ""), (f"[sandstone]\n{numbers}", "sandstone"), (f"[gangue]\n{numbers}", "gangue")):
+        sheet.write_text(text.replace("6e6", "7e6").replace("poisson", "density_kg_m3 = 2500.0\npoisson"))
+        found = find_sheet("gangue", scene, targets=sheet)
+        assert (found.rock, found.where, found.table["tensile_strength_Pa"]) == ("sandstone", where, 7e6)
+        material = scene_with("gangue", scene, found.table).materials["gangue"]
+        assert (material.density_kg_m3, material.youngs_modulus_Pa, material.poisson_ratio) == (2500.0, 1.5e10, 0.2)
+    assert find_sheet("gangue", scene, rock="hard_coal").table == read_toml(TARGETS)["hard_coal"]
+    scene.write_text('base = "paper.toml"\n[targets.coal]\n' + numbers)
+    assert read_scene(scene) == read_scene(SCENES / "paper.toml")
+    for rock, targets, words in (("../x", sheet, "--rock"), ("slate", sheet, "slate is missing"), (None, scene, "missing")):
+        with pytest.raises(InputError, match=words):
+            find_sheet("gangue", scene, rock, targets if rock != "slate" else None)
+
+
+def test_a_shipped_scene_needs_a_place_for_the_result(capsys):
+    assert main(["calibrate", "coal", "--scene", str(SCENES / "paper.toml")]) == 2
+    assert "--out is missing" in capsys.readouterr().err
+
+
 def test_a_material_without_targets_is_named(tmp_path):
     file = tmp_path / "targets.toml"
     file.write_text("[coal]\ntensile_strength_Pa = 1e6\n")
@@ -218,7 +247,8 @@ def test_what_misses_its_target_is_named():
 def test_fracture_energy_of_the_shipped_coal():
     """Irwin's K^2 (1 - nu^2)/E of 0.12 MPa m^0.5 is 2.56 J/m^2 of a crack, which breaks 2.1 times its area of bonds."""
     target = read_target("coal")
-    assert fracture_energy(target.fracture_toughness_Pa_m05, 5.12e9, 0.3) == pytest.approx(2.56 / 2.1, rel=1e-3)
+    assert fracture_energy(target, 5.12e9, 0.3) == pytest.approx(2.56 / 2.1, rel=1e-3)
+    assert fracture_energy(read_target("soft_coal"), 2.96e9, 0.3) == pytest.approx(13 / 2.1, rel=1e-3)
 
 
 @pytest.mark.parametrize("tau", [1.5, 2.2])

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from test_shapes import CUBE, drawn
 
-from common.scene_shapes import ShapeTable
+from common.scene.shapes import ShapeTable
 from common.tables import InputError, Refused
 from dem.run.run import run_scene
+from dem.shapes.solids import moments, solid_of
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from dem.stones.library import REFERENCE_RADIUS_m, container_of, packed_solid
-from dem.stones.shapes import moments, solid_of
 
 HEIGHT = 0.8
 OUTLINE = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 3], [0, 3]], dtype=float)

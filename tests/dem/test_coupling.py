@@ -7,7 +7,7 @@ from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
 import dem.run.participants
-from common.cache import user_cache
+from common.files.cache import user_cache
 from dem.coupling.pipes import PlatePipes
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared, run_scene
@@ -177,7 +177,7 @@ def test_the_co_step_of_a_bonded_stone_is_short_enough(runs):
     off in force, plate velocity and energy."""
     found = {}
     for co_step in (None, 1):
-        scene = changed("single", {"stones.agglomerate": {"subspheres": 500, "unbreakable": True}, "output": None,
+        scene = changed("single", {"stones.agglomerate": {"subspheres": 500, "contact": "sub_spheres", "unbreakable": True}, "output": None,
                                    "stones.gangue_ratio": 1.0, "time.duration_s": 1.2e-3}
                         | ({} if co_step is None else {"time.co_step": co_step}))
         directory = runs / f"bonded_{co_step}"

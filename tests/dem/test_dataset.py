@@ -7,9 +7,9 @@ import pytest
 from scenes_of_tests import SCENES, changed
 
 from analysis import read_run
-from analysis.stream import fallen, true_ratio
-from common.messages import show_messages
-from common.scene import read_scene
+from analysis.sweep.stream import fallen, true_ratio
+from common.process.messages import show_messages
+from common.scene.scene import read_scene
 from common.tables import InputError
 from dem.batch.dataset import build, plan_dataset
 from dem.stones.arrangement import stones_of

@@ -8,7 +8,7 @@ from scenes_of_tests import changed
 
 from dem.deck.render import render
 from dem.deck.time_step import TimeStep, step_limits, time_step
-from dem.run.recorder import PlateRecorder
+from dem.record.recorder import PlateRecorder
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from plate_fem.modes import plate_modes

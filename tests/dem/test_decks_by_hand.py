@@ -9,8 +9,8 @@ import pytest
 from decks import run_engine
 from scenes_of_tests import SCENES
 
-from dem.run.energy_balance import read_ledger
-from dem.run.recorder import read_forces
+from dem.record.energy_balance import read_ledger
+from dem.record.recorder import read_forces
 
 PAGE = (SCENES.parent / "docs" / "decks.md").read_text()
 BLOCKS = re.findall(r"```(data|liggghts|python) ?(.*)\n((?:.*\n)*?)```", PAGE)

@@ -7,12 +7,12 @@ from scenes_of_tests import changed, hertz
 from test_smooth_contact import stone
 
 import dem.deck.render
-from common.cache import user_cache
+from common.files.cache import user_cache
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
-from plate_fem.eigen import eigenmodes
-from plate_fem.model import build_model
 from plate_fem.modes import PlateModes, plate_modes
+from plate_fem.solution.eigen import eigenmodes
+from plate_fem.solution.model import build_model
 
 SWAYING_kg, SWAY_Hz = 0.5, 500.0
 LENGTH_m = 0.5

@@ -5,8 +5,8 @@ import pytest
 from scenes_of_tests import SCENES
 from scipy import stats
 
-from common.distribution import Distribution, LogNormal, RosinRammler
-from common.scene import changed_scene
+from common.scene.distribution import Distribution, LogNormal, RosinRammler
+from common.scene.scene import changed_scene
 from common.tables import InputError
 from dem.deck.render import write_deck
 from dem.run.prepare import prepare
@@ -82,7 +82,7 @@ EACH = [{"material": "coal", "radius_m": 0.02, "x_m": 0.1, "y_m": 0.0, "speed_m_
 
 def each_scene():
     base = changed_scene(SCENES / "small.toml", {})
-    shale = base.materials["coal"].model_dump() | {"density_kg_m3": 2000.0}
+    shale = base.materials["coal"].model_dump() | {"density_kg_m3": 2000.0, "kind": "coal"}
     pair = {"restitution": 0.4, "friction": 0.3}
     contacts = {f"contacts.{key}": pair for key in ("shale_plate", "coal_shale", "gangue_shale", "shale_shale")}
     return scene_of(way="each", table=EACH, **{"materials.shale": shale, "time.duration_s": 3e-3}, **contacts)
@@ -93,7 +93,7 @@ def test_stones_one_by_one_are_as_they_were_given(tmp_path):
     closes."""
     scene = each_scene()
     one = assemble(scene, stones_of(scene, "scene"))
-    assert one.stone_materials == ["coal", "gangue", "shale"] and one.materials == ["coal", "gangue", "shale"]
+    assert one.stone_materials == ["coal", "gangue", "shale"] and [s.material for s in one.substances] == ["coal", "gangue", "shale"]
     mass = [density * 4 / 3 * np.pi * e["radius_m"] ** 3 for density, e in zip((1380.0, 2400.0, 2000.0), EACH)]
     assert one.stone_mass_kg == pytest.approx(mass)
     velocity, omega = one.start_motion()

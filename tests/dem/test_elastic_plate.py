@@ -7,8 +7,8 @@ from scenes_of_tests import SCENES, changed, hertz
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from analysis import read_run
-from common.cache import user_cache
-from common.scene import read_scene
+from common.files.cache import user_cache
+from common.scene.scene import read_scene
 from dem.run.run import run, run_scene
 from plate_fem.modes import plate_modes
 

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from common.tables import InputError
 from dem.deck.face_contact import column_stiffness_N_m, stiffest_face_N_m
 from dem.deck.render import write_deck
-from dem.run.energy_balance import read_ledger
+from dem.record.energy_balance import read_ledger
 from dem.run.errors import Stopped
 from dem.run.prepare import prepare
 from dem.run.run import resume, run_scene

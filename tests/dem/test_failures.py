@@ -105,8 +105,8 @@ def test_a_run_json_that_cannot_be_read_is_named(scene, tmp_path, capsys, text, 
 
 
 def test_modes_on_disk_that_are_cut_off_or_foreign_are_found_anew(tmp_path):
-    from common.cache import entry_file
-    from common.plate import read_plate
+    from common.files.cache import entry_file
+    from common.scene.plate import read_plate
 
     plate = read_plate(SCENES / "elastic_plate.toml").model_copy(update={"max_frequency_Hz": 400.0})
     expected = plate_modes(plate, tmp_path)

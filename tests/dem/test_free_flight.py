@@ -5,12 +5,12 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from decks import FREE_FLIGHT, Body, bond_line, deck, fcc_ball, frames, ledger, run_engine, write_files
+from decks import FREE_FLIGHT, Body, bond_line, chain, deck, fcc_ball, frames, ledger, run_engine, write_files
 from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from dem.run.recorder import read_forces
+from dem.record.recorder import read_forces
 from dem.run.run import run_scene
 
 GRAVITY = 9.8
@@ -291,3 +291,21 @@ def test_the_spring_of_a_contact_in_a_body_turns_with_it(tmp_path):
     assert turn.magnitude() > 1
     found = turn.inv().apply(f.force[after])
     assert found == pytest.approx(f.force[before], abs=0.04 * np.abs(f.force[before]).max())
+
+
+def test_a_body_that_spins_beside_a_wall_is_there_when_its_tip_strikes(tmp_path):
+    """It falls along the wall at less than half its length, and turns towards it: it rebounds as by brute force."""
+    wall = ("fix side all wall/side agglomerates agglomerates.txt forces side.bin every 10 box 3e-3 3e-3 -1 1 -1 1 "
+            "contact model hertz tangential history primitive type 2 zplane 0.0\n")
+    ends = {}
+    for name, fix in (("brute", ""), ("free", FREE.format(1e-4))):
+        (tmp_path / name).mkdir()
+        body = chain(5)
+        body.center_m[:] = body.center_m[:, [2, 1, 0]]
+        write_files(tmp_path / name, body)
+        run_engine(tmp_path / name, deck(DT, 20_000, 1000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + wall + fix,
+                                         velocity=throw(body, np.array([0, 400.0, 0]), np.zeros(3)) + "thermo_modify lost ignore\n"))
+        ends[name] = frames(tmp_path / name)
+    brute, free = ends["brute"], ends["free"]
+    assert brute.v[-1, :, 0].mean() < -0.1
+    assert free.v[-1].mean(axis=0) == pytest.approx(brute.v[-1].mean(axis=0), abs=0.03)  # 1e-4 of (3 m/s)^2

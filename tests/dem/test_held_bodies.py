@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from decks import FREE_FLIGHT, Body, bond_line, chain, deck, frames, ledger, run_engine, write_files
 
-from dem.run.recorder import read_forces
+from dem.record.recorder import read_forces
 
 GRAVITY = 9.8
 DT = 2e-7
@@ -89,7 +89,8 @@ def arch(loose_m):
 
 def struck_at_once(directory, body, speed, tolerance, tension):
     """Loose sub-spheres fly to what lies held, each so gently that it stays held for one of them; brute force beside.
-    Returns the largest energy that the bonds had, with that of broken ones, by way of integration."""
+    The plate gets what momentum they lose and their weight gives, also while it is let go. Returns the largest energy
+    that the bonds had, with that of broken ones, by way of integration."""
     found = {}
     way = body.center_m[7:] - np.array([body.center_m[np.linalg.norm(body.center_m[:7] - x, axis=1).argmin()]
                                         for x in body.center_m[7:]])
@@ -103,7 +104,11 @@ def struck_at_once(directory, body, speed, tolerance, tension):
         text = deck(DT, 12_000, 20, bonds=bond_line(tension=tension, shear=1e30, damping_time=2e-8),
                     lines=WEIGHT + PLATE + fix, velocity=velocity + "thermo_modify lost ignore\n")
         run_engine(directory / name, text.replace("5e9 2e11", "5e9 5e9"))  # what is foreseen has the stiffest pair
-        column = ledger(directory / name).column
+        column, weight = ledger(directory / name).column, GRAVITY * body.mass_kg.sum() * 12_000 * DT
+        start = -speed * (body.mass_kg[7:] * way[:, 2] / np.linalg.norm(way, axis=1)).sum()
+        gained = column["momentum_z_kg_m_s"][-1, 0] - start
+        impulse = read_forces(directory / name / "forces.bin").all_mean_N.sum() * 20 * DT
+        assert impulse - weight == pytest.approx(gained, abs=1e-7 * weight)
         found[name] = (column["bond_elastic_J"] + column["released_J"])[:, 0].max()
     return found
 
@@ -135,3 +140,32 @@ def test_what_a_body_trembles_with_is_counted_when_it_is_held(tmp_path):
     trembles = c["bond_elastic_J"].max()
     assert np.ptp(c["bond_elastic_J"][-20:]) < 1e-6 * trembles  # it is held
     assert np.abs(gained - gained[0]).max() < 0.05 * trembles  # half a step of the vibration
+
+
+def test_a_held_body_that_stands_on_one_foot_falls_over(tmp_path):
+    """A row of three at 30 degrees, its lowest sub-sphere on the plate without friction: from rest its middle falls as that
+    of a rigid body on a smooth floor, m g r c/(I + m r^2 c^2) being its angular acceleration, c the cosine and r its arm."""
+    row, angle, steps = chain(3), np.radians(30), 25_000
+    row.center_m[:] = row.center_m[:, :1] * [np.cos(angle), 0, np.sin(angle)] + [0, 0, 0.9e-3 - 5e-9]
+    write_files(tmp_path, row)
+    text = deck(DT, steps, steps // 20, bonds=bond_line(damping_time=2e-7), lines=WEIGHT + PLATE + FREE,
+                velocity="velocity all set 0 0 0 units box\nthermo_modify lost ignore\n")
+    run_engine(tmp_path, text.replace("0.5 0.5 0.5 0.5", "0 0 0 0"))
+    mass, arm = row.mass_kg[0], 2e-3 * np.cos(angle)
+    inertia = mass * (2 * 2e-3**2 + 3 * 0.4 * 0.9e-3**2)
+    fall = 0.5 * 3 * mass * GRAVITY * arm**2 / (inertia + 3 * mass * arm**2) * (steps * DT) ** 2
+    x = frames(tmp_path).x
+    assert x[0, 1, 2] - x[-1, 1, 2] == pytest.approx(fall, rel=0.05)
+
+
+def test_a_body_that_is_pushed_by_more_than_half_its_limit_is_not_held(tmp_path):
+    """Its weight is that much: it goes on trembling, since nothing damps its bonds."""
+    tripod_ = tripod()
+    tripod_.center_m[:, 2] += 0.9e-3 - 5e-9
+    write_files(tmp_path, tripod_)
+    velocity = "velocity all set 0 0 0 units box\nset atom 1*3 vx -0.00001\nset atom 4 vx 0.00003\nthermo_modify lost ignore\n"
+    strength = 1e-3 / (np.pi * 1e-6)  # 1 mN: a sub-sphere of three bonds is pushed by 0.3 mN at most, and the body weighs 0.24 mN
+    run_engine(tmp_path, deck(DT, 1000, 20, bonds=bond_line(tension=strength, shear=1e30), lines=WEIGHT + PLATE + FREE,
+                              velocity=velocity))
+    c = {name: value[:, 0] for name, value in ledger(tmp_path).column.items()}
+    assert np.ptp(c["bond_elastic_J"][-20:]) > 0.1 * c["bond_elastic_J"].max() and c["broken"][-1] == 0

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from decks import Body, deck, run_engine, write_files
 from scenes_of_tests import SCENES, hertz
 
-from common.scene import read_scene
+from common.scene.scene import read_scene
+from dem.record.recorder import read_forces
 from dem.run.run import run
 
 
@@ -16,6 +18,25 @@ def test_hertz_peak_force_contact_time_and_rebound(tmp_path, material, force_N, 
     assert contact_time(tmp_path / "run", summary, material) * 1e6 == pytest.approx(time_us, rel=1e-3)
     assert summary["impulse_N_s"] == pytest.approx(summary["momentum_change_kg_m_s"], rel=1e-9)
     assert abs(summary["energy"]["closure"]) < 1e-6
+
+
+def test_a_row_of_forces_has_the_mean_the_largest_and_the_middle_of_the_push(tmp_path):
+    """One row for all of a contact without friction: the sphere slides on at its speed, so the middle of the push is
+    where it is half-way through Hertz' contact time."""
+    radius_m, gap_m, along_m_s, dt, steps = 3e-3, 1e-6, 2.0, 2e-8, 4000
+    body = Body(np.array([[0, 0, radius_m + gap_m]]), np.full(1, radius_m), np.zeros((0, 2), int), np.zeros(0))
+    write_files(tmp_path, body)
+    plate = (f"fix plate all wall/plate agglomerates agglomerates.txt forces forces.bin extent -1 1 -1 1 co_step 1 rows {steps} "
+             "contact model hertz primitive type 2 zplane 0.0\n")
+    text = deck(dt, steps, steps, lines=plate, velocity=f"velocity all set {along_m_s} 0 -1 units box\n")
+    run_engine(tmp_path, text.replace("0.9 0.9 0.9 0.9", "1 1 1 1"))
+    mass, modulus = body.mass_kg[0], 1 / ((1 - 0.25**2) / 5e9 + (1 - 0.3**2) / 2e11)
+    stiffness = 4 / 3 * modulus * np.sqrt(radius_m)
+    depth_m = (1.25 * mass / stiffness) ** 0.4
+    push = read_forces(tmp_path / "forces.bin")
+    assert push.largest_N == pytest.approx([stiffness * depth_m**1.5], rel=1e-4)
+    assert push.mean_N == pytest.approx([2 * mass / (steps * dt)], rel=1e-4)
+    assert push.place_m[0, 0] == pytest.approx(along_m_s * (gap_m + 0.5 * 2.943275 * depth_m), rel=1e-3)
 
 
 def contact_time(directory, summary, material):

@@ -61,7 +61,7 @@ def test_damping_of_a_bond_that_twists_or_bends(tmp_path, axis):
     assert c["kinetic_J"][-1, 0] + c["bond_elastic_J"][-1, 0] + lost == pytest.approx(start, rel=1e-6)
 
 
-def two_spheres(directory, offset, restitution, friction, steps=3000, every=3000, dt=1e-7):
+def two_spheres(directory, offset, restitution, friction, steps=3000, every=3000, dt=1e-7, ranks=1):
     """Two free spheres that meet at 1 m/s, the second shifted sideways by `offset`."""
     apart = np.sqrt(4e-6 - offset**2) + 5e-5
     body = Body(np.array([[0, 0, 0], [apart, offset, 0]]), np.full(2, 1e-3), np.zeros((0, 2), int), np.zeros(0))
@@ -69,7 +69,7 @@ def two_spheres(directory, offset, restitution, friction, steps=3000, every=3000
     text = deck(dt, steps, every, velocity="set atom 1 vx 0.5\nset atom 2 vx -0.5\n")
     text = text.replace("0.9 0.9 0.9 0.9", " ".join([str(restitution)] * 4))
     text = text.replace("0.5 0.5 0.5 0.5", " ".join([str(friction)] * 4))
-    run_engine(directory, text)
+    run_engine(directory, text, ranks)
     c = ledger(directory).column
     kinetic = 2 * 0.5 * body.mass_kg[0] * 0.25
     assert c["pair_elastic_J"][-1, 0] == 0  # apart again
@@ -102,11 +102,12 @@ def test_a_sliding_collision_without_dashpots_loses_energy_to_friction_alone(tmp
     assert c["friction_J"][-1, 0] - c["springs_gained_J"][-1, 0] == pytest.approx(lost, rel=1e-3)
 
 
-@pytest.mark.parametrize(("restitution", "friction"), [(0.7, 0.3), (0.7, 3.0), (1.0, 3.0), (1.0, 0.0)],
-                         ids=["slides", "sticks", "sticks and lets go", "neither"])
-def test_all_that_an_oblique_collision_holds_and_takes_adds_up_at_every_instant(tmp_path, restitution, friction):
+@pytest.mark.parametrize(("restitution", "friction", "ranks"), [
+    (0.7, 0.3, 1), (0.7, 0.3, 2), (0.7, 3.0, 1), (1.0, 3.0, 1), (1.0, 0.0, 1)],
+    ids=["slides", "over two ranks", "sticks", "sticks and lets go", "neither"])
+def test_all_that_an_oblique_collision_holds_and_takes_adds_up_at_every_instant(tmp_path, restitution, friction, ranks):
     """Of 1 m/s at 37 degrees: kinetic energy, that of Hertz' and of Mindlin's spring, dashpots and friction."""
-    c, kinetic = two_spheres(tmp_path, 1.2e-3, restitution, friction, steps=7500, every=25, dt=2e-8)
+    c, kinetic = two_spheres(tmp_path, 1.2e-3, restitution, friction, steps=7500, every=25, dt=2e-8, ranks=ranks)
     held, taken = c["kinetic_J"] + c["pair_elastic_J"], c["pair_damped_J"] + c["friction_J"] - c["springs_gained_J"]
     assert c["pair_elastic_J"].max() > 0.3 * kinetic
     assert np.abs(held + taken - kinetic).max() < 1e-3 * kinetic

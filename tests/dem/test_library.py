@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenes_of_tests import SCENES
 
-from common.scene import read_scene
+from common.scene.scene import read_scene
 from dem.stones import library
 from dem.stones.bonds import bond_network
 from dem.stones.contact_patch import stone_surface

@@ -5,7 +5,7 @@ import subprocess
 import numpy as np
 import pandas as pd
 import pytest
-from decks import HEAD, MATERIAL, fcc_ball, write_files
+from decks import HEAD, MATERIAL, bond_line, chain, deck, fcc_ball, write_files
 from scenes_of_tests import changed
 
 import dem.deck.time_step
@@ -65,6 +65,25 @@ def test_what_tangential_springs_gain_is_not_taken_for_an_error(tmp_path):
     table = pd.read_parquet(tmp_path / "run" / "energy.parquet")
     assert -table.groupby("t_s")["contact_springs_J"].sum().min() > 0.01 * energy["supplied_J"]
     assert abs(energy["closure"]) < 2e-3
+
+
+@pytest.mark.parametrize("share, limit", [(0.9, True), (1.1, False)])
+def test_energy_that_broken_bonds_release_counts(tmp_path, share, limit):
+    """A bond is stretched from the start, which nobody supplied, and breaks at once: k d^2/2 against 1 % of the impact."""
+    body, stretched_m, modulus = chain(2), 1e-6, 5e9
+    write_files(tmp_path, body)
+    bonds = (tmp_path / "bonds.txt").read_text()
+    (tmp_path / "bonds.txt").write_text(bonds.replace("0.002 0 0", f"{2e-3 - stretched_m!r} 0 0"))
+    energy_J = 0.5 * modulus * np.pi * 1e-6 / (2e-3 - stretched_m) * stretched_m**2
+    impact_J = float(share * 100 * energy_J)
+    monitor = f"fix monitor all monitor impact_J {impact_J!r} weight 0 height_kg_m 0\n"
+    along = f"velocity all set 0 {float(np.sqrt(2 * impact_J / body.mass_kg.sum()))!r} 0 units box\n"
+    (tmp_path / "deck").write_text(deck(1e-8, 100, 10, bonds=bond_line(modulus, tension=1.0, shear=1.0), lines=monitor,
+                                        velocity=along))
+    done = subprocess.run([str(ENGINE), "-in", "deck"], cwd=tmp_path, capture_output=True, text=True,
+                          errors="replace", check=False)
+    assert ("if half the time step gives less, the step is too long" in done.stdout + done.stderr) == (done.returncode != 0) == limit, done.stdout[-500:]
+    assert limit or (tmp_path / "events.csv").read_text().count("\n") == 2  # its head, and the bond
 
 
 @pytest.mark.parametrize("speed, lists", [("1e6", "yes"), ("nan", "yes"), ("nan", "no")])

@@ -15,7 +15,7 @@ from scenes_of_tests import SCENES, changed
 from scipy.linalg import expm
 
 import dem.coupling.watchdog
-from common.cache import user_cache
+from common.files.cache import user_cache
 from dem.coupling.launch import ENGINE
 from dem.coupling.messages import CouplingError
 from dem.coupling.participant import PlateParticipant

@@ -12,9 +12,10 @@ from test_smooth_contact import RADIUS_m, stone
 import dem.deck.render
 import dem.run.participants
 import dem.run.results
-from common.cache import user_cache
+from common.files.cache import user_cache
 from dem.coupling.pipes import PlatePipes
 from dem.deck.restitution import damping_ratio
+from dem.deck.time_step import plate_mobility_1_kg
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 from plate_fem.modes import PlateModes
@@ -39,6 +40,11 @@ def run_on(modes, directory, scene):
     model = prepare(scene, "piston", user_cache())
     model.modes = modes
     return run_prepared(model, directory)
+
+
+def test_all_stones_push_a_plate_that_hangs_free():
+    """Pushed with 1 N by each of three stones it accelerates by 3 N over its mass."""
+    assert plate_mobility_1_kg(plate_that_moves(), np.array([[0.1, 0.0], [-0.2, 0.1], [0.0, 0.0]])) == pytest.approx(3 / PLATE_kg)
 
 
 def test_the_dashpot_of_a_smooth_stone_feels_how_fast_the_plate_gives_way(tmp_path):

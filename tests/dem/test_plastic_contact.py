@@ -8,8 +8,8 @@ from decks import run_engine
 from scenes_of_tests import changed, hertz
 
 from dem.deck.render import write_deck
+from dem.record.recorder import read_forces
 from dem.run.prepare import prepare
-from dem.run.recorder import read_forces
 from dem.run.run import run_scene
 from tests.plate_fem.plasticity import PlasticContact
 
@@ -119,7 +119,7 @@ def test_far_from_yield_the_contact_is_the_stock_one_to_the_last_bit(tmp_path):
 def test_a_bonded_stone_on_a_plate_that_yields_closes(tmp_path):
     """Dashpots and friction off and bonds that hold: contact work is elastic, plastic, or an error."""
     scene = changed("single", {
-        "stones.gangue_ratio": 1.0, "stones.agglomerate": {"subspheres": 60, "unbreakable": True},
+        "stones.gangue_ratio": 1.0, "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres", "unbreakable": True},
         "time.duration_s": 1.5e-3, "output": None, "plate.yield_stress_Pa": YIELD_STRESS_Pa,
         "plate.max_frequency_Hz": 1000.0, "plate.theory": "kirchhoff",
         "contacts": {k: {"restitution": 1.0, "friction": 0.0}

@@ -141,10 +141,10 @@ def test_files_that_make_no_sense_are_refused(tmp_path, files, words):
     (("co_step 1 ", "co_step 1 contacts c.bin every 0 "), ["every 0"]), (("co_step 1 ", "co_step 4 rows 6 "), ["rows"]),
     (("co_step 1 ", "co_step 1 yield_pressure -1 "), ["yield_pressure -1"]),
     (("zplane 0.0", "zplane 0.01"), ["zplane 0"]), (("zplane 0.0", "zcylinder 0.01 0 0"), ["zplane 0"]),
-    (("contact model hertz", "contact model hooke"), ["model hertz"]),
+    (("contact model hertz", "contact model hooke"), ["wall/plate (id plate)", "model hertz"]),
     (("pair_style gran model hertz", "fix v all property/global characteristicVelocity scalar 2\npair_style gran model hooke"),
      ["pair_style"]),
-    (("every 10 box 1 1", "every 10 box 1 2"), ["flat"]), (("every 10 box 1 1", "every 10 box 1 one"), ["box one"]),
+    (("every 10 box 1 1", "every 10 box 1 2"), ["wall/side (id side)", "flat"]), (("every 10 box 1 1", "every 10 box 1 one"), ["box one"]),
     (("every 100\n", "every 100 impact 10 0\n"), ["impact", "M FIRST LAST"]),
     (("every 100\n", "every 100 impact 0 0 50\n"), ["impact 0"]),
 ], ids=lambda value: value[1][-30:] if isinstance(value, tuple) else "")

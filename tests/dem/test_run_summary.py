@@ -17,7 +17,8 @@ def test_a_run_writes_every_key_and_reads_the_same(tmp_path):
     file = tmp_path / "run" / "run.json"
     assert written == json.loads(file.read_text())
     keys = {field.alias or name for name, field in RunSummary.model_fields.items()}
-    of_others = {"wall_impulse_N_s", "rod_impulse_N_s", "plate_momentum_kg_m_s"}  # of side walls, of plates on rods
+    of_others = {"wall_impulse_N_s", "rod_impulse_N_s", "plate_momentum_kg_m_s", "rods_momentum_kg_m_s",
+                 "damping_impulse_N_s", "momentum_missing"}  # of side walls, of plates on rods
     assert set(written) == keys - of_others
     summary = read_summary(file)
     assert summary.as_json() == written

@@ -6,15 +6,16 @@ import pytest
 from scenes_of_tests import SCENES
 from scipy.spatial import ConvexHull
 
-from common.scene import changed_scene
-from common.scene_shapes import ShapeTable
+from common.scene.scene import changed_scene
+from common.scene.shapes import ShapeTable
 from common.tables import InputError
 from dem.run.run import run_scene
+from dem.shapes.solids import moments, polyhedron, solid_of
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from dem.stones.library import REFERENCE_RADIUS_m, packed_solid
-from dem.stones.shapes import moments, polyhedron, solid_of
 
+NO_VOLLEY = {f"stones.{key}": None for key in ("count", "radius_m", "speed_m_s", "positions", "gangue_order")}
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 
 
@@ -57,16 +58,26 @@ def test_a_polyhedron_is_convex_closed_and_as_long_and_flat_as_asked(table):
     assert np.abs(inside[hit].mean(axis=0)).max() < 0.03
 
 
+@pytest.mark.parametrize("shapes, contact", [(["sphere"], "smooth"), (["rock"], "faces"), (["sphere", "rock"], "faces")])
+def test_the_shape_chooses_the_contact_where_the_scene_does_not(tmp_path, shapes, contact):
+    table = {"count": 3, "size_m": 0.03, "speed_m_s": 2.0, "shapes": shapes}
+    changes = {"stones.drawn": table, "shapes.rock": {}, "stones.agglomerate.subspheres": 200} | NO_VOLLEY
+    unsaid = changed_scene(SCENES / "small.toml", changes | {"stones.agglomerate.contact": None})
+    assert unsaid.agglomerate.contact == contact
+    assert unsaid == changed_scene(SCENES / "small.toml", changes | {"stones.agglomerate.contact": contact})
+    asked = changed_scene(SCENES / "small.toml", changes)
+    assert asked.agglomerate.contact == "sub_spheres"
+
+
 @pytest.mark.parametrize("sphericity", [0.75, 0.85, 0.93])
 def test_a_sphericity_is_met(sphericity):
     assert polyhedron(ShapeTable(sphericity=sphericity), 3).sphericity == pytest.approx(sphericity, abs=0.03)
 
 
 def drawn(tmp_path, shape, subspheres=120, **changes):
-    no = {f"stones.{key}": None for key in ("count", "radius_m", "speed_m_s", "positions", "gangue_order")}
     table = {"count": 3, "size_m": {"uniform": [0.03, 0.05]}, "speed_m_s": 2.0, "shapes": ["rock"],
              "arrival_s": {"uniform": [0.0, 0.002]}}
-    return changed_scene(SCENES / "small.toml", no | {
+    return changed_scene(SCENES / "small.toml", NO_VOLLEY | {
         "stones.drawn": table, "shapes.rock": shape, "stones.agglomerate.subspheres": subspheres,
         "stones.agglomerate.unbreakable": True, "time.duration_s": 6e-3, "output": None} | changes)
 

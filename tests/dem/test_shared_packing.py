@@ -5,10 +5,10 @@ import threading
 import numpy as np
 import pytest
 
-from common import cache
-from common.cache import key_of
+from common.files import cache
+from common.files.cache import key_of
 from common.resources import resource
-from common.scene import changed_scene
+from common.scene.scene import changed_scene
 from dem.stones import assembly, library
 from dem.stones.arrangement import stones_of
 

@@ -11,7 +11,7 @@ from test_checkpoint_engine import engine, stopped_at_next
 from test_stream import PLATE as PLATE_OF_STREAMS, STREAMS, engine_run, scene_of, set_checkpoints, written
 
 from common.tables import InputError
-from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
+from dem.record.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
 
@@ -218,20 +218,6 @@ def test_a_run_in_a_chute_that_is_taken_up_is_the_undisturbed_one(over_a_wall, t
         assert not whole.exists() or (tmp_path / "parts" / name).read_bytes() == whole.read_bytes(), name
 
 
-def test_a_wall_may_have_a_contact_of_its_own(tmp_path):
-    """Restitution and friction of the walls are not those of the plate; what is not given is the plate's."""
-    walls = CHUTE["walls"] | {"restitution": 0.3, "friction": 0.0}
-    run = run_scene(scene_of([IN_CHUTE[0] | {"velocity_m_s": (0.0, 2.0, -0.2)}], 0.012, plate=CHUTE | {"walls": walls},
-                             **{"stones.gap_m": 2e-3}), "scene", tmp_path / "run")
-    along, across, up = run["wall_impulse_N_s"]["y_plus"]
-    assert max(abs(along), abs(up)) < 0.05 * across  # sub-spheres stand out: their normals are not all across
-    mass = 1380.0 * 4 / 3 * np.pi * 0.01**3
-    elastic = 2 * 2.0 * mass
-    assert 0.5 * elastic < across < 0.9 * elastic
-    deck_text = (tmp_path / "run" / "deck" / "deck.liggghts").read_text()
-    assert "3 walls" in deck_text.split("atom_style")[0] and " primitive type 3 zplane" in deck_text
-
-
 def test_a_scene_without_walls_has_none_in_its_deck(tmp_path):
     written(tmp_path / "deck", scene_of(IN_CHUTE, 0.01))
     assert "wall/side" not in (tmp_path / "deck" / "deck.liggghts").read_text()
@@ -242,7 +228,7 @@ def test_a_scene_without_walls_has_none_in_its_deck(tmp_path):
     ({"walls": {"edges": ["x_minus", "x_minus"], "height_m": 0.1}}, {}, "must be named once"),
     ({"walls": {"edges": ["left"], "height_m": 0.1}}, {}, "plate.walls.edges.0 = .left"),
     ({"walls": {"edges": ["y_plus"]}}, {}, "plate.walls.height_m"),
-    ({"walls": {"edges": ["y_plus"], "height_m": 0.1, "restitution": 0.0}}, {}, "plate.walls.restitution = 0"),
+    ({"walls": {"edges": ["y_plus"], "height_m": 0.1, "friction": 0.1}}, {}, "plate.walls.friction = 0.1: unknown key"),
     ({"walls": {"edges": ["y_plus"], "height_m": 0.1}}, {"y_m": 0.035}, "stone 1, .* would come through this wall"),
     ({"walls": {"edges": ["x_minus"], "height_m": 1.0}}, {"velocity_m_s": (2.0, 0.0, -1.0), "arrival_s": 0.1},
      "edges = x_minus: stone 1, .* would come through this wall"),

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from common.tables import Refused
 from dem.deck.render import write_deck
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
-from dem.run.energy_balance import read_ledger
+from dem.record.energy_balance import read_ledger
 from dem.run.errors import Stopped
 from dem.run.prepare import prepare
 from dem.run.run import resume, run_scene

@@ -5,7 +5,7 @@ import pytest
 from decks import bond_line, deck, fcc_ball, ledger, run_engine, write_files
 from test_bond_breaking import AREA, CASES, LENGTH, RATIO, STEPS, STRENGTH, E, events, load_one_bond, two_balls
 
-from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
+from dem.record.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
 
 STORED_J_m2 = {"pull": STRENGTH**2 * LENGTH / (2 * E), "shear": STRENGTH**2 * LENGTH * RATIO / (2 * E),
                "twist": STRENGTH**2 * LENGTH * RATIO / (4 * E)}  # over the section, at the strength
@@ -24,6 +24,18 @@ def test_a_bond_takes_its_fracture_energy_to_break(tmp_path, name, kernel):
     assert float(found[0]["step"]) == pytest.approx(STEPS / 2, abs=2)
     assert float(found[0]["energy_J"]) == pytest.approx(ratio * STORED_J_m2[name] * AREA, rel=1e-2)
     assert float(found[0]["area_m2"]) == pytest.approx(AREA, rel=1e-8)
+
+
+@pytest.mark.parametrize("kernel", ["plain", "auto"])
+def test_a_stronger_bond_takes_the_square_of_its_factor(tmp_path, kernel):
+    """With f on the strength and f^2 on the fracture energy it yields and breaks at f times the displacement."""
+    freedom, critical, mode, bond = CASES["pull"]
+    ratio, factor = 3.0, 1.5
+    found = load_one_bond(tmp_path, freedom, 2 * factor * ratio * critical, strength_factor=factor, kernel=kernel,
+                          fracture=ratio * STORED_J_m2["pull"], **bond)
+    assert [event["mode"] for event in found] == [mode]
+    assert float(found[0]["step"]) == pytest.approx(STEPS / 2, abs=2)
+    assert float(found[0]["energy_J"]) == pytest.approx(factor**2 * ratio * STORED_J_m2["pull"] * AREA, rel=1e-2)
 
 
 @pytest.mark.parametrize("kernel", ["plain", "auto"])

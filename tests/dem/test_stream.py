@@ -11,9 +11,9 @@ from test_checkpoint_engine import engine, stopped_at_next
 from common.tables import InputError
 from dem.deck.render import write_deck
 from dem.deck.time_step import fast_per_sample
-from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
+from dem.record.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
+from dem.record.recorder import read_forces
 from dem.run.prepare import prepare
-from dem.run.recorder import read_forces
 from dem.stones.paths import Flying
 
 GRAVITY = 9.8
@@ -104,6 +104,27 @@ def test_what_has_left_the_plate_is_taken_out_and_counted(left):
     assert (gone.z_m < 0).all() and (gone.vz_m_s < 0).all()
     near = read_ledger(directory / "ledger.bin", 4).is_near
     assert near[0].tolist() == [True, False, True, False] and near[-1].tolist() == [False, False, True, False]
+
+
+def test_a_stone_that_rises_from_below_the_plate_has_not_left(tmp_path):
+    """It enters beside the plate, 2 cm below its face, rises past the edge and comes down on it."""
+    model = written(tmp_path / "deck", scene_of([{"x_m": 0.1, "y_m": 0.0, "speed_m_s": SPEED, "arrival_s": 0.07}], 0.24))
+    file = tmp_path / "deck" / "stones.bin"
+    numbers = np.fromfile(file)
+    whole = numbers.view("<i8")
+    _, start, count = whole[3 + whole[1]:][:3]
+    atoms = numbers[start // 8:][:9 * count].reshape(-1, 9)
+    atoms[:, 3:6] += [0.31, 0.0, -0.02] - atoms[:, 3:6].mean(axis=0)
+    atoms[:, 6:] = [-1.0, 0.0, 1.0]
+    numbers.tofile(file)
+    process = engine(tmp_path / "deck", 1)
+    output = process.communicate(timeout=300)[0]
+    assert process.returncode == 0, output[-1500:]
+    assert len(pd.read_csv(tmp_path / "deck" / "left.csv")) == 0
+    entered_s = model.assembly.entries[0].entry_s
+    step, mean, _ = pushes_of(tmp_path / "deck", 0)
+    flight_s = (1 + np.sqrt(1 - 2 * GRAVITY * 0.03)) / GRAVITY
+    assert step[0] * model.step.dt_s - entered_s == pytest.approx(flight_s, rel=0.01)
 
 
 def test_momentum_and_energy_close_with_stones_that_left(left):
@@ -241,7 +262,7 @@ def test_small_fragments_are_taken_out_as_they_fly_and_nothing_is_lost(tmp_path)
     old = ("count", "radius_m", "positions", "speed_m_s", "gangue_order")
     scene = changed("single", {
         **{f"stones.{key}": None for key in old}, "stones.stream": stream, "stones.gangue_ratio": 0.0, "plate": PLATE,
-        "stones.agglomerate": {"subspheres": 60}, "output.view_interval_s": None, "assumptions": None,
+        "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres"}, "output.view_interval_s": None, "assumptions": None,
         "time.duration_s": 0.05})
     model = engine_run(tmp_path / "deck", scene)
     gone = pd.read_csv(tmp_path / "deck" / "left.csv")

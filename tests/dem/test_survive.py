@@ -20,7 +20,7 @@ from test_stream import scene_of
 import dem.coupling.pipes
 import dem.deck.render
 import dem.run.directory
-from common.output_directory import Busy
+from common.files.output_directory import Busy
 from common.tables import InputError
 from dem.coupling.checkpoint import latest
 from dem.run.directory import RunDirectory
@@ -149,7 +149,7 @@ def test_walltime_stops_at_a_checkpoint_and_resume_goes_on(scene, undisturbed):
     process = start("run", scene, "--out", out, "--walltime", 0, stderr=subprocess.PIPE, text=True)
     error = process.communicate(timeout=60)[1]
     assert process.returncode == 75
-    assert "stopped at the checkpoint" in error and "dem resume" in error and not out.exists()
+    assert "stopped at the checkpoint" in error and "gangue resume" in error and not out.exists()
     assert start("resume", out.with_name("stopped.partial")).wait(timeout=60) == 0
     check_same(out, undisturbed)
     assert not list(out.glob("deck/checkpoint*")) and not (out / "started.json").exists()

@@ -10,7 +10,7 @@ import time
 import pytest
 from scenes_of_tests import SCENES
 
-from common.scene import read_scene
+from common.scene.scene import read_scene
 from dem.__main__ import main
 from dem.batch.sweep import is_finished, sweep
 

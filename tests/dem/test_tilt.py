@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scenes_of_tests import SCENES
 
-from common.scene import changed_scene
+from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
 

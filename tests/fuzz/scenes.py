@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from common.scene_file import scene_tables
+from common.scene.file import scene_tables
 from common.tables import read_toml
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -57,6 +57,9 @@ BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": 
          "time": {"duration_s": 3e-4, "time_step_s": 1e-7, "co_step": 5}, "materials": {"coal": "coal", "gangue": "gangue"},
          "stones": {"count": 3, "circle_radius_m": 0.1, "gangue_ratio": 0.0, "arrival_s": [0.0, 1e-4, 0.0], "strength_factor": [1.0, 0.9, 1.1],
                     "agglomerate": {"subspheres": 8, "contact": "sub_spheres", "unbreakable": True}},
+         "scatter": {"seed": 3, "radius_factor": {"lognormal_cv": 0.1}, "density_factor": 1.1, "youngs_modulus_factor": {"uniform": [0.9, 1.1]},
+                     "strength_factor": {"lognormal_cv": 0.2}, "restitution": {"uniform": [0.6, 0.9]}, "speed_factor": {"lognormal_cv": 0.05},
+                     "place_m": 0.02, "arrival_s": {"uniform": [0.0, 1e-3]}},
          "contacts": {"coal_coal": {"restitution": 0.5, "friction": 0.6}, "coal_gangue": {"restitution": 0.5, "friction": 0.6},
                       "gangue_gangue": {"restitution": 0.5, "friction": 0.6}},
          "output": {"dumps": "vtk", "view_interval_s": 1e-4, "impact_view_interval_s": 0.0, "engine_log": True},

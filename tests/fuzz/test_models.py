@@ -10,7 +10,7 @@ import pytest
 from hypothesis import strategies as st
 
 from analysis import read_sweep
-from common.files import SEAL, seal
+from common.files.whole import SEAL, seal
 from recognition import Model
 from recognition.__main__ import main
 from recognition.physics.arrangement_likelihood import ArrangementModel, ExpectedMisfit

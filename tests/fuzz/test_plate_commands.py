@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 from hypothesis import strategies as st
 
-from common.files import SEAL, seal
-from common.plate import read_plate
+from common.files.whole import SEAL, seal
+from common.scene.plate import read_plate
 from recognition.__main__ import main
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from common.scene import read_scene
+from common.scene.scene import read_scene
 from common.tables import InputError, read_toml
 from dem.__main__ import main
 from dem.calibration.calibrate import TARGETS, read_target

@@ -2,9 +2,9 @@
 
 import math
 
-from common.plate import PlateTable
+from common.scene.plate import PlateTable
 from common.tables import check
-from plate_fem.mesh import bending_stiffness
+from plate_fem.elements.mesh import bending_stiffness
 
 STEEL = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 207e9, "poisson_ratio": 0.3}
 TABLE = {

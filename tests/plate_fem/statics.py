@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from plate_fem.eigen import factor
-from plate_fem.hermite import integration
+from plate_fem.elements.hermite import integration
+from plate_fem.solution.eigen import factor
 
 
 def pressure_load(model):

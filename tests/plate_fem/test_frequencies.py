@@ -7,7 +7,7 @@ import pytest
 from plates import SUPPORTS_AT_CORNERS, frequency_factor, plate
 from scipy.optimize import brentq
 
-from plate_fem.mesh import bending_stiffness, bending_wavenumber, kirchhoff_error, shear_factor
+from plate_fem.elements.mesh import bending_stiffness, bending_wavenumber, kirchhoff_error, shear_factor
 from plate_fem.modes import plate_modes
 
 # omega a^2 sqrt(rho h / D) of a square plate, nu 0.3, from a converged Ritz series

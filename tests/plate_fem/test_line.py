@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 
-from plate_fem import line, products
-from plate_fem.products import deflections, rotations
+from plate_fem.elements import line, products
+from plate_fem.elements.products import deflections, rotations
 
 LINES_M = np.array([-0.3, -0.22, -0.05, 0.05, 0.22, 0.3])
 SPACES = {"smooth cubics": line.smooth_cubics, "parabolas": line.parabolas, "cubics": line.cubics}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from plates import SUPPORTS_AT_CORNERS, four_rods, plate, rod
 
-from plate_fem import mirror
-from plate_fem.mesh import mesh_lines
-from plate_fem.mirror import mirror_axes
+from plate_fem.elements.mesh import mesh_lines
 from plate_fem.modes import plate_modes
+from plate_fem.solution import mirror
+from plate_fem.solution.mirror import mirror_axes
 
 LOADS_M = [[0.1, 0.03], [-0.04, 0.12]]
 PLATES = {

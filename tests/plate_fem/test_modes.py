@@ -5,9 +5,10 @@ import pytest
 from plates import four_rods, plate, rod
 
 from common.tables import Refused
-from plate_fem import eigen, modes as modes_module
+from plate_fem import modes as modes_module
+from plate_fem.elements.rods import disc_quadrature
 from plate_fem.modes import plate_modes, table_hash
-from plate_fem.rods import disc_quadrature
+from plate_fem.solution import eigen
 
 TABLE = plate(rods=[rod(0.15, 0.1)], max_frequency_Hz=1500.0, theory="kirchhoff")
 
@@ -59,11 +60,23 @@ def _lagrange(x, y, shape, point):
     return np.einsum("i,j,ijm->m", *weights, block)
 
 
-def test_largest_shape_bounds_every_point(modes):
+@pytest.mark.parametrize("table", [TABLE, plate(edges="simply_supported", max_frequency_Hz=2000.0, theory="kirchhoff")],
+                         ids=["largest at corners", "largest between nodes"])
+def test_largest_shape_bounds_every_point(table):
+    modes = plate_modes(table)
     points = np.random.default_rng(5).uniform(-0.25, 0.25, (20000, 2))
     found = abs(modes.shape_at(points)).max(axis=0)
     assert np.all(found <= modes.largest_shape)
     assert np.all(modes.largest_shape < 1.2 * found)
+
+
+def test_the_middle_plane_sways_and_yaws_as_a_rigid_body(modes):
+    """The top face moves as it does, less half the thickness times the slope: fibres of a thin plate stay normal."""
+    middle = modes.lateral + TABLE.thickness_m / 2 * modes.nodal[1:3].transpose(1, 0, 2)
+    (x, y), ones = modes.node_m.T, np.ones(len(modes.node_m))
+    for axis, across in enumerate((y, x)):
+        left = np.linalg.lstsq(np.column_stack([ones, across]), middle[:, axis], rcond=None)[1]
+        assert np.all(left < 1e-12 * (modes.lateral[:, axis] ** 2).sum(axis=0).max())
 
 
 def test_mean_shape_is_the_mean(modes):

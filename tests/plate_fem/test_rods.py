@@ -8,10 +8,10 @@ from plates import STEEL, four_rods, plate, rod
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from plate_fem.mesh import default_mesh_size
+from plate_fem.elements.mesh import default_mesh_size
+from plate_fem.elements.rods import attach
+from plate_fem.elements.system import assemble
 from plate_fem.modes import plate_modes
-from plate_fem.rods import attach
-from plate_fem.system import assemble
 
 # A plate so stiff that it only moves as a rigid body on its rods, within the frequencies of interest.
 STIFF = {"youngs_modulus_Pa": 2e17, "theory": "mindlin", "mesh_size_m": 0.125}

@@ -7,8 +7,8 @@ import pytest
 from plates import TABLE, plate, rod
 from pydantic import Field
 
-from common.plate import PlateTable, read_plate
 from common.resources import resource
+from common.scene.plate import PlateTable, read_plate
 from common.tables import InputError, Refused, Table, check, read_toml
 from plate_fem.__main__ import main
 

@@ -7,8 +7,8 @@ import pytest
 from plates import SUPPORTS_AT_CORNERS, four_rods, plate
 from statics import pressure_load, static_response
 
-from plate_fem.mesh import bending_stiffness, shear_stiffness
-from plate_fem.model import build_model
+from plate_fem.elements.mesh import bending_stiffness, shear_stiffness
+from plate_fem.solution.model import build_model
 
 THIN = {"thickness_m": 5e-4, "max_frequency_Hz": 150.0}
 

@@ -7,7 +7,7 @@ import pytest
 from plates import SUPPORTS_AT_CORNERS, frequency_factor, plate
 from scipy.optimize import brentq
 
-from plate_fem.mesh import bending_stiffness
+from plate_fem.elements.mesh import bending_stiffness
 from plate_fem.modes import plate_modes
 
 THIN = {"thickness_m": 1e-3, "max_frequency_Hz": 200.0}

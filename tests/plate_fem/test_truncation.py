@@ -11,14 +11,13 @@ from scipy.integrate import cumulative_trapezoid, quad
 from scipy.special import j1
 from statics import static_response
 
-from common.tables import InputError
-from plate_fem.mesh import bending_stiffness, bending_wavenumber, choose_theory, shear_stiffness
-from plate_fem.model import build_model
-from plate_fem.modes import modes_for_loads, plate_modes
+from plate_fem.elements.mesh import bending_stiffness, bending_wavenumber, choose_theory, shear_stiffness
+from plate_fem.elements.rods import disc_quadrature
+from plate_fem.modes import NOWHERE, modes_for_loads, plate_modes
 from plate_fem.motion import ModalMotion
-from plate_fem.residual import LOAD_RADIUS, load_rows
-from plate_fem.rods import disc_quadrature
-from plate_fem.truncation import energy_left_out, frequency_for, with_max_frequency
+from plate_fem.solution.model import build_model
+from plate_fem.solution.residual import LOAD_RADIUS, load_rows
+from plate_fem.truncation import energy_left_out, frequency_for
 
 HELD = {"edges": "clamped", "max_frequency_Hz": 4e3}
 POINTS = np.array([[0.1, 0.0], [-0.03, 0.08]])
@@ -58,13 +57,13 @@ def test_rods_bear_their_share_of_a_steady_force_anywhere(theory, rods):
     exact = model.rod_force @ static_response(model, model.deflection(places).T.toarray())
     assert exact.sum(axis=0) == pytest.approx(1.0, rel=1e-6)
 
-    def found(residual_rods):
-        modes = plate_modes(table, residual_rods=residual_rods)
-        assert modes.n_residual == (4 if residual_rods else 0)
+    def found(residual_points_m):
+        modes = plate_modes(table, residual_points_m=residual_points_m)
+        assert modes.n_residual == (0 if residual_points_m is None else 4)
         return modes.rod_force @ (modes.shape_at(places) / (2 * np.pi * modes.frequency_Hz) ** 2).T
 
-    assert abs(found(True) - exact).max() < 2e-4
-    assert abs(found(False) - exact).max() > 0.05 and abs(found(False).sum(axis=0) - 1).max() > 0.02
+    assert abs(found(NOWHERE) - exact).max() < 2e-4
+    assert abs(found(None) - exact).max() > 0.05 and abs(found(None).sum(axis=0) - 1).max() > 0.02
 
 
 def test_a_pulse_is_what_light_rods_got_and_the_plate_has_at_any_time():
@@ -82,7 +81,7 @@ def test_a_pulse_is_what_light_rods_got_and_the_plate_has_at_any_time():
         of_rods = cumulative_trapezoid((amplitude @ modes.rod_force.T).sum(axis=1), dx=step_s, initial=0)
         return abs(given - of_rods - modes.mass_kg * rate @ modes.mean_shape).max() / given[-1]
 
-    assert missing(plate_modes(table, residual_rods=True)) < 1e-4
+    assert missing(plate_modes(table, residual_points_m=NOWHERE)) < 1e-4
     assert missing(plate_modes(table)) > 0.01
 
 
@@ -192,12 +191,5 @@ def test_energy_left_out_is_what_an_impact_leaves_out():
 def test_frequency_follows_from_the_tolerance():
     for tolerance in (0.3, 1e-2, 1e-4):
         assert energy_left_out(frequency_for(tolerance, 234e-6), 234e-6) == pytest.approx(tolerance, rel=1e-3)
-    table = plate(max_frequency_Hz=None, truncation_tolerance=1e-3)
-    assert with_max_frequency(table, 234e-6).max_frequency_Hz == pytest.approx(frequency_for(1e-3, 234e-6))
     with pytest.raises(ValueError, match="max_frequency_Hz"):
-        plate_modes(table)
-
-
-def test_a_plate_is_not_given_two_limits():
-    with pytest.raises(InputError, match="truncation_tolerance"):
-        plate(truncation_tolerance=1e-3)
+        plate_modes(plate(max_frequency_Hz=None))

@@ -14,13 +14,13 @@ import pandas as pd
 import pytest
 from scipy.stats import multivariate_normal
 
-from common.plate import FlexiblePlate
+from common.scene.plate import FlexiblePlate
 from lab.recognition.error_bounds import arrangement_error_points
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 from recognition import RecognitionError
 from recognition.model_file import decode, encode
-from recognition.physics.arrangement_fit import PlateRecord, force_statistics, model_on
+from recognition.physics.arrangement_fit import PlateRecord, force_laws, force_statistics, model_on
 from recognition.physics.arrangement_likelihood import (
     LATEST_S,
     MISFIT,
@@ -240,6 +240,16 @@ def test_where_stones_touch_scatters_records_along_both_axes():
             row = ((ends[0] - ends[1]) / model.scale[:, None]).ravel()
             expected += np.outer(row, row)
     assert np.linalg.norm(added - expected) < 0.1 * np.linalg.norm(expected)
+
+
+def test_the_scatter_of_forces_is_that_of_both_materials():
+    """Coal whose forces scatter and gangue whose do not, and the other way round: a place has one or the other."""
+    records = [x.force_record for x in draw(12, 10)[0]]
+    even = [replace(one, force_N=np.where(one.gangue[:, None], np.mean(one.force_N, axis=0), one.force_N)) for one in records]
+    turned = [replace(one, gangue=~one.gangue) for one in even]
+    laws, covariance, _ = force_laws(even, np.arange(12), 3.0)
+    laws_turned, other, _ = force_laws(turned, np.arange(12), 3.0)
+    assert laws_turned[0] == pytest.approx(laws[1]) and other == pytest.approx(covariance)
 
 
 def test_saved_and_read(method):

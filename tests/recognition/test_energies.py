@@ -6,7 +6,7 @@ import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
 
 from analysis import RecordError
-from analysis.features import log_rms
+from analysis.signals.features import log_rms
 from recognition import RecognitionError
 from recognition.model_file import decode, encode
 from recognition.regression.feature_regression import FeatureRegression

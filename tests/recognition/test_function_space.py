@@ -3,7 +3,7 @@ import pytest
 
 from recognition import RecognitionError, Rule, Strategy
 from recognition.model_file import decode, encode
-from recognition.paper.function_space import FORMS, SHIFT, fit_form
+from recognition.paper.function_space import FORMS, SHIFT, fit_form, fit_polynomials
 from recognition.paper.least_squares import fit_polynomial
 
 RATIOS = np.arange(11) / 10
@@ -64,6 +64,7 @@ def test_adjusted_r2_by_its_definition():
     total = sum((a - y.mean()) ** 2 for a in y)
     assert fit.r2 == pytest.approx(1 - rest / total)
     assert fit.r2_adjusted == pytest.approx(1 - (rest / 3) / (total / 4))
+    assert fit_polynomials(1, x, y[:, None]).r2_adjusted == pytest.approx(1 - (rest / 3) / (total / 4))
 
 
 def test_saved_strategy_keeps_every_form():

@@ -77,6 +77,13 @@ def test_normalised_training_data_fill_zero_to_one(kind):
     assert np.all(fused >= values[0].min()) and np.all(fused <= values[0].max())
 
 
+def test_the_absolute_fusion_takes_sizes():
+    signals = table()
+    taken = Fusion("absolute").prepare(signals)
+    for row, name in zip(taken, ("a_m_s2", "v_m_s", "u_m"), strict=True):
+        assert row.tolist() == [max(value, -value) for value in signals[name]]
+
+
 def test_missing_response_and_unknown_fusion_are_named():
     with pytest.raises(RecognitionError, match="total_J"):
         Fusion("energy").prepare(table().drop(columns="total_J"))

@@ -49,27 +49,44 @@ def test_stones_on_another_plate_are_counted_once_it_was_tapped(method):
     assert sum(answer.out_of_distribution != "" for answer in found) <= 1
 
 
-def test_what_is_not_known_of_a_mode_scatters_records(method):
-    """A frequency that is off by its standard deviation, against two responses of the whole plate to the mean force on
-    all places; a record that is so far off is explained."""
-    sd, exact = 0.004, learnt()
-    k = int(np.argmax(exact.frequency_Hz > 500.0))
-    only = (np.arange(exact.frequency_Hz.size) == k).astype(float)
-    model = on_plate(method.model_, replace(exact, frequency_sd=sd * only))
-    scatter = np.concatenate(model.scatter, axis=2)
-    law = model.laws[:, 0].mean(axis=0)
-    steps = np.arange(model.hat.shape[1]) + 0.5
+def middle_response(model, one, moved_m=(0.0, 0.0), stones=slice(None)):
+    """Of a plate to the mean force of coal and gangue on the places, samples at a row, in shares of the model's scale."""
+    law, steps = model.laws[:, 0].mean(axis=0), np.arange(model.hat.shape[1]) + 0.5
     force_N = sum(c * np.maximum(0, 1 - abs(steps - (b + 1) * model.width) / model.width) for b, c in enumerate(law))
-    off = replace(exact, frequency_Hz=exact.frequency_Hz * (1 + sd * only))
-    found = []
-    for one in (exact, off):
-        given = (np.tile(force_N, (len(model.place_m), 1)), model.place_m, 1 / STEP_s)
-        found.append(np.vstack([one.response(*given), one.rod_forces(*given)]))
-    expected = (found[1] - found[0]) / model.scale[:, None]
-    # One direction of scatter: its covariance is that of the difference.
-    at = np.arange(0, SAMPLES * 5, 5)
-    flat, rows = expected[:, at].ravel(), scatter[:, at].reshape(-1, scatter.shape[2])
-    assert rows @ rows.T == pytest.approx(np.outer(flat, flat), abs=1e-3 * np.max(flat**2))
+    place_m = (model.place_m + moved_m)[stones]
+    given = (np.tile(force_N, (len(place_m), 1)), place_m, 1 / STEP_s)
+    found = np.vstack([one.response(*given), one.rod_forces(*given)]) / model.scale[:, None]
+    return found[:, :SAMPLES * 5:5].ravel()
+
+
+def scattered_covariance(model):
+    rows = np.concatenate(model.scatter, axis=2)[:, :SAMPLES * 5:5]
+    rows = rows.reshape(-1, rows.shape[2])
+    return rows @ rows.T
+
+
+@pytest.mark.parametrize("what", ["frequency", "damping"])
+def test_what_is_not_known_of_a_mode_scatters_records(method, what):
+    """A frequency or a damping ratio that is off by its standard deviation, against two responses of the whole plate to
+    the mean force on all places: one direction of scatter, whose covariance is that of the difference."""
+    sd, exact = {"frequency": 0.004, "damping": 0.3}[what], learnt()
+    only = (np.arange(exact.frequency_Hz.size) == np.argmax(exact.frequency_Hz > 500.0)).astype(float)
+    model = on_plate(method.model_, replace(exact, **{f"{what}_sd": sd * only}))
+    value = "frequency_Hz" if what == "frequency" else "damping_ratio"
+    off = replace(exact, **{value: getattr(exact, value) * (1 + sd * only)})
+    flat = middle_response(model, off) - middle_response(model, exact)
+    assert scattered_covariance(model) == pytest.approx(np.outer(flat, flat), abs=1e-3 * np.max(flat**2))
+
+
+def test_where_stones_touch_scatters_records_along_both_axes(method):
+    """What a deviation of 1 mm adds, by moving each stone to either side along x and along y."""
+    exact, expected = learnt(), 0
+    model = on_plate(replace(method.model_, place_deviation_m=1e-3), exact)
+    for stone in range(len(model.place_m)):
+        for axis in np.eye(2):
+            ends = [middle_response(model, exact, side * 5e-4 * axis, [stone]) for side in (1, -1)]
+            expected = expected + np.outer(ends[0] - ends[1], ends[0] - ends[1])
+    assert np.linalg.norm(scattered_covariance(model) - expected) < 0.05 * np.linalg.norm(expected)
 
 
 def test_errors_of_shapes_are_independent_from_sensor_to_sensor(method):

@@ -4,7 +4,7 @@ import re
 import pytest
 
 from analysis import read_sweep
-from common.files import SEAL, seal
+from common.files.whole import SEAL, seal
 from recognition import Model, RecognitionError, leave_one_out
 from recognition.__main__ import main
 from recognition.commands import RecogniseResult

@@ -1,16 +1,18 @@
 """The plate as its sensors know it, against the finite elements and against an integrator of scipy."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from common.cache import user_cache
-from common.plate import read_plate
+from common.files.cache import user_cache
 from common.resources import resource
+from common.scene.plate import read_plate
 from plate_fem.modes import plate_modes
 from recognition.estimation.errors import RecognitionError
+from recognition.plate.modal_steps import modal_steps
 from recognition.plate.plate_model import PlateModel
 
 SCENE = resource("scenes") / "paper.toml"
@@ -49,6 +51,15 @@ def test_response_is_that_of_an_integrator(model):
         before = push
     assert model.response(force, places, rate_Hz) == pytest.approx(np.array(expected).T, rel=1e-7, abs=1e-6)
     assert model.rod_forces(force, places, rate_Hz) == pytest.approx(np.array(rods).T, rel=1e-7, abs=1e-6)
+
+
+def test_a_rigid_mode_goes_as_far_as_its_constant_force_pushes_it():
+    """f t^2/2 under a force that lasts, and on at its speed once it ends."""
+    free, t = SimpleNamespace(frequency_Hz=np.zeros(1), damping_ratio=np.zeros(1)), np.arange(9) / 20e3
+    amplitude, rate, _ = modal_steps(free, np.array([[3.0] * 5 + [0.0] * 4]), 20e3)
+    pushed, after = np.minimum(t, t[5]), np.maximum(t - t[5], 0)
+    assert amplitude[0] == pytest.approx(1.5 * pushed**2 + 3 * t[5] * after)
+    assert rate[0] == pytest.approx(3 * pushed)
 
 
 def test_a_free_plate_keeps_its_momentum():

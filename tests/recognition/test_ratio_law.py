@@ -10,7 +10,7 @@ from recognition.estimation.calibration import distance_limits
 from recognition.model_file import decode, encode
 from recognition.regression.conformal import GroupConformal
 from recognition.regression.gaussian_process import ProcessRegressor
-from recognition.regression.ratio_law import RatioLaw, basis, fit_law, monomials
+from recognition.regression.ratio_law import RatioLaw, basis, fit_law, held_out_residual, monomials
 from tests.recognition.draws import draws, law, noisy
 
 
@@ -89,3 +89,10 @@ def test_too_few_runs_are_refused():
     X, y, v = draws(6, 15, (2.0, 4.0))
     with pytest.raises(RecognitionError, match="6 runs; degree 2 in 2 variables needs 8"):
         fit_law(X, y, v[:, None])
+
+
+def test_residual_of_a_run_is_by_the_law_of_the_others():
+    """A constant law of six runs that are held out one by one: what is left is off the mean of the other five."""
+    rows = np.random.default_rng(3).standard_normal((6, 4))
+    found = held_out_residual(rows, np.ones((6, 1)), np.arange(6))
+    assert found == pytest.approx(np.array([row - np.delete(rows, k, axis=0).mean(axis=0) for k, row in enumerate(rows)]))

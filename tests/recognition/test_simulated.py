@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from sklearn.linear_model import LinearRegression
 
-from analysis.features import log_rms
+from analysis.signals.features import log_rms
 from lab.known_truth.stone_histories import rock_of
 from lab.recognition.baselines import EVALUATED
 from lab.recognition.impulse import impulse

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from recognition.stream.law_file import load_forces
+from recognition.stone_forces.law_file import load_forces
 from recognition.stream.listen import Heard
 from recognition.stream.prior import TRIPLE, StonePrior
 from recognition.stream.speed_law import CURVE, ONE_FALL, OTHERWISE, TILT, SpeedLaws, with_speed_laws

@@ -69,9 +69,10 @@ def test_singular_points_are_left_out():
     model = Strategy(Rule(degree=2)).fit(quadratic_curves(RATIOS), RATIOS)
     curve = quadratic_curves([0.4])[0]
     curve[5:15] += 3.0
+    curve[20:23] += 1.5 * model.xi
     answer = model.recognise(curve)
     assert answer.ratio == pytest.approx(0.4, abs=1e-9)
-    assert answer.usable_share == pytest.approx(49 / 59)
+    assert answer.usable_share == pytest.approx(46 / 59)
 
 
 def test_several_roots_are_all_tried():

@@ -8,22 +8,25 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import multivariate_normal
 
-from common.plate import read_plate
+from common.scene.plate import read_plate
+from lab.known_truth.machine_noise import noise
 from lab.known_truth.simulated import draw_stones, scattered, stream_of
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.innovations.bank import FIT_LAGS, LAGS, SHAPE_STEP_M, TIME, Bank
+from recognition.innovations.coloured_noise import SensorNoise
+from recognition.innovations.retuning import retuned
+from recognition.innovations.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
+from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
-from recognition.stream.bank import FIT_LAGS, LAGS, TIME, Bank
+from recognition.stone_forces.forces import PULSE_S, History, StoneForces
+from recognition.stone_forces.law_file import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
-from recognition.stream.forces import PULSE_S, History, StoneForces
-from recognition.stream.law_file import load_forces, save_forces
+from recognition.stream.listen import Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
-from recognition.stream.retuning import retuned
-from recognition.stream.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
 from recognition.stream.stones import ratio_of
-from recognition.stream.whitening import Whitening
 
 CHANNELS = Channels((0, 1, 2, 3))
 #: Contact modulus with the steel plate, Pa, and density of coal and gangue as in scenes/paper.toml.
@@ -158,16 +161,20 @@ def test_a_record_without_silence_is_refused(heard, plate, forces, after_s):
         refused = recognise_stream(plate, CHANNELS, prior, values).refused
     except NotRecognised as error:
         refused = str(error)
-    assert "silence" in refused
+    assert "quiet" in refused
+
+
+def after_noise(stream, seconds):
+    """The record with so much of its white noise before it."""
+    deviation = stream.values[:, :round(0.04 * RATE_Hz)].std(axis=1, keepdims=True)
+    before = deviation * np.random.default_rng(3).standard_normal((len(deviation), round(seconds * RATE_Hz)))
+    return np.hstack([before, stream.values])
 
 
 def test_silence_before_the_stream_changes_nothing(heard, plate, forces):
     """Ten seconds of noise before the first stone: the same stones, none besides, and nothing is left unexplained."""
     stream, _ = heard
-    noise = stream.values[:, :round(0.04 * RATE_Hz)].std(axis=1)
-    silence = noise[:, None] * np.random.default_rng(3).standard_normal((len(noise), round(10 * RATE_Hz)))
-    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)),
-                             np.hstack([silence, stream.values]))
+    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), after_noise(stream, 10.0))
     assert len(found.stones) == len(stream.truth)
     assert np.abs(found.stones["t_s"] - 10 - stream.truth["t_s"]).max() < 50e-6
     assert found.checks.unexplained < 0.02
@@ -187,7 +194,7 @@ def test_missed_stones_widen_the_interval():
 
 def test_signature_is_the_whitened_response(plate, forces):
     """Against the plate model's own exact response to the force, low-passed and whitened as a record is."""
-    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, np.full(4, 1.0), np.full(4, 10.0))
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(np.ones(4)), np.full(4, 10.0))
     bank = Bank.of(plate, CHANNELS, forces, whitening, RATE_Hz)
     stone = np.array([30.33, np.log(42e-6), 0.0525, -0.0775, -1.2, np.log(0.7)])
     first, whole = bank.whole(stone)
@@ -203,11 +210,13 @@ def test_signature_is_the_whitened_response(plate, forces):
 
 
 def test_derivatives_of_a_signature(plate, forces):
-    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, np.full(4, 1.0), np.full(4, 10.0))
+    """By the signatures of the neighbours on the grids of times, durations and places."""
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(np.ones(4)), np.full(4, 10.0))
     bank = Bank.of(plate, CHANNELS, forces, whitening, RATE_Hz)
-    stone = np.array([30.32, np.log(DURATIONS_S[11]), 0.0531, -0.0771, 0.3, np.log(0.7)])
+    stone = np.array([30.3, np.log(DURATIONS_S[11]), 0.0525, -0.0775, 0.3, np.log(0.7)])
     rows = bank.signature(stone)[1].astype(float)
-    for k, step in enumerate([1e-2, 1e-2, 1e-4, 1e-4, 0.5, 1e-2]):
+    one_duration = np.log(DURATIONS_S[12] / DURATIONS_S[11])
+    for k, step in enumerate([1 / bank.phases, one_duration, SHAPE_STEP_M, SHAPE_STEP_M, 0.5, 1e-2]):
         up, down = (bank.signature(stone + s * step * np.eye(6)[k])[1][0].astype(float) for s in (1, -1))
         slope = (up - down) / (2 * step)
         assert np.abs(slope - rows[1 + k]).max() < 0.02 * np.abs(slope).max()
@@ -219,23 +228,81 @@ def test_innovations_of_free_ringing_are_noise(plate):
     truth = pd.DataFrame({"t_s": [0.001], "x_m": [0.05], "y_m": [0.08], "history": [0]})
     stone = elastic_stone(True, 0.025, 3.0)
     stream = stream_of(plate, CHANNELS, [stone], truth, RATE_Hz, None, rng, after_s=0.3)
-    noise = 0.1 * stream.values[:, :2000].std(axis=1)
-    values = stream.values + noise[:, None] * rng.standard_normal(stream.values.shape)
-    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, noise, stream.values.std(axis=1))
+    deviation = 0.1 * stream.values[:, :2000].std(axis=1)
+    values = stream.values + deviation[:, None] * rng.standard_normal(stream.values.shape)
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(deviation),
+                              stream.values.std(axis=1) / deviation)
     late = whitening(values)[:, 1000:]
     assert np.std(late) < 1.1
     assert np.std(whitening(values)[:, 15:60]) > 5 * np.std(late)
 
 
-def test_frequencies_from_the_ringing(plate, histories):
+def autoregression(samples, rng):
+    """Three channels that depend on their last two samples and each other, their coefficients, and the covariance of what
+    is new."""
+    coefficients = np.array([[[0.5, 0.2, 0.0], [0.0, 0.3, -0.2], [0.1, 0.0, 0.6]],
+                             [[-0.6, 0.0, 0.1], [0.1, -0.5, 0.0], [0.0, 0.2, -0.3]]])
+    root = np.array([[2.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.5, -0.5, 0.3]])
+    values = root @ rng.standard_normal((3, samples))
+    for t in range(2, samples):
+        values[:, t] += coefficients[0] @ values[:, t - 1] + coefficients[1] @ values[:, t - 2]
+    return values, coefficients, root @ root.T
+
+
+def test_noise_is_learnt_from_the_quiet():
+    """Whitening filter and spectrum of an autoregression that is known; the half that is louder is seen in either."""
+    values, coefficients, covariance = autoregression(20_000, np.random.default_rng(11))
+    learnt = SensorNoise.of(values)
+    assert learnt.change < 1.1
+    inverse = np.linalg.inv(learnt.filter[0])
+    assert inverse @ inverse.T == pytest.approx(covariance, abs=0.1)
+    assert -inverse @ learnt.filter[1:3] == pytest.approx(coefficients, abs=0.1)  # four standard errors
+    white = learnt.whitened(values)[:, 50:]
+    assert np.cov(white) == pytest.approx(np.eye(3), abs=0.05)
+    assert white[:, 1:] @ white[:, :-1].T / white.shape[1] == pytest.approx(np.zeros((3, 3)), abs=0.05)
+    f_Hz = np.array([200.0, 3000.0, 9000.0])
+    for f, found in zip(f_Hz, learnt.spectrum(f_Hz, RATE_Hz), strict=True):
+        turn = np.exp(-2j * np.pi * f / RATE_Hz)
+        transfer = np.linalg.inv(np.eye(3) - coefficients[0] * turn - coefficients[1] * turn**2)
+        exact = 2 / RATE_Hz * (transfer @ covariance @ transfer.conj().T).real
+        assert found == pytest.approx(exact, abs=0.1 * exact.max())
+    for louder in (slice(None, 10_000), slice(10_000, None)):
+        changed = values.copy()
+        changed[:, louder] *= 2.0
+        assert SensorNoise.of(changed).change == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["mixture", "drifting tones"])
+def test_stones_in_the_noise_of_a_machine(heard, plate, forces, kind):
+    """The twelve stones after a second of noise of 10 dB."""
+    stream, _ = heard
+    values, rng = after_noise(stream, 1.0), np.random.default_rng(9)
+    level = np.sqrt(0.1 * np.mean(stream.values**2, axis=1, keepdims=True))
+    values = values + level * noise(kind, values.shape, RATE_Hz, rng)
+    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), values, 1.0)
+    assert found.refused == ""
+    assert len(found.stones) == len(stream.truth)
+    assert np.abs(found.stones["t_s"] - 1.0 - stream.truth["t_s"]).max() < 50e-6
+    assert ((found.stones["gangue"] > 0.5) == stream.truth["gangue"]).all()
+
+
+@pytest.mark.parametrize("kind", ["white", "tones"])
+def test_frequencies_from_the_ringing(plate, histories, kind):
     rng = np.random.default_rng(3)
     truth = draw_stones(histories, 40, 60.0, 0.24, 0.5, rng)
     stream = stream_of(plate, CHANNELS, histories, truth, RATE_Hz, 20.0, rng)
     wrong = scattered(plate, 0.005, rng)
-    right = retuned(wrong, CHANNELS, stream.values, RATE_Hz, stream.values[:, :800].std(axis=1))
+    values, before_s = stream.values, 0.04
+    if kind != "white":  # as loud as the stones
+        values, before_s = after_noise(stream, 1.0), 1.0
+        values = values + np.std(values, axis=1, keepdims=True) * noise(kind, values.shape, RATE_Hz, rng)
+    quiet = round(before_s * RATE_Hz)
+    right = retuned(wrong, CHANNELS, values[:, quiet if kind != "white" else 0:], RATE_Hz, SensorNoise.of(values[:, :quiet]))
     kept = plate.frequency_Hz < 6000
     before, after = (np.median(np.abs(p.frequency_Hz / plate.frequency_Hz - 1)[kept]) for p in (wrong, right))
     assert after < 0.6 * before
+    damping = np.log(right.damping_ratio / plate.damping_ratio)[kept & (plate.frequency_Hz > 60)]  # was known, and is kept
+    assert abs(damping.mean()) < 4 * damping.std() / np.sqrt(len(damping))
 
 
 def test_interval_of_stones_that_tell_nothing():
@@ -304,7 +371,7 @@ def test_bad_input_of_the_command(plate, tmp_path, capsys, change, options, said
 
 @pytest.fixture(scope="module")
 def bank(plate, forces):
-    return Bank.of(plate, CHANNELS, forces, Whitening.of(plate, CHANNELS, RATE_Hz, np.full(4, 1.0), np.full(4, 10.0)),
+    return Bank.of(plate, CHANNELS, forces, Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(np.ones(4)), np.full(4, 10.0)),
                    RATE_Hz)
 
 
@@ -343,6 +410,21 @@ def test_cost_of_a_fit_is_that_of_normal_noise_and_prior(bank, forces, temper):
     size = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
     assert np.abs(found.curvature - expected).max() <= 0.03 * size.max()
     assert np.abs((found.curvature - expected) / size).max() < 0.03
+
+
+def test_a_stone_in_three_times_the_noise_is_known_a_third_as_well(bank, forces):
+    """The fit to it takes the misfit as noise, against one that takes the noise for that of the sensors."""
+    prior, rng = StonePrior(forces, (0.02, 0.03), (2.0, 4.0)), np.random.default_rng(7)
+    stone = np.array([[40.3, prior.typical[0], 0.05, -0.07, 0.4, prior.typical[2]]])
+    first, rows = bank.signature(stone[0])
+    values = 3 * rng.standard_normal((4, 120))
+    values[:, first:first + FIT_LAGS] += rows[0].reshape(FIT_LAGS, 4).T
+    window = Window(bank, prior, values, 0)
+    fit = window.fit(stone)
+    heard = Listener(bank, prior, None)._judged(window, fit)[1]
+    too_sure = np.linalg.inv(fit.curvature)[TIME, TIME]
+    assert heard.misfit == pytest.approx(9, rel=0.2)
+    assert heard.covariance[TIME, TIME] == pytest.approx(9 * too_sure, rel=0.25)
 
 
 def test_evidence_of_a_material_is_the_overlap_of_its_law_with_the_likelihood(forces):

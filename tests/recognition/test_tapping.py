@@ -42,10 +42,12 @@ def errors(found, truth):
 
 @pytest.mark.parametrize("force_known", [True, False])
 def test_modes_are_found(start, truth, force_known):
-    rng = np.random.default_rng(7)
-    taps = hammer_taps(truth, PLACES, rng, rate_Hz=8e3, force_known=force_known)
+    rng, loud = np.random.default_rng(7), truth.sensor_shape * [[1.0], [1.08], [1.0], [1.0]]
+    taps = hammer_taps(replace(truth, sensor_shape=loud), PLACES, rng, rate_Hz=8e3, force_known=force_known)
     found = learnt(fit_plate(start, taps))
     frequency, over_sd, damping = errors(found, truth)
+    shape = np.abs(found.plate.sensor_shape[1, 3:8]) @ np.abs(truth.sensor_shape[1, 3:8])
+    assert shape / np.sum(truth.sensor_shape[1, 3:8] ** 2) == pytest.approx(1.08, abs=0.04)  # its gain
     assert found.identified[3:8].all()  # all below 1200 Hz but those of the next line
     assert not found.identified[:3].any()  # sway and yaw, which no tap on the top excites
     assert abs(frequency).max() < 2e-3 and abs(damping).max() < 0.2
@@ -96,6 +98,43 @@ def test_command_writes_the_plate(truth, tmp_path, capsys):
     plate = PlateModel.load(tmp_path / "plate.json")
     assert np.min(abs(plate.frequency_Hz[:, None] / truth.frequency_Hz[3:8] - 1), axis=0).max() < 2e-3
     assert "not identified" in capsys.readouterr().out
+
+
+def frequency_responses(plate, place, frequency_Hz):
+    """Acceleration upwards at each sensor over a force downwards, as the sum of the modes."""
+    w, natural = 2 * np.pi * frequency_Hz[:, None], 2 * np.pi * plate.frequency_Hz
+    with np.errstate(invalid="ignore"):
+        share = w**2 / (natural**2 - w**2 + 2j * plate.damping_ratio * natural * w)
+    share[0] = np.where(natural == 0, -1.0, 0.0)
+    return (share * plate.shape(*place[:, None])[0]) @ plate.sensor_shape.T
+
+
+def test_frequency_responses_in_and_modes_out(truth, tmp_path):
+    """Those of an analyser, in g over N, teach the plate as taps do, and its modes are read by other programs."""
+    pyuff = pytest.importorskip("pyuff")
+    frequency_Hz, lines = np.arange(6001) / 1.5, ["unit = 'g'\n"]
+    for k, place in enumerate(PLACES):
+        for name, response in zip(truth.sensor_names, frequency_responses(truth, place, frequency_Hz).T, strict=True):
+            one = pyuff.prepare_58(
+                binary=1, func_type=4, rsp_node=1, rsp_dir=3, ref_node=2, ref_dir=-3, data=response / 9.80665,
+                x=frequency_Hz, id1=name, rsp_ent_name="N", ref_ent_name="N", abscissa_spacing=1, ord_data_type=6,
+                num_pts=6001, abscissa_min=0.0, abscissa_inc=1 / 1.5, ordinate_axis_units_lab="g",
+                orddenom_axis_units_lab="N", abscissa_axis_units_lab="Hz", abscissa_spec_data_type=18,
+                ordinate_spec_data_type=12, orddenom_spec_data_type=13, z_axis_spec_data_type=0)
+            pyuff.UFF(str(tmp_path / f"tap{k}.uff")).write_sets(one, "add")
+        lines.append(f"[[taps]]\nrecord = 'tap{k}.uff'\nx_m = {place[0]}\ny_m = {place[1]}\n")
+    (tmp_path / "taps.toml").write_text("".join(lines))
+    words = ["tap", str(SCENE), str(tmp_path / "taps.toml"), "--out", str(tmp_path / "plate.json"),
+             "--max-frequency", "1200", "--uff", str(tmp_path / "modes.uff")]
+    assert main(words) == 0 and main(words) == 0
+    plate = PlateModel.load(tmp_path / "plate.json")
+    found = abs(plate.frequency_Hz[:, None] / truth.frequency_Hz[3:8] - 1).min(axis=0)
+    assert found.max() < 1e-3, found
+    nodes, *modes = [one for one in pyuff.UFF(str(tmp_path / "modes.uff")).read_sets() if one["type"] in (15, 55)]
+    assert [one["freq"] for one in modes] == pytest.approx(plate.frequency_Hz, rel=1e-5)
+    assert [one["modal_damp_vis"] for one in modes] == pytest.approx(plate.damping_ratio, rel=1e-5)
+    shapes = np.transpose([one["r3"] for one in modes])
+    np.testing.assert_allclose(shapes, plate.shape(nodes["x"], nodes["y"]), atol=1e-4 * abs(shapes).max())
 
 
 def test_swapped_sensors_are_refused(truth, tmp_path, capsys):

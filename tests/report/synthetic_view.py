@@ -4,7 +4,8 @@ swings, all by closed forms."""
 import meshio
 import numpy as np
 
-from analysis import breakage, read_run
+from analysis import read_run
+from analysis.sweep import breakage
 
 T_S = np.concatenate([np.arange(61) * 2e-5, np.arange(1, 21) * 2e-3])  # dense in the impact, then to 40 ms
 NODES = 13

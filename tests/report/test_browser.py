@@ -13,7 +13,7 @@ import pytest
 
 import report.page
 from analysis import read_run
-from analysis.breakage import broken_bonds, damage, fragment_shares
+from analysis.sweep.breakage import broken_bonds, damage, fragment_shares
 from report.page import write_report
 from tests.analysis.synthetic import write_sweep
 from tests.report.synthetic_view import T_S, centre_m, write_view

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from report.__main__ import main
-from report.compare import compare
+from report.comparison.compare import compare
 from tests.analysis.synthetic import write_run, write_sweep
 
 

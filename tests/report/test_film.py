@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis import read_run
-from dem.run.vtk_file import Mesh, VtuWriter
+from dem.record.vtk_file import Mesh, VtuWriter
 from report.drawing.lines import envelope
 from report.film.packing import OUTSIDE, pack_moving, quantised
 from report.film.pictures import EARLY, IMPACT, WHOLE, Instant, choose, instants, read_film

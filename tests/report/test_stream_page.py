@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import RecordError, breakage, read_run
-from analysis.stream import fallen, is_stream, true_ratio
-from common.parquet import write_parquet
-from common.scene import changed_scene
+from analysis import RecordError, read_run
+from analysis.sweep import breakage
+from analysis.sweep.stream import fallen, is_stream, true_ratio
+from common.files.parquet import write_parquet
+from common.scene.scene import changed_scene
 from dem.run.prepare import prepare
 from dem.run.run import run_scene
 from recognition.stream.stones import COLUMNS

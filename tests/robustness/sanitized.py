@@ -5,7 +5,7 @@ from contextlib import suppress
 
 import pytest
 
-from common.scene import changed_scene
+from common.scene.scene import changed_scene
 from dem.coupling.launch import ENGINE
 from dem.run.errors import Stopped
 from dem.run.run import resume, run_scene

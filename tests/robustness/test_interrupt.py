@@ -53,7 +53,7 @@ def test_no_traceback_while_a_program_starts(tmp_path, name):
 
 SLOW_TO_END = """
 import os, time
-from common.command import listen_for_interrupt
+from common.process.command import listen_for_interrupt
 class Last:
     def __del__(self, write=os.write, sleep=time.sleep):  # when Python forgets its modules
         write(1, b"going")

@@ -12,13 +12,15 @@ import dem.run.run
 import plate_fem.__main__
 import recognition.__main__
 import report.__main__
-from common.output_directory import (
+from common.files.output_directory import (
     Busy,
     at_work_in,
     hash_of,
+    is_stamped,
     locked,
     refuse_replacing,
     remove_written,
+    stamped,
     write_contents,
 )
 from common.tables import InputError
@@ -348,10 +350,26 @@ def test_two_commands_do_not_work_in_one_directory(commands, tmp_path, capsys):
 
 def test_a_report_is_written_over_a_report_only(tmp_path):
     sweep = write_sweep(tmp_path / "sweep", ratios=(0.0,))
-    (sweep / "claims.csv").write_text("mine")
-    with pytest.raises(InputError, match="claims.csv"):
-        write_report(sweep)
-    assert (sweep / "claims.csv").read_text() == "mine" and not (sweep / "report.html").exists()
+    head = "claim,where,verdict,value,expected\n"
+    for mine in ("mine", head, stamped(head, "# {}").replace("where", "where?")):
+        (sweep / "claims.csv").write_text(mine)
+        with pytest.raises(InputError, match="claims.csv"):
+            write_report(sweep)
+        assert (sweep / "claims.csv").read_text() == mine and not (sweep / "report.html").exists()
+    (sweep / "claims.csv").write_text(stamped(head, "# {}"))
+    write_report(sweep)
+    write_report(sweep)
+    assert is_stamped((sweep / "claims.csv").read_bytes())
+
+
+@pytest.mark.parametrize(("command", "name", "head"), [
+    (["calibrate", "coal", "--scene", "scenes/paper.toml", "--out"], "coal_tests.csv", "stage,test,seed\n"),
+    (["evaluate"], "evaluation.csv", "method,held_out,noise_db\n")])
+def test_a_table_with_notes_in_it_is_not_replaced(tmp_path, capsys, command, name, head):
+    (tmp_path / name).write_text(stamped(head, "# {}") + "my note\n")
+    program = recognition.__main__.main if command == ["evaluate"] else main
+    assert program([*command, str(tmp_path)]) == 2
+    assert f"{name}: is there, and this program did not write it, or it was changed since" in capsys.readouterr().err
 
 
 def test_damage_within_a_table_is_refused(tmp_path):
@@ -359,8 +377,8 @@ def test_damage_within_a_table_is_refused(tmp_path):
     import numpy as np
 
     from analysis import RecordError
-    from analysis.readers import read_table
-    from common.parquet import write_parquet
+    from analysis.files.readers import read_table
+    from common.files.parquet import write_parquet
 
     table = pd.DataFrame({"t_s": np.arange(200) * 1e-3, "a_m_s2": np.random.default_rng(1).normal(size=200)})
     file = tmp_path / "signals.parquet"

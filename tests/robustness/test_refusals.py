@@ -16,13 +16,13 @@ import plate_fem.__main__
 import recognition.__main__
 import report.__main__
 from analysis import RecordError, read_run
-from analysis.breakage import read_network
-from common.scene import changed_scene
+from analysis.sweep.breakage import read_network
+from common.scene.scene import changed_scene
 from common.tables import InputError, Refused
 from dem.__main__ import main
 from dem.deck.plausible import warnings_of
 from dem.stones.arrangement import stones_of
-from plate_fem.mesh import default_mesh_size, mesh_lines
+from plate_fem.elements.mesh import default_mesh_size, mesh_lines
 from recognition.plate.plate_model import PlateModel
 from report.film.pictures import instants
 from report.film.vtu_file import read_arrays
@@ -165,7 +165,8 @@ def test_a_record_with_times_in_ms_is_refused(tmp_path):
 @pytest.mark.parametrize("fault", ['RuntimeError("can\'t start new thread")', "MemoryError()",
                                    'ImportError("x.so: failed to map segment from shared object")'])
 def test_too_little_memory_for_a_thread_or_a_library(fault):
-    done = subprocess.run([sys.executable, "-c", f"from common.command import run_command\ndef fails(): raise {fault}\n"
+    done = subprocess.run([sys.executable, "-c", "from common.process.command import run_command\n"
+                           f"def fails(): raise {fault}\n"
                            "raise SystemExit(run_command('dem', fails))"], cwd=ROOT, capture_output=True, text=True,
                           check=False)
     assert done.returncode == 1 and done.stderr.count("\n") == 1 and "not enough memory" in done.stderr

@@ -13,8 +13,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import dem.deck.render
-from common.cache import user_cache
-from common.scene import changed_scene, read_scene
+from common.files.cache import user_cache
+from common.scene.scene import changed_scene, read_scene
 from dem.coupling import launch
 from dem.coupling.launch import engine_running
 from dem.run.errors import Stopped
@@ -94,7 +94,8 @@ def test_stopped_at_twenty_checkpoints(tmp_path, monkeypatch, name, ratio, pictu
 def test_two_ranks_stop_at_a_checkpoint_and_go_on(tmp_path):
     """Asked before they listen."""
     scene = changed_scene(ROOT / "tests" / "single.toml", {
-        "engine.np": 2, "plate.max_frequency_Hz": 500.0, "stones.agglomerate": {"subspheres": 60}, "output": None,
+        "engine.np": 2, "plate.max_frequency_Hz": 500.0, "output": None,
+        "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres"},
         "time.duration_s": 6e-4, "time.sample_interval_s": 3e-5})
     prepared = prepare(scene, "scene", user_cache())
     run_prepared(prepared, tmp_path / "whole")

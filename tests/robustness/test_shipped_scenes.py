@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from common.scene import read_scene
+from common.scene.scene import read_scene
 from tests.robustness.small import SCENES, run
 
 NAMES = sorted(file.stem for file in SCENES.glob("*.toml") if "stones" in tomllib.loads(file.read_text()))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from common.scene import changed_scene
+from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 from tests.robustness.small import SCENES, below
 

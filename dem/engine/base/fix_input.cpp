@@ -94,6 +94,7 @@ double FixInput::checked(const std::string &what, double value, Allowed allowed)
 }
 
 void FixInput::refuse(const std::string &why) const {
+  if (!style_.empty()) fix_->style = const_cast<char *>(style_.c_str());  // the engine ends here
   lmp_->error->fix_error(FLERR, fix_, why.c_str());
   std::abort();  // not reached
 }

@@ -17,7 +17,8 @@ enum class Allowed { ANY, FROM_0, ABOVE_0 };  // of a number; none of them allow
 // allowed. All ranks find the same and call together.
 class FixInput {
  public:
-  FixInput(LAMMPS *lmp, Fix *fix) : lmp_(lmp), fix_(fix) {}
+  // `style`: by which errors name the fix, where it has that of a stock fix it derives from.
+  FixInput(LAMMPS *lmp, Fix *fix, std::string style = "") : lmp_(lmp), fix_(fix), style_(std::move(style)) {}
 
   FixInput &text(const std::string &key, std::string &value);
   FixInput &whole(const std::string &key, int &value, int least);
@@ -44,6 +45,7 @@ class FixInput {
   };
   LAMMPS *lmp_;
   Fix *fix_;
+  std::string style_;
   std::vector<Keyword> keywords_;
 };
 

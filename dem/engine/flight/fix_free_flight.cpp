@@ -55,7 +55,11 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   update->integrate = new VerletFreeFlight(lmp);
 }
 
-int FixFreeFlight::setmask() { return INITIAL_INTEGRATE | PRE_NEIGHBOR | FINAL_INTEGRATE | END_OF_STEP; }
+int FixFreeFlight::setmask() { return INITIAL_INTEGRATE | PRE_EXCHANGE | PRE_NEIGHBOR | FINAL_INTEGRATE | END_OF_STEP; }
+
+void FixFreeFlight::pre_exchange() {
+  if (stream_) stream_->let_enter(*this);
+}
 
 void FixFreeFlight::init() {
   const FixInput input(lmp, this);

@@ -35,6 +35,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void init() override;
   void setup(int) override;
   void initial_integrate(int) override { held_->move(); }
+  void pre_exchange() override;
   void pre_neighbor() override { held_->find(); }
   void final_integrate() override;
   void end_of_step() override;

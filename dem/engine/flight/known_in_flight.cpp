@@ -14,20 +14,14 @@
 #include "pair_gran.h"
 #include "interfaces/stone_stream.h"
 #include "base/vec.h"
+#include "base/weight.h"
 
 namespace LAMMPS_NS {
 
 namespace {
 
-const double SAME_WEIGHT = 1e-6;  // of it
-
 // Of LIGGGHTS: these keep or show something, and push nothing.
 const std::set<std::string> HARMLESS = {"property/global", "property/atom", "contacthistory", "print", "ave/time"};
-
-// Looks at what fix gravity keeps to itself.
-struct Gravity : FixGravity {
-  static bool is_constant(FixGravity *gravity) { return gravity->*(&Gravity::varflag) == 0; }
-};
 
 std::string name(const Fix *fix) { return std::string("fix ") + fix->id + " of style " + fix->style; }
 
@@ -73,16 +67,6 @@ void refuse_other_contacts(const FixInput &input, LAMMPS *lmp) {
 }
 
 }  // namespace
-
-void refuse_other_weight(const FixInput &input, const Modify *modify, const Vec &weight) {
-  Vec found;
-  if (auto *gravity = fix_that_is<FixGravity>(modify)) {
-    if (!Gravity::is_constant(gravity)) input.refuse(name(gravity) + " varies; free flight knows constant gravity");
-    gravity->get_gravity(&found.x);
-  }
-  if (!(norm(found - weight) <= SAME_WEIGHT * norm(weight)))
-    input.refuse("gravity and down must be those of the deck's fix gravity, which is none where there is no such fix");
-}
 
 void refuse_what_free_flight_does_not_know(LAMMPS *lmp, Fix *free_flight, int unheld, const Vec &weight) {
   const FixInput input(lmp, free_flight);

@@ -3,9 +3,7 @@
 namespace LAMMPS_NS {
 
 class Fix;
-class FixInput;
 class LAMMPS;
-class Modify;
 struct Vec;
 
 // A body in free flight is in none of LIGGGHTS's arrays, so no fix, wall or contact acts on it. Fix free_flight does for
@@ -13,7 +11,5 @@ struct Vec;
 // At `init` this refuses by name all else that a deck has and that might act on a body. `unheld` is the bit of the group
 // on which integrator and weight must act, `weight` what free flight takes for it, m/s^2.
 void refuse_what_free_flight_does_not_know(LAMMPS *lmp, Fix *free_flight, int unheld, const Vec &weight);
-// Refuses a weight (m/s^2) other than that which fix gravity gives the sub-spheres in the arrays.
-void refuse_other_weight(const FixInput &, const Modify *, const Vec &weight);
 
 }  // namespace LAMMPS_NS

@@ -43,6 +43,8 @@ class StoneStream {
   virtual const std::vector<int> &near() const = 0;  // agglomerates that are there, ascending
   virtual int tags_near() const = 0;                 // sub-spheres that are there, those in free flight as well
   virtual bigint next_entry() const = 0;             // step at which the next stone enters, after the present one
+  // Those that are due enter, where neither the arrays nor what flies are in the way; before neighbour lists are built.
+  virtual void let_enter(const class FlyingSpheres &flying) = 0;
   virtual void take_out(const LeftBody &) = 0;       // it is in the arrays no more
   virtual std::vector<int> close_finished() = 0;     // stones that have gone, and are near no more from now on
   virtual double entered_kinetic_J() const = 0;      // of all that entered so far

@@ -50,6 +50,7 @@ Bond bond_of_row(const FixInput &input, const double *row, int id, const std::ve
   b.tensile_force = strength_factor * m.tensile_strength * b.area;
   b.shear_force = strength_factor * m.shear_strength * b.area;
   b.tan_friction = m.tan_friction;
+  b.fracture_energy = strength_factor * strength_factor * m.fracture_energy;  // the energy that it can hold does likewise
   b.material = &m;
   return b;
 }

@@ -42,6 +42,7 @@ struct Bond {
   double tensile_force;       // strength x area, N
   double shear_force;         // strength x area, N
   double tan_friction;
+  double fracture_energy;     // J per m^2 of its section; the material's times the strength factor squared
   const BondMaterial *material;
 };
 

@@ -25,7 +25,7 @@ void BondSoftening::enter(const std::vector<Bond> &bonds) {
 double BondSoftening::yield(const Bond &bond, double loading, double energy) {
   State &state = bonds_[bond.id];
   if (loading <= 1) return 1;  // the kernel rounded otherwise
-  if (state.end == 0) state.end = bond.material->fracture_energy * bond.area * loading * loading / energy;
+  if (state.end == 0) state.end = bond.fracture_energy * bond.area * loading * loading / energy;
   const double before = state.left(), reached = loading * state.reached;
   if (reached >= state.end) return 0;
   state.reached = reached;

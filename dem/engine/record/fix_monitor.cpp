@@ -95,7 +95,7 @@ void FixMonitor::check_energy() {
     char text[256];
     std::snprintf(text, sizeof text,
                   "at step %lld the %s %.3g J that nothing accounts for; the limit of energy is 1 %% of what impact "
-                  "and fall supply, %.3g J: the time step is too long",
+                  "and fall supply, %.3g J: if half the time step gives less, the step is too long; if not, a law is wrong there",
                   sum.step, part.of, part.from_nothing_J, limit);
     error->all(FLERR, text);
   }

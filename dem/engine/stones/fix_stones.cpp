@@ -11,11 +11,10 @@
 #include "error.h"
 #include "base/fix_input.h"
 #include "base/fixes.h"
-#include "flight/known_in_flight.h"
+#include "base/weight.h"
 #include "update.h"
 
 using namespace LAMMPS_NS;
-using namespace FixConst;
 
 namespace {
 const bigint NEVER = 1000000000000000;  // steps
@@ -55,14 +54,14 @@ FixStones::FixStones(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   if (std::ftell(left_) == 0)
     std::fputs("step,agglomerate,subspheres,mass_kg,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,kinetic_J,elastic_J\n", left_);
   make_room_for_tags();
-  enter_until(update->ntimestep, 0);
+  enter_until(update->ntimestep, 0, nullptr);
 }
 
 FixStones::~FixStones() {
   if (left_) std::fclose(left_);
 }
 
-int FixStones::setmask() { return PRE_EXCHANGE; }
+int FixStones::setmask() { return 0; }
 
 // LIGGGHTS makes its map for the largest tag that there is, and its list of equal tags, which it clears before it makes
 // it larger, for as many sub-spheres as there are with ghosts.
@@ -91,29 +90,29 @@ bigint FixStones::next_entry() const {
   return waiting_.empty() ? entry : std::min(entry, (update->ntimestep / TRY_STEPS + 1) * TRY_STEPS);
 }
 
-void FixStones::pre_exchange() {
+void FixStones::let_enter(const FlyingSpheres &flying) {
   forget();
-  enter_until(update->ntimestep, 0.5 * update->dt);
+  enter_until(update->ntimestep, 0.5 * update->dt, &flying);
 }
 
-void FixStones::enter_until(bigint step, double half_step) {
+void FixStones::enter_until(bigint step, double half_step, const FlyingSpheres *flying) {
   bool tries = step % TRY_STEPS == 0;
   for (; due_ < order_.size() && file_->entry(order_[due_]) <= step; due_++, tries = true)
     waiting_.push_back(file_->read(order_[due_]));
-  if (tries) enter_waiting(half_step);
+  if (tries) enter_waiting(half_step, flying);
   next_reneighbor = next_entry() < NEVER ? next_entry() : -1;
 }
 
 // Each by itself, in the order of their steps.
-void FixStones::enter_waiting(double half_step) {
+void FixStones::enter_waiting(double half_step, const FlyingSpheres *flying) {
   std::vector<EnteringStone> left;
   for (EnteringStone &stone : waiting_)
-    if (is_free(stone)) enter(stone, half_step);
+    if (is_free(stone, flying)) enter(stone, half_step);
     else left.push_back(std::move(stone));
   waiting_ = std::move(left);
 }
 
-bool FixStones::is_free(const EnteringStone &stone) const {
+bool FixStones::is_free(const EnteringStone &stone, const FlyingSpheres *flying) const {
   const int count = stone.count();
   auto place = [&](int k) { return Vec(&stone.atoms[k * EnteringStone::ATOM_COLUMNS + 3]); };
   Vec center;
@@ -127,7 +126,7 @@ bool FixStones::is_free(const EnteringStone &stone) const {
     for (int k = 0; is_free && k < count; k++) is_free = norm(Vec(x) - place(k)) > range;
   };
   for (int i = 0; i < atom->nlocal; i++) see(atom->tag[i], atom->x[i], atom->v[i]);
-  if (const auto *flying = fix_that_is<FlyingSpheres>(modify)) flying->each_in_flight_near(center, reach, see);
+  if (flying) flying->each_in_flight_near(center, reach, see);
   return is_free;
 }
 

@@ -30,7 +30,6 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   ~FixStones() override;
   int setmask() override;
   void init() override;
-  void pre_exchange() override;
   void post_run() override;
   double max_rad(int type) override { return file_->greatest_radius(type); }
   double min_rad(int type) override { return type <= file_->types() ? file_->least_radius() : 0; }
@@ -43,6 +42,7 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   const std::vector<int> &near() const override { return near_; }
   int tags_near() const override { return tags_near_; }
   bigint next_entry() const override;
+  void let_enter(const FlyingSpheres &) override;
   void take_out(const LeftBody &) override;
   std::vector<int> close_finished() override;
   double entered_kinetic_J() const override { return entered_kinetic_; }
@@ -71,10 +71,10 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   FILE *left_ = nullptr;
 
   void make_room_for_tags();
-  void enter_until(bigint step, double half_step);
-  void enter_waiting(double half_step);
+  void enter_until(bigint step, double half_step, const FlyingSpheres *);
+  void enter_waiting(double half_step, const FlyingSpheres *);
   void enter(const EnteringStone &, double half_step);
-  bool is_free(const EnteringStone &) const;
+  bool is_free(const EnteringStone &, const FlyingSpheres *) const;
   void add_atom(const EnteringStone &, int k, double half_step);
   void forget();
 };

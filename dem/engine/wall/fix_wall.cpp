@@ -37,13 +37,14 @@ std::vector<char *> &arguments_of_stock_wall(int narg, char **arg, int contact) 
 
 FixWall::FixWall(LAMMPS *lmp, int narg, char **arg)
     : FixWallGran(lmp, arguments_of_stock_wall(narg, arg, position_of_contact(narg, arg)).size(),
-                  arguments_of_stock_wall(narg, arg, position_of_contact(narg, arg)).data()) {
+                  arguments_of_stock_wall(narg, arg, position_of_contact(narg, arg)).data()),
+      own_style_(arg[2]) {
   nevery = 1;
   // The law is asked for each sub-sphere as if the wall were at z = 0.
   const std::vector<std::string> words(arg + position_of_contact(narg, arg), arg + narg);
   auto at = std::find(words.begin(), words.end(), "zplane");
   if (at == words.end() || ++at == words.end() || std::atof(at->c_str()) != 0)
-    FixInput(lmp, this).refuse("needs `contact` and then what wall/gran takes, with `zplane 0`");
+    input().refuse("needs `contact` and then what wall/gran takes, with `zplane 0`");
 }
 
 void FixWall::read_agglomerates(const std::string &file) {
@@ -56,7 +57,7 @@ void FixWall::read_agglomerates(const std::string &file) {
 int FixWall::setmask() { return FixWallGran::setmask() | POST_INTEGRATE | END_OF_STEP; }
 
 void FixWall::init() {
-  if (!contact_match("normal", "hertz")) FixInput(lmp, this).refuse("knows `contact model hertz` only");
+  if (!contact_match("normal", "hertz")) input().refuse("knows `contact model hertz` only");
   FixWallGran::init();
   agglomerates_->init();
 }

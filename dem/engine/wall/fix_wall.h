@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "base/fix_input.h"
 #include "interfaces/agglomerates.h"
 #include "interfaces/checkpointed.h"
 #include "interfaces/energy_holder.h"
@@ -28,8 +29,10 @@ class FixWall : public FixWallGran, public Checkpointed, public EnergyHolder, pu
  protected:
   std::unique_ptr<Agglomerates> agglomerates_;
   std::vector<NearSphere> near_;
+  std::string own_style_;
   std::vector<double> work_on_stone_;  // of the wall so far, by agglomerate, J
 
+  FixInput input() { return FixInput(lmp, this, own_style_); }
   static int position_of_contact(int narg, char **arg);
   void read_agglomerates(const std::string &file);
   void pre_force(int) override;

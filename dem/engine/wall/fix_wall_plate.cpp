@@ -32,7 +32,7 @@ struct FixWallPlate::Options {
 
 FixWallPlate::Options FixWallPlate::read_options(int narg, char **arg) {
   Options o;
-  FixInput input(lmp, this);
+  FixInput input = FixWall::input();
   input.text("agglomerates", o.agglomerates)
       .text("forces", o.forces)
       .numbers("extent", extent_, 4, Allowed::ANY)

@@ -21,7 +21,7 @@ using namespace LAMMPS_NS;
 std::string FixWallSide::read_options(int narg, char **arg) {
   std::string agglomerates, forces;
   double at[6];
-  FixInput(lmp, this)
+  input()
       .text("agglomerates", agglomerates)
       .text("forces", forces)
       .whole("every", every_, 1)
@@ -30,7 +30,7 @@ std::string FixWallSide::read_options(int narg, char **arg) {
   box_ = {Vec(at[0], at[2], at[4]), Vec(at[1], at[3], at[5])};
   const Vec size = box_.high - box_.low;
   if (std::min({size.x, size.y, size.z}) != 0 || (size.x == 0) + (size.y == 0) + (size.z == 0) != 1)
-    FixInput(lmp, this).refuse("needs a box that is flat along one axis");
+    input().refuse("needs a box that is flat along one axis");
   if (comm->me == 0 && !(forces_ = std::fopen(forces.c_str(), "ab"))) error->one(FLERR, ("cannot write " + forces).c_str());
   return agglomerates;
 }

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from common.scene import read_scene
+from common.scene.scene import read_scene
 from lab.known_truth.stone_histories import rock_of
 from recognition.evaluation.dataset import read_dataset
 

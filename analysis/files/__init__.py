@@ -1,0 +1,1 @@
+"""Readers of records from files of other programs and of runs."""

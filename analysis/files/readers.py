@@ -1,0 +1,278 @@
+"""Signals from a file: run directories, tables, sound files, UFF-58, HDF5, MATLAB and LabVIEW."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analysis.files.array_files import Arrays, read_hdf5, read_matlab
+from analysis.files.labview_files import read_lvm, read_tdms
+from analysis.files.sound_files import read_flac, read_wav
+from analysis.files.text_tables import name_and_unit, plain_unit, read_plain_table, read_text_table
+from analysis.files.uff_files import read_uff
+from analysis.signals.frequency_responses import OF_A_TABLE, as_tap, impulse_response
+from analysis.signals.records import Record, RecordError, chosen, sample_rate_Hz
+from common.files.parquet import read_numbers, read_parquet
+from common.input_error import InputError, refuse_unreadable
+from common.process.processes import Crashed, apart
+from common.units import unit_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_BYTES = 4e9
+SHORT_BYTES = 3e6  # of a table that is read sooner than pandas is imported
+TABLES = (".parquet", ".csv", ".txt")
+CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read_uff}
+ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5}
+LABVIEW = {".lvm": read_lvm, ".tdms": read_tdms}
+ENDINGS = (*TABLES, *CHANNELS, *ARRAYS, *LABVIEW)
+TIME_COLUMNS = ("t_s", "time_s", "time", "t")
+# What such a column is called elsewhere, without the unit that follows in brackets.
+TIME_WORDS = ("t", "time", "time_s", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
+
+
+def read_record(
+    path: str | Path,
+    *,
+    column: str | None = None,
+    rate_Hz: float | None = None,
+    scale: float = 1.0,
+    unit: str | None = None,
+    time: str | None = None,
+) -> Record:
+    """Read one signal from a run directory, or from a file with one of ENDINGS.
+
+    column: name of the signal, with or without the unit in brackets behind it, or its number from 0 where it has none
+    (in a text table without names, a WAV, FLAC or UFF file). Without it the signal is `a_m_s2` where there is one, else
+    the only one.
+    time: name of the column of times; without it the one that is called so in one of several languages, in s or in the
+    unit in brackets behind its name. rate_Hz: needed where the file has neither a rate nor times.
+    scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples.
+    Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
+
+    >>> record = read_record("runs/paper/ratio_030", column="acc_A_m_s2", scale=1000.0, unit="mm/s^2")
+    >>> record.values.size, record.unit
+    (267, 'mm/s^2')
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "signals.parquet"
+    _refuse_unreadable(path)
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file; needs a run directory or one of {', '.join(ENDINGS)}")
+    ending = path.suffix.lower()
+    if ending in TABLES:
+        record = _from_table(_plain_table(path) or _columns(read_table(path)), str(path), column, time, rate_Hz)
+    elif ending in (*ARRAYS, *LABVIEW):
+        record = _from_arrays(_arrays(path), str(path), column, time, rate_Hz)
+    elif ending in CHANNELS:
+        record = chosen(path, column, CHANNELS[ending](path))
+        _check_rate(record.name, rate_Hz, record.rate_Hz, "the file")
+    else:
+        raise RecordError(f"{path}: ending {path.suffix!r}; needs one of {', '.join(ENDINGS)}")
+    if not (np.isfinite(scale) and scale != 0):
+        raise RecordError(f"{path}: scale = {scale}; must be finite and not 0")
+    return replace(record, values=scale * record.values, unit=unit or record.unit)
+
+
+def read_signals(path: str | Path) -> pd.DataFrame:
+    """Return all signals of a run directory or a file as a table with the times `t_s`, `NAME [unit]` being called what
+    no ending says. Frequency responses become a tap of 1 N s, `force_N`. Raises RecordError where signals do not share
+    rate and length."""
+    import pandas as pd
+
+    path = Path(path) / "signals.parquet" if Path(path).is_dir() else Path(path)
+    ending = path.suffix.lower()
+    if ending not in (*CHANNELS, *ARRAYS, *LABVIEW):
+        table = read_table(path)
+        time = _time_of(list(map(str, table.columns)), str(path), None)
+        if time in (None, "t_s"):
+            return table
+        return table.assign(t_s=_seconds(time, _numbers(table[time]), str(path))).drop(columns=time)
+    _refuse_unreadable(path)
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file")
+    if ending in CHANNELS:
+        records = {name: read() for name, read in CHANNELS[ending](path).items()}
+    else:
+        arrays = _arrays(path)
+        records = {name: _from_arrays(arrays, str(path), name, None, None) for name in arrays.signals
+                   if not _says_time(_last(name))}
+    if len({(record.values.size, record.rate_Hz) for record in records.values()}) != 1:
+        names = ", ".join(list(records)[:12])
+        raise RecordError(f"{path}: needs signals of one rate and one length; has {names or 'none'}")
+    records = as_tap(records)
+    t_s = next(iter(records.values())).t_s
+    signals = {_with_unit(_last(name), record.unit): record.values for name, record in records.items()}
+    return pd.DataFrame({"t_s": t_s, **signals})
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return name if unit_of(name) == unit else f"{name} [{unit}]"
+
+
+def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Return a Parquet or text table (`analysis.files.text_tables`); columns of a text without names are "0", "1", ...
+
+    columns: those wanted of a Parquet table, which takes as many times less to read; all if None.
+    Raises RecordError if it cannot be read, lacks one of them, or if a column appears twice.
+    """
+    from pyarrow import ArrowException
+
+    path = Path(path)
+    _refuse_unreadable(path)
+    try:
+        table = read_parquet(path, columns) if path.suffix.lower() == ".parquet" else read_text_table(path)
+    except FileNotFoundError:
+        raise RecordError(f"{path}: no such file") from None
+    except RecordError:
+        raise
+    except (OSError, ValueError, ArrowException) as error:
+        reason = " ".join(str(error).split())
+        raise RecordError(f"{path}: not a readable {path.suffix[1:]} table ({reason})") from None
+    table = table.rename(columns=lambda name: str(name).strip())
+    if not table.columns.is_unique:
+        raise RecordError(f"{path}: column {table.columns[table.columns.duplicated()][0]!r} appears twice")
+    return table
+
+
+def _columns(table: pd.DataFrame) -> dict[str, Any]:
+    return {str(name): table[name] for name in table.columns}
+
+
+def _plain_table(path: Path) -> dict[str, np.ndarray]:
+    """Return the columns of a short table of numbers; nothing of any other, which `read_table` reads or refuses."""
+    if path.stat().st_size > SHORT_BYTES:
+        return {}
+    try:
+        found = (read_numbers if path.suffix.lower() == ".parquet" else read_plain_table)(path)
+    except (OSError, ValueError):
+        return {}
+    names = [name.strip() for name in found]
+    return dict(zip(names, found.values(), strict=True)) if len(set(names)) == len(names) else {}
+
+
+def _arrays(path: Path) -> Arrays:
+    """MATLAB and HDF5 files are read in a process of their own: a damaged one can crash scipy, or HDF5's library."""
+    if path.suffix.lower() in LABVIEW:
+        return LABVIEW[path.suffix.lower()](path)
+    try:
+        return apart(lambda: ARRAYS[path.suffix.lower()](path))
+    except Crashed:
+        raise RecordError(f"{path}: not a readable {path.suffix[1:]} file (its library crashes on it)") from None
+
+
+def _refuse_unreadable(path: Path) -> None:
+    try:
+        refuse_unreadable(path, MOST_BYTES)
+    except InputError as error:
+        raise RecordError(str(error)) from None
+
+
+def _from_table(table: Mapping[str, Any], source: str, column: str | None, time: str | None,
+                rate_Hz: float | None) -> Record:
+    names = list(table)
+    if [name_and_unit(name)[0].lower() for name in names] == list(OF_A_TABLE):
+        frequency_Hz, real, imaginary = (_numbers(table[name]) for name in names)
+        return impulse_response(frequency_Hz, real + 1j * imaginary, name_and_unit(names[1])[1] or "1", source)
+    time = _time_of(names, source, time)
+    column = _signal_of([name for name in names if name != time], source, column)
+    t_s = None if time is None else _seconds(time, _numbers(table[time]), source)
+    bracketed = name_and_unit(column)[1]
+    return _record(f"{source}: {column}", _numbers(table[column]), bracketed or unit_of(column), rate_Hz, time, t_s)
+
+
+def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | None, rate_Hz: float | None) -> Record:
+    names = [name for name in arrays.signals if not _says_time(_last(name)) and _last(name) != time]
+    column = _signal_of(names, source, column)
+    beside, values = arrays.beside(column), arrays.signals[column]
+    unit = plain_unit(arrays.units.get(column) or arrays.units.get(column.split(":")[0]) or unit_of(_last(column)))
+    time = _time_of(list(beside), source, time)
+    if time is not None:
+        t_s = _seconds(time, beside[time], source)
+        return _record(f"{source}: {column}", values, unit, rate_Hz, time, t_s)
+    found = arrays.rate_Hz(column)
+    if found is not None:
+        _check_rate(f"{source}: {column}", rate_Hz, found, "the file")
+    return _record(f"{source}: {column}", values, unit, found or rate_Hz, None, None)
+
+
+def _record(name: str, values: np.ndarray, unit: str, rate_Hz: float | None, time: str | None,
+            t_s: np.ndarray | None) -> Record:
+    """A record with the rate of its times, or with `rate_Hz` where it has none."""
+    if t_s is None:
+        if rate_Hz is None:
+            raise RecordError(f"{name}: no times ({', '.join(TIME_COLUMNS)}); give the sample rate, or the name of the "
+                              "column of times")
+        return Record(values, rate_Hz, unit, name)
+    found = sample_rate_Hz(t_s, f"{name}: {time}")
+    _check_rate(name, rate_Hz, found, f"its column {time}")
+    return Record(values, found, unit, name, float(t_s[0]))
+
+
+def _check_rate(name: str, given_Hz: float | None, found_Hz: float, where: str) -> None:
+    if given_Hz is not None and not np.isclose(given_Hz, found_Hz, rtol=0.01):
+        raise RecordError(f"{name}: rate_Hz = {given_Hz:g}; {where} says {found_Hz:.6g}")
+
+
+def _says_time(name: str) -> bool:
+    return name_and_unit(name)[0].lower() in TIME_WORDS or name in TIME_COLUMNS
+
+
+def _last(name: str) -> str:
+    return name.rsplit("/", 1)[-1]
+
+
+def _time_of(names: list[str], source: str, asked: str | None) -> str | None:
+    """The column of times: the one asked for, else the one that is called so."""
+    if asked is not None:
+        return _same(names, asked) or _refuse(source, f"no column of times {asked!r}", names)
+    exact = [name for name in TIME_COLUMNS if name in names]
+    return next(iter(exact or [name for name in names if _says_time(name)]), None)
+
+
+def _signal_of(names: list[str], source: str, asked: str | None) -> str:
+    """The column of the signal: the one asked for, else `a_m_s2`, else the only one."""
+    if asked is not None:
+        return _same(names, asked) or _refuse(source, f"no column {asked!r}", names)
+    if "a_m_s2" in names:
+        return "a_m_s2"
+    return names[0] if len(names) == 1 else _refuse(source, "no column named", names)
+
+
+def _same(names: Iterable[str], asked: str) -> str | None:
+    """The name that is meant: the very one, or the only one that is the same without group or unit."""
+    names = list(names)
+    if asked in names:
+        return asked
+    alike = [name for name in names if asked in (name_and_unit(name)[0], _last(name))]
+    return alike[0] if len(alike) == 1 else None
+
+
+def _refuse(source: str, what: str, names: list[str]) -> str:
+    raise RecordError(f"{source}: {what}; choose one of {', '.join(names[:12])}")
+
+
+def _seconds(name: str, times: np.ndarray, source: str) -> np.ndarray:
+    """Times in s by the unit in brackets behind their name, s where there is none."""
+    unit = name_and_unit(name)[1] or "s"
+    if unit not in SECONDS:
+        raise RecordError(f"{source}: times {name!r} in {unit!r}; allowed are {', '.join(SECONDS)}")
+    return SECONDS[unit] * times
+
+
+def _numbers(column: pd.Series | np.ndarray) -> np.ndarray:
+    """Return the column as floats, NaN where it holds no number: a Record then refuses that sample by its number."""
+    if isinstance(column, np.ndarray):
+        return column
+    import pandas as pd
+
+    return pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+
+

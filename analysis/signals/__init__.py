@@ -1,0 +1,1 @@
+"""Records and what is computed of them: decomposition, spectra, features."""

@@ -1,0 +1,158 @@
+"""Records: any uniformly sampled signal, from memory or from a file.
+
+A `Record` is an array of samples with a sample rate and a unit. Every other module of this package works on records, so
+that features, EMD and spectra can be taken from a measurement as well as from a simulation.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeGuard
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from common.input_error import CommandError
+from common.units import unit_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Times written with few digits jitter by the last digit. More than this share of the interval means gaps, or a rate
+# that changes.
+MAX_TIME_JITTER = 0.01
+LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from the ends of what numbers hold
+
+
+class RecordError(CommandError, ValueError):
+    """A record cannot be used. The message is one line: file, key, value, what is allowed.
+
+    >>> Record([1.0, float("nan")], rate_Hz=1000.0)
+    Traceback (most recent call last):
+    analysis.signals.records.RecordError: signal: sample 1 is nan; every sample must be finite
+    """
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Record:
+    """A uniformly sampled signal: finite values (n,) in `unit`, from the time `t0_s` on.
+
+    Raises RecordError for values of another shape or not finite, and for a sample rate that is not positive.
+
+    >>> Record([0.0, 2.0, 1.0], rate_Hz=1000.0, unit="m/s^2").t_s.tolist()
+    [0.0, 0.001, 0.002]
+    """
+
+    values: np.ndarray
+    rate_Hz: float
+    unit: str = "1"
+    name: str = "signal"
+    t0_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = np.asarray(self.values, dtype=float)
+        if values.ndim != 1 or values.size < 2:
+            raise RecordError(f"{self.name}: shape {values.shape}; needs one dimension and at least 2 samples")
+        if not np.all(np.isfinite(values)):
+            first = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise RecordError(f"{self.name}: sample {first} is {values[first]}; every sample must be finite")
+        if not (np.isfinite(self.rate_Hz) and self.rate_Hz > 0):
+            raise RecordError(f"{self.name}: rate_Hz = {self.rate_Hz}; must be finite and > 0")
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "rate_Hz", float(self.rate_Hz))
+
+    @property
+    def dt_s(self) -> float:
+        """Time between two samples."""
+        return 1.0 / self.rate_Hz
+
+    @property
+    def t_s(self) -> np.ndarray:
+        """Sample times, shape (n,)."""
+        return self.t0_s + np.arange(self.values.size) / self.rate_Hz
+
+
+Channels = dict[str, Callable[[], Record]]  # of a file, by name
+
+
+def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
+    """Return the sample rate of times (n,). Raises RecordError where they are not uniformly spaced, or closer than
+    anything is sampled."""
+    t_s = np.asarray(t_s, dtype=float)
+    steps = np.diff(t_s)
+    if steps.size == 0 or not np.all(np.isfinite(t_s)) or np.any(steps <= 0):
+        raise RecordError(f"{source}: times must be finite and rise from sample to sample")
+    dt_s = (t_s[-1] - t_s[0]) / steps.size
+    worst = int(np.argmax(np.abs(steps - dt_s)))
+    if abs(steps[worst] - dt_s) > MAX_TIME_JITTER * dt_s:
+        raise RecordError(
+            f"{source}: interval {steps[worst]:.6g} s at sample {worst}, {dt_s:.6g} s in the mean;"
+            " needs a uniform sample rate"
+        )
+    if dt_s < LEAST_INTERVAL_s:
+        raise RecordError(f"{source}: {dt_s:.6g} s from sample to sample; must be at least {LEAST_INTERVAL_s:g} s")
+    return 1.0 / dt_s
+
+
+def chosen(path: str | Path, asked: str | None, channels: Channels) -> Record:
+    """Return the channel `asked`, a name or a number from 0, or the only one. Raises RecordError."""
+    numbers = dict(zip(map(str, range(len(channels))), channels.values(), strict=True))
+    if asked is None and len(channels) == 1:
+        return numbers["0"]()
+    if asked not in {**numbers, **channels}:
+        found = "none named" if asked is None else f"no signal {asked!r}"
+        raise RecordError(f"{path}: {found}; choose one of 0..{len(channels) - 1}")
+    return {**numbers, **channels}[asked]()
+
+
+def as_record(
+    signal: ArrayLike | pd.Series | Record, rate_Hz: float | None = None, *, unit: str | None = None,
+    name: str | None = None,
+) -> Record:  # fmt: skip
+    """Return a Record from an array with its rate, from a pandas Series, or from a Record.
+
+    A Series needs no rate if its index is the time in seconds, a DatetimeIndex or a TimedeltaIndex.
+    Raises RecordError for a missing rate, or one that differs from that of the record.
+
+    >>> import pandas as pd
+    >>> as_record(pd.Series([0.0, 2.0, 1.0], index=[0.0, 0.5, 1.0], name="a_m_s2")).rate_Hz
+    2.0
+    """
+    if isinstance(signal, Record):
+        if rate_Hz is not None and not np.isclose(rate_Hz, signal.rate_Hz, rtol=1e-6):
+            raise RecordError(f"{signal.name}: rate_Hz = {rate_Hz}; the record has {signal.rate_Hz:.6g}")
+        return signal
+    if _is_series(signal):
+        return _from_series(signal, rate_Hz, unit, name)
+    if rate_Hz is None:
+        raise RecordError(f"{name or 'signal'}: no sample rate; give rate_Hz")
+    return Record(np.asarray(signal, dtype=float), rate_Hz, unit or "1", name or "signal")
+
+
+def _is_series(signal: object) -> TypeGuard[pd.Series]:
+    """There is no Series where pandas, which is slow to import, was not."""
+    return "pandas" in sys.modules and isinstance(signal, sys.modules["pandas"].Series)
+
+
+def _from_series(series: pd.Series, rate_Hz: float | None, unit: str | None, name: str | None) -> Record:
+    import pandas as pd
+
+    name = name or (str(series.name) if series.name is not None else "signal")
+    unit = unit or unit_of(name)
+    index = series.index
+    if rate_Hz is not None:
+        return Record(series.to_numpy(dtype=float), rate_Hz, unit, name)
+    if isinstance(index, pd.DatetimeIndex):
+        t_s = (index - index[0]).total_seconds().to_numpy()
+    elif isinstance(index, pd.TimedeltaIndex):
+        t_s = index.total_seconds().to_numpy()
+    elif isinstance(index, pd.RangeIndex) or not pd.api.types.is_float_dtype(index.dtype):
+        raise RecordError(f"{name}: no sample rate; give rate_Hz or an index of times in seconds")
+    else:
+        t_s = index.to_numpy(dtype=float)
+    return Record(series.to_numpy(dtype=float), sample_rate_Hz(t_s, name), unit, name, float(t_s[0]))

@@ -1,0 +1,1 @@
+"""Run directories: signals, what broke, what fell."""

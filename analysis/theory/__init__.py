@@ -1,0 +1,1 @@
+"""Elastic impact on a plate, in theory."""

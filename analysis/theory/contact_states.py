@@ -1,0 +1,169 @@
+"""Elastic impact of coal and gangue spheres on a plate: the four contact states (Section II).
+
+A sphere of mass m hits with speed v. Its energy goes into the contact, with stiffness K and restitution e, and into the
+deflection w = C P of the plate, with compliance C:
+
+    m v^2 / 2 = 2 K d^(5/2) / (5 e) + C K^2 d^3 / 2,        P = K d^(3/2)      (13, 26, 30)
+
+The four states take e = 1 (Hertz) or e < 1 (Flores), and C = 0 (complete) or C > 0 (with deflection of the plate).
+Misprints of the paper are corrected as its other equations demand: 1/E = sum (1 - mu^2)/E in (3, 31, 32), the exponent
+2/5 of K in (9), sums in (27, 28) as in (35), and the exponent 3/5 of the force in (36).
+
+P is the force at the largest compression, as the paper takes it. The damped force of Flores' law itself peaks earlier
+and higher (1.42 times at e = 0.5): see `analysis.theory.impact`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from common import hertz
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """An elastic material."""
+
+    density_kg_m3: float
+    youngs_modulus_Pa: float
+    poisson_ratio: float
+
+
+#: Table 1 of the paper.
+COAL = Elastic(1380.0, 5.12e9, 0.3)
+GANGUE = Elastic(2400.0, 9.966e9, 0.28)
+PLATE = Elastic(7830.0, 2.07e11, 0.3)
+
+
+@dataclass(frozen=True)
+class State:
+    """One of the four contact states: with damping or not, with deflection of the plate or not."""
+
+    name: str
+    damped: bool
+    deflects: bool
+
+
+STATES = {
+    "PH": State("complete Hertz", False, False),
+    "HN": State("Hertz with deflection", False, True),
+    "PF": State("complete Flores", True, False),
+    "FN": State("Flores with deflection", True, True),
+}
+
+
+def sphere_mass_kg(rock: Elastic, radius_m: float) -> float:
+    """Return the mass of a sphere."""
+    return 4.0 / 3.0 * np.pi * radius_m**3 * rock.density_kg_m3
+
+
+def contact_stiffness(rock: Elastic, radius_m: float, plate: Elastic = PLATE) -> float:
+    """Return the Hertz stiffness K of a sphere on a flat plate, N/m^1.5 (Eqs. 2-4, 33, 34; common/hertz.py)."""
+    return float(hertz.stiffness_N_m32(hertz.contact_modulus_Pa(rock, plate), radius_m))
+
+
+def beam_compliance(
+    x_m: ArrayLike, length_m: float, width_m: float, thickness_m: float, plate: Elastic = PLATE
+) -> np.ndarray:
+    """Return the deflection per force, m/N, of the paper's plate, a beam supported at both ends (Eqs. 10, 21).
+
+    C = x y (L^2 - x^2 - y^2) / (6 E I L), y = L - x, I = B h^3 / 12. The distance x from the left end, 0..L, may have
+    any shape. This is right for a simply supported beam, not for a plate on four points.
+    """
+    x = np.asarray(x_m, dtype=float)
+    y = length_m - x
+    inertia = width_m * thickness_m**3 / 12.0
+    return x * y * (length_m**2 - x**2 - y**2) / (6.0 * plate.youngs_modulus_Pa * inertia * length_m)
+
+
+def max_deformation_m(
+    stiffness: float,
+    mass_kg: float,
+    speed_m_s: float,
+    *,
+    restitution: float = 1.0,
+    compliance_m_N: float = 0.0,
+) -> float:
+    """Return the largest compression of the sphere, m: the exact root of (13) or (26).
+
+    The restitution is 0 < e <= 1. With compliance 0 the root is the closed form (8) or (19).
+    """
+    energy = 0.5 * mass_kg * speed_m_s**2
+    rigid = (2.5 * restitution * energy / stiffness) ** 0.4
+    if compliance_m_N == 0:
+        return float(rigid)
+
+    def excess(d: float) -> float:
+        contact = 0.4 * stiffness / restitution * d**2.5
+        deflection = 0.5 * compliance_m_N * stiffness**2 * d**3
+        return (contact + deflection) / energy - 1.0
+
+    return float(brentq(excess, 0.0, rigid, xtol=1e-15 * rigid, rtol=4 * np.finfo(float).eps))
+
+
+@dataclass(frozen=True)
+class Peak:
+    """Largest compression of one sphere, and the force at it."""
+
+    deformation_m: float
+    force_N: float
+
+
+def peak(
+    state: State,
+    rock: Elastic,
+    *,
+    radius_m: float = 0.025,
+    speed_m_s: float = 3.0,
+    restitution: float = 0.5,
+    compliance_m_N: float = 0.0,
+    plate: Elastic = PLATE,
+) -> Peak:
+    """Return the largest compression of one sphere in a state, and the force at it (Eqs. 8, 9, 11, 19, 20, 22, 30).
+
+    Restitution and compliance count only where the state has damping or deflection.
+    """
+    stiffness = contact_stiffness(rock, radius_m, plate)
+    d = max_deformation_m(
+        stiffness,
+        sphere_mass_kg(rock, radius_m),
+        speed_m_s,
+        restitution=restitution if state.damped else 1.0,
+        compliance_m_N=compliance_m_N if state.deflects else 0.0,
+    )
+    return Peak(d, float(stiffness * d**1.5))
+
+
+def ring_positions_m(count: int, circle_radius_m: float) -> np.ndarray:
+    """Return the positions (count, 2) of particles at equal angles on a circle about the plate's centre.
+
+    The first lies on the axis A-B, along which the paper measures x and L (Figure 7).
+    """
+    angle = 2 * np.pi * np.arange(count) / count
+    return circle_radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def materials_in_order(gangue_count: int, order: list[int]) -> list[str]:
+    """Return the material at each position: gangue at the first `gangue_count` of `order` (1-based), else coal."""
+    gangue = set(order[:gangue_count])
+    return ["gangue" if place in gangue else "coal" for place in range(1, len(order) + 1)]
+
+
+def total_force_N(
+    state: State, rocks: list[Elastic], compliances_m_N: ArrayLike, restitutions: ArrayLike, **impact: Any
+) -> float:
+    """Return the sum of the single peaks (37), N, for the material at each position.
+
+    Compliances and restitutions are those at each position, or one for all; further arguments are those of `peak`.
+    The sum is an upper bound, since the peaks of coal and gangue are some microseconds apart.
+    """
+    count = len(rocks)
+    rows = zip(rocks, np.broadcast_to(compliances_m_N, count), np.broadcast_to(restitutions, count), strict=True)
+    return sum(
+        peak(state, rock, compliance_m_N=float(c), restitution=float(e), **impact).force_N for rock, c, e in rows
+    )

@@ -1,0 +1,1 @@
+"""How a command runs: its end, its messages and the processes that it starts."""

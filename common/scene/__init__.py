@@ -1,0 +1,1 @@
+"""The scene file: what falls on what, table by table."""

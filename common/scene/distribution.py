@@ -1,0 +1,119 @@
+"""How a quantity of drawn stones is spread: one value, or a law with bounds."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from common.tables import Positive, Refused, Table, about
+
+POINTS = 2001  # of a distribution function that is inverted
+CUT_OFF = 3.0  # standard deviations of a logarithm
+
+
+class _Bounded(Table):
+    least: Annotated[Positive, about("no value is smaller")]
+    most: Annotated[Positive, about("no value is larger")]
+
+    @model_validator(mode="after")
+    def _ascend(self) -> Self:
+        if self.most <= self.least:
+            raise Refused("most", self.most, f"must be above least = {self.least:g}")
+        return self
+
+
+class LogNormal(_Bounded):
+    """A lognormal law by number, cut off at its bounds."""
+
+    median: Annotated[Positive, about("half of the uncut law lies below")]
+    sigma: Annotated[Positive, about("standard deviation of the natural logarithm")]
+
+
+class RosinRammler(_Bounded):
+    """A law of sizes by mass, cut off at its bounds: exp(-(d/size)^exponent) of the mass is larger than d."""
+
+    size_m: Annotated[Positive, about("36.8 % of the mass of the uncut law is larger")]
+    exponent: Annotated[Positive, about("the larger, the more alike are the sizes")]
+
+
+class Distribution(Table):
+    """One value, or one of the laws."""
+
+    value: Annotated[float | None, about("one value; the same as a number in place of the table")] = None
+    uniform: Annotated[tuple[float, float] | None, about("least and most, by number")] = None
+    lognormal: Annotated[LogNormal | None, about("a lognormal law by number, cut off")] = None
+    rosin_rammler: Annotated[RosinRammler | None, about("a law of sizes by mass, cut off")] = None
+    lognormal_cv: Annotated[Annotated[float, Field(gt=0, le=0.5)] | None, about(
+        "of a factor: coefficient of variation of a lognormal law of mean 1 by number, cut off at three standard "
+        "deviations of its logarithm")] = None
+
+    @model_validator(mode="after")
+    def _one_law(self) -> Self:
+        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise Refused("uniform", self.uniform,
+                          "one of a number, uniform, lognormal, rosin_rammler and lognormal_cv must be given")
+        if self.uniform is not None and self.uniform[1] < self.uniform[0]:
+            raise Refused("uniform", self.uniform, "must ascend")
+        return self
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """No value is smaller or larger."""
+        law = self._lognormal or self.rosin_rammler
+        if law is not None:
+            return law.least, law.most
+        if self.uniform is not None:
+            return self.uniform
+        assert self.value is not None
+        return self.value, self.value
+
+    @property
+    def _lognormal(self) -> LogNormal | None:
+        if self.lognormal_cv is None:
+            return self.lognormal
+        sigma = float(np.sqrt(np.log1p(self.lognormal_cv**2)))
+        median = float(np.exp(-sigma**2 / 2))
+        return LogNormal(median=median, sigma=sigma, least=median * float(np.exp(-CUT_OFF * sigma)),
+                         most=median * float(np.exp(CUT_OFF * sigma)))
+
+    def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """(count,) values."""
+        share = rng.uniform(size=count)
+        least, most = self.bounds
+        if (lognormal := self._lognormal) is not None:
+            log = np.linspace(np.log(least), np.log(most), POINTS)
+            density = np.exp(-((log - np.log(lognormal.median)) / lognormal.sigma) ** 2 / 2)
+            return np.exp(_inverse(log, density, share))
+        if self.rosin_rammler is not None:
+            law, log = self.rosin_rammler, np.linspace(np.log(least), np.log(most), POINTS)
+            x = (np.exp(log) / law.size_m) ** law.exponent
+            # By mass x exp(-x) over ln d; by number, that over the mass of a stone, d^3.
+            return np.exp(_inverse(log, x * np.exp(-x - 3 * (log - log[0])), share))
+        return least + (most - least) * share
+
+
+def _inverse(x: np.ndarray, density: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Where the distribution function of a density over x, by the trapezoidal rule, has the values `share`."""
+    grown = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
+    return np.interp(share * grown[-1], grown, x)
+
+
+def _from_number(value: Any) -> Any:
+    """A number stands for a table with one value."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return {"value": float(value)}
+    if not isinstance(value, (dict, Distribution)):
+        raise ValueError("must be a number or a table with uniform, lognormal, rosin_rammler or lognormal_cv")
+    return value
+
+
+Spread = Annotated[Distribution, BeforeValidator(_from_number)]
+
+
+def refuse_outside(key: str, spread: Distribution | None, least: float, most: float, what: str) -> None:
+    """Raises Refused where a distribution may give values outside its key's bounds."""
+    if spread is not None and not (least <= spread.bounds[0] and spread.bounds[1] <= most):
+        raise Refused(key, spread.bounds if spread.value is None else spread.value, what)

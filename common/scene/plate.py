@@ -1,0 +1,190 @@
+"""The `[plate]` table of a scene.
+
+The origin is the centre of the plate, z is normal to it and points up, and z = 0 is its undeformed top surface. Gravity
+turns with `tilt_deg`.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from common.channels import SENSORS, SensorKind
+from common.scene.file import scene_tables
+from common.tables import InputError, Place, Positive, Refused, Table, about, check
+
+Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
+
+
+WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it where the plate gives way
+LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
+
+
+def refuse_density(density_kg_m3: float) -> None:
+    """Raises Refused for a density that no solid has."""
+    if density_kg_m3 > MOST_DENSITY_kg_m3:
+        raise Refused("density_kg_m3", density_kg_m3, f"must be at most {MOST_DENSITY_kg_m3:g}: osmium, the densest "
+                      "solid, has 22 590")
+    if density_kg_m3 < LEAST_DENSITY_kg_m3:
+        raise Refused("density_kg_m3", density_kg_m3, f"must be at least {LEAST_DENSITY_kg_m3:g}: aerographene, the "
+                      "lightest solid, has 0.16")
+
+
+def wall_box_m(edge: Edge, length_m: float, width_m: float, height_m: float) -> tuple[float, ...]:
+    """XMIN XMAX YMIN YMAX ZMIN ZMAX of a wall on an edge of a plate, flat along x or y."""
+    box = [-length_m / 2, length_m / 2, -width_m / 2, width_m / 2, -WALL_FOOT_m, height_m]
+    at = ["x_minus", "x_plus", "y_minus", "y_plus"].index(edge)
+    box[at // 2 * 2:at // 2 * 2 + 2] = 2 * [box[at]]
+    return tuple(box)
+
+
+class Rod(Place):
+    """A vertical rod below the plate, welded to it over its disc and clamped at its lower end."""
+
+    diameter_m: Annotated[Positive, about("diameter")]
+    length_m: Annotated[Positive, about("length from the plate to the clamped end")]
+    youngs_modulus_Pa: Annotated[Positive, about("Young's modulus")]
+    density_kg_m3: Annotated[Positive, about("density")]
+    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5), about("Poisson's ratio")] = 0.3
+
+    @model_validator(mode="after")
+    def _is_a_solid(self) -> Self:
+        refuse_density(self.density_kg_m3)
+        return self
+
+
+class PointSupport(Place):
+    """A point of the plate that cannot move vertically."""
+
+
+class Sensor(Place):
+    """A sensor on the plate, by default an accelerometer."""
+
+    name: Annotated[Name, about(f"name of its column: {', '.join(SENSORS.values())}")]
+    # What is an accelerometer is written without it, so that hashes of such scenes do not depend on it.
+    kind: Annotated[SensorKind, about("what it measures, vertically upwards"), Field(
+        exclude_if=lambda kind: kind == "acceleration")] = "acceleration"
+
+
+class Walls(Table):
+    """Rigid walls that stand upright on edges of the plate. What pushes on them does not load the plate."""
+
+    edges: Annotated[tuple[Edge, ...], Field(min_length=1), about("edges of the plate that have a wall")]
+    height_m: Annotated[Positive, about("height above the plate's top face")]
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        for edge in self.edges:
+            if self.edges.count(edge) > 1:
+                raise Refused("edges", edge, "must be named once")
+        return self
+
+
+class Plate(Table):
+    """What every plate has: its outline and its material."""
+
+    length_m: Annotated[Positive, about("side along x")]
+    width_m: Annotated[Positive, about("side along y")]
+    density_kg_m3: Annotated[Positive, about("density", paper="Table 1: 7830")]
+    youngs_modulus_Pa: Annotated[Positive, about("Young's modulus", paper="Table 1: 2.07e11")]
+    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
+    tilt_deg: Annotated[float, Field(ge=0, lt=90), about(
+        "angle by which the plate is tilted: it falls off towards +x (docs/stones.md)")] = 0.0
+    yield_stress_Pa: Annotated[Positive | None, about(
+        "yield stress; where a contact may pass it the plate yields there (docs/plate.md); absent: it stays elastic",
+    )] = None
+
+    walls: Annotated[Walls | None, about(
+        "rigid walls on edges of the plate, between which stones are guided (docs/stones.md); absent: none")] = None
+
+    def wall_box_m(self, edge: Edge) -> tuple[float, ...]:
+        """XMIN XMAX YMIN YMAX ZMIN ZMAX of the wall on one edge."""
+        assert self.walls is not None
+        return wall_box_m(edge, self.length_m, self.width_m, self.walls.height_m)
+
+    @model_validator(mode="after")
+    def _is_a_solid(self) -> Self:
+        refuse_density(self.density_kg_m3)
+        return self
+
+
+class RigidPlate(Plate):
+    """A plate that does not move."""
+
+    model: Annotated[Literal["rigid"], about("a plate that does not move")]
+
+
+class FlexiblePlate(Plate):
+    """A plate that bends, described by its modes up to `max_frequency_Hz`.
+
+    The frequency is given, or follows from the tolerance of the scene.
+    """
+
+    model: Annotated[Literal["flexible"], about("a plate that bends")]
+    thickness_m: Annotated[Positive, about("thickness, at most a fifth of the shorter side")]
+    theory: Annotated[Literal["auto", "kirchhoff", "mindlin"], about("plate theory (docs/plate.md)")] = "auto"
+    edges: Annotated[Literal["free", "simply_supported", "clamped"], about("how all four edges are held")] = "free"
+    max_frequency_Hz: Annotated[Positive | None, about(
+        "frequency up to which modes are kept; absent where the scene has a tolerance")] = None
+    damping_ratio: Annotated[float, Field(ge=0, lt=1), about("damping ratio of every mode")]
+    mesh_size_m: Annotated[Positive | None, about(
+        "side of a finite element; absent: from max_frequency_Hz, rods and supports")] = None
+    rods: Annotated[tuple[Rod, ...], about(
+        "vertical rods below the plate, clamped at their lower ends", paper="four screws, their size not given")] = ()
+    point_supports: Annotated[tuple[PointSupport, ...], about("points that cannot move vertically")] = ()
+    sensors: Annotated[tuple[Sensor, ...], about("sensors")] = ()
+
+    @property
+    def accelerometers(self) -> tuple[Sensor, ...]:
+        """The sensors of acceleration, which recognition takes."""
+        return tuple(sensor for sensor in self.sensors if sensor.kind == "acceleration")
+
+    @model_validator(mode="after")
+    def _inside(self) -> Self:
+        shortest = min(self.length_m, self.width_m)
+        if self.thickness_m > 0.2 * shortest:
+            raise Refused("thickness_m", self.thickness_m, f"must be at most a fifth of the side, {0.2 * shortest:g}")
+        if self.mesh_size_m is not None and self.mesh_size_m > shortest:
+            raise Refused("mesh_size_m", self.mesh_size_m, f"must be at most the shorter side, {shortest:g}")
+        tables: list[tuple[str, tuple[Rod | PointSupport | Sensor, ...]]] = [
+            ("rods", self.rods), ("point_supports", self.point_supports), ("sensors", self.sensors)]
+        for name, items in tables:
+            for i, item in enumerate(items):
+                margin = item.diameter_m / 2 if isinstance(item, Rod) else 0.0
+                self._check_inside(f"{name}.{i}.x_m", item.x_m, self.length_m / 2 - margin)
+                self._check_inside(f"{name}.{i}.y_m", item.y_m, self.width_m / 2 - margin)
+        return self
+
+    @staticmethod
+    def _check_inside(key: str, value: float, limit: float) -> None:
+        if abs(value) > limit * (1 + 1e-12):
+            raise Refused(key, value, f"must lie on the plate, between {-limit:g} and {limit:g}")
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        for i, rod in enumerate(self.rods):
+            for other in self.rods[:i]:
+                gap = ((rod.x_m - other.x_m) ** 2 + (rod.y_m - other.y_m) ** 2) ** 0.5
+                if gap < (rod.diameter_m + other.diameter_m) / 2:
+                    raise Refused(f"rods.{i}.x_m", rod.x_m, "must not overlap another rod")
+        for i, support in enumerate(self.point_supports):
+            if support in self.point_supports[:i]:
+                raise Refused(f"point_supports.{i}.x_m", support.x_m, "must not repeat another support")
+        names = [sensor.name for sensor in self.sensors]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise Refused(f"sensors.{i}.name", name, "must differ from the other sensors' names")
+        return self
+
+
+PlateTable = Annotated[FlexiblePlate | RigidPlate, Field(discriminator="model")]
+
+
+def read_plate(path: str | Path) -> FlexiblePlate | RigidPlate:
+    """Return the checked `[plate]` table of a scene file. Raises InputError on any mistake in it."""
+    data = scene_tables(path)
+    if not isinstance(data.get("plate"), dict):
+        raise InputError(f"{path}: plate is missing: a table [plate] must be given")
+    plate: FlexiblePlate | RigidPlate = check(PlateTable, data["plate"], path, "plate")
+    return plate

@@ -1,0 +1,394 @@
+"""The scene file: what falls on what, in SI units. Unknown keys, wrong signs and NaN are refused by name.
+
+A key is a field with its type, its bounds and, by `about`, its meaning and what the paper gives for it. The JSON schema
+and docs/scene.md are written from that: `python -m lab.scene_schema`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from common.input_error import MOST_DEEP
+from common.scene.error_laws import least_tolerance
+from common.scene.file import scene_tables
+from common.scene.plate import PlateTable, refuse_density
+from common.scene.scatter import OF_DRAWN, ScatterTable
+from common.scene.shapes import ShapeTable
+from common.scene.stones import SPHERE, AgglomerateTable, Kind, StonesTable
+from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
+
+LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
+LEAST_STRENGTH_Pa = 100.0
+MOST_FRICTION = 10.0
+PLATE = "plate"  # the name under which `contacts` speaks of the plate
+
+
+class TimeTable(Table):
+    """How long the run is, and in which steps."""
+
+    duration_s: Annotated[Positive, about("simulated time", paper="0.6 s, of which recognition reads 0.04 s")]
+    sample_interval_s: Annotated[Positive, about("time between two rows of signals.parquet", paper="1.5e-4, 6667 Hz")]
+    gravity_m_s2: Annotated[NotNegative, about("gravity, downwards", paper="9.8")] = 0.0
+    time_step_s: Annotated[Positive | None, about("DEM time step; absent: the largest that every limit allows")] = None
+    co_step: Annotated[Annotated[int, Field(ge=1)] | None, about(
+        "DEM steps between two possible messages of engine and plate; absent: from the shortest contact")] = None
+    free_flight_tolerance: Annotated[NotNegative, about(
+        "a body in free flight is left out of the force loops when its inner motion has less than this share of the "
+        "kinetic energy of the impact; 0: never (docs/free_flight.md)")] = 1e-4
+
+    @model_validator(mode="after")
+    def _one_sample_at_least(self) -> Self:
+        if self.duration_s < self.sample_interval_s:
+            raise Refused("duration_s", self.duration_s,
+                          f"must be at least sample_interval_s = {self.sample_interval_s:g}")
+        return self
+
+
+class BondTable(Table):
+    """The bonds of a material."""
+
+    youngs_modulus_Pa: Annotated[Positive, about("Young's modulus of the bonds")]
+    stiffness_ratio: Annotated[Positive, about("normal over shear stiffness, k_n/k_s")]
+    tensile_strength_Pa: Annotated[Positive, about("tensile strength")]
+    shear_strength_Pa: Annotated[Positive, about("shear strength, the cohesion")]
+    friction_angle_deg: Annotated[float, Field(ge=0, lt=90), about("friction angle; 0: no Mohr-Coulomb")] = 0.0
+    volumetric_ratio: Annotated[float, Field(ge=0, le=0.6), about(  # beyond, it would limit the time step
+        "modulus of the sub-spheres' dilatation over that of the bonds, which sets Poisson's ratio; 0: none")] = 0.0
+    pressure_strengthening: Annotated[NotNegative, about(
+        "gain of tensile strength per mean pressure above the threshold; 0: none")] = 0.0
+    pressure_threshold_Pa: Annotated[NotNegative, about("mean pressure from which the tensile strength rises")] = 0.0
+    fracture_energy_J_m2: Annotated[Positive | None, about(
+        "energy over its section that a bond takes to break as it softens; without it bonds snap")] = None
+    flaw_modulus: Annotated[Annotated[float, Field(ge=1, le=100)] | None, about(
+        "Weibull modulus of the strengths from place to place in a stone; absent: all bonds are alike")] = None
+    flaw_length_m: Annotated[Positive | None, about(
+        "distance over which the correlation of these strengths falls to 1/e; goes with flaw_modulus")] = None
+
+    @model_validator(mode="after")
+    def _holds_together(self) -> Self:
+        for key in ("tensile_strength_Pa", "shear_strength_Pa"):
+            if getattr(self, key) < LEAST_STRENGTH_Pa:
+                raise Refused(key, getattr(self, key), f"must be at least {LEAST_STRENGTH_Pa:g}, the weight of half a "
+                              "centimetre of rock: anything less is loose already")
+        return self
+
+    @model_validator(mode="after")
+    def _whole_field(self) -> Self:
+        if (self.flaw_modulus is None) != (self.flaw_length_m is None):
+            raise Refused("flaw_length_m", self.flaw_length_m, "must be given with flaw_modulus, and only with it")
+        return self
+
+    @model_validator(mode="after")
+    def _threshold_of_something(self) -> Self:
+        if self.pressure_threshold_Pa > 0 and self.pressure_strengthening == 0:
+            raise Refused("pressure_threshold_Pa", self.pressure_threshold_Pa,
+                          "must be left out where pressure_strengthening is 0")
+        if self.pressure_threshold_Pa > 0 and self.fracture_energy_J_m2 is not None:
+            raise Refused("pressure_threshold_Pa", self.pressure_threshold_Pa,
+                          "must be left out where fracture_energy_J_m2 is given")
+        return self
+
+
+class MaterialTable(Table):
+    """A material of stones."""
+
+    kind: Annotated[Kind | None, about(
+        "what its stones count as in the mixing ratio; absent: as the name says, where it is that of stones.coal or "
+        "stones.gangue")] = None
+    density_kg_m3: Annotated[Positive, about("density", paper="Table 1: coal 1380, gangue 2400")]
+    youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa), about(
+        "Young's modulus", paper="Table 1: coal 5.12e9, gangue 9.966e9")]
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about(
+        "Poisson's ratio", paper="Table 1: coal 0.3, gangue 0.28")]
+    contact_strength_Pa: Annotated[Positive | None, about(
+        "pressure in the middle of a contact with the plate at which the stone crushes; absent: it stays elastic",
+    )] = None
+    bond: Annotated[BondTable | None, about("the bonds, needed where stones are agglomerates")] = None
+
+    @model_validator(mode="after")
+    def _is_a_solid(self) -> Self:
+        refuse_density(self.density_kg_m3)
+        return self
+
+
+class ContactTable(Table):
+    """The contact of two materials."""
+
+    # LIGGGHTS refuses a restitution of 0.05 and less.
+    restitution: Annotated[float, Field(gt=0.05, le=1), about("coefficient of restitution")]
+    friction: Annotated[NotNegative, about("coefficient of friction")]
+
+    @model_validator(mode="after")
+    def _can_slip(self) -> Self:
+        if self.friction > MOST_FRICTION:
+            raise Refused("friction", self.friction, f"must be at most {MOST_FRICTION:g}: rubber on rough ground has "
+                          "about 2, rock on steel less than 1")
+        return self
+
+
+class OutputTable(Table):
+    """What is written besides the signals."""
+
+    view_interval_s: Annotated[Positive | None, about("time between two pictures for ParaView; absent: none")] = None
+    impact_view_interval_s: Annotated[NotNegative, about(
+        "time between two pictures while something pushes on the plate in the first impact of a stone; 0: none")] = 2e-5
+    engine_log: Annotated[bool, about("keep what the engine wrote, OUT/deck/engine.log and engine.out")] = False
+    dumps: Annotated[Literal["vtk", "text"] | None, about(
+        "LIGGGHTS's own dump at every view_interval_s, kept in deck/dumps: VTK files or text; absent: none")] = None
+
+    @model_validator(mode="after")
+    def _dumps_need_an_interval(self) -> Self:
+        if self.dumps is not None and self.view_interval_s is None:
+            raise Refused("dumps", self.dumps, "needs view_interval_s, at which dumps are taken")
+        return self
+
+
+class EngineTable(Table):
+    """How the engine runs."""
+
+    np: Annotated[int, Field(ge=1, le=256), about("MPI ranks of a run (docs/campaigns.md)")] = 1
+
+
+class Scene(Table):
+    """A scene file."""
+
+    # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64), about("name of the scene")]
+    base: Annotated[str | None, about(
+        "scene file that this one begins from, beside it or shipped: its keys count where this one has none, table by "
+        "table; run.json holds the whole")] = None
+    without: Annotated[tuple[str, ...], about("dotted keys of the base that are left out")] = ()
+    assumptions: Annotated[tuple[str, ...], about(
+        "keys whose values are assumed, for the reader; run.json repeats them")] = ()
+    tolerance: Annotated[Annotated[float, Field(gt=0, le=0.1)] | None, about(
+        "relative error that time step, co-step and modes together may make; it takes the place of time.time_step_s, "
+        "time.co_step and plate.max_frequency_Hz (docs/accuracy.md)")] = None
+    time: Annotated[TimeTable, about("how long the run is, and in which steps")]
+    stones: Annotated[StonesTable, about("the stones, where they are, and how they arrive")]
+    shapes: Annotated[
+        dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)], ShapeTable],
+        about("shapes of stones that are no spheres, by name")] = {}
+    materials: Annotated[
+        dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable],
+        about(
+            "materials of the stones, by name; a text names a file in materials/, beside the scene or shipped")]
+    contacts: Annotated[dict[str, ContactTable], about(
+        "contacts by pair of materials, or of their kinds, in alphabetic order, the plate last: coal_gangue, "
+        "coal_plate")]
+    scatter: Annotated[ScatterTable, about("what each stone has of its own")] = ScatterTable()
+    plate: Annotated[PlateTable, about("the plate")]
+    output: Annotated[OutputTable, about("what is written besides the signals")] = OutputTable()
+    engine: Annotated[EngineTable, about("how the engine runs")] = EngineTable()
+
+    @model_validator(mode="after")
+    def _names_agree(self) -> Self:
+        for key, name in self._material_keys():
+            if name not in self.materials:
+                raise Refused(key, name, f"unknown material; materials here are {sorted(self.materials)}")
+            if self.stones.agglomerate and self.materials[name].bond is None:
+                raise Refused(f"materials.{name}.bond", None, "must be given, as stones.agglomerate needs it")
+            if self._kind_by_name(name) is None and self.materials[name].kind is None:
+                raise Refused(f"materials.{name}.kind", None, "must be given, \"coal\" or \"gangue\": stones of it "
+                              "count in the mixing ratio")
+            if self._kind_by_name(name) not in (None, self.kind_of(name)):
+                raise Refused(f"materials.{name}.kind", self.materials[name].kind,
+                              f"must be \"{self._kind_by_name(name)}\", as stones.{self._kind_by_name(name)} says")
+        if self.plate.youngs_modulus_Pa < LEAST_MODULUS_Pa:
+            raise Refused("plate.youngs_modulus_Pa", self.plate.youngs_modulus_Pa,
+                          f"must be at least {LEAST_MODULUS_Pa:g}")
+        if self.plate.poisson_ratio < 0:
+            raise Refused("plate.poisson_ratio", self.plate.poisson_ratio, "must be at least 0, as LIGGGHTS has it")
+        if self.stones.speed_m_s == 0 and self.time.gravity_m_s2 == 0:
+            raise Refused("stones.speed_m_s", 0.0,
+                          "must be above 0 where there is no time.gravity_m_s2: nothing would move")
+        if PLATE in self.materials:
+            raise Refused("materials", PLATE, "must be another name, this one is the plate's")
+        self._check_shapes()
+        self._check_contacts()
+        self._check_scatter()
+        return self
+
+    def _kind_by_name(self, material: str) -> Kind | None:
+        return "coal" if material == self.stones.coal else "gangue" if material == self.stones.gangue else None
+
+    def kind_of(self, material: str) -> Kind | None:
+        """What stones of a material count as; None of one that does not fall and does not say."""
+        return self.materials[material].kind or self._kind_by_name(material)
+
+    def contact_of(self, first: str, second: str) -> ContactTable | None:
+        """The contact of two materials, or of one and the plate: their own, or else that of their kinds."""
+        names = [(name,) if name == PLATE else (name, self.kind_of(name) or name) for name in (first, second)]
+        keys = [contact_key(a, b) for a in names[0] for b in names[1]]
+        return next((self.contacts[key] for key in keys if key in self.contacts), None)
+
+    def plate_contact(self, material: str) -> ContactTable:
+        """The contact of a material and the plate, which the checks above see is given."""
+        contact = self.contact_of(material, PLATE)
+        assert contact is not None
+        return contact
+
+    def _material_keys(self) -> list[tuple[str, str]]:
+        """Keys that name materials of stones, with the names."""
+        if self.stones.each is not None:
+            return [(f"stones.each.{k}.material", one.material) for k, one in enumerate(self.stones.each)]
+        return [("stones.coal", self.stones.coal), ("stones.gangue", self.stones.gangue)]
+
+    def bond_of(self, material: str) -> BondTable:
+        """The bonds of a material. Where stones are agglomerates, the checks above see that there are any."""
+        bond = self.materials[material].bond
+        assert bond is not None
+        return bond
+
+    @property
+    def falling_materials(self) -> list[str]:
+        """Names of the materials that may fall, in alphabetic order."""
+        return self.stones.materials
+
+    @property
+    def gravity_vector_m_s2(self) -> tuple[float, float, float]:
+        """Gravity in the frame of the plate."""
+        gravity, (x, y, z) = self.time.gravity_m_s2, self.down
+        return (gravity * x, gravity * y, gravity * z)
+
+    @property
+    def down(self) -> tuple[float, float, float]:
+        """Unit vector of the direction straight down, in the frame of the plate."""
+        tilt = math.radians(self.plate.tilt_deg)
+        return (math.sin(tilt), 0.0, -math.cos(tilt))
+
+    @property
+    def has_smooth_contact(self) -> bool:
+        """Do stones touch the plate as the smooth spheres that they stand for?"""
+        table = self.stones.agglomerate
+        return table is not None and table.contact == "smooth"
+
+    @property
+    def agglomerate(self) -> AgglomerateTable:
+        """How stones are made, for what is asked only of bonded ones."""
+        assert self.stones.agglomerate is not None
+        return self.stones.agglomerate
+
+    @model_validator(mode="after")
+    def _one_way_to_set_accuracy(self) -> Self:
+        keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
+        if self.plate.model == "flexible":
+            if self.tolerance is None and self.plate.max_frequency_Hz is None:
+                raise Refused("plate.max_frequency_Hz", None, "it or tolerance must be given")
+            keys["plate.max_frequency_Hz"] = self.plate.max_frequency_Hz
+        if self.tolerance is None:
+            return self
+        least = least_tolerance(self.stones.agglomerate is not None)
+        if self.tolerance < least:
+            raise Refused("tolerance", self.tolerance, f"must be at least {least:.2g}, the limit of what was measured "
+                          "(common/scene/error_laws.toml)")
+        for key, value in keys.items():
+            if value is not None:
+                raise Refused(key, value, "must be left out where tolerance is given")
+        return self
+
+    def _check_shapes(self) -> None:
+        if SPHERE in self.shapes:
+            raise Refused(f"shapes.{SPHERE}", SPHERE, "must have another name, this one is the sphere's")
+        for name in self.stones.shapes:
+            if name == SPHERE:
+                continue
+            if name not in self.shapes:
+                raise Refused(self.stones.key_of_shape(name), name,
+                              f"unknown shape; shapes here are {sorted([SPHERE, *self.shapes])}")
+            if self.stones.agglomerate is None:
+                raise Refused("stones.agglomerate", None, f"must be given: {name} is made of sub-spheres")
+            if self.has_smooth_contact:
+                raise Refused("stones.agglomerate.contact", "smooth", "must be \"faces\" or \"sub_spheres\" where "
+                              "stones are no spheres: flat faces, edges and corners have no smooth sphere to stand for")
+        if self.stones.agglomerate is not None and self.stones.agglomerate.contact == "faces":
+            if set(self.stones.shapes) <= {SPHERE}:
+                raise Refused("stones.agglomerate.contact", "faces", "must be \"smooth\" or \"sub_spheres\" where all "
+                              "stones are spheres, which have no faces")
+            if self.plate.yield_stress_Pa is not None:
+                raise Refused("plate.yield_stress_Pa", self.plate.yield_stress_Pa, "must be left out where "
+                              "stones.agglomerate.contact = 'faces': under faces the plate stays elastic")
+
+    @property
+    def _one_stone(self) -> bool:
+        stones = self.stones
+        count = len(stones.each) if stones.each is not None else stones.drawn.count if stones.drawn else stones.count
+        return count == 1
+
+    def _check_contacts(self) -> None:
+        names = self.falling_materials
+        needed = {contact_key(a, b): (a, b) for a in names for b in [*names, PLATE]}
+        possible = {*self.materials, "coal", "gangue"}
+        known = {contact_key(a, b) for a in possible for b in [*possible, PLATE]}
+        for key in self.contacts:
+            if key not in known:
+                raise Refused(f"contacts.{key}", key, f"unknown pair of materials; possible are {sorted(known)}")
+        alone = self._one_stone and self.stones.agglomerate is None
+        for key, pair in sorted(needed.items()):
+            if self.contact_of(*pair) is None and (PLATE in pair or not alone):
+                raise Refused(f"contacts.{key}", None, "must be given with restitution and friction")
+
+    def _check_scatter(self) -> None:
+        scatter = self.scatter
+        way = "drawn" if self.stones.drawn is not None else "stream" if self.stones.stream is not None else None
+        for key in OF_DRAWN if way else ():
+            if getattr(scatter, key) is not None:
+                raise Refused(f"scatter.{key}", "...", f"must be left out where stones.{way} is given, which says it")
+        if scatter.strength_factor is not None and self.stones.agglomerate is None:
+            raise Refused("scatter.strength_factor", "...", "needs stones.agglomerate, whose bonds it is for")
+
+
+def contact_key(first: str, second: str) -> str:
+    """Name of a pair in `contacts`: alphabetic, the plate last."""
+    return "_".join([*sorted({first, second} - {PLATE}), PLATE]) if PLATE in (first, second) else "_".join(
+        sorted([first, second]))
+
+
+def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
+    """The checked scene of a TOML file; `gangue_ratio` (0..1) replaces the scene's own.
+
+    Raises common.tables.InputError, one line with file, key, value and what is allowed.
+    """
+    data = scene_tables(path)
+    if gangue_ratio is not None and isinstance(data.get("stones"), dict):
+        data["stones"]["gangue_ratio"] = gangue_ratio
+    return check(Scene, data, path)
+
+
+def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
+    """The scene of a file with dotted keys changed ("stones.speed_m_s": 2.0; None leaves the key out), for studies that
+    vary one. Raises InputError as `read_scene` does."""
+    data = scene_tables(path)
+    for key, value in changes.items():
+        if key in ("base", "without"):
+            raise InputError(f"{path}: {key}: must stand in the file itself")
+        *tables, last = key.split(".")
+        if len(tables) > MOST_DEEP:
+            raise InputError(f"{path}: {key[:60]}...: must name a key of the scene, which has no tables so deep")
+        table = data
+        for name in tables:
+            table = table.setdefault(name, {})
+            if not isinstance(table, dict):
+                raise InputError(f"{path}: {key}: {name} is no table")
+        if value is None:
+            table.pop(last, None)
+        else:
+            table[last] = value
+    refuse_monstrous(path, changes)
+    return check(Scene, data, path)
+
+
+def scene_hash(scene: Scene) -> str:
+    """Hash of everything that the scene says, whatever the order and layout of the file."""
+    text = json.dumps(scene.model_dump(mode="json"), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def ratio_name(ratio: float) -> str:
+    """Directory of a ratio in a sweep: ratio_030 for 0.3."""
+    return f"ratio_{math.floor(ratio * 100 + 0.5):03d}"

@@ -1,0 +1,267 @@
+"""The `[stones]` table of a scene: what falls.
+
+There are four ways to say it: a volley of equal stones (`count`, `radius_m`, ...), one by one (`[[stones.each]]`),
+drawn from distributions (`[stones.drawn]`), or as a stream (`[stones.stream]`). dem/stones/arrangement.py makes one
+list of them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from common.scene.distribution import Distribution, Spread, refuse_outside
+from common.tables import NotNegative, Place, Positive, Refused, Table, about
+
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Kind = Literal["coal", "gangue"]  # what a stone counts as in the mixing ratio
+By = Literal["mass", "number"]
+SPHERE = "sphere"
+MOST_STONES = 10_000
+LARGEST_SIZE_m = 10.0
+FASTEST_m_s = 1e3
+
+
+class AgglomerateTable(Table):
+    """How a stone is made of bonded sub-spheres."""
+
+    subspheres: Annotated[int, Field(ge=2, le=100_000), about("sub-spheres of a stone")]
+    damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
+    unbreakable: Annotated[bool, about("bonds never break")] = False
+    contact: Annotated[Literal["sub_spheres", "smooth", "faces"] | None, about(
+        "how a stone touches the plate: as the smooth sphere that it stands for, where it is none with its flat faces, "
+        "or with its sub-spheres, each alone, which is too soft (docs/contact.md); absent: \"smooth\" where all stones "
+        "are spheres, otherwise \"faces\"")] = None
+
+
+class StonePosition(Place):
+    """Centre of a stone in the plane of the plate."""
+
+
+class EachStone(Table):
+    """One stone."""
+
+    material: Annotated[str, about("name of its table in materials")]
+    radius_m: Annotated[Positive, about("radius, of the sphere of equal volume where it is none")]
+    shape: Annotated[str, about("\"sphere\", or the name of a table in shapes")] = SPHERE
+    x_m: Annotated[float, about("where its centre is when it touches, along the plate's length")]
+    y_m: Annotated[float, about("where its centre is when it touches, along the plate's width")]
+    speed_m_s: Annotated[NotNegative | None, about(
+        "speed when it touches, straight down; instead of velocity_m_s")] = None
+    velocity_m_s: Annotated[tuple[float, float, float] | None, about(
+        "velocity when it touches, along the plate's length, its width, and upwards from it")] = None
+    spin_rad_s: Annotated[tuple[float, float, float], about("rate of turn about the same axes")] = (0.0, 0.0, 0.0)
+    arrival_s: Annotated[NotNegative, about("when it touches; 0: it starts gap_m above the plate")] = 0.0
+    attitude: Annotated[tuple[float, float, float, float] | None, about(
+        "unit quaternion (w, x, y, z) that turns it before it falls; absent: not turned")] = None
+    strength_factor: Annotated[Positive, about("factor on the strengths of its bonds")] = 1.0
+    seed: Annotated[Seed | None, about("seed of its packing; absent: stones.seed + its number - 1")] = None
+
+    @model_validator(mode="after")
+    def _moves(self) -> Self:
+        if (self.speed_m_s is None) == (self.velocity_m_s is None):
+            raise Refused("speed_m_s", self.speed_m_s, "either this or velocity_m_s must be given")
+        if self.velocity_m_s is not None and self.velocity_m_s[2] > 0:
+            raise Refused("velocity_m_s", self.velocity_m_s, "must not go upwards, its third value must be at most 0")
+        if self.attitude is not None and abs(sum(q * q for q in self.attitude) - 1) > 1e-6:
+            raise Refused("attitude", self.attitude, "must be a unit quaternion, its squares add up to 1")
+        return self
+
+
+class Footprint(Table):
+    """A rectangle of the plate."""
+
+    x_m: Annotated[tuple[float, float], about("from and to, along the plate's length")]
+    y_m: Annotated[tuple[float, float], about("from and to, along the plate's width")]
+
+    @model_validator(mode="after")
+    def _ascends(self) -> Self:
+        for key in ("x_m", "y_m"):
+            if getattr(self, key)[1] < getattr(self, key)[0]:
+                raise Refused(key, getattr(self, key), "must ascend")
+        return self
+
+
+class DrawnStones(Table):
+    """What drawn stones have in common. A quantity is a number or a distribution."""
+
+    size_m: Annotated[Spread, about("diameter, of the sphere of equal volume")]
+    speed_m_s: Annotated[Spread | None, about("speed when a stone touches, straight down")] = None
+    drop_height_m: Annotated[Spread | None, about(
+        "height from which it has fallen when it touches; instead of speed_m_s")] = None
+    footprint: Annotated[Footprint | None, about(
+        "rectangle in which the centres are, evenly spread; absent: the whole plate less half the largest size")] = None
+    spin_rad_s: Annotated[Spread, about("rate of turn, about an axis of any direction")] = Distribution(value=0.0)
+    strength_factor: Annotated[Spread, about("factor on the strengths of a stone's bonds")] = Distribution(value=1.0)
+    attitude: Annotated[Literal["random", "fixed"], about(
+        "how a stone is turned: at random, or not at all")] = "random"
+    gangue_by: Annotated[By, about("what stones.gangue_ratio is a share of")] = "mass"
+    shapes: Annotated[tuple[str, ...], Field(min_length=1), about(
+        "\"sphere\" and names of tables in shapes, of which stones have one or the other with equal chance"),
+    ] = (SPHERE,)
+    packings: Annotated[int, Field(ge=1, le=1000), about(
+        "different packings of each shape; a stone has one of them, scaled and turned")] = 8
+
+    @model_validator(mode="after")
+    def _within_bounds(self) -> Self:
+        if (self.speed_m_s is None) == (self.drop_height_m is None):
+            raise Refused("speed_m_s", None, "either this or drop_height_m must be given")
+        refuse_outside("size_m", self.size_m, 1e-6, LARGEST_SIZE_m, f"must be from 1e-6 to {LARGEST_SIZE_m:g}")
+        refuse_outside("speed_m_s", self.speed_m_s, 0, FASTEST_m_s, f"must be from 0 to {FASTEST_m_s:g}")
+        refuse_outside("drop_height_m", self.drop_height_m, 0, 1e4, "must be from 0 to 10000")
+        refuse_outside("spin_rad_s", self.spin_rad_s, 0, 1e5, "must be from 0 to 100000")
+        refuse_outside("strength_factor", self.strength_factor, 1e-6, 1e6, "must be from 1e-6 to 1e6")
+        return self
+
+
+class DrawnTable(DrawnStones):
+    """A number of stones that are drawn."""
+
+    count: Annotated[int, Field(ge=1, le=MOST_STONES), about("number of stones")]
+    arrival_s: Annotated[Spread, about("when a stone touches; 0: all start gap_m above the plate")] = Distribution(
+        value=0.0)
+
+    @model_validator(mode="after")
+    def _arrives(self) -> Self:
+        refuse_outside("arrival_s", self.arrival_s, 0, 1e6, "must be from 0 to 1e6")
+        return self
+
+
+class StreamTable(DrawnStones):
+    """Stones that arrive one after another at random times, at a steady rate."""
+
+    rate_1_s: Annotated[Positive | None, about("stones a second")] = None
+    rate_kg_s: Annotated[Positive | None, about("mass a second; instead of rate_1_s")] = None
+    begin_s: Annotated[NotNegative, about("when the stream begins")] = 0.0
+    duration_s: Annotated[Positive, about("how long it lasts")]
+    least_fragment: Annotated[Annotated[int, Field(ge=2)] | None, about(
+        "a fragment of fewer sub-spheres is taken out and counted as soon as it flies; absent: none is")] = None
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> Self:
+        if (self.rate_1_s is None) == (self.rate_kg_s is None):
+            raise Refused("rate_1_s", self.rate_1_s, "either this or rate_kg_s must be given")
+        return self
+
+
+VOLLEY = ("count", "radius_m", "speed_m_s", "gangue_ratio")
+ONLY_VOLLEY = ("count", "radius_m", "speed_m_s", "circle_radius_m", "positions", "gangue_order", "arrival_s",
+               "strength_factor")
+WAYS = ("each", "drawn", "stream")
+
+
+class StonesTable(Table):
+    """The stones, where they are, and how they arrive."""
+
+    count: Annotated[Annotated[int, Field(ge=1, le=1000)] | None, about(
+        "number of stones of a volley, which has radius_m, speed_m_s, gangue_ratio, and circle_radius_m or positions "
+        "too; absent where each, drawn or stream is given", paper="10")] = None
+    radius_m: Annotated[Positive | None, about("radius of a stone of a volley", paper="0.025")] = None
+    speed_m_s: Annotated[NotNegative | None, about("impact speed of a volley, downwards", paper="3.0")] = None
+    circle_radius_m: Annotated[Positive | None, about(
+        "radius of the circle on which the stones lie at equal angles, stone 1 on the x axis; instead of positions",
+        paper="0.1")] = None
+    positions: Annotated[tuple[StonePosition, ...] | None, about(
+        "centre of each stone in the plane of the plate; instead of circle_radius_m")] = None
+    gap_m: Annotated[Positive, about("height of the stones' lowest points above the plate at the start")] = 2e-5
+    coal: Annotated[str, about("name of the coal's table in materials")] = "coal"
+    gangue: Annotated[str, about("name of the gangue's table in materials")] = "gangue"
+    gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
+        "which stone turns into gangue first, each at most once; numbers above count are passed over, and stones that "
+        "are not named follow in ascending order")] = ()
+    gangue_ratio: Annotated[Annotated[float, Field(ge=0, le=1)] | None, about(
+        "mixing ratio, the share of gangue among the stones; in a volley a multiple of 1/count",
+        paper="0 to 1 in steps of 0.1")] = None
+    arrival_s: Annotated[tuple[NotNegative, ...] | None, about(
+        "when each stone touches, with the speed asked whatever flew before; 0: it starts gap_m above the plate",
+    )] = None
+    strength_factor: Annotated[tuple[Positive, ...] | None, about(
+        "factor on the strengths of each stone's bonds")] = None
+    seed: Annotated[Seed, about("seed of all that is drawn and of the packings; stone k of a volley has seed + k - 1")]
+    each: Annotated[tuple[EachStone, ...] | None, Field(min_length=1, max_length=MOST_STONES), about(
+        "stones one by one, instead of a volley")] = None
+    drawn: Annotated[DrawnTable | None, about("stones drawn from distributions, instead of a volley")] = None
+    stream: Annotated[StreamTable | None, about("stones one after another, instead of a volley")] = None
+    agglomerate: Annotated[AgglomerateTable | None, about(
+        "how a stone is made; absent: each stone is one unbonded sphere")] = None
+
+    @field_validator("gangue_order")
+    @classmethod
+    def _order_of_every_stone(cls, order: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
+        if len(set(order)) < len(order):
+            raise ValueError("must name each stone at most once")
+        if info.data.get("count") is None:  # refused itself, or no volley
+            return order
+        stones = range(1, info.data["count"] + 1)
+        return (*(k for k in order if k in stones), *(k for k in stones if k not in order))
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        ways = [way for way in WAYS if getattr(self, way) is not None]
+        if len(ways) > 1:
+            raise Refused(ways[1], "...", f"must be left out where stones.{ways[0]} is given")
+        if ways:
+            no = ONLY_VOLLEY + (("gangue_ratio",) if ways == ["each"] else ())
+            for key in no:
+                if getattr(self, key) not in (None, ()):
+                    raise Refused(key, getattr(self, key), f"must be left out where stones.{ways[0]} is given")
+            if self.gangue_ratio is None and ways != ["each"]:
+                raise Refused("gangue_ratio", None, f"must be given where stones.{ways[0]} is")
+            return self
+        for key in VOLLEY:
+            if getattr(self, key) is None:
+                raise Refused(key, None, "a value must be given, unless each, drawn or stream says what falls")
+        return self._one_position_each()
+
+    def _one_position_each(self) -> Self:
+        if (self.circle_radius_m is None) == (self.positions is None):
+            raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions must be given")
+        if self.positions is not None and len(self.positions) != self.count:
+            raise Refused("positions", f"{len(self.positions)} places", f"must be {self.count}, one a stone")
+        for key in ("arrival_s", "strength_factor"):
+            values = getattr(self, key)
+            if values is not None and len(values) != self.count:
+                raise Refused(key, f"{len(values)} values", f"must be {self.count}, one a stone")
+        if self.strength_factor is not None and self.agglomerate is None:
+            raise Refused("strength_factor", self.strength_factor, "needs stones.agglomerate, whose bonds it is for")
+        return self
+
+    @model_validator(mode="after")
+    def _shape_chooses_contact(self) -> Self:
+        if self.agglomerate is not None and self.agglomerate.contact is None:
+            contact = "smooth" if self.shapes == [SPHERE] else "faces"
+            # The scene as it is run says which, in run.json as in its hash.
+            object.__setattr__(self, "agglomerate", self.agglomerate.model_copy(update={"contact": contact}))
+        return self
+
+    @property
+    def volley(self) -> tuple[int, float]:
+        """Number and radius of the stones of a volley. Raises Refused where there is none."""
+        if self.count is None or self.radius_m is None:
+            raise Refused("count", None, "must be given with radius_m: this needs a volley of equal stones")
+        return self.count, self.radius_m
+
+    @property
+    def shares_gangue(self) -> bool:
+        """Does `gangue_ratio` decide which stones are gangue?"""
+        return self.each is None
+
+    @property
+    def materials(self) -> list[str]:
+        """Names of the materials that may fall, in alphabetic order."""
+        return sorted({one.material for one in self.each} if self.each is not None else {self.coal, self.gangue})
+
+    def key_of_shape(self, name: str) -> str:
+        """The key that names a shape first."""
+        if self.each is not None:
+            return f"stones.each.{[one.shape for one in self.each].index(name)}.shape"
+        return f"stones.{'stream' if self.drawn is None else 'drawn'}.shapes"
+
+    @property
+    def shapes(self) -> list[str]:
+        """Names of the shapes that may fall, in alphabetic order."""
+        if self.each is not None:
+            return sorted({one.shape for one in self.each})
+        drawn = self.drawn or self.stream
+        return sorted(set(drawn.shapes)) if drawn is not None else [SPHERE]

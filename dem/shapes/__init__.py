@@ -1,0 +1,1 @@
+"""Shapes of stones: polyhedra and meshes."""

@@ -1,0 +1,1 @@
+"""Finite elements: plate, rods, mesh, stiffness and mass."""

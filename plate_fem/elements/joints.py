@@ -1,0 +1,58 @@
+"""What the joint of a rod adds to the theories of plate and rod, from a table that a solid gave."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import interpn
+
+from common.scene.plate import FlexiblePlate, Rod
+
+JOINTS = Path(__file__).with_name("rod_joints.csv")  # written by `python -m lab run rod_joint`
+LEAST_COMPLIANCE = 3e-3  # of a joint, in 1/(E a): less is as good as rigid
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What the material about a rod's head does beyond the theories of plate and rod (lab/plate/rod_joint.py).
+
+    The disc of the plate above the rod is stiffer by the factor 1 + `stub`. The head moves by `offset_m2` tr e more
+    than the mid-plane, e = sym grad theta. `axial_m_N` and `bending` (2, 2), in m/N, 1/N and 1/(N m), are compliances
+    under a pull, and under a push sideways and a moment.
+    """
+
+    stub: float
+    offset_m2: float
+    axial_m_N: float
+    bending: np.ndarray
+
+
+def joint_of(plate: FlexiblePlate, rod: Rod, theory: str) -> Joint:
+    """Return the joint of a rod, from a table by its radius over the plate's thickness, Poisson's ratio and the modulus
+    of the rod over the plate's. Beyond the table's ends the joint is that at its end."""
+    a, modulus = rod.diameter_m / 2, plate.youngs_modulus_Pa
+    names, axes, values = _joints()
+    at = [math.log(a / plate.thickness_m), plate.poisson_ratio, math.log(rod.youngs_modulus_Pa / modulus)]
+    inside = [np.clip(x, axis[0], axis[-1]) for x, axis in zip(at, axes, strict=True)]
+    found = dict(zip(names, interpn(axes, values, inside)[0], strict=True))
+    of = "kirchhoff_" if theory == "kirchhoff" else ""
+    scaled = np.array([[found[f"{of}side"], found[f"{of}side_turn"]], [found[f"{of}side_turn"], found[f"{of}turn"]]])
+    size, directions = np.linalg.eigh(scaled)
+    per_length = np.array([1, 1 / a])
+    bending = (directions * np.maximum(size, LEAST_COMPLIANCE)) @ directions.T * np.outer(per_length, per_length)
+    return Joint(found["stub"], found["offset"] * plate.thickness_m**2,
+                 max(found["axial"], LEAST_COMPLIANCE) / (modulus * a), bending / (modulus * a))
+
+
+@cache
+def _joints() -> tuple[list[str], list[np.ndarray], np.ndarray]:
+    """Return the names of the table's values, its three axes (radius and modulus as logarithms), and the values."""
+    names = JOINTS.read_text().splitlines()[0].split(",")
+    table = np.loadtxt(JOINTS, delimiter=",", skiprows=1)
+    axes = [np.unique(column) for column in table[:, :3].T]
+    values = table[:, 3:].reshape(*map(len, axes), -1)
+    return names[3:], [np.log(axes[0]), axes[1], np.log(axes[2])], values

@@ -1,0 +1,172 @@
+"""Rods below the plate: bars in tension, beams in bending and shafts in torsion, clamped at their foot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import scipy.sparse as sp
+
+from common.scene.plate import Rod
+from plate_fem.elements.joints import joint_of
+from plate_fem.elements.line import integral, parabolas, smooth_cubics
+from plate_fem.elements.mesh import bending_stiffness, shear_stiffness
+from plate_fem.elements.system import PlateSystem, grown
+
+PARTS = 5  # of each rod
+CELLS_PER_WAVELENGTH = 8
+RADII, ANGLES = 6, 24  # points of the quadrature over a disc
+
+
+def disc_quadrature(x_m: float, y_m: float, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (k, 2) in m and weights (k,) of sum one, for the mean over a disc."""
+    s, w = np.polynomial.legendre.leggauss(RADII)
+    r = radius_m * np.sqrt((s + 1) / 2)  # equal weight per area
+    angle = 2 * math.pi * (np.arange(ANGLES) + 0.5) / ANGLES
+    x = x_m + np.outer(r, np.cos(angle))
+    y = y_m + np.outer(r, np.sin(angle))
+    weights = np.repeat(w / 2 / ANGLES, ANGLES)
+    return np.column_stack([x.ravel(), y.ravel()]), weights
+
+
+Matrices = tuple[sp.csr_array, sp.csr_array, np.ndarray, np.ndarray]  # stiffness, mass, unknowns at top and at base
+
+
+@dataclass(frozen=True)
+class Part:
+    """A bar or beam over its own local unknowns.
+
+    The k unknowns `top` are what `rows`, sparse (k, n), give from the unknowns of the plate. Those in `held` are zero,
+    and the others belong to the part alone.
+    """
+
+    stiffness: sp.csr_array
+    mass: sp.csr_array
+    top: tuple[int, ...]
+    rows: sp.csr_array
+    held: tuple[int, ...]
+
+    def tie(self) -> sp.csr_array:
+        """Return the sparse matrix that gives the local unknowns from those of the plate and the part's own."""
+        n_local = self.stiffness.shape[0]
+        own = np.setdiff1d(np.arange(n_local), [*self.top, *self.held])
+        pick_top, pick_own = _pick(n_local, self.top), _pick(n_local, own)
+        return sp.csr_array(sp.hstack([pick_top @ self.rows, pick_own]))
+
+
+def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]:
+    """Return the PARTS that a rod adds to a plate: the bar, the beams in the planes xz and yz, the shaft and the stub.
+
+    The head of the rod has the mean deflection of the plate over its disc, the lateral displacement of the plate's
+    lower surface and the plate's rotation there, but for what its joint gives way.
+    """
+    points, weights = disc_quadrature(rod.x_m, rod.y_m, rod.diameter_m / 2)
+    mean = sp.csr_array(weights[None, :])
+    joint = joint_of(system.plate, rod, system.theory)
+    alike = rod.model_copy(update={"x_m": 0.0, "y_m": 0.0})  # of equal rods the matrices are made once
+    x, y, twist = system.curvature(points)
+    stiffness, mass, top, base = _joined(*_bar(alike, max_frequency_Hz), np.array([[joint.axial_m_N]]))
+    head = mean @ (system.deflection(points) + joint.offset_m2 * (x + y))
+    bar = Part(stiffness, mass, tuple(top), sp.csr_array(head), tuple(base))
+    stiffness, mass, top, base = _joined(*_beam(alike, max_frequency_Hz), joint.bending)
+    lower_m = -system.plate.thickness_m / 2
+    sideways = [system.lateral(points, axis, lower_m) for axis in (0, 1)]
+    turned = [system.rotation(points, axis) for axis in (0, 1)]
+    rows = [sp.csr_array(sp.vstack([mean @ v, mean @ psi])) for v, psi in zip(sideways, turned, strict=True)]
+    beams = [Part(stiffness, mass, tuple(top), row, tuple(base)) for row in rows]
+    stiffness, mass, top, base = _shaft(alike, max_frequency_Hz)
+    shaft = Part(stiffness, mass, (top[0],), system.yaw(), (base[0],))
+    return [bar, *beams, shaft, _stub(system, points, weights * _area(rod) * joint.stub, (x, y, twist))]
+
+
+def _stub(system: PlateSystem, points: np.ndarray, area_m2: np.ndarray, curvature: Sequence[sp.csr_array]) -> Part:
+    """Return the plate's energy once more over areas (k,) at points (k, 2)."""
+    x, y, twist = curvature
+    bending, nu = bending_stiffness(system.plate), system.plate.poisson_ratio
+    rows, stiff = [x + y, x - y, twist], [bending * (1 + nu) / 2, bending * (1 - nu) / 2, bending * (1 - nu) / 2]
+    if system.theory == "mindlin":
+        slopes = zip(((1, 0), (0, 1)), (0, 1), strict=True)
+        rows += [system.deflection(points, by) - system.rotation(points, axis) for by, axis in slopes]
+        stiff += 2 * [shear_stiffness(system.plate)]
+    diagonal = sp.diags_array(np.outer(stiff, area_m2).ravel(), format="csr")
+    size = diagonal.shape[0]
+    return Part(diagonal, sp.csr_array((size, size)), tuple(range(size)), sp.csr_array(sp.vstack(rows)), ())
+
+
+def _joined(stiffness: sp.csr_array, mass: sp.csr_array, top: np.ndarray, base: np.ndarray,
+            compliance: np.ndarray) -> Matrices:
+    """Return a bar or beam whose k unknowns at the top give way against the plate's by a compliance (k, k)."""
+    size, k = stiffness.shape[0], len(top)
+    spring = np.linalg.inv(compliance)
+    ends = np.append(top, size + np.arange(k))
+    joint = np.block([[spring, -spring], [-spring, spring]])
+    entries = joint.ravel(), (np.repeat(ends, 2 * k), np.tile(ends, 2 * k))
+    joined = grown(stiffness, size + k) + sp.csr_array(entries, shape=(size + k, size + k))
+    return sp.csr_array(joined), grown(mass, size + k), size + np.arange(k), base
+
+
+def _pick(size: int, chosen: Sequence[int] | np.ndarray) -> sp.csr_array:
+    """Return the sparse matrix (size, k) that places k numbers at the chosen rows."""
+    return sp.csr_array((np.ones(len(chosen)), (chosen, np.arange(len(chosen)))), shape=(size, len(chosen)))
+
+
+def base_force_row(bar: Part) -> sp.csr_array:
+    """Return the sparse row (1, n_local) that gives the axial force (N, tension positive) at the base of a bar."""
+    return -sp.csr_array(bar.stiffness)[list(bar.held)]
+
+
+def _lines_m(rod: Rod, wavelength_m: float) -> np.ndarray:
+    """Return grid lines from the plate down to the base."""
+    n = max(2, math.ceil(CELLS_PER_WAVELENGTH * rod.length_m / wavelength_m))
+    return np.linspace(0.0, rod.length_m, n + 1)
+
+
+def _area(rod: Rod) -> float:
+    return math.pi * rod.diameter_m**2 / 4
+
+
+@lru_cache(maxsize=4)
+def _bar(rod: Rod, max_frequency_Hz: float) -> Matrices:
+    """Return the bar in tension."""
+    return _second_order(rod, rod.youngs_modulus_Pa * _area(rod), rod.density_kg_m3 * _area(rod), max_frequency_Hz)
+
+
+@lru_cache(maxsize=4)
+def _shaft(rod: Rod, max_frequency_Hz: float) -> Matrices:
+    """Return the shaft in torsion."""
+    polar = math.pi * rod.diameter_m**4 / 32
+    shear_modulus = rod.youngs_modulus_Pa / (2 * (1 + rod.poisson_ratio))
+    return _second_order(rod, shear_modulus * polar, rod.density_kg_m3 * polar, max_frequency_Hz)
+
+
+def _second_order(rod: Rod, stiff: float, inertia: float, max_frequency_Hz: float) -> Matrices:
+    """Return a line whose energies are stiff u'^2 / 2 and inertia du/dt^2 / 2 a unit of length."""
+    lines = _lines_m(rod, math.sqrt(stiff / inertia) / max_frequency_Hz)
+    u = parabolas(lines)
+    top, base = np.array([0]), np.array([len(lines) - 1])
+    return stiff * integral(u, u, 1, 1), inertia * integral(u, u), top, base
+
+
+@lru_cache(maxsize=4)
+def _beam(rod: Rod, max_frequency_Hz: float) -> Matrices:
+    """Return the Timoshenko beam: lateral displacement v and rotation of its sections psi at its top and at its base.
+
+    The rotations are continuous parabolas, which contain the slope of every cubic v, so that a slender beam does not
+    lock. Shear coefficient of a circle: 6 (1 + nu)/(7 + 6 nu) (Cowper 1966, J. Appl. Mech. 33:335).
+    """
+    second_moment, nu = math.pi * rod.diameter_m**4 / 64, rod.poisson_ratio
+    bending, inertia = rod.youngs_modulus_Pa * second_moment, rod.density_kg_m3 * _area(rod)
+    shear = 6 * (1 + nu) / (7 + 6 * nu) * rod.youngs_modulus_Pa / (2 * (1 + nu)) * _area(rod)
+    wavelength = 2 * math.pi * (bending / inertia) ** 0.25 / math.sqrt(2 * math.pi * max_frequency_Hz)
+    lines = _lines_m(rod, wavelength)
+    v, psi = smooth_cubics(lines), parabolas(lines)
+    k_vp = -shear * integral(v, psi, 1, 0)
+    k_pp = bending * integral(psi, psi, 1, 1) + shear * integral(psi, psi)
+    stiffness = sp.csr_array(sp.block_array([[shear * integral(v, v, 1, 1), k_vp], [k_vp.T, k_pp]]))
+    rotary = rod.density_kg_m3 * second_moment * integral(psi, psi)
+    mass = sp.csr_array(sp.block_diag([inertia * integral(v, v), rotary]))
+    top, base = (np.array([node, v.size + node]) for node in (0, len(lines) - 1))
+    return stiffness, mass, top, base

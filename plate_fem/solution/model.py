@@ -1,0 +1,150 @@
+"""The whole structure: plate, rods and supports, reduced to its free unknowns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+
+from common.scene.plate import FlexiblePlate
+from plate_fem.elements import rods
+from plate_fem.elements.mesh import highest_frequency_Hz
+from plate_fem.elements.system import PlateSystem, assemble, grown, without_rounding
+from plate_fem.solution import mirror
+from plate_fem.solution.eigen import Part, independent_parts
+
+
+@dataclass(frozen=True)
+class PlateModel:
+    """Stiffness and mass over the n free unknowns.
+
+    `expansion`, sparse (system.size, n), gives the unknowns of the plate from the free ones. `rod_force`, sparse
+    (n_rods, n), gives the axial force (N, tension positive) at the base of each rod.
+    """
+
+    system: PlateSystem
+    stiffness: sp.csc_array
+    mass: sp.csc_array
+    expansion: sp.csr_array
+    rod_force: sp.csr_array
+
+    @cached_property
+    def parts(self) -> list[Part]:
+        """The parts of the model that have nothing to do with each other; each keeps its factors once it has them."""
+        return independent_parts(self.stiffness, self.mass, highest_frequency_Hz(self.system.plate))
+
+    def deflection(self, points_m: np.ndarray) -> sp.csr_array:
+        """Return the sparse matrix (k, n) that gives the deflection at points (k, 2)."""
+        return self.system.deflection(points_m) @ self.expansion
+
+
+def build_model(plate: FlexiblePlate) -> PlateModel:
+    """Assemble plate, rods and supports. Raises Refused for a mesh that is too large."""
+    system = assemble(plate)
+    attached = [rods.attach(system, rod, highest_frequency_Hz(plate)) for rod in plate.rods]
+    parts = [part for of_rod in attached for part in of_rod]
+    ties = _place([part.tie() for part in parts], system.size)
+    size = ties[-1].shape[1] if ties else system.size
+    stiffness, mass = grown(system.stiffness, size), grown(system.mass, size)
+    if parts:
+        tie = sp.csr_array(sp.vstack(ties))
+        stiffness = stiffness + tie.T @ sp.block_diag([part.stiffness for part in parts], format="csr") @ tie
+        mass = mass + tie.T @ sp.block_diag([part.mass for part in parts], format="csr") @ tie
+    bars = zip(parts[:: rods.PARTS], ties[:: rods.PARTS], strict=True)
+    forces = [rods.base_force_row(bar) @ tie for bar, tie in bars]
+    rod_force = sp.vstack(forces) if forces else sp.csr_array((0, size))
+    own = [np.unique(tie.indices[tie.indices >= system.size]) for tie in ties]
+    blocks = [_free(system, basis) for basis in mirror.blocks(system, own, size)]
+    expansion = sp.csr_array(sp.hstack([basis for _, basis in blocks]))
+    return PlateModel(
+        system,
+        _in_blocks(stiffness, blocks),
+        _in_blocks(mass, blocks),
+        sp.csr_array(expansion[: system.size]),
+        sp.csr_array(rod_force @ expansion),
+    )
+
+
+def _in_blocks(matrix: sp.csr_array, blocks: list[tuple[sp.csr_array, sp.csr_array]]) -> sp.csc_array:
+    """Return a symmetric matrix (size, size) over the free unknowns: its blocks one after the other."""
+    by_rows = sp.block_diag([without_rounding(rows @ matrix @ basis) for rows, basis in blocks], format="csr")
+    return sp.csc_array(by_rows.T)  # symmetric, so that its rows are its columns
+
+
+def _place(ties: list[sp.csr_array], plate_size: int) -> list[sp.csr_array]:
+    """Give each tie (n_local, plate + own) its own columns after those of the plate and of earlier ties."""
+    size = plate_size + sum(tie.shape[1] - plate_size for tie in ties)
+    placed, start = [], plate_size
+    for tie in ties:
+        entries = sp.coo_array(tie)
+        own = entries.col >= plate_size
+        columns = np.where(own, entries.col - plate_size + start, entries.col)
+        placed.append(sp.csr_array((entries.data, (entries.row, columns)), shape=(tie.shape[0], size)))
+        start += tie.shape[1] - plate_size
+    return placed
+
+
+def _free(system: PlateSystem, basis: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
+    """Return a basis (size, n) of what edges and supports leave free of a basis (size, m) of all unknowns.
+
+    Before it comes the matrix (n, size) that stands for the transposed basis where a matrix is reduced, with a fraction
+    of its numbers: what mirrors leave as it is makes an even or odd vector of another, and one row of each group of
+    images tells which.
+    """
+    held = np.zeros(basis.shape[0])
+    held[system.fixed] = 1.0
+    basis = basis[:, abs(basis).T @ held == 0]  # an edge holds each of an unknown's images or none
+    rows = _one_image(basis)
+    constraint = (_support_rows(system) @ basis[: system.size]).toarray()
+    constraint = constraint[abs(constraint).max(axis=1, initial=0) > 0]  # a support on a held edge adds nothing
+    if not len(constraint):
+        return rows, basis
+    free = _null_space(constraint)
+    return free.T @ rows, basis @ free
+
+
+def _one_image(basis: sp.csr_array) -> sp.csr_array:
+    """Return the inverse (m, size) of a basis (size, m) of groups of images that takes one image of each group."""
+    columns = basis.tocsc()
+    first = columns.indptr[:-1]
+    rows, entries = columns.indices[first], columns.data[first]
+    return sp.csr_array((1 / entries, rows, np.arange(len(first) + 1)), shape=(len(first), basis.shape[0]))
+
+
+def _support_rows(system: PlateSystem) -> sp.csr_array:
+    """Return the sparse matrix (n_supports, system.size) of the deflections that point supports hold at zero.
+
+    A shear-flexible plate does not feel a support at a mathematical point, since its deflection under a point force is
+    infinite. There the support holds the mean over a disc as wide as the plate is thick.
+    """
+    plate, rows = system.plate, [sp.csr_array((0, system.size))]
+    for support in plate.point_supports:
+        points, weights = np.array([[support.x_m, support.y_m]]), np.ones(1)
+        if system.theory == "mindlin":
+            points, weights = rods.disc_quadrature(support.x_m, support.y_m, plate.thickness_m / 2)
+            inside = (abs(points[:, 0]) <= plate.length_m / 2) & (abs(points[:, 1]) <= plate.width_m / 2)
+            points, weights = points[inside], weights[inside] / weights[inside].sum()
+        rows.append(sp.csr_array(weights[None, :]) @ system.deflection(points))
+    return sp.csr_array(sp.vstack(rows))
+
+
+def _null_space(constraint: np.ndarray) -> sp.csr_array:
+    """Return a sparse basis of {u: constraint @ u = 0}, in which each constraint eliminates one well-placed unknown.
+
+    Constraints may depend on each other, as those of mirrored supports do.
+    """
+    touched = np.flatnonzero(abs(constraint).max(axis=0))
+    _, triangle, order = scipy.linalg.qr(constraint[:, touched], mode="economic", pivoting=True)
+    size = abs(np.diag(triangle))
+    rank = int((size > 1e-9 * size[0]).sum())
+    slave = touched[order[:rank]]
+    keep = np.setdiff1d(np.arange(constraint.shape[1]), slave)
+    reduced = np.zeros((rank, constraint.shape[1]))
+    reduced[:, touched[order]] = triangle[:rank]
+    basis = sp.lil_array((constraint.shape[1], len(keep)))
+    basis[keep, np.arange(len(keep))] = 1.0
+    basis[slave, :] = -scipy.linalg.solve_triangular(reduced[:, slave], reduced[:, keep])
+    return sp.csr_array(basis)

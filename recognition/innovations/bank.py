@@ -1,0 +1,154 @@
+"""Signature of one stone in the innovations, as a function of its arrival, duration, place, breaking and impulse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from recognition.estimation.arrays import Floats
+from recognition.innovations.signatures import DURATIONS_S, LEAD, Channels, Floats32, modal_table
+from recognition.innovations.whitening import Whitening
+from recognition.plate.plate_model import PlateModel
+from recognition.stone_forces.forces import StoneForces
+
+LAGS, FIT_LAGS = 160, 56  # samples of a signature: all, and those by which a stone is fitted
+HIGHEST_SHARE = 0.6  # of the sample rate: modes above it are felt no more
+SHAPE_STEP_M = 2.5e-3  # of the grid of shapes; between its points they are linear
+KEPT = 64  # signatures
+TIME, DURATION, X, Y, BREAKING, IMPULSE = range(6)  # of a stone's parameters: samples, log s, m, m, 1, log N s
+PARAMETERS = 6
+
+
+@dataclass(frozen=True)
+class Bank:
+    """Innovations of unit impulses on the modes, channel fastest.
+
+    table (form, duration, phase, n, LAGS c); fitted (duration, phase, 4, n, FIT_LAGS c): of the first form with its
+    slopes by time (samples) and log duration, and of the second form.
+    shapes (nx, ny, 3, n): shapes and their slopes along x and y on a grid from -half_m (2,) on.
+    """
+
+    table: Floats32
+    fitted: Floats32
+    shapes: Floats32
+    half_m: Floats
+    rate_Hz: float
+    channels: int
+
+    @classmethod
+    def of(cls, plate: PlateModel, channels: Channels, forces: StoneForces, whitening: Whitening,
+           rate_Hz: float) -> Bank:
+        plate = plate.below(HIGHEST_SHARE * rate_Hz)
+        acceleration, amplitude = channels.observed(plate)
+        table = _whitened(modal_table(plate, forces, rate_Hz, LAGS), acceleration, whitening)
+        if channels.rods:
+            table += _whitened(modal_table(plate, forces, rate_Hz, LAGS, amplitude=True), amplitude, whitening)
+        half = np.array([plate.lines_x_m[-1], plate.lines_y_m[-1]])
+        fitted = _with_slopes(table[..., :FIT_LAGS * len(acceleration)])
+        return cls(table[:, :, 1:-1], fitted, _shapes(plate, half), half, rate_Hz, len(acceleration))
+
+    @property
+    def phases(self) -> int:
+        return self.table.shape[2] - 1
+
+    def shape_at(self, x_m: float, y_m: float) -> Floats32:
+        """(3, n): shapes at a place, and their slopes."""
+        (i, x_off_m), (j, y_off_m) = self._grid_node(0, x_m), self._grid_node(1, y_m)
+        found: Floats32 = self.shapes[i, j].copy()
+        found[0] += x_off_m * found[1] + y_off_m * found[2]
+        return found
+
+    def _grid_node(self, axis: int, at_m: float) -> tuple[int, float]:
+        """Node of the grid of shapes that is nearest, and how far it is."""
+        from_end_m = at_m + float(self.half_m[axis])
+        node = min(max(round(from_end_m / SHAPE_STEP_M), 0), self.shapes.shape[axis] - 1)
+        return node, from_end_m - node * SHAPE_STEP_M
+
+    def signature(self, stone: Floats) -> tuple[int, Floats32]:
+        """First sample, and the signature over FIT_LAGS with its derivatives by the parameters (7, FIT_LAGS c)."""
+        return self._kept(*stone.tolist())
+
+    @cached_property
+    def _kept(self) -> Callable[..., tuple[int, Floats32]]:
+        """`_signature`; the last ones are kept, since a fit to several stones asks for the same again."""
+        return lru_cache(KEPT)(self._signature)
+
+    @cached_property
+    def _about(self) -> Callable[[int, int, int, int], Floats32]:
+        """Rows (12, FIT_LAGS c) of `fitted` x (shape, slopes) at a node; a fit stays near one, so the last are kept."""
+        return lru_cache(KEPT)(lambda k, p, i, j: (self.shapes[i, j] @ self.fitted[k, p]).reshape(12, -1))
+
+    def _signature(self, time: float, log_duration: float, x_m: float, y_m: float, breaking: float,
+                   log_impulse: float) -> tuple[int, Floats32]:
+        first, (k, k_off), (p, p_off) = self._nodes(time, log_duration)
+        (i, x_off_m), (j, y_off_m) = self._grid_node(0, x_m), self._grid_node(1, y_m)
+        at, of = np.array([1.0, x_off_m, y_off_m]), np.array([1.0, p_off / self.phases, k_off * _LOG_STEP, breaking])
+        weights = np.zeros((PARAMETERS + 1, 4, 3))
+        weights[0] = weights[1 + IMPULSE] = of[:, None] * at
+        weights[1 + TIME, 1] = weights[1 + DURATION, 2] = weights[1 + BREAKING, 3] = at
+        weights[1 + X, :, 1] = weights[1 + Y, :, 2] = of
+        weights *= math.exp(log_impulse)
+        rows: Floats32 = weights.reshape(-1, 12).astype(np.float32) @ self._about(k, p, i, j)
+        return first - LEAD, rows
+
+    def whole(self, stone: Floats) -> tuple[int, Floats32]:
+        """First sample, and the signature over LAGS (LAGS c,)."""
+        time, log_duration, x_m, y_m, breaking, log_impulse = stone.tolist()
+        first, (k, b), (p, a) = self._nodes(time, log_duration)
+        i, j = k + (1 if b > 0 else -1), p + (1 if a > 0 else -1)
+        at = math.exp(log_impulse) * self.shape_at(x_m, y_m)[0]
+        out = (1 - abs(a) - abs(b)) * (at @ self.table[0, k, p]) + breaking * (at @ self.table[1, k, p])
+        for share, node in ((abs(b), (i, p)), (abs(a), (k, j))):
+            if share > 0:
+                out += share * (at @ self.table[0, node[0], node[1]])
+        return first - LEAD, out
+
+    def _nodes(self, time: float, log_duration: float) -> tuple[int, tuple[int, float], tuple[int, float]]:
+        """Whole sample, then the nearest node of durations and of phases, with how far it is in their steps."""
+        first = math.floor(time)
+        return (first, _nearest((log_duration - _LOG_FIRST) / _LOG_STEP, len(DURATIONS_S)),
+                _nearest((time - first) * self.phases, self.phases + 1))
+
+
+_LOG_FIRST = float(np.log(DURATIONS_S[0]))
+_LOG_STEP = float(np.log(DURATIONS_S[1] / DURATIONS_S[0]))
+
+
+def _nearest(position: float, count: int) -> tuple[int, float]:
+    """Node nearest to a position on a grid of `count` nodes, and how far it is; beyond the ends it stops."""
+    position = min(max(position, 0.0), count - 1.0)
+    k = round(position)
+    return k, position - k
+
+
+def _with_slopes(table: Floats32) -> Floats32:
+    """(duration, phase, 4, n, columns) of a table whose first and last phase are outside the sample."""
+    value, phases = table[0], table.shape[2] - 3
+    by_time = (value[:, 2:] - value[:, :-2]) * (phases / 2)
+    by_duration = np.gradient(value, _LOG_STEP, axis=0)[:, 1:-1]
+    return np.stack([value[:, 1:-1], by_time, by_duration, table[1, :, 1:-1]], axis=2)
+
+
+def _whitened(modal: Floats32, observed: Floats, whitening: Whitening) -> Floats32:
+    """Innovations (..., n, LAGS c) of the modes' responses (form, duration, phase, n, LAGS), downwards."""
+    by_mode = -np.einsum("dcl,cn->ndl", whitening.response[:, :, :LAGS], observed)
+    spectrum = np.fft.rfft(by_mode, 2 * LAGS)
+    m, k, p, n, _ = modal.shape
+    out = np.empty((m, k, p, n, LAGS * len(observed)), dtype=np.float32)
+    for index in np.ndindex(m, k):
+        full = np.fft.irfft(np.fft.rfft(modal[index], 2 * LAGS)[:, :, None] * spectrum, 2 * LAGS)[..., :LAGS]
+        out[index] = full.swapaxes(-1, -2).reshape(p, n, -1)
+    return out
+
+
+def _shapes(plate: PlateModel, half_m: Floats) -> Floats32:
+    axes = [np.arange(-h, h + SHAPE_STEP_M / 2, SHAPE_STEP_M) for h in half_m]
+    along_x, along_y = plate.splines
+    by_x, by_y = along_x(np.clip(axes[0], -half_m[0], half_m[0])), along_y(np.clip(axes[1], -half_m[1], half_m[1]))
+    shape = np.einsum("ai,bj,ijn->abn", by_x, by_y, plate.grid_shape, optimize=True)
+    slopes = np.gradient(shape, SHAPE_STEP_M, axis=(0, 1))
+    return np.asarray(np.stack([shape, *slopes], axis=2), dtype=np.float32)

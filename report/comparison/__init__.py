@@ -1,0 +1,1 @@
+"""Two runs or sweeps side by side."""

@@ -1,0 +1,107 @@
+"""How breakage and response differ from stone to stone: over the stones of a sweep, and over draws of stones that vary,
+which are a data set beside the sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from analysis import Run, read_run
+from analysis.signals.features import rms
+from analysis.sweep import breakage
+from recognition.estimation.window import WINDOW_S
+from report.missing import MissingResult
+from report.sweep_results import SweepResults
+from report.tables import Cells, TableSpec
+from report.trends import spearman
+
+BESIDE = "natural"
+PLAN = "scenes/dataset_natural.toml"
+KINDS = ("coal", "gangue")
+
+
+def one_stone(results: SweepResults) -> Cells:
+    """Return breakage of one stone, mean and deviation over all stones of all runs."""
+    rows, area_cm2 = [], 1e4 * results.breakage.area_end_m2
+    largest = np.array([[shares[0] for shares in results.breakage.fragment_shares(k)] for k in range(len(area_cm2))])
+    for kind in KINDS:
+        chosen = results.is_gangue == (kind == "gangue")
+        if chosen.any():
+            rows.append([kind, str(chosen.sum()), _with_deviation(area_cm2[chosen]), _with_deviation(largest[chosen]),
+                         _least_resolution(results, chosen)])
+    return ["", "stones", "crack area, cm²", "largest fragment", "fragment size over sub-sphere, least"], rows
+
+
+def _least_resolution(results: SweepResults, chosen: np.ndarray) -> str:
+    given = [run.summary.fragment_size_over_subsphere or [None] * len(run.materials) for run in results.runs]
+    found = [value for values, own in zip(given, chosen, strict=True) for value, here in zip(values, own, strict=True)
+             if here and value is not None]
+    return f"{min(found):.2g}" if found else "-"
+
+
+def _area_cm2(run: Run) -> np.ndarray:
+    return np.asarray(1e4 * breakage.broken_area_m2(run, WINDOW_S))
+
+
+def _area_of_one_cm2(kind: str) -> Callable[[Run], float]:
+    def area(run: Run) -> float:
+        own = _area_cm2(run)[np.array(run.materials) == kind]
+        return float(own.mean()) if own.size else np.nan
+
+    return area
+
+
+#: Of one run, each over the paper's window.
+QUANTITIES: dict[str, Callable[[Run], float]] = {
+    "crack area of all stones, cm²": lambda run: float(_area_cm2(run).sum()),
+    "crack area of one coal, cm²": _area_of_one_cm2("coal"),
+    "crack area of one gangue, cm²": _area_of_one_cm2("gangue"),
+    "peak total force, kN": lambda run: 1e-3 * run.peak("force_N"),
+    "peak kinetic energy of the plate, J": lambda run: run.peak("kinetic_J"),
+    "RMS of the plate's acceleration, m/s²": lambda run: rms(run.record("a_m_s2").values[run.t_s <= WINDOW_S]),
+}
+
+
+def varying(results: SweepResults) -> Cells:
+    """Return, of each quantity, the value of the run nearest to 50 % and the rank correlation with the ratio: of the
+    sweep, and of the runs beside it whose stones vary. Raises MissingResult where there are none."""
+    runs = _runs_beside(results)
+    ratios = np.array([run.gangue_ratio for run in runs])
+    half = results.index_nearest(0.5)
+    near = np.flatnonzero(np.abs(ratios - results.ratios[half]) < 0.05)
+    rows = []
+    for name, value_of in QUANTITIES.items():
+        here = np.array([value_of(run) for run in results.runs])
+        there = np.array([value_of(run) for run in runs])
+        rows.append([name, f"{here[half]:.3g}", _with_deviation(there[near]), _rank(results.ratios, here),
+                     _rank(ratios, there)])
+    count = f"{len(near)} draws"
+    return ["", f"{results.ratios[half]:.0%}: this sweep", f"{results.ratios[half]:.0%}: {count}",
+            "Spearman with the ratio: this sweep", f"Spearman: {len(runs)} runs"], rows
+
+
+def _runs_beside(results: SweepResults) -> list[Run]:
+    directory = results.sweep.path.resolve().parent / BESIDE
+    runs = [read_run(path) for path in sorted(directory.glob("*/*/ratio_*")) if (path / "run.json").is_file()]
+    if not runs:
+        raise MissingResult(f"no runs in {BESIDE} beside this directory; `make natural` makes those of runs/paper")
+    return runs
+
+
+def _rank(ratios: np.ndarray, values: np.ndarray) -> str:
+    known = np.isfinite(values)
+    return f"{spearman(ratios[known], values[known]):.2f}" if known.sum() > 2 else "-"
+
+
+def _with_deviation(values: np.ndarray) -> str:
+    known = values[np.isfinite(values)]
+    return f"{known.mean():.3g} ± {known.std(ddof=1):.2g}" if known.size > 1 else "-"
+
+
+ONE_STONE = TableSpec("table-one-stone", "Breakage of one stone", (
+    "Mean and standard deviation over all stones of all runs. Below a fragment size of 2.3 sub-spheres, what breaks"
+    " depends on the number of sub-spheres."), one_stone)
+VARYING = TableSpec("table-varying", "What natural scatter makes of it", (
+    f"Beside each figure of this sweep those of stones that vary ({PLAN}), mean and standard deviation over draws, in"
+    " the paper's window."), varying)

@@ -1,0 +1,72 @@
+"""Records of sensors in other units, under other names and at other rates are those in m/s^2."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import RecordError
+from recognition.plate.records import at_rate, record_table
+
+T_s = np.arange(200) / 8000.0
+X = np.sin(2 * np.pi * 100.0 * T_s)
+G = 9.80665
+
+
+@pytest.mark.parametrize("name, scale, unit, factor", [
+    ("acc_A_m_s2", 1.0, None, 1.0), ("acc_A_m_s2", 2.0, None, 2.0), ("A [g]", 1.0, None, G), ("A (mm/s²)", 3.0, None, 3e-3),
+    ("A", 0.1, "g", 0.1 * G), ("acc_A [mV]", 0.01, "g", 0.01 * G), ("acc_A_m_s2", 1.0, "g", G)])
+def test_units_and_names(tmp_path, name, scale, unit, factor):
+    pd.DataFrame({"Zeit [ms]": 1e3 * T_s, name: X, "force_N": X}).to_csv(tmp_path / "a.csv", index=False)
+    table, _ = record_table(tmp_path / "a.csv", scale, unit)
+    assert sorted(table) == ["acc_A_m_s2", "force_N", "t_s"]
+    np.testing.assert_allclose(table["acc_A_m_s2"], factor * X, rtol=1e-12)
+    np.testing.assert_allclose(table["force_N"], X, rtol=1e-12)
+    np.testing.assert_allclose(table["t_s"], T_s, rtol=1e-12)
+
+
+def test_a_column_without_a_unit_is_left_alone_and_another_unit_is_refused(tmp_path):
+    pd.DataFrame({"t_s": T_s, "A": X}).to_csv(tmp_path / "a.csv", index=False)
+    assert list(record_table(tmp_path / "a.csv", 5.0)[0]) == ["t_s", "A"]
+    for wrong in ({"unit": "V"}, {"scale": 0.0}, {"scale": float("nan")}):
+        with pytest.raises(RecordError, match="must be"):
+            record_table(tmp_path / "a.csv", **wrong)
+
+
+@pytest.mark.parametrize("kind", ["wav", "tdms", "h5", "lvm"])
+def test_any_recorder_gives_the_columns_of_sensors(tmp_path, kind):
+    file, unit = tmp_path / f"a.{kind}", None
+    if kind == "wav":
+        from scipy.io import wavfile
+
+        wavfile.write(file, 8000, np.column_stack([X, -X]))
+        unit, names = "g", ["acc_0_m_s2", "acc_1_m_s2"]
+    elif kind == "tdms":
+        nptdms = pytest.importorskip("nptdms")
+        with nptdms.TdmsWriter(file) as writer:
+            writer.write_segment([nptdms.ChannelObject("plate", name, sign * X, {"wf_increment": 1 / 8000, "unit_string": "g"})
+                                  for name, sign in (("A", 1), ("B", -1))])
+    elif kind == "h5":
+        with pytest.importorskip("h5py").File(file, "w") as made:
+            made.attrs["fs"] = 8000.0
+            for name, sign in (("A", 1), ("B", -1)):
+                made.create_dataset(f"plate/{name}", data=sign * X).attrs["unit"] = "g"
+    else:
+        rows = "".join(f"\t{x:.15e}\t{-x:.15e}\n" for x in X)
+        file.write_text("LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\n\nChannels\t2\n"
+                        f"Y_Unit_Label\tg\tg\nDelta_X\t1.25E-4\t1.25E-4\n***End_of_Header***\n\tA\tB\n{rows}")
+    table, _ = record_table(file, unit=unit)
+    names = names if kind == "wav" else ["acc_A_m_s2", "acc_B_m_s2"]
+    np.testing.assert_allclose(table[names].to_numpy().T, [G * X, -G * X], rtol=1e-12)
+    np.testing.assert_allclose(table["t_s"], T_s, rtol=1e-12)
+
+
+@pytest.mark.parametrize("rate_Hz", [20_000.0, 44_100.0, 51_200.0])
+@pytest.mark.parametrize("tone_Hz", [200.0, 3000.0, 5000.0])
+def test_another_rate_gives_what_would_have_been_sampled(rate_Hz, tone_Hz):
+    """A tone above half the new rate folds back, as in the runs that models are fitted to."""
+    t_s = 0.5 + np.arange(round(0.1 * rate_Hz)) / rate_Hz
+    table = at_rate(pd.DataFrame({"t_s": t_s, "a_m_s2": np.cos(2 * np.pi * tone_Hz * t_s)}), 20_000 / 3, "x")
+    inner = slice(20, -20)
+    steps_s = np.diff(table["t_s"])
+    assert table["t_s"][0] == 0.5 and steps_s == pytest.approx(1.5e-4, rel=1e-3)
+    np.testing.assert_allclose(table["a_m_s2"][inner], np.cos(2 * np.pi * tone_Hz * table["t_s"])[inner], atol=0.02)

@@ -1,0 +1,101 @@
+"""The command blocks of the pages, in a fresh copy of the tracked files: they run as they are written."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+
+from gangue.parser import parser_of
+from tests.analysis.synthetic import write_sweep
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+BLOCKS = {f"{page.relative_to(ROOT)} {number}": block for page in PAGES
+          for number, block in enumerate(re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL))}
+#: What only parts of it are run for elsewhere, as the whole takes hours, a cluster or a machine to install on.
+IN_PARTS = {
+    "README.md 0": "tests of the targets' commands", "docs/accuracy.md 0": "tests/test_lab.py",
+    "docs/calibration.md 0": "tests/dem/test_calibration.py", "docs/campaigns.md 0": "tests/campaign",
+    "docs/extending.md 0": "tests/test_docs.py", "docs/listening.md 0": "tests/recognition/test_stream.py",
+    "docs/recognition.md 0": "tests/recognition/test_evaluation.py", "docs/stream.md 0": "tests/dem/test_stream.py",
+    "docs/volley.md 0": "tests/recognition/test_volley.py", "docs/tapping.md 0": "tests/recognition/test_tapping.py"}
+QUICK = ["docs/analysis.md 0", "docs/extending.md 1"]
+LONG = sorted({*BLOCKS} - {*IN_PARTS} - {*QUICK})
+OF_THE_USER = {"record.csv", "hit.wav", "taps.toml", "stream.parquet", "measured.csv", "record.parquet",
+               "OUT/scene.toml", "OUT/sheet.toml", "plate.json", "runs/paper", "runs/paper/ratio_030",
+               "runs/before", "runs/after", "runs/dataset", "runs/other/ratio_040", "runs/a"}
+
+
+def commands(block):
+    """Each line of a block, without the remark behind it."""
+    return [line.partition(" #")[0].strip() for line in block.strip().splitlines()]
+
+
+def test_every_block_is_run_or_its_parts_are():
+    assert {*IN_PARTS} | {*QUICK} | {*LONG} == {*BLOCKS} and {*IN_PARTS, *QUICK} <= {*BLOCKS}
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_every_command_is_spelt_as_the_program_takes_it(name):
+    """`gangue ...` with files that are shipped, the user's own, or made above; a target of make that there is."""
+    made = set()
+    for line in commands(BLOCKS[name]):
+        if line == ". .venv/bin/activate":
+            continue
+        program, *words = shlex.split(line)
+        if program == "make":
+            subprocess.run(["make", "-n", *words], cwd=ROOT, capture_output=True, check=True)
+            continue
+        assert program == "gangue", line
+        given = vars(parser_of().parse_args(words))
+        given.pop("gangue_ratio", None)
+        out = str(given.pop("out", None))
+        for value in [*given.values(), *(given.get("file") or [] if isinstance(given.get("file"), list) else [])]:
+            if isinstance(value, str | Path) and re.search(r"/|\.\w+$", str(value)) and "m/s" not in str(value):
+                assert str(value) in {*made, *OF_THE_USER} or (ROOT / value).exists(), line
+        made.add(out)
+
+
+@pytest.fixture
+def clone(tmp_path):
+    """The tracked files, with this machine's environment and engine, and files of a user beside them."""
+    files = subprocess.run(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT,
+                           capture_output=True, text=True, check=True).stdout.split("\0")
+    for name in filter(None, files):
+        if (ROOT / name).is_file():
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, tmp_path / name)
+    (tmp_path / "build").mkdir()
+    (tmp_path / "build" / "engine").symlink_to(ROOT / "build" / "engine")
+    (tmp_path / ".venv").symlink_to(Path(sys.prefix))
+    for sweep in ("paper", "before", "after"):
+        write_sweep(tmp_path / "runs" / sweep)
+    wave = np.sin(np.arange(4000) / 7)
+    wavfile.write(tmp_path / "hit.wav", 20_000, wave)
+    (tmp_path / "record.csv").write_text("acc,other\n" + "".join(f"{value:.6f},0.5\n" for value in wave))
+    return tmp_path
+
+
+def run_block(name, clone):
+    environment = os.environ | {"PYTHONPATH": str(clone), "PATH": f"{sys.prefix}/bin:{os.environ['PATH']}"}
+    done = subprocess.run(["sh", "-e", "-c", BLOCKS[name]], cwd=clone, env=environment, capture_output=True, text=True,
+                          check=False)
+    assert done.returncode == 0, done.stdout[-500:] + done.stderr[-1000:]
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_block_runs_as_it_is_written(name, clone):
+    run_block(name, clone)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("name", LONG)
+def test_a_long_block_runs_as_it_is_written(name, clone):
+    run_block(name, clone)
