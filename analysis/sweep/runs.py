@@ -208,7 +208,7 @@ def read_sweep(path: str | Path, expected: tuple[float, ...] | None = None) -> S
             passed_over.append(str(error))
     if not runs:
         found = f" ({passed_over[0]})" if passed_over else ""
-        raise RecordError(f"{path}: no run.json, and no finished run ratio_*{found}")
+        raise RecordError(f"{path}: no finished run ratio_*, nor a run.json of its own{found}")
     runs.sort(key=lambda run: run.gangue_ratio)
     have = {round(run.gangue_ratio, 6) for run in runs}
     wanted = _expected(path, runs) if expected is None else expected
