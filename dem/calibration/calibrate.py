@@ -60,6 +60,7 @@ DISC_RADIUS_RATIO = 1.5    # disc against stone: 14 sub-spheres across, as labor
 FIRST_GUESS = 1.25         # of the bonds' tensile strength over the rock's
 STEP = 0.12                # of a strength: so near the law of proportion holds
 STRENGTH_ROUNDS = 5
+POWERS = (0.3, 1.2)
 # Files in ROCK.partial, in a directory for each kind of test; "elastic" was one of earlier versions.
 AT_WORK = re.compile(r"(elastic|Brazilian|compression|tension)/(deck\.liggghts|atoms\.data|events\.csv|view\.dump"
                      r"|(bonds|agglomerates|load)\.txt|engine\.(out|log)|log\.liggghts)")
@@ -278,13 +279,22 @@ def fit_stiffness(scene: Scene, material: str, target: TargetTable, laboratory: 
 
 def fit_strengths(rock: Rock, target: TargetTable, laboratory: Strengths, seeds: range) -> Rock:
     """The tensile strength of the bonds by the Brazilian test, which is deaf to their shear strength, and then that one
-    by compression. A last step below STEP is not tested again."""
+    by compression. A last step below STEP is not tested again.
+
+    Load goes with a power of the strength: 1 at first, and then that of the last two rounds, which is less where the
+    bonds' fracture energy carries part of it.
+    """
     for kind, key, wanted, packings in (
             ("Brazilian", "tensile_strength_Pa", target.tensile_strength_Pa, seeds),
             ("compression", "shear_strength_Pa", target.compressive_strength_Pa, seeds[:FIT_SEEDS // 2])):
+        power, rounds = 1.0, list[tuple[float, float]]()
         for _ in range(STRENGTH_ROUNDS):
-            reached = laboratory.strengths("strength", kind, rock, packings).mean()
-            rock = replace(rock, **{key: _rounded(getattr(rock, key) * wanted / reached)})
+            reached = float(laboratory.strengths("strength", kind, rock, packings).mean())
+            rounds.append((getattr(rock, key), reached))
+            if len(rounds) > 1:
+                (bond, rock_Pa), (now, now_Pa) = rounds[-2:]
+                power = float(np.clip(np.log(now_Pa / rock_Pa) / np.log(now / bond), *POWERS))
+            rock = replace(rock, **{key: _rounded(rounds[-1][0] * (wanted / reached) ** (1 / power))})
             if abs(wanted / reached - 1) < STEP:
                 break
         else:

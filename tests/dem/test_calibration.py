@@ -108,6 +108,15 @@ def test_both_strengths_are_fitted():
     assert reached == pytest.approx(target.compressive_strength_Pa, rel=0.02)
 
 
+def test_strengths_that_go_with_a_small_power_of_those_of_the_bonds_are_met():
+    """As where the fracture energy carries much of the load: steps in proportion would stop 7 % away."""
+    target = read_target("soft_coal")
+    rock = fit_strengths(ROCK, target, FakeLaboratory(
+        Brazilian=lambda t, s: 1.25 * target.tensile_strength_Pa * (t / ROCK.tensile_strength_Pa) ** 0.45,
+        compression=lambda t, s: s), range(8))
+    assert rock.tensile_strength_Pa == pytest.approx(ROCK.tensile_strength_Pa * 0.8 ** (1 / 0.45), rel=0.01)
+
+
 @pytest.mark.parametrize("deaf", ["Brazilian", "compression"])
 def test_a_strength_that_cannot_be_reached_is_named(deaf):
     laws = {"Brazilian": lambda t, s: t, "compression": lambda t, s: s, deaf: lambda t, s: 5e5}
