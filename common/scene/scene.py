@@ -39,7 +39,7 @@ class TimeTable(Table):
     co_step: Annotated[Annotated[int, Field(ge=1)] | None, about(
         "DEM steps of a co-step; absent: from the shortest contact")] = None
     free_flight_tolerance: Annotated[NotNegative, about(
-        "share of the impact energy below which inner motion lets a body fly free; 0: never (docs/free_flight.md)")] = 1e-4
+        "share of the impact energy below which inner motion lets a body fly; 0: never (docs/free_flight.md)")] = 1e-4
 
     @model_validator(mode="after")
     def _one_sample_at_least(self) -> Self:
