@@ -154,12 +154,12 @@ class StonesTable(Table):
     """The stones, where they are, and how they arrive."""
 
     count: Annotated[Annotated[int, Field(ge=1, le=1000)] | None, about(
-        "number of stones of a volley, which has radius_m, speed_m_s, gangue_ratio, and circle_radius_m or positions "
-        "too; absent where each, drawn or stream is given", paper="10")] = None
+        "number of stones of a volley, which needs radius_m, speed_m_s, gangue_ratio, circle_radius_m or positions",
+        paper="10")] = None
     radius_m: Annotated[Positive | None, about("radius of a stone of a volley", paper="0.025")] = None
     speed_m_s: Annotated[NotNegative | None, about("impact speed of a volley, downwards", paper="3.0")] = None
     circle_radius_m: Annotated[Positive | None, about(
-        "radius of the circle on which the stones lie at equal angles, stone 1 on the x axis; instead of positions",
+        "radius of the circle of the stones, stone 1 on the x axis; or positions",
         paper="0.1")] = None
     positions: Annotated[tuple[StonePosition, ...] | None, about(
         "centre of each stone; or circle_radius_m")] = None
