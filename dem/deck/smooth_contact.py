@@ -56,7 +56,8 @@ def pair_laws(scene: Scene, assembly: Assembly) -> list[tuple[int | float, ...]]
     touch as smooth ones."""
     if not assembly.surfaces or len(assembly.sizes) < 2:
         return []
-    found, types = [], list(enumerate(assembly.substances, start=1))
+    found: list[tuple[int | float, ...]] = []
+    types = list(enumerate(assembly.substances, start=1))
     for (i, first), (j, second) in combinations_with_replacement(types, 2):
         contact = pair_contact(scene, first, second)
         if contact is not None:
