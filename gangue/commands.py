@@ -194,9 +194,9 @@ COMMANDS = {
         _arg("--speed", dest="speed_m_s", type=float, nargs="+", default=[3.0], metavar="M_S",
              help="of all stones, or the lowest and the highest that it may be (default: 3 m/s)")), (
         "gangue volley measured.csv --plate plate.json --stones 10",)),
-    "report": Command("report.commands:report", "write report.html of a sweep; `compare` puts two side by side", (
-        _arg("directory", help="directory of runs ratio_*"),), (
-        "gangue report runs/paper",)),
+    "report": Command("report.commands:report", "write report.html of runs; `compare` puts two side by side", (
+        _arg("directory", help="run directory, or directory of runs ratio_*"),), (
+        "gangue report runs/paper", "gangue report runs/single")),
     "compare": Command("report.commands:compare", "write a page of what differs between two runs or two sweeps", (
         _file("a", "A", "run directory, or directory of runs ratio_*"), _file("b", "B", "another one of the same kind"),
         _arg("--out", type=Path, help="the page (default: compare_A_B.html beside B)")), (
