@@ -4,7 +4,6 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from analysis.theory.contact_states.contact_states import COAL, GANGUE, PLATE, contact_stiffness
 from analysis.theory.contact_states.real_plate import (
     amplitude_at_peak,
     contact_stress_map_Pa,
@@ -16,6 +15,7 @@ from analysis.theory.contact_states.real_plate import (
 from scipy.signal import lsim
 
 from analysis import RecordError
+from analysis.theory.contact_states import COAL, GANGUE, PLATE, contact_stiffness
 from common.run_summary import RecordedScene
 from common.scene.plate import FlexiblePlate
 from plate_fem.modes import plate_modes
