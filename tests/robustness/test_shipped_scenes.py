@@ -18,7 +18,9 @@ def made_small(scene):
     stones = scene.stones
     if scene.name in (*FAST, "small"):
         return {}
-    changes = {"stones.agglomerate.subspheres": 200 if stones.agglomerate.contact == "smooth" else 100}
+    changes = {}
+    if stones.agglomerate is not None:
+        changes["stones.agglomerate.subspheres"] = 200 if stones.agglomerate.contact == "smooth" else 100
     if stones.stream is None:
         until_s = 0.023 if stones.each else 0.01  # the last stone of sizes.toml arrives at 0.02 s
         return changes | {"time.duration_s": min(until_s, scene.time.duration_s)}
