@@ -80,6 +80,7 @@ class RecordedPlate(RecordedMaterial):
     length_m: float | None = None
     width_m: float | None = None
     thickness_m: float | None = None
+    tilt_deg: float = 0.0
     damping_ratio: float | None = None
     max_frequency_Hz: float | None = None
     rods: list[RecordedRod] | None = None

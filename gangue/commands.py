@@ -173,17 +173,17 @@ COMMANDS = {
     "listen": Command("recognition.stream.heard:listen",
                       "stones one by one, and the mixing ratio over time, from a stream", (
         RECORD, PLATE, SCALE, UNIT, _arg("--out", required=True, help="directory for stones.parquet and ratio.parquet"),
-        _arg("--radius", dest="radius_m", type=float, nargs=2, default=(0.025, 0.025), metavar=("LOW", "HIGH"),
-             help="between which the stones' radii lie, in m (default: 0.025 0.025)"),
-        _arg("--speed", dest="speed_m_s", type=float, nargs=2, default=(2.0, 4.0), metavar=("LOW", "HIGH"),
-             help="between which their speeds across the plate lie, in m/s (default: 2 4)"),
+        _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
+             help="between which the stones' radii lie, in m"),
+        _arg("--speed", dest="speed_m_s", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
+             help="between which their speeds lie, the components across the plate, in m/s"),
         _arg("--silence", dest="quiet_s", type=float, default=0.02, metavar="S",
              help="beginning without stones, which tells the noise: 1 s where a machine runs (default: %(default)g s)"),
         _arg("--window", dest="window_s", type=float, default=1.0, metavar="S",
              help="of the ratio (default: %(default)g s)"),
         _arg("--step", dest="step_s", type=float, default=0.1, metavar="S",
              help="between ratios (default: %(default)g s)")), (
-        "gangue listen stream.parquet --plate plate.json --out runs/heard",)),
+        "gangue listen stream.parquet --plate plate.json --radius 0.025 0.025 --speed 2 4 --out runs/heard",)),
     "volley": Command("recognition.volley.judged:volley",
                       "mixing ratio of stones that arrive at once on unknown places", (
         RECORD, PLATE, SCALE, UNIT,
@@ -194,9 +194,9 @@ COMMANDS = {
         _arg("--speed", dest="speed_m_s", type=float, nargs="+", default=[3.0], metavar="M_S",
              help="of all stones, or the lowest and the highest that it may be (default: 3 m/s)")), (
         "gangue volley measured.csv --plate plate.json --stones 10",)),
-    "report": Command("report.commands:report", "write report.html of a sweep; `compare` puts two side by side", (
-        _arg("directory", help="directory of runs ratio_*"),), (
-        "gangue report runs/paper",)),
+    "report": Command("report.commands:report", "write report.html of runs; `compare` puts two side by side", (
+        _arg("directory", help="run directory, or directory of runs ratio_*"),), (
+        "gangue report runs/paper", "gangue report runs/single")),
     "compare": Command("report.commands:compare", "write a page of what differs between two runs or two sweeps", (
         _file("a", "A", "run directory, or directory of runs ratio_*"), _file("b", "B", "another one of the same kind"),
         _arg("--out", type=Path, help="the page (default: compare_A_B.html beside B)")), (

@@ -49,6 +49,8 @@ CASES = {case.name: case for case in (
     Case("work_precision", "lab.accuracy.work_precision", "each numerical setting", "a far finer value of it", PLATE),
     Case("tolerance", "lab.accuracy.tolerance", "tolerance of a scene", "a finer run", (*PLATE, "common/scene/error_laws.toml")),
     Case("omissions", "lab.accuracy.omissions", "parts of a scene left out", "the cost of the whole scene", PLATE),
+    Case("emd_rules", "lab.accuracy.emd_rules", "stopping rule of EMD and length of the record", "known modes",
+         ("analysis/signals",)),
     Case("free_flight", "lab.accuracy.free_flight", "free flight of bodies", "brute force", PLATE),
     Case("stability", "lab.accuracy.stability", "every quantity to its extremes",
          "a closed ledger, or a refusal that names a limit", (*PLATE, "lab/accuracy/stability_scenes.py")),

@@ -153,8 +153,8 @@ def plate_modes(
     residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
     points the static compliance of all the modes left out (plate_fem/solution/residual.py), and one for each rod, with
     which the rods bear their exact share of a steady force anywhere. Without it there are none.
-    Raises ValueError for a table whose `truncation_tolerance` has not been turned into a frequency, and Refused for a
-    table with too many cells or modes, or whose numbers are so extreme that they cannot be found.
+    Raises ValueError for a table without `max_frequency_Hz`, and Refused for one with too many cells or modes, or
+    whose numbers are so extreme that they cannot be found.
 
     >>> plate = FlexiblePlate(model="flexible", length_m=1.0, width_m=1.0, thickness_m=0.01, edges="simply_supported",
     ...     density_kg_m3=7830.0, youngs_modulus_Pa=2.07e11, poisson_ratio=0.3, damping_ratio=0.0, max_frequency_Hz=60)
@@ -190,7 +190,7 @@ def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | None = None
     The damping ratio does not belong to it: frequencies and shapes are those without damping.
     """
     table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
-    return key_of(Path(__file__), table, None if residual_points_m is None else residual_points_m.tolist())
+    return key_of(Path(__file__), table, None if residual_points_m is None else np.asarray(residual_points_m).tolist())
 
 
 def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None) -> tuple[np.ndarray, sp.csc_array]:

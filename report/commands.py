@@ -17,7 +17,7 @@ class ReportResult(Result):
 
 
 def report(directory: str) -> ReportResult:
-    """Write the report of a directory of runs, see `report.page.write_report`."""
+    """Write the report of a run or of a directory of runs, see `report.page.write_report`."""
     from report.page import write_report  # late, as below: each takes seconds to import
 
     return ReportResult(write_report(directory))

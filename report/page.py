@@ -1,11 +1,12 @@
-"""The page of a sweep: report.html with everything inside it, and claims.csv beside it."""
+"""The page of a run or of a directory of runs: report.html with everything inside it, and of the paper's scene
+claims.csv beside it. Every number on it is of these runs."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from importlib.resources import files
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,53 +14,60 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from analysis import Sweep, read_sweep
+from analysis import Run, Sweep, read_sweep
+from analysis.sweep import breakage
 from analysis.sweep.stream import is_stream
-from common.files.output_directory import is_stamped, refuse_foreign_file, stamped
+from common.files.output_directory import (
+    hash_of,
+    is_stamped,
+    listed_files,
+    refuse_foreign_file,
+    stamped,
+    write_contents,
+)
 from common.files.whole import write_text
 from common.resources import resource
+from common.scene.scene import read_scene
+from recognition.estimation.window import LEAST_RATIOS
 from report import tables, variation
 from report.breakage.chapter import BREAKAGE_FIGURES
-from report.breakage.claims import BREAKAGE_STATEMENTS
-from report.drawing.figure_spec import FigureSpec, FinishedFigure
+from report.drawing.figure_spec import FigureSpec, FinishedFigure, finish_figure
 from report.drawing.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
-from report.film.reel import Films
+from report.film.pictures import EARLY, IMPACT, WHOLE, Series
+from report.film.reel import Films, films_of, pack_films
 from report.film.still import still
 from report.film.still_scene import still_scene
 from report.missing import MISSING_RESULT
-from report.parts import Parts, Spec, make_parts
-from report.recognition.chapter import ANSWER, RECOGNITION_FIGURES
-from report.recognition.claims import RECOGNITION_STATEMENTS
-from report.recognition.results import HELD_OUT
-from report.response.chapter import RESPONSE_FIGURES
-from report.response.claims import RESPONSE_STATEMENTS
+from report.parts import make_parts
+from report.response.chapter import FELT, MAXIMA, RESPONSE_FIGURES
 from report.signals.chapter import SIGNAL_FIGURES
-from report.signals.claims import SIGNAL_STATEMENTS
-from report.stream.page import stream_runs
+from report.stream.page import StreamRun
 from report.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
 from report.theory.chapter import THEORY_FIGURES
-from report.theory.claims import THEORY_STATEMENTS
-from report.trends import falling_steps, spearman
-from report.verdicts import HELD, VERDICTS, to_csv
+from report.trends import LEAST_TREND, falling_steps, spearman
+from report.verdicts import VERDICTS, Claim, Statement, to_csv
 
 TEMPLATES = resource("templates")
 
-#: Title, figures and tables of each chapter, in order.
+#: Title, figures and tables of each chapter, in order; that of recognition follows where it has runs enough.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
-    ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
-    ("Breakage", BREAKAGE_FIGURES, [variation.ONE_STONE]),
     ("Response of the plate", RESPONSE_FIGURES, []),
-    ("Signals", SIGNAL_FIGURES, [tables.EMD_RULES, tables.STANDARDISED]),
-    ("Recognition", RECOGNITION_FIGURES, [tables.ERRORS, tables.DEVIATIONS, tables.RECOGNISED]),
-    ("With stones that vary", [], [variation.VARYING]),
+    ("Breakage", BREAKAGE_FIGURES, [variation.ONE_STONE]),
+    ("Signals", SIGNAL_FIGURES, []),
+    ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
 ]
 
-#: Of whose scene alone the page says what the paper states.
-PAPER = "paper"
+#: What is no physics of a scene: the paper's statements hold for it with any of these.
+NO_PHYSICS = {"stones": ("gangue_ratio", "seed"), "plate": ("sensors", "max_frequency_Hz")}
 
-#: All statements of the paper, in its order, those of a chapter together; the last are of the recognised ratios.
-STATEMENTS = [THEORY_STATEMENTS, BREAKAGE_STATEMENTS, RESPONSE_STATEMENTS, SIGNAL_STATEMENTS, RECOGNITION_STATEMENTS]
+
+@dataclass(frozen=True)
+class Number:
+    """One of the numbers of the first screen, and what it says in a few words."""
+
+    value: str
+    words: str
 
 
 @dataclass(frozen=True)
@@ -87,90 +95,124 @@ class Rise:
 
     @property
     def in_words(self) -> str:
+        if not self.falls_at:
+            return "rises at every step"
         if self.spearman >= 0.9:
-            return "rises as a whole" if self.falls_at else "rises"
+            return "rises as a whole"
         return "rises weakly" if self.spearman >= 0.5 else "does not rise"
 
 
 @dataclass(frozen=True)
-class Number:
-    """One of the numbers of the first screen, and what it says in a few words."""
+class Content:
+    """What a page shows. first: the figure of the first screen. runs: a table of them."""
 
-    value: str
-    words: str
+    title: str
+    numbers: list[Number]
+    first: FinishedFigure
+    films: Films
+    chapters: list[Chapter]
+    runs: FinishedTable | None = None
+    rises: list[Rise] = field(default_factory=list)
+    claims: list[Claim] = field(default_factory=list)
 
 
 def write_report(directory: str | Path) -> Path:
-    """Write report.html into a directory of runs, and of the paper's scene claims.csv, each whole or not at all. Of
-    streams it is the page of what fell (report/stream/page.py).
+    """Write report.html into a run directory or a directory of runs, and of the paper's scene claims.csv beside it,
+    each whole or not at all.
 
     Returns the path of the report. Raises RecordError or RecognitionError, with a message of one line, where the runs
     cannot be used, and OSError where the files cannot be written.
     """
-    file = Path(directory) / "report.html"
+    directory = Path(directory)
+    file, claims = directory / "report.html", directory / "claims.csv"
     refuse_foreign_file(file, is_stamped)
+    refuse_foreign_file(claims, is_stamped)
     sweep = read_sweep(directory)
-    if all(is_stream(run) for run in sweep.runs):
-        write_text(file, stamped(render_streams(sweep)))
-        return file
-    refuse_foreign_file(file.with_name("claims.csv"), is_stamped)
-    results = SweepResults(sweep)
-    parts = _parts(results)
-    parts = replace(parts, claims=[replace(c, value=local(c.value, results.sweep)) for c in parts.claims])
-    if parts.claims:
-        write_text(file.with_name("claims.csv"), stamped(to_csv(parts.claims), "# {}"))
-    write_text(file, stamped(render(results, parts)))
+    content = _of_streams(sweep) if all(map(is_stream, sweep.runs)) else _of_impacts(SweepResults(sweep))
+    if content.claims:
+        write_text(claims, stamped(local(to_csv(content.claims), sweep), "# {}"))
+    write_text(file, stamped(render(sweep, content)))
+    if (listed := listed_files(directory, "run")) is not None:  # a run may be replaced with what belongs to it
+        own = {one.name: hash_of(one) for one in (file, claims) if one.is_file()}
+        write_contents(directory, "run", listed | own)
     return file
 
 
-def _parts(results: SweepResults) -> Parts:
-    chapters = chapters_of(results)
-    longest_first: list[Spec] = [table for _, _, chapter_tables in chapters for table in chapter_tables]
-    specs = [*longest_first, ANSWER, *(figure for _, figures, _ in chapters for figure in figures)]
-    return make_parts(results, specs, STATEMENTS if _is_of_paper(results) else [[]])
+def _of_impacts(results: SweepResults) -> Content:
+    runs, ratios = results.runs, len(set(results.ratios))
+    recognises = ratios >= LEAST_RATIOS and results.plate_moves
+    chapters, statements = list(CHAPTERS), list[list[Statement]]([[]])
+    first = FELT if ratios == 1 else MAXIMA
+    if recognises:
+        from report.recognition import chapter  # late: its libraries take a second to import
+
+        first = chapter.ANSWER
+        chapters.append(("Recognition", chapter.RECOGNITION_FIGURES, chapter.RECOGNITION_TABLES))
+    if ratios >= LEAST_TREND and all(map(is_papers, runs)):
+        from report.statements import STATEMENTS as statements
+        chapters.append(("With stones that vary", [], [variation.VARYING]))
+    of_chapters: list[FigureSpec | TableSpec] = []
+    for _, figures, of_chapter in chapters:
+        of_chapters += [*of_chapter, *figures]
+    specs = [spec for spec in of_chapters if spec.ratios <= ratios and spec is not first] + [first]
+    main = results.index_nearest(0.5)
+    made, claims = make_parts(
+        results, [*(partial(finish, spec, results) for spec in specs),
+                  *(partial(_film, runs, k, main, (IMPACT, EARLY, WHOLE) if k == main else (IMPACT, WHOLE))
+                    for k in range(len(runs)))], statements, recognises)
+    finished = {spec.key: one for spec, one in zip(specs, made, strict=False)}
+    return Content(
+        "How much gangue fell on the plate?" if ratios > 1 else "What the stones did to the plate",
+        numbers(results, recognises), finished[first.key],
+        films_of([f"{100 * run.gangue_ratio:.0f} % gangue" for run in runs], made[len(specs):], main),
+        [Chapter(title, [finished[spec.key] for spec in figures if spec.key in finished and spec is not first],
+                 [finished[spec.key] for spec in of_chapter if spec.key in finished])
+         for title, figures, of_chapter in chapters],
+        finish_table(tables.RUNS, results), rises(results), claims)
 
 
-def _is_of_paper(results: SweepResults) -> bool:
-    return all(run.scene.name == PAPER for run in results.runs)
+def _of_streams(sweep: Sweep) -> Content:
+    streams = [StreamRun(run) for run in sweep.runs]
+    works = [partial(finish_figure, spec, one.results) for one in streams for spec in one.specs]
+    films = [partial(_film, sweep.runs, k, 0, (WHOLE,)) for k in range(len(streams))]
+    made, _ = make_parts(SweepResults(sweep), [*works, *films], [[]], False)
+    figures = iter(made)
+    of_each = [one.keyed([next(figures) for _ in one.specs]) for one in streams]
+    names = [one.results.run.path.name for one in streams]
+    chapters = [Chapter("What fell" if len(streams) == 1 else name, found if k else found[1:], [one.table()])
+                for k, (name, one, found) in enumerate(zip(names, streams, of_each, strict=True))]
+    return Content("What fell on the plate?", [Number(*one) for one in streams[0].numbers()], of_each[0][0],
+                   films_of(names, list(figures), 0), chapters)
 
 
-def chapters_of(results: SweepResults) -> list[tuple[str, list[FigureSpec], list[TableSpec]]]:
-    """Return the chapters of a sweep; draws of stones that vary stand beside the paper's scene alone."""
-    return [chapter for chapter in CHAPTERS if _is_of_paper(results) or variation.VARYING not in chapter[2]]
+def finish(spec: FigureSpec | TableSpec, results: SweepResults) -> FinishedFigure | FinishedTable:
+    """A figure drawn, or a table filled."""
+    return finish_figure(spec, results) if isinstance(spec, FigureSpec) else finish_table(spec, results)
 
 
-def render(results: SweepResults, parts: Parts) -> str:
+def _film(runs: list[Run], index: int, main: int, wanted: tuple[Series, ...]) -> tuple[str, str]:
+    """The packed film of a run, and of the main one the still picture that stands in its place."""
+    run = runs[index]
+    network = breakage.read_network(run)
+    picture = to_picture_uri(still(still_scene(run, network))) if index == main else ""
+    return pack_films(run, network, (1 + (index == main)) / (1 + len(runs)), wanted), picture
+
+
+def is_papers(run: Run) -> bool:
+    """Is the physics of a run's scene that of the paper, whatever the scene's name is?"""
+    papers = read_scene(resource("scenes") / "paper.toml").model_dump(mode="json")
+    return _physics(run.scene.as_json()) == _physics(papers)
+
+
+def _physics(scene: dict[str, Any]) -> dict[str, Any]:
+    tables_of = {name: scene.get(name) for name in ("stones", "materials", "contacts", "plate")}
+    for name, keys in NO_PHYSICS.items():
+        tables_of[name] = {key: value for key, value in (tables_of[name] or {}).items() if key not in keys}
+    return tables_of | {"gravity_m_s2": scene.get("time", {}).get("gravity_m_s2")}
+
+
+def render(sweep: Sweep, content: Content) -> str:
     """Return the page as HTML."""
-    claims = parts.claims
-    counts = Counter(claim.verdict for claim in claims)
-    return _environment(results.sweep).get_template("report.html.j2").render(
-        name=results.sweep.path.resolve().name,
-        sweep=results.sweep,
-        answer=parts.finished[ANSWER.key],
-        numbers=numbers(results, counts),
-        rises=rises(results),
-        claims=claims,
-        verdicts=[(verdict, counts[verdict]) for verdict in VERDICTS],
-        chapters=[Chapter(title, [parts.finished[spec.key] for spec in figures],
-                          [parts.finished[spec.key] for spec in chapter_tables])
-                  for title, figures, chapter_tables in chapters_of(results)],
-        runs=finish_table(tables.RUNS, results),
-        assumptions=assumptions(results.sweep),
-        **view_of(results, parts.films),
-    )
-
-
-def render_streams(sweep: Sweep) -> str:
-    """Return the page of streams as HTML."""
-    return _environment(sweep).get_template("stream.html.j2").render(
-        name=sweep.path.resolve().name,
-        runs=stream_runs(sweep.runs),
-        passed_over=sweep.passed_over,
-        assumptions=assumptions(sweep),
-    )
-
-
-def _environment(sweep: Sweep) -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -179,7 +221,17 @@ def _environment(sweep: Sweep) -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters |= {"local": lambda text: local(text, sweep), "in_script": in_script}
-    return environment
+    counts = Counter(claim.verdict for claim in content.claims)
+    maps = (DAMAGE_COLOURS, STRESS_COLOURS)
+    return environment.get_template("report.html.j2").render(
+        name=sweep.path.resolve().name,
+        sweep=sweep,
+        content=content,
+        verdicts=[(verdict, counts[verdict]) for verdict in VERDICTS],
+        assumptions=assumptions(sweep),
+        maps=[map_table(name) for name in maps],
+        scales=[css_gradient(name) for name in maps],
+    )
 
 
 def in_script(json_text: str) -> Markup:
@@ -195,44 +247,29 @@ def local(text: str, sweep: Sweep) -> str:
     return text
 
 
-def view_of(results: SweepResults, films: Films) -> dict[str, Any]:
-    """Return what the template needs for the three-dimensional view."""
-    shown = results.index_nearest(0.5)
-    try:
-        still_uri = to_picture_uri(still(still_scene(results.runs[shown], results.breakage.networks[shown])))
-    except MISSING_RESULT:
-        still_uri = ""  # then there are no films either, and their reason stands in the page
-    maps = (DAMAGE_COLOURS, STRESS_COLOURS)
-    return {
-        "films": films,
-        "still": still_uri,
-        "three": three_js(),
-        "maps": [map_table(name) for name in maps],
-        "scales": [css_gradient(name) for name in maps],
-    }
-
-
-def three_js() -> str:
-    """Return the source of three.js, which the extra `report` installs; "" where it is not installed."""
-    try:
-        return (files("jupyter_threejs_sage") / "static" / "r130" / "three.min.js").read_text()
-    except ModuleNotFoundError:
-        return ""
-
-
-def numbers(results: SweepResults, counts: Counter[str]) -> list[Number]:
+def numbers(results: SweepResults, recognises: bool) -> list[Number]:
     """Return the numbers of the first screen."""
-    total = sum(counts.values())
-    peaks_kN = 1e-3 * results.sweep.peaks("force_N")
-    found = [
-        _held_out(results),
-        Number(f"{peaks_kN[0]:.0f} to {peaks_kN[-1]:.0f} kN", "largest force, from lowest to highest ratio"),
-    ]
-    return [*found, Number(f"{counts[HELD]} of {total}", "statements of the paper held")] if total else found
+    runs = results.runs
+    ends = sorted({0, len(runs) - 1})
+    at = " and ".join(f"{100 * results.ratios[i]:.0f} %" for i in ends) if len(ends) > 1 else ""
+
+    def span(values: list[str], unit: str, words: str) -> Number:
+        return Number(f"{' to '.join(values)} {unit}".strip(), f"{words}, at {at} gangue" if at else words)
+
+    found = [_held_out(results)] if recognises else []
+    found.append(span([f"{1e-3 * runs[i].peak('force_N'):.3g}" for i in ends], "kN", "largest force on the plate"))
+    if results.plate_moves and len(found) < 2:
+        found.append(span([f"{runs[i].peak('a_m_s2'):.3g}" for i in ends], "m/s²", "largest acceleration of the plate"))
+    if all(run.summary.n_bonds for run in runs):
+        found.append(span([f"{runs[i].summary.n_bonds_broken}" for i in ends], "",
+                          f"bonds broken of {runs[0].summary.n_bonds}"))
+    return found
 
 
 def _held_out(results: SweepResults) -> Number:
     """Return the error of the method that answers most runs, trained on the other ratios."""
+    from report.recognition.results import HELD_OUT
+
     words = "mean error of the ratio, trained on the other ratios"
     try:
         error = np.abs(results.recognition.errors_points(HELD_OUT, results.recognition.leading_method))
@@ -244,24 +281,16 @@ def _held_out(results: SweepResults) -> Number:
 
 
 def rises(results: SweepResults) -> list[Rise]:
-    """Return whether the three main quantities rise with the ratio, as far as the runs have them; nothing for a single
-    run."""
-    if len(results.runs) < 2:
+    """Return whether the main quantities rise with the ratio, as far as the runs have them; nothing for few ratios."""
+    if len(set(results.ratios)) < LEAST_TREND:
         return []
     quantities: list[tuple[str, Callable[[], np.ndarray], str]] = [
-        ("peak total force", lambda: 1e-3 * results.sweep.peaks("force_N"), "kN"),
-        ("peak kinetic energy of the plate", lambda: results.response.peaks["kinetic_J"], "J"),
-        ("RMS of the plate's acceleration", lambda: results.signals.parameters["rms"], "m/s²"),
-    ]
-    found = []
-    for name, values_of, unit in quantities:
-        try:
-            values = values_of()
-        except MISSING_RESULT:
-            continue
-        found.append(Rise(name, spearman(results.ratios, values), falling_steps(results.ratios, values),
-                          f"{values[0]:.4g}", f"{values[-1]:.4g} {unit}"))
-    return found
+        ("largest total force", lambda: 1e-3 * results.sweep.peaks("force_N"), "kN")]
+    if results.plate_moves:
+        quantities += [("largest kinetic energy of the plate", lambda: results.response.peaks["kinetic_J"], "J"),
+                       ("RMS of the plate's acceleration", lambda: results.rms_m_s2, "m/s²")]
+    return [Rise(name, spearman(results.ratios, values := values_of()), falling_steps(results.ratios, values),
+                 f"{values[0]:.3g}", f"{values[-1]:.3g} {unit}") for name, values_of, unit in quantities]
 
 
 def assumptions(sweep: Sweep) -> list[str]:

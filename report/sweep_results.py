@@ -2,36 +2,59 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analysis import RecordError, Run, Sweep
+from recognition.estimation.window import Window
 from report.breakage.results import BreakageResults
-from report.recognition.results import RecognitionResults, in_paper_window
 from report.response.plate import PlateResults
 from report.response.results import ResponseResults
 from report.signals.results import SignalResults
 from report.theory.results import TheoryResults
 
+if TYPE_CHECKING:
+    from report.recognition.results import RecognitionResults
+
 
 class SweepResults:
     """The runs of a sweep and what the chapters of the report need of them.
 
-    The regular stream (`signals`) of each run is cut to the paper's window of 0.04 s; the fast stream and the broken
-    bonds are those of the whole run. Arrays over the runs are in order of the mixing ratio. A result that the runs do
-    not give raises one of `MISSING_RESULT`, with a message of one line, when it is asked for.
+    The regular stream (`signals`) of each run is cut to the 0.04 s that recognition reads; the fast stream and the
+    broken bonds are those of the whole run. Arrays over the runs are in order of the mixing ratio. A result that the
+    runs do not give raises one of `MISSING_RESULT`, with a message of one line, when it is asked for.
     """
 
     def __init__(self, sweep: Sweep):
-        self.sweep = in_paper_window(sweep)
+        window = Window.of(sweep.runs)
+        self.sweep = replace(sweep, runs=[replace(run, signals=window.cut(run.signals, str(run.path)))
+                                          for run in sweep.runs])
         self.ratios = self.sweep.ratios  # (runs,), 0..1
         self.plate = PlateResults(self.sweep)
         self.theory = TheoryResults(self.sweep, self.plate)
         self.breakage = BreakageResults(self.sweep)
         self.response = ResponseResults(self.sweep)
         self.signals = SignalResults(self.sweep)
-        self.recognition = RecognitionResults(self.sweep, self.signals)
+
+    @cached_property
+    def recognition(self) -> RecognitionResults:
+        """What every method of recognition says of the runs."""
+        from report.recognition.results import RecognitionResults  # late: its libraries take a second to import
+
+        return RecognitionResults(self.sweep, self.signals)
+
+    @cached_property
+    def plate_moves(self) -> bool:
+        """Have all runs the response of a flexible plate?"""
+        return all("a_m_s2" in run.signals for run in self.runs)
+
+    @cached_property
+    def rms_m_s2(self) -> np.ndarray:
+        """Of the acceleration of the plate's centre of mass, shape (runs,)."""
+        return np.array([np.sqrt(np.mean(run.record("a_m_s2").values**2)) for run in self.runs])
 
     @property
     def runs(self) -> list[Run]:

@@ -8,6 +8,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import rankdata, spearmanr
 
+#: A trend needs at least so many ratios.
+LEAST_TREND = 4
+
 
 def spearman(ratios: np.ndarray, values: np.ndarray) -> float:
     """Return Spearman's rank correlation of values with the ratio, -1..1; 0 where all values are equal."""

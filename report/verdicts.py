@@ -16,13 +16,10 @@ import numpy as np
 
 from report.missing import MISSING_RESULT, MissingResult
 from report.sweep_results import SweepResults
-from report.trends import falling_steps, spearman
+from report.trends import LEAST_TREND, falling_steps, spearman
 
 HELD, PARTLY, NOT_HELD, NOT_TESTED = "held", "partly", "not held", "not tested"
 VERDICTS = (HELD, PARTLY, NOT_HELD, NOT_TESTED)
-
-#: A trend needs at least so many ratios.
-LEAST_RATIOS = 4
 
 #: The verdict, and our number in words.
 Finding = tuple[str, str]
@@ -121,17 +118,6 @@ def describe_trend(ratios: np.ndarray, values: np.ndarray, direction: int = 1) -
     return f"Spearman {spearman(ratios, values):.3f}, {against}"
 
 
-def without_order(values: Values) -> Test:
-    """Test whether values change with the ratio without order."""
-
-    def test(results: SweepResults) -> Finding:
-        x = np.asarray(values(results), dtype=float)
-        rho = spearman(ratios_of_trend(results, x), x)
-        return graded(abs(rho), 0.6, 0.9), f"Spearman {rho:.3f}"
-
-    return test
-
-
 def all_rise(named: dict[str, np.ndarray], ratios: np.ndarray) -> Finding:
     """Return the finding on several quantities that rise together: held if each does."""
     rho = {name: spearman(ratios, values) for name, values in named.items()}
@@ -147,8 +133,8 @@ def ratios_of_trend(results: SweepResults, values: np.ndarray) -> np.ndarray:
 
     Raises MissingResult for too few ratios, and if not every run has a finite value.
     """
-    if len(results.ratios) < LEAST_RATIOS:
-        raise MissingResult(f"{len(results.ratios)} ratios; a trend needs at least {LEAST_RATIOS}")
+    if len(results.ratios) < LEAST_TREND:
+        raise MissingResult(f"{len(results.ratios)} ratios; a trend needs at least {LEAST_TREND}")
     if len(values) != len(results.ratios) or not np.all(np.isfinite(values)):
         raise MissingResult("not every run has a value")
     return results.ratios

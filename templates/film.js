@@ -49,7 +49,8 @@ film.Player = class {
     this.series = await film.seriesOf(this.reel, key);
     const largest = 32767 * Math.max(...this.reel.packed.map((p) => p.deflectionQuantum));
     this.enlarged = this.reel.plate.quad.length ? Number((film.GREATEST_DEFLECTION_M / largest).toPrecision(1)) : 1;
-    this.find("stress-most").textContent = `${(1e-6 * this.series.stressShown).toPrecision(2)} MPa and more`;
+    this.find("stress").hidden = this.find("factor").hidden = !this.reel.plate.quad.length;
+    this.find("stress-most").textContent = `${page.digits(Number((1e-6 * this.series.stressShown).toPrecision(2)))} MPa and more`;
     const factor = this.find("factor");
     factor.options[0].textContent = `deflection × ${this.enlarged}`;
     film.drawCurves(this.find("curves"), this.series);
@@ -59,7 +60,7 @@ film.Player = class {
   }
 
   momentOfLargestForce() {
-    const { t, value } = this.series.force;
+    const { t, value } = this.series.curves.force;
     let k = 0;
     for (let i = 0; i < t.length; i++) if (value[i] > value[k]) k = i;
     return t[k];
@@ -118,7 +119,7 @@ film.Player = class {
   }
 
   zoom(factor) {
-    this.scene.view.distance = Math.max(0.15, Math.min(3, this.scene.view.distance * factor));
+    this.scene.view.zoom = Math.max(0.15, Math.min(4, this.scene.view.zoom * factor));
     this.dirty = true;
   }
 
@@ -192,10 +193,9 @@ film.Player = class {
     const kind = this.find("colours").value, moment = `${kind} ${k}`;
     if (this.tinted === moment) return;
     this.tinted = moment;
-    const tint = this.scene.tint, n = this.reel.radius.length, time = this.time;
     const write = { material: film.tintMaterial, damage: film.tintDamage, fragment: film.tintFragment }[kind];
-    write(this.reel, time, tint.array, n, this.maps[0]);
-    tint.needsUpdate = true;
+    write(this.reel, this.time, this.scene.tint, this.reel.radius.length, this.maps[0]);
+    this.scene.send(this.scene.parts.stones, "tint");
     for (const key of this.root.querySelectorAll("[data-key]")) key.hidden = key.dataset.key !== kind;
   }
 
@@ -250,8 +250,8 @@ film.timeAt = function (share, series) {
 
 film.drawCurves = function (root, series) {
   const { width, height, left, right } = film.BOX, along = width - left - right;
-  root.replaceChildren(...film.CURVES.map(([name, title, unit]) => {
-    const { t, value } = series[name];
+  root.replaceChildren(...film.CURVES.filter(([name]) => series.curves[name]).map(([name, title, unit]) => {
+    const { t, value } = series.curves[name];
     let low = 0, high = 0;
     for (const v of value) { low = Math.min(low, v); high = Math.max(high, v); }
     const span = high - low || 1, points = [];
@@ -261,8 +261,8 @@ film.drawCurves = function (root, series) {
     const zero = (3 + (height - 6) * high / span).toFixed(1);
     const box = document.createElement("div");
     box.className = "curve";
-    box.innerHTML = `<div class="curve-title"><span>${title}</span><span>${(unit * low).toPrecision(3)} to ` +
-      `${(unit * high).toPrecision(3)}</span></div><svg viewBox="0 0 ${width} ${height}" preserveAspectRatio="none">` +
+    box.innerHTML = `<div class="curve-title"><span>${title}</span><span>${page.digits(unit * low)} to ` +
+      `${page.digits(unit * high)}</span></div><svg viewBox="0 0 ${width} ${height}" preserveAspectRatio="none">` +
       `<line class="zero" x1="0" x2="${width}" y1="${zero}" y2="${zero}"/><polyline points="${points.join(" ")}"/>` +
       `</svg><i class="cursor"></i>`;
     return box;
@@ -279,7 +279,6 @@ film.moveCursor = function (root, time, series) {
 
 addEventListener("DOMContentLoaded", async () => {
   const root = document.getElementById("film");
-  if (!root) return;
   try {
     film.player = new film.Player(root);
     await film.player.start();

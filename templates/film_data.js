@@ -38,7 +38,8 @@ film.readSeries = async function (packed) {
     deflection: await film.unpackMoving(packed.deflection, t.length), deflectionQuantum: packed.deflectionQuantum,
     stress: await film.unpackMoving(packed.stress, t.length), stressQuantum: packed.stressQuantum,
     stressShown: packed.stressShown,
-    force: await film.curve(packed.force), acceleration: await film.curve(packed.acceleration),
+    curves: Object.fromEntries(await Promise.all(Object.entries(packed.curves).map(
+      async ([name, curve]) => [name, await film.curve(curve)]))),
   };
 };
 

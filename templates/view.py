@@ -8,6 +8,7 @@ Bonds (by strain) and the stress about the contacts are loaded too; the eye besi
 """
 
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -107,10 +108,29 @@ def show_walls(view):
         display.Opacity = 0.3
 
 
+def look(view):
+    """From aside, upright where the plate is tilted, and as near as shows the plate on its rods whole."""
+    plate = json.loads((HERE.parent / "run.json").read_text())["scene"]["plate"]
+    lean, (x, y) = math.radians(plate.get("tilt_deg", 0.0)), (plate["length_m"] / 2, plate["width_m"] / 2)
+    low = -max([plate.get("thickness_m", 0.0) + rod["length_m"] for rod in plate.get("rods") or []], default=0.0)
+    middle, radius = (0.0, 0.0, (low + 0.3 * max(x, y)) / 2), math.hypot(x, y, (0.3 * max(x, y) - low) / 2)
+
+    def turned(right, back, up):
+        return [math.cos(lean) * right - math.sin(lean) * up, back, math.sin(lean) * right + math.cos(lean) * up]
+
+    view.CameraViewAngle, view.CameraViewUp, view.CameraFocalPoint = 30, turned(0, 0, 1), middle
+    far = radius / math.sin(math.radians(15))
+    view.CameraPosition = [m + far * t for m, t in zip(middle, turned(0.50, -0.76, 0.41), strict=True)]
+    view.CenterOfRotation = middle
+
+
 def main(arguments):
     simple._DisableFirstRenderCameraReset()
     view = simple.GetActiveViewOrCreate("RenderView")
-    view.UseColorPaletteForBackground, view.Background = 0, [1, 1, 1]
+    for name, value in (("UseColorPaletteForBackground", 0), ("BackgroundColorMode", "Single Color"),
+                        ("Background", [1, 1, 1])):
+        if hasattr(view, name):  # versions differ in these
+            setattr(view, name, value)
     view.OrientationAxesVisibility = 0
     show_stones(view)
     scale = show_plate(view)
@@ -122,8 +142,7 @@ def main(arguments):
     scene = simple.GetAnimationScene()
     scene.UpdateAnimationUsingDataTimeSteps()
     scene.PlayMode = "Snap To TimeSteps"
-    view.CameraPosition, view.CameraFocalPoint, view.CameraViewUp = [0.5, -0.75, 0.42], [0, 0, -0.03], [0, 0, 1]
-    view.CameraViewAngle = 30
+    look(view)
     if arguments:
         times = simple.FindSource("particles").TimestepValues
         wanted = float(arguments[1]) if len(arguments) > 1 else times[-1]

@@ -3,7 +3,6 @@
 import re
 import shutil
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -52,15 +51,6 @@ def test_pages_run_as_they_stand(page, number, tmp_path, monkeypatch):
     if "SWEEP" in code:
         names["SWEEP"] = write_sweep(tmp_path / "runs")
     exec(compile(code, f"docs/{page}.md", "exec"), names)  # noqa: S102  our own page
-
-
-def test_examples_of_commands(tmp_path):
-    commands = blocks("sh")[1]
-    for command in commands.strip().splitlines():
-        words = [sys.executable, *command.replace("OUT", str(tmp_path)).split()[1:]]
-        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-    assert (tmp_path / "run" / "run.json").is_file()
 
 
 def test_the_example_of_a_material(tmp_path, monkeypatch):

@@ -6,6 +6,7 @@ import os
 import shlex
 import subprocess
 import sys
+import time
 import tomllib
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from analysis import read_record, signal_features
+from common.process import messages
 from common.scene.scene import read_scene
 from common.tables import InputError, read_toml
 from dem.coupling.exit_code import STOPPED
@@ -230,3 +232,16 @@ def test_the_lock_file_and_the_container_have_what_the_project_asks_for():
         assert wanted.specifier.contains(locked[canonicalize_name(wanted.name)]), text
     container = (ROOT / "Containerfile").read_text()
     assert f"LIGGGHTS={LIGGGHTS_VERSION}\n" in container
+
+
+@pytest.mark.parametrize("on_terminal, told_there", [(True, "x: packing ...\n"), (False, "")])
+def test_a_stage_that_lasts_is_named_on_a_terminal(monkeypatch, capsys, on_terminal, told_there):
+    messages.show_messages()
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: on_terminal)
+    with messages.told("x: packing"):
+        time.sleep(5 * messages.PATIENCE_s)
+    with messages.told("x: deck"):
+        pass
+    with messages.told(""):
+        time.sleep(2 * messages.PATIENCE_s)
+    assert capsys.readouterr().err == told_there

@@ -248,7 +248,8 @@ LEAST = {"resume": ["y"], "calibrate": ["coal", "--out", "y", "--scene", "x.toml
          "modes": ["x.toml"], "motion": ["y", "--at", "0.1", "0"], "table": ["y"], "scenes": [],
          "evaluate": ["y"], "report": ["y"], "compare": ["a", "b"],
          "tap": ["taps.toml", *ON_SCENE],
-         "listen": ["r.csv", "--plate", "p.json", "--out", "y"], "volley": ["r.csv", "--plate", "p.json"],
+         "listen": ["r.csv", "--plate", "p.json", "--radius", "1", "2", "--speed", "1", "2", "--out", "y"],
+         "volley": ["r.csv", "--plate", "p.json"],
          "check": ["r.csv", "--plate", "p.json"]}
 
 

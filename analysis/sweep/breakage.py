@@ -8,6 +8,7 @@ agglomerate is the sum of V_i D_i. Fragments are what intact bonds still hold to
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +101,7 @@ def _network_of_stream(file: Path) -> Network:
 def _read_atoms(path: Path) -> np.ndarray:
     """Rows id, type, diameter, density, x, y, z below "Atoms", by id."""
     lines = path.read_text().splitlines()
-    atoms = np.loadtxt(lines[lines.index("Atoms") + 2 :], ndmin=2)
+    atoms = np.loadtxt(list(takewhile(str.strip, lines[lines.index("Atoms") + 2 :])), ndmin=2)
     return atoms[np.argsort(atoms[:, 0])]
 
 

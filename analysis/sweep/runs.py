@@ -23,9 +23,6 @@ from common.run_summary import RecordedScene, RunSummary, summary_from
 from common.tables import InputError
 from common.units import unit_of
 
-#: The eleven ratios of the paper.
-PAPER_RATIOS = tuple(round(0.1 * step, 1) for step in range(11))
-
 BREAKAGE_COLUMNS = ("t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2")
 
 
@@ -187,11 +184,12 @@ class Sweep:
         return np.array([run.peak(column) for run in self.runs])
 
 
-def read_sweep(path: str | Path, expected: tuple[float, ...] = PAPER_RATIOS) -> Sweep:
-    """Read every finished run `ratio_*` below a directory.
+def read_sweep(path: str | Path, expected: tuple[float, ...] | None = None) -> Sweep:
+    """Read every finished run `ratio_*` below a directory, or the one that the directory is itself.
 
-    Ratios of `expected` without a run are listed as missing; directories that are no
-    finished run are passed over and named. RecordError if no run is left.
+    Ratios of `expected` without a run are listed as missing; by default those of the campaign that the directory is a
+    group of, or else those that the stones of its scene can give. Directories that are no finished run are passed over
+    and named. RecordError if no run is left.
 
     >>> sweep = read_sweep("runs/paper")
     >>> sweep.missing, float(sweep.ratios[3])
@@ -199,7 +197,9 @@ def read_sweep(path: str | Path, expected: tuple[float, ...] = PAPER_RATIOS) -> 
     """
     path = Path(path)
     if not path.is_dir():
-        raise RecordError(f"{path}: no such directory; needs a directory of runs ratio_*")
+        raise RecordError(f"{path}: no such directory; needs a run, or a directory of runs ratio_*")
+    if (path / "run.json").is_file():
+        return Sweep(path, [read_run(path)], [], [])
     runs, passed_over = [], []
     for directory in sorted(p for p in path.glob("ratio_*") if p.is_dir()):
         try:
@@ -208,7 +208,18 @@ def read_sweep(path: str | Path, expected: tuple[float, ...] = PAPER_RATIOS) -> 
             passed_over.append(str(error))
     if not runs:
         found = f" ({passed_over[0]})" if passed_over else ""
-        raise RecordError(f"{path}: no finished run ratio_*{found}")
+        raise RecordError(f"{path}: no finished run ratio_*, nor a run.json of its own{found}")
     runs.sort(key=lambda run: run.gangue_ratio)
     have = {round(run.gangue_ratio, 6) for run in runs}
-    return Sweep(path, runs, [r for r in expected if round(r, 6) not in have], passed_over)
+    wanted = _expected(path, runs) if expected is None else expected
+    return Sweep(path, runs, [ratio for ratio in wanted if round(ratio, 6) not in have], passed_over)
+
+
+def _expected(path: Path, runs: list[Run]) -> list[float]:
+    plan = path.resolve().parent / "plan.csv"
+    if plan.is_file():  # of a campaign
+        rows = pd.read_csv(plan, dtype=str)
+        own = rows[rows["place"].str.startswith(f"{path.resolve().name}/")]
+        return sorted({float(ratio) for ratio in own.get("stones.gangue_ratio", [])})
+    count = runs[0].scene.stones.count
+    return [k / count for k in range(count + 1)] if count and len(runs) > 1 else []

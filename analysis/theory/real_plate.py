@@ -34,14 +34,14 @@ def modes_of(run: Run) -> PlateModes:
     Raises RecordError if the scene has no flexible plate, or if neither has that number.
     """
     plate, counts = flexible_plate(run), []
-    for find in (plate_modes, partial(modes_for_loads, places_m=places_of(run))):
+    for find in (partial(modes_for_loads, places_m=places_of(run)), plate_modes):  # as this version has them, first
         modes = find(plate, user_cache())
         counts.append(modes.frequency_Hz.size)
         if counts[-1] == run.summary.n_modes:
             return modes
     raise RecordError(
-        f"{run.path}/run.json: n_modes = {run.summary.n_modes}; its plate has {counts[0]} modes,"
-        f" {counts[1]} with residual ones: made by another version"
+        f"{run.path}/run.json: n_modes = {run.summary.n_modes}; its plate has {counts[1]} modes,"
+        f" {counts[0]} with residual ones: made by another version"
     )
 
 

@@ -15,7 +15,7 @@ LEVEL = "GANGUE_LOG_LEVEL"
 PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report")
 
 
-PATIENCE_s = 0.1  # with a stage that is not named yet
+PATIENCE_s, LOG_s = 0.1, 5.0  # with a stage that is not named yet, on a terminal and in a log
 
 
 class _Terminal(logging.Handler):
@@ -37,13 +37,14 @@ def show_messages(quiet: bool = False) -> None:
 
 @contextmanager
 def told(stage: str) -> Iterator[None]:
-    """Name what is done within, on the error output, if it takes longer than PATIENCE_s and a command line shows what
-    is said; "" is not named."""
+    """Name what is done within, on the error output, if it takes longer than PATIENCE_s, or LOG_s where that is no
+    terminal, and a command line shows what is said; "" is not named."""
     logger = logging.getLogger(PACKAGES[0])
     if not (stage and logger.handlers and logger.isEnabledFor(logging.INFO)):
         yield
         return
-    timer = threading.Timer(PATIENCE_s, lambda: print(f"{stage} ...", file=sys.stderr, flush=True))
+    patience_s = PATIENCE_s if sys.stderr.isatty() else LOG_s
+    timer = threading.Timer(patience_s, lambda: print(f"{stage} ...", file=sys.stderr, flush=True))
     timer.daemon = True
     timer.start()
     try:

@@ -54,12 +54,13 @@ def _with_base(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
 
 
 def _make_way(under: Any, over: Any) -> None:
-    """A way of saying what falls takes the place of the base's, and one of saying where of the other."""
+    """Another way of saying what falls takes the place of the base's, and one of saying where of the other."""
     if not isinstance(under, dict) or not isinstance(over, dict):
         return
     if any(way in over for way in WAYS):
         for key in (*ONLY_VOLLEY, *WAYS, *(["gangue_ratio"] if "each" in over else [])):
-            under.pop(key, None)
+            if key not in over:
+                under.pop(key, None)
     for one, other in (("positions", "circle_radius_m"), ("circle_radius_m", "positions")):
         if one in over and other not in over:
             under.pop(other, None)

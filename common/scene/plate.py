@@ -88,7 +88,7 @@ class Plate(Table):
     width_m: Annotated[Positive, about("side along y")]
     density_kg_m3: Annotated[Positive, about("density", paper="Table 1: 7830")]
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus", paper="Table 1: 2.07e11")]
-    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
     tilt_deg: Annotated[float, Field(ge=0, lt=90), about(
         "angle by which the plate is tilted: it falls off towards +x (docs/stones.md)")] = 0.0
     yield_stress_Pa: Annotated[Positive | None, about(

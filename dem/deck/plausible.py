@@ -16,12 +16,17 @@ from common.scene.scene import Scene
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
 from dem.stones.bonds import CRACK_AREA
 from dem.stones.stone import Stone, impact_speed_m_s
+from plate_fem.elements import mesh
+from plate_fem.elements.joints import joint_range
+from plate_fem.solution.mode_count import least_modes
 
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
 LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are within 10 % of those of finer stones
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
+LEAST_SPAN, FIRST_MODES = 10, 10  # the shorter side in thicknesses; modes among which one within the plane matters
+MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its modes; of the impulse
 
 
 def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
@@ -52,6 +57,50 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
                 lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: below {weight_Pa:.3g}, the stress of "
                              "a stone's own weight on earth")
     return lines
+
+
+def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
+    """One line for each reason for which the plate's modes are not to be trusted; `left_out` is the share of energy
+    above max_frequency_Hz, which is known."""
+    shorter, highest_Hz = min(plate.length_m, plate.width_m), mesh.highest_frequency_Hz(plate)
+    in_plane_Hz, lines = mesh.first_in_plane_Hz(plate), []
+    if shorter < LEAST_SPAN * plate.thickness_m:
+        lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is "
+                     f"{shorter / plate.thickness_m:.3g} of it; theories of plates are for {LEAST_SPAN} and more")
+    if in_plane_Hz < highest_Hz and least_modes(plate, in_plane_Hz) < FIRST_MODES:
+        lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about {in_plane_Hz:.2g} "
+                     f"Hz on, are left out, and the first is among the lowest {FIRST_MODES}")
+    if mesh.choose_theory(plate) == "kirchhoff" and mesh.kirchhoff_error(plate) > mesh.SHEAR_ERROR_ALLOWED:
+        lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is "
+                     f"{mesh.kirchhoff_error(plate):.2g} too high; 'auto' allows {mesh.SHEAR_ERROR_ALLOWED:g}")
+    if left_out > MOST_LEFT_OUT:
+        lines.append(f"plate.max_frequency_Hz = {highest_Hz:.4g}: {left_out:.2g} of the plate's energy belongs to "
+                     f"modes above it; at most {MOST_LEFT_OUT:g} leaves forces and motion right")
+    return lines + [line for number in range(len(plate.rods)) for line in _unknown_joint(plate, number)]
+
+
+def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:
+    """A joint is that of a rod far from edges, and its table ends."""
+    rod, name, lines = plate.rods[number], f"plate.rods.{number}", []
+    to_edge = min(plate.length_m / 2 - abs(rod.x_m), plate.width_m / 2 - abs(rod.y_m))
+    if to_edge < rod.diameter_m:
+        lines.append(f"{name}: stands {to_edge:.2g} m from an edge, less than its diameter; its joint is that of a rod "
+                     "far from edges")
+    ratios = {"diameter_m": ("half of it over the plate's thickness", rod.diameter_m / 2 / plate.thickness_m),
+              "youngs_modulus_Pa": ("over the plate's it", rod.youngs_modulus_Pa / plate.youngs_modulus_Pa)}
+    for (key, (words, ratio)), (least, most) in zip(ratios.items(), joint_range(), strict=True):
+        if not 0.999 * least <= ratio <= 1.001 * most:
+            lines.append(f"{name}.{key} = {getattr(rod, key):g}: {words} is {ratio:.2g}; joints are known from "
+                         f"{least:.2g} to {most:.2g}, and the nearest is taken")
+    return lines
+
+
+def momentum_warnings(missing: float | None) -> list[str]:
+    """Of the share of the impulse on the plate that a run misses."""
+    if missing is None or missing <= MOST_MISSING:
+        return []
+    return [f"momentum_missing = {missing:.2g}: this share of the stones' impulse is neither in the rods, nor in the "
+            f"motion of plate and rods, nor damped; at most {MOST_MISSING:g} is the record's"]
 
 
 def fragment_resolution(scene: Scene, assembly: Assembly) -> list[float | None]:

@@ -19,7 +19,7 @@ from dem.deck.face_contact import write_faces
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
 from dem.deck.side_walls import deck_walls, wall_files
-from dem.deck.smooth_contact import write_surfaces
+from dem.deck.smooth_contact import pair_laws, write_surfaces
 from dem.deck.stone_file import write_stones
 from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
@@ -111,6 +111,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         steps=step.steps,
         surface=bool(assembly.surfaces),
         faces=bool(assembly.faces),
+        pair_laws=pair_laws(scene, assembly),
         extent_m=[-half[0], half[0], -half[1], half[1]],
         velocity_m_s=_common_velocity(assembly),
         impact_J=0.0 if assembly.is_stream else _impact_J(assembly),  # those of a stream bring theirs

@@ -1,30 +1,31 @@
-"""The contact of stones with the plate as smooth spheres: its law, and the file that the engine reads it from."""
+"""The contact of stones as smooth spheres, with the plate and with each other: its law, and the file for the engine."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from common.hertz import contact_modulus_Pa
-from common.scene.scene import Scene
+from common.scene.plate import Plate
+from common.scene.scene import ContactTable, MaterialTable, Scene
 from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS
-from dem.stones.substance import Substance, material_of, plate_contact
+from dem.stones.substance import material_of, pair_contact, plate_contact
 from plate_fem.contact_stress import YIELD_PRESSURE
 
 OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
 
 
-@dataclass(frozen=True)
-class SmoothLaw:
-    """Contact of a smooth sphere with the plate (docs/contact.md).
+class SmoothLaw(NamedTuple):
+    """Contact of a smooth sphere with the plate or with another one (docs/contact.md).
 
     E* and G* in Pa; the damping ratio of the dashpot that gives the restitution, and that of the one across, which is
-    LIGGGHTS' own; friction; the pressure in the middle
-    of the contact at which stone or plate gives way, Pa, 0 where neither does.
+    LIGGGHTS' own; friction; the pressure in the middle of the contact at which one of the two gives way, Pa, 0 where
+    neither does.
     """
 
     modulus_Pa: float
@@ -35,26 +36,43 @@ class SmoothLaw:
     yield_pressure_Pa: float
 
 
-def smooth_law(scene: Scene, substance: Substance) -> SmoothLaw:
-    """The law of a stone of one substance."""
-    material, contact = material_of(scene, substance), plate_contact(scene, substance)
-    bodies = (material, scene.plate)
+def smooth_law(contact: ContactTable, first: MaterialTable, second: MaterialTable | Plate) -> SmoothLaw:
+    """The law of a stone of one material, on the plate or on a stone of another material."""
+    bodies = (first, second)
     shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
-    modulus = contact_modulus_Pa(*bodies)
-    plate_limit = None if scene.plate.yield_stress_Pa is None else YIELD_PRESSURE * scene.plate.yield_stress_Pa
-    limits = [limit for limit in (material.contact_strength_Pa, plate_limit) if limit is not None]
-    return SmoothLaw(modulus, 1 / shear_compliance, damping_ratio(contact.restitution),
+    limits = [limit for limit in (first.contact_strength_Pa, _strength_Pa(second)) if limit is not None]
+    return SmoothLaw(contact_modulus_Pa(first, second), 1 / shear_compliance, damping_ratio(contact.restitution),
                      elastic_damping_ratio(contact.restitution), contact.friction, min(limits, default=0.0))
+
+
+def _strength_Pa(body: MaterialTable | Plate) -> float | None:
+    if isinstance(body, MaterialTable):
+        return body.contact_strength_Pa
+    return None if body.yield_stress_Pa is None else YIELD_PRESSURE * body.yield_stress_Pa
+
+
+def pair_laws(scene: Scene, assembly: Assembly) -> list[tuple[int | float, ...]]:
+    """Of each pair of types of stones in the deck the types and the numbers of SmoothLaw; none where no two stones can
+    touch as smooth ones."""
+    if not assembly.surfaces or len(assembly.sizes) < 2:
+        return []
+    found: list[tuple[int | float, ...]] = []
+    types = list(enumerate(assembly.substances, start=1))
+    for (i, first), (j, second) in combinations_with_replacement(types, 2):
+        contact = pair_contact(scene, first, second)
+        if contact is not None:
+            found.append((i, j, *smooth_law(contact, material_of(scene, first), material_of(scene, second))))
+    return found
 
 
 def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
     """(stones, 12) numbers of the engine's SmoothStone, from the radius on."""
-    laws = {substance: smooth_law(scene, substance) for substance in assembly.substances}
+    laws = {one: smooth_law(plate_contact(scene, one), material_of(scene, one), scene.plate)
+            for one in assembly.substances}
     rows = []
     for surface, stone in zip(assembly.surfaces, assembly.stones, strict=True):
-        law, radius = laws[stone.substance], stone.radius_m
-        rows.append([radius, PATCH_RADIUS * radius, law.modulus_Pa, law.shear_modulus_Pa, law.damping_ratio,
-                     law.damping_ratio_across, law.friction, law.yield_pressure_Pa, surface.first.normal_m_N,
+        radius = stone.radius_m
+        rows.append([radius, PATCH_RADIUS * radius, *laws[stone.substance], surface.first.normal_m_N,
                      surface.other.normal_m_N, surface.first.tangential_m_N, surface.other.tangential_m_N])
     return np.array(rows, dtype=float)
 

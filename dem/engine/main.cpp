@@ -1,7 +1,8 @@
-// The engine: stock LIGGGHTS from libliggghts with nine fix styles added.
+// The engine: stock LIGGGHTS from libliggghts with ten fix styles added.
 //
 //   bond/parallel   bonds between the sub-spheres of an agglomerate (fix_bond_parallel.h)
 //   wall/plate      the granular wall that moves with the plate       (fix_wall_plate.h)
+//   smooth_pairs    stones that touch each other as smooth bodies  (fix_smooth_pairs.h)
 //   wall/side       a wall that stands on the edge of the plate     (fix_wall_side.h)
 //   ledger          energies and momenta of each agglomerate          (fix_ledger.h)
 //   monitor         stops a run that is not stable                    (fix_monitor.h)
@@ -25,6 +26,7 @@
 #include "record/fix_ledger.h"
 #include "record/fix_monitor.h"
 #include "record/fix_pictures.h"
+#include "smooth/fix_smooth_pairs.h"
 #include "stones/fix_stones.h"
 #include "wall/fix_wall_plate.h"
 #include "wall/fix_wall_side.h"
@@ -59,6 +61,7 @@ void add_styles(LAMMPS *lmp) {
   styles["pictures"] = &create<FixPictures>;
   styles["checkpoint"] = &create<FixCheckpoint>;
   styles["free_flight"] = &create<FixFreeFlight>;
+  styles["smooth_pairs"] = &create<FixSmoothPairs>;
   styles["stones"] = &create<FixStones>;
 }
 

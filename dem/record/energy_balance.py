@@ -29,7 +29,7 @@ from common.files.parquet import Columns
 COLUMNS = ["kinetic_J", "momentum_z_kg_m_s", "mass_height_kg_m", "bond_elastic_J", "bond_work_J", "released_J",
            "bond_damped_J", "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
            "pair_elastic_J", "pair_damped_J", "wall_plastic_J", "wall_released_J", "friction_J", "springs_gained_J",
-           "wall_deepest"]
+           "wall_deepest", "waited_steps"]
 LEAST_SUPPLIED_J = 1e-300  # of a stone that has not entered, whose closure is 0
 UNEXPLAINED = ("bonds_unexplained_J", "contacts_unexplained_J")  # by the law of either, and so in no sum
 

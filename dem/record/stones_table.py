@@ -10,6 +10,7 @@ import numpy as np
 from common.files.parquet import Columns
 from common.scene.scene import Scene
 from dem.deck.time_step import TimeStep
+from dem.record.energy_balance import StoneLedger
 from dem.record.recorder import Pushes, read_text_columns
 from dem.stones.assembly import Assembly, density_kg_m3
 from dem.stones.substance import material_of, plate_contact
@@ -30,10 +31,11 @@ def left_table(left: Columns, step: TimeStep) -> Columns:
 
 
 def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushes, events: Columns,
-                 left: Columns) -> Columns:
+                 left: Columns, ledger: StoneLedger) -> Columns:
     """A row a stone, in order, with what each is (dem.stones.stone.Stone), and:
 
-    first_contact_s (to the end of a row of the fast stream), first_x_m, first_y_m, peak_force_N (mean over a co-step),
+    waited_s until nothing was in its way, first_contact_s (to the end of a row of the fast stream), first_x_m,
+    first_y_m, peak_force_N (mean over a co-step),
     impulse_Ns on the plate, broken_area_m2, left_mass_kg of its pieces that have left the plate for good, left_s when
     the last of them did, and where then, left_x_m, left_y_m. What did not happen is not a number.
     """
@@ -45,7 +47,9 @@ def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushe
     area = [math.fsum(events["area_m2"][events["agglomerate"] == k]) for k in range(1, n + 1)]
     return {
         "stone": np.arange(1, n + 1), **stones_given(scene, assembly), "mass_kg": assembly.stone_mass_kg,
-        "subspheres": assembly.sizes, "first_contact_s": contact_s, "first_x_m": place[:, 0], "first_y_m": place[:, 1],
+        "subspheres": assembly.sizes,
+        "waited_s": np.where(ledger.has_entered[-1], ledger.column["waited_steps"][-1] * step.dt_s, np.nan),
+        "first_contact_s": contact_s, "first_x_m": place[:, 0], "first_y_m": place[:, 1],
         "peak_force_N": pushes.of_stones(n), "impulse_Ns": impulse, "broken_area_m2": np.array(area),
         **_gone(left, assembly, step)}
 

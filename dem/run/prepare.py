@@ -10,14 +10,16 @@ from pathlib import Path
 from common.files.cache import BeingFound, not_waiting
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
-from dem.deck.plausible import warnings_of, warnings_of_fragments
+from dem.deck.plausible import warnings_of, warnings_of_fragments, warnings_of_plate
 from dem.deck.time_step import TimeStep, mobility_of_stones_1_kg, step_limits, stone_contact_time_s, time_step
 from dem.deck.tolerance import with_tolerance
 from dem.run.progress import Stages
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from dem.stones.stone import Stone, entry_of, places_m
+from plate_fem.elements.mesh import highest_frequency_Hz
 from plate_fem.modes import PlateModes, modes_for_loads
+from plate_fem.truncation import energy_left_out
 
 LATEST_ARRIVAL_s = 1e6  # up to which a number of DEM steps is exact
 
@@ -42,6 +44,13 @@ class PreparedRun:
         return self.modes is not None
 
 
+def told(source: str, warnings: list[str]) -> list[str]:
+    """The warnings, told on the error output too."""
+    for line in warnings:
+        print(f"warning: {source}: {line}", file=sys.stderr)
+    return warnings
+
+
 def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
     """Stones that enter later need bodies in free flight, who say what has left, and those are known to one rank."""
     for k, stone in enumerate(stones):
@@ -59,12 +68,6 @@ def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
                              f"as stone {late[0] + 1} does, since it takes bodies in free flight to let stones go")
 
 
-def _told(source: str, warnings: list[str]) -> list[str]:
-    for line in warnings:
-        print(f"warning: {source}: {line}", file=sys.stderr)
-    return warnings
-
-
 def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool = False) -> PreparedRun:
     """Check, pack, find the modes and choose the time step.
 
@@ -75,7 +78,7 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     """
     stages, stones = Stages(shown=scene.name if show_progress else ""), stones_of(scene, source)
     _refuse_late(stones, scene, source)
-    warnings = _told(source, warnings_of(scene, stones))
+    warnings = told(source, warnings_of(scene, stones))
 
     def seek_modes() -> None:
         """Into the cache. A tolerance chooses the highest mode by the stones, which are not there yet."""
@@ -86,13 +89,15 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
             assembly = assemble(scene, stones, cache, seek_modes)
-    warnings += _told(source, warnings_of_fragments(scene, assembly))
+    warnings += told(source, warnings_of_fragments(scene, assembly))
     limits = step_limits(scene, assembly, source)
     modes, mobility, resolved = None, None, scene
     if scene.plate.model == "flexible":
         with stages("modes"):
-            plate = with_tolerance(scene.plate, scene.tolerance, stone_contact_time_s(scene, assembly),
-                                   assembly.n_bonds > 0)
+            contact_s = stone_contact_time_s(scene, assembly)
+            plate = with_tolerance(scene.plate, scene.tolerance, contact_s, assembly.n_bonds > 0)
+            left_out = energy_left_out(highest_frequency_Hz(plate), contact_s)
+            warnings += told(source, warnings_of_plate(plate, left_out))
             resolved = scene.model_copy(update={"plate": plate})
             with refused_in(source, "plate"):
                 modes = modes_for_loads(plate, cache, places_m(stones))

@@ -22,7 +22,7 @@ from common.scene.scene import Scene
 from dem.coupling.launch import library_version
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
-from dem.deck.plausible import fragment_resolution
+from dem.deck.plausible import fragment_resolution, momentum_warnings
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
@@ -31,7 +31,7 @@ from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, w
 from dem.record.stones_table import left_table, read_left, stones_given, stones_table
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
-from dem.run.prepare import PreparedRun
+from dem.run.prepare import PreparedRun, told
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
@@ -77,7 +77,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     left = read_left(deck / "left.csv")
     if assembly.is_stream:
         write_parquet(left_table(left, step), file("left.parquet"))
-    write_parquet(stones_table(scene, assembly, step, pushes, events, left), file("stones.parquet"))
+    write_parquet(stones_table(scene, assembly, step, pushes, events, left, ledger), file("stones.parquet"))
     parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
     write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
@@ -87,8 +87,10 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
 
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
-    return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results),
-            **_outcome(prepared, plate, results)}
+    outcome = _outcome(prepared, plate, results)
+    late = told(prepared.source, momentum_warnings(outcome.get("momentum_missing")))
+    return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
+            "warnings": prepared.warnings + late}
 
 
 def _origin(prepared: PreparedRun) -> dict[str, Any]:
@@ -99,7 +101,6 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "scene": RecordedScene.model_validate(scene.model_dump(mode="json")),
         "scene_hash": prepared.scene_hash,
         "assumptions": list(scene.assumptions),
-        "warnings": prepared.warnings,
         "gangue_ratio": share(),
         "gangue_ratio_by_mass": share("mass"),
         "materials": assembly.stone_materials,

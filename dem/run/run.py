@@ -168,7 +168,8 @@ def _run_in(work: RunDirectory, deck_hash: str, start: EngineStart, prepared: Pr
     if start.resume_step:
         resumed_at_s = work.note_resumed(start.resume_step * prepared.step.dt_s)
         plate.restore(start.deck, start.resume_step, start.identity)
-    progress = Progress(f"{scene.name} {_ratio(prepared):4.0%}", scene.time.duration_s, show_progress)
+    progress = Progress(f"{scene.name} {_ratio(prepared):4.0%}", scene.time.duration_s, show_progress,
+                        [stone.arrival_s for stone in prepared.assembly.stones])
     with stages("engine and plate"):
         simulate(prepared, start, plate, progress)
     with stages("output"):

@@ -48,6 +48,13 @@ def joint_of(plate: FlexiblePlate, rod: Rod, theory: str) -> Joint:
                  max(found["axial"], LEAST_COMPLIANCE) / (modulus * a), bending / (modulus * a))
 
 
+def joint_range() -> list[tuple[float, float]]:
+    """Return least and most of a rod's radius over the plate's thickness, and of its modulus over the plate's, of which
+    joints are known."""
+    _, axes, _ = _joints()
+    return [(float(np.exp(axes[k][0])), float(np.exp(axes[k][-1]))) for k in (0, 2)]
+
+
 @cache
 def _joints() -> tuple[list[str], list[np.ndarray], np.ndarray]:
     """Return the names of the table's values, its three axes (radius and modulus as logarithms), and the values."""

@@ -61,8 +61,8 @@ class ListenResult(Result):
             yield f"mixing ratio by {name} {answer.text}"
 
 
-def listen(record: str, plate: str, out: str, radius_m: tuple[float, float] = (0.025, 0.025),
-           speed_m_s: tuple[float, float] = (2.0, 4.0), window_s: float = 1.0, step_s: float = 0.1,
+def listen(record: str, plate: str, out: str, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
+           window_s: float = 1.0, step_s: float = 0.1,
            quiet_s: float = QUIET_S, scale: float = 1.0, unit: str | None = None) -> ListenResult:
     """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits; write them and the
     ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing falls. Raises

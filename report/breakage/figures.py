@@ -8,6 +8,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import NullFormatter
 
 from analysis.sweep.breakage import Section
 from report.drawing.style import (
@@ -17,6 +18,7 @@ from report.drawing.style import (
     GANGUE,
     RATIO_LABEL,
     WIDTH_IN,
+    bar_axes,
     canvas,
     hide_scales,
     material_colour,
@@ -25,29 +27,31 @@ from report.drawing.style import (
 
 
 @styled
-def sections(rows: list[tuple[str, list[Section], list[str]]], radius_m: float) -> Figure:
-    """Draw sections of every stone, coloured by damage. rows: (label, sections, materials of the stones)."""
-    columns, cell_m = len(rows[0][1]), 2.3 * radius_m
-    figure, axes = canvas(1, height_in=WIDTH_IN * len(rows) / (columns + 1.5) + 0.7)
+def sections(rows: list[tuple[str, list[Section], list[str]]], columns: int = 5) -> Figure:
+    """Draw sections of stones, coloured by damage. rows: (label, sections, materials of the stones), each in as many
+    lines of so many columns as it needs, below its label."""
+    radius_m = max(float(np.max(np.abs(one.centre_m) + one.radius_m[:, None], initial=1e-6))
+                   for _, found, _ in rows for one in found)
+    cell_m, placed, top = 2.3 * radius_m, [], 0.0
+    figure, axes = canvas(1, height_in=1.0, bar="bottom")
     axis = axes[0, 0]
-    placed = [
-        (section, material, np.array([column * cell_m, -line * cell_m]))
-        for line, (_, found, materials) in enumerate(rows)
-        for column, (section, material) in enumerate(zip(found, materials, strict=True))
-    ]
-    discs = _discs(axis, [(section, place) for section, _, place in placed])
+    for label, found, materials in rows:
+        axis.text(-0.5, top - 0.12, label, va="center")
+        for k, one in enumerate(zip(found, materials, strict=True)):
+            placed.append((*one, cell_m * np.array([k % columns, top - 0.75 - k // columns])))
+        top -= -(-len(found) // columns) + 0.3
     for _, material, place in placed:
         left, bottom = place - 1.08 * radius_m
         axis.add_patch(Rectangle((left, bottom), 2.16 * radius_m, 2.16 * radius_m, fill=False, linewidth=1.1,
                                  edgecolor=material_colour(material)))  # fmt: skip
-    for line, (label, _, _) in enumerate(rows):
-        axis.text(-0.6 * cell_m, -line * cell_m, label, ha="right", va="center", fontsize=8)
-    axis.set_xlim(-0.55 * cell_m, (columns - 0.45) * cell_m)
-    axis.set_ylim(-(len(rows) - 0.45) * cell_m, 0.55 * cell_m)
+    for text in axis.texts:
+        text.set_position((cell_m * text.get_position()[0], cell_m * text.get_position()[1]))
+    axis.set(xlim=(-0.52 * cell_m, (columns - 0.48) * cell_m), ylim=(top * cell_m, 0.05 * cell_m))
     hide_scales(axis)
     axis.spines[:].set_visible(False)
-    figure.colorbar(discs, ax=axis, orientation="horizontal", fraction=0.05, aspect=40, pad=0.02,
-                    label="damage: broken share of a sub-sphere's bonds")  # fmt: skip
+    figure.set_size_inches(WIDTH_IN, 0.7 - top * (WIDTH_IN - 0.2) / columns)
+    figure.colorbar(_discs(axis, [(section, place) for section, _, place in placed]), cax=bar_axes(figure),
+                    orientation="horizontal", label="damage: broken share of a sub-sphere's bonds")
     return figure
 
 
@@ -69,8 +73,9 @@ def area_over_time(t_s: np.ndarray, area_m2: np.ndarray, is_gangue: np.ndarray) 
     """Draw the crack area of each stone of one run. area_m2: shape (stones, times). is_gangue: shape (stones,)."""
     figure, axes = canvas(1, height_in=2.6)
     axis = axes[0, 0]
-    for row, gangue in zip(area_m2, is_gangue, strict=True):
-        axis.plot(1e3 * t_s, 1e4 * row, color=GANGUE if gangue else COAL, linewidth=0.9)
+    for number, (row, gangue) in enumerate(zip(area_m2, is_gangue, strict=True), 1):
+        axis.plot(1e3 * t_s, 1e4 * row, color=GANGUE if gangue else COAL, linewidth=0.9,
+                  label=f"_stone {number}")
     axis.plot([], [], color=COAL, label="coal")
     axis.plot([], [], color=GANGUE, label="gangue")
     axis.set_xlabel("time, ms")
@@ -94,6 +99,8 @@ def fragment_sizes(shares: dict[str, np.ndarray]) -> Figure:
             axis.step(volumes ** (1 / 3), 100 * passing, where="post", color=material_colour(material),
                       label=f"{material}, {volumes.size} pieces")  # fmt: skip
     axis.set_xscale("log")
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_xlabel("size of the fragment over that of the stone")
     axis.set_ylabel("volume in smaller pieces, %")
     axis.legend()

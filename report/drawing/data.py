@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, PathCollection, QuadMesh
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
@@ -30,6 +32,28 @@ def to_csv(figure: Figure) -> str:
             names.append(f"# {panel}: x = {axis.get_xlabel() or '-'}, y = {axis.get_ylabel() or '-'}\n")
         rows += found
     return "".join([*dict.fromkeys(names), "panel,series,x,y,value\n", *rows])
+
+
+def panels(figure: Figure) -> str:
+    """Where the axes of a laid out figure are and what their lines are, as JSON for the page's values and zoom: `box`
+    left, top, width and height as shares of the figure; of each line name, colour and number of rows in `to_csv`."""
+    found = []
+    for axis in figure.axes:
+        axis.apply_aspect()
+        place, rows = axis.get_position(), [(name, len(columns[0])) for name, columns in _series(axis)]
+        lines = [line for line in axis.get_lines() if np.size(line.get_xdata())]
+        found.append({
+            "box": np.round([place.x0, 1 - place.y1, place.width, place.height], 4).tolist(),
+            "x": _digits(axis.get_xlim()), "y": _digits(axis.get_ylim()),
+            "log": [axis.get_xscale() == "log", axis.get_yscale() == "log"], "labels": [axis.get_xlabel(), ""],
+            "lines": [[name, to_hex(line.get_color()), count, line.get_drawstyle() != "default"]
+                      for line, (name, count) in zip(lines, rows, strict=False)],
+            "skip": sum(count for _, count in rows[len(lines):])})
+    return json.dumps(found, separators=(",", ":"))
+
+
+def _digits(ends: tuple[float, float]) -> list[float]:
+    return [float(f"{end:.6g}") for end in ends]
 
 
 def _rows(panel: str, name: str, columns: list[np.ndarray]) -> str:

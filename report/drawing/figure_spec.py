@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from report.drawing.data import to_csv
+from report.drawing.data import panels, to_csv
 from report.drawing.style import to_uri
 from report.film.packing import pack_text
 from report.missing import MISSING_RESULT
@@ -20,30 +20,30 @@ Drawn = Figure | tuple[Figure, str]
 class FigureSpec:
     """A figure to draw.
 
-    key: its id in the page. in_paper: what the paper says about its figure. caption: what ours shows. draw: draws it
-    from the results of a sweep, or of the run of a stream.
+    key: its id in the page. caption: what it shows. draw: draws it from the results of a sweep, or of the run of a
+    stream. ratios: it needs at least so many.
     """
 
     key: str
     title: str
-    in_paper: str
     caption: str
     draw: Callable[..., Drawn]
+    ratios: int = 1
 
 
 @dataclass(frozen=True)
 class FinishedFigure:
-    """A figure as the page shows it. uri: of its SVG, data: packed CSV of its numbers.
+    """A figure as the page shows it. uri: of its SVG, data: packed CSV of its numbers, panels: `data.panels`.
 
-    Both are empty where the runs do not give the figure; the caption then says why.
+    All three are empty where the runs do not give the figure; the caption then says why.
     """
 
     key: str
     title: str
-    in_paper: str
     caption: str
-    uri: str
-    data: str
+    uri: str = ""
+    data: str = ""
+    panels: str = ""
 
 
 def finish_figure(spec: FigureSpec, results: object) -> FinishedFigure:
@@ -51,8 +51,8 @@ def finish_figure(spec: FigureSpec, results: object) -> FinishedFigure:
     try:
         drawn = spec.draw(results)
     except MISSING_RESULT as reason:
-        return FinishedFigure(spec.key, spec.title, spec.in_paper, f"Not drawn: {reason}", "", "")
+        return FinishedFigure(spec.key, spec.title, f"Not drawn: {reason}")
     figure, note = drawn if isinstance(drawn, tuple) else (drawn, "")
     caption = f"{spec.caption} {note}".strip()
     uri = to_uri(figure, spec.key)
-    return FinishedFigure(spec.key, spec.title, spec.in_paper, caption, uri, pack_text(to_csv(figure)))
+    return FinishedFigure(spec.key, spec.title, caption, uri, pack_text(to_csv(figure)), panels(figure))

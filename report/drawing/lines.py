@@ -13,22 +13,26 @@ from report.drawing.style import (
     RATIO_LABEL,
     add_ratio_bar,
     canvas,
-    ratio_colour,
+    ratio_colours,
     styled,
 )
+
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @styled
 def curves(t_s: np.ndarray, panels: list[tuple[str, np.ndarray]], ratios: np.ndarray) -> Figure:
     """Draw curves of all ratios over time. panels: (label, values of shape (runs, samples))."""
-    figure, axes = canvas(len(panels), height_in=0.6 + 1.6 * len(panels), sharex=True)
+    figure, axes = canvas(len(panels), height_in=0.5 + 1.5 * len(panels), sharex=True,
+                          bar="right" if len(ratios) > 1 else "")
     for axis, (label, values) in zip(axes[:, 0], panels, strict=True):
-        for ratio, row in zip(ratios, values, strict=True):
-            axis.plot(1e3 * t_s, row, color=ratio_colour(ratio), linewidth=0.9, label=f"_{100 * ratio:.0f} %")
+        for ratio, colour, row in zip(ratios, ratio_colours(ratios), values, strict=True):
+            axis.plot(1e3 * t_s, row, color=colour, linewidth=0.9, label=f"_{100 * ratio:.0f} %")
         axis.set_title(label)
     axes[-1, 0].set_xlabel("time, ms")
     axes[-1, 0].set_xlim(1e3 * t_s[0], 1e3 * t_s[-1])
-    add_ratio_bar(figure, axes)
+    if len(ratios) > 1:
+        add_ratio_bar(figure)
     return figure
 
 
@@ -39,8 +43,11 @@ def against_ratio(ratios: np.ndarray, panels: list[tuple[str, dict[str, np.ndarr
     figure, grid = canvas(rows, 2, height_in=0.3 + 1.9 * rows)
     axes = grid.ravel()
     for axis, (label, series) in zip(axes, panels, strict=False):
+        most = max((float(np.nanmax(np.abs(values), initial=0.0)) for values in series.values()), default=0.0)
+        power = 3 * int(np.log10(most) // 3) if most >= 1e5 or 0 < most < 1e-2 else 0  # what ticks have no room for
+        label = f"{label} / 10{str(power).translate(RAISED)}" if power else label
         for colour, (name, values) in zip((ACCENT, GANGUE, COAL, PALE), series.items(), strict=False):
-            axis.plot(100 * ratios, values, "o-", color=colour, markersize=3, label=name)
+            axis.plot(100 * ratios, values / 10.0**power, "o-", color=colour, markersize=3, label=name)
         axis.set_title(label)
         if len(series) > 1:
             axis.legend()

@@ -8,29 +8,27 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.sweep.breakage import Network
 from report.film.vtu_file import Arrays, read_arrays
 from report.missing import MissingResult
 
-PARTICLES = ("points", "radius_m")
+PARTICLES = ("points", "radius_m", "agglomerate")
 PLATE = ("points", "quads", "displacement_m", "von_mises_Pa")
 
 
 @dataclass(frozen=True)
 class Series:
-    """A stretch of time that the reader can play. key: in the page. until_s, step_s: wanted instants 0, step_s, ..."""
+    """A stretch of time that the reader can play. key: in the page. most: pictures of it, evenly chosen."""
 
     key: str
     title: str
     until_s: float
-    step_s: float
+    most: int
 
 
 #: The first collision of stones with the plate is over well before 1.2 ms; recognition reads 40 ms.
-SERIES = (
-    Series("impact", "impact", 1.2e-3, 2e-5),
-    Series("early", "first 40 ms", 0.04, 4e-4),
-    Series("whole", "whole run", np.inf, 6e-3),
-)
+IMPACT, EARLY, WHOLE = (Series("impact", "impact", 1.2e-3, 61), Series("early", "first 40 ms", 0.04, 100),
+                        Series("whole", "whole run", np.inf, 100))
 
 
 @dataclass(frozen=True)
@@ -46,13 +44,12 @@ class Instant:
 class Film:
     """Pictures of one run: k instants, n sub-spheres, p nodes of the plate (p = 0 for a rigid one).
 
-    t_s (k,). centre_m (k, n, 3). radius_m (n,). deflection_m (k, p): vertical displacement of the plate, upwards.
+    t_s (k,). centre_m (k, n, 3), not a number of what is not there. deflection_m (k, p): of the plate, upwards.
     stress_Pa (k, p): von Mises stress of bending at its surface. node_m (p, 2). quad (q, 4): numbers of nodes.
     """
 
     t_s: np.ndarray
     centre_m: np.ndarray
-    radius_m: np.ndarray
     deflection_m: np.ndarray
     stress_Pa: np.ndarray
     node_m: np.ndarray
@@ -76,34 +73,51 @@ def instants(run: Path) -> list[Instant]:
 
 
 def choose(found: list[Instant], series: Series) -> list[Instant]:
-    """Return the pictures nearest to the wanted instants of a series, each at most once and none of another stretch."""
-    t_s = np.array([instant.t_s for instant in found])
-    if t_s.size == 0:
+    """Return the pictures nearest to evenly spaced instants of a series, each at most once."""
+    t_s = np.array([instant.t_s for instant in found if instant.t_s <= series.until_s])
+    if not t_s.size:
         return []
-    wanted_s = np.arange(0.0, min(series.until_s, t_s[-1]) + 0.5 * series.step_s, series.step_s)
-    nearest = np.abs(t_s[None, :] - wanted_s[:, None]).argmin(axis=1)
-    close = np.abs(t_s[nearest] - wanted_s) < 0.75 * series.step_s
-    return [found[k] for k in np.unique(nearest[close])]
+    wanted_s = np.linspace(0.0, t_s[-1], series.most)
+    return [found[k] for k in np.unique(np.abs(t_s[None, :] - wanted_s[:, None]).argmin(axis=1))]
 
 
-def read_film(chosen: list[Instant]) -> Film:
-    """Read the pictures at the chosen instants. Raises MissingResult if one cannot be read or has lost sub-spheres."""
+def read_film(chosen: list[Instant], network: Network) -> Film:
+    """Read the pictures at the chosen instants. Raises MissingResult if one cannot be read or is not of the stones."""
     try:
         particles = [read_arrays(instant.particles, PARTICLES) for instant in chosen]
         plates = [read_arrays(instant.plate, PLATE) for instant in chosen if instant.plate is not None]
-        return _film_of(np.array([instant.t_s for instant in chosen]), particles, plates)
     except (OSError, ValueError, KeyError) as error:
         raise MissingResult(f"a picture cannot be read: {' '.join(str(error).split())}") from None
-
-
-def _film_of(t_s: np.ndarray, particles: list[Arrays], plates: list[Arrays]) -> Film:
-    if len({len(found["points"]) for found in particles}) != 1 or len(plates) not in (0, len(particles)):
-        raise MissingResult("the pictures of the run do not show the same sub-spheres and plate")
-    centre_m = np.stack([found["points"] for found in particles]).astype(np.float32)
-    radius_m = np.ravel(particles[0]["radius_m"])
+    if len(plates) not in (0, len(particles)):
+        raise MissingResult("the plate is not in all pictures of the run")
+    t_s = np.array([instant.t_s for instant in chosen])
+    centre_m = np.stack([_placed(found, network) for found in particles])
     if not plates:
         nothing = np.empty((len(t_s), 0))
-        return Film(t_s, centre_m, radius_m, nothing, nothing, np.empty((0, 2)), np.empty((0, 4), dtype=int))
+        return Film(t_s, centre_m, nothing, nothing, np.empty((0, 2)), np.empty((0, 4), dtype=int))
     deflection_m = np.stack([found["displacement_m"][:, 2] for found in plates])
     stress_Pa = np.stack([np.ravel(found["von_mises_Pa"]) for found in plates])
-    return Film(t_s, centre_m, radius_m, deflection_m, stress_Pa, plates[0]["points"][:, :2], plates[0]["quads"])
+    return Film(t_s, centre_m, deflection_m, stress_Pa, plates[0]["points"][:, :2], plates[0]["quads"])
+
+
+def _placed(found: Arrays, network: Network) -> np.ndarray:
+    """Centres of all sub-spheres (n, 3), from a picture of those that are there: stone by stone in the order of their
+    numbers. In a stone that lost some, the radii tell which are left."""
+    shown = np.ravel(found.get("agglomerate", network.agglomerate))
+    radius_m = np.ravel(found["radius_m"])
+    centre_m = np.full((network.radius_m.size, 3), np.nan, dtype=np.float32)
+    if len(shown) != len(radius_m) or shown.max(initial=0) > network.agglomerate.max():
+        raise MissingResult(f"the pictures show {len(radius_m)} sub-spheres, the deck {network.radius_m.size}")
+    begins = np.searchsorted(network.agglomerate, shown)  # of its stone, for each one shown
+    here, whole = np.bincount(shown, minlength=2), np.bincount(network.agglomerate)
+    number = np.arange(len(shown)) - np.searchsorted(shown, shown) + begins
+    for stone in np.flatnonzero((here > 0) & (here < whole[: here.size])):
+        rows, k = np.flatnonzero(shown == stone), np.searchsorted(network.agglomerate, stone)
+        for row in rows:
+            while k < len(centre_m) and not np.isclose(network.radius_m[k], radius_m[row], rtol=1e-5):
+                k += 1
+            number[row], k = k, k + 1
+    if (number >= len(centre_m)).any() or not np.allclose(network.radius_m[number], radius_m, rtol=1e-5):
+        raise MissingResult("the pictures do not show the sub-spheres of the deck")
+    centre_m[number] = found["points"]
+    return centre_m

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,13 @@ from common.run_summary import RecordedPlate
 from common.scene.plate import wall_box_m
 from report.drawing.lines import envelope
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
-from report.film.pictures import SERIES, Film, Series, choose, instants, read_film
+from report.film.pictures import IMPACT, WHOLE, Film, Series, choose, instants, read_film
 from report.missing import MissingResult
-from report.sweep_results import SweepResults
 
-QUANTUM_M = 2e-5  # of positions: a hundredth of a sub-sphere; the box of 16-bit numbers is then 1.3 m wide
+QUANTUM_M = (2e-5, 5e-5)  # of positions, at most a fiftieth of a sub-sphere; finer where stones stay near
 CURVE_POINTS = 900  # about the pixels of a curve's width
 
-#: No page above 15 MB: the film takes at most this much; what did not fit is named in the page.
+#: Of all films of a page, which then is no larger than 10 MB; what did not fit is named in the page.
 BUDGET_BYTES = 6_500_000
 
 
@@ -36,62 +36,56 @@ class Reel:
 
 @dataclass(frozen=True)
 class Films:
-    """The reels of a sweep, shown: number of the one shown first, left_out: what the page does not hold and why."""
+    """The reels of a page, shown: number of the one shown first, still: the picture that stands in its place, left_out:
+    what the page does not hold and why."""
 
     reels: list[Reel]
     shown: int
+    still: str
     left_out: list[str]
 
 
-def pack_films(results: SweepResults, index: int) -> str:
-    """Pack run `index`: the one nearest to 50 % in full, of all others the impact. Raises one of MISSING_RESULT."""
-    run, main = results.runs[index], results.index_nearest(0.5)
-    return pack_run(run, results.breakage.networks[index], SERIES if index == main else SERIES[:1])
+def pack_films(run: Run, network: Network, share: float, wanted: tuple[Series, ...]) -> str:
+    """Pack a run into its share of the budget, 0..1, with fewer pictures where they are too many. Raises one of
+    MISSING_RESULT."""
+    for fewer in (1, 2, 4, 8):
+        text = pack_run(run, network, tuple(replace(series, most=series.most // fewer) for series in wanted))
+        if len(text) <= share * BUDGET_BYTES:
+            return text
+    raise MissingResult("the page would be too large")
 
 
-def films_of(results: SweepResults, packed: list[str | Exception]) -> Films:
-    """The films of a page from those of each run (`pack_films`), or why it has none: the one nearest to 50 % first, and
-    the others as far as the budget goes."""
-    main = results.index_nearest(0.5)
-    order = [main, *(k for k in range(len(results.runs)) if k != main)]
-    reels, left_out, spent = {}, [], 0
-    for index in order:
-        label, text = f"{100 * results.runs[index].gangue_ratio:.0f} %", packed[index]
-        if isinstance(text, Exception):
-            left_out.append(f"{label}: {text}")
-            continue
-        if spent + len(text) > BUDGET_BYTES:
-            left_out.append(f"{label}: the page would be too large")
-            continue
-        spent += len(text)
-        reels[index] = Reel(f"film-{index}", label, text)
-    chosen = sorted(reels)
-    return Films([reels[k] for k in chosen], chosen.index(main) if main in reels else 0, left_out)
+def films_of(labels: Sequence[str], packed: Sequence[tuple[str, str] | Exception], main: int) -> Films:
+    """The films of a page from that of each run (`pack_films`) and its still picture, or why it has none."""
+    left_out = [f"{label}: {one}" for label, one in zip(labels, packed, strict=True) if isinstance(one, Exception)]
+    found = {k: one for k, one in enumerate(packed) if not isinstance(one, Exception)}
+    reels = [Reel(f"film-{k}", labels[k], film) for k, (film, _) in found.items()]
+    return Films(reels, list(found).index(main) if main in found else 0, found[main][1] if main in found else "",
+                 left_out)
 
 
 def pack_run(run: Run, network: Network, wanted: tuple[Series, ...]) -> str:
     """Pack one run: bodies, bonds, and each series that has pictures. Raises MissingResult if none has two."""
     found = instants(run.path)
-    series = {s.key: choose(found, s) for s in wanted}
-    played = [s for s in wanted if len(series[s.key]) > 1]
-    if not played:
-        most = f"{1e3 * found[1].t_s:g} ms between them" if len(found) > 1 else "one alone"
-        raise MissingResult(f"no two pictures inside the {wanted[-1].title} ({most})")
-    films = {s.key: read_film(series[s.key]) for s in played}
-    first = films[played[0].key]
-    if len(first.radius_m) != len(network.radius_m):
-        raise MissingResult(f"the pictures show {len(first.radius_m)} sub-spheres, the deck {len(network.radius_m)}")
+    series = {s: choose(found, s) for s in wanted}
+    if found and IMPACT.until_s > found[-1].t_s:  # the whole run is no longer than its impact
+        series = {WHOLE: series[WHOLE]}
+    films = {s: read_film(chosen, network) for s, chosen in series.items() if len(chosen) > 1}
+    if not films:
+        raise MissingResult("the run has fewer than two pictures")
+    reach_m = max(float(np.nanmax(np.abs(film.centre_m))) for film in films.values())
+    quantum_m = float(np.clip(reach_m / LARGEST, *QUANTUM_M))
     content: dict[str, Any] = {
-        "quantum": QUANTUM_M,
+        "quantum": quantum_m,
         "ratio": run.gangue_ratio,
-        "bodies": _bodies(run, network, first),
-        "plate": _plate(run, first),
-        "series": [_series(run, s, films[s.key]) for s in played],
+        "bodies": _bodies(run, network),
+        "plate": _plate(run, next(iter(films.values()))),
+        "series": [_series(run, s, film, quantum_m) for s, film in films.items()],
     }
     return json.dumps(content, separators=(",", ":"))
 
 
-def _bodies(run: Run, network: Network, film: Film) -> dict[str, Any]:
+def _bodies(run: Run, network: Network) -> dict[str, Any]:
     gangue = np.array([name == "gangue" for name in run.materials])
     broken_s = np.full(network.first.size, np.inf)
     shear = np.zeros(network.first.size, dtype=bool)
@@ -100,7 +94,7 @@ def _bodies(run: Run, network: Network, film: Film) -> dict[str, Any]:
         broken_s[bond] = run.breakage["t_s"]
         shear[bond] = run.breakage["mode"] == "shear"
     return {
-        "radius": pack(film.radius_m, "<f4"),
+        "radius": pack(network.radius_m, "<f4"),
         "gangue": pack(gangue[network.agglomerate - 1], "u1"),
         "stone": pack(network.agglomerate - 1, "<u2"),
         "first": pack(network.first, "<u4"),
@@ -117,6 +111,7 @@ def _plate(run: Run, film: Film) -> dict[str, Any]:
         "length": plate.length_m,
         "width": plate.width_m,
         "thickness": plate.thickness_m,
+        "tilt": np.radians(plate.tilt_deg),
         "rods": [rod.as_json() for rod in rods],
         "walls": _wall_boxes_m(plate),
         "node": pack(film.node_m, "<f4"),
@@ -137,9 +132,9 @@ def _scaled(values: np.ndarray) -> tuple[str, float]:
     return pack_moving(quantised(values, quantum)), quantum
 
 
-def _series(run: Run, series: Series, film: Film) -> dict[str, Any]:
+def _series(run: Run, series: Series, film: Film, quantum_m: float) -> dict[str, Any]:
     end_s = float(film.t_s[-1])
-    position = quantised(film.centre_m, QUANTUM_M)
+    position = quantised(np.nan_to_num(film.centre_m, nan=np.inf), quantum_m)
     position[(position == OUTSIDE).any(axis=-1)] = OUTSIDE
     deflection, deflection_quantum = _scaled(film.deflection_m)
     # An eighth bit more than a colour can show.
@@ -155,8 +150,8 @@ def _series(run: Run, series: Series, film: Film) -> dict[str, Any]:
         "stress": pack_moving(quantised(film.stress_Pa, stress_quantum)),
         "stressQuantum": stress_quantum,
         "stressShown": _stress_shown_Pa(film),
-        "force": _curve(run, "force_N", end_s),
-        "acceleration": _curve(run, "a_m_s2", end_s),
+        "curves": {name: _curve(run, column, end_s)
+                   for name, column in (("force", "force_N"), ("acceleration", "a_m_s2")) if column in run.signals},
     }
 
 

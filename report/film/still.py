@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,11 +10,12 @@ from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from common.run_summary import RecordedPlate
 from report.drawing.style import STRESS_COLOURS
 
 SIZE_IN = (9.0, 5.6)
-#: As in templates/film_scene.js (film.VIEW, and the opening angle of its camera).
-AZIMUTH, HEIGHT, DISTANCE_M, TARGET_M, OPENING_DEG = -0.98, 0.42, 0.92, np.array([0.0, 0.0, -0.006]), 30.0
+#: As in templates/film_scene.js (film.VIEW, film.OPENING).
+AZIMUTH, HEIGHT, OPENING_DEG = -0.98, 0.42, 30.0
 #: Coal and gangue, as in templates/film.js.
 ROCK_COLOURS = np.array([[66, 66, 70], [214, 160, 96]]) / 255
 
@@ -24,7 +26,7 @@ class StillScene:
 
     centre_m (n, 3), radius_m (n,), is_gangue (n,): the sub-spheres. corner_m (q, 4, 3): the plate's quads, with its
     motion as much enlarged as it shall be seen; stress_Pa (q,): von Mises stress of each. stress_shown_Pa: the end of
-    the colour scale.
+    the colour scale. plate: its size, rods and tilt, which the camera follows.
     """
 
     centre_m: np.ndarray
@@ -33,23 +35,26 @@ class StillScene:
     corner_m: np.ndarray
     stress_Pa: np.ndarray
     stress_shown_Pa: float
+    plate: RecordedPlate
 
 
 def still(scene: StillScene) -> Figure:
     """Draw one instant in perspective."""
-    figure = Figure(figsize=SIZE_IN, facecolor="#f4f5f6")
+    figure = Figure(figsize=SIZE_IN, facecolor="none")
     axis = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     half = np.tan(np.radians(OPENING_DEG / 2))
-    axis.set_xlim(-half * SIZE_IN[0] / SIZE_IN[1], half * SIZE_IN[0] / SIZE_IN[1])
+    aspect = SIZE_IN[0] / SIZE_IN[1]
+    axis.set_xlim(-half * aspect, half * aspect)
     axis.set_ylim(-half, half)
     axis.set_axis_off()
-    if len(scene.corner_m):
-        plane, _ = _project(scene.corner_m)
-        axis.add_collection(PolyCollection(list(plane), array=scene.stress_Pa, cmap=STRESS_COLOURS, linewidth=0.3,
-                                           edgecolor="face",
-                                           norm=Normalize(0, scene.stress_shown_Pa)))  # fmt: skip
-    plane, depth = _project(scene.centre_m)
-    order = np.argsort(-depth)
+    project = camera(scene.plate, aspect)
+    quads_m = scene.corner_m if len(scene.corner_m) else corners_m(scene.plate)[None, 4:] * [1, 1, 0]
+    axis.add_collection(PolyCollection(
+        list(project(quads_m)[0]), array=scene.stress_Pa if len(scene.corner_m) else np.zeros(1), cmap=STRESS_COLOURS,
+        linewidth=0.3, edgecolor="face", norm=Normalize(0, scene.stress_shown_Pa)))
+    plane, depth = project(scene.centre_m)
+    there = np.flatnonzero(np.isfinite(depth))
+    order = there[np.argsort(-depth[there])]
     diameter = 2 * scene.radius_m[order] / depth[order]
     axis.add_collection(EllipseCollection(
         diameter, diameter, np.zeros_like(diameter), units="xy", offsets=plane[order], transOffset=axis.transData,
@@ -58,11 +63,30 @@ def still(scene: StillScene) -> Figure:
     return figure
 
 
-def _project(points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where points (..., 3) are seen, over their distance (..., 2), and that distance in m (...)."""
-    toward = np.array([np.cos(HEIGHT) * np.cos(AZIMUTH), np.cos(HEIGHT) * np.sin(AZIMUTH), np.sin(HEIGHT)])
-    right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
-    upward = np.cross(toward, right)
-    from_camera = points_m - (TARGET_M + DISTANCE_M * toward)
-    depth = -from_camera @ toward
-    return np.stack([from_camera @ right, from_camera @ upward], axis=-1) / depth[..., None], depth
+def corners_m(plate: RecordedPlate) -> np.ndarray:
+    """What the view has to show whole (8, 3): the plate on its rods, and as much above it as stones rise."""
+    x, y = ((side or 0.5) / 2 for side in (plate.length_m, plate.width_m))
+    rods_m = max((float(rod.as_json().get("length_m", 0.1)) for rod in plate.rods or []), default=0.0)
+    heights_m = (-(plate.thickness_m or 0.01) - rods_m, 0.3 * max(x, y))
+    return np.array([(*corner, z) for z in heights_m for corner in ((-x, -y), (x, -y), (x, y), (-x, y))])
+
+
+def camera(plate: RecordedPlate, aspect: float) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Return what projects points (..., 3) of the plate's coordinates: to where they are seen, over their distance
+    (..., 2), and that distance in m (...). It stands upright, and as near as shows all corners."""
+    lean = np.radians(plate.tilt_deg)
+    turn = np.array([[np.cos(lean), 0, -np.sin(lean)], [0, 1, 0], [np.sin(lean), 0, np.cos(lean)]])
+    toward = turn @ (np.cos(HEIGHT) * np.cos(AZIMUTH), np.cos(HEIGHT) * np.sin(AZIMUTH), np.sin(HEIGHT))
+    right = turn @ (-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0)
+    axes, corners = np.stack([right, np.cross(toward, right), toward]), corners_m(plate)
+    middle = corners.mean(axis=0)
+    seen = (corners - middle) @ axes.T
+    reach = np.maximum(np.abs(seen[:, 1]), np.abs(seen[:, 0]) / aspect)
+    distance = np.max(seen[:, 2] + reach / (0.96 * np.tan(np.radians(OPENING_DEG / 2))))
+
+    def project(points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        at = (points_m - middle) @ axes.T
+        depth = distance - at[..., 2]
+        return at[..., :2] / depth[..., None], depth
+
+    return project

@@ -17,12 +17,14 @@ def still_scene(run: Run, network: Network) -> StillScene:
     """Return the picture of a run that is nearest to its largest force. Raises MissingResult if there is none."""
     table = run.fast if run.fast is not None else run.signals
     peak_s = float(table["t_s"].iloc[int(np.argmax(table["force_N"].to_numpy()))])
-    film = read_film([min(instants(run.path), key=lambda instant: abs(instant.t_s - peak_s))])
+    film = read_film([min(instants(run.path), key=lambda instant: abs(instant.t_s - peak_s))], network)
     is_gangue = np.array([name == "gangue" for name in run.materials])[network.agglomerate - 1]
     if not film.quad.size:
-        return StillScene(film.centre_m[0], film.radius_m, is_gangue, np.empty((0, 4, 3)), np.empty(0), 1.0)
+        return StillScene(film.centre_m[0], network.radius_m, is_gangue, np.empty((0, 4, 3)), np.empty(0), 1.0,
+                          run.scene.plate)
     w_m = film.deflection_m[0]
     enlarged = GREATEST_DEFLECTION_M / max(float(np.abs(w_m).max()), 1e-12)
     nodes_m = np.column_stack([film.node_m, w_m * min(enlarged, 1e4)])
     stress_Pa = film.stress_Pa[0][film.quad].mean(axis=1)
-    return StillScene(film.centre_m[0], film.radius_m, is_gangue, nodes_m[film.quad], stress_Pa, float(stress_Pa.max()))
+    return StillScene(film.centre_m[0], network.radius_m, is_gangue, nodes_m[film.quad], stress_Pa,
+                      max(float(stress_Pa.max()), 1.0), run.scene.plate)

@@ -8,29 +8,32 @@ from report.drawing.figure_spec import Drawn, FigureSpec
 from report.drawing.lines import curves
 from report.recognition import figures
 from report.recognition.results import FUSION_Q, HELD_OUT, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
+from report.recognition.tables import DEVIATIONS, ERRORS, RECOGNISED, STANDARDISED
 from report.sweep_results import SweepResults
 
-RESPONSE_LABELS = {
-    "u_m": "displacement, m",
-    "v_m_s": "velocity, m/s",
-    "a_m_s2": "acceleration, m/s²",
-    "total_J": "total energy, J",
-    "kinetic_J": "kinetic energy, J",
-    "internal_J": "internal energy, J",
+#: Label and unit of each response.
+RESPONSES = {
+    "u_m": ("displacement, µm", 1e6),
+    "v_m_s": ("velocity, m/s", 1.0),
+    "a_m_s2": ("acceleration, m/s²", 1.0),
+    "total_J": ("total energy, J", 1.0),
+    "kinetic_J": ("kinetic energy, J", 1.0),
+    "internal_J": ("internal energy, J", 1.0),
 }
 
 
 def q_against_ratio(results: SweepResults) -> Drawn:
     fit = results.recognition.q_fit
     c = fit.coefficients
-    label = f"{c[0]:.4f} {c[1]:+.4f}β {c[2]:+.4f}β², R² {fit.r2:.4f}, adjusted {fit.r2_adjusted:.4f}"
-    return figures.q_against_ratio(results.ratios, results.recognition.q, c, label)
+    note = f"Line: {c[0]:.4f} {c[1]:+.4f}β {c[2]:+.4f}β², R² {fit.r2:.4f}, adjusted {fit.r2_adjusted:.4f}."
+    return figures.q_against_ratio(results.ratios, results.recognition.q, c), note
 
 
 def kalman_filter(results: SweepResults) -> Drawn:
     i, filtered = results.index_nearest(0.0), results.recognition.filtered
-    panels = [(label, results.sweep.stack(name)[i], filtered[name][i]) for name, label in RESPONSE_LABELS.items()]
-    return figures.before_after(results.t_s, panels), f"Run of {results.ratios[i]:.0%}."
+    panels = [(label, unit * results.sweep.stack(name)[i], unit * filtered[name][i])
+              for name, (label, unit) in RESPONSES.items()]
+    return figures.before_after(results.t_s, panels), f"Run of {100 * results.ratios[i]:.0f} %."
 
 
 def total_energy(results: SweepResults) -> Drawn:
@@ -40,7 +43,7 @@ def total_energy(results: SweepResults) -> Drawn:
 
 def filtered_responses(results: SweepResults) -> Drawn:
     filtered = results.recognition.filtered
-    panels = [(label, filtered[name]) for name, label in RESPONSE_LABELS.items() if name != "total_J"]
+    panels = [(label, unit * filtered[name]) for name, (label, unit) in RESPONSES.items() if name != "total_J"]
     return curves(results.t_s, panels, results.ratios)
 
 
@@ -54,7 +57,7 @@ def fusion_process(results: SweepResults) -> Drawn:
     for kind, fused in results.recognition.fused.items():
         inputs = {name: values[i] for name, values in results.recognition.normalised_inputs(kind).items()}
         panels.append((kind, inputs, fused[i]))
-    return figures.fusion_process(results.t_s, panels), f"Run of {results.ratios[i]:.0%}."
+    return figures.fusion_process(results.t_s, panels), f"Run of {100 * results.ratios[i]:.0f} %."
 
 
 def fused_responses(results: SweepResults) -> Drawn:
@@ -70,7 +73,7 @@ def worked_example(results: SweepResults) -> Drawn:
     index = results.index_nearest(0.4)
     ratio, candidates = results.ratios[index], results.recognition.candidates(index)
     methods = {name: (c.ratio, c.difference, c.allowed) for name, c in candidates.items()}
-    return figures.worked_example(ratio, methods), f"Run of {ratio:.0%}, held out."
+    return figures.worked_example(ratio, methods), f"Run of {100 * ratio:.0f} %, held out."
 
 
 def recognised_against_true(results: SweepResults) -> Drawn:
@@ -94,86 +97,25 @@ def recognised_ratios(results: SweepResults) -> Drawn:
     return figures.recognition_errors(results.ratios, answers)
 
 
-ANSWER = FigureSpec(
-    key="fig-answer",
-    title="Recognised against true mixing ratio",
-    in_paper="The paper reports no test on unseen data.",
-    caption=(
-        "By models trained on the other ratios of this sweep, where gangue takes its places in one order. Other"
-        " arrangements and packings are a harder test: gangue evaluate, on a data set."
-    ),
-    draw=recognised_against_true,
-)
+ANSWER = FigureSpec("fig-answer", "Recognised against true mixing ratio",
+                    "By models trained on the other ratios of this sweep, where gangue takes its places in one "
+                    "order. Other arrangements and packings are a harder test: gangue evaluate, on a data set.",
+                    recognised_against_true, ratios=4)
+
+RECOGNITION_TABLES = [STANDARDISED, DEVIATIONS, ERRORS, RECOGNISED]
 
 RECOGNITION_FIGURES = [
-    FigureSpec(
-        key="fig-24",
-        title="Fused parameter Q (Figure 24)",
-        in_paper="Rises gradually; quadratic 0.00614 + 0.79954β + 0.15488β² with R² 0.99079 (the adjusted one).",
-        caption="Eight parameters by Eq. 39, equal weights.",
-        draw=q_against_ratio,
-    ),
-    FigureSpec(
-        key="fig-25",
-        title="Kalman filter of six responses (Figure 25)",
-        in_paper="Fluctuation and amplitude become smaller.",
-        caption="Random walk, q/r = 0.1.",
-        draw=kalman_filter,
-    ),
-    FigureSpec(
-        key="fig-26",
-        title="Total energy before and after (Figure 26)",
-        in_paper="More clearly stratified after; the peaks of 90 and 100 % cross in part.",
-        caption="",
-        draw=total_energy,
-    ),
-    FigureSpec(
-        key="fig-27",
-        title="The other responses after the filter (Figure 27)",
-        in_paper="Energies stratified; amplitudes of acceleration, velocity and displacement not monotone.",
-        caption="",
-        draw=filtered_responses,
-    ),
-    FigureSpec(
-        key="fig-28",
-        title="Normalised total energy (Figure 28)",
-        in_paper="By Eq. 41 over all eleven ratios.",
-        caption="",
-        draw=normalised_energy,
-    ),
-    FigureSpec(
-        key="fig-29",
-        title="Fusion of normalised responses (Figures 29-32)",
-        in_paper="The fused signal lies among its parts and is calmer.",
-        caption="",
-        draw=fusion_process,
-    ),
-    FigureSpec(
-        key="fig-33",
-        title="After fusion (Figures 33-36)",
-        in_paper="Maxima rise with the ratio; energy fusion has a single peak, is calmest and best stratified.",
-        caption="Energy, other, absolute, composite.",
-        draw=fused_responses,
-    ),
-    FigureSpec(
-        key="fig-37",
-        title="Function space (Figure 37, left)",
-        in_paper="At each moment a polynomial of QQ against the ratio.",
-        caption="Degree 2 at six of the moments.",
-        draw=function_space,
-    ),
-    FigureSpec(
-        key="fig-38",
-        title="Worked example (Figures 37, 38)",
-        in_paper="Each moment's root is a candidate; the smallest mean difference wins.",
-        caption="",
-        draw=worked_example,
-    ),
-    FigureSpec(
-        key="fig-recognised",
-        title="Recognised ratio",
-        in_paper="The strategy greatly improves on Q; the paper reports no test on unseen data.",
-        caption="Trained on all: the run itself was in the training.",
-        draw=recognised_ratios,
-    ),
+    FigureSpec("fig-24", "Fused parameter Q", "Eight parameters by Eq. 39, equal weights.", q_against_ratio, ratios=4),
+    FigureSpec("fig-25", "Kalman filter of six responses", "Random walk, q/r = 0.1.", kalman_filter, ratios=4),
+    FigureSpec("fig-26", "Total energy before and after", "One curve a ratio.", total_energy, ratios=4),
+    FigureSpec("fig-27", "The other responses after the filter", "One curve a ratio.", filtered_responses, ratios=4),
+    FigureSpec("fig-28", "Normalised total energy", "Normalised over all ratios.", normalised_energy, ratios=4),
+    FigureSpec("fig-29", "Fusion of normalised responses",
+               "Thin: the responses of which each is fused; black: fused.", fusion_process, ratios=4),
+    FigureSpec("fig-33", "After fusion", "One curve a ratio.", fused_responses, ratios=4),
+    FigureSpec("fig-37", "Function space", "Degree 2 at six of the moments.", function_space, ratios=4),
+    FigureSpec("fig-38", "Worked example",
+               "The candidate with the least mean difference is the answer.", worked_example, ratios=4),
+    FigureSpec("fig-recognised", "Recognised ratio",
+               "Trained on all: the run itself was in the training.", recognised_ratios, ratios=4),
 ]

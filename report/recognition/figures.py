@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import cycle
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -21,12 +23,12 @@ from report.drawing.style import (
 
 
 @styled
-def q_against_ratio(ratios: np.ndarray, q: np.ndarray, coefficients: np.ndarray, label: str) -> Figure:
+def q_against_ratio(ratios: np.ndarray, q: np.ndarray, coefficients: np.ndarray) -> Figure:
     """Draw Q of each run with its fitted polynomial (Figure 24). coefficients: lowest power first."""
     figure, axes = canvas(1, height_in=2.8)
     axis = axes[0, 0]
     fine = np.linspace(0, 1, 101)
-    axis.plot(100 * fine, np.polynomial.polynomial.polyval(fine, coefficients), color=ACCENT, label=label)
+    axis.plot(100 * fine, np.polynomial.polynomial.polyval(fine, coefficients), color=ACCENT, label="fitted")
     axis.plot(100 * ratios, q, "o", color=GANGUE, label="runs")
     axis.set_xlabel(RATIO_LABEL)
     axis.set_ylabel("fused parameter Q")
@@ -43,7 +45,6 @@ def before_after(t_s: np.ndarray, panels: list[tuple[str, np.ndarray, np.ndarray
         axis.plot(1e3 * t_s, before, color=PALE, linewidth=0.8, label="before")
         axis.plot(1e3 * t_s, after, color=ACCENT, linewidth=1.0, label="after")
         axis.set_title(label)
-        axis.tick_params(labelsize=7)
     axes[0, 0].legend()
     for axis in axes[-1]:
         axis.set_xlabel("time, ms")
@@ -56,15 +57,20 @@ def fusion_process(t_s: np.ndarray, panels: list[tuple[str, dict[str, np.ndarray
 
     panels: (fusion, {response: shape (samples,)}, fused of shape (samples,)).
     """
-    figure, axes = canvas(len(panels), height_in=1.7 * len(panels) + 0.4, sharex=True)
-    colours = (GANGUE, PALE, GREEN, ROSE, VIOLET, YELLOW)
-    for axis, (kind, responses, fused) in zip(axes[:, 0], panels, strict=True):
-        for colour, (name, values) in zip(colours, responses.items(), strict=False):
-            axis.plot(1e3 * t_s, values, color=colour, linewidth=0.6, label=name)
+    figure, axes = canvas(len(panels) + 1, height_in=1.4 * len(panels) + 1.4, sharex=True)
+    names = dict.fromkeys(name for _, responses, _ in panels for name in responses)
+    colours = dict(zip(names, cycle((GANGUE, PALE, GREEN, ROSE, VIOLET, YELLOW, ACCENT)), strict=False))
+    *drawn, below = axes[:, 0]
+    for axis, (kind, responses, fused) in zip(drawn, panels, strict=True):
+        for name, values in responses.items():
+            axis.plot(1e3 * t_s, values, color=colours[name], linewidth=0.6, label=name)
         axis.plot(1e3 * t_s, fused, color="black", linewidth=1.2, label="fused")
-        axis.set_title(kind)
-        axis.legend(fontsize=6, ncols=4, loc="upper right")
-    axes[-1, 0].set_xlabel("time, ms")
+        axis.set_title(f"{kind} fusion")
+    drawn[-1].set_xlabel("time, ms")
+    drawn[-1].tick_params(labelbottom=True)
+    below.set_axis_off()
+    known = {line.get_label(): line for axis in drawn for line in axis.get_lines()}
+    below.legend(known.values(), known, ncols=3, loc="center")
     return figure
 
 
@@ -85,7 +91,7 @@ def worked_example(true_ratio: float, methods: dict[str, tuple[np.ndarray, np.nd
         axis.axvline(100 * true_ratio, color="black", linewidth=0.8)
         axis.set_title(name)
         axis.set_ylabel("mean difference")
-        axis.legend(fontsize=7)
+        axis.legend()
     axes[-1, 0].set_xlabel(f"candidate ratio, % (line: true, {100 * true_ratio:.0f} %)")
     return figure
 
@@ -134,7 +140,7 @@ def recognised_against_true(
     axis.set_xlabel("true " + RATIO_LABEL)
     axis.set_ylabel("recognised, %")
     axis.set_xlim(-4, 104)
-    axis.legend(fontsize=8, loc="upper left")
+    axis.legend(loc="upper left")
     return figure
 
 
@@ -154,6 +160,6 @@ def recognition_errors(ratios: np.ndarray, answers: dict[str, dict[str, list[flo
                 axis.plot(*zip(*points, strict=True), mark, color=colour, markersize=4, label=name)
         axis.set_title(training)
         axis.set_ylabel("error, points")
-    axes[0, 0].legend(fontsize=7)
+    axes[0, 0].legend()
     axes[-1, 0].set_xlabel("true " + RATIO_LABEL)
     return figure

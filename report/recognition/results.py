@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -39,14 +39,6 @@ MODEL_METHODS_WITH_INTERVAL = tuple(name for name, entry in METHODS.items() if e
 
 #: How the model that answers was trained. "Held out": on all other ratios.
 TRAINED_ON_ALL, HELD_OUT = "trained on all", "that ratio held out"
-
-
-def in_paper_window(sweep: Sweep) -> Sweep:
-    """Return the sweep with the regular stream of each run cut to the paper's 0.04 s, or what all runs have of it."""
-    window = Window.of(sweep.runs)
-    return replace(
-        sweep, runs=[replace(run, signals=window.cut(run.signals, str(run.path))) for run in sweep.runs]
-    )
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ PARAMETER_LABELS = {
 
 def imfs(results: SweepResults) -> Drawn:
     shown = sorted({0, len(results.runs) - 1})
-    panels = {f"{100 * results.ratios[i]:.0f} %": results.signals.decompositions[i].imfs for i in shown}
-    return figures.imfs(results.t_s, panels)
+    return figures.imfs(results.t_s, {float(results.ratios[i]): results.signals.decompositions[i].imfs for i in shown})
 
 
 def hilbert(results: SweepResults) -> Drawn:
@@ -43,43 +42,10 @@ def parameters(results: SweepResults) -> Drawn:
     return against_ratio(results.ratios, panels)
 
 
-def rule_costs(results: SweepResults) -> Drawn:
-    return figures.rule_costs(results.signals.rule_costs)
-
-
 SIGNAL_FIGURES = [
-    FigureSpec(
-        key="fig-22",
-        title="IMFs of the acceleration (Figure 22)",
-        in_paper="Their number differs from ratio to ratio; the maxima of IMF 1 rise, the others show no pattern.",
-        caption="Lowest and highest ratio. Rule: ten siftings an IMF.",
-        draw=imfs,
-    ),
-    FigureSpec(
-        key="fig-hilbert",
-        title="Hilbert and marginal spectrum",
-        in_paper="Used for the marginal spectrum's energy in Figure 23.",
-        caption="Above: highest ratio. Below: all ratios, bins of 25 Hz.",
-        draw=hilbert,
-    ),
-    FigureSpec(
-        key="fig-23",
-        title="Time-frequency parameters (Figure 23)",
-        in_paper=(
-            "Square root amplitude, absolute mean, variance, peak to peak, RMS and marginal spectrum rise; skewness"
-            " and margin index fall; IMF energies, mean, waveform and kurtosis index are disorderly."
-        ),
-        caption="Formulas: docs/analysis.md.",
-        draw=parameters,
-    ),
-    FigureSpec(
-        key="fig-rules",
-        title="Cost of the EMD stopping rules",
-        in_paper="Not in the paper.",
-        caption=(
-            "AM-FM mode of 900 Hz plus tone of 110 Hz at 6667 Hz; 267, 4000 and 20000 samples. Up to 10000 samples"
-            " extrema are vertices of parabolas, beyond it samples."
-        ),
-        draw=rule_costs,
-    ),
+    FigureSpec("fig-22", "IMFs of the acceleration", "Lowest and highest ratio; ten siftings an IMF.", imfs),
+    FigureSpec("fig-hilbert", "Hilbert and marginal spectrum",
+               "Above: highest ratio. Below: each ratio, bins of 25 Hz.", hilbert),
+    FigureSpec("fig-23", "Time-frequency parameters",
+               "Of the acceleration of the plate's centre of mass.", parameters, ratios=2),
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from report.missing import MissingResult
@@ -10,14 +12,12 @@ from report.trends import spearman
 from report.verdicts import (
     Finding,
     Statement,
-    Values,
+    Test,
     all_rise,
     graded,
     held_if,
     held_if_all,
     need_enough_ratios,
-    trend,
-    without_order,
 )
 
 
@@ -57,23 +57,27 @@ def _energy_share_of_first_imf(results: SweepResults) -> np.ndarray:
     return energies[:, 0] / energies.sum(axis=1)
 
 
-def _parameter(name: str) -> Values:
-    return lambda results: results.signals.parameters[name]
+RISING = ("square_root_amplitude", "absolute_mean", "variance", "peak_to_peak", "rms", "marginal_spectrum_energy")
+FALLING = ("skewness_raw", "margin_index")
+DISORDERLY = ("mean", "waveform_index", "kurtosis_index")
 
 
-def _rising(name: str, label: str, unit: str = "m/s²") -> Statement:
-    return Statement(f"The {label} of the acceleration rises with the ratio as a whole", "Fig. 23", "fig-23",
-                     "Spearman >= 0.9", trend(_parameter(name), 1, 1.0, unit))  # fmt: skip
+def parameters_change(names: Sequence[str], direction: int) -> Test:
+    def test(results: SweepResults) -> Finding:
+        need_enough_ratios(results)
+        named = {name.replace("_", " "): direction * results.signals.parameters[name] for name in names}
+        return all_rise(named, results.ratios)
+
+    return test
 
 
-def _falling(name: str, label: str) -> Statement:
-    return Statement(f"The {label} of the acceleration falls with the ratio as a whole", "Fig. 23", "fig-23",
-                     "Spearman <= -0.9", trend(_parameter(name), -1))  # fmt: skip
-
-
-def _disorderly(values: Values, label: str) -> Statement:
-    return Statement(f"The {label} of the acceleration changes without order", "Fig. 23", "fig-23",
-                     "|Spearman| < 0.6; partly below 0.9", without_order(values))  # fmt: skip
+def parameters_are_disorderly(results: SweepResults) -> Finding:
+    need_enough_ratios(results)
+    values = {name.replace("_", " "): results.signals.parameters[name] for name in DISORDERLY}
+    values["energy share of IMF 1"] = _energy_share_of_first_imf(results)
+    rho = {name: spearman(results.ratios, of_runs) for name, of_runs in values.items()}
+    numbers = ", ".join(f"{name} {value:.3f}" for name, value in rho.items())
+    return graded(max(map(abs, rho.values())), 0.6, 0.9), f"Spearman {numbers}"
 
 
 SIGNAL_STATEMENTS = [
@@ -83,18 +87,12 @@ SIGNAL_STATEMENTS = [
               first_imf_rises),
     Statement("The other IMFs show no regular pattern", "Fig. 22", "fig-22", "|Spearman| < 0.9 for each",
               other_imfs_are_irregular),
-    _disorderly(_energy_share_of_first_imf, "energy share of IMF 1"),
-    _disorderly(_parameter("mean"), "mean"),
-    _disorderly(_parameter("waveform_index"), "waveform index"),
-    _disorderly(_parameter("kurtosis_index"), "kurtosis index"),
-    _rising("square_root_amplitude", "square root amplitude"),
-    _rising("absolute_mean", "absolute mean"),
-    _rising("variance", "variance", "(m/s²)²"),
-    _rising("peak_to_peak", "peak-to-peak value"),
-    _rising("rms", "RMS"),
-    _rising("marginal_spectrum_energy", "energy of the marginal spectrum", "(m/s²)² s"),
-    _falling("skewness_raw", "skewness"),
-    _falling("margin_index", "margin index"),
+    Statement("Mean, waveform and kurtosis index and the energy share of IMF 1 change without order", "Fig. 23",
+              "fig-23", "|Spearman| < 0.6 for each; partly below 0.9", parameters_are_disorderly),
+    Statement("Square root amplitude, absolute mean, variance, peak to peak, RMS and marginal spectrum rise", "Fig. 23",
+              "fig-23", "Spearman >= 0.9 for each", parameters_change(RISING, 1)),
+    Statement("Skewness and margin index fall with the ratio", "Fig. 23", "fig-23",
+              "Spearman <= -0.9 for each (shown with its sign turned)", parameters_change(FALLING, -1)),
     Statement("The RMS of the acceleration grows by 1.764 from 0 to 100 % (implied by Table 2)", "Table 2", "fig-23",
               "1.764 within 5 %; partly within 20 %", rms_grows_as_in_table_2),
 ]  # fmt: skip

@@ -4,64 +4,43 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
-from analysis.signals.emd_rules import RuleCost
 from analysis.signals.hilbert import HilbertSpectrum, MarginalSpectrum
-from analysis.signals.pictures import plot_hilbert
-from report.drawing.style import ACCENT, COAL, GANGUE, PALE, canvas, ratio_colour, styled
+from report.drawing.style import bar_axes, canvas, ratio_colours, styled
 
 
 @styled
-def imfs(t_s: np.ndarray, panels: dict[str, np.ndarray], most: int = 6) -> Figure:
-    """Draw the first IMFs of the acceleration (Figure 22). panels: {label of the run: IMFs of shape (m, samples)}."""
-    rows = min(most, max(len(p) for p in panels.values()))
-    figure, axes = canvas(rows, len(panels), height_in=1.05 * rows + 0.6, sharex=True)
-    for column, (label, found) in zip(axes.T, panels.items(), strict=True):
-        column[0].set_title(label)
-        for k, axis in enumerate(column):
-            if k < len(found):
-                axis.plot(1e3 * t_s, found[k], color=ACCENT, linewidth=0.7)
-                axis.set_ylabel(f"{k + 1}", rotation=0, labelpad=6)
-            else:
-                axis.set_axis_off()
-            axis.tick_params(labelsize=7)
-        column[-1].set_xlabel("time, ms")
-    figure.supylabel("IMF, m/s²", fontsize=9)
+def imfs(t_s: np.ndarray, found: dict[float, np.ndarray], most: int = 5) -> Figure:
+    """Draw the first IMFs of the acceleration of some runs. found: {mixing ratio: IMFs of shape (m, samples)}."""
+    rows = min(most, max(len(imf) for imf in found.values()))
+    figure, axes = canvas(rows, height_in=1.0 * rows + 0.5, sharex=True)
+    for k, axis in enumerate(axes[:, 0]):
+        axis.set_title(f"IMF {k + 1}, m/s²")
+        for (ratio, of_run), colour in zip(found.items(), ratio_colours(found), strict=True):
+            if k < len(of_run):
+                axis.plot(1e3 * t_s, of_run[k], color=colour, linewidth=0.8, label=f"{100 * ratio:.0f} %")
+    if len(found) > 1:
+        axes[0, 0].legend(ncols=2, loc="upper right")
+    axes[-1, 0].set_xlabel("time, ms")
     return figure
 
 
 @styled
 def hilbert_map(spectrum: HilbertSpectrum, marginal: dict[float, MarginalSpectrum]) -> Figure:
     """Draw the Hilbert spectrum of one run, and the marginal spectra of all. marginal: {mixing ratio: spectrum}."""
-    figure, axes = canvas(2, height_in=4.6)
+    figure, axes = canvas(2, height_in=4.6, bar="right")
     upper, lower = axes[:, 0]
-    plot_hilbert(spectrum, upper, "m/s²")
-    for ratio, found in marginal.items():
-        lower.plot(1e-3 * found.centres_Hz, found.density, color=ratio_colour(ratio), linewidth=0.8,
+    field = np.ma.masked_equal(spectrum.amplitude, 0)
+    image = upper.pcolormesh(
+        1e3 * spectrum.edges_s, 1e-3 * spectrum.edges_Hz, field, cmap="viridis", rasterized=True
+    )
+    figure.colorbar(image, cax=bar_axes(figure), label="amplitude in the map, m/s²")
+    upper.set_xlabel("time, ms")
+    upper.set_title("frequency, kHz")
+    upper.grid(False)
+    for (ratio, found), colour in zip(marginal.items(), ratio_colours(marginal), strict=True):
+        lower.plot(1e-3 * found.centres_Hz, found.density, color=colour, linewidth=0.8,
                    label=f"_{100 * ratio:.0f} %")  # fmt: skip
     lower.set_xlabel("frequency, kHz")
-    lower.set_ylabel("marginal spectrum, m/s² s/Hz")
-    return figure
-
-
-@styled
-def rule_costs(costs: list[RuleCost]) -> Figure:
-    """Draw the error against the time of the EMD stopping rules."""
-    figure, axes = canvas(1, height_in=2.6)
-    axis = axes[0, 0]
-    colours = dict(zip(dict.fromkeys(c.rule for c in costs), (ACCENT, GANGUE, COAL), strict=True))
-    marks = dict(zip(dict.fromkeys(c.samples for c in costs), "os^", strict=True))
-    for c in costs:
-        axis.loglog(1e3 * c.seconds, 100 * c.error, marks[c.samples], color=colours[c.rule])
-    for rule, colour in colours.items():
-        axis.plot([], [], color=colour, linewidth=4, label=rule)
-    for samples, mark in marks.items():
-        axis.plot([], [], mark, color=PALE, label=f"{samples} samples")
-    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.yaxis.set_major_formatter("{x:g}")
-    axis.minorticks_off()
-    axis.set_ylabel("error of the first IMF, %")
-    axis.set_xlabel("time of one decomposition, ms")
-    axis.legend(ncols=2, loc="center left")
+    lower.set_title("marginal spectrum, m/s² s/Hz")
     return figure

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from analysis import Sweep
-from analysis.signals import emd_rules
 from analysis.signals.emd import Decomposition, decompose
-from analysis.signals.emd_rules import RuleCost, compare_rules
 from analysis.signals.features import time_features
 from analysis.signals.hilbert import marginal_spectrum
-from common.files.cache import cached, key_of, user_cache
 from report.missing import MissingResult
-
-RULE_SAMPLES = (267, 4000, 20000)
 
 
 class SignalResults:
@@ -48,15 +40,3 @@ class SignalResults:
         """Energies of the IMFs in (m/s^2)^2 s, shape (runs, most IMFs); 0 where a run has fewer IMFs."""
         most = max(len(d.imfs) for d in self.decompositions)
         return np.stack([np.pad(d.energies, (0, most - len(d.imfs))) for d in self.decompositions])
-
-    @cached_property
-    def rule_costs(self) -> list[RuleCost]:
-        """Error and time of the EMD stopping rules, on a signal whose modes are known and not on the runs. They are
-        measured once with this code and these libraries, and kept in the user's cache."""
-        kept = cached(user_cache(), "rules", key_of(Path(emd_rules.__file__), RULE_SAMPLES), _rule_costs)
-        return [RuleCost(**json.loads(text)) for text in kept["costs"].tolist()]
-
-
-def _rule_costs() -> dict[str, list[str]]:
-    costs = [cost for samples in RULE_SAMPLES for cost in compare_rules(samples, repeats=2)]
-    return {"costs": [json.dumps(asdict(cost)) for cost in costs]}

@@ -68,11 +68,11 @@ def _grown(values: pd.Series) -> np.ndarray:
 
 
 STREAM_FIGURES = [
-    FigureSpec("stream-felt", "What the plate felt", "", "Fast stream. Ticks: first touch of each stone.", felt),
-    FigureSpec("stream-fell", "What fell", "", "A stone counts from its first touch.", fell),
-    FigureSpec("stream-hits", "How hard each stone hit", "",
+    FigureSpec("stream-felt", "What the plate felt", "Fast stream. Ticks: first touch of each stone.", felt),
+    FigureSpec("stream-fell", "What fell", "A stone counts from its first touch.", fell),
+    FigureSpec("stream-hits", "How hard each stone hit",
                "Largest force of each stone, and what broke of it until the end.", hits),
-    FigureSpec("stream-pieces", "The pieces", "",
+    FigureSpec("stream-pieces", "The pieces",
                "Bonds that broke, what left the plate, and the pieces at the end of all stones that touched it.",
                pieces),
 ]

@@ -93,6 +93,7 @@ def pieces(area: dict[str, Curve], left: dict[str, Curve], masses_kg: dict[str, 
                             color=material_colour(name), label=name)
     if masses_kg:
         axes[2, 0].set(title="mass in pieces that are no larger, %", xlabel="mass of a piece, g", xscale="log")
+        axes[2, 0].xaxis.set_major_formatter("{x:g}")
         axes[2, 0].legend()
     return figure
 

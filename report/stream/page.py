@@ -1,61 +1,50 @@
-"""The page of streams: what fell, what the plate felt of it and the pieces, of each run of a directory."""
+"""A stream on the page: what fell, what the plate felt of it and the pieces."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, get_args
+from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pandas as pd
 
 from analysis import RecordError, Run
 from analysis.sweep.stream import By, true_ratio
-from common.process.processes import side_by_side
-from report.drawing.figure_spec import FinishedFigure, finish_figure
+from report.drawing.figure_spec import FinishedFigure
 from report.stream.chapter import STREAM_FIGURES
 from report.stream.heard import HEARD_FIGURES, was_heard
 from report.stream.results import StreamResults
 from report.tables import FinishedTable
 
 
-@dataclass(frozen=True)
 class StreamRun:
-    """A run as the page shows it. numbers: value and words of each."""
+    """Numbers, figures and table of one run. Raises RecordError where it cannot be used."""
 
-    name: str
-    title: str
-    numbers: list[tuple[str, str]]
-    figures: list[FinishedFigure]
-    table: FinishedTable
+    def __init__(self, run: Run):
+        self.results = StreamResults(run)
+        self.specs = (HEARD_FIGURES if was_heard(self.results) else []) + STREAM_FIGURES
 
+    def keyed(self, figures: list[FinishedFigure]) -> list[FinishedFigure]:
+        """Figures whose keys begin with the name of the run."""
+        return [replace(figure, key=f"{self.results.run.path.name}-{figure.key}") for figure in figures]
 
-def stream_runs(runs: list[Run]) -> list[StreamRun]:
-    """Everything that the page shows of the runs. Raises RecordError where a run cannot be used."""
-    results = [StreamResults(run) for run in runs]
-    of_each = [STREAM_FIGURES + (HEARD_FIGURES if was_heard(r) else []) for r in results]
-    specs = [(r, spec) for r, figures in zip(results, of_each, strict=True) for spec in figures]
-    finished = iter(side_by_side(lambda k: _finish(*specs[k]), len(specs)))
-    return [_stream_run(r, [next(finished) for _ in figures]) for r, figures in zip(results, of_each, strict=True)]
+    def numbers(self) -> list[tuple[str, str]]:
+        """Value and words of each number of the first screen."""
+        stones, run = self.results.stones, self.results.run
+        here = stones[stones["first_contact_s"].notna()]
+        found = [(f"{len(here)} stones", f"{here['mass_kg'].sum():.3g} kg, in {self.results.end_s:.3g} s")]
+        try:
+            by_mass, by_number = (true_ratio(stones, -np.inf, np.inf, by) for by in get_args(By))
+            found.append((f"{100 * by_mass:.1f} %", f"gangue by mass; {100 * by_number:.1f} % by number"))
+        except RecordError as reason:
+            found.append(("-", f"gangue: {reason}"))
+        return [*found, (f"{1e-3 * run.peak('force_N'):.2f} kN", "largest force on the plate")]
 
-
-def _finish(results: StreamResults, spec: Any) -> FinishedFigure:
-    figure = finish_figure(spec, results)
-    return replace(figure, key=f"{results.run.path.name}-{figure.key}")
-
-
-def _stream_run(results: StreamResults, figures: list[FinishedFigure]) -> StreamRun:
-    stones, run = results.stones, results.run
-    touched = stones["first_contact_s"].notna()
-    here = stones[touched]
-    numbers = [(f"{touched.sum()} stones", f"{here['mass_kg'].sum():.3g} kg, in {results.end_s:.3g} s")]
-    try:
-        by_mass, by_number = (true_ratio(stones, -np.inf, np.inf, by) for by in get_args(By))
-        numbers.append((f"{100 * by_mass:.1f} %", f"gangue by mass; {100 * by_number:.1f} % by number"))
-    except RecordError as reason:
-        numbers.append(("-", f"gangue: {reason}"))
-    numbers.append((f"{1e-3 * run.peak('force_N'):.2f} kN", "largest force on the plate"))
-    return StreamRun(run.path.name, f"{run.path.name}: {run.scene.name or 'stream'}", numbers, figures,
-                     FinishedTable(f"{run.path.name}-stones", "Stones", _closure(run), *_cells(results, here)))
+    def table(self) -> FinishedTable:
+        """The stones that came, by their material."""
+        stones, run = self.results.stones, self.results.run
+        cells = _cells(self.results, stones[stones["first_contact_s"].notna()])
+        return FinishedTable(f"{run.path.name}-stones", "Stones", _closure(run), *cells)
 
 
 def _closure(run: Run) -> str:

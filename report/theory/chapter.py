@@ -34,7 +34,7 @@ def peak_against_position(results: SweepResults) -> Drawn:
 
 
 def totals(results: SweepResults) -> Drawn:
-    panels, note = {"plate as the paper's beam": results.theory.beam_totals_N}, ""
+    panels, note = {"plate as a beam": results.theory.beam_totals_N}, ""
     try:
         panels["real plate (modes)"] = results.theory.real_plate_totals_N
     except RecordError as reason:
@@ -55,51 +55,17 @@ def force_histories(results: SweepResults) -> Drawn:
 
 
 THEORY_FIGURES = [
-    FigureSpec(
-        key="fig-7",
-        title="Arrangement (Figure 7, 11)",
-        in_paper="Ten particles at equal angles on a circle; two of them, A and B, on the axis along the length L.",
-        caption="Stones with their number and the turn in which gangue replaces coal; grey: rods.",
-        draw=arrangement,
-    ),
-    FigureSpec(
-        key="fig-8",
-        title="Mixing order (Figure 8)",
-        in_paper="Gangue replaces coal in ten steps.",
-        caption="The order of the scene; the paper's own is read back from Table 2.",
-        draw=mixing_order,
-    ),
-    FigureSpec(
-        key="fig-9",
-        title="Largest force against position (Figure 9)",
-        in_paper=(
-            "Constant without deflection; with it smallest in the middle of the length, growing to the ends, and much"
-            " less. Flores below Hertz, gangue above coal."
-        ),
-        caption="Eqs. 8, 9, 19, 20, 26-30 with the scene's values, restitution included.",
-        draw=peak_against_position,
-    ),
-    FigureSpec(
-        key="fig-10",
-        title="Total force (Figure 10)",
-        in_paper=(
-            "All four states rise with the ratio; the two without deflection in straight lines, the others in uneven"
-            " steps."
-        ),
-        caption=(
-            "Left with the paper's beam, right with the static compliance of the real plate on its rods; points:"
-            " largest simulated force."
-        ),
-        draw=totals,
-    ),
-    FigureSpec(
-        key="fig-laws",
-        title="Force histories (Eqs. 5, 14)",
-        in_paper="The paper integrates energies only.",
-        caption=(
-            "One stone on a rigid plate. The damped force peaks before the largest compression and above the force of"
-            " Eq. 20."
-        ),
-        draw=force_histories,
-    ),
+    FigureSpec("fig-7", "Arrangement",
+               "Stones with their number and the turn in which gangue replaces coal; grey: rods.", arrangement),
+    FigureSpec("fig-8", "Mixing order", "The order of the scene.", mixing_order, ratios=2),
+    FigureSpec("fig-9", "Largest force against position",
+               "Eqs. 8, 9, 19, 20, 26-30 with the scene's values, restitution included.", peak_against_position),
+    FigureSpec("fig-10", "Total force",
+               "Left with the beam formula, right with the static compliance of the real plate on its rods; points: "
+               "largest simulated force.",
+               totals, ratios=2),
+    FigureSpec("fig-laws", "Force histories",
+               "One stone on a rigid plate. The damped force peaks before the largest compression and above the "
+               "force of Eq. 20.",
+               force_histories),
 ]

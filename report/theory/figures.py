@@ -40,7 +40,7 @@ def arrangement(
     rank = {place: k for k, place in enumerate(order, 1)}
     for number, (x, y) in enumerate(places_m, 1):
         axis.add_patch(Circle((x, y), radius_m, facecolor="#d9b58f", edgecolor=GANGUE))
-        axis.text(x, y, f"#{number}\n{rank[number]}.", ha="center", va="center", fontsize=8)
+        axis.text(x, y, f"#{number}\n{rank[number]}.", ha="center", va="center")
     axis.set_xlim(-0.52 * plate_m[0], 0.52 * plate_m[0])
     axis.set_ylim(-0.52 * plate_m[1], 0.52 * plate_m[1])
     axis.set_aspect("equal")
@@ -114,8 +114,10 @@ def force_histories(histories: dict[str, dict[str, tuple[np.ndarray, np.ndarray]
     """Draw the force of one stone on a rigid plate by each law. histories: {title: {law: (t_s, force_N)}}."""
     figure, axes = canvas(1, len(histories), height_in=2.6, sharey=True)
     for axis, (title, laws) in zip(axes[0], histories.items(), strict=True):
-        for colour, (law, (t_s, force_N)) in zip((COAL, GANGUE, ACCENT, PALE), laws.items(), strict=False):
-            axis.plot(1e6 * t_s, 1e-3 * force_N, color=colour, label=law.replace("_", "-"))
+        looks = zip((PALE, GANGUE, ACCENT, COAL), ("-", "-", "--", ":"), (3.2, 2.4, 1.5, 1.5), strict=True)
+        for (colour, line, width), (law, (t_s, force_N)) in zip(looks, laws.items(), strict=False):  # some lie together
+            axis.plot(1e6 * t_s, 1e-3 * force_N, line, color=colour, linewidth=width,
+                      label=law.replace("_", "-").title())
         axis.set_title(title)
         axis.set_xlabel("time, µs")
     axes[0, 0].set_ylabel("force, kN")

@@ -100,10 +100,10 @@ def axis_of(place, mass, moved):
 def test_a_dashpot_stops_a_chip_pushed_beside_its_middle_in_one_step_at_most(tmp_path, number):
     deck, dt_s, place, rows = run_chip(tmp_path, number)
     c = {name: values[:, 0] for name, values in read_ledger(deck / "ledger.bin", 1).column.items()}
-    energy = c["kinetic_J"] + c["wall_elastic_J"] + c["bond_elastic_J"]
+    energy = c["kinetic_J"] + c["wall_elastic_J"] + c["bond_elastic_J"] + c["wall_released_J"]
     assert c["broken"][LOOK_STEPS] == 1 and c["wall_damped_J"][-1] > 0.1 * energy[0]
     assert np.diff(energy).max() < 1e-5 * energy[0]
-    assert np.diff(c["wall_damped_J"]).min() >= 0
+    assert np.diff(c["wall_damped_J"]).min() >= -1e-9 * c["wall_damped_J"][-1]  # half a step, where the chip stops
 
     # When the patch is found without the fourth, the dashpot of the whole mass would stop the axis four times over.
     dumped, mass = frames(deck), place[:, 4]

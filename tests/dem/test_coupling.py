@@ -1,5 +1,9 @@
 """Engine and plate together where theory or an independent integration knows the answer."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,7 +12,11 @@ from scipy.integrate import solve_ivp
 
 import dem.run.participants
 from common.files.cache import user_cache
+from common.resources import resource
+from dem.coupling.launch import ENGINE
 from dem.coupling.pipes import PlatePipes
+from dem.deck.render import write_deck
+from dem.record.recorder import read_forces
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared, run_scene
 from plate_fem.modes import PlateModes, plate_modes
@@ -250,3 +258,25 @@ def test_a_plate_that_gives_way_by_millimetres_keeps_energy_and_momentum(runs, t
     summary = run_scene(scene, "thin", runs / f"thin_{thickness_m}")
     assert abs(summary["energy"]["closure"]) < 1e-4
     assert summary["impulse_N_s"] == pytest.approx(summary["momentum_change_kg_m_s"], rel=1e-6)
+
+
+def test_the_shipped_participant_moves_as_the_plate_does(tmp_path):
+    """Started by hand beside the engine, with the frequencies of an undamped plate: the same pushes on the stones."""
+    scene = changed("small", {"plate.damping_ratio": 0.0, "plate.max_frequency_Hz": 800.0, "time.duration_s": 1e-3,
+                              "stones.agglomerate": None, "output": None, "plate.sensors": []})
+    run_scene(scene, "small.toml", tmp_path / "run")
+    prepared = prepare(scene, "small.toml", user_cache())
+    write_deck(tmp_path / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+    given = [str(tmp_path / "deck"), repr(prepared.step.co_step * prepared.step.dt_s),
+             *(repr(float(hz)) for hz in prepared.modes.frequency_Hz)]
+    with subprocess.Popen([sys.executable, resource("templates/participant.py"), *given]) as plate:
+        while not (tmp_path / "deck" / "from_plate").exists():
+            assert plate.poll() is None
+        without = {name: value for name, value in os.environ.items() if name != "PLATE_PROCESS"}
+        subprocess.run([ENGINE, "-in", "deck.liggghts"], cwd=tmp_path / "deck", env=without, check=True, timeout=120,
+                       stdout=subprocess.DEVNULL)
+        assert plate.wait(timeout=10) == 0
+    ours = pd.read_parquet(tmp_path / "run" / "fast.parquet")["force_N"].to_numpy()
+    pushes, theirs = read_forces(tmp_path / "deck" / "forces.bin"), np.zeros(len(ours))
+    theirs[pushes.all_step // prepared.step.fast_steps] = pushes.all_mean_N
+    assert theirs == pytest.approx(ours, abs=1e-6 * ours.max()) and ours.max() > 1000

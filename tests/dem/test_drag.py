@@ -76,17 +76,22 @@ def naive(friction, velocity_m_s, duration_s, dt_s=2e-8):
     (0.1, (3.0, -3.0), False), (0.5, (0.4, -3.0), False), (0.1, (3.0, -3.0), True), (0.5, (0.4, -3.0), True)],
     ids=["slides", "sticks", "bonded stone slides", "bonded stone sticks"])
 def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velocity_m_s, smooth):
+    """Bonded stones do on average: what drags is the square of an impulse, which hangs on the packing by some per cent."""
     plate = changed("single", {}).plate.model_copy(update={"max_frequency_Hz": 2000.0}).model_dump(mode="json")
     spheres = {} if smooth else {"stones.agglomerate": None}
-    scene = stone(speed_m_s=float(np.hypot(*velocity_m_s)), friction=friction, plate=plate,
-                  **{"time.duration_s": 4e-4, "time.sample_interval_s": 4e-5} | spheres)
-    found = strike_aslant(monkeypatch, tmp_path / "run", scene, velocity_m_s, swaying())
     of_plate, of_sphere = naive(friction, velocity_m_s, 4e-4)
-    energy = found["energy"]
-    assert energy["plate_work_J"] == pytest.approx(of_plate, rel=0.02 if smooth else 0.003)
-    assert energy["given_to_plate_J"] == pytest.approx(energy["plate_work_J"], rel=1e-3)
-    assert energy["kinetic_J"] == pytest.approx(of_sphere, rel=5e-3 if smooth else 1e-4)
-    assert abs(energy["closure"]) < 1e-4
+    found = []
+    for seed in (1, 2, 20011) if smooth else (1,):
+        scene = stone(speed_m_s=float(np.hypot(*velocity_m_s)), friction=friction, plate=plate,
+                      **{"time.duration_s": 4e-4, "time.sample_interval_s": 4e-5, "stones.seed": seed} | spheres)
+        with monkeypatch.context() as patched:
+            energy = strike_aslant(patched, tmp_path / f"run_{seed}", scene, velocity_m_s, swaying())["energy"]
+        assert energy["given_to_plate_J"] == pytest.approx(energy["plate_work_J"], rel=1e-3)
+        assert abs(energy["closure"]) < 1e-4
+        found.append([energy["plate_work_J"], energy["kinetic_J"]])
+    plate_work, kinetic = np.mean(found, axis=0)
+    assert plate_work == pytest.approx(of_plate, rel=0.02 if smooth else 0.003)
+    assert kinetic == pytest.approx(of_sphere, rel=5e-3 if smooth else 1e-4)
 
 
 def test_a_strong_dashpot_across_the_contact_makes_the_stone_roll(tmp_path, monkeypatch):

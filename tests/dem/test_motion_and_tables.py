@@ -43,14 +43,16 @@ def test_the_motion_of_a_place_is_what_a_sensor_there_records(runs):
 def test_motion_is_written_and_said(runs, tmp_path, capsys):
     run, out = runs / "speed_3", tmp_path / "motion.csv"
     words = ["--json", "motion", str(run), "--at", "0", "0.17", "--at", "-0.25", "0.25", "--out", str(out)]
-    assert main(words) == 0 and main(words) == 0
-    said, table = json.loads(capsys.readouterr().out.split("\n}\n")[0] + "}"), pd.read_csv(out)
+    assert main(words) == 0
+    said, table = json.loads(capsys.readouterr().out), pd.read_csv(out)
+    assert main(words) == 2 and "is there" in capsys.readouterr().err
     sensor = pd.read_parquet(run / "signals.parquet")["acc_north_a_m_s2"]
     np.testing.assert_allclose(table["a_1_m_s2"], sensor, atol=2e-6 * abs(sensor).max())
     assert list(table) == ["t_s", *(f"{name}_{k}_{unit}" for k in (1, 2) for name, unit in (("u", "m"), ("v", "m_s"),
                                                                                         ("a", "m_s2")))]
     assert said["max_a_m_s2"] == pytest.approx(abs(table[["a_1_m_s2", "a_2_m_s2"]]).max().tolist(), rel=1e-12)
     assert said["modes_bytes"] == (run / FILE).stat().st_size
+    assert main(words) == 2 and "motion.csv: is there" in capsys.readouterr().err
     for wrong, line in ((["--at", "0.26", "0"], "x = 0.26"), (["--at", "0", "0", "--out", str(run / "run.json")], ".csv")):
         assert main(["motion", str(run), *wrong]) == 2
         assert line in capsys.readouterr().err

@@ -95,12 +95,14 @@ def test_the_patch_pushes_by_how_far_its_members_came(tmp_path, strength_Pa, spi
     run_spinning(deck, surface, (0, spin, 0), 10 if spin else 1)
     seen, recorded = frames(deck), contacts_of(deck)
     pressing = [k for k, step in enumerate(seen.step) if recorded.get(step, 0) > 0]
-    first = seen.x[pressing[0]]
-    turned = Rotation.align_vectors(first - first.mean(axis=0), surface.place - surface.place.mean(axis=0))[0]
-    axis = turned.inv().apply([0, 0, -1.0])
-    weight = surface.weights(axis)
-    base = RADIUS_m + weight @ turned.apply(surface.place)[:, 2]
-    q = np.array([base - weight @ seen.x[k][:, 2] for k in pressing])
+    q = []
+    for k in pressing:
+        x = seen.x[k if spin else pressing[0]]  # the patch follows a stone that turns
+        turned = Rotation.align_vectors(x - x.mean(axis=0), surface.place - surface.place.mean(axis=0))[0]
+        axis = turned.inv().apply([0, 0, -1.0])
+        weight = surface.weights(axis)
+        q.append(RADIUS_m + weight @ turned.apply(surface.place)[:, 2] - weight @ seen.x[k][:, 2])
+    q = np.array(q)
     if strength_Pa:
         pressing, q = pressing[:q.argmax()], q[:q.argmax()]  # what is left after crushing unloads otherwise
     compliance = surface.law[10 if np.arccos(-axis[2]) > 0.1 else 9]
@@ -142,6 +144,20 @@ def contact_books(deck):
     left = (c["wall_work_J"] + c["pair_work_J"] + c["wall_elastic_J"] + c["pair_elastic_J"] + c["wall_damped_J"]
             + c["pair_damped_J"] + c["wall_released_J"] + c["friction_J"] - c["springs_gained_J"])
     return c, left / c["kinetic_J"][0]
+
+
+def test_a_stone_that_spins_without_friction_keeps_its_speed_and_its_spin(tmp_path):
+    """The plate pushes it through its middle, however far it turns."""
+    spin = 200.0
+    deck, surface = deck_of(tmp_path, stone(200, **{"time.free_flight_tolerance": 0.0, "time.duration_s": 4e-4}))
+    run_spinning(deck, surface, (0, spin, 0), 50)
+    end = frames(deck)
+    x, v, m, own = end.x[-1], end.v[-1], end.mass[-1], 0.4 * end.mass[-1] * end.radius[-1] ** 2
+    x, speed = x - np.average(x, axis=0, weights=m), np.average(v, axis=0, weights=m)
+    moment = (m[:, None] * np.cross(x, v - speed) + own[:, None] * end.omega[-1]).sum(axis=0)
+    inertia = np.einsum("i,ijk->jk", m, (x**2).sum(axis=1)[:, None, None] * np.eye(3) - x[:, :, None] * x[:, None, :])
+    assert speed[2] == pytest.approx(3.0, rel=0.01)
+    assert np.linalg.solve(inertia + own.sum() * np.eye(3), moment)[1] == pytest.approx(spin, rel=0.01)
 
 
 def test_a_stone_that_rolls_onto_loose_surface_gives_up_its_share_with_the_energy(tmp_path):

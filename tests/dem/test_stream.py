@@ -201,6 +201,7 @@ def test_a_stone_waits_where_something_is_in_the_way(tmp_path, monkeypatch):
     fallen_s = -ledger.column["momentum_z_kg_m_s"][row, 1] / (mass * GRAVITY)  # since it entered, at rest
     waited_s = ledger.step[row] * model.step.dt_s - fallen_s - enters_s
     assert 0.008 < waited_s < 0.015 and ledger.is_near[-1].all()  # 20 mm at 2 m/s
+    assert ledger.column["waited_steps"][-1] * model.step.dt_s == pytest.approx([0, waited_s, 0], abs=model.step.dt_s)
     mass_height = model.assembly.mass_height_kg_m[1] - mass * GRAVITY * fallen_s**2 / 2
     assert ledger.column["mass_height_kg_m"][row, 1] == pytest.approx(mass_height, rel=1e-9)
     assert ledger.column["pair_work_J"][row, 1] == 0

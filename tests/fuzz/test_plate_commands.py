@@ -27,6 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENE = ROOT / "scenes" / "small.toml"
 RATE_Hz, SAMPLES, TAPPED_UP_TO_Hz = 20_000.0, 800, 1200.0
 SENSORS = ["acc_north_m_s2", "acc_west_m_s2", "acc_south_m_s2", "acc_east_m_s2"]
+LIMITS = ("--radius", "0.025", "0.025", "--speed", "2", "4")
 COLUMNS = ["t_s", "force_N", "rod_1_N", *SENSORS]
 TAPS = {"taps": [{"record": "record.parquet", "x_m": 0.1, "y_m": 0.05},
                  {"record": "record.parquet", "x_m": -0.07, "y_m": 0.11, "unknown_force": True}],
@@ -117,7 +118,7 @@ def check_listened(table, plate):
         plate.save(here / "plate.json")
         before = [written(here, table).name, "plate.json"]
         refused_or_done(["check", here / before[0], "--plate", here / "plate.json"])
-        code = refused_or_done(["listen", here / before[0], "--plate", here / "plate.json", "--out", here / "heard"])
+        code = refused_or_done(["listen", here / before[0], "--plate", here / "plate.json", *LIMITS, "--out", here / "heard"])
         heard = here / "heard"
         assert {p.name for p in here.iterdir()} - {"heard"} == set(before)
         assert heard.exists() == (code == 0) or code == 3  # which may have stones, but no ratio
@@ -204,7 +205,7 @@ def test_some_records_of_sensors(record, plate):
 def test_what_no_stream_can_be_asked_for(record, plate, tmp_path, option, value):
     plate.save(tmp_path / "plate.json")
     file = written(tmp_path, record)
-    code, errors = outcome(main, ["listen", str(file), "--plate", str(tmp_path / "plate.json"), "--out",
+    code, errors = outcome(main, ["listen", str(file), "--plate", str(tmp_path / "plate.json"), *LIMITS, "--out",
                                   str(tmp_path / "heard"), option, *value.split()])
     assert code == 2 and errors.count("\n") == 1 and option in errors and not (tmp_path / "heard").exists()
 
@@ -218,7 +219,7 @@ def test_records_that_show_no_ringing(record, plate, tmp_path, scale, samples, c
     plate.save(tmp_path / "plate.json")
     file = written(tmp_path, record.assign(t_s=scale * record["t_s"])[:samples])
     assert refused_or_done(["check", file, "--plate", tmp_path / "plate.json"]) == checked
-    assert refused_or_done(["listen", file, "--plate", tmp_path / "plate.json", "--out", tmp_path / "heard"]) == 2
+    assert refused_or_done(["listen", file, "--plate", tmp_path / "plate.json", *LIMITS, "--out", tmp_path / "heard"]) == 2
 
 
 @pytest.mark.parametrize("interval_s, samples, said", [

@@ -8,7 +8,9 @@ from plates import STEEL, four_rods, plate, rod
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from plate_fem.elements.mesh import default_mesh_size
+from lab.plate.rod_joint import joint
+from plate_fem.elements.joints import joint_of
+from plate_fem.elements.mesh import bending_stiffness, default_mesh_size, shear_stiffness
 from plate_fem.elements.rods import attach
 from plate_fem.elements.system import assemble
 from plate_fem.modes import plate_modes
@@ -24,11 +26,10 @@ def bar_stiffness(omega, length_m=0.1, diameter_m=0.02):
     return E * math.pi * diameter_m**2 / 4 * k / math.tan(k * length_m)
 
 
-def beam_stiffness(omega, plate_modulus_Pa=STIFF["youngs_modulus_Pa"], length_m=0.1, diameter_m=0.02):
+def beam_stiffness(omega, length_m=0.1, diameter_m=0.02):
     """Dynamic stiffness (2, 2) of lateral displacement and rotation at the top of a clamped Timoshenko beam.
 
-    The rotation is that of the plate, which a spring of 0.3/(E a^3) ties to the beam's end. The equations of the beam
-    are carried from its base to its top by a matrix exponential.
+    The equations of the beam are carried from its base to its top by a matrix exponential.
     """
     E, rho, nu = STEEL["youngs_modulus_Pa"], STEEL["density_kg_m3"], STEEL["poisson_ratio"]
     area, second = math.pi * diameter_m**2 / 4, math.pi * diameter_m**4 / 64
@@ -37,9 +38,7 @@ def beam_stiffness(omega, plate_modulus_Pa=STIFF["youngs_modulus_Pa"], length_m=
     rates = np.array([[0, 1, 1 / shear, 0], [0, 0, 0, 1 / (E * second)],
                       [-rho * area * omega**2, 0, 0, 0], [0, -rho * second * omega**2, -1, 0]])
     transfer = expm(rates * length_m)[:, 2:]  # from (Q, M) at the base, where v and psi are zero
-    stiffness = transfer[2:] @ np.linalg.inv(transfer[:2])
-    joint = np.diag([0, 0.3 / (plate_modulus_Pa * (diameter_m / 2) ** 3)])
-    return np.linalg.inv(np.linalg.inv(stiffness) + joint)
+    return transfer[2:] @ np.linalg.inv(transfer[:2])
 
 
 def shaft_stiffness(omega, length_m=0.1, diameter_m=0.02):
@@ -52,24 +51,57 @@ def shaft_stiffness(omega, length_m=0.1, diameter_m=0.02):
 def test_beam_stiffness_of_this_test_at_rest():
     """A slender beam that is clamped at its base: 12EI/l^3, 6EI/l^2, 4EI/l."""
     bending, shear = 207e9 * math.pi * 0.02**4 / 64, 1.3 * 6 / 8.8 * 207e9 / 2.6 * math.pi * 0.01**2
-    flexibility = np.linalg.inv(beam_stiffness(1.0, 207e9))
+    flexibility = np.linalg.inv(beam_stiffness(1.0))
     assert flexibility[0, 0] == pytest.approx(0.1**3 / (3 * bending) + 0.1 / shear, rel=1e-5)
     assert flexibility[0, 1] == pytest.approx(0.1**2 / (2 * bending), rel=1e-5)
-    assert flexibility[1, 1] == pytest.approx(0.1 / bending + 0.3 / (207e9 * 0.01**3), rel=1e-5)
+    assert flexibility[1, 1] == pytest.approx(0.1 / bending, rel=1e-5)
 
 
-def test_a_rods_joint_gives_way_as_the_solid_models_said():
-    """A moment at the joint of a rod whose head cannot move across: the joint turns by 0.3/(E a^3) more than the rod, E
-    being the plate's (docs/plate.md)."""
-    table = plate(rods=[rod(0.1, 0.05)], theory="mindlin", youngs_modulus_Pa=7e10, max_frequency_Hz=2e3)
-    beam = attach(assemble(table), table.rods[0], 2e3)[1]
-    held = [*beam.held, beam.top[0]]
-    free = np.setdiff1d(np.arange(beam.stiffness.shape[0]), held)
-    moment = (free == beam.top[1]).astype(float)
-    turned = np.linalg.solve(beam.stiffness.toarray()[np.ix_(free, free)], moment) @ moment
-    bending, shear = 207e9 * math.pi * 0.02**4 / 64, 1.3 * 6 / 8.8 * 207e9 / 2.6 * math.pi * 0.01**2
-    across, along = 0.1**3 / (3 * bending) + 0.1 / shear, 0.1**2 / (2 * bending)
-    assert turned == pytest.approx(0.1 / bending - along**2 / across + 0.3 / (7e10 * 0.01**3), rel=1e-5)
+def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says():
+    """Side and turn of a beam's head under a push and a moment there: those of the rod below, and of its joint by the
+    solid, which is solved anew; and so a bar under a pull."""
+    rods = [rod(0.1, 0.05, diameter_m=0.014)]
+    table = plate(rods=rods, theory="mindlin", youngs_modulus_Pa=69e9, max_frequency_Hz=2e3)
+    parts, found = attach(assemble(table), table.rods[0], 2e3), joint(0.35, 0.3, 3.0)
+    a, area, bending = 0.007, math.pi * 0.007**2, 207e9 * math.pi * 0.014**4 / 64
+    shear = 1.3 * 6 / 8.8 * 207e9 / 2.6 * area
+    across, along = 0.1**3 / 3 / bending + 0.1 / shear, -(0.1**2) / 2 / bending
+    for part, of_rod, of_joint in (
+            (parts[0], [[0.1 / 207e9 / area]], [[found["axial"]]]),
+            (parts[1], [[across, along], [along, 0.1 / bending]],
+             [[found["side"], found["side_turn"] / a], [found["side_turn"] / a, found["turn"] / a**2]])):
+        free = np.setdiff1d(np.arange(part.stiffness.shape[0]), part.held)
+        loads = (free[:, None] == np.array(part.top)).astype(float)
+        moved = loads.T @ np.linalg.solve(part.stiffness.toarray()[np.ix_(free, free)], loads)
+        assert moved == pytest.approx(np.array(of_rod) + np.array(of_joint) / (69e9 * a), rel=1e-4)
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
+def test_stub_and_head_of_a_rod_where_the_plate_bends_or_shears(theory):
+    """Energy over the disc, of w = x^2/2 bent and, with shear, of w = x: the plate's own times stub and area. The bent
+    plate lifts the head by the mean of w, (x0^2 + a^2/4)/2, and by the offset."""
+    table = plate(rods=[rod(0.1, 0.05)], theory=theory, max_frequency_Hz=2e3)
+    system, joint = assemble(table), joint_of(table, table.rods[0], theory)
+    bar, *_, stub = attach(system, table.rods[0], 2e3)
+    x = np.repeat(system.lines_x_m, len(system.lines_y_m))
+    u = np.zeros(system.size)
+    if theory == "kirchhoff":
+        u[: len(x)], u[len(x) : 2 * len(x)] = x**2 / 2, x
+        stiffness = bending_stiffness(table)
+        assert bar.rows @ u == pytest.approx((0.1**2 + 0.01**2 / 4) / 2 + joint.offset_m2, rel=1e-9)
+    else:
+        u[: len(x)], u[len(x) : 2 * len(x)] = x, 1.0
+        stiffness = shear_stiffness(table)
+    strain = stub.rows @ u
+    assert strain @ (stub.stiffness @ strain) == pytest.approx(stiffness * joint.stub * math.pi * 0.01**2, rel=1e-9)
+
+
+def test_solid_of_revolution_in_limits_that_are_known():
+    """A rod almost without stiffness leaves the plate alone, whose lower face follows the mid-plane where Poisson's
+    ratio is zero. A stiff disc on a half-space turns by 3/4 (1 - nu^2)."""
+    soft, stiff = joint(0.6, 0.0, 1e-6), joint(0.1, 0.3, 1e3, fine=2)
+    assert abs(soft["stub"]) < 1e-5 and abs(soft["offset"]) < 1e-3
+    assert stiff["turn"] == pytest.approx(0.75 * 0.91, rel=0.05)
 
 
 @pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])

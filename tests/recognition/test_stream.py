@@ -356,13 +356,15 @@ def test_times_are_those_of_the_centres(heard):
     (lambda t: t.assign(acc_north_m_s2=np.nan), (), "every sample must be finite"),
     (lambda t: t, ("--radius", "0.03", "0.02"), "the lower first"),
     (lambda t: t, ("--step", "0"), "must be a time above 0 s"),
+    (lambda t: t, ("--silence", "1"), "from 0.02 s to the length of the record"),
+    (lambda t: t, ("--silence", "nan"), "from 0.02 s to the length of the record"),
 ])
 def test_bad_input_of_the_command(plate, tmp_path, capsys, change, options, said):
     table = pd.DataFrame({"t_s": np.arange(4000) / RATE_Hz, "acc_north_m_s2": np.sin(np.arange(4000.0))})
     change(table).to_parquet(tmp_path / "record.parquet")
     plate.save(tmp_path / "plate.json")
     words = ["listen", str(tmp_path / "record.parquet"), "--plate", str(tmp_path / "plate.json"), "--out",
-             str(tmp_path / "out"), *options]
+             str(tmp_path / "out"), "--radius", "0.025", "0.025", "--speed", "2", "4", *options]
     assert main(words) == 2
     told = capsys.readouterr().err
     assert said in told and told.count("\n") == 1

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import report.page
 from analysis import read_run
 from analysis.sweep.breakage import broken_bonds, damage, fragment_shares
 from report.page import write_report
@@ -25,10 +26,12 @@ WIDTHS = pytest.mark.parametrize("width", [1200, 390])
 
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory):
-    """Directory of a sweep with pictures, its report, and the sub-spheres of the 50 % run."""
+    """Directory of a sweep with pictures that counts as the paper's, its report, and sub-spheres of the 50 % run."""
     path = write_sweep(tmp_path_factory.mktemp("browser") / "paper", ratios=(0.0, 0.2, 0.5, 0.8, 1.0))
     networks = {ratio: write_view(path / f"ratio_{ratio}") for ratio in ("020", "050")}
-    return path, write_report(path), networks["050"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report.page, "is_papers", lambda run: True)
+        return path, write_report(path), networks["050"]
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +108,7 @@ def test_slider_and_choices_change_the_picture(opened, width):
         page.locator(f"[data-film={name}]").select_option(choice)
         if name == "reel":  # it is read when it is first asked for
             page.wait_for_function("film.player.reels.size == 2")
-            assert page.locator("[data-film=series] option").all_inner_texts() == ["impact"]
+            assert page.locator("[data-film=series] option").all_inner_texts() == ["impact", "whole run"]
         seen.add(picture(page))
     assert len(seen) == 5
     page.screenshot(path=SCREENSHOTS / f"report_{width}.png")
@@ -141,7 +144,7 @@ def test_the_page_unpacks_what_was_packed(opened, sweep):
 @WIDTHS
 def test_nothing_is_cut_at_any_width(opened, width):
     page = live(opened(width))
-    page.locator("#scoreboard summary").click()
+    page.evaluate("document.querySelectorAll('details').forEach((d) => (d.open = true))")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     cut = page.evaluate(
         """(width) => [...document.querySelectorAll("td, th, img, svg, button, select")]
@@ -201,6 +204,98 @@ def test_a_still_picture_without_scripts_and_in_print(opened):
     assert not page.locator(".view img").is_visible()
     page.emulate_media(media="print")
     assert page.locator(".view img").is_visible() and not page.locator(".controls").is_visible()
+
+
+def test_corners_of_any_plate_are_inside_the_view(opened):
+    """Projected by the page's own camera, at its first look and at both shapes of the view."""
+    page = live(opened(1200))
+    outside = page.evaluate("""() => {
+      const found = [];
+      for (const tilt of [0, 20, 35]) for (const [length, width] of [[0.3, 0.3], [0.5, 0.5], [1.5, 1.0], [0.4, 1.5]])
+      for (const aspect of [9 / 5.6, 1 / 0.72]) for (const rods of [[], [{ x_m: 0, y_m: 0, length_m: 0.3 }]]) {
+        const plate = { length, width, thickness: 0.02, rods, walls: [], tilt: tilt * Math.PI / 180 };
+        const { view, projection } = film.camera(plate, film.VIEW, aspect);
+        const times = (m, v) => [0, 1, 2, 3].map((r) => v.reduce((sum, x, c) => sum + m[4 * c + r] * x, 0));
+        let widest = 0;
+        for (const x of [-0.5, 0.5]) for (const y of [-0.5, 0.5]) for (const z of [0, -0.02]) {
+          const [a, b, , w] = times(projection, times(view, [x * length, y * width, z, 1]));
+          widest = Math.max(widest, Math.abs(a / w), Math.abs(b / w), w > 0 ? 0 : 9);
+        }
+        if (widest > 1 || widest < 0.4) found.push([tilt, length, width, aspect, widest]);
+      }
+      return found;
+    }""")
+    assert outside == []
+
+
+def test_the_plate_leans_as_it_is_tilted(opened):
+    """It falls off towards +x, so that this edge is lower on the screen, and the drawn corners are there."""
+    page = live(opened(1200))
+    heights = page.evaluate("""() => [0, 0.6].map((tilt) => {
+      const plate = { length: 0.5, width: 0.5, thickness: 0.02, rods: [], walls: [], tilt };
+      const { view } = film.camera(plate, { azimuth: -Math.PI / 2, height: 0, zoom: 1 }, 1.6);
+      return [-0.25, 0.25].map((x) => view[1] * x + view[13]);
+    })""")
+    assert heights[0][0] == pytest.approx(heights[0][1], abs=1e-12)
+    assert heights[1][0] - heights[1][1] == pytest.approx(0.5 * np.sin(0.6), rel=1e-9)
+
+
+def test_values_stand_under_the_pointer_and_a_stretch_is_zoomed(opened, sweep):
+    page = live(opened(1200))
+    plot = page.locator("[data-plot=fig-18]")
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    panel = page.evaluate("plots.all.find((p) => p.root.dataset.plot === 'fig-18').panels[0]")
+    left, top, width, height = panel["box"]
+
+    def at(share):
+        return box["x"] + box["width"] * (left + share * width), box["y"] + box["height"] * (top + 0.5 * height)
+
+    run = read_run(sweep[0] / "ratio_050")
+    force_kN = 1e-3 * run.fast["force_N"].to_numpy()
+    k = int(np.argmax(force_kN[run.fast["t_s"] < 1e-3]))
+    t_ms = 1e3 * run.fast["t_s"].iloc[k]
+    page.mouse.move(*at((t_ms - panel["x"][0]) / (panel["x"][1] - panel["x"][0])))
+    page.wait_for_selector("[data-plot=fig-18] output:not([hidden])")
+    shown = dict(line.split(": ") for line in plot.locator("output span").all_inner_texts())
+    assert float(shown["50 %"]) == pytest.approx(force_kN[k], rel=0.02)
+    page.mouse.move(*at(0.2))
+    page.mouse.down()
+    page.mouse.move(*at(0.6), steps=4)
+    page.mouse.up()
+    page.wait_for_selector("[data-plot=fig-18] .zoomed")
+    ends = [float(plot.locator(f".zoomed .{name}").inner_text()) for name in ("x0", "x1")]
+    span = panel["x"][1] - panel["x"][0]
+    assert ends == pytest.approx([panel["x"][0] + share * span for share in (0.2, 0.6)], abs=0.01 * span)
+    page.mouse.dblclick(*at(0.5))
+    page.wait_for_selector("[data-plot=fig-18] .zoomed", state="detached")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_is_large_enough_on_a_phone_and_the_page_is_dark_where_the_system_is(opened, scheme):
+    page = live(opened(390, color_scheme=scheme))
+    page.evaluate("document.querySelectorAll('details').forEach((d) => (d.open = true))")
+    smallest = page.evaluate("""async () => {
+      let least = 99;
+      for (const e of document.querySelectorAll("body *")) {
+        if (e.offsetParent && [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim())) {
+          least = Math.min(least, parseFloat(getComputedStyle(e).fontSize));
+        }
+      }
+      for (const image of document.querySelectorAll(".plot img")) {
+        const svg = new DOMParser().parseFromString(atob(image.src.split(",")[1]), "image/svg+xml").documentElement;
+        const scale = image.getBoundingClientRect().width / svg.viewBox.baseVal.width;
+        for (const text of svg.querySelectorAll("text, tspan")) {
+          const size = /(?:^|\\s)([\\d.]+)px/.exec(text.getAttribute("style") || "");
+          if (size && text.textContent.trim()) least = Math.min(least, size[1] * scale);
+        }
+      }
+      return least;
+    }""")
+    assert smallest >= 9
+    ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, re.findall(r"\d+", ground)[:3])) < 200) == (scheme == "dark")
+    page.screenshot(path=SCREENSHOTS / f"report_390_{scheme}.png", full_page=True)
 
 
 def test_no_path_of_this_machine(sweep):

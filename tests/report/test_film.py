@@ -3,6 +3,7 @@
 import base64
 import gzip
 import json
+from dataclasses import replace
 
 import meshio
 import numpy as np
@@ -12,7 +13,7 @@ from analysis import read_run
 from dem.record.vtk_file import Mesh, VtuWriter
 from report.drawing.lines import envelope
 from report.film.packing import OUTSIDE, pack_moving, quantised
-from report.film.pictures import SERIES, Instant, choose, instants, read_film
+from report.film.pictures import EARLY, IMPACT, WHOLE, Instant, choose, instants, read_film
 from report.film.reel import QUANTUM_M, pack_run
 from report.film.vtu_file import read_arrays
 from report.missing import MissingResult
@@ -49,20 +50,39 @@ def test_packed_numbers_come_back_whatever_they_are(instants_):
 
 def test_positions_are_within_half_a_quantum_and_what_leaves_the_box_is_marked(run):
     directory, network = run
-    packed = json.loads(pack_run(directory, network, SERIES[:1]))["series"][0]
+    reel = json.loads(pack_run(directory, network, (IMPACT,)))
+    packed, quantum_m = reel["series"][0], reel["quantum"]
+    assert quantum_m == QUANTUM_M[0]
     t_s = T_S[T_S < 1.21e-3]
     shown = unpack_moving(packed["position"], len(t_s)).reshape(len(t_s), -1, 3)
     true = np.stack([centre_m(network, t) for t in t_s])
-    assert np.abs(shown * QUANTUM_M - true).max() <= 0.5 * QUANTUM_M * (1 + 1e-3)
-    assert quantised(np.array([0.6, 0.7, -2.0]), QUANTUM_M).tolist() == [30000, OUTSIDE, OUTSIDE]
+    assert np.abs(shown * quantum_m - true).max() <= 0.5 * quantum_m * (1 + 1e-3)
+    assert quantised(np.array([0.6, 0.7, -2.0, np.inf]), 2e-5).tolist() == [30000, OUTSIDE, OUTSIDE, OUTSIDE]
 
 
 def test_each_series_takes_the_pictures_of_its_stretch(run):
     found = instants(run[0].path)
-    chosen = {series.key: [instant.t_s for instant in choose(found, series)] for series in SERIES}
+    chosen = {series.key: [instant.t_s for instant in choose(found, series)] for series in (IMPACT, EARLY, WHOLE)}
     assert chosen["impact"] == pytest.approx(T_S[:61])
     assert chosen["early"][-1] == pytest.approx(0.04) and len(chosen["early"]) > 20
-    assert chosen["whole"] == pytest.approx([*(np.arange(7) * 6e-3), 0.04])
+    assert chosen["whole"][-1] == pytest.approx(0.04) and len(chosen["whole"]) <= WHOLE.most
+
+
+def test_sub_spheres_of_a_stream_are_known_when_stones_come_and_pieces_leave(run, tmp_path):
+    """A picture has the stones that are there, in order, and of a broken one what is left of it."""
+    rng = np.random.default_rng(4)
+    network = replace(run[1], radius_m=run[1].radius_m * rng.uniform(0.9, 1.1, run[1].radius_m.size))
+    there = network.agglomerate != 2  # not come yet
+    there[np.flatnonzero(network.agglomerate == 3)[[1, 4]]] = False  # chips that left
+    points = rng.normal(size=(there.sum(), 3)).astype(np.float32)
+    file = tmp_path / "particles_0000.vtu"
+    VtuWriter().write(file, Mesh(points, np.arange(len(points)).reshape(-1, 1), {
+        "radius_m": network.radius_m[there], "agglomerate": network.agglomerate[there].astype("u2")}))
+    centre_m = read_film([Instant(0.0, file, None)], network).centre_m[0]
+    assert np.array_equal(np.isfinite(centre_m).all(axis=1), there)
+    assert np.array_equal(centre_m[there], points)
+    with pytest.raises(MissingResult, match="not show the sub-spheres"):
+        read_film([Instant(0.0, file, None)], replace(network, radius_m=1.1 * network.radius_m))
 
 
 def test_the_view_has_the_walls_of_the_plate(tmp_path):
@@ -70,7 +90,7 @@ def test_the_view_has_the_walls_of_the_plate(tmp_path):
     info = json.loads((directory / "run.json").read_text())
     info["scene"]["plate"] |= {"length_m": 0.5, "width_m": 0.4, "walls": {"edges": ["x_plus"], "height_m": 0.1}}
     (directory / "run.json").write_text(json.dumps(info))
-    packed = json.loads(pack_run(read_run(directory), write_view(directory), SERIES[:1]))
+    packed = json.loads(pack_run(read_run(directory), write_view(directory), (IMPACT,)))
     assert packed["plate"]["walls"] == [[0.25, 0.25, -0.2, 0.2, -0.01, 0.1]]
 
 
@@ -96,7 +116,7 @@ def test_a_picture_that_was_cut_off_is_refused(tmp_path, kept):
     data = file.read_bytes()
     file.write_bytes(data[:int(kept * len(data))])
     with pytest.raises(MissingResult, match="cannot be read"):
-        read_film([Instant(0.0, file, None)])
+        read_film([Instant(0.0, file, None)], None)
 
 
 def test_a_run_without_pictures_says_so(tmp_path):

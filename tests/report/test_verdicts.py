@@ -15,7 +15,6 @@ from report.verdicts import (
     held_if_all,
     to_csv,
     trend,
-    without_order,
 )
 
 RATIOS = np.arange(11) / 10
@@ -36,11 +35,6 @@ SHUFFLED = RATIOS[[2, 0, 5, 1, 4, 9, 3, 7, 6, 10, 8]]
 )
 def test_trend_verdicts(values, direction, verdict):
     assert trend(lambda results: values, direction)(SweepOfNumbers())[0] == verdict
-
-
-def test_disorder_is_the_other_way_about():
-    assert without_order(lambda results: RATIOS)(SweepOfNumbers())[0] == NOT_HELD
-    assert without_order(lambda results: RATIOS[[5, 0, 10, 1, 7, 9, 4, 2, 6, 3, 8]])(SweepOfNumbers())[0] == HELD
 
 
 def test_graded_works_in_both_directions():

@@ -20,8 +20,9 @@ from analysis.sweep.breakage import read_network
 from common.scene.scene import changed_scene
 from common.tables import InputError, Refused
 from dem.__main__ import main
-from dem.deck.plausible import warnings_of
+from dem.deck.plausible import momentum_warnings, warnings_of, warnings_of_plate
 from dem.stones.arrangement import stones_of
+from plate_fem.__main__ import main as modes_of
 from plate_fem.elements.mesh import default_mesh_size, mesh_lines
 from recognition.plate.plate_model import PlateModel
 from report.film.pictures import instants
@@ -139,6 +140,9 @@ def test_a_plate_that_the_engine_does_not_take(tmp_path):
     negative = ["--set", "plate.poisson_ratio=-0.9", "--out", tmp_path / "out"]
     assert "plate.poisson_ratio = -0.9" in ends_with_one_line(main, ["run", HERTZ, *negative])
     assert not list(tmp_path.iterdir())
+    auxetic = (SCENES / "paper.toml").read_text().replace("poisson_ratio = 0.3   ", "poisson_ratio = -0.3  ")
+    (tmp_path / "scene.toml").write_text(auxetic)
+    assert "plate.poisson_ratio = -0.3" in ends_with_one_line(modes_of, ["modes", tmp_path / "scene.toml"])
 
 
 @pytest.mark.parametrize("diameter_m", [2e-5, 2e-6, 1e-9])
@@ -272,6 +276,27 @@ def test_warnings_begin_where_docs_safety_says(key, limit, words, bonded):
                     for factor in (0.999, 1.001))
     warned = [any(words in line for line in warnings_of(scene, stones_of(scene, "scene"))) for scene in (below, above)]
     assert warned == ([True, False] if words == "own weight" else [False, True])
+
+
+THICK = {"length_m": 0.2, "width_m": 0.2, "thickness_m": 0.03}
+
+
+@pytest.mark.parametrize("changes, left_out, words", [
+    (THICK, 0.0, ["plate.thickness_m = 0.03", "6.67 of it"]),
+    ({"length_m": 0.75, "width_m": 0.1, "thickness_m": 0.01, "rods": ()}, 0.0, ["within the plane"]),
+    ({"theory": "kirchhoff"}, 0.0, ["plate.theory = 'kirchhoff'", "without shear"]),
+    ({}, 0.06, ["plate.max_frequency_Hz = 2e+04", "0.06"]),
+    ({"length_m": 0.43}, 0.0, ["plate.rods.0: stands 0.015 m from an edge"]),
+    ({"youngs_modulus_Pa": 1e10}, 0.0, ["plate.rods.3.youngs_modulus_Pa = 2.07e+11", "nearest"]),
+    ({"thickness_m": 2e-3}, 0.0, ["plate.rods.0.diameter_m = 0.02", "nearest"]),
+])
+def test_a_plate_beyond_its_theory_is_warned_of(changes, left_out, words):
+    """And that of the paper is not."""
+    plate = changed_scene(SCENES / "paper.toml", {}).plate
+    assert warnings_of_plate(plate, 0.04) == [] == momentum_warnings(0.009) == momentum_warnings(None)
+    said = "\n".join(warnings_of_plate(plate.model_copy(update=changes), left_out))
+    assert all(word in said for word in words), said
+    assert "0.02" in momentum_warnings(0.02)[0]
 
 
 @pytest.mark.parametrize("scene", sorted(file.stem for file in SCENES.glob("*.toml")

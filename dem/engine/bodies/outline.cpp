@@ -49,6 +49,9 @@ double time_into(double x, double low, double high, double v, double a, double f
   return time_to_travel(x - high, faster - v, -a);
 }
 
+// How far beyond sub-spheres two bodies with smooth surfaces touch each other.
+double outside(const Outline &a, const Outline &b) { return std::min(a.outside, b.outside) > 0 ? a.outside + b.outside : 0; }
+
 double spin_speed(Outline &a) { return a.spheres().size() == 1 ? 0 : a.spin * a.radius; }
 
 }  // namespace
@@ -59,7 +62,7 @@ double gap(Outline &a, Outline &b) {
     if (norm(p.x - b.center) - p.radius - b.radius >= least) continue;
     for (const Sphere &q : b.spheres()) least = std::min(least, norm(p.x - q.x) - p.radius - q.radius);
   }
-  return std::max(0.0, least);
+  return std::max(0.0, least - outside(a, b));
 }
 
 double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight) {
@@ -101,13 +104,13 @@ double time_to_wall(Outline &body, const WallOutline &wall, const Vec &weight) {
 
 double time_to_meet(Outline &a, Outline &b) {
   const Vec d = a.center - b.center, v = a.velocity - b.velocity;
-  const double time = time_to_approach(d, v, a.radius + b.radius);
+  const double time = time_to_approach(d, v, a.radius + b.radius + outside(a, b));
   if (time >= LONG_s) return time;
   return std::max(time, gap(a, b) / (norm(v) + spin_speed(a) + spin_speed(b)));
 }
 
 double time_to_meet(Outline &a, Outline &b, double unforeseen) {
-  const double between = norm(a.center - b.center) - a.radius - b.radius;
+  const double between = norm(a.center - b.center) - a.radius - b.radius - outside(a, b);
   const double speed = norm(a.velocity - b.velocity) + unforeseen;
   if (between / speed >= LONG_s) return between / speed;
   return std::max(between, gap(a, b)) / (speed + spin_speed(a) + spin_speed(b));

@@ -15,7 +15,7 @@ class Outline {
  public:
   Vec center, velocity;  // of the centre of mass
   double mass = 0;       // kg
-  double outside = 0;    // how far what touches the plate may reach below its sub-spheres, m
+  double outside = 0;    // how far what touches the plate, or another such body, may reach beyond sub-spheres, m
   double spin = 0;       // bound for |omega|, rad/s
   double radius = 0;     // of the sphere about the centre of mass that holds the body
   virtual ~Outline() {}
@@ -41,7 +41,7 @@ struct WallOutline {
   Vec low, high;
 };
 
-double gap(Outline &, Outline &);  // between the nearest sub-spheres, never negative
+double gap(Outline &, Outline &);  // between what of them touches, at least, never negative
 
 // Time during which nothing can touch, s. It is a lower bound and never negative. A body is taken to be a sphere as
 // long as that is enough; then each sub-sphere is looked at, which may be anywhere that the spin could bring it.

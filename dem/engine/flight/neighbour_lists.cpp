@@ -5,6 +5,7 @@
 
 #include "atom.h"
 #include "fix.h"
+#include "flight/pair_list.h"
 #include "force.h"
 #include "interfaces/free_flight_partners.h"
 #include "lammps.h"
@@ -134,33 +135,18 @@ void NeighbourLists::leave_out_lonely() {
   list->inum = kept;
 }
 
-// Takes out of the lists pairs within a body that lie farther apart than its own skin. They do not touch, so they
-// have no history of contact.
+// Takes out of the lists pairs within a body that lie farther apart than its own skin.
 void NeighbourLists::thin_out() {
   const Atom *atom = lmp_->atom;
   has_neighbour_.assign(atom->nlocal, 0);
   const std::vector<int> &label_of = bodies_->body_of_tag();
-  NeighList *list = lmp_->force->pair->list, *history = list->listgranhistory;
-  const int numbers = history ? history->dnum : 0;
   const double factor = lmp_->neighbor->contactDistanceFactor;
-  for (int k = 0; k < list->inum; k++) {
-    const int i = list->ilist[k], label = label_of[atom->tag[i]];
-    int *near = list->firstneigh[i], kept = 0;
-    for (int m = 0; m < list->numneigh[i]; m++) {
-      const int j = near[m] & NEIGHMASK;
-      const double reach = factor * (atom->radius[i] + atom->radius[j]) + body_skin_;
-      if (label_of[atom->tag[j]] == label && square(place_[i] - place_[j]) > reach * reach) continue;
-      near[kept] = near[m];
-      has_neighbour_[i] = has_neighbour_[j] = 1;
-      if (history) {
-        history->firstneigh[i][kept] = history->firstneigh[i][m];
-        double *values = history->firstdouble[i];
-        std::copy_n(values + m * numbers, numbers, values + kept * numbers);
-      }
-      kept++;
-    }
-    list->numneigh[i] = kept;
-  }
+  keep_in_pair_list(lmp_, [&](int i, int j) {
+    const double reach = factor * (atom->radius[i] + atom->radius[j]) + body_skin_;
+    if (label_of[atom->tag[i]] == label_of[atom->tag[j]] && square(place_[i] - place_[j]) > reach * reach) return false;
+    has_neighbour_[i] = has_neighbour_[j] = 1;
+    return true;
+  });
 }
 
 }  // namespace LAMMPS_NS

@@ -25,6 +25,7 @@ enum LedgerColumn {
   FRICTION,        // taken by the slip of all contacts so far, J
   SPRINGS,         // gained by their tangential springs as the normal force changed the stiffness, so far, J
   WALL_DEEPEST,    // largest overlap over radius of a contact with the plate so far; over the ranks the largest counts
+  WAITED_STEPS,    // of a stone of a stream, until nothing was in its way
   LEDGER_COLUMNS
 };
 

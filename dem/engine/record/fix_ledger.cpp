@@ -57,6 +57,7 @@ void FixLedger::init() {
     if ((modify->fmask[k] & POST_FORCE) && !dynamic_cast<FixLedger *>(modify->fix[k]))
       input.refuse(std::string("must come before fix ") + modify->fix[k]->id + ", which adds forces");
   holders_ = fixes_that_are<EnergyHolder>(modify);
+  takers_ = fixes_that_are<TakesPairs>(modify);
   stream_ = fix_that_is<StoneStream>(modify);
   agglomerates_->init();
 }
@@ -77,6 +78,7 @@ void FixLedger::setup(int vflag) {
 // What the tangential springs were at the last step must be read before the pair style goes on with them. Where nothing
 // touched at that step, they begin now.
 void FixLedger::pre_force(int) {
+  for (TakesPairs *taker : takers_) taker->take_pairs();
   found_ = !felt_.empty();
   if (found_) find_contacts(true);
 }

@@ -8,6 +8,7 @@
 #include "interfaces/energy_holder.h"
 #include "fix.h"
 #include "interfaces/free_flight_partners.h"
+#include "interfaces/takes_pairs.h"
 #include "laws/hertz_law.h"
 #include "base/vec.h"
 
@@ -69,6 +70,7 @@ class FixLedger : public Fix, public Checkpointed, public ActsInFreeFlight {
   std::vector<Contact> contacts_;  // of the present step; found only where some touch
   bool found_ = false;             // are contacts_ known before the forces?
   std::vector<EnergyHolder *> holders_;
+  std::vector<TakesPairs *> takers_;
   class StoneStream *stream_ = nullptr;
   std::vector<int> row_of_;        // see LedgerRows
   Sum closed_ = {0, 0, 0, 0, 0, 0};  // of the stones that have left

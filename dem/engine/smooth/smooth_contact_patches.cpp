@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "atom.h"
 #include "lammps.h"
@@ -15,7 +16,7 @@ const int LOOK_STEPS = 32;
 const double DEFORMED = 0.02;       // of the radius: a piece's surface is no further from where the whole stone has it
 const double LEAST_SHARE = 0.5;     // of a patch's surface that must belong to the piece
 const double OUT_OF_PLACE = 0.1;    // of its radius: further off, one that lost half its bonds leaves the patch
-const double TURN_rad = 0.02;       // of the axis in the stone, after which a pressing patch gets new weights
+const double TURN_rad = 1e-4;       // of the axis in the stone: the lever of a push that far beside the middle is nothing
 const double FIRST_AXIS_rad = 0.1;  // about the lowest point at the start, whose own compliance is known
 const double BEYOND = 0.1;          // of its radius: with an axis further beyond the outline a patch dissolves
 const double HEADROOM = 1e-3;       // of the radius: a patch is found before it comes so near
@@ -214,30 +215,13 @@ void SmoothContact::renew(Patch &p) {
   spread_over_body(p, motion);
 }
 
-// A vertical force along the contact axis moves a rigid piece as weights m_i (1 + g . rho_i) do, whose mean place is on
-// the axis.
 void SmoothContact::spread_over_body(Patch &p, const StonePieces::Motion &motion) {
   p.body.clear();
   p.mass = motion.mass;
   p.body_mobility = 1 / motion.mass;
-  const SmoothStone &s = stone(p);
-  if (s.damping_ratio == 0) return;
-  double u = 0, v = 0, uu = 0, uv = 0, vv = 0;
-  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
-    if (pieces_->piece_of(tag) != p.piece) continue;
-    const double m = surfaces_.mass(tag) / motion.mass;
-    const Vec off = pieces_->position(tag) - motion.center;
-    u += m * off.x, v += m * off.y, uu += m * off.x * off.x, uv += m * off.x * off.y, vv += m * off.y * off.y;
-    p.body.push_back({tag, m});
-  }
-  const double det = uu * vv - uv * uv, d = det - vv * u * u + 2 * uv * u * v - uu * v * v;
-  if (!(d > 1e-6 * uu * vv)) return;  // nearly a line, or all in one place beside the axis
-  const double g = -(vv * u - uv * v) / det, h = -(uu * v - uv * u) / det;
-  for (Weight &m : p.body) {
-    const Vec off = pieces_->position(m.tag) - motion.center;
-    m.weight *= (1 + g * off.x + h * off.y) * det / d;
-  }
-  p.body_mobility = det / d / motion.mass;
+  if (stone(p).damping_ratio == 0) return;
+  const StonePieces::Spread all = pieces_->spread(stone(p), p.piece, motion, Vec(0, 0, 1));
+  p.body = all.weights, p.body_mobility = all.mobility;
 }
 
 void SmoothContact::dissolve(Patch &p) {
@@ -253,25 +237,27 @@ Vec SmoothContact::beyond_outline(const Vec &place) const {
   return Vec(place.x - std::clamp(place.x, e[0], e[1]), place.y - std::clamp(place.y, e[2], e[3]), 0);
 }
 
+// The members, and what has come into the patch as the stone turned, share the force by weights about the present axis. q
+// stays, since it is that of this step; so the push goes through the middle of the stone at every look.
 void SmoothContact::follow_axis(Patch &p, const StonePieces::Motion &motion) {
   const Vec axis = motion.turned.inverse()(Vec(0, 0, -1));
-  if (dot(axis, p.axis) > std::cos(TURN_rad)) return;
+  if (norm(cross(axis, p.axis)) < TURN_rad) return;
   p.axis = axis;
+  std::set<int> before;
+  for (const Weight &m : p.members) before.insert(m.tag);
   double share = 0;
-  const std::vector<Weight> members = surfaces_.weights(stone(p), axis, [&](int tag) {
-    return pieces_->piece_of(tag) == p.piece && !pieces_->is_loose(tag) && !pieces_->touched_alone(tag);
+  const std::vector<Weight> members = surfaces_.weights(stone(p), p.axis, [&](int tag) {
+    return before.count(tag) || (pieces_->piece_of(tag) == p.piece && !pieces_->is_loose(tag) && !pieces_->touched_alone(tag));
   }, share);
   if (members.empty()) return;
   if (share < p.share) {
     if (is_first_rank()) released_[p.agglomerate] += (p.share - share) * p.state.stored;
     p.share = share;
   }
-  const std::vector<Weight> earlier = p.members;
   p.members = members;
   p.base = p.q - p.w + height_of_members(p);
-  for (const Weight &m : earlier)
-    if (std::none_of(members.begin(), members.end(), [&](const Weight &n) { return n.tag == m.tag; }))
-      stand_alone(m.tag);
+  for (const Weight &m : members) before.erase(m.tag);
+  for (const int tag : before) stand_alone(tag);
 }
 
 // A member leaves a pressing patch with its share of the force, as a contact of its own.

@@ -132,4 +132,28 @@ StonePieces::Motion StonePieces::motion(const std::vector<int> &tags) const {
   return b;
 }
 
+// A force along the axis moves a rigid piece as weights m_i (1 + g . rho_i) do, whose mean place is on the axis.
+StonePieces::Spread StonePieces::spread(const SmoothStone &s, int piece, const Motion &motion, const Vec &axis) const {
+  Spread all{{}, 1 / motion.mass};
+  const Vec aside = cross(axis, std::fabs(axis.x) < 0.5 ? Vec(1, 0, 0) : Vec(0, 1, 0));
+  const Vec e1 = (1 / norm(aside)) * aside, e2 = cross(axis, e1);
+  double u = 0, v = 0, uu = 0, uv = 0, vv = 0;
+  for (int tag = s.first_tag; tag < s.first_tag + s.count; tag++) {
+    if (piece_[tag] != piece) continue;
+    const Vec off = position(tag) - motion.center;
+    const double m = surfaces_.mass(tag) / motion.mass, a = dot(off, e1), b = dot(off, e2);
+    u += m * a, v += m * b, uu += m * a * a, uv += m * a * b, vv += m * b * b;
+    all.weights.push_back({tag, m});
+  }
+  const double det = uu * vv - uv * uv, d = det - vv * u * u + 2 * uv * u * v - uu * v * v;
+  if (!(d > 1e-6 * uu * vv)) return all;
+  const double g = -(vv * u - uv * v) / det, h = -(uu * v - uv * u) / det;
+  for (StoneSurfaces::Weight &m : all.weights) {
+    const Vec off = position(m.tag) - motion.center;
+    m.weight *= (1 + g * dot(off, e1) + h * dot(off, e2)) * det / d;
+  }
+  all.mobility = det / d / motion.mass;
+  return all;
+}
+
 }  // namespace LAMMPS_NS

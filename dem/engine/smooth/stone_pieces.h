@@ -38,10 +38,20 @@ class StonePieces {
   bool is_free(int tag) const { return bonds_now_[tag] == 0; }
   const std::vector<int> &bonds_of(int tag) const { return bonds_of_[tag]; }  // their numbers, broken ones as well
   Vec position(int tag) const { return Vec(&now_[NUMBERS * static_cast<size_t>(tag)]); }
+  bool is_here(int tag) const { return now_[NUMBERS * static_cast<size_t>(tag) + 11] != 0; }  // not in free flight
   bool touched_alone(int tag) const { return now_[NUMBERS * static_cast<size_t>(tag) + 10] != 0; }
   bool may_have_patch(int tag) const { return in_surface_[piece_[tag]] >= PlateContact::LEAST_IN_PATCH; }  // its piece
   Motion motion(const SmoothStone &, int piece) const;
   std::map<int, Motion> motions(const SmoothStone &) const;  // by piece, of those that may have a patch
+
+  // How a force along a line through the centre of the whole stone is shared by a piece that it moves as a rigid body,
+  // and the speed that it gives to the point where it acts, per impulse, 1/kg. They are those of the
+  // masses where the piece is nearly a line, or all in one place beside the axis.
+  struct Spread {
+    std::vector<StoneSurfaces::Weight> weights;
+    double mobility = 0;
+  };
+  Spread spread(const SmoothStone &, int piece, const Motion &, const Vec &axis) const;
 
  private:
   static constexpr size_t NUMBERS = 12;  // of a sub-sphere: x, v, quaternion, does it touch alone, is it here

@@ -18,7 +18,7 @@ using namespace LAMMPS_NS;
 
 namespace {
 const bigint NEVER = 1000000000000000;  // steps
-const size_t GONE_COLUMNS = 7;
+const size_t GONE_COLUMNS = 8;
 const int TRY_STEPS = 64;  // between two tries of a stone where something is in the way
 }  // namespace
 
@@ -136,6 +136,7 @@ void FixStones::enter(const EnteringStone &stone, double half_step) {
   for (int k = 0; k < stone.count(); k++) add_atom(stone, k, half_step);
   near_.insert(std::lower_bound(near_.begin(), near_.end(), stone.agglomerate), stone.agglomerate);
   tags_near_ += stone.count();
+  gone_[stone.agglomerate].waited_steps = static_cast<double>(update->ntimestep - file_->entry(stone.agglomerate));
 }
 
 void FixStones::add_atom(const EnteringStone &stone, int k, double half_step) {
@@ -184,12 +185,12 @@ void FixStones::take_out(const LeftBody &b) {
 void FixStones::add_to(LedgerRows &rows) {
   for (const int a : near_) {
     const Gone &gone = gone_[a];
-    if (gone.tags == 0) continue;
     rows.at(a, KINETIC) += gone.kinetic;
     rows.at(a, MOMENTUM_Z) += gone.momentum_z;
     rows.at(a, MASS_HEIGHT) += gone.mass_height;
     rows.at(a, BOND_ELASTIC) += gone.bond_elastic;
     rows.at(a, PAIR_ELASTIC) += gone.pair_elastic;
+    rows.at(a, WAITED_STEPS) += gone.waited_steps;
   }
 }
 
@@ -221,7 +222,7 @@ void FixStones::save(CheckpointWriter &out) {
   for (const int a : near_) {
     const Gone &g = gone_[a];
     rows.insert(rows.end(), {a + 0.0, g.tags + 0.0, g.kinetic, g.momentum_z, g.mass_height, g.bond_elastic,
-                             g.pair_elastic});
+                             g.pair_elastic, g.waited_steps});
   }
   out.common("stones", {due_ + 0.0, entered_kinetic_, entered_mass_height_});
   out.rows("stones_near", rows);
@@ -244,7 +245,7 @@ void FixStones::take_up(const CheckpointReader &in) {
     const double *row = &rows[k];
     const int a = static_cast<int>(row[0]);
     enter(file_->read(a), 0);
-    gone_[a] = {static_cast<int>(row[1]), row[2], row[3], row[4], row[5], row[6]};
+    gone_[a] = {static_cast<int>(row[1]), row[2], row[3], row[4], row[5], row[6], row[7]};
     tags_near_ -= gone_[a].tags;
   }
   due_ = static_cast<size_t>(numbers[0]);

@@ -54,9 +54,9 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   void restore(const CheckpointReader &) override {}  // take_up did, before the set-up
 
  private:
-  struct Gone {          // of a stone, what was taken out with its pieces
+  struct Gone {          // of a stone, what was taken out with its pieces; how late it entered
     int tags = 0;
-    double kinetic = 0, momentum_z = 0, mass_height = 0, bond_elastic = 0, pair_elastic = 0;
+    double kinetic = 0, momentum_z = 0, mass_height = 0, bond_elastic = 0, pair_elastic = 0, waited_steps = 0;
   };
   std::unique_ptr<Agglomerates> agglomerates_;
   std::unique_ptr<StoneFile> file_;

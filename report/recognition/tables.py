@@ -1,0 +1,79 @@
+"""Tables of recognition."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.signals.features import BASE_PARAMETERS
+from report.recognition.results import MODEL_METHODS
+from report.sweep_results import SweepResults
+from report.tables import Cells, TableSpec
+
+#: A space at which "3 of 11" does not break into two lines.
+NO_BREAK = "\u00a0"
+
+
+def standardised(results: SweepResults) -> Cells:
+    """Return the eight base parameters by Eq. 39, a row a parameter."""
+    values, falling = results.recognition.standardised_base
+    rows = [
+        [name.replace("_", " ") + (" (falling)" if falls else ""), *(f"{v:.4f}" for v in column)]
+        for name, falls, column in zip(BASE_PARAMETERS, falling, values.T, strict=True)
+    ]
+    return ["", *_percent(results.ratios)], rows
+
+
+def deviations(results: SweepResults) -> Cells:
+    """Return Q of each run beside the quadratic through all of them."""
+    measured = results.recognition.q
+    calculated = results.recognition.q_quadratic(results.ratios)
+    named = {"measured": measured, "calculated": calculated, "difference": calculated - measured}
+    rows = [[name, *(f"{v:.5f}" for v in values)] for name, values in named.items()]
+    return ["", *_percent(results.ratios)], rows
+
+
+def recognised(results: SweepResults) -> Cells:
+    """Return the recognised ratio of each run, for both trainings."""
+    answers = results.recognition.answers
+    header = ["true", *(f"{name}, {training}" for training in answers for name in MODEL_METHODS.values())]
+    rows = []
+    for i, true in enumerate(_percent(results.ratios)):
+        cells = [rows_of_training[i][method] for rows_of_training in answers.values() for method in MODEL_METHODS]
+        rows.append([true, *("no answer" if c.reason else f"{100 * c.ratio:.2f}" for c in cells)])
+    return header, rows
+
+
+def errors(results: SweepResults) -> Cells:
+    """Return mean and worst error of each method and training, in points of mixing ratio."""
+    rows = [
+        [name, training, *_error_cells(results.recognition.errors_points(training, method), len(results.runs))]
+        for training in results.recognition.answers
+        for method, name in MODEL_METHODS.items()
+    ]
+    return ["method", "training", "answered", "mean", "worst"], rows
+
+
+def _percent(ratios: np.ndarray) -> list[str]:
+    return [f"{100 * r:.0f} %" for r in ratios]
+
+
+def _of(answered: int, count: int) -> str:
+    return f"{answered}{NO_BREAK}of{NO_BREAK}{count}"
+
+
+def _error_cells(errors_points: np.ndarray, count: int) -> list[str]:
+    """Return how many of `count` runs were answered, and the mean and the worst error."""
+    size = np.abs(errors_points)
+    numbers = [f"{size.mean():.2f}", f"{size.max():.2f}"] if size.size else ["-", "-"]
+    return [_of(size.size, count), *numbers]
+
+
+STANDARDISED = TableSpec("table-2", "Standardised parameters",
+                         "By Eq. 39; the direction of each parameter is that of these runs.", standardised, ratios=4)
+DEVIATIONS = TableSpec("table-3", "Q and its quadratic", "", deviations, ratios=4)
+RECOGNISED = TableSpec("table-recognised", "Recognised mixing ratio of each run",
+                       "In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations.", recognised,
+                       ratios=4)
+ERRORS = TableSpec("table-errors", "Errors of recognition", (
+    "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method"
+    " describes its own data. That ratio held out: trained on the other ratios."), errors, ratios=4)
