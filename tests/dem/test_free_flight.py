@@ -330,3 +330,20 @@ def test_a_body_that_spins_beside_a_wall_is_there_when_its_tip_strikes(tmp_path)
     brute, free = ends["brute"], ends["free"]
     assert brute.v[-1, :, 0].mean() < -0.1
     assert free.v[-1].mean(axis=0) == pytest.approx(brute.v[-1].mean(axis=0), abs=0.03)  # 1e-4 of (3 m/s)^2
+
+
+def test_a_body_that_spins_beside_another_is_there_when_its_tip_strikes(tmp_path):
+    """A row turns about its middle towards a sphere that floats beside it, neither comes nearer: it is struck as by brute
+    force."""
+    ends = {}
+    for name, fix in (("brute", ""), ("free", FREE.format(1e-4))):
+        (tmp_path / name).mkdir()
+        row = chain(5)
+        beside = row.center_m.mean(axis=0) + 4e-3 * np.array([[np.cos(1.0), np.sin(1.0), 0]])
+        write_files(tmp_path / name, Body(np.vstack([row.center_m, beside]), np.full(6, 0.9e-3), row.pair, row.bond_radius_m))
+        run_engine(tmp_path / name, deck(DT, 12_000, 1000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + fix, velocity=(
+            "velocity all set 0 0 0 units box\n" + throw(row, np.array([0, 0, 400.0]), np.zeros(3)) + "thermo_modify lost ignore\n")))
+        ends[name] = frames(tmp_path / name)
+    brute, free = ends["brute"], ends["free"]
+    assert np.linalg.norm(brute.v[-1, 5, :2]) > 0.5  # it was struck
+    assert free.v[-1, 5] == pytest.approx(brute.v[-1, 5], abs=0.03)  # 1e-4 of (3 m/s)^2
