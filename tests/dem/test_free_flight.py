@@ -347,3 +347,19 @@ def test_a_body_that_spins_beside_another_is_there_when_its_tip_strikes(tmp_path
     brute, free = ends["brute"], ends["free"]
     assert np.linalg.norm(brute.v[-1, 5, :2]) > 0.5  # it was struck
     assert free.v[-1, 5] == pytest.approx(brute.v[-1, 5], abs=0.03)  # 1e-4 of (3 m/s)^2
+
+
+def test_a_body_that_spins_above_the_plate_is_there_when_its_tip_strikes(tmp_path):
+    """A row turns about its middle, 3 mm above the plate, and falls from rest: it rebounds as by brute force."""
+    ends = {}
+    for name, fix in (("brute", ""), ("free", FREE.format(1e-4))):
+        (tmp_path / name).mkdir()
+        row = chain(5)
+        row.center_m[:, 2] += 3e-3
+        write_files(tmp_path / name, row)
+        run_engine(tmp_path / name, deck(DT, 12_000, 1000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + PLATE + fix,
+                                         velocity=throw(row, np.array([0, 400.0, 0]), np.zeros(3)) + "thermo_modify lost ignore\n"))
+        ends[name] = frames(tmp_path / name)
+    brute, free = ends["brute"], ends["free"]
+    assert brute.v[-1, :, 2].mean() > 0.1
+    assert free.v[-1].mean(axis=0) == pytest.approx(brute.v[-1].mean(axis=0), abs=0.03)  # 1e-4 of (3 m/s)^2
