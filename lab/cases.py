@@ -58,8 +58,6 @@ CASES = {case.name: case for case in (
     Case("bond_limit", "lab.rock.bond_limit", "packing, stiffness ratio and damping of bonds", "the stable time step", STONE),
     Case("bond_time_step", "lab.rock.impacts", "time step over t0", "a twentieth of t0", STONE),
     Case("breakage_size", "lab.rock.impacts", "number of sub-spheres of a stone that breaks", "one another", STONE),
-    Case("breakage_mesh", "lab.rock.impacts", "number of sub-spheres of a coal with flaws, and speed", "one another",
-         (*STONE, "scenes/materials/soft_coal.toml")),
     Case("closure", "lab.rock.impacts", "stones that break, with friction", "the energy of the impact", STONE),
     Case("fragments", "lab.rock.impacts", "rock and speed", "published distributions", (*STONE, "scenes/materials")),
     Case("calibration", "lab.rock.calibration", "rock", "laboratory tables", ("scenes/materials",)),

@@ -5,6 +5,9 @@ import shutil
 import signal
 import tempfile
 
+from common.process import messages
+
+messages.LOG_s = 1e6  # on a loaded machine a stage would be named, beside the one line of a refusal
 os.environ |= dict.fromkeys(("OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"), "1")  # as the Makefile does
 WORKER = "PYTEST_XDIST_WORKER" in os.environ  # which inherits the directory of the process that started it
 

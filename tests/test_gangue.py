@@ -156,9 +156,9 @@ def test_a_quiet_sweep_and_its_json(tmp_path):
         assert f"peak force {run['peak_force_N']:9.1f} N, {run['n_bonds_broken']} of" in line
 
 
-def test_the_doctor_says_in_ten_lines_what_is_there(capsys, tmp_path):
+def test_the_doctor_says_in_eleven_lines_what_is_there(capsys, tmp_path):
     assert main(["doctor"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 10
+    assert len(capsys.readouterr().out.splitlines()) == 11
     done = program("--json", "doctor", env={"LIGGGHTS_BONDED": str(tmp_path / "nowhere")})
     (engine,) = [line for line in json.loads(done.stdout) if line["name"] == "engine"]
     assert done.returncode == 1 and not engine["there"] and "build-engine" in engine["text"]

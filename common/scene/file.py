@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -68,8 +69,9 @@ def _make_way(under: Any, over: Any) -> None:
 
 def _found(path: Path, name: str, shipped: str) -> Path:
     """A file beside `path`, or else one that is shipped."""
-    beside = path.parent / name
-    return beside if beside.exists() or not (resource(shipped) / name).exists() else resource(shipped) / name
+    beside, own = path.parent / name, resource(shipped) / name
+    # os.path tells no error of a name that no file can have: opening the file does.
+    return beside if os.path.exists(beside) or not os.path.exists(own) else own
 
 
 def _leave_out(data: dict[str, Any], dotted: str, path: Path) -> None:
@@ -93,5 +95,5 @@ def _material(path: Path, key: str, name: str, sought: str) -> dict[str, Any]:
     if not name.isidentifier():
         raise InputError(f"{path}: materials.{key} = {name!r}: must be a table, or the name of a file in materials/")
     file = _found(path, f"materials/{name}.toml", "scenes")
-    table = {} if key == sought and not file.exists() else read_toml(file)
+    table = {} if key == sought and not os.path.exists(file) else read_toml(file)
     return {of: table[of] for of in OF_A_MATERIAL if of in table}

@@ -21,6 +21,7 @@ SPHERE = "sphere"
 MOST_STONES = 10_000
 LARGEST_SIZE_m = 10.0
 FASTEST_m_s = 1e3
+Speed = Annotated[float, Field(ge=0, le=FASTEST_m_s)]
 
 
 class AgglomerateTable(Table):
@@ -47,7 +48,7 @@ class EachStone(Table):
     shape: Annotated[str, about("\"sphere\", or the name of a table in shapes")] = SPHERE
     x_m: Annotated[float, about("where its centre is when it touches, along the plate's length")]
     y_m: Annotated[float, about("where its centre is when it touches, along the plate's width")]
-    speed_m_s: Annotated[NotNegative | None, about(
+    speed_m_s: Annotated[Speed | None, about(
         "speed when it touches, straight down; instead of velocity_m_s")] = None
     velocity_m_s: Annotated[tuple[float, float, float] | None, about(
         "velocity when it touches, along the plate's length, its width, and upwards from it")] = None
@@ -64,6 +65,9 @@ class EachStone(Table):
             raise Refused("speed_m_s", self.speed_m_s, "either this or velocity_m_s must be given")
         if self.velocity_m_s is not None and self.velocity_m_s[2] > 0:
             raise Refused("velocity_m_s", self.velocity_m_s, "must not go upwards, its third value must be at most 0")
+        if self.velocity_m_s is not None and max(map(abs, self.velocity_m_s)) > FASTEST_m_s:
+            raise Refused("velocity_m_s", self.velocity_m_s,
+                          f"each value must be from -{FASTEST_m_s:g} to {FASTEST_m_s:g}")
         if self.attitude is not None and abs(sum(q * q for q in self.attitude) - 1) > 1e-6:
             raise Refused("attitude", self.attitude, "must be a unit quaternion, its squares add up to 1")
         return self
@@ -158,7 +162,7 @@ class StonesTable(Table):
         "number of stones of a volley, which has radius_m, speed_m_s, gangue_ratio, and circle_radius_m or positions "
         "too; absent where each, drawn or stream is given", paper="10")] = None
     radius_m: Annotated[Positive | None, about("radius of a stone of a volley", paper="0.025")] = None
-    speed_m_s: Annotated[NotNegative | None, about("impact speed of a volley, downwards", paper="3.0")] = None
+    speed_m_s: Annotated[Speed | None, about("impact speed of a volley, downwards", paper="3.0")] = None
     circle_radius_m: Annotated[Positive | None, about(
         "radius of the circle on which the stones lie at equal angles, stone 1 on the x axis; instead of positions",
         paper="0.1")] = None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -228,24 +226,3 @@ def read_pictures(file: Path, sizes: np.ndarray) -> Iterator[tuple[int, np.ndarr
                     np.all(np.isfinite(spheres)) and np.all(np.isfinite(contacts))):
                 raise RuntimeError(f"{file}: cut off or damaged")
             yield int(dem_step), near, spheres.reshape(n, 6), contacts.reshape(n_contacts, 5)
-
-
-def read_dump(file: Path) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield DEM step and array (n, columns), sorted by id, of each frame of `dump custom id x y z ...`. Raises
-    RuntimeError for a file that is cut off, damaged or something else."""
-    import pandas as pd  # late: slow to import, and no run needs it
-
-    with open(file) as lines:
-        for line in lines:
-            if not line.startswith("ITEM: TIMESTEP"):
-                raise RuntimeError(f"{file}: not a dump of the engine")
-            dem_step = int(next(lines))
-            next(lines)
-            count = int(next(lines))
-            *_, names = itertools.islice(lines, 5)  # the last is ITEM: ATOMS id x y ...
-            columns = range(len(names.split()) - 2)
-            text = io.StringIO("".join(itertools.islice(lines, count)))
-            frame = pd.read_csv(text, sep=" ", header=None, usecols=columns).to_numpy(dtype=float)
-            if len(frame) != count or not np.all(np.isfinite(frame)):
-                raise RuntimeError(f"{file}: the frame of step {dem_step} is cut off or damaged")
-            yield dem_step, frame[np.argsort(frame[:, 0])]

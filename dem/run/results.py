@@ -170,7 +170,7 @@ def plate_momentum(prepared: PreparedRun, fast: Columns) -> dict[str, list[float
     if modes is None or RODS_MOMENTUM not in fast:
         return {}
     t_s, plate = fast["t_s"], modes.mass_kg * fast["v_m_s"]
-    rods = -np.column_stack([fast[rod_column(k + 1)] for k in range(len(modes.rod_force))])
+    rods = -np.array([fast[rod_column(k + 1)] for k in range(len(modes.rod_force))]).reshape(-1, len(t_s)).T
     impulse = cumulative_trapezoid(rods, t_s, axis=0, initial=0)
     given = np.cumsum(fast["force_N"]) * (t_s[1] - t_s[0])
     missing = abs(given - impulse.sum(axis=1) + plate + fast[RODS_MOMENTUM] + fast[DAMPING_IMPULSE]).max()

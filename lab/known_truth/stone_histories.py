@@ -4,7 +4,7 @@ tried and held out."""
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,12 +39,16 @@ def write_histories(found: Sequence[History], sets: Sequence[str], rock: str) ->
     np.savez_compressed(FILE, force_N=force, set=np.array(sets), rock=np.array(rock), **columns)
 
 
+NO_FORCE: Mapping[str, Any] = {"kind": True, "bond": {"flaw_modulus", "flaw_length_m"}}  # of a material without flaws
+
+
 def rock_of(scene: str | Path) -> str:
     """Hash of a scene's materials, contacts and bonds: of all that a stone's force depends on but size and speed."""
     read = read_scene(scene)
     parts = [read.materials["coal"], read.materials["gangue"], read.contacts["coal_plate"],
              read.contacts["gangue_plate"], read.stones.agglomerate]
-    text = "".join(part.model_dump_json() for part in parts if part is not None)
+    flaws = any(material.bond and material.bond.flaw_modulus for material in parts[:2])
+    text = "".join(part.model_dump_json(exclude=None if flaws else NO_FORCE) for part in parts if part is not None)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from common.scene.file import OF_A_MATERIAL
 from common.tables import read_toml
 from lab.constants import time_step_constants
 from lab.rock.stone import SCENES, SEEDS, strike
@@ -102,40 +101,6 @@ def breakage_size_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     for _, own in table.groupby(["material", "speed_m_s"]):
         if len(own) > 1 and (own["broken_area_cm2"] > 0).all():
             table.loc[own.index, "exponent"] = np.polyfit(np.log(own["subspheres"]), np.log(own["broken_area_cm2"]), 1)[0]
-    return table
-
-
-COHERENT = "soft_coal"  # whose elastic constants and strengths are of one table, with flaws
-AREAS_cm2 = (100, 200)  # of which the speed is sought
-
-
-def breakage_mesh(out: Path, packings: int = 6, counts: tuple[int, ...] = (500, 1000, 2000),
-                  speeds: tuple[float, ...] = (4.2, 5.0, 6.0)) -> Iterator[Row]:
-    """Numbers of sub-spheres, of a coal with flaws; a seed has the same flaws at each. At the lowest speed, of the
-    fewest, other restitutions too."""
-    table = read_toml(SCENES / "materials" / f"{COHERENT}.toml")
-    coal = {"materials.coal": {key: table[key] for key in OF_A_MATERIAL if key in table},
-            "stones.agglomerate.contact": "smooth"}
-    for k in range(packings):
-        for speed in speeds:
-            for count in counts:
-                for restitution in (0.8, 0.9, 1.0) if (speed, count) == (speeds[0], counts[0]) else (0.9,):
-                    changes = coal | {"stones.agglomerate.subspheres": count, "stones.seed": FIRST_SEED + 10 * k,
-                                      "stones.speed_m_s": speed, "contacts.coal_plate": {
-                                          "restitution": restitution, "friction": 0.4}}
-                    yield Row({"speed_m_s": speed, "subspheres": count, "restitution": restitution, "packing": k},
-                              partial(impact, "coal", changes))
-
-
-def breakage_mesh_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
-    """`at_N_cm2_m_s`: the speed at which N cm2 break, on straight lines through the means over the speeds."""
-    table = means(rows, ["speed_m_s", "subspheres", "restitution"],
-                  ["broken_area_cm2", "largest_fragment", "released_mJ", "resolution"])
-    table = table.drop(columns="resolution_sem").sort_values(["speed_m_s", "subspheres", "restitution"])
-    for _, own in table[table["restitution"] == 0.9].groupby("subspheres"):
-        for area in AREAS_cm2:
-            if own["broken_area_cm2"].min() < area < own["broken_area_cm2"].max():
-                table.loc[own.index[0], f"at_{area}_cm2_m_s"] = np.interp(area, own["broken_area_cm2"], own["speed_m_s"])
     return table
 
 

@@ -25,9 +25,9 @@ from common.scene.scene import Scene, changed_scene
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
 from dem.record.energy_balance import StoneLedger, read_ledger
-from dem.run.paraview import read_dump
 from dem.run.prepare import PreparedRun, prepare
 from dem.stones.assembly import Assembly
+from lab.rock.dump import read_dump
 from lab.rock.stone import PAIRS, RIGID, SCENES
 from lab.study import Row
 

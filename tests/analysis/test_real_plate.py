@@ -4,8 +4,11 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from analysis.theory.contact_states.contact_states import COAL, GANGUE, PLATE, contact_stiffness
-from analysis.theory.contact_states.real_plate import (
+from scipy.signal import lsim
+
+from analysis import RecordError
+from analysis.theory.contact_states import COAL, GANGUE, PLATE, contact_stiffness
+from analysis.theory.real_plate import (
     amplitude_at_peak,
     contact_stress_map_Pa,
     hertz_contacts,
@@ -13,9 +16,6 @@ from analysis.theory.contact_states.real_plate import (
     nodal_at,
     static_compliance_m_N,
 )
-from scipy.signal import lsim
-
-from analysis import RecordError
 from common.run_summary import RecordedScene
 from common.scene.plate import FlexiblePlate
 from plate_fem.modes import plate_modes

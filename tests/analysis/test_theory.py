@@ -3,12 +3,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from analysis.theory.contact_states.contact_states import COAL, GANGUE, PLATE, STATES, peak
-from analysis.theory.contact_states.impact import DAMPING, Spring, force_history
 from scipy.integrate import quad
 from scipy.special import beta
 
-from analysis.theory.contact_states import contact_states as theory
+from analysis.theory import contact_states as theory
+from analysis.theory.contact_states import COAL, GANGUE, PLATE, STATES, peak
+from analysis.theory.impact import DAMPING, Spring, force_history
 from common import hertz
 
 L_M, B_M, H_M, R_M, V_M_S = 0.4, 0.4, 0.02, 0.025, 3.0

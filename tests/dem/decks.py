@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from dem.coupling.launch import ENGINE
 from dem.record.energy_balance import read_ledger
-from dem.run.paraview import read_dump
+from lab.rock.dump import read_dump
 
 DENSITY = 2000.0
 FREE_FLIGHT = "free_flight"  # style of the fix for bodies in free flight

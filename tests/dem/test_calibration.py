@@ -29,8 +29,8 @@ from dem.calibration.virtual_tests import (
     run_test,
     strength_test,
 )
-from dem.run.paraview import read_dump
 from dem.stones.bonds import network_stiffness
+from lab.rock.dump import read_dump
 from lab.rock.impacts import LARGEST_SHARE, LEAST_SUBSPHERES, mass_exponent
 
 ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=0.3, restitution=0.5, friction=0.6,

@@ -1,6 +1,7 @@
 """The deck holds what the scene needs and nothing else."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -114,7 +115,8 @@ def test_a_plate_without_rods_has_none_in_its_modes_and_signals():
     for changes, rods in ((held, 4), (held | {"plate.rods": None, "plate.edges": "simply_supported"}, 0)):
         scene = small("paper", changes)
         modes = plate_modes(scene.plate)
-        recorder = PlateRecorder(scene, modes, ModalMotion(modes, 1e-5), None, None, None)
+        step = SimpleNamespace(sample_steps=1, fast_steps=1, dt_s=1e-6)
+        recorder = PlateRecorder(scene, modes, ModalMotion(modes, 1e-5), step, None, None)
         assert len(modes.rod_force) == sum(column.startswith("rod_") for column in recorder.columns) == rods
 
 

@@ -72,26 +72,30 @@ def naive(friction, velocity_m_s, duration_s, dt_s=2e-8):
             0.5 * mass * (v_x**2 + v_z**2) + 0.2 * mass * (radius * spin) ** 2)
 
 
-@pytest.mark.parametrize(("friction", "velocity_m_s", "smooth"), [
-    (0.1, (3.0, -3.0), False), (0.5, (0.4, -3.0), False), (0.1, (3.0, -3.0), True), (0.5, (0.4, -3.0), True)],
+@pytest.mark.parametrize(("friction", "velocity_m_s", "seeds"), [
+    (0.1, (3.0, -3.0), ()), (0.5, (0.4, -3.0), ()), (0.1, (3.0, -3.0), (100,)),
+    pytest.param(0.5, (0.4, -3.0), range(100, 112), marks=pytest.mark.validate)],
     ids=["slides", "sticks", "bonded stone slides", "bonded stone sticks"])
-def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velocity_m_s, smooth):
-    """Bonded stones do on average: what drags is the square of an impulse, which hangs on the packing by some per cent."""
+def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velocity_m_s, seeds):
+    """A bonded stone that sticks does so on average: what drags then is the square of an impulse that changes sign, and
+    hangs on the packing by some ten per cent."""
     plate = changed("single", {}).plate.model_copy(update={"max_frequency_Hz": 2000.0}).model_dump(mode="json")
-    spheres = {} if smooth else {"stones.agglomerate": None}
+    spheres = {} if seeds else {"stones.agglomerate": None}
     of_plate, of_sphere = naive(friction, velocity_m_s, 4e-4)
     found = []
-    for seed in (1, 2, 20011) if smooth else (1,):
+    for seed in seeds or (1,):
         scene = stone(speed_m_s=float(np.hypot(*velocity_m_s)), friction=friction, plate=plate,
                       **{"time.duration_s": 4e-4, "time.sample_interval_s": 4e-5, "stones.seed": seed} | spheres)
         with monkeypatch.context() as patched:
             energy = strike_aslant(patched, tmp_path / f"run_{seed}", scene, velocity_m_s, swaying())["energy"]
         assert energy["given_to_plate_J"] == pytest.approx(energy["plate_work_J"], rel=1e-3)
         assert abs(energy["closure"]) < 1e-4
-        found.append([energy["plate_work_J"], energy["kinetic_J"]])
-    plate_work, kinetic = np.mean(found, axis=0)
-    assert plate_work == pytest.approx(of_plate, rel=0.02 if smooth else 0.003)
-    assert kinetic == pytest.approx(of_sphere, rel=5e-3 if smooth else 1e-4)
+        assert energy["kinetic_J"] == pytest.approx(of_sphere, rel=6e-3 if seeds else 1e-4)
+        found.append(energy["plate_work_J"] / of_plate)
+    if len(found) > 1:
+        assert abs(np.mean(found) - 1) < 2 * np.std(found, ddof=1) / np.sqrt(len(found)) < 0.1
+    else:
+        assert found[0] == pytest.approx(1, rel=0.02 if seeds else 0.003)
 
 
 def test_a_strong_dashpot_across_the_contact_makes_the_stone_roll(tmp_path, monkeypatch):

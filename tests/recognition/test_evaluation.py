@@ -20,7 +20,7 @@ from recognition.evaluation.sensor_noise import with_noise
 from tests.analysis import synthetic
 
 FAMILIES = {"paper": (1, 11), "ring": (4, 11), "packing": (2, 11), "damping": (12, 1), "speed": (12, 1), "free": (12, 1), "scatter": (12, 1),
-            "all": (12, 1)}
+            "all": (12, 1), "natural": (4, 11), "wide": (4, 11)}
 
 
 MANY = next(case for case in CASES if case.name == "many runs")
