@@ -27,13 +27,11 @@ WHOLE = ("Rod", "PointSupport", "Sensor", "StonePosition", "EachStone", "Footpri
 
 HEAD = """# Keys of a scene
 
-This page lists every key of a scene file, as `python -m lab.scene_schema` writes it. Units are SI and stand in the
-name. "Paper" says what the [paper](../README.md) gives; other values are ours, and `scenes/paper.toml` says how each
-was chosen.
+Every key of a scene file, as `python -m lab.scene_schema` writes it, in SI units. "Paper" says what the
+[paper](../README.md) gives; `scenes/paper.toml` says how each other value is chosen.
 
 The first line of a scene, `#:schema ./scene.schema.json`, lets an editor with a TOML server complete, explain and check
-keys. Rules between keys are checked when the scene is read. `--set KEY=VALUE` of `run`, `deck` and `sweep` changes a
-key: `--set stones.count=6`.
+keys. `--set stones.count=6` of `run`, `deck` and `sweep` changes a key.
 """
 
 
@@ -150,7 +148,7 @@ def _is_spread(key: Node) -> bool:
 
 
 def _row(name: str, key: Node, table: Node) -> str:
-    default = "must be given" if name in [*table.get("required", []), *table.get("x-required", [])] else (
+    default = "required" if name in [*table.get("required", []), *table.get("x-required", [])] else (
         f"`{json.dumps(key['default'])}`" if "default" in key else "absent")
     meaning = key["description"] + (f" (paper: {key['x-paper']})" if "x-paper" in key else "")
     return "|" + "|".join(cell.replace("|", "\\|") for cell in (f"`{name}`", meaning, default, _allowed(key))) + "|\n"
@@ -161,7 +159,7 @@ def _allowed(key: Node) -> str:
     if _is_spread(key):
         return "number or distribution"
     if _inside(key):
-        return "list of tables" if "items" in key else "table" if "allOf" in key or "oneOf" in key else "tables by name"
+        return "tables" if "items" in key else "table" if "allOf" in key or "oneOf" in key else "tables by name"
     if "const" in key:
         return f"`\"{key['const']}\"`"
     if "enum" in key:
@@ -169,8 +167,8 @@ def _allowed(key: Node) -> str:
     if "items" in key:
         return f"list, each {_allowed(key['items'])}"
     signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
-    bounds = " and ".join(f"{sign} {key[bound]:g}" for bound, sign in signs.items() if bound in key)
-    kind = {"integer": "whole number", "number": "number", "boolean": "true or false", "string": "text"}[key["type"]]
+    bounds = ", ".join(f"{sign}{key[bound]:g}" for bound, sign in signs.items() if bound in key)
+    kind = {"integer": "integer", "number": "number", "boolean": "Boolean", "string": "text"}[key["type"]]
     text = f" that matches `{key['pattern']}`" if "pattern" in key else ""
     return f"{kind} {bounds}".strip() + text
 

@@ -177,7 +177,7 @@ def terms():
 
 def test_one_symbol_has_one_meaning():
     names = [symbol.strip() for row in symbols() for symbol in row[0].split(",")]
-    assert len(names) > 40 and len(names) == len(set(names)), sorted(s for s in names if names.count(s) > 1)
+    assert all(names) and len(names) > 40 and len(names) == len(set(names)), sorted(s for s in names if names.count(s) > 1)
 
 
 def test_one_term_has_one_meaning_of_one_sentence():

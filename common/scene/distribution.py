@@ -41,13 +41,12 @@ class RosinRammler(_Bounded):
 class Distribution(Table):
     """One value, or one of the laws."""
 
-    value: Annotated[float | None, about("one value; the same as a number in place of the table")] = None
+    value: Annotated[float | None, about("one value, as a number in place of the table")] = None
     uniform: Annotated[tuple[float, float] | None, about("least and most, by number")] = None
     lognormal: Annotated[LogNormal | None, about("a lognormal law by number, cut off")] = None
     rosin_rammler: Annotated[RosinRammler | None, about("a law of sizes by mass, cut off")] = None
     lognormal_cv: Annotated[Annotated[float, Field(gt=0, le=0.5)] | None, about(
-        "of a factor: coefficient of variation of a lognormal law of mean 1 by number, cut off at three standard "
-        "deviations of its logarithm")] = None
+        "a factor: coefficient of variation of a lognormal law of mean 1, cut off at three standard deviations")] = None
 
     @model_validator(mode="after")
     def _one_law(self) -> Self:

@@ -70,7 +70,7 @@ class Sensor(Place):
 class Walls(Table):
     """Rigid walls that stand upright on edges of the plate. What pushes on them does not load the plate."""
 
-    edges: Annotated[tuple[Edge, ...], Field(min_length=1), about("edges of the plate that have a wall")]
+    edges: Annotated[tuple[Edge, ...], Field(min_length=1), about("edges that have a wall")]
     height_m: Annotated[Positive, about("height above the plate's top face")]
 
     @model_validator(mode="after")
@@ -90,13 +90,13 @@ class Plate(Table):
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus", paper="Table 1: 2.07e11")]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
     tilt_deg: Annotated[float, Field(ge=0, lt=90), about(
-        "angle by which the plate is tilted: it falls off towards +x (docs/stones.md)")] = 0.0
+        "tilt: the plate falls off towards +x")] = 0.0
     yield_stress_Pa: Annotated[Positive | None, about(
-        "yield stress; where a contact may pass it the plate yields there (docs/plate.md); absent: it stays elastic",
+        "yield stress (docs/plate.md); absent: the plate stays elastic",
     )] = None
 
     walls: Annotated[Walls | None, about(
-        "rigid walls on edges of the plate, between which stones are guided (docs/stones.md); absent: none")] = None
+        "rigid side walls (docs/stones.md)")] = None
 
     def wall_box_m(self, edge: Edge) -> tuple[float, ...]:
         """XMIN XMAX YMIN YMAX ZMIN ZMAX of the wall on one edge."""
@@ -126,13 +126,13 @@ class FlexiblePlate(Plate):
     theory: Annotated[Literal["auto", "kirchhoff", "mindlin"], about("plate theory (docs/plate.md)")] = "auto"
     edges: Annotated[Literal["free", "simply_supported", "clamped"], about("how all four edges are held")] = "free"
     max_frequency_Hz: Annotated[Positive | None, about(
-        "frequency up to which modes are kept; absent where the scene has a tolerance")] = None
+        "frequency up to which modes are kept; absent with a tolerance")] = None
     damping_ratio: Annotated[float, Field(ge=0, lt=1), about("damping ratio of every mode")]
     mesh_size_m: Annotated[Positive | None, about(
         "side of a finite element; absent: from max_frequency_Hz, rods and supports")] = None
     rods: Annotated[tuple[Rod, ...], about(
-        "vertical rods below the plate, clamped at their lower ends", paper="four screws, their size not given")] = ()
-    point_supports: Annotated[tuple[PointSupport, ...], about("points that cannot move vertically")] = ()
+        "rods below the plate", paper="four screws, their size not given")] = ()
+    point_supports: Annotated[tuple[PointSupport, ...], about("points held vertically")] = ()
     sensors: Annotated[tuple[Sensor, ...], about("sensors")] = ()
 
     @property

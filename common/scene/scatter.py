@@ -24,12 +24,10 @@ class ScatterTable(Table):
     strength_factor: Annotated[Spread | None, about(
         "factor on the strengths of its bonds; their fracture energy has its square")] = None
     restitution: Annotated[Spread | None, about(
-        "coefficient of restitution of the stone on the plate, in place of that in contacts; on other stones that in "
-        "contacts times the geometric mean of what both have gained on the plate")] = None
+        "coefficient of restitution on the plate; on other stones: docs/stones.md")] = None
     speed_factor: Annotated[Spread | None, about("factor on its impact velocity")] = None
     place_m: Annotated[Positive | None, about(
-        "radius of the disc about its place in which a stone is, evenly spread where it is wholly above the plate and "
-        "meets no other stone")] = None
+        "radius of the disc about its place in which a stone is drawn, on the plate and free of others")] = None
     arrival_s: Annotated[Spread | None, about("what is added to its arrival")] = None
 
     @model_validator(mode="after")

@@ -37,10 +37,9 @@ class TimeTable(Table):
     gravity_m_s2: Annotated[NotNegative, about("gravity, downwards", paper="9.8")] = 0.0
     time_step_s: Annotated[Positive | None, about("DEM time step; absent: the largest that every limit allows")] = None
     co_step: Annotated[Annotated[int, Field(ge=1)] | None, about(
-        "DEM steps between two possible messages of engine and plate; absent: from the shortest contact")] = None
+        "DEM steps of a co-step; absent: from the shortest contact")] = None
     free_flight_tolerance: Annotated[NotNegative, about(
-        "a body in free flight is left out of the force loops when its inner motion has less than this share of the "
-        "kinetic energy of the impact; 0: never (docs/free_flight.md)")] = 1e-4
+        "share of the impact energy below which inner motion lets a body fly; 0: never (docs/free_flight.md)")] = 1e-4
 
     @model_validator(mode="after")
     def _one_sample_at_least(self) -> Self:
@@ -59,16 +58,16 @@ class BondTable(Table):
     shear_strength_Pa: Annotated[Positive, about("shear strength, the cohesion")]
     friction_angle_deg: Annotated[float, Field(ge=0, lt=90), about("friction angle; 0: no Mohr-Coulomb")] = 0.0
     volumetric_ratio: Annotated[float, Field(ge=0, le=0.6), about(  # beyond, it would limit the time step
-        "modulus of the sub-spheres' dilatation over that of the bonds, which sets Poisson's ratio; 0: none")] = 0.0
+        "modulus of dilatation over that of the bonds; 0: none")] = 0.0
     pressure_strengthening: Annotated[NotNegative, about(
-        "gain of tensile strength per mean pressure above the threshold; 0: none")] = 0.0
+        "gain of tensile strength per pressure above the threshold")] = 0.0
     pressure_threshold_Pa: Annotated[NotNegative, about("mean pressure from which the tensile strength rises")] = 0.0
     fracture_energy_J_m2: Annotated[Positive | None, about(
-        "energy over its section that a bond takes to break as it softens; without it bonds snap")] = None
+        "energy per section of a bond that softens; absent: bonds snap")] = None
     flaw_modulus: Annotated[Annotated[float, Field(ge=1, le=100)] | None, about(
-        "Weibull modulus of the strengths from place to place in a stone; absent: all bonds are alike")] = None
+        "Weibull modulus of strengths within a stone; absent: bonds are alike")] = None
     flaw_length_m: Annotated[Positive | None, about(
-        "distance over which the correlation of these strengths falls to 1/e; goes with flaw_modulus")] = None
+        "their correlation length, to 1/e; goes with flaw_modulus")] = None
 
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
@@ -99,17 +98,16 @@ class MaterialTable(Table):
     """A material of stones."""
 
     kind: Annotated[Kind | None, about(
-        "what its stones count as in the mixing ratio; absent: as the name says, where it is that of stones.coal or "
-        "stones.gangue")] = None
+        "what its stones count as; absent: as stones.coal or stones.gangue says")] = None
     density_kg_m3: Annotated[Positive, about("density", paper="Table 1: coal 1380, gangue 2400")]
     youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa), about(
         "Young's modulus", paper="Table 1: coal 5.12e9, gangue 9.966e9")]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about(
         "Poisson's ratio", paper="Table 1: coal 0.3, gangue 0.28")]
     contact_strength_Pa: Annotated[Positive | None, about(
-        "pressure in the middle of a contact with the plate at which the stone crushes; absent: it stays elastic",
+        "contact pressure at which the stone crushes; absent: elastic",
     )] = None
-    bond: Annotated[BondTable | None, about("the bonds, needed where stones are agglomerates")] = None
+    bond: Annotated[BondTable | None, about("the bonds of agglomerates")] = None
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> Self:
@@ -135,12 +133,12 @@ class ContactTable(Table):
 class OutputTable(Table):
     """What is written besides the signals."""
 
-    view_interval_s: Annotated[Positive | None, about("time between two pictures for ParaView; absent: none")] = None
+    view_interval_s: Annotated[Positive | None, about("time between two pictures for ParaView")] = None
     impact_view_interval_s: Annotated[NotNegative, about(
-        "time between two pictures while something pushes on the plate in the first impact of a stone; 0: none")] = 2e-5
-    engine_log: Annotated[bool, about("keep what the engine wrote, OUT/deck/engine.log and engine.out")] = False
+        "the same during the first impact of a stone; 0: none")] = 2e-5
+    engine_log: Annotated[bool, about("keep deck/engine.log and engine.out")] = False
     dumps: Annotated[Literal["vtk", "text"] | None, about(
-        "LIGGGHTS's own dump at every view_interval_s, kept in deck/dumps: VTK files or text; absent: none")] = None
+        "LIGGGHTS's own dump at every view_interval_s, in deck/dumps")] = None
 
     @model_validator(mode="after")
     def _dumps_need_an_interval(self) -> Self:
@@ -161,26 +159,23 @@ class Scene(Table):
     # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64), about("name of the scene")]
     base: Annotated[str | None, about(
-        "scene file that this one begins from, beside it or shipped: its keys count where this one has none, table by "
-        "table; run.json holds the whole")] = None
-    without: Annotated[tuple[str, ...], about("dotted keys of the base that are left out")] = ()
+        "scene file, beside this one or shipped, whose keys count where this one has none")] = None
+    without: Annotated[tuple[str, ...], about("dotted keys of the base to leave out")] = ()
     assumptions: Annotated[tuple[str, ...], about(
-        "keys whose values are assumed, for the reader; run.json repeats them")] = ()
+        "keys whose values are assumed; run.json repeats them")] = ()
     tolerance: Annotated[Annotated[float, Field(gt=0, le=0.1)] | None, about(
-        "relative error that time step, co-step and modes together may make; it takes the place of time.time_step_s, "
-        "time.co_step and plate.max_frequency_Hz (docs/accuracy.md)")] = None
+        "relative error allowed; it chooses time_step_s, co_step and max_frequency_Hz (docs/accuracy.md)")] = None
     time: Annotated[TimeTable, about("how long the run is, and in which steps")]
-    stones: Annotated[StonesTable, about("the stones, where they are, and how they arrive")]
+    stones: Annotated[StonesTable, about("what falls")]
     shapes: Annotated[
         dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)], ShapeTable],
-        about("shapes of stones that are no spheres, by name")] = {}
+        about("shapes of stones that are no spheres")] = {}
     materials: Annotated[
         dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable],
         about(
-            "materials of the stones, by name; a text names a file in materials/, beside the scene or shipped")]
+            "materials of stones; a text names a file in materials/, beside the scene or shipped")]
     contacts: Annotated[dict[str, ContactTable], about(
-        "contacts by pair of materials, or of their kinds, in alphabetic order, the plate last: coal_gangue, "
-        "coal_plate")]
+        "contacts by pair of materials or kinds, alphabetic, the plate last: coal_gangue, coal_plate")]
     scatter: Annotated[ScatterTable, about("what each stone has of its own")] = ScatterTable()
     plate: Annotated[PlateTable, about("the plate")]
     output: Annotated[OutputTable, about("what is written besides the signals")] = OutputTable()

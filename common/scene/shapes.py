@@ -14,15 +14,15 @@ Axis = Annotated[float, Field(ge=0.2, le=1)]
 class ShapeTable(Table):
     """A kind of stone: random convex polyhedra, each by its seed, or the closed surface in a file."""
 
-    elongation: Annotated[Axis, about("middle over longest of the three extents of a polyhedron")] = 1.0
-    flatness: Annotated[Axis, about("shortest over middle of the three extents of a polyhedron")] = 1.0
+    elongation: Annotated[Axis, about("middle over longest extent of a polyhedron")] = 1.0
+    flatness: Annotated[Axis, about("shortest over middle extent")] = 1.0
     corners: Annotated[Annotated[int, Field(ge=6, le=200)] | None, about(
-        "corners of a polyhedron; instead of sphericity; absent and without one: 16")] = None
+        "corners of a polyhedron; or sphericity; without either 16")] = None
     sphericity: Annotated[Annotated[float, Field(ge=0.5, lt=1)] | None, about(
-        "area of the sphere of equal volume over that of a polyhedron, met as nearly as a number of corners allows"),
+        "area of the sphere of equal volume over that of a polyhedron, as near as corners allow"),
     ] = None
     file: Annotated[str | None, about(
-        "mesh of a closed surface, such as an STL file, beside the scene; instead of the other keys")] = None
+        "closed mesh, such as an STL file, beside the scene; without other keys")] = None
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:

@@ -31,9 +31,8 @@ class AgglomerateTable(Table):
     damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
     unbreakable: Annotated[bool, about("bonds never break")] = False
     contact: Annotated[Literal["sub_spheres", "smooth", "faces"] | None, about(
-        "how a stone touches the plate: as the smooth sphere that it stands for, where it is none with its flat faces, "
-        "or with its sub-spheres, each alone, which is too soft (docs/contact.md); absent: \"smooth\" where all stones "
-        "are spheres, otherwise \"faces\"")] = None
+        "how a stone touches the plate (docs/contact.md); absent: \"smooth\" where all stones are spheres, else "
+        "\"faces\"")] = None
 
 
 class StonePosition(Place):
@@ -44,20 +43,20 @@ class EachStone(Table):
     """One stone."""
 
     material: Annotated[str, about("name of its table in materials")]
-    radius_m: Annotated[Positive, about("radius, of the sphere of equal volume where it is none")]
+    radius_m: Annotated[Positive, about("radius of the sphere of equal volume")]
     shape: Annotated[str, about("\"sphere\", or the name of a table in shapes")] = SPHERE
-    x_m: Annotated[float, about("where its centre is when it touches, along the plate's length")]
-    y_m: Annotated[float, about("where its centre is when it touches, along the plate's width")]
+    x_m: Annotated[float, about("place of its centre at touch, along the length")]
+    y_m: Annotated[float, about("the same along the width")]
     speed_m_s: Annotated[Speed | None, about(
-        "speed when it touches, straight down; instead of velocity_m_s")] = None
+        "speed at touch, straight down; or velocity_m_s")] = None
     velocity_m_s: Annotated[tuple[float, float, float] | None, about(
-        "velocity when it touches, along the plate's length, its width, and upwards from it")] = None
+        "velocity at touch, along length, width and upwards from the plate")] = None
     spin_rad_s: Annotated[tuple[float, float, float], about("rate of turn about the same axes")] = (0.0, 0.0, 0.0)
     arrival_s: Annotated[NotNegative, about("when it touches; 0: it starts gap_m above the plate")] = 0.0
     attitude: Annotated[tuple[float, float, float, float] | None, about(
-        "unit quaternion (w, x, y, z) that turns it before it falls; absent: not turned")] = None
+        "unit quaternion (w, x, y, z) of its rotation; absent: none")] = None
     strength_factor: Annotated[Positive, about("factor on the strengths of its bonds")] = 1.0
-    seed: Annotated[Seed | None, about("seed of its packing; absent: stones.seed + its number - 1")] = None
+    seed: Annotated[Seed | None, about("seed of its packing; absent: stones.seed + number - 1")] = None
 
     @model_validator(mode="after")
     def _moves(self) -> Self:
@@ -76,8 +75,8 @@ class EachStone(Table):
 class Footprint(Table):
     """A rectangle of the plate."""
 
-    x_m: Annotated[tuple[float, float], about("from and to, along the plate's length")]
-    y_m: Annotated[tuple[float, float], about("from and to, along the plate's width")]
+    x_m: Annotated[tuple[float, float], about("from and to, along the length")]
+    y_m: Annotated[tuple[float, float], about("the same along the width")]
 
     @model_validator(mode="after")
     def _ascends(self) -> Self:
@@ -90,22 +89,22 @@ class Footprint(Table):
 class DrawnStones(Table):
     """What drawn stones have in common. A quantity is a number or a distribution."""
 
-    size_m: Annotated[Spread, about("diameter, of the sphere of equal volume")]
-    speed_m_s: Annotated[Spread | None, about("speed when a stone touches, straight down")] = None
+    size_m: Annotated[Spread, about("diameter of the sphere of equal volume")]
+    speed_m_s: Annotated[Spread | None, about("speed at touch, straight down")] = None
     drop_height_m: Annotated[Spread | None, about(
-        "height from which it has fallen when it touches; instead of speed_m_s")] = None
+        "height of fall until touch; or speed_m_s")] = None
     footprint: Annotated[Footprint | None, about(
-        "rectangle in which the centres are, evenly spread; absent: the whole plate less half the largest size")] = None
-    spin_rad_s: Annotated[Spread, about("rate of turn, about an axis of any direction")] = Distribution(value=0.0)
+        "rectangle of the centres, even; absent: the plate less half the largest size")] = None
+    spin_rad_s: Annotated[Spread, about("rate of turn, about a random axis")] = Distribution(value=0.0)
     strength_factor: Annotated[Spread, about("factor on the strengths of a stone's bonds")] = Distribution(value=1.0)
     attitude: Annotated[Literal["random", "fixed"], about(
-        "how a stone is turned: at random, or not at all")] = "random"
+        "rotation of a stone")] = "random"
     gangue_by: Annotated[By, about("what stones.gangue_ratio is a share of")] = "mass"
     shapes: Annotated[tuple[str, ...], Field(min_length=1), about(
-        "\"sphere\" and names of tables in shapes, of which stones have one or the other with equal chance"),
+        "\"sphere\" and names of tables in shapes, drawn with equal chance"),
     ] = (SPHERE,)
     packings: Annotated[int, Field(ge=1, le=1000), about(
-        "different packings of each shape; a stone has one of them, scaled and turned")] = 8
+        "packings of each shape, which stones share, scaled and turned")] = 8
 
     @model_validator(mode="after")
     def _within_bounds(self) -> Self:
@@ -136,11 +135,11 @@ class StreamTable(DrawnStones):
     """Stones that arrive one after another at random times, at a steady rate."""
 
     rate_1_s: Annotated[Positive | None, about("stones a second")] = None
-    rate_kg_s: Annotated[Positive | None, about("mass a second; instead of rate_1_s")] = None
+    rate_kg_s: Annotated[Positive | None, about("mass a second; or rate_1_s")] = None
     begin_s: Annotated[NotNegative, about("when the stream begins")] = 0.0
     duration_s: Annotated[Positive, about("how long it lasts")]
     least_fragment: Annotated[Annotated[int, Field(ge=2)] | None, about(
-        "a fragment of fewer sub-spheres is taken out and counted as soon as it flies; absent: none is")] = None
+        "fragments of fewer sub-spheres are taken out and counted as they fly; absent: none")] = None
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:
@@ -159,30 +158,29 @@ class StonesTable(Table):
     """The stones, where they are, and how they arrive."""
 
     count: Annotated[Annotated[int, Field(ge=1, le=1000)] | None, about(
-        "number of stones of a volley, which has radius_m, speed_m_s, gangue_ratio, and circle_radius_m or positions "
-        "too; absent where each, drawn or stream is given", paper="10")] = None
+        "number of stones of a volley, which needs radius_m, speed_m_s, gangue_ratio, circle_radius_m or positions",
+        paper="10")] = None
     radius_m: Annotated[Positive | None, about("radius of a stone of a volley", paper="0.025")] = None
     speed_m_s: Annotated[Speed | None, about("impact speed of a volley, downwards", paper="3.0")] = None
     circle_radius_m: Annotated[Positive | None, about(
-        "radius of the circle on which the stones lie at equal angles, stone 1 on the x axis; instead of positions",
+        "radius of the circle of the stones, stone 1 on the x axis; or positions",
         paper="0.1")] = None
     positions: Annotated[tuple[StonePosition, ...] | None, about(
-        "centre of each stone in the plane of the plate; instead of circle_radius_m")] = None
-    gap_m: Annotated[Positive, about("height of the stones' lowest points above the plate at the start")] = 2e-5
+        "centre of each stone; or circle_radius_m")] = None
+    gap_m: Annotated[Positive, about("gap to the plate at the start")] = 2e-5
     coal: Annotated[str, about("name of the coal's table in materials")] = "coal"
     gangue: Annotated[str, about("name of the gangue's table in materials")] = "gangue"
     gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
-        "which stone turns into gangue first, each at most once; numbers above count are passed over, and stones that "
-        "are not named follow in ascending order")] = ()
+        "which stone turns into gangue first; those not named follow in ascending order")] = ()
     gangue_ratio: Annotated[Annotated[float, Field(ge=0, le=1)] | None, about(
-        "mixing ratio, the share of gangue among the stones; in a volley a multiple of 1/count",
+        "share of gangue; in a volley a multiple of 1/count",
         paper="0 to 1 in steps of 0.1")] = None
     arrival_s: Annotated[tuple[NotNegative, ...] | None, about(
-        "when each stone touches, with the speed asked whatever flew before; 0: it starts gap_m above the plate",
+        "when each stone touches; 0: it starts gap_m above the plate",
     )] = None
     strength_factor: Annotated[tuple[Positive, ...] | None, about(
-        "factor on the strengths of each stone's bonds")] = None
-    seed: Annotated[Seed, about("seed of all that is drawn and of the packings; stone k of a volley has seed + k - 1")]
+        "factor on each stone's bond strengths")] = None
+    seed: Annotated[Seed, about("seed of draws and packings; stone k of a volley has seed + k - 1")]
     each: Annotated[tuple[EachStone, ...] | None, Field(min_length=1, max_length=MOST_STONES), about(
         "stones one by one, instead of a volley")] = None
     drawn: Annotated[DrawnTable | None, about("stones drawn from distributions, instead of a volley")] = None

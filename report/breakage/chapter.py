@@ -52,7 +52,7 @@ def broken_areas(results: SweepResults) -> Drawn:
         ("crack area of one stone, cm²", {k: 1e4 * area for k, area in results.mean_by_material(first_m2).items()}),
         ("crack area of all stones, cm²", of_all),
         ("broken area in sections, cm²", {"first collision": 1e4 * in_sections_m2}),
-        ("damaged volume, % of a stone", {name: 100 * share for name, share in volume.items()}),
+        ("damaged volume, %", {name: 100 * share for name, share in volume.items()}),
     ]
     return against_ratio(results.ratios, panels)
 

@@ -104,7 +104,7 @@ def stress_against_ratio(results: SweepResults) -> Drawn:
     panels = [
         ("Hertz pressure of one stone, MPa",
          {name: 1e-6 * p for name, p in results.mean_by_material(pressure_Pa).items()}),
-        ("Hertz pressure, mean of all, MPa", {"all": 1e-6 * pressure_Pa.mean(axis=1)}),
+        ("mean Hertz pressure, MPa", {"all": 1e-6 * pressure_Pa.mean(axis=1)}),
     ]  # fmt: skip
     try:
         panels += [

@@ -1,6 +1,6 @@
-"""docs/decks.md: its deck runs as it stands on one rank and on several, and in free flight, with the same motion."""
+"""docs/deck: it runs as it stands on one rank and on several, and in free flight, with the same motion."""
 
-import re
+import shutil
 import subprocess
 import sys
 
@@ -12,29 +12,21 @@ from scenes_of_tests import SCENES
 from dem.record.energy_balance import read_ledger
 from dem.record.recorder import read_forces
 
-PAGE = (SCENES.parent / "docs" / "decks.md").read_text()
-BLOCKS = re.findall(r"```(data|liggghts|python) ?(.*)\n((?:.*\n)*?)```", PAGE)
+FILES = SCENES.parent / "docs" / "deck"
 STONES, DT, G = 2, 5e-7, 9.81
 MASS_kg = 4 * 2000 * np.pi / 6 * 9.8e-3**3
 
 
 def run(directory, variants=(), changes=(), ranks=1):
-    """What the engine wrote of the deck of the page, with the blocks of these variants and some words replaced."""
-    directory.mkdir()
-
-    def changed(text):
-        for old, new in dict(changes).items():
-            text = text.replace(old, new)
-        return re.sub(r"^velocity.*", "", text, flags=re.MULTILINE) if "stream" in variants else text
-
-    for kind, name, text in BLOCKS:
-        if kind == "data":
-            (directory / name).write_text(text)
+    """What the engine wrote of the deck, with the lines of these variants and some words replaced."""
+    shutil.copytree(FILES, directory)
     if "stream" in variants:
-        ((_, _, program),) = [block for block in BLOCKS if block[0] == "python"]
-        subprocess.run([sys.executable, "-c", program], cwd=directory, check=True)
-    run_engine(directory, "".join(changed(text) for kind, name, text in BLOCKS
-                                  if kind == "liggghts" and (not name or name in variants)), ranks)
+        subprocess.run([sys.executable, "stones.py"], cwd=directory, check=True)
+    deck = (directory / "deck.liggghts").read_text()
+    for old, new in {**dict(changes), **{f"#{variant} ": "" for variant in variants}}.items():
+        assert old in deck
+        deck = deck.replace(old, new)
+    run_engine(directory, deck, ranks)
     return read_ledger(directory / "ledger.bin", STONES), read_forces(directory / "forces.bin")
 
 
@@ -44,7 +36,7 @@ def alone(tmp_path_factory):
     return *run(directory), directory
 
 
-def test_the_deck_of_the_page_obeys_the_laws_of_motion(alone):
+def test_the_deck_obeys_the_laws_of_motion(alone):
     """The momentum that the plate gives is the integral of the force on it and of the weight; energy comes from nowhere;
     bonds break, and one stone strikes the wall."""
     ledger, forces, directory = alone
@@ -63,7 +55,7 @@ def test_the_deck_of_the_page_obeys_the_laws_of_motion(alone):
 
 
 @pytest.mark.parametrize("ranks", [2, 4])
-def test_the_deck_of_the_page_moves_alike_on_several_ranks(alone, tmp_path, ranks):
+def test_the_deck_moves_alike_on_several_ranks(alone, tmp_path, ranks):
     ledger, forces = run(tmp_path / "run", ranks=ranks)
     assert np.array_equal(ledger.step, alone[0].step)
     for name, expected in alone[0].column.items():
@@ -80,18 +72,18 @@ def same_strike(expected, found, stone, tolerance, late_steps=0):
     assert found_push == pytest.approx(push, abs=tolerance * push.max())
 
 
-def test_the_deck_of_the_page_strikes_alike_in_free_flight(alone, tmp_path):
+def test_the_deck_strikes_alike_in_free_flight(alone, tmp_path):
     """To round-off until one has struck the wall, after which its vibration is frozen as it flies again."""
-    ledger, forces = run(tmp_path / "run", ("one rank",))
+    ledger, forces = run(tmp_path / "run", ("flight",))
     same_strike(alone[1], forces, 0, 1e-9)
     same_strike(alone[1], forces, 1, 1e-4)
     assert ledger.column["kinetic_J"][-1].sum() == pytest.approx(alone[0].column["kinetic_J"][-1].sum(), rel=1e-3)
 
 
-def test_the_stones_of_the_page_come_and_strike_one_by_one(alone, tmp_path):
+def test_the_stones_come_and_strike_one_by_one(alone, tmp_path):
     """The first as if all were there from the start, the second so many steps later as it enters."""
-    changes = {"read_data       atoms.data": "\n".join(re.findall(r"`(region box.*?|create_box.*?)`", PAGE)),
-               "bonds bonds.txt": "bonds none", "impact_J 0.02464": "impact_J 0", "height_kg_m 7.3e-5": "height_kg_m 0"}
-    _, forces = run(tmp_path / "run", ("one rank", "stream"), changes)
+    changes = {"read_data": "#", "velocity  ": "#", "bonds bonds.txt": "bonds none", "impact_J 0.02464": "impact_J 0",
+               "height_kg_m 7.3e-5": "height_kg_m 0"}
+    _, forces = run(tmp_path / "run", ("flight", "stream"), changes)
     same_strike(alone[1], forces, 0, 1e-9)
     same_strike(alone[1], forces, 1, 1e-4, late_steps=3000)
