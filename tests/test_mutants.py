@@ -1,5 +1,7 @@
 """The table of mutations fits the checkout: `make mutants` tries them."""
 
+import re
+
 import pytest
 
 from lab.mutants.table import Mutant, TableError, read_table
@@ -15,6 +17,19 @@ def test_every_mutation_applies_once_and_its_tests_are_there():
             file, _, name = argument.partition("::")
             with open(file) as tests:
                 assert not name or f"\ndef {name}(" in tests.read(), f"{mutant.name}: {argument}"
+
+
+def test_what_is_woven_is_one_expression_or_one_statement():
+    """As the compiler sees it: a list of arguments, or the end of a statement without its beginning, is neither."""
+    for one in (one for group in weaves(read_table()) for one in group):
+        before = re.sub(r"//.*", "", one.mutant.source().read_text()[: one.start]).rstrip()
+        text, outside = one.mutant.original, one.mutant.original
+        while (inner := re.sub(r"\([^()]*\)|\{[^{}]*\}|\[[^][]*\]", "", outside)) != outside:
+            outside = inner
+        if text.endswith(";"):
+            assert before.endswith((";", "{", "}", ")", "else", ":")) and not text.startswith("else"), one.mutant.name
+        else:
+            assert not set(outside) & set("(){}[],;"), one.mutant.name
 
 
 def test_what_does_not_apply_once_is_an_error():

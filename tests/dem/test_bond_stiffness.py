@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh, spsolve
 
-from dem.deck.time_step import bond_fraction, undamped_limit
+from dem.deck.time_step import DAMPED_SHARE, bond_fraction, undamped_limit
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import (
     Bonds,
@@ -236,3 +236,14 @@ def test_default_step_is_below_the_limit_of_the_network(ratio, volumetric):
     t0 = np.sqrt(np.minimum(mass[bonds.first], mass[bonds.second]) * bonds.length_m / bonds.area_m2).min()
     assert undamped_limit(ratio) == pytest.approx(2 / frequency / t0, rel=0.1)
     assert bond_fraction(0.0, ratio) < 0.9 * 2 / frequency / t0
+
+
+@pytest.mark.parametrize("damping_ratio", [0.3, 1.0])
+def test_step_of_damped_bonds_is_a_share_of_the_largest_stable_one(damping_ratio):
+    """Of one vibration at the undamped limit, by the eigenvalues of a step of leapfrog whose damping is half a step late."""
+    limit = bond_fraction(damping_ratio, 2.17) / DAMPED_SHARE  # over t0, as all times here
+    square, tau = (2 / undamped_limit(2.17)) ** 2, 2 * damping_ratio
+    for share, stable in ((0.999, True), (1.001, False)):
+        dt = share * limit
+        kick, drift = np.array([[1, 0], [-square * dt, 1 - square * tau * dt]]), np.array([[1, dt], [0, 1]])
+        assert (np.abs(np.linalg.eigvals(drift @ kick)).max() < 1) == stable

@@ -151,6 +151,25 @@ def test_a_spinning_body_comes_back_with_its_bonds_as_they_were(tmp_path):
     assert -1e-4 * kinetic[0] < energy[back] - energy[back - 1] <= 0
 
 
+def test_a_body_that_comes_back_while_its_bond_bends_keeps_its_angular_momentum(tmp_path):
+    """Two sub-spheres spin alike and move across their bond so that the whole has none. They leave while the bond bends,
+    and come back above the plate: the torques of the bond turn both to the same side, forces take that away again."""
+    body, spin, dip = chain(2), 1000.0, 1000.0 * 0.4 * 0.9e-3**2 / 1e-3
+    body.center_m[:, 2] += 1.5e-3
+    write_files(tmp_path, body)
+    run_engine(tmp_path, deck(
+        DT, 1200, 5, bonds=bond_line(), lines=WEIGHT + PLATE + FREE.format(1),
+        velocity=f"set atom 1*2 vx 0 vy 0 omegay {spin}\nset atom 1 vz {-3 - dip!r}\nset atom 2 vz {-3 + dip!r}\n"
+        "thermo_modify lost ignore\n"))
+    f = frames(tmp_path)
+    momentum, angular, _ = moments(f.x, f.v, f.omega, f.mass, f.radius)
+    own = angular - np.cross(f.x.mean(axis=1), momentum)  # both have one mass
+    touch = np.flatnonzero((f.x[:, :, 2] < f.radius).any(axis=1))[0]
+    turned = np.diff(f.torque[:touch, 0, 1])
+    assert np.count_nonzero(turned == 0) > 50 and turned[-2:].all()  # it was away, and is back
+    assert np.abs(own[:touch]).max() < 1e-9 * 2 * spin * 0.4 * f.mass[0, 0] * 0.9e-3**2
+
+
 def test_the_lists_leave_out_no_contact(tmp_path):
     """A ball strikes the plate aslant and breaks: the elastic energy of the contacts that the engine lists, with a skin
     of its own within bodies, is that of all pairs of sub-spheres that overlap."""
@@ -282,9 +301,11 @@ def test_the_spring_of_a_contact_in_a_body_turns_with_it(tmp_path):
     still = np.flatnonzero(np.diff(elastic) == 0)  # it is away
 
     back = still[np.flatnonzero(np.diff(still) > 1)[0]] + 1
-    before, after = still[0] - 3, back + 3
-    overlap = 2 * 0.9e-3 - np.linalg.norm(f.x[before, 2] - f.x[before, 0])
-    assert elastic[before] > 8 / 15 * 5e9 / (2 * (1 - 0.25**2)) * np.sqrt(0.45e-3) * overlap**2.5  # Hertz': and a spring
+    before, after, away = still[0] - 3, back + 3, still[1]
+    overlap = 2 * 0.9e-3 - np.linalg.norm(f.x[:, 2] - f.x[:, 0], axis=1)
+    hertz_J = 8 / 15 * 5e9 / (2 * (1 - 0.25**2)) * np.sqrt(0.45e-3) * np.maximum(overlap, 0) ** 2.5
+    assert elastic[before] > hertz_J[before]  # and a spring
+    assert elastic[away] == pytest.approx(hertz_J[away], rel=1e-9)
     assert rows.column["wall_work_J"][after, 0] == 0  # it has not touched the plate yet
     arm = f.x - f.x.mean(axis=1, keepdims=True)  # all have one mass
     turn, _ = Rotation.align_vectors(arm[after], arm[before])
@@ -308,4 +329,37 @@ def test_a_body_that_spins_beside_a_wall_is_there_when_its_tip_strikes(tmp_path)
         ends[name] = frames(tmp_path / name)
     brute, free = ends["brute"], ends["free"]
     assert brute.v[-1, :, 0].mean() < -0.1
+    assert free.v[-1].mean(axis=0) == pytest.approx(brute.v[-1].mean(axis=0), abs=0.03)  # 1e-4 of (3 m/s)^2
+
+
+def test_a_body_that_spins_beside_another_is_there_when_its_tip_strikes(tmp_path):
+    """A row turns about its middle towards a sphere that floats beside it, neither comes nearer: it is struck as by brute
+    force."""
+    ends = {}
+    for name, fix in (("brute", ""), ("free", FREE.format(1e-4))):
+        (tmp_path / name).mkdir()
+        row = chain(5)
+        beside = row.center_m.mean(axis=0) + 4e-3 * np.array([[np.cos(1.0), np.sin(1.0), 0]])
+        write_files(tmp_path / name, Body(np.vstack([row.center_m, beside]), np.full(6, 0.9e-3), row.pair, row.bond_radius_m))
+        run_engine(tmp_path / name, deck(DT, 12_000, 1000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + fix, velocity=(
+            "velocity all set 0 0 0 units box\n" + throw(row, np.array([0, 0, 400.0]), np.zeros(3)) + "thermo_modify lost ignore\n")))
+        ends[name] = frames(tmp_path / name)
+    brute, free = ends["brute"], ends["free"]
+    assert np.linalg.norm(brute.v[-1, 5, :2]) > 0.5  # it was struck
+    assert free.v[-1, 5] == pytest.approx(brute.v[-1, 5], abs=0.03)  # 1e-4 of (3 m/s)^2
+
+
+def test_a_body_that_spins_above_the_plate_is_there_when_its_tip_strikes(tmp_path):
+    """A row turns about its middle, 3 mm above the plate, and falls from rest: it rebounds as by brute force."""
+    ends = {}
+    for name, fix in (("brute", ""), ("free", FREE.format(1e-4))):
+        (tmp_path / name).mkdir()
+        row = chain(5)
+        row.center_m[:, 2] += 3e-3
+        write_files(tmp_path / name, row)
+        run_engine(tmp_path / name, deck(DT, 12_000, 1000, bonds=bond_line(damping_time=1e-7), lines=WEIGHT + PLATE + fix,
+                                         velocity=throw(row, np.array([0, 400.0, 0]), np.zeros(3)) + "thermo_modify lost ignore\n"))
+        ends[name] = frames(tmp_path / name)
+    brute, free = ends["brute"], ends["free"]
+    assert brute.v[-1, :, 2].mean() > 0.1
     assert free.v[-1].mean(axis=0) == pytest.approx(brute.v[-1].mean(axis=0), abs=0.03)  # 1e-4 of (3 m/s)^2

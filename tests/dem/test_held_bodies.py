@@ -158,6 +158,25 @@ def test_a_held_body_that_stands_on_one_foot_falls_over(tmp_path):
     assert x[0, 1, 2] - x[-1, 1, 2] == pytest.approx(fall, rel=0.05)
 
 
+def test_a_held_body_turns_as_its_spin_says(tmp_path):
+    """A row that stands on one foot, turns about the vertical and falls over: its sub-spheres move about its middle as
+    their spins say, by central differences."""
+    row, angle, spin, every = chain(3), np.radians(30), 50.0, 250
+    row.center_m[:] = row.center_m[:, :1] * [np.cos(angle), 0, np.sin(angle)] + [0, 0, 0.9e-3 - 5e-9]
+    write_files(tmp_path, row)
+    rates = "".join(f"set atom {k + 1} vy {v!r}\n" for k, v in enumerate((spin * (row.center_m - row.center_m[1])[:, 0]).tolist()))
+    text = deck(DT, 15_000, every, bonds=bond_line(damping_time=2e-7), lines=WEIGHT + PLATE + FREE,
+                velocity=f"set atom * vx 0 vz 0 omegaz {spin}\n{rates}thermo_modify lost ignore\n")
+    run_engine(tmp_path, text.replace("0.5 0.5 0.5 0.5", "0 0 0 0"))
+    f = frames(tmp_path)
+    assert not f.torque[1:].any()  # of bonds: it is held
+    arm = f.x - f.x.mean(axis=1, keepdims=True)
+    moved = (arm[2:] - arm[:-2]) / (2 * every * DT)
+    expected = np.cross(f.omega, arm)[1:-1]
+    assert np.abs(f.omega[-1, 0, :2]).max() > 5  # it falls
+    assert np.abs(moved - expected).max() < 1e-4 * np.abs(expected).max()
+
+
 def test_a_body_that_is_pushed_by_more_than_half_its_limit_is_not_held(tmp_path):
     """Its weight is that much: it goes on trembling, since nothing damps its bonds."""
     tripod_ = tripod()

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from decks import Body, bond_line, chain, deck, frames, ledger, run_engine, write_files
 
+from dem.record.energy_balance import COLUMNS, StoneLedger, stone_energies
+
 
 @pytest.mark.parametrize("kernel", ["plain", "sse2", "auto"])
 def test_damping_of_a_bond_is_the_decay_of_an_oscillator(tmp_path, kernel):
@@ -117,3 +119,17 @@ def test_the_ledger_sees_no_dissipation_where_there_is_none(tmp_path):
     c, kinetic = two_spheres(tmp_path, 0.0, restitution=1.0, friction=0.0)
     assert abs(c["pair_work_J"][-1, 0]) < 1e-5 * kinetic
     assert frames(tmp_path).v[-1, 0, 0] == pytest.approx(-0.5, rel=1e-4)
+
+
+def test_all_parts_of_the_ledger_are_what_no_contact_or_bond_did():
+    """Of any numbers, of two stones: all parts with what is unexplained add up to the kinetic and potential energy less the
+    works of bonds and contacts, since what these took is told apart in them and nothing counts twice."""
+    numbers = np.random.default_rng(1).normal(size=(len(COLUMNS), 3, 2))
+    c = dict(zip(COLUMNS, numbers, strict=True))
+    near = np.ones((3, 2), dtype=bool)
+    start_kg_m = np.array([0.3, 0.7])
+    parts = stone_energies(StoneLedger(np.arange(3), c, near), 9.8, start_kg_m)
+    works = c["bond_work_J"] + c["pair_work_J"] + c["wall_work_J"]
+    expected = c["kinetic_J"] + 9.8 * (c["mass_height_kg_m"] - start_kg_m) - works
+    assert sum(parts.values()) == pytest.approx(expected, rel=1e-12)
+    assert parts["given_to_stones_J"].sum(axis=1) == pytest.approx(np.zeros(3), abs=1e-12)

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from scipy.linalg import expm
 import dem.coupling.watchdog
 from common.files.cache import user_cache
 from dem.coupling.launch import ENGINE
-from dem.coupling.messages import CouplingError
+from dem.coupling.messages import CouplingError, FinishedMessage, ForceMessage
 from dem.coupling.participant import PlateParticipant
 from dem.coupling.pipes import PlatePipes
 from dem.coupling.watchdog import EngineWatchdog
@@ -96,6 +97,21 @@ def test_a_fake_engine_and_the_plate_swing_as_two_masses(tmp_path):
         exact.append(state[0])
     error = np.abs(np.array(engine.z) - exact).max() / np.abs(exact).max()
     assert error < 2e-3, error
+
+
+@pytest.mark.parametrize(("asked", "trend"), [(10, 1 / 10), (2, 0.0)])
+def test_a_force_goes_on_with_its_trend_but_not_across_free_flight(asked, trend):
+    """No force over ten co-steps, then a mean of 1 N kg^-1/2 over the next ten. Had the engine asked for these ten, the mean of
+    the four after them is taken to lie on the line through both means, seven co-steps on; after a flight there is no line."""
+    motion, answered = ModalMotion(one_mode(), 1e-5), []
+    messages = iter([*(ForceMessage(step, count, ahead, np.array([force])) for step, count, ahead, force in (
+        (0, 0, 10, 0.0), (100, 10, asked, 0.0), (200, 10, 4, 1.0))), FinishedMessage()])
+    pipes = SimpleNamespace(receive=lambda: next(messages), confirm=lambda message: None,
+                            answer=lambda step, reach, amplitude, rate: answered.append(amplitude[0]))
+    PlateParticipant(motion, steps(200), lambda *row: None).run(pipes)
+    w = 2 * np.pi * FREQUENCY_Hz
+    first, both = (1 - np.cos(w * count * 1e-5) for count in (4, 14))  # by a constant force from rest, times w^2
+    assert answered[-1] == pytest.approx((both + 7 * trend * first) / w**2, rel=1e-9, abs=0)
 
 
 def opened(directory, alive=lambda: True, timeout_s=1.0):

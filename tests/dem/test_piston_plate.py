@@ -24,11 +24,12 @@ PLATE_kg, SLOW_Hz = 0.2, 0.1
 PLATE = changed("single", {}).plate.model_copy(update={"max_frequency_Hz": 2000.0})
 
 
-def plate_that_moves(by_y_1_m=0.0, length_m=0.5, width_m=0.5):
-    """One mode of a plate that hangs free: all of it moves up alike, or, `by_y_1_m` times y, rocks about the x axis."""
+def plate_that_moves(by_y_1_m=0.0, length_m=0.5, width_m=0.5, rests_at_m=0.0):
+    """One mode of a plate that hangs free: all of it moves up alike, or, `by_y_1_m` times y, rocks about a line along x
+    that rests at y = `rests_at_m`."""
     x, y = (side * np.linspace(-0.5, 0.5, 5) for side in (length_m, width_m))
     nodal = np.zeros((4, 25, 1))
-    nodal[0, :, 0] = (np.tile(y * by_y_1_m, 5) if by_y_1_m else 1) / np.sqrt(PLATE_kg)
+    nodal[0, :, 0] = (np.tile((y - rests_at_m) * by_y_1_m, 5) if by_y_1_m else 1) / np.sqrt(PLATE_kg)
     nodal[2] = by_y_1_m / np.sqrt(PLATE_kg)
     return PlateModes(
         frequency_Hz=np.array([SLOW_Hz]), damping_ratio=np.zeros(1), lines_x_m=x, lines_y_m=y, nodal=nodal,
@@ -75,6 +76,24 @@ def test_a_plate_that_is_not_square_moves_under_the_stone_as_its_shape_says(tmp_
     m, there = hertz("gangue")["mass_kg"], PLATE_kg / (per_m * y_m) ** 2
     assert found["rebound_speed_m_s"][0] == pytest.approx(speed * (there - m) / (there + m), rel=0.005)
     assert found["energy"]["plate_work_J"] == pytest.approx(2 * there * (m * speed / (m + there)) ** 2, rel=0.005)
+
+
+def test_what_reaches_over_the_edge_pushes_the_edge(tmp_path):
+    """The plate rocks about its edge, beyond which a stone falls by 1 mm: it is as if it were held, and reflects the stone
+    about the line from the edge to its centre."""
+    velocity, width_m, beside_m, gap_m = np.array([0, 1.0, -3.0]), 0.22, 1e-3, 3.6e-3
+    volley = dict.fromkeys(("count", "positions", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
+                            "circle_radius_m", "coal", "gangue"))
+    one = {"material": "gangue", "radius_m": RADIUS_m, "x_m": 0.1, "y_m": 0.11 + beside_m - gap_m / 3, "seed": 1,
+           "velocity_m_s": velocity.tolist()}
+    scene = changed("elastic_plate", {
+        **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "stones.gap_m": gap_m,
+        "contacts.gangue_plate.friction": 0.0, "time.gravity_m_s2": None, "plate.width_m": width_m, "plate.sensors": None,
+        "plate.rods": None, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 1.8e-3, "time.sample_interval_s": 6e-5})
+    found = run_on(plate_that_moves(1000.0, 0.5, width_m, 0.11), tmp_path / "run", scene)
+    away = np.array([0, beside_m / RADIUS_m, np.sqrt(1 - (beside_m / RADIUS_m) ** 2)])
+    assert found["rebound_speed_m_s"][0] == pytest.approx((velocity - 2 * velocity @ away * away)[2], rel=0.01)
+    assert found["energy"]["plate_work_J"] < 1e-6 * found["energy"]["impact_J"]
 
 
 def test_between_messages_the_plate_moves_with_its_acceleration(tmp_path, monkeypatch):

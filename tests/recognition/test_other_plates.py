@@ -91,6 +91,15 @@ def test_a_force_is_told_by_what_is_heard_of_it():
         assert abs(stone.moments()[2] / duration - 1) > 0.01
 
 
+def test_a_stone_touches_before_the_centre_of_its_force():
+    """A constant force over 40 steps that begins at the 10th: its centre is 20 steps after the touch, its variance that of
+    40 equal masses, (40^2 - 1)/12 steps^2."""
+    force = np.where((np.arange(60) >= 10) & (np.arange(60) < 50), 7.0, 0.0)
+    stone = History(force, 1e-6, False, 0.025, 1380.0, 3.0)
+    assert stone.start() == pytest.approx(20 / np.sqrt((40**2 - 1) / 12))
+    assert stone.moments() == pytest.approx((7.0 * 40e-6, 30e-6, 1e-6 * np.sqrt((40**2 - 1) / 12)))
+
+
 def test_histories_and_law_are_of_the_rock_of_today():
     """After any change of rock or contact, `make forces` makes both anew."""
     assert stored_rock() == rock_of(SCENE.with_name("single.toml"))
