@@ -45,9 +45,9 @@ NO_FORCE: Mapping[str, Any] = {"kind": True, "bond": {"flaw_modulus", "flaw_leng
 def rock_of(scene: str | Path) -> str:
     """Hash of a scene's materials, contacts and bonds: of all that a stone's force depends on but size and speed."""
     read = read_scene(scene)
-    parts = [read.materials["coal"], read.materials["gangue"], read.contacts["coal_plate"],
-             read.contacts["gangue_plate"], read.stones.agglomerate]
-    flaws = any(material.bond and material.bond.flaw_modulus for material in parts[:2])
+    materials = [read.materials["coal"], read.materials["gangue"]]
+    flaws = any(material.bond is not None and material.bond.flaw_modulus for material in materials)
+    parts = [*materials, read.contacts["coal_plate"], read.contacts["gangue_plate"], read.stones.agglomerate]
     text = "".join(part.model_dump_json(exclude=None if flaws else NO_FORCE) for part in parts if part is not None)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
