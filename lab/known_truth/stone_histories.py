@@ -47,7 +47,7 @@ def rock_of(scene: str | Path) -> str:
     read = read_scene(scene)
     parts = [read.materials["coal"], read.materials["gangue"], read.contacts["coal_plate"],
              read.contacts["gangue_plate"], read.stones.agglomerate]
-    flaws = any(material.bond and material.bond.flaw_modulus for material in parts[:2])
+    flaws = any(m.bond and m.bond.flaw_modulus for m in (read.materials["coal"], read.materials["gangue"]))
     text = "".join(part.model_dump_json(exclude=None if flaws else NO_FORCE) for part in parts if part is not None)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
