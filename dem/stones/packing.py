@@ -25,7 +25,8 @@ PRESSURES = (1e-1, 1e-2, 1e-3, 3e-4)
 SKIN = 0.3  # of the neighbour list, in mean radii
 TOUCHING = 5e-3  # gap below which sub-spheres count as touching, relative to the sum of their radii (a wall has none)
 
-Walls = list[tuple[np.ndarray, np.ndarray]]  # distances (n,) of points inside a wall, and its inward normals (n, 3)
+# Distances of points from a curved wall (n,) or from f flat ones (n, f), and the inward normals (n, 3) or (f, 3).
+Walls = list[tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -55,12 +56,6 @@ class SphereContainer:
         return SphereContainer(self.radius_m / length_m)
 
 
-def two_faces(x: np.ndarray, axis: int, half: float) -> Walls:
-    """The walls at -half and +half of an axis, for points x (n, 3)."""
-    inward = np.eye(3)[axis]
-    return [(half + x[:, axis], np.tile(inward, (len(x), 1))), (half - x[:, axis], np.tile(-inward, (len(x), 1)))]
-
-
 @dataclass(frozen=True)
 class CylinderContainer:
     """Axis along z, from -length/2 to length/2."""
@@ -84,7 +79,8 @@ class CylinderContainer:
         r = np.sqrt((x[:, :2] ** 2).sum(1))
         side = np.zeros_like(x)
         side[:, :2] = -x[:, :2] / np.maximum(r, 1e-300)[:, None]
-        return [(self.radius_m - r, side), *two_faces(x, 2, self.length_m / 2)]
+        ends = np.column_stack([self.length_m / 2 + x[:, 2], self.length_m / 2 - x[:, 2]])
+        return [(self.radius_m - r, side), (ends, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))]
 
     def in_units(self, length_m: float) -> CylinderContainer:
         """The same in units of `length_m`."""
@@ -108,7 +104,8 @@ class ConvexContainer:
 
     def walls(self, x: np.ndarray) -> Walls:
         """The walls as seen from points x (n, 3)."""
-        return [(face[3] - x @ np.array(face[:3]), np.tile(-np.array(face[:3]), (len(x), 1))) for face in self.faces]
+        faces = np.array(self.faces)
+        return [(faces[:, 3] - x @ faces[:, :3].T, -faces[:, :3])]
 
     def in_units(self, length_m: float) -> ConvexContainer:
         """The same in units of `length_m`."""
@@ -131,7 +128,7 @@ class Packing:
     @property
     def wall_gap_m(self) -> np.ndarray:
         """(n,) distance of each sub-sphere to the nearest wall, negative where it sticks out."""
-        return np.min([distance for distance, _ in self.container.walls(self.center_m)], axis=0) - self.radius_m
+        return _wall_distances(self.container, self.center_m).min(axis=1) - self.radius_m
 
 
 def pack_sphere(radius_m: float, count: int, seed: int, size_ratio: float = 1.5) -> Packing:
@@ -228,8 +225,9 @@ class _Swelling:
         squeeze = (overlap * (1 - overlap)).sum()
         radius = self.scale * self.size
         for distance, normal in self.container.walls(self.x):
-            overlap = np.maximum(1 - distance / radius, 0.0)
-            force += (overlap / radius)[:, None] * normal
+            overlap = np.maximum(1 - distance.T / radius, 0.0)
+            push = (overlap / radius).T
+            force += push @ normal if push.ndim == 2 else push[:, None] * normal
             squeeze += (overlap * (1 - overlap)).sum()
         return force, pressure * self.n - squeeze
 
@@ -265,16 +263,21 @@ class _Swelling:
         i, j = near_pairs(self.x, radius, 0.0).T
         distance = np.sqrt(((self.x[j] - self.x[i]) ** 2).sum(1))
         clear = min((distance / (radius[i] + radius[j])).min(initial=1.0),
-                    *((distance / radius).min() for distance, _ in self.container.walls(self.x)))
+                    (_wall_distances(self.container, self.x).T / radius).min())
         return self.x, radius * min(1.0, clear / (1 - OVERLAP_TOLERANCE))
+
+
+def _wall_distances(container: Container, x: np.ndarray) -> np.ndarray:
+    """Of points x (n, 3) from all walls, (n, walls)."""
+    return np.column_stack([distance for distance, _ in container.walls(x)])
 
 
 def _random_points(container: Container, count: int, rng: np.random.Generator) -> np.ndarray:
     points = np.zeros((0, 3))
     while len(points) < count:
         x = rng.uniform(-1, 1, (2 * count, 3)) * container.half_size_m
-        inside = container.contains(x) if isinstance(container, MeshContainer) else np.all(
-            [distance > 0 for distance, _ in container.walls(x)], axis=0)
+        inside = container.contains(x) if isinstance(container, MeshContainer) else (
+            _wall_distances(container, x) > 0).all(axis=1)
         points = np.vstack([points, x[inside]])
     return points[:count]
 

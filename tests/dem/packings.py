@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dem.stones.packing import pack, two_faces
+from dem.stones.packing import pack
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,8 @@ class BoxContainer:
         return np.array(self.length_m) / 2
 
     def walls(self, x):
-        return [wall for k in range(3) for wall in two_faces(x, k, self.length_m[k] / 2)]
+        half = self.half_size_m
+        return [(np.hstack([half + x, half - x]), np.vstack([np.eye(3), -np.eye(3)]))]
 
     def in_units(self, length_m):
         return BoxContainer(tuple(edge / length_m for edge in self.length_m))

@@ -1,9 +1,13 @@
 """Friction moves the plate in its plane: a sphere that strikes a swaying plate aslant, beside a naive integration."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from scenes_of_tests import changed, hertz
+from scipy.integrate import solve_ivp
+from test_piston_plate import plate_that_moves
 from test_smooth_contact import stone
 
 import dem.deck.render
@@ -30,13 +34,13 @@ def swaying():
 
 
 def strike_aslant(monkeypatch, directory, scene, velocity_m_s, modes=None):
-    """Run a scene whose stones come along x too; their speed is that of the scene."""
-    render = dem.deck.render.render
+    """Run a scene whose stones come along x, or x and y, too; their speed is that of the scene."""
+    render, (x, y, *_), z = dem.deck.render.render, (*velocity_m_s[:-1], 0.0), velocity_m_s[-1]
 
     def aslant(*given):
         text, straight = render(*given), f"all set 0 0 {-scene.stones.speed_m_s}"
         assert straight in text
-        return text.replace(straight, f"all set {velocity_m_s[0]} 0 {velocity_m_s[1]}")
+        return text.replace(straight, f"all set {x} {y} {z}")
     monkeypatch.setattr(dem.deck.render, "render", aslant)
     model = prepare(scene, "aslant", user_cache())
     if modes is not None:
@@ -110,6 +114,32 @@ def test_a_strong_dashpot_across_the_contact_makes_the_stone_roll(tmp_path, monk
     assert rebound_m_s == pytest.approx(restitution * down, rel=0.02)
     before, after = 0.5 * hertz("coal")["mass_kg"] * np.square([along, rebound_m_s])
     assert (energy["kinetic_J"] - after) / before == pytest.approx(5 / 7, rel=0.12)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_sphere_that_slides_feels_the_plate_beneath_it(tmp_path, monkeypatch, axis):
+    """It strikes a plate whose one mode grows with the square of the way it slides: a naive integration takes the shape at
+    every instant."""
+    down_m_s, along_m_s, start_m, duration_s, gap_m = 3.0, 30.0, 0.05, 3e-4, 2e-5
+    places = plate_that_moves().node_m[:, axis]
+    per_m2 = 400 / np.sqrt(SWAYING_kg)
+    nodal = np.zeros((4, 25, 1))
+    nodal[0, :, 0], nodal[1 + axis, :, 0] = per_m2 * places**2, 2 * per_m2 * places
+    scene = changed("elastic_plate", {
+        "stones.positions": [{"x_m": start_m, "y_m": 0.0} if axis == 0 else {"x_m": 0.0, "y_m": start_m}],
+        "stones.speed_m_s": float(np.hypot(along_m_s, down_m_s)), "stones.gap_m": gap_m, "time.gravity_m_s2": None,
+        "plate.sensors": None, "plate.rods": None, "plate.max_frequency_Hz": 2000.0, "time.duration_s": duration_s, "time.sample_interval_s": 3e-5})
+    velocity = (along_m_s, -down_m_s) if axis == 0 else (0.0, along_m_s, -down_m_s)
+    found = strike_aslant(monkeypatch, tmp_path / "run", scene, velocity, replace(plate_that_moves(), nodal=nodal))
+    stiffness, mass = hertz("gangue")["stiffness"], hertz("gangue")["mass_kg"]
+
+    def rates(t, y):
+        shape = per_m2 * (start_m + along_m_s * t) ** 2
+        push = stiffness * max(shape * y[2] - y[0], 0.0) ** 1.5
+        return [y[1], push / mass, y[3], -shape * push]
+    end = solve_ivp(rates, (0, duration_s), [gap_m, -down_m_s, 0, 0], rtol=1e-9, atol=1e-12, max_step=1e-6).y[:, -1]
+    assert found["energy"]["plate_work_J"] == pytest.approx(0.5 * end[3] ** 2, rel=1e-3)
+    assert found["rebound_speed_m_s"][0] == pytest.approx(end[1], abs=1e-3 * down_m_s)
 
 
 @pytest.mark.validate

@@ -6,6 +6,7 @@ from packings import BoxContainer, pack_box, plate_depth_m, solid_fraction
 
 from dem.stones.packing import (
     OVERLAP_TOLERANCE,
+    ConvexContainer,
     CylinderContainer,
     SphereContainer,
     _Swelling,
@@ -16,6 +17,8 @@ from dem.stones.packing import (
 from lab.rock.fcc import fcc_sphere
 
 RADIUS = 0.025
+OBLIQUE = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
+TETRAHEDRON = ConvexContainer(tuple((*normal, 2.0) for normal in OBLIQUE.tolist()), (6.0, 6.0, 6.0), 64 * np.sqrt(3))
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +130,8 @@ def test_a_single_layer_touches_both_faces():
 
 
 @pytest.mark.parametrize("container", [
-    SphereContainer(3.0), CylinderContainer(2.0, 5.0), BoxContainer((4.0, 4.5, 5.0))], ids=["sphere", "cylinder", "box"])
+    SphereContainer(3.0), CylinderContainer(2.0, 5.0), BoxContainer((4.0, 4.5, 5.0)), TETRAHEDRON],
+    ids=["sphere", "cylinder", "box", "tetrahedron"])
 def test_forces_are_the_gradient_of_the_enthalpy(container):
     rng = np.random.default_rng(2)
     state = _Swelling(container, rng.uniform(0.8, 1.2, 40), rng)
@@ -137,7 +141,7 @@ def test_forces_are_the_gradient_of_the_enthalpy(container):
         i, j = np.triu_indices(40, 1)
         sigma = state.scale * (state.size[i] + state.size[j])
         overlap = np.maximum(1 - np.linalg.norm(state.x[i] - state.x[j], axis=1) / sigma, 0)
-        walls = [np.maximum(1 - d / (state.scale * state.size), 0) for d, _ in container.walls(state.x)]
+        walls = [np.maximum(1 - d.T / (state.scale * state.size), 0) for d, _ in container.walls(state.x)]
         return 0.5 * (overlap**2).sum() + 0.5 * sum((w**2).sum() for w in walls) - pressure * 40 * np.log(state.scale)
 
     force, force_scale = state.forces(pressure)

@@ -14,7 +14,8 @@
 namespace LAMMPS_NS {
 
 namespace {
-const double SHAPE_TOLERANCE_M = 2e-6;  // a mode shape is taken anew when its sub-sphere moved this far in the plane
+const double SHAPE_TOLERANCE_M = 2e-6;  // a mode shape follows a sub-sphere that moved this far in the plane,
+const double SLOPES_REACH = 0.02;       // by its slopes as far as this, in cells of the grid of shapes
 const double PLATE_CLEARANCE_M = 1e-6;  // added to what the plate can reach
 }  // namespace
 
@@ -29,13 +30,13 @@ double PlateCoupling::interval_s() const { return extrapolated_co_steps_ * co_st
 
 void PlateCoupling::list(const std::vector<NearSphere> &near) {
   sites_.assign(near.size(), Site());
-  site_shapes_.resize(near.size() * shapes_.numbers());
+  site_shapes_.resize(near.size() * SHAPES_OF_SITE * shapes_.numbers());
   // Within a co-step the place of the plate must be known at once for what was not listed before.
   if (engaged_) predict(near);
 }
 
 void PlateCoupling::predict(const std::vector<NearSphere> &near) {
-  for (size_t k = 0; k < near.size(); k++) predict(near[k], sites_[k], &site_shapes_[k * shapes_.numbers()]);
+  for (size_t k = 0; k < near.size(); k++) predict(near[k], sites_[k], shape_of(k));
 }
 
 // Takes the mode shapes at the place of a near sub-sphere, and the plate there at both ends of the time between
@@ -49,10 +50,8 @@ void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
   if (!site.is_active) return;
   const double foot_x = std::clamp(x[0] + p.to_foot[0], extent_[0], extent_[1]);
   const double foot_y = std::clamp(x[1] + p.to_foot[1], extent_[2], extent_[3]);
-  if (!site.has_shape || std::hypot(foot_x - site.x, foot_y - site.y) > SHAPE_TOLERANCE_M) {
-    shapes_.at(foot_x, foot_y, shape);
-    site.x = foot_x, site.y = foot_y, site.has_shape = true;
-  }
+  if (!site.has_shape || std::hypot(foot_x - site.x, foot_y - site.y) > SHAPE_TOLERANCE_M)
+    take_shape(foot_x, foot_y, site, shape);
   for (int d = 0; d < shapes_.directions(); d++, shape += shapes_.modes()) {
     Site::Way &way = site.way[d];
     for (int m = 0; m < shapes_.modes(); m++) {
@@ -62,6 +61,20 @@ void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
       way.rate1 += shape[m] * link_.rate[m];
     }
   }
+}
+
+// The mode shapes at a place: from the grid where the site has none near by, else along the slopes of those it has.
+void PlateCoupling::take_shape(double x, double y, Site &site, double *shape) const {
+  const int n = shapes_.numbers();
+  double *taken = shape + n, *by_x = taken + n, *by_y = by_x + n;
+  double dx = x - site.taken_x, dy = y - site.taken_y;
+  if (!site.has_shape || std::hypot(dx, dy) > SLOPES_REACH * shapes_.cell_m()) {
+    shapes_.at(x, y, taken, by_x, by_y);
+    site.taken_x = x, site.taken_y = y, site.has_shape = true;
+    dx = dy = 0;
+  }
+  for (int k = 0; k < n; k++) shape[k] = taken[k] + dx * by_x[k] + dy * by_y[k];
+  site.x = x, site.y = y;
 }
 
 // The cubic of Hermite: w = w0 + s dw + s (1 - s) ((1 - s) a + s b), dw = w1 - w0, a = T w0' - dw, b = dw - T w1'.
@@ -80,7 +93,7 @@ void PlateCoupling::place(std::vector<NearSphere> &near, int step_in_co_step) {
 }
 
 void PlateCoupling::find(NearSphere &p, size_t number, int step_in_co_step) {
-  if (engaged_) predict(p, sites_[number], &site_shapes_[number * shapes_.numbers()]);
+  if (engaged_) predict(p, sites_[number], shape_of(number));
   place(p, sites_[number], step_in_co_step);
 }
 
@@ -99,7 +112,7 @@ void PlateCoupling::add_forces(const std::vector<NearSphere> &near, double share
   const int modes = shapes_.modes();
   for (size_t k = 0; k < near.size(); k++) {
     if (!near[k].touches || near[k].push == 0) continue;
-    const double *shape = &site_shapes_[k * shapes_.numbers()];
+    const double *shape = shape_of(k);
     const double force[3] = {near[k].push, near[k].drag[0], near[k].drag[1]};
     for (int d = 0; d < shapes_.directions(); d++, shape += modes)
       for (int m = 0; m < modes; m++) modal_force_[m] -= share * force[d] * shape[m];

@@ -53,7 +53,8 @@ class PlateCoupling {
   struct Site {                  // of each near sub-sphere
     bool is_active = false;      // may it touch the plate before the next message?
     bool has_shape = false;
-    double x, y;                 // where the mode shapes were taken, m
+    double x, y;                 // where the mode shapes hold, m
+    double taken_x = 0, taken_y = 0;  // where they and their slopes were taken from the grid
     struct Way {
       double w0 = 0, w1 = 0;       // displacement of the plate at the last and at the next message, m
       double rate0 = 0, rate1 = 0; // and its velocity, m/s
@@ -70,7 +71,8 @@ class PlateCoupling {
   const WeakContact weak_;
   double extent_[4];
   std::vector<Site> sites_;
-  std::vector<double> site_shapes_;  // PlateShapes::numbers() of each site
+  static constexpr int SHAPES_OF_SITE = 4;  // where it is; where they were taken, with the slopes along x and y
+  std::vector<double> site_shapes_;  // SHAPES_OF_SITE times PlateShapes::numbers() of each site
   std::vector<double> amplitude0_, rate0_;  // at the last message
   std::vector<double> modal_force_;  // sum over the co-steps passed of the mean of each, N kg^-1/2
   long long co_steps_passed_ = 0;    // since the last message
@@ -81,7 +83,9 @@ class PlateCoupling {
   bool anything_near(const std::vector<NearSphere> &) const;
   int co_steps_to_extrapolate(const std::vector<NearSphere> &) const;
   void send_message(const std::vector<NearSphere> &);
+  double *shape_of(size_t site) { return &site_shapes_[site * SHAPES_OF_SITE * shapes_.numbers()]; }
   void predict(const NearSphere &, Site &, double *shape);
+  void take_shape(double x, double y, Site &, double *shape) const;
   void place(NearSphere &, const Site &, int step_in_co_step) const;
 };
 

@@ -51,28 +51,38 @@ bool PlateShapes::read(FILE *in) {
 }
 
 namespace {
-// Weights of the four nodes -1, 0, 1, 2 for a point at s in [0, 1] between the middle two (Lagrange).
-void lagrange(double s, double *weight) {
+// Weights of the four nodes -1, 0, 1, 2 for a point at s in [0, 1] between the middle two (Lagrange), and their slopes.
+void lagrange(double s, double *weight, double *slope) {
   weight[0] = -s * (s - 1) * (s - 2) / 6;
   weight[1] = (s + 1) * (s - 1) * (s - 2) / 2;
   weight[2] = -(s + 1) * s * (s - 2) / 2;
   weight[3] = (s + 1) * s * (s - 1) / 6;
+  slope[0] = -((3 * s - 6) * s + 2) / 6;
+  slope[1] = ((3 * s - 4) * s - 1) / 2;
+  slope[2] = -((3 * s - 2) * s - 2) / 2;
+  slope[3] = (3 * s * s - 1) / 6;
 }
 }  // namespace
 
-void PlateShapes::at(double x, double y, double *shape) const {
+void PlateShapes::at(double x, double y, double *shape, double *by_x, double *by_y) const {
   const double u = (x - x0_) / dx_, v = (y - y0_) / dy_;
   const long long iu = std::clamp<long long>(std::floor(u), 1, nx_ - 3);
   const long long iv = std::clamp<long long>(std::floor(v), 1, ny_ - 3);
-  double wu[4], wv[4];
-  lagrange(u - iu, wu);
-  lagrange(v - iv, wv);
-  std::fill(shape, shape + numbers(), 0.0);
+  double wu[4], wv[4], su[4], sv[4];
+  lagrange(u - iu, wu, su);
+  lagrange(v - iv, wv, sv);
+  std::fill_n(shape, numbers(), 0.0);
+  std::fill_n(by_x, numbers(), 0.0);
+  std::fill_n(by_y, numbers(), 0.0);
   for (int a = 0; a < 4; a++)
     for (int b = 0; b < 4; b++) {
-      const double w = wu[a] * wv[b];
+      const double w = wu[a] * wv[b], wx = su[a] * wv[b] / dx_, wy = wu[a] * sv[b] / dy_;
       const double *node = &shape_[((iu - 1 + a) * ny_ + iv - 1 + b) * numbers()];
-      for (int m = 0; m < numbers(); m++) shape[m] += w * node[m];
+      for (int m = 0; m < numbers(); m++) {
+        shape[m] += w * node[m];
+        by_x[m] += wx * node[m];
+        by_y[m] += wy * node[m];
+      }
     }
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -20,7 +21,8 @@ class PlateShapes {
   int modes() const { return static_cast<int>(modes_); }
   int directions() const { return static_cast<int>(directions_); }
   int numbers() const { return directions() * modes(); }  // at a point: [directions][modes]
-  void at(double x, double y, double *shape) const;
+  double cell_m() const { return std::min(dx_, dy_); }
+  void at(double x, double y, double *shape, double *by_x, double *by_y) const;  // and its slopes
 
  private:
   long long nx_, ny_, directions_, modes_;
