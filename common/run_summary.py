@@ -97,7 +97,6 @@ class RecordedScene(Recorded):
     scatter: dict[str, Any] = {}
     plate: RecordedPlate = RecordedPlate()
 
-
     def kind_of(self, material: str) -> str:
         """"coal" or "gangue", or the name of a material that says neither."""
         table = self.materials.get(material)
@@ -126,7 +125,7 @@ class RunSummary(Recorded):
     assumptions: list[str] | dict[str, Any] = []
     gangue_ratio: Annotated[float, Field(ge=0, le=1)]
     gangue_ratio_by_mass: float | None = None
-    materials: list[str]
+    materials: Annotated[list[str], Field(min_length=1)]
     stones: dict[str, list[Any]] | None = None  # by column of stones.parquet, where the scene's scatter draws them
     versions: dict[str, str] | None = None
     seeds: list[int] | dict[str, int] | None = None  # of the packings
