@@ -30,7 +30,7 @@ COLUMNS = ["kinetic_J", "momentum_z_kg_m_s", "mass_height_kg_m", "bond_elastic_J
            "bond_damped_J", "broken", "pair_work_J", "wall_work_J", "plate_work_J", "wall_elastic_J", "wall_damped_J",
            "pair_elastic_J", "pair_damped_J", "wall_plastic_J", "wall_released_J", "friction_J", "springs_gained_J",
            "wall_deepest", "waited_steps"]
-LEAST_SUPPLIED_J = 1e-300  # of a stone that has not entered, whose closure is 0
+LEAST_SUPPLIED_J = 1e-300  # of a stone that has not entered: what no stone explains is shared among all, it too
 UNEXPLAINED = ("bonds_unexplained_J", "contacts_unexplained_J")  # by the law of either, and so in no sum
 
 
@@ -137,6 +137,6 @@ def energy_ledger(parts: dict[str, np.ndarray], plate: PlateEnergy, kinetic_star
         "plate_work_J": plate.work_J,
         "closure": total / float(supplied.sum()),
         "by_agglomerate": [{name: float(values[k]) for name, values in end.items()}
-                           | {"closure": float(stones[k] / supplied[k])}
+                           | {"closure": float(stones[k] / supplied[k]) if supplied[k] > LEAST_SUPPLIED_J else 0.0}
                            for k in range(len(stones))],
     }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from decks import Body, bond_line, chain, deck, frames, ledger, run_engine, write_files
 
-from dem.record.energy_balance import COLUMNS, StoneLedger, stone_energies
+from dem.record.energy_balance import COLUMNS, PlateEnergy, StoneLedger, energy_ledger, stone_energies
 
 
 @pytest.mark.parametrize("kernel", ["plain", "sse2", "auto"])
@@ -133,3 +133,14 @@ def test_all_parts_of_the_ledger_are_what_no_contact_or_bond_did():
     expected = c["kinetic_J"] + 9.8 * (c["mass_height_kg_m"] - start_kg_m) - works
     assert sum(parts.values()) == pytest.approx(expected, rel=1e-12)
     assert parts["given_to_stones_J"].sum(axis=1) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_a_stone_that_has_not_entered_closes():
+    """What no stone explains is shared among all: of a stone without energy it is no share of anything."""
+    start = np.array([1.0, 0.0])
+    parts = {name: np.zeros((1, 2)) for name in ("kinetic_J", "potential_J", "given_to_plate_J", "given_to_stones_J")}
+    parts["kinetic_J"][0, 0] = 0.998
+    parts["given_to_stones_J"][:] = 1e-3
+    found = energy_ledger(parts, PlateEnergy(), start)
+    assert [one["closure"] for one in found["by_agglomerate"]] == pytest.approx([-1e-3, 0.0])
+    assert found["closure"] == pytest.approx(0.0, abs=1e-15)
