@@ -15,6 +15,7 @@ WORKER = "PYTEST_XDIST_WORKER" in os.environ  # which inherits the directory of 
 def pytest_configure(config):
     # A shell without job control starts programs in the background with SIGINT ignored, which children inherit.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # and nohup those that it starts with SIGHUP ignored
     if not WORKER:
         os.environ["COAL_GANGUE_CACHE"] = tempfile.mkdtemp(prefix="cache-of-tests-")
 

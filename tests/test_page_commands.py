@@ -98,4 +98,6 @@ def test_a_block_runs_as_it_is_written(name, clone):
 @pytest.mark.validate
 @pytest.mark.parametrize("name", LONG)
 def test_a_long_block_runs_as_it_is_written(name, clone):
+    if "gangue sweep" in BLOCKS[name]:
+        shutil.rmtree(clone / "runs")  # it makes its runs itself
     run_block(name, clone)
