@@ -18,7 +18,7 @@ def fallen(path):
     pd.DataFrame(0.0, index=range(3), columns=COLUMNS).assign(
         first_contact_s=[0.1, 0.2, np.nan], material=["rock", "coal", "coal"],
         mass_kg=[0.3, 0.1, 0.1]).to_parquet(path / "stones.parquet")
-    scene = SimpleNamespace(stones=SimpleNamespace(gangue="rock"))
+    scene = SimpleNamespace(kind_of={"rock": "gangue", "coal": "coal"}.get)
     return StreamResults(SimpleNamespace(path=path, scene=scene, t_s=np.array([0.0, 0.5])))
 
 

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from dem.__main__ import main
-from dem.coupling.launch import engine_error
+from dem.coupling.launch import engine_error, library_version
 from tests.robustness.small import HERTZ, ROOT, run, small_stone, what_was_said
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
@@ -58,6 +58,7 @@ def test_a_question_to_dpkg_that_was_killed_is_no_missing_package(tmp_path, monk
     (tmp_path / "dpkg-query").write_text("#!/bin/sh\nkill -9 $$\n")
     (tmp_path / "dpkg-query").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    library_version.cache_clear()
     assert main(["run", str(HERTZ), "--out", str(tmp_path / "run")]) == 1
     errors = capsys.readouterr().err
     assert "signal 9" in errors and errors.count("\n") == 1 and not (tmp_path / "run").exists()
