@@ -61,10 +61,10 @@ def test_a_changed_scene_is_run_again(small):
 
 
 def test_a_sweep_changes_keys_of_the_scene(tmp_path, capsys):
-    """Three spheres of the paper's ten, in the order that its scene gives them; each ratio is the run that `run` makes,
-    and its engine's log is kept where the scene asks for it."""
+    """Three spheres of the paper's ten, in the order that its scene gives them; each ratio is the run that `run`
+    makes."""
     scene, out = SCENES / "paper.toml", tmp_path / "runs"
-    changes = ["stones.count=3", "time.duration_s=3e-4", "output.engine_log=true", "time.free_flight_tolerance=0.0",
+    changes = ["stones.count=3", "time.duration_s=3e-4", "time.free_flight_tolerance=0.0",
                "plate.max_frequency_Hz=1500.0", "stones.agglomerate.subspheres=8",
                "stones.agglomerate.contact='sub_spheres'"]
     settings = [word for change in changes for word in ("--set", change)]
