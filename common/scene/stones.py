@@ -71,7 +71,7 @@ class EachStone(Table):
 
 
 class DrawnTable(Table):
-    """Stones that are drawn: a number of them, or a stream at a steady rate. Quantities are numbers or distributions."""
+    """Stones that are drawn: a number, or a stream at a steady rate. Quantities are numbers or distributions."""
 
     count: Annotated[Annotated[int, Field(ge=1, le=MOST_STONES)] | None, about(
         "number of stones; or a rate, which makes a stream")] = None
