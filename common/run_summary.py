@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from common.files.whole import read_json, write_json
 from common.scene.plate import Edge
-from common.scene.stones import Kind, Pair
+from common.scene.stones import Kind
 from common.tables import check
 
 
@@ -34,7 +34,7 @@ class RecordedStones(Recorded):
     count: int | None = None
     radius_m: float | None = None
     circle_radius_m: float | None = None
-    positions: list[Pair] | None = None
+    positions: list[list[float]] | None = None  # x, y
     speed_m_s: float | None = None
     gangue_order: list[int] | None = None
     agglomerate: dict[str, Any] | None = None
