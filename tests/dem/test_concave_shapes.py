@@ -97,8 +97,9 @@ def test_the_outer_layer_lies_on_the_surface_of_an_L(ell):
         assert nearest < 1.5 * packing.radius_m.mean()
 
 
-def test_stones_in_the_shape_of_an_L_fall(tmp_path):
+def test_stones_in_the_shape_of_an_L_fall(tmp_path, monkeypatch):
     """Mass, centre and inertia are those of the solid, and the energy closes."""
+    monkeypatch.setattr("dem.stones.drawn.PACKINGS", 1)
     shape = {"file": written(tmp_path, *ELL)}
     scene = drawn(tmp_path, shape, 100)
     stones = [replace(stone, attitude=UPRIGHT) for stone in stones_of(scene, "scene")]
