@@ -77,7 +77,7 @@ def _drawn(name: str) -> pd.DataFrame:
 
 def simulate(case: pd.Series, out: Path) -> None:
     keys = {"stones.speed_m_s": case.speed_m_s, "stones.radius_m": case.radius_m, "stones.seed": case.seed,
-            "stones.positions": f"[{{x_m={case.x_m:.4f},y_m={case.y_m:.4f}}}]", "time.duration_s": DURATION_s,
+            "stones.positions": f"[[{case.x_m:.4f},{case.y_m:.4f}]]", "time.duration_s": DURATION_s,
             "output.view_interval_s": DURATION_s}
     rock = "gangue" if case.gangue else "coal"
     if case.strength != 1:
