@@ -24,7 +24,7 @@ from plate_fem.solution.mode_count import least_modes
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
 LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are within 10 % of those of finer stones
-CRITICAL_SPEED = 0.84  # at which stones fall apart, over `critical_speed_m_s` without it: the laboratory's `critical_speed`
+CRITICAL_SPEED = 0.84  # at which stones fall apart, over `breaking_speed_m_s`: the laboratory's `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 LEAST_SPAN, FIRST_MODES = 10, 10  # the shorter side in thicknesses; modes among which one within the plane matters
@@ -117,8 +117,8 @@ def fragment_resolution(scene: Scene, assembly: Assembly) -> list[float | None]:
 
 
 def speed_over_critical(scene: Scene, assembly: Assembly) -> list[float | None]:
-    """Of each stone its speed over that at which the largest fragment falls below 0.7 of its mass on a rigid plate; None
-    where bonds snap or never break."""
+    """Of each stone its speed over that at which its largest fragment falls below 0.7 of its mass on a rigid plate;
+    None where bonds snap or never break."""
     return [None if rock is None else impact_speed_m_s(stone, assembly.gravity_m_s2)
             / (CRITICAL_SPEED * rock.breaking_speed_m_s(stone.radius_m))
             for stone, rock in ((stone, _softening(scene, stone)) for stone in assembly.stones)]
