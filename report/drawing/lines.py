@@ -60,7 +60,7 @@ def against_ratio(ratios: np.ndarray, panels: list[tuple[str, dict[str, np.ndarr
 
 
 def with_spread(axis: Axes, ratios: np.ndarray, values: np.ndarray, colour: str, name: str) -> None:
-    """Draw values against the mixing ratio; where a ratio has several, their mean, dotted a standard deviation below and
+    """Draw values against the mixing ratio; where a ratio has several, their mean, dotted a deviation below and
     above it."""
     each = np.unique(ratios)
     found = [values[ratios == ratio] for ratio in each]

@@ -25,7 +25,7 @@ def of_all(restitution=1.0, friction=0.0):
 
 def ran(directory, meeting, seed=1, aside=0.0, ranks=1, **changes):
     """A meeting's ledger, deck and what was prepared of it."""
-    prepared = write_meeting(directory, meeting, scene_of(meeting, seed, **changes), aside)
+    prepared = write_meeting(directory, scene_of(meeting, seed, **changes), meeting.speed_m_s, sum(meeting.radii_m), aside)
     text = (directory / "deck" / "deck.liggghts").read_text()
     # Sub-spheres of LIGGGHTS' own contacts are smooth: what rubs is the fix that is tested.
     text, found = re.subn(r"(fix friction .*peratomtypepair \d+)(.*)", lambda m: m[1] + re.sub(r"[\d.]+", "0", m[2]), text)
@@ -139,7 +139,7 @@ def chain_N(scene, mass_kg, speed, clear_m):
 
 def test_a_stone_that_lands_on_a_lying_one_is_a_chain_of_hertz_contacts(tmp_path):
     meeting = Meeting.of("coal_coal_25_25_2_500")
-    prepared = write_meeting(tmp_path, meeting, scene_of(meeting, 6, **{"time.duration_s": 6e-4}), 0.0)
+    prepared = write_meeting(tmp_path, scene_of(meeting, 6, **{"time.duration_s": 6e-4}), 2.0, 2 * R_m, 0.0)
     deck = tmp_path / "deck"
     head, atoms = (deck / "atoms.data").read_text().split("Atoms\n\n")
     rows = np.array([line.split() for line in atoms.splitlines()], dtype=float)
@@ -176,7 +176,7 @@ def test_a_run_stopped_in_the_contact_goes_on_bit_by_bit(tmp_path):
     """At each of its checkpoints, while bonds break under the patches."""
     meeting = Meeting.of("coal_coal_25_25_8_200")
     for name in ("whole", "parted"):
-        write_meeting(tmp_path / name, meeting, scene_of(meeting, 1, **BREAKS), 0.2)
+        write_meeting(tmp_path / name, scene_of(meeting, 1, **BREAKS), 8.0, 2 * R_m, 0.2)
     run_engine(tmp_path / "whole" / "deck", (tmp_path / "whole" / "deck" / "deck.liggghts").read_text())
     step, stops = 0, 0
     while step is not None:
