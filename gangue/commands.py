@@ -174,16 +174,19 @@ COMMANDS = {
                       "stones one by one, and the mixing ratio over time, from a stream", (
         RECORD, PLATE, SCALE, UNIT, _arg("--out", required=True, help="directory for stones.parquet and ratio.parquet"),
         _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
-             help="between which the stones' radii lie, in m"),
+             help="between which the stones' radii lie, more or less, in m"),
         _arg("--speed", dest="speed_m_s", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
              help="between which their speeds lie, the components across the plate, in m/s"),
+        _arg("--coal-first", type=int, default=0, metavar="N", help="the first N stones are known to be coal"),
+        _arg("--known", dest="known_file", metavar="FILE", help="records of known stones (docs/listening.md)"),
         _arg("--silence", dest="quiet_s", type=float, default=0.02, metavar="S",
              help="beginning without stones, which tells the noise: 1 s where a machine runs (default: %(default)g s)"),
         _arg("--window", dest="window_s", type=float, default=1.0, metavar="S",
              help="of the ratio (default: %(default)g s)"),
         _arg("--step", dest="step_s", type=float, default=0.1, metavar="S",
              help="between ratios (default: %(default)g s)")), (
-        "gangue listen stream.parquet --plate plate.json --radius 0.025 0.025 --speed 2 4 --out runs/heard",)),
+        "gangue listen stream.parquet --plate plate.json --radius 0.025 0.025 --speed 2 4 --out runs/heard",
+        "gangue listen drawing.csv --plate p.json --radius 0.015 0.035 --speed 2 4 --coal-first 100 --out heard")),
     "volley": Command("recognition.volley.judged:volley",
                       "mixing ratio of stones that arrive at once on unknown places", (
         RECORD, PLATE, SCALE, UNIT,

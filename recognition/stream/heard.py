@@ -9,23 +9,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.signals.records import Record, sample_rate_Hz
-from analysis.signals.resampling import resample
-from common.channels import rod_column, sensor_column
 from common.files.output_directory import at_work_in
 from common.files.parquet import write_parquet
 from common.files.whole import written_whole
 from common.result import Result
 from recognition.estimation.answer import Answer
-from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
-from recognition.plate.records import numbers, record_table
+from recognition.plate.records import record_table
 from recognition.stone_forces.law_file import load_forces
+from recognition.stream.channels import channels_of
+from recognition.stream.known_file import read_known
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import QUIET_S, RATE_Hz, recognise_stream
-from recognition.stream.stones import ratio_of, sliding_ratio
+from recognition.stream.stones import Known, ratio_of, sliding_ratio
 
 KIND = "stones heard"
 MOST_RATIOS = 100_000
@@ -62,22 +59,26 @@ class ListenResult(Result):
 
 
 def listen(record: str, plate: str, out: str, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
-           window_s: float = 1.0, step_s: float = 0.1,
+           coal_first: int = 0, known_file: str | None = None, window_s: float = 1.0, step_s: float = 0.1,
            quiet_s: float = QUIET_S, scale: float = 1.0, unit: str | None = None) -> ListenResult:
-    """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits; write them and the
-    ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing falls. Raises
-    RecordError, RecognitionError."""
+    """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits, more or less; write
+    them and the ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing
+    falls. The first `coal_first` stones are known to be coal, those of the records that `known_file` names to be of
+    their kind; none of them is among the stones. Raises RecordError, RecognitionError, InputError."""
     prior = _prior(radius_m, speed_m_s)
     known = PlateModel.load(Path(plate))
     table, source = record_table(record, scale, unit)
     channels, values = channels_of(table, known, source)
+    if coal_first < 0:
+        raise RecognitionError(f"--coal-first {coal_first}: must be a number of stones")
     for name, value in (("window", window_s), ("step", step_s)):
         if not 0 < value < 1e6:
             raise RecognitionError(f"--{name} {value:g}: must be a time above 0 s")
     if values.shape[1] / RATE_Hz > MOST_RATIOS * step_s:
         raise RecognitionError(f"--step {step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
     try:
-        found = recognise_stream(known, channels, prior, values, quiet_s)
+        drops = () if known_file is None else read_known(known_file, known, prior, scale, unit)
+        found = recognise_stream(known, channels, prior, values, quiet_s, Known(coal_first, drops))
     except NotRecognised as error:
         return ListenResult(refused=str(error))
     begin_s = float(table["t_s"].iloc[0])
@@ -92,7 +93,7 @@ def listen(record: str, plate: str, out: str, radius_m: tuple[float, float], spe
     if found.refused:
         return ListenResult(*files, len(found.stones), not_explained=found.refused)
     answers = {name: Answer.between(*ratio_of(found.stones, name == "mass")) for name in ("number", "mass")}
-    warnings = ["" if found.tapped else UNTAPPED, *(answer.warning for answer in answers.values())]
+    warnings = ["" if found.hearing.tapped else UNTAPPED, *(answer.warning for answer in answers.values())]
     return ListenResult(*files, len(found.stones), answers, tuple(filter(None, dict.fromkeys(warnings))))
 
 
@@ -102,25 +103,6 @@ def _prior(radius_m: tuple[float, float], speed_m_s: tuple[float, float]) -> Sto
         if not 0 < low <= high < 100:
             raise RecognitionError(f"--{name} {low:g} {high:g}: must be two positive numbers, the lower first")
     return StonePrior(load_forces(), (radius_m[0], radius_m[1]), (speed_m_s[0], speed_m_s[1]))
-
-
-def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:
-    """Which sensors a record has, and their signals (c, samples) at RATE_Hz. RecognitionError where it has none of the
-    plate's sensors, a value that is not finite, or too low a rate."""
-    names = [sensor_column(name) for name in plate.sensor_names]
-    here = [k for k, name in enumerate(names) if name in table.columns]
-    rods = [k for k in range(len(plate.rod_force_N_m)) if rod_column(k + 1) in table.columns]
-    if "t_s" not in table.columns or not here:
-        raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
-    rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s")
-    if rate_Hz < RATE_Hz * (1 - 1e-3):
-        raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}")
-    columns = [names[k] for k in here] + [rod_column(k + 1) for k in rods]
-    rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < 1e-3 else round(rate_Hz)
-    records = [Record(numbers(table, name, source), rate_Hz, name=f"{source}: {name}") for name in columns]
-    if rate_Hz != RATE_Hz:
-        records = [resample(record, RATE_Hz) for record in records]
-    return Channels(tuple(here), tuple(rods)), np.array([record.values for record in records])
 
 
 def _write(table: pd.DataFrame, file: Path) -> None:
