@@ -179,6 +179,10 @@ COMMANDS = {
              help="between which their speeds lie, the components across the plate, in m/s"),
         _arg("--coal-first", type=int, default=0, metavar="N", help="the first N stones are known to be coal"),
         _arg("--known", dest="known_file", metavar="FILE", help="records of known stones (docs/listening.md)"),
+        _arg("--stop-above", dest="stop_above_percent", type=float, metavar="PERCENT",
+             help="alarm where the share of gangue by number rises above"),
+        _arg("--false-alarms-per-hour", dest="false_alarms_1_h", type=float, default=1.0, metavar="N",
+             help="at most so many at half of that share (default: %(default)g)"),
         _arg("--silence", dest="quiet_s", type=float, default=0.02, metavar="S",
              help="beginning without stones, which tells the noise: 1 s where a machine runs (default: %(default)g s)"),
         _arg("--window", dest="window_s", type=float, default=1.0, metavar="S",
@@ -186,7 +190,7 @@ COMMANDS = {
         _arg("--step", dest="step_s", type=float, default=0.1, metavar="S",
              help="between ratios (default: %(default)g s)")), (
         "gangue listen stream.parquet --plate plate.json --radius 0.025 0.025 --speed 2 4 --out runs/heard",
-        "gangue listen drawing.csv --plate p.json --radius 0.015 0.035 --speed 2 4 --coal-first 100 --out heard")),
+        "gangue listen a.csv --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40 --out b")),
     "volley": Command("recognition.volley.judged:volley",
                       "mixing ratio of stones that arrive at once on unknown places", (
         RECORD, PLATE, SCALE, UNIT,

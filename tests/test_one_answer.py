@@ -28,7 +28,7 @@ from recognition.models import Model
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
 from recognition.sensors.checked import CheckResult
-from recognition.stream.heard import UNTAPPED, ListenResult
+from recognition.stream.heard import UNTAPPED, Alarms, ListenResult
 from recognition.tapping.tapped import TapResult
 from recognition.volley.judged import VolleyResult
 from report.commands import ComparisonResult, ReportResult
@@ -238,6 +238,8 @@ CANNED = [
     ("tap", TapResult(HERE, 12_345, MODES, SENSORS, "")),
     ("tap", TapResult(None, 0, MODES, SENSORS, "sensor 'north': 40% of its taps, limit 30%")),
     ("listen", ListenResult(HERE, HERE, 12, {"number": ANSWER, "mass": WIDE}, (UNTAPPED, WIDE.warning))),
+    ("listen", ListenResult(HERE, HERE, 12, {"number": ANSWER}, stop=Alarms(0.4, 0.2, (35.2,), 3.9, 4.2, 0.8, False))),
+    ("listen", ListenResult(HERE, HERE, 12, {"number": ANSWER}, stop=Alarms(0.4, 0.2, (), 3.9, 64.0, 20.0, True))),
     ("listen", ListenResult(HERE, HERE, 12, not_explained="the plate is another")),
     ("listen", ListenResult(refused="north: dead: it hardly moves")),
     ("volley", VolleyResult(0.0512, 1.04, {"number": ANSWER, "mass": WIDE}, {"with one stone more": 0.52})),

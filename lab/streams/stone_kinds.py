@@ -25,8 +25,8 @@ from recognition.stone_forces.forces import heard_of
 from recognition.stone_forces.law_file import load_forces
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import LEAST_DOUBT
-from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told
-from recognition.stream.stones import BY_LAW, doubted, ratio_of
+from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told, doubted
+from recognition.stream.stones import BY_LAW, ratio_of
 
 STONES, SEEDS = 60, 4
 SETS = ("held_out", "one_fall", "any_fall")

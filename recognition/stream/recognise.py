@@ -17,6 +17,7 @@ from recognition.innovations.signatures import Channels
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
+from recognition.stream.decision import Followed, Stop
 from recognition.stream.listen import Heard, Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.search import Dictionary
@@ -53,11 +54,13 @@ class Hearing:
 
 @dataclass(frozen=True)
 class Recognised:
-    """Stones of a record (columns of `recognition.stream.stones`), how they were heard, and all checks."""
+    """Stones of a record (columns of `recognition.stream.stones`), how they were heard, all checks, and the test of
+    when to stop."""
 
     stones: pd.DataFrame
     hearing: Hearing
     checks: Checks
+    followed: Followed | None = None
 
     @property
     def refused(self) -> str:
@@ -66,11 +69,11 @@ class Recognised:
 
 
 def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,
-                     quiet_s: float = QUIET_S, known: Known = UNKNOWN_ALL) -> Recognised:
-    """The stones of channels (c, samples), see `hear`, by the law that they and known ones teach."""
+                     quiet_s: float = QUIET_S, known: Known = UNKNOWN_ALL, stop: Stop | None = None) -> Recognised:
+    """The stones of channels (c, samples), see `hear`, by the law that they and known ones teach; and when to stop."""
     found = hear(plate, channels, prior, values, quiet_s)
-    stones, law = learnt_table(found.heard, found.prior, prior, known, RATE_Hz, LEAST_DOUBT)
-    return Recognised(stones, found, replace(found.checks, **law))
+    stones, law, followed = learnt_table(found.heard, found.prior, prior, known, RATE_Hz, LEAST_DOUBT, stop)
+    return Recognised(stones, found, replace(found.checks, **law), followed)
 
 
 def hear(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats, quiet_s: float) -> Hearing:

@@ -74,7 +74,8 @@ class Told:
         told = posterior - wide
         linear = (posterior @ triple[..., None])[..., 0] - wide @ prior.typical
         x = np.linalg.solve(told, linear[..., None])[..., 0]
-        return cls(x, np.asarray(np.linalg.inv(told) + LEAST_ERROR**2 * np.eye(3), float), known, dropped)
+        error = np.asarray(np.linalg.inv(told), float) + LEAST_ERROR**2 * np.eye(3)
+        return cls(x, error, known, dropped)
 
     def some(self, count: int) -> Told:
         """At most so many, known ones half of them, evenly spread over time."""
@@ -117,8 +118,8 @@ class Beliefs:
         radius, speed = (np.array(value) for value in np.exp(logs.mean(axis=0)))
         coal, gangue = (forces.mean(m, radius, speed) for m in (0, 1))
         limits = np.r_[logs.var(axis=0), 0, 0, 0]
-        centre = along(CENTRE_SD**2 + limits) + CENTRE_FORM_SD**2 * _FORM
-        apart = along(APART_SD**2) + APART_FORM_SD**2 * _FORM
+        centre = _along(CENTRE_SD**2 + limits) + CENTRE_FORM_SD**2 * _FORM
+        apart = _along(APART_SD**2) + APART_FORM_SD**2 * _FORM
         shift = np.array([forces.broken_mean(m, radius, speed) - mean for m, mean in enumerate((coal, gangue))])
         share = np.array([forces.share_at(m, speed) for m in (0, 1)]).clip(0.02, 0.98)
         precisions = np.asarray(np.linalg.inv([centre, apart]), float)
@@ -213,6 +214,17 @@ class LearntLaw:
         none = np.exp(by_class[..., 2] - log_sum(by_class)).mean(axis=0)
         return odds.T, none
 
+    def drawn(self, number: int, material: int, count: int, told: Told) -> Told:
+        """So many stones of a material by one of the laws, heard as well as those that are told; always the same."""
+        z, b, rng = self.laws[number], self.beliefs, np.random.default_rng([2, number, material])
+        breaks = rng.random(count) < 1 / (1 + np.exp(-z[BROKEN][material]))
+        error = told.error[rng.integers(len(told.error), size=count)]
+        scatter = np.where(breaks[:, None, None], b.broken, b.whole) + _along(np.r_[np.exp(2 * z[SCATTERS]), 0]) + error
+        off = np.einsum("nij,nj->ni", np.linalg.cholesky(scatter), rng.standard_normal((count, 3)))
+        off *= np.sqrt(FREEDOM / rng.chisquare(FREEDOM, count))[:, None]
+        centre = z[CENTRE] + material * z[APART] + breaks[:, None] * b.shift[material]
+        return Told(centre + off, error, np.full(count, UNKNOWN), np.zeros(count, dtype=bool))
+
     def misplaced(self, told: Told) -> int:
         """How many known stones seem to be of the other material, or no stone."""
         known = np.flatnonzero(told.known != UNKNOWN)
@@ -236,12 +248,17 @@ class LearntLaw:
         return np.einsum("nij,nj->ni", gain, off), v - gain @ DIRECTIONS.T @ v
 
 
+def doubted(log_odds: Floats, least_doubt: float) -> Floats:
+    """Probabilities of any log odds."""
+    return np.asarray(least_doubt + (1 - 2 * least_doubt) / (1 + np.exp(-np.clip(log_odds, -50, 50))))
+
+
 def log_sum(values: Floats) -> Floats:
     """Logarithm of the sum of exponentials over the last axis, of three."""
     return np.logaddexp(np.logaddexp(values[..., 0], values[..., 1]), values[..., 2])
 
 
-def along(variances: Floats) -> Floats:
+def _along(variances: Floats) -> Floats:
     """(3, 3): covariance of independent variances along DIRECTIONS."""
     return np.asarray(np.einsum("d,di,dj->ij", variances, DIRECTIONS, DIRECTIONS))
 

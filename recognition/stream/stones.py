@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
 from recognition.innovations.bank import DURATION, IMPULSE, PARAMETERS, TIME, X, Y
+from recognition.stream.decision import Followed, Stop, follow
 from recognition.stream.listen import Heard
 from recognition.stream.prior import TRIPLE, StonePrior
-from recognition.stream.stone_law import MASS, UNKNOWN, Integers, LearntLaw, Told
+from recognition.stream.stone_law import MASS, UNKNOWN, Integers, LearntLaw, Told, doubted
 
 DRAWS, SHARES = 1000, 200  # of the ratio; nodes of the share of gangue in its posterior
 LEVELS = (0.05, 0.5, 0.95)
@@ -36,10 +37,10 @@ UNKNOWN_ALL = Known()
 
 
 def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior, known: Known, rate_Hz: float,
-                 least_doubt: float) -> tuple[pd.DataFrame, dict[str, Any]]:
+                 least_doubt: float, stop: Stop | None = None) -> tuple[pd.DataFrame, dict[str, Any], Followed | None]:
     """One row for each stone that is not known, in order of arrival: first touch t_s, place, probability of gangue by
     all laws of their forces and by each, mean and standard deviation of radius and speed, and of mass as either
-    material. And what `Checks` has of the law.
+    material; where one asks when to `stop`, the sum of the test and its alarms. And what `Checks` has of the law.
 
     hearing: the prior of the fits; prior: what is told of the stones. least_doubt: no material is surer than
     1 - least_doubt, the share of stones whose material is wrong in a stream of known truth.
@@ -49,7 +50,7 @@ def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior,
     material: Integers = np.r_[np.where(np.arange(len(own)) < known.coal_first, 0, UNKNOWN), [m for _, m in drops]]
     every = [*own, *(h for h, _ in drops)]
     if not own:
-        return pd.DataFrame(columns=COLUMNS), {}
+        return pd.DataFrame(columns=COLUMNS), {}, None
     triples = np.array([h.stone[TRIPLE] for h in every])
     errors = np.array([h.covariance[np.ix_(TRIPLE, TRIPLE)] for h in every])
     told = Told.of(triples, errors, hearing, material, np.arange(len(every)) >= len(own))
@@ -61,7 +62,13 @@ def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior,
     unknown = material == UNKNOWN
     checks = {"none": 1 - len(chosen) / max(len(heard) - known.coal_first, 1), "beyond": law.beyond,
               "misplaced": law.misplaced(told) / max(np.sum(~unknown), 1)}
-    return pd.concat([table, pd.DataFrame(by_law[chosen]).add_prefix(BY_LAW)], axis=1), checks
+    followed = None
+    if stop is not None and unknown.any():
+        rate_1_s = rate_Hz * len(own) / max(float(own[-1].stone[TIME] - own[0].stone[TIME]), 1.0)
+        followed = follow(told, prior, stop, rate_1_s, least_doubt)
+        at = np.cumsum(unknown)[chosen] - 1
+        table = table.assign(stop=followed.sum[at], alarm=followed.alarm[at])
+    return pd.concat([table, pd.DataFrame(by_law[chosen]).add_prefix(BY_LAW)], axis=1), checks, followed
 
 
 def first_touches(heard: Sequence[Heard]) -> list[Heard]:
@@ -98,11 +105,6 @@ def _rows(heard: Sequence[Heard], told: Told, law: LearntLaw, prior: StonePrior,
         stone[:, X], stone[:, Y], np.sqrt((covariance[:, X, X] + covariance[:, Y, Y]) / 2), gangue,
         np.exp(stone[:, IMPULSE]), duration, r, r * np.sqrt(cov[:, 0, 0]), v, v * np.sqrt(cov[:, 1, 1]), *mass,
         *mass_sd, [h.misfit for h in heard]), strict=True)))
-
-
-def doubted(log_odds: Floats, least_doubt: float) -> Floats:
-    """Probabilities of any log odds."""
-    return np.asarray(least_doubt + (1 - 2 * least_doubt) / (1 + np.exp(-np.clip(log_odds, -50, 50))))
 
 
 def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float, float]:

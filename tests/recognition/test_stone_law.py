@@ -28,8 +28,9 @@ from recognition.stream.stone_law import (
     Beliefs,
     LearntLaw,
     Told,
+    doubted,
 )
-from recognition.stream.stones import BY_LAW, Known, doubted, first_touches, learnt_table, ratio_of
+from recognition.stream.stones import BY_LAW, Known, first_touches, learnt_table, ratio_of
 
 COVARIANCE = np.diag(ERROR**2)
 
@@ -169,7 +170,7 @@ def test_stones_in_a_table(prior):
     again = SimpleNamespace(**vars(heard[3]) | {"stone": heard[3].stone - np.eye(6)[IMPULSE] + 10 * np.eye(6)[TIME]})
     elsewhere = replace_place(again, 0.1)
     assert len(first_touches([*heard[:4], again])) == 4 and len(first_touches([*heard[:4], elsewhere])) == 5
-    table, checks = learnt_table([*heard, again], prior, prior, Known(10), 20e3, 0.005)
+    table, checks, _ = learnt_table([*heard, again], prior, prior, Known(10), 20e3, 0.005)
     assert len(table) == 10 and (table["gangue"] > 0.5).all()
     assert checks["misplaced"] == 0 and checks["none"] == pytest.approx(1 / 11)
     sphere = 4 / 3 * np.pi * 0.025**3
