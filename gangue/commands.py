@@ -179,6 +179,7 @@ COMMANDS = {
              help="between which their speeds lie, the components across the plate, in m/s"),
         _arg("--coal-first", type=int, default=0, metavar="N", help="the first N stones are known to be coal"),
         _arg("--known", dest="known_file", metavar="FILE", help="records of known stones (docs/listening.md)"),
+        _arg("--law", metavar="FILE", help="of the forces, by `learn-forces` (default: that of the paper's rock)"),
         _arg("--stop-above", dest="stop_above_percent", type=float, metavar="PERCENT",
              help="alarm where the share of gangue by number rises above"),
         _arg("--false-alarms-per-hour", dest="false_alarms_1_h", type=float, default=1.0, metavar="N",
@@ -191,6 +192,14 @@ COMMANDS = {
              help="between ratios (default: %(default)g s)")), (
         "gangue listen stream.parquet --plate plate.json --radius 0.025 0.025 --speed 2 4 --out runs/heard",
         "gangue listen a.csv --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40 --out b")),
+    "learn-forces": Command("gangue.learn_forces:learn_forces", "what `listen` believes of one's own rock and plate", (
+        SCENE, _arg("--out", type=Path, required=True, help="law to write (.json); runs stay in a directory beside it"),
+        _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
+             help="radii, in m"),
+        _arg("--speed", dest="speed_m_s", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
+             help="speeds, in m/s"),
+        _arg("--stones", type=int, default=48, metavar="N", help="stones to simulate (default: %(default)d)"), JOBS), (
+        "gangue learn-forces scenes/single.toml --radius 0.015 0.035 --speed 2 4 --out law.json",)),
     "volley": Command("recognition.volley.judged:volley",
                       "mixing ratio of stones that arrive at once on unknown places", (
         RECORD, PLATE, SCALE, UNIT,

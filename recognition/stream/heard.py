@@ -17,7 +17,7 @@ from recognition.estimation.answer import Answer
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import record_table
-from recognition.stone_forces.law_file import load_forces
+from recognition.stone_forces.law_file import SHIPPED, load_forces
 from recognition.stream.channels import channels_of
 from recognition.stream.decision import CALM, Stop
 from recognition.stream.known_file import read_known
@@ -88,14 +88,14 @@ class ListenResult(Result):
 
 def listen(record: str, plate: str, out: str, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
            coal_first: int = 0, known_file: str | None = None, stop_above_percent: float | None = None,
-           false_alarms_1_h: float = 1.0, window_s: float = 1.0, step_s: float = 0.1,
+           false_alarms_1_h: float = 1.0, law: str | None = None, window_s: float = 1.0, step_s: float = 0.1,
            quiet_s: float = QUIET_S, scale: float = 1.0, unit: str | None = None) -> ListenResult:
     """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits, more or less; write
     them and the ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing
     falls. The first `coal_first` stones are known to be coal, those of the records that `known_file` names to be of
     their kind; none of them is among the stones. Above a share of gangue there is an alarm, with so many false ones an
-    hour. Raises RecordError, RecognitionError, InputError."""
-    prior = _prior(radius_m, speed_m_s)
+    hour. `law` is of `learn-forces`. Raises RecordError, RecognitionError, InputError."""
+    prior = _prior(radius_m, speed_m_s, SHIPPED if law is None else Path(law))
     stop = None if stop_above_percent is None else Stop(stop_above_percent / 100, false_alarms_1_h)
     known = PlateModel.load(Path(plate))
     table, source = record_table(record, scale, unit)
@@ -137,12 +137,12 @@ def _alarms(found: Recognised, stop: Stop, begin_s: float) -> Alarms:
                   foreseen.delay * each_s, foreseen.longest_delay * each_s, foreseen.false_alarms_1_h, foreseen.unsafe)
 
 
-def _prior(radius_m: tuple[float, float], speed_m_s: tuple[float, float]) -> StonePrior:
+def _prior(radius_m: tuple[float, float], speed_m_s: tuple[float, float], law: Path) -> StonePrior:
     """What the user says of the stones."""
     for name, (low, high) in (("radius", radius_m), ("speed", speed_m_s)):
         if not 0 < low <= high < 100:
             raise RecognitionError(f"--{name} {low:g} {high:g}: must be two positive numbers, the lower first")
-    return StonePrior(load_forces(), (radius_m[0], radius_m[1]), (speed_m_s[0], speed_m_s[1]))
+    return StonePrior(load_forces(law), (radius_m[0], radius_m[1]), (speed_m_s[0], speed_m_s[1]))
 
 
 def _write(table: pd.DataFrame, file: Path) -> None:
