@@ -188,11 +188,16 @@ def fast_stream(step: TimeStep, pushes: Pushes, plate_signals: Columns, columns_
     return table
 
 
-def write_streams(file: Callable[[str], Path], fast: Columns, step: TimeStep) -> Columns:
-    """Write fast.parquet and its rows at the samples, signals.parquet. Returns the latter."""
+def write_streams(file: Callable[[str], Path], fast: Columns, every: int, anti_alias: bool) -> Columns:
+    """Write fast.parquet and its samples, one in `every` row, signals.parquet. Returns the latter.
+
+    The anti-alias filter has linear phase and no delay: it is that of analysis.signals.resampling.
+    """
+    from scipy.signal import resample_poly  # late: slow to import
+
     write_parquet(fast, file("fast.parquet"))
-    every = step.sample_steps // step.fast_steps
-    signals = {name: values[::every] for name, values in fast.items()}
+    signals = {name: values[::every] if name == "t_s" or not anti_alias else
+               resample_poly(values, 1, every, padtype="edge") for name, values in fast.items()}
     write_parquet(signals, file("signals.parquet"))
     return signals
 

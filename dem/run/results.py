@@ -63,7 +63,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     pushes = read_forces(deck / "forces.bin")
     fast = fast_stream(step, pushes, plate.signals(range(0, step.steps + 1, step.fast_steps)),
                        0 if assembly.is_stream else n)
-    signals = write_streams(file, fast, step)
+    signals = write_streams(file, fast, step.sample_steps // step.fast_steps, scene.time.anti_alias)
     plate.write_motion(file)
     write_parquet(events, file("breakage.parquet"))
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
