@@ -53,7 +53,7 @@ def resample(record: Record, rate_Hz: float, *, anti_alias: bool = True) -> Reco
 
 
 def low_pass(factor: int) -> tuple[np.ndarray, int]:
-    """The filter that comes before every factor-th sample is taken, (2 k + 1,), and k, the samples that it looks ahead."""
+    """The filter before every factor-th sample is taken, (2 k + 1,), and k, the samples that it looks ahead."""
     ahead = 10 * factor if factor > 1 else 0
     return np.asarray(firwin(2 * ahead + 1, 1 / factor, window=("kaiser", 5.0)) if ahead else np.ones(1)), ahead
 

@@ -275,8 +275,6 @@ class Scene(Table):
     def _one_way_to_set_accuracy(self) -> Self:
         keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
         if self.plate.model == "flexible":
-            if self.tolerance is None and self.plate.max_frequency_Hz is None:
-                raise Refused("plate.max_frequency_Hz", None, "it or tolerance must be given")
             keys["plate.max_frequency_Hz"] = self.plate.max_frequency_Hz
         if self.tolerance is None:
             return self

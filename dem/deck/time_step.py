@@ -283,8 +283,14 @@ def subsphere_contact_time_s(scene: Scene, assembly: Assembly) -> float:
 
 def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a whole stone with the plate."""
-    return float(min(_hertz_time_s(scene, body.substance, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
-                     for body in bodies_of(assembly)))
+    return min(_body_time_s(scene, body) for body in bodies_of(assembly))
+
+
+def contact_time_of_any_s(scene: Scene, stones: Sequence[Stone]) -> float:
+    """As `stone_contact_time_s`, were each stone of any material of the scene: the ratios of a sweep have one plate."""
+    bodies = {body_of(stone, scene.gravity_vector_m_s2) for stone in stones}
+    return min(_body_time_s(scene, replace(body, substance=replace(body.substance, material=name)))
+               for body in bodies for name in scene.falling_materials)
 
 
 @dataclass(frozen=True)
@@ -323,6 +329,10 @@ def _body_mass_kg(scene: Scene, body: Body) -> float:
 def _hertz_time_s(scene: Scene, substance: Substance, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
                   speed_m_s: float) -> Any:
     return hertz.contact_time_s(_hertz(scene, substance, radius_m, mass_kg, speed_m_s)[1], speed_m_s)
+
+
+def _body_time_s(scene: Scene, body: Body) -> float:
+    return float(_hertz_time_s(scene, body.substance, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s))
 
 
 def _peak_force_N(scene: Scene, body: Body) -> float:

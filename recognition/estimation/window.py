@@ -34,9 +34,9 @@ class Window:
             raise RecognitionError(f"no runs; needs at least {LEAST_RATIOS} different mixing ratios")
         rate_Hz, anti_alias = runs[0].rate_Hz, runs[0].scene.time.anti_alias
         for run in runs:
-            if run.scene.time.anti_alias != anti_alias:
-                raise RecognitionError(f"{run.path}/run.json: scene.time.anti_alias = {run.scene.time.anti_alias}; must "
-                                       f"be that of {runs[0].path}, {anti_alias}")
+            if (other := run.scene.time.anti_alias) != anti_alias:
+                raise RecognitionError(f"{run.path}/run.json: scene.time.anti_alias = {other}; must be as in "
+                                       f"{runs[0].path}, {anti_alias}")
         wanted = int(np.floor(WINDOW_S * rate_Hz * (1 + 1e-9))) + 1
         return cls(rate_Hz, min(wanted, *(run.t_s.size for run in runs)), anti_alias)
 

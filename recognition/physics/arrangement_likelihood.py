@@ -132,7 +132,8 @@ class ArrangementModel:
     different stones that tell it; scatter: responses (channels, steps, m) to what else varies, by one standard
     deviation each; plate_json: table `[plate]` of the scenes; place_m (stones, 2): where the stones fall;
     place_deviation_m: standard deviation along x and y of where they touch; low_m_s, high_m_s: speeds of training;
-    anti_alias: the record passes a low pass (analysis.signals.resampling) before it is sampled. ValueError for arrays that do not fit together.
+    anti_alias: the record passes a low pass (analysis.signals.resampling) before it is sampled. ValueError for arrays
+    that do not fit together.
     """
 
     names: tuple[str, ...]
@@ -183,7 +184,9 @@ class ArrangementModel:
     def _taken(self) -> list[Floats]:
         """`hat` and `scatter` as a record takes them, from `_ahead` steps before the impact on."""
         every = [self.hat, *self.scatter]
-        return [fftconvolve(one, low_pass(self.stride)[0][None, :, None], axes=1) for one in every] if self.anti_alias else every
+        if not self.anti_alias:
+            return every
+        return [fftconvolve(one, low_pass(self.stride)[0][None, :, None], axes=1) for one in every]
 
     @cached_property
     def _kept(self) -> dict[float, RecordLaw]:
