@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from common.files.whole import read_json, write_json
 from common.scene.plate import Edge
-from common.scene.stones import Kind, StonePosition
+from common.scene.stones import Kind
 from common.tables import check
 
 
@@ -40,18 +40,14 @@ class RecordedStones(Recorded):
     count: int | None = None
     radius_m: float | None = None
     circle_radius_m: float | None = None
-    positions: list[StonePosition] | None = None
+    positions: list[list[float]] | None = None  # x, y
     speed_m_s: float | None = None
-    coal: str = "coal"
-    gangue: str = "gangue"
     gangue_order: list[int] | None = None
-    arrival_s: list[float] | None = None
     agglomerate: dict[str, Any] | None = None
 
 
 class RecordedMaterial(Recorded):
-    """The elastic constants of a material or of the plate; `kind` of a material that is not named by stones.coal or
-    stones.gangue."""
+    """The elastic constants of a material or of the plate; `kind` of a material that its name does not tell."""
 
     kind: Kind | None = None
     density_kg_m3: float | None = None
@@ -107,8 +103,7 @@ class RecordedScene(Recorded):
     def kind_of(self, material: str) -> str:
         """"coal" or "gangue", or the name of a material that says neither."""
         table = self.materials.get(material)
-        by_name = {self.stones.coal: "coal", self.stones.gangue: "gangue"}
-        return (table.kind if table is not None else None) or by_name.get(material, material)
+        return (table.kind if table is not None else None) or material
 
 
 class YieldReport(Recorded):

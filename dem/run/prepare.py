@@ -65,9 +65,9 @@ def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
             raise InputError(f"{file}: stones: stone {k + 1} arrives at {stone.arrival_s:g} s: must be at most "
                              f"{LATEST_ARRIVAL_s:g} s")
     late = [k for k, stone in enumerate(stones)
-            if scene.stones.stream is not None or entry_of(stone, scene.gravity_vector_m_s2).is_late]
+            if scene.stones.is_stream or entry_of(stone, scene.gravity_vector_m_s2).is_late]
     for key, value, allowed, refused in (
-            ("engine.np", scene.engine.np, "1", scene.engine.np > 1),
+            ("ranks", scene.ranks, "1", scene.ranks > 1),
             ("time.free_flight_tolerance", scene.time.free_flight_tolerance, "above 0",
              scene.time.free_flight_tolerance == 0)):
         if late and refused:

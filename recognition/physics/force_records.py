@@ -93,7 +93,7 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
 
 
 def _fall_at_once(run: Run) -> bool:
-    return run.scene.stones.arrival_s is None and run.scene.scatter.get("arrival_s") is None
+    return run.scene.scatter.get("arrival_s") is None
 
 
 def _touches_of(run: Run, place_m: Floats) -> Floats:

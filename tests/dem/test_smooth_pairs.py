@@ -106,7 +106,7 @@ def test_stones_that_break_each_other_keep_the_energy_and_do_not_pass(tmp_path, 
     meeting = Meeting.of(f"coal_coal_25_25_{speed_m_s}_500")
     rows, prepared = ran(tmp_path, meeting, 1, 0.1, **of_all(0.9, 0.4), **{"stones.agglomerate.unbreakable": False})
     assert rows.column["broken"][-1].sum() > 50
-    assert left_over(rows) < 1e-4
+    assert left_over(rows) < 3e-5  # of first order in the time step, twice this, if looks forget half a step
     last = list(read_dump(tmp_path / "deck" / "view.dump"))[-1][1]
     first, second = last[:prepared.assembly.sizes[0]], last[prepared.assembly.sizes[0]:]
     middle = np.average(first[:, 3], weights=first[:, 7])
@@ -161,7 +161,7 @@ def test_two_ranks_find_the_same(tmp_path):
     for ranks in (1, 2):
         rows, _ = ran(tmp_path / str(ranks), COAL, 4, 0.3, ranks, **of_all(0.7, 0.4))
         c = rows.column
-        assert left_over(rows) < 1e-4
+        assert left_over(rows) < 3e-5  # of first order in the time step, twice this, if looks forget half a step
         found.append(np.concatenate([c[name].sum(axis=1) for name in ("kinetic_J", "pair_elastic_J", "friction_J", "pair_damped_J")]))
     assert found[1] == pytest.approx(found[0], rel=1e-9, abs=1e-11)
 

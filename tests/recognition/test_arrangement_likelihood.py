@@ -178,6 +178,39 @@ def test_against_every_arrangement_by_itself(louder, tempered):
         assert found.probability == pytest.approx(chance / chance.sum(), rel=1e-7)
 
 
+def test_moments_of_the_impact_count_by_their_whole_likelihood():
+    """A record whose beginning is unknown: every arrangement at nine moments about the most probable step, each by the
+    density of its normal distribution. The moments' covariances differ, and so do their determinants."""
+    rng = np.random.default_rng(12)
+    model, speed, noise = small_model(rng, stones=3, samples=12), 3.0, np.array([0.3, 0.1])
+    every = np.array(list(product((0, 1), repeat=3)))
+    mean_at, _ = naive_law(model, 4.0)
+    true = mean_at[0] @ np.array([1, 1, 0, 1])
+    x = true + 0.1 * rng.standard_normal(true.size)
+    variance = np.repeat(model.residual**2 + (noise / model.scale) ** 2, model.samples)
+
+    def logs(shift):
+        mean, covariance = naive_law(model, shift)
+        return np.array([multivariate_normal(mean[0] @ np.array([1, *which]), covariance + np.diag(variance)).logpdf(x)
+                         for which in every])
+
+    best = max(range(-model.latest, model.latest + 1), key=lambda shift: logs(shift).max())
+    table = np.array([logs(best + k / 2) for k in range(-4, 5)])
+    chance = np.zeros(4)
+    for k, which in enumerate(every):
+        chance[which.sum()] += np.exp(table[:, k] - table.max()).sum() / comb(3, which.sum())
+    found = model.estimate(x.reshape(2, -1) * model.scale[:, None], noise, speed)
+    assert found.misfit < 1  # so no arrangement is held to be less certain
+    assert found.probability == pytest.approx(chance / chance.sum(), rel=1e-7)
+
+
+def test_nine_tenths_of_the_probability_lie_in_the_interval():
+    estimate = ArrangementEstimate(np.array([0.04, 0.06, 0.8, 0.06, 0.04]), 0.1, 0.4, 0.0, 0.0)
+    assert estimate.interval == (0.25, 0.75)
+    wide = ArrangementEstimate(np.array([0.06, 0.06, 0.76, 0.06, 0.06]), 0.1, 0.4, 0.0, 0.0)
+    assert wide.interval == (0.0, 1.0)
+
+
 def test_the_least_error_is_that_of_the_prior_where_noise_drowns_all():
     """Five ratios, equally likely: the median is 50 %, 30 points off in the mean."""
     model = small_model(np.random.default_rng(6))
