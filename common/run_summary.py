@@ -145,6 +145,7 @@ class RunSummary(Recorded):
     n_bonds_broken_by_agglomerate: list[int] | None = None
     n_modes: int | None = None
     fragment_size_over_subsphere: list[float | None] | None = None  # of each stone, None where bonds snap
+    speed_over_critical: list[float | None] | None = None  # likewise: over that at which the stone falls apart
     plate_energy_left_out: float | None = None  # share that would belong to modes above those kept
 
     peak_force_N: float | None = None
