@@ -86,7 +86,7 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
 def alone(gangue: bool, radius_m: float, speed_m_s: float, x_m: float, y_m: float, seed: int) -> dict[str, Any]:
     """Keys of a scene in which one stone falls."""
     return {"stones.count": 1, "stones.gangue_order": [1], "stones.gangue_ratio": float(gangue),
-            "stones.positions": [{"x_m": x_m, "y_m": y_m}], "stones.radius_m": radius_m, "stones.speed_m_s": speed_m_s,
+            "stones.positions": [[x_m, y_m]], "stones.radius_m": radius_m, "stones.speed_m_s": speed_m_s,
             "stones.seed": seed, "time.duration_s": DURATION_s, "output.view_interval_s": DURATION_s}
 
 
@@ -113,4 +113,5 @@ def _spread(count: int, radius_m: tuple[float, float], speed_m_s: tuple[float, f
 
     low, high = np.transpose([radius_m, speed_m_s, *([-h, h] for h in places_m)])
     points = low + qmc.LatinHypercube(4, seed=1).random(count) * (high - low)
-    return [(*(float(f"{value:.4g}") for value in row), 30011 + k) for k, row in enumerate(points)]
+    rounded = [[float(f"{value:.4g}") for value in row] for row in points]
+    return [(radius, speed, x, y, 30011 + k) for k, (radius, speed, x, y) in enumerate(rounded)]
