@@ -28,6 +28,12 @@ class Recorded(BaseModel):
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
+class RecordedTime(Recorded):
+    """`[time]` of the scene as far as it is recorded."""
+
+    anti_alias: bool = False  # runs that do not say had no filter
+
+
 class RecordedStones(Recorded):
     """`[stones]` of the scene (common/scene/scene.py) as far as it is recorded."""
 
@@ -87,6 +93,7 @@ class RecordedScene(Recorded):
     """The scene of a run as far as it is recorded."""
 
     name: str | None = None
+    time: RecordedTime = RecordedTime()
     stones: RecordedStones = RecordedStones()
     materials: dict[str, RecordedMaterial] = {}
     contacts: dict[str, RecordedContact] = {}
