@@ -28,6 +28,12 @@ class Recorded(BaseModel):
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
+class RecordedTime(Recorded):
+    """`[time]` of the scene as far as it is recorded."""
+
+    anti_alias: bool = False  # runs that do not say had no filter
+
+
 class RecordedStones(Recorded):
     """`[stones]` of the scene (common/scene/scene.py) as far as it is recorded."""
 
@@ -87,6 +93,7 @@ class RecordedScene(Recorded):
     """The scene of a run as far as it is recorded."""
 
     name: str | None = None
+    time: RecordedTime = RecordedTime()
     stones: RecordedStones = RecordedStones()
     materials: dict[str, RecordedMaterial] = {}
     contacts: dict[str, RecordedContact] = {}
@@ -138,6 +145,7 @@ class RunSummary(Recorded):
     n_bonds_broken_by_agglomerate: list[int] | None = None
     n_modes: int | None = None
     fragment_size_over_subsphere: list[float | None] | None = None  # of each stone, None where bonds snap
+    speed_over_critical: list[float | None] | None = None  # likewise: over that at which the stone falls apart
     plate_energy_left_out: float | None = None  # share that would belong to modes above those kept
 
     peak_force_N: float | None = None

@@ -34,6 +34,8 @@ class TimeTable(Table):
 
     duration_s: Annotated[Positive, about("simulated time", paper="0.6 s, of which recognition reads 0.04 s")]
     sample_interval_s: Annotated[Positive, about("time between two rows of signals.parquet", paper="1.5e-4, 6667 Hz")]
+    anti_alias: Annotated[bool, about(
+        "a low pass takes what is above half the sample rate; false: what is there folds back", paper="false")] = True
     gravity_m_s2: Annotated[NotNegative, about("gravity, downwards", paper="9.8")] = 0.0
     time_step_s: Annotated[Positive | None, about("DEM time step; absent: the largest that every limit allows")] = None
     co_step: Annotated[Annotated[int, Field(ge=1)] | None, about(
@@ -256,8 +258,6 @@ class Scene(Table):
     def _one_way_to_set_accuracy(self) -> Self:
         keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
         if self.plate.model == "flexible":
-            if self.tolerance is None and self.plate.max_frequency_Hz is None:
-                raise Refused("plate.max_frequency_Hz", None, "it or tolerance must be given")
             keys["plate.max_frequency_Hz"] = self.plate.max_frequency_Hz
         if self.tolerance is None:
             return self

@@ -253,15 +253,19 @@ def _drags_plate(scene: Scene, assembly: Assembly) -> bool:
 
 
 def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
-    """Write the file that dem/engine/coupling/plate_shapes.h describes. The first bytes of all numbers, then the second
-    ones, and so on, pack to half the room, without loss."""
+    """Write the file that dem/engine/coupling/plate_shapes.h describes. The first bytes of all numbers of a shape, then
+    the second ones, and so on, pack to half the room, without loss."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
     x, y, upwards = modes.grid(SHAPE_GRID * cell)
-    shape = upwards[:, :, None]
+    shapes = [upwards]
     if with_lateral and len(modes.lateral):
-        shape = np.concatenate([shape, modes.lateral_grid(x, y)], axis=2)
-    by_mode = np.ascontiguousarray(shape.transpose(2, 3, 0, 1), dtype="<f8")
+        shapes += modes.lateral_grid(x, y).transpose(2, 0, 1, 3)
+    packer = zlib.compressobj(1)
     with open(file, "wb") as out:
-        np.array(shape.shape, dtype="<i8").tofile(out)
+        np.array([len(x), len(y), len(shapes), upwards.shape[2]], dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
-        out.write(zlib.compress(by_mode.reshape(-1, 1).view("u1").T.tobytes(), 1))
+        for shape in shapes:
+            for mode in range(shape.shape[2]):
+                numbers = shape[:, :, mode].astype("<f8").reshape(-1, 1)
+                out.write(packer.compress(numbers.view("u1").T.tobytes()))
+        out.write(packer.flush())
