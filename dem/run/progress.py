@@ -17,7 +17,7 @@ _log = logging.getLogger(__name__)
 INTERVAL_s = 0.5  # between two lines on a terminal; a log gets one a tenth
 IMPACT_s = 1.2e-3  # from the arrival of a stone until it has left the plate and rings no more
 FLIGHT_s = 1e-4  # so long nothing touches the plate: the engine asks only then again where it is
-# Until the run itself tells: speed of the engine while stones ring over that in contact, and of flights in s a simulated s.
+# Until the run itself tells: speed while stones ring over that in contact, and of flights in s a simulated second.
 RINGING, FLIGHT = 0.5, 5.0
 
 
@@ -42,8 +42,8 @@ class Stages:
 
 
 class Progress:
-    """Says how far the run `name` of `duration_s` simulated seconds is, if `shown`. Stones arrive at `arrivals_s`, and are
-    in contact for `contact_s`.
+    """Says how far the run `name` of `duration_s` simulated seconds is, if `shown`. Stones arrive at `arrivals_s`
+    and are in contact for `contact_s`.
 
     While a stone strikes and breaks the engine is a thousand times slower than while all fly. So the time left is that
     of the impacts to come, each as long as those so far, and that of all else, by its own speed so far."""
