@@ -98,7 +98,7 @@ def _rank(ratios: np.ndarray, values: np.ndarray) -> str:
 
 
 def _with_deviation(values: np.ndarray) -> str:
-    known = values[np.isfinite(values)]
+    known = np.round(values[np.isfinite(values)], 9)
     return f"{known.mean():.3g} ± {known.std(ddof=1):.2g}" if known.size > 1 else "-"
 
 
