@@ -64,7 +64,7 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
     check_engine()
     plate = read_plate(scene_file)
     places = INNER / 2 * np.array([plate.length_m, plate.width_m])
-    scenes = [changed_scene(scene_file, alone(k % 2 == 1, *values, seed=FIRST_SEED + k)) for k, values in
+    scenes = [changed_scene(scene_file, alone(k % 2 == 1, FIRST_SEED + k, *values)) for k, values in
               enumerate(_spread(stones, radius_m, speed_m_s, places))]
     directory, failed = out.with_suffix(""), dict[str, str]()
     with at_work_in(directory, "stones") as lock:
@@ -84,7 +84,7 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
     return LearntForces(out, len(histories) - gangue, gangue, failed)
 
 
-def alone(gangue: bool, radius_m: float, speed_m_s: float, x_m: float, y_m: float, seed: int) -> dict[str, Any]:
+def alone(gangue: bool, seed: int, radius_m: float, speed_m_s: float, x_m: float, y_m: float) -> dict[str, Any]:
     """Keys of a scene in which one stone falls."""
     return {"stones.count": 1, "stones.gangue_order": [1], "stones.gangue_ratio": float(gangue),
             "stones.positions": [[x_m, y_m]], "stones.radius_m": radius_m, "stones.speed_m_s": speed_m_s,

@@ -22,7 +22,7 @@ from common.scene.scene import Scene
 from dem.coupling.launch import library_version
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
-from dem.deck.plausible import fragment_resolution, momentum_warnings, speed_over_critical
+from dem.deck.plausible import breakage_scales, momentum_warnings
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
@@ -130,8 +130,7 @@ def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dic
         "n_particles": assembly.n_particles,
         "n_bonds": assembly.n_bonds,
         "n_modes": plate.n_modes,
-        "fragment_size_over_subsphere": fragment_resolution(scene, assembly),
-        "speed_over_critical": speed_over_critical(scene, assembly),
+        **breakage_scales(scene, assembly),
         "plate_energy_left_out": plate_energy_left_out(scene, assembly),
         "n_samples": len(results.signals["t_s"]),
     }
