@@ -208,7 +208,7 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
 
 
 def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_dir: Path | None) -> PlateModes:
-    from plate_fem.elements.system import sways
+    from plate_fem.elements.in_plane import sways
     from plate_fem.solution.model import build_model  # late: most modes are in the cache
     from plate_fem.solution.residual import load_rows, residual_modes
     from plate_fem.solution.stress_recovery import modal_surface_stress
