@@ -8,6 +8,7 @@ alone, so that more groups or other families leave the rest as it is.
 
 from __future__ import annotations
 
+import json
 import logging
 import time
 import zlib
@@ -32,7 +33,6 @@ from dem.run.directory import KIND, RunDirectory
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 from dem.stones.arrangement import stones_of
-from dem.stones.stone import places_m
 
 NOT_KEPT = ("deck/", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
 POSITION_TRIES = 10_000
@@ -48,21 +48,12 @@ class Family(Table):
     groups: Annotated[int, Field(ge=1)]
     runs_per_group: Annotated[int, Field(ge=1)]  # ratios of a group, spread over 0..1
     # Dotted keys of the scene, for all runs of the family.
-    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)
+    changes: dict[str, Any] = Field(default_factory=dict)
     arrangement: bool = False  # which stones turn into gangue first
     packing: bool = False  # sub-spheres of every stone
     speed_m_s: tuple[Positive, Positive] | None = None  # evenly between these
     damping_ratio: tuple[NotNegative, NotNegative] | None = None  # of the plate, evenly between these
-    arrival_spread_s: Positive | None = None  # each stone evenly between 0 and this
-    strength_scatter: Positive | None = None  # standard deviation of the logarithm of each stone's strength
-    position_scatter_m: Positive | None = None  # each stone evenly in a disc of this radius about its place
     free_positions: bool = False  # anywhere on the plate, without overlap
-
-    @model_validator(mode="after")
-    def _one_kind_of_position(self) -> Self:
-        if self.free_positions and self.position_scatter_m is not None:
-            raise Refused("position_scatter_m", self.position_scatter_m, "must be absent with free_positions")
-        return self
 
 
 class DatasetPlan(Table):
@@ -121,7 +112,7 @@ def _of_volley(path: Path, plan: DatasetPlan, name: str, family: Family, group: 
     """The scenes of one group of a family, one a mixing ratio."""
     assert plan.scene is not None
     scene_file = Path(path).parent / plan.scene
-    base = _base_scene(scene_file, tuple(plan.changes.items()))
+    base = _base_scene(scene_file, json.dumps(plan.changes | family.changes))
     with refused_in(scene_file, "stones"):
         count = _count(base)
     drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
@@ -133,7 +124,7 @@ def _of_volley(path: Path, plan: DatasetPlan, name: str, family: Family, group: 
 
 def _count(scene: Scene) -> int:
     """Number of stones of a volley, or of drawn ones."""
-    return scene.stones.drawn.count if scene.stones.drawn is not None else scene.stones.volley[0]
+    return (scene.stones.drawn and scene.stones.drawn.count) or scene.stones.volley[0]
 
 
 def _shared_packing(packings: int, seed: int, name: str, group: int) -> int:
@@ -143,9 +134,9 @@ def _shared_packing(packings: int, seed: int, name: str, group: int) -> int:
     return int(seeds[turn[group % packings]])
 
 
-@lru_cache(maxsize=1)
-def _base_scene(file: Path, changes: tuple[tuple[str, Any], ...]) -> Scene:
-    return changed_scene(file, dict(changes))
+@lru_cache(maxsize=64)
+def _base_scene(file: Path, changes: str) -> Scene:
+    return changed_scene(file, json.loads(changes))
 
 
 def _of_stream(path: Path, plan: DatasetPlan, name: str, family: StreamFamily, rng: np.random.Generator) -> list[Scene]:
@@ -166,25 +157,12 @@ def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, An
         changes["stones.speed_m_s"] = float(rng.uniform(*family.speed_m_s))
     if family.damping_ratio:
         changes["plate.damping_ratio"] = float(rng.uniform(*family.damping_ratio))
-    if family.arrival_spread_s:
-        changes["stones.arrival_s"] = rng.uniform(0, family.arrival_spread_s, count).tolist()
-    if family.strength_scatter:
-        changes["stones.strength_factor"] = rng.lognormal(0, family.strength_scatter, count).tolist()
-    if family.free_positions or family.position_scatter_m:
-        position = _free_positions(scene, rng) if family.free_positions else _moved_positions(scene, family, rng)
-        changes["stones.positions"] = [{"x_m": float(x), "y_m": float(y)} for x, y in position]
+    if family.free_positions:
+        changes["stones.positions"] = _free_positions(scene, rng).tolist()
         changes["stones.circle_radius_m"] = None
     if scene.scatter.drawn:
         changes["scatter.seed"] = int(rng.integers(1_000_000_000))
     return changes
-
-
-def _moved_positions(scene: Scene, family: Family, rng: np.random.Generator) -> np.ndarray:
-    """Each stone somewhere in a disc about its own position."""
-    position = places_m(stones_of(scene, ""))
-    angle = rng.uniform(0, 2 * np.pi, len(position))
-    distance = family.position_scatter_m * np.sqrt(rng.uniform(size=len(position)))
-    return position + distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _free_positions(scene: Scene, rng: np.random.Generator) -> np.ndarray:

@@ -65,7 +65,7 @@ class PlateRecord:
 class ForceStatistics:
     """What simulated stones show of their forces.
 
-    names, stride, samples, scale, residual: as in `ArrangementModel`; laws: coefficients (p, bins) of the mean force of
+    names, samples, scale, residual: as in `ArrangementModel`; laws: coefficients (p, bins) of the mean force of
     coal and of gangue (`force_law`); covariance (bins, bins): of a force; stones: number of different stones;
     damping_ratio: mean and standard deviation; speed_m_s: mean, least, greatest; place_deviation_m: standard deviation
     along x and y of where a stone touches the plate.
@@ -75,7 +75,6 @@ class ForceStatistics:
     laws: list[Floats]
     covariance: Floats
     stones: int
-    stride: int
     samples: int
     scale: Floats
     residual: Floats
@@ -109,12 +108,12 @@ def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceSta
     speed = np.array([force.speed_m_s for force in forces])
     damping = np.array([force.plate.damping_ratio for force in forces])
     scale = np.sqrt(np.mean(signals**2, axis=(0, 2)))
-    stride, samples = round(forces[0].sample_s / forces[0].step_s), signals.shape[2]
+    samples = signals.shape[2]
     laws, covariance, stones = force_laws(forces, groups[chosen], float(speed.mean()))
-    left = [one - force.modelled[:, :samples * stride:stride] for one, force in zip(signals, forces, strict=True)]
+    left = [one - force.sampled[:, :samples] for one, force in zip(signals, forces, strict=True)]
     residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
     deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.place_m) for force in forces]))
-    return ForceStatistics(X[chosen[0]].names, laws, covariance, stones, stride, samples, scale,
+    return ForceStatistics(X[chosen[0]].names, laws, covariance, stones, samples, scale,
                            np.hypot(residual, LEAST_RESIDUAL), _mean_and_deviation(damping),
                            (float(speed.mean()), float(speed.min()), float(speed.max())), float(deviation_m)), forces[0]
 
@@ -143,10 +142,10 @@ def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m
         slope = (_hat_response(statistics, record, moved_m) - hat) / SMALL_M
         mean_law = (statistics.laws[0][:1] + statistics.laws[1][:1]) / 2
         scatter.append(deviation_m * response_to(slope, _forces(record, mean_law)))
-    return ArrangementModel(statistics.names, statistics.scale, statistics.residual, record.step_s, statistics.stride,
+    return ArrangementModel(statistics.names, statistics.scale, statistics.residual, record.step_s, record.stride,
                             statistics.samples, hat, _steps_per_bin(record), np.stack(statistics.laws),
                             statistics.covariance, statistics.stones, scatter, plate.model_dump_json(), record.place_m,
-                            deviation_m, *statistics.speed_m_s)
+                            deviation_m, *statistics.speed_m_s, record.anti_alias)
 
 
 def force_laws(forces: list[ForceRecord], groups: Floats, middle_m_s: float) -> tuple[list[Floats], Floats, int]:

@@ -116,6 +116,7 @@ def _force_record(run: Run | None, sample_s: float) -> ForceRecord | None:
     if run is None:
         return None
     try:
-        return force_record_of(run, DURATION_S + 2 * LATEST_S, sample_s)
+        ahead_s = 10 * sample_s if run.scene.time.anti_alias else 0.0  # of the low pass
+        return force_record_of(run, DURATION_S + 2 * LATEST_S + ahead_s, sample_s)
     except RecordError:
         return None

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import fftconvolve
+from scipy.signal import fftconvolve, resample_poly
 
 from analysis.files.readers import read_table
 from analysis.signals.records import RecordError
@@ -34,7 +34,8 @@ class ForceRecord:
     place_m (stones, 2): where the stones fall; touch_m (stones, 2): where they touch the plate first, which is some
     millimetres off where a stone touches with its sub-spheres; at_once: all of them touch the plate together; sample_s:
     interval between samples of the run's record; force_N (stones, steps): means over steps of step_s from t = 0 on;
-    gangue (stones,): which stones are gangue; modes_dir: where the plate's modes are kept.
+    gangue (stones,): which stones are gangue; modes_dir: where the plate's modes are kept; anti_alias: the run's record
+    passed a low pass before it was sampled.
     """
 
     plate: FlexiblePlate
@@ -47,6 +48,12 @@ class ForceRecord:
     step_s: float
     force_N: Floats
     gangue: Booleans
+    anti_alias: bool = False
+
+    @property
+    def stride(self) -> int:
+        """Steps of a sample."""
+        return round(self.sample_s / self.step_s)
 
     @cached_property
     def modelled(self) -> Floats:
@@ -54,6 +61,12 @@ class ForceRecord:
         name."""
         unit = unit_force_response(self, self.plate.damping_ratio, self.touch_m - self.place_m)
         return response_to(unit, self.force_N.T).sum(axis=2)
+
+    @property
+    def sampled(self) -> Floats:
+        """`modelled` as the record has it, shape (channels, samples)."""
+        fine, every = self.modelled, self.stride
+        return np.asarray(resample_poly(fine, 1, every, axis=1)) if self.anti_alias else fine[:, ::every]
 
 
 def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) -> ForceRecord:
@@ -75,11 +88,12 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
     return ForceRecord(flexible_plate(run), user_cache(), place_m, _touches_of(run, place_m), _fall_at_once(run),
                        stones.speed_m_s, sample_s or 1 / run.rate_Hz, step_s,
-                       table[forces][1:steps + 1].to_numpy(dtype=float).T, np.array(run.materials) == "gangue")
+                       table[forces][1:steps + 1].to_numpy(dtype=float).T, np.array(run.materials) == "gangue",
+                       run.scene.time.anti_alias)
 
 
 def _fall_at_once(run: Run) -> bool:
-    return run.scene.stones.arrival_s is None and run.scene.scatter.get("arrival_s") is None
+    return run.scene.scatter.get("arrival_s") is None
 
 
 def _touches_of(run: Run, place_m: Floats) -> Floats:
