@@ -15,14 +15,15 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from common.files.whole import written_whole
-from common.scene.plate import FlexiblePlate, Rod
+from common.scene.plate import FlexiblePlate
 from lab.study import Row
-from plate_fem.modes import NOWHERE, plate_modes
+from plate_fem.modes import NOWHERE, PlateModes, plate_modes
 from plate_fem.motion import ModalMotion
 from plate_fem.solution.eigen import eigenmodes
 from plate_fem.solution.model import PlateModel, build_model
@@ -57,14 +58,16 @@ class Plate:
         return [(a * place[0], b * place[1]) for a, b in signs]
 
     def part(self, fine: int) -> Part:
-        ends = [(0.0 if axis in self.mirrors else -side / 2, side / 2) for axis, side in zip("xy", self.side_m, strict=True)]
-        return Part(*ends, self.thickness_m, self.rods, self.length_m, STEEL, self.cell_m, fine)
+        x_m, y_m = ((0.0 if axis in self.mirrors else -side / 2, side / 2)
+                    for axis, side in zip("xy", self.side_m, strict=True))
+        return Part(x_m, y_m, self.thickness_m, self.rods, self.length_m, STEEL, self.cell_m, fine)
 
     def table(self) -> FlexiblePlate:
-        rods = [Rod(x_m=x, y_m=y, diameter_m=rod[2], length_m=self.length_m, **STEEL)
+        rods = [{"x_m": x, "y_m": y, "diameter_m": rod[2], "length_m": self.length_m, **STEEL}
                 for rod in self.rods for x, y in self.images(rod[:2])]
-        return FlexiblePlate(model="flexible", length_m=self.side_m[0], width_m=self.side_m[1], thickness_m=self.thickness_m,
-                             rods=tuple(rods), max_frequency_Hz=self.highest_Hz, damping_ratio=DAMPING, **STEEL)
+        return FlexiblePlate.model_validate({
+            "model": "flexible", "length_m": self.side_m[0], "width_m": self.side_m[1], "thickness_m": self.thickness_m,
+            "rods": rods, "max_frequency_Hz": self.highest_Hz, "damping_ratio": DAMPING, **STEEL})
 
 
 PLATES = {
@@ -107,7 +110,8 @@ class Side:
     def answer(self, hit: int, duration_s: float) -> tuple[np.ndarray, np.ndarray]:
         """Accelerations (t, k) upwards at all places and forces (t, rods) after a pulse of 1 N on one of them."""
         modes = SimpleNamespace(frequency_Hz=self.frequency_Hz, damping_ratio=np.full(len(self.frequency_Hz), DAMPING))
-        moving, up, acceleration, force = ModalMotion(modes, INTERVAL_s), self.motion[:, :, 2], [], []
+        moving = ModalMotion(cast(PlateModes, modes), INTERVAL_s)
+        up, acceleration, force = self.motion[:, :, 2], [], []
         for step in range(round(duration_s / INTERVAL_s)):
             time_s = (step + 0.5) * INTERVAL_s
             push = -up[:, hit] * (np.sin(np.pi * time_s / PULSE_s) ** 1.5 if time_s < PULSE_s else 0.0)
@@ -181,15 +185,15 @@ def _compared(out: Path, name: str) -> dict[str, float]:
     at = [int(np.hypot(*(node_m - place).T).argmin()) for place in plate.places_m]
     places = [Side(one.frequency_Hz, one.motion[:, at], one.force_N) for one in (solid, side)]
     short = [[one.answer(hit, 2e-3)[0] for hit in range(len(at))] for one in places]
-    of_hit = [100 * np.linalg.norm(b - a) / np.linalg.norm(a) for a, b in zip(*short, strict=True)]
-    peak = [[abs(one.answer(hit, 10e-3)[1]).max(axis=0) for hit in range(len(at) - 1)] for one in places]
-    finer = _solid(out, plate, plate.symmetries[0], FINER).frequency_Hz
-    settled = finer / whole.frequency_Hz - 1
+    of_hit = [100 * float(np.linalg.norm(b - a) / np.linalg.norm(a)) for a, b in zip(*short, strict=True)]
+    peak = [np.array([abs(one.answer(hit, 10e-3)[1]).max(axis=0) for hit in range(len(at) - 1)]) for one in places]
+    settled = _solid(out, plate, plate.symmetries[0], FINER).frequency_Hz / whole.frequency_Hz - 1
+    sag = [_sag_m(plate.table(), node_m[at[:-1]]), np.asarray(whole.sag_m)[at[:-1]]]
     return {"modes": int((solid.frequency_Hz < plate.highest_Hz).sum()), "missing": len(solid.frequency_Hz) - len(of_solid),
-            "worst_percent": max(error, key=abs), "rms_percent": np.sqrt(np.mean(error**2)),
-            "first_worst_percent": max(error[first], key=abs), "first_rms_percent": np.sqrt(np.mean(error[first] ** 2)),
+            "worst_percent": max(error, key=abs), "rms_percent": float(np.sqrt(np.mean(error**2))),
+            "first_worst_percent": max(error[first], key=abs), "first_rms_percent": float(np.sqrt(np.mean(error[first] ** 2))),
             "heave_percent": error[rigid[0]], "rocking_percent": max(error[rigid[1:]], key=abs),
-            "sag_percent": 100 * (_sag_m(plate.table(), whole.node_m).mean() / whole.sag_m.mean() - 1),
-            "accelerometers_percent": np.sqrt(np.mean(np.square(of_hit[:-1]))), "on_rod_percent": of_hit[-1],
-            "rod_peak_percent": 100 * max((np.array(peak[1]) / np.array(peak[0]) - 1).ravel(), key=abs),
-            "settled_percent": 100 * max(settled[finer < plate.highest_Hz], key=abs)}
+            "sag_percent": 100 * max(sag[0] / sag[1] - 1, key=abs),
+            "accelerometers_percent": float(np.sqrt(np.mean(np.square(of_hit[:-1])))), "on_rod_percent": of_hit[-1],
+            "rod_peak_percent": 100 * max((peak[1] / peak[0] - 1).ravel(), key=abs),
+            "settled_percent": 100 * max(settled[whole.frequency_Hz < plate.highest_Hz], key=abs)}
