@@ -259,7 +259,7 @@ def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
     x, y, upwards = modes.grid(SHAPE_GRID * cell)
     shapes = [upwards]
     if with_lateral and len(modes.lateral):
-        shapes += modes.lateral_grid(x, y).transpose(2, 0, 1, 3)
+        shapes.extend(modes.lateral_grid(x, y).transpose(2, 0, 1, 3))
     packer = zlib.compressobj(1)
     with open(file, "wb") as out:
         np.array([len(x), len(y), len(shapes), upwards.shape[2]], dtype="<i8").tofile(out)
