@@ -53,11 +53,6 @@ class Solid:
         return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
     @property
-    def sphericity(self) -> float:
-        """Area of the sphere of equal volume over that of the solid."""
-        return float((36 * np.pi * self.volume**2) ** (1 / 3) / self.area)
-
-    @property
     def second_moment(self) -> np.ndarray:
         """(3, 3) integral of x x^T over the volume."""
         return moments(self.corner, self.triangle)[2]
