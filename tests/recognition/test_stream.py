@@ -221,6 +221,10 @@ def test_times_are_those_of_the_centres(heard):
     (lambda t: t.assign(acc_north_m_s2=np.nan), (), "every sample must be finite"),
     (lambda t: t, ("--radius", "0.03", "0.02"), "the lower first"),
     (lambda t: t, ("--step", "0"), "must be a time above 0 s"),
+    (lambda t: t, ("--coal-first", "-1"), "must be a number of stones"),
+    (lambda t: t, ("--stop-above", "200"), "must be from 2 to 98 %"),
+    (lambda t: t, ("--law", "none.json"), "none.json: no law"),
+    (lambda t: t, ("--known", "none.toml"), "none.toml"),
     (lambda t: t, ("--silence", "1"), "from 0.02 s to the length of the record"),
     (lambda t: t, ("--silence", "nan"), "from 0.02 s to the length of the record"),
 ])
