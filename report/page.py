@@ -268,11 +268,12 @@ def numbers(results: SweepResults, recognises: bool) -> list[Number]:
 
 def _held_out(results: SweepResults) -> Number:
     """Return the error of the method that answers most runs, trained on the other ratios."""
-    from report.recognition.results import HELD_OUT
+    from report.recognition.results import HELD_OUT, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
 
     words = "mean error of the ratio, trained on the other ratios"
     try:
-        error = np.abs(results.recognition.errors_points(HELD_OUT, results.recognition.leading_method))
+        leading = results.recognition.leading_of((*MODEL_METHODS_WITH_INTERVAL, *MODEL_METHODS))
+        error = np.abs(results.recognition.errors_points(HELD_OUT, leading))
     except MISSING_RESULT as reason:
         return Number("-", f"{words}: {reason}")
     if not error.size:

@@ -98,12 +98,14 @@ def _rank(ratios: np.ndarray, values: np.ndarray) -> str:
 
 
 def _with_deviation(values: np.ndarray) -> str:
-    known = np.round(values[np.isfinite(values)], 9)
-    return f"{known.mean():.3g} ± {known.std(ddof=1):.2g}" if known.size > 1 else "-"
+    known = values[np.isfinite(values)]
+    if known.size < 2 or np.ptp(known) <= 1e-12 * np.abs(known).max():  # nothing differs but by rounding
+        return f"{known[0]:.3g}" if known.size else "-"
+    return f"{known.mean():.3g} ± {known.std(ddof=1):.2g}"
 
 
 ONE_STONE = TableSpec("table-one-stone", "Breakage of one stone", (
-    "Mean and standard deviation over all stones of all runs. Below a fragment size of 2.3 sub-spheres, what breaks"
+    "Mean and standard deviation of all stones. Below a fragment size of 2.3 sub-spheres, what breaks"
     " depends on the number of sub-spheres; near the critical speed, at which stones fall apart, on the single stone."),
     one_stone)
 VARYING = TableSpec("table-varying", "What natural scatter makes of it", (
