@@ -97,5 +97,5 @@ ONE_STONE = TableSpec("table-one-stone", "Breakage of one stone", (
     " depends on the number of sub-spheres; near the critical speed, at which stones fall apart, on the single stone."),
     one_stone)
 VARYING = TableSpec("table-varying", "What natural scatter makes of it", (
-    f"Beside each figure of this sweep those of stones that vary ({PLAN}), mean and standard deviation over draws, in"
-    " the paper's window."), varying)
+    f"Beside each figure of this sweep those of stones that vary, with another coal ({PLAN}): mean and standard"
+    " deviation over draws, in the paper's window."), varying)
