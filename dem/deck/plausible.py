@@ -16,9 +16,8 @@ from common.scene.scene import Scene
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
 from dem.stones.bonds import CRACK_AREA
 from dem.stones.stone import Stone, impact_speed_m_s
-from plate_fem.elements import mesh
+from plate_fem.elements import in_plane, mesh
 from plate_fem.elements.joints import joint_range
-from plate_fem.solution.mode_count import least_modes
 
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
@@ -26,7 +25,7 @@ LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are w
 CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
-LEAST_SPAN, FIRST_MODES = 10, 10  # the shorter side in thicknesses; modes among which one within the plane matters
+LEAST_SPAN = 10  # the shorter side in thicknesses
 MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its modes; of the impulse
 
 
@@ -64,13 +63,14 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
     """One line for each reason for which the plate's modes are not to be trusted; `left_out` is the share of energy
     above max_frequency_Hz, which is known."""
     shorter, highest_Hz = min(plate.length_m, plate.width_m), mesh.highest_frequency_Hz(plate)
-    in_plane_Hz, lines = mesh.first_in_plane_Hz(plate), []
+    lines = []
     if shorter < LEAST_SPAN * plate.thickness_m:
         lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is "
                      f"{shorter / plate.thickness_m:.3g} of it; theories of plates are for {LEAST_SPAN} and more")
-    if in_plane_Hz < highest_Hz and least_modes(plate, in_plane_Hz) < FIRST_MODES:
-        lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about {in_plane_Hz:.2g} "
-                     f"Hz on, are left out, and the first is among the lowest {FIRST_MODES}")
+    if in_plane.first_is_low(plate) and not in_plane.sways(plate):
+        lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about "
+                     f"{in_plane.first_Hz_of(plate):.2g} Hz on, are left out, since no rod ties them to bending; the "
+                     f"first is among the lowest {in_plane.LOWEST}")
     if mesh.choose_theory(plate) == "kirchhoff" and mesh.kirchhoff_error(plate) > mesh.SHEAR_ERROR_ALLOWED:
         lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is "
                      f"{mesh.kirchhoff_error(plate):.2g} too high; 'auto' allows {mesh.SHEAR_ERROR_ALLOWED:g}")

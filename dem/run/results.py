@@ -31,7 +31,7 @@ from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, s
 from dem.record.stones_table import left_table, read_left, stones_given, stones_table
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
-from dem.run.prepare import PreparedRun, told
+from dem.run.prepare import PreparedRun, warned
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
@@ -90,7 +90,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
     outcome = _outcome(prepared, plate, results)
-    late = told(prepared.source, momentum_warnings(outcome.get("momentum_missing")))
+    late = warned(prepared.source, momentum_warnings(outcome.get("momentum_missing")))
     return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
             "warnings": prepared.warnings + late}
 
