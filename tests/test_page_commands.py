@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from scipy.io import wavfile
 
+from common.scene.scene import changed_scene
 from gangue.parser import parser_of
 from lab.known_truth.simulated import draw_stones, stream_of
 from lab.known_truth.tap_records import hammer_taps
@@ -69,6 +70,14 @@ def test_every_command_is_spelt_as_the_program_takes_it(name):
             if isinstance(value, str | Path) and re.search(r"/|\.\w+$", str(value)) and "m/s" not in str(value):
                 assert str(value) in {*made, *OF_THE_USER} or (ROOT / value).exists(), line
         made.add(out)
+
+
+def test_make_recognise_taps_places_as_a_scene_takes_them():
+    (change,) = re.findall(r'--set "(stones.positions=\S+)"', (ROOT / "Makefile").read_text())
+    given = vars(parser_of().parse_args(["run", "scenes/tap.toml", "--out", "x", "--set",
+                                         change.replace("$$x", "0.11").replace("$$y", "-0.07")]))
+    stones = changed_scene(ROOT / "scenes" / "tap.toml", dict(given["changes"])).stones
+    assert [tuple(place) for place in stones.positions] == [(0.11, -0.07)]
 
 
 @pytest.fixture
