@@ -87,9 +87,10 @@ def _rank(ratios: np.ndarray, values: np.ndarray) -> str:
 
 def _with_deviation(values: np.ndarray) -> str:
     known = values[np.isfinite(values)]
-    if known.size < 2 or np.ptp(known) <= 1e-12 * np.abs(known).max():  # nothing differs but by rounding
+    if known.size < 2:
         return f"{known[0]:.3g}" if known.size else "-"
-    return f"{known.mean():.3g} ± {known.std(ddof=1):.2g}"
+    rounding = np.ptp(known) <= 1e-12 * np.abs(known).max()
+    return f"{known.mean():.3g} ± {0.0 if rounding else known.std(ddof=1):.2g}"
 
 
 ONE_STONE = TableSpec("table-one-stone", "Breakage of one stone", (
