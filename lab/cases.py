@@ -88,6 +88,8 @@ CASES = {case.name: case for case in (
     Case("listening_plates", "lab.streams.listening", "plate that is tapped", "the true ratio", HEARD),
     Case("listening_differences", "lab.streams.listening", "what `listen` is not told", "the true ratio", HEARD),
     Case("listening_noise", "lab.streams.listening", "noise of a machine, and faults in it", "the true ratio", HEARD),
+    Case("stopping", "lab.streams.stopping", "share of gangue over time, stones and what one knows of them",
+         "when the share is passed", ("recognition/stone_forces", "recognition/stream", "lab/streams/stone_kinds.py")),
     Case("stone_kinds", "lab.streams.stone_kinds", "stones of a stream, and what one knows of them", "the true ratio",
          ("recognition/stone_forces", "recognition/stream", "lab/known_truth/data")),
     Case("volleys", "lab.streams.volleys", "runs, on tapped plates", "the true ratio", (*HEARD, "recognition/volley")),
