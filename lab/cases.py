@@ -93,6 +93,8 @@ CASES = {case.name: case for case in (
          (*METHODS, "recognition/evaluation", "lab/recognition/baselines.py")),
     Case("error_bounds", "lab.recognition.evaluation", "noise and scatter", "the least error of any method",
          (*METHODS, "lab/recognition/error_bounds.py")),
+    Case("real_records", "lab.real.records", "balls, hammer hits, a ramp that others measured", "what was struck",
+         ("analysis/signals/features.py", "recognition/stone_forces", "recognition/tapping")),
     Case("stone_forces", "lab.streams.stone_forces", "rock, size, speed and place of a stone",
          "the law of forces that is learnt", (*STONE, "recognition/stone_forces/forces.py")),
     Case("rod_joint", "lab.plate.rod_joint", "radius and modulus of a rod, Poisson's ratio", "plate and beam theory", ()),
