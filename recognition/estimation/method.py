@@ -58,13 +58,15 @@ class MethodEntry:
     """A method in a registry.
 
     title: as a reader sees it. make: gives an unfitted one. gives_interval: its answers have one. seeks_impact: it
-    does not take the moment of the impact for known.
+    does not take the moment of the impact for known. told: an evaluation tells it where and when the stones of a run
+    fall.
     """
 
     title: str
     make: Callable[[], Method]
     gives_interval: bool = True
     seeks_impact: bool = False
+    told: bool = False
 
 
 #: Methods by name.

@@ -29,7 +29,7 @@ from recognition.physics.arrangement_likelihood import (
     ExpectedMisfit,
 )
 from recognition.physics.arrangement_method import ArrangementLikelihood, noise_of
-from recognition.physics.force_records import ForceRecord
+from recognition.physics.force_records import Fall, ForceRecord
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
 STEP_s, SAMPLE_s, SAMPLES = 1e-5, 5e-5, 60
@@ -88,7 +88,8 @@ def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0
         gangue = rng.permutation(len(PLACES_M)) < n
         speed = rng.uniform(*speeds)
         force = forces_N(gangue, 1 + scatter * rng.standard_normal(len(PLACES_M)), speed)
-        forces = ForceRecord(table, Path(KEPT.name), PLACES_M, PLACES_M, True, speed, SAMPLE_s, STEP_s, force.T, gangue)
+        forces = ForceRecord(table, Path(KEPT.name), Fall(PLACES_M, np.zeros(len(PLACES_M))), PLACES_M, speed, SAMPLE_s, STEP_s,
+                             force.T, gangue)
         X.append(PlateRecord(*record(modes, force, noise, rng, late), NAMES, forces))
         ratios.append(n / len(PLACES_M))
     return X, np.array(ratios)
@@ -106,7 +107,7 @@ def small_model(rng, stones=4, bins=3, powers=2, width=2, samples=6, scatter=1):
     return ArrangementModel(("a", "b"), np.array([1.0, 2.0]), np.array([0.3, 0.2]), 1e-5, 1, samples, hat, width,
                             0.3 * rng.standard_normal((2, powers, bins)), root @ root.T + 0.01 * np.eye(bins), 7,
                             [0.2 * rng.standard_normal((2, samples + 64, 2)) for _ in range(scatter)], "",
-                            np.zeros((stones, 2)), 0.0,                            3.0, 3.0, 3.0)
+                            np.zeros((stones, 2)), 0.0, 0.0, False, 3.0, 3.0, 3.0)
 
 
 def naive_law(model, shift):

@@ -9,9 +9,9 @@ import pytest
 from analysis import read_run
 from recognition.estimation.errors import RecognitionError
 from recognition.evaluation.dataset import read_dataset
-from recognition.physics import force_records
-from recognition.physics.arrangement_fit import same_places
+from recognition.physics.arrangement_fit import alike
 from recognition.physics.arrangement_method import PlateRecord
+from recognition.physics.force_records import fall_of
 from tests.analysis.synthetic import write_run
 
 SCATTER = {"seed": 3, "arrival_s": {"uniform": [0.0, 0.005]}}
@@ -27,7 +27,8 @@ def write_drawn(directory, ratio, group, speed_m_s, scene):
     (run / "run.json").write_text(json.dumps(info | {"scene": info["scene"] | {"stones": stones, "plate": plate} | scene}))
     down = -speed_m_s * np.ones(10)
     pd.DataFrame({"velocity_x_m_s": 0 * down, "velocity_y_m_s": 0 * down, "velocity_z_m_s": down,
-                  "place_x_m": np.arange(10.0), "place_y_m": 0.0, "arrival_s": 0.001}).to_parquet(run / "stones.parquet")
+                  "place_x_m": np.arange(10.0), "place_y_m": 0.0,
+                  "arrival_s": 0.001 if "scatter" in scene else 0.0}).to_parquet(run / "stones.parquet")
     return run
 
 
@@ -43,7 +44,7 @@ def test_drawn_stones_have_their_mean_speed_and_each_group_is_its_own(tmp_path):
 def test_stones_that_arrive_as_scattered_do_not_fall_at_once(tmp_path):
     at_once, scattered = (read_run(write_drawn(tmp_path, 0.2, group, 3.0, scene))
                           for group, scene in enumerate(({}, {"scatter": SCATTER})))
-    assert force_records._fall_at_once(at_once) and not force_records._fall_at_once(scattered)
+    assert fall_of(at_once).at_once and fall_of(scattered).arrival_s == pytest.approx(0.001)
     empty = PlateRecord(np.zeros((1, 4)), np.ones(1), ("a",), None)
-    with pytest.raises(RecognitionError, match="0 runs whose stones fall at once and on the same places"):
-        same_places([empty] * 5)
+    with pytest.raises(RecognitionError, match="0 runs with forces of as many stones"):
+        alike([empty] * 5)
