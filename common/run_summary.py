@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from common.files.whole import read_json, write_json
 from common.scene.plate import Edge
-from common.scene.stones import Kind, StonePosition
+from common.scene.stones import Kind
 from common.tables import check
 
 
@@ -28,24 +28,26 @@ class Recorded(BaseModel):
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
+class RecordedTime(Recorded):
+    """`[time]` of the scene as far as it is recorded."""
+
+    anti_alias: bool = False  # runs that do not say had no filter
+
+
 class RecordedStones(Recorded):
     """`[stones]` of the scene (common/scene/scene.py) as far as it is recorded."""
 
     count: int | None = None
     radius_m: float | None = None
     circle_radius_m: float | None = None
-    positions: list[StonePosition] | None = None
+    positions: list[list[float]] | None = None  # x, y
     speed_m_s: float | None = None
-    coal: str = "coal"
-    gangue: str = "gangue"
     gangue_order: list[int] | None = None
-    arrival_s: list[float] | None = None
     agglomerate: dict[str, Any] | None = None
 
 
 class RecordedMaterial(Recorded):
-    """The elastic constants of a material or of the plate; `kind` of a material that is not named by stones.coal or
-    stones.gangue."""
+    """The elastic constants of a material or of the plate; `kind` of a material that its name does not tell."""
 
     kind: Kind | None = None
     density_kg_m3: float | None = None
@@ -91,6 +93,7 @@ class RecordedScene(Recorded):
     """The scene of a run as far as it is recorded."""
 
     name: str | None = None
+    time: RecordedTime = RecordedTime()
     stones: RecordedStones = RecordedStones()
     materials: dict[str, RecordedMaterial] = {}
     contacts: dict[str, RecordedContact] = {}
@@ -100,8 +103,7 @@ class RecordedScene(Recorded):
     def kind_of(self, material: str) -> str:
         """"coal" or "gangue", or the name of a material that says neither."""
         table = self.materials.get(material)
-        by_name = {self.stones.coal: "coal", self.stones.gangue: "gangue"}
-        return (table.kind if table is not None else None) or by_name.get(material, material)
+        return (table.kind if table is not None else None) or material
 
 
 class YieldReport(Recorded):
@@ -143,6 +145,7 @@ class RunSummary(Recorded):
     n_bonds_broken_by_agglomerate: list[int] | None = None
     n_modes: int | None = None
     fragment_size_over_subsphere: list[float | None] | None = None  # of each stone, None where bonds snap
+    speed_over_critical: list[float | None] | None = None  # likewise: over that at which the stone falls apart
     plate_energy_left_out: float | None = None  # share that would belong to modes above those kept
 
     peak_force_N: float | None = None

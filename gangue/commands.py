@@ -97,7 +97,7 @@ COMMANDS = {
         "gangue sweep scenes/paper.toml --set stones.count=6 --out runs/six")),
     "dataset": Command("dem.batch.dataset:build", "simulate what a plan draws, for recognition", (
         _file("plan_file", "plan", "plan (TOML), such as scenes/dataset.toml"), OUT, JOBS, OVERWRITE,
-        _arg("--runs", type=int, metavar="N", help="of each family the first groups that have so many (default: all)")), (
+        _arg("--runs", type=int, metavar="N", help="of each family the first groups with so many (default: all)")), (
         "gangue dataset scenes/dataset.toml --out runs/dataset --runs 44",)),
     "campaign": Command("dem.batch.campaign:campaign", "simulate every combination of values, by Snakemake", (
         _file("file", "file", "campaign (TOML), such as scenes/campaign.toml"), OUT, JOBS,
@@ -175,16 +175,32 @@ COMMANDS = {
                       "stones one by one, and the mixing ratio over time, from a stream", (
         RECORD, PLATE, SCALE, UNIT, _arg("--out", required=True, help="directory for stones.parquet and ratio.parquet"),
         _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
-             help="between which the stones' radii lie, in m"),
+             help="between which the stones' radii lie, more or less, in m"),
         _arg("--speed", dest="speed_m_s", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
              help="between which their speeds lie, the components across the plate, in m/s"),
+        _arg("--coal-first", type=int, default=0, metavar="N", help="the first N stones are known to be coal"),
+        _arg("--known", dest="known_file", metavar="FILE", help="records of known stones (docs/listening.md)"),
+        _arg("--law", metavar="FILE", help="of the forces, by `learn-forces` (default: that of the paper's rock)"),
+        _arg("--stop-above", dest="stop_above_percent", type=float, metavar="PERCENT",
+             help="alarm where the share of gangue by number rises above"),
+        _arg("--false-alarms-per-hour", dest="false_alarms_1_h", type=float, default=1.0, metavar="N",
+             help="at most so many at half of that share (default: %(default)g)"),
         _arg("--silence", dest="quiet_s", type=float, default=0.02, metavar="S",
              help="beginning without stones, which tells the noise: 1 s where a machine runs (default: %(default)g s)"),
         _arg("--window", dest="window_s", type=float, default=1.0, metavar="S",
              help="of the ratio (default: %(default)g s)"),
         _arg("--step", dest="step_s", type=float, default=0.1, metavar="S",
              help="between ratios (default: %(default)g s)")), (
-        "gangue listen stream.parquet --plate plate.json --radius 0.025 0.025 --speed 2 4 --out runs/heard",)),
+        "gangue listen stream.parquet --plate plate.json --radius 0.025 0.025 --speed 2 4 --out runs/heard",
+        "gangue listen a.csv --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40 --out b")),
+    "learn-forces": Command("gangue.learn_forces:learn_forces", "what `listen` believes of one's own rock and plate", (
+        SCENE, _arg("--out", type=Path, required=True, help="law to write (.json); runs stay in a directory beside it"),
+        _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
+             help="radii, in m"),
+        _arg("--speed", dest="speed_m_s", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
+             help="speeds, in m/s"),
+        _arg("--stones", type=int, default=48, metavar="N", help="stones to simulate (default: %(default)d)"), JOBS), (
+        "gangue learn-forces scenes/single.toml --radius 0.015 0.035 --speed 2 4 --out law.json",)),
     "volley": Command("recognition.volley.judged:volley",
                       "mixing ratio of stones that arrive at once on unknown places", (
         RECORD, PLATE, SCALE, UNIT,

@@ -104,7 +104,7 @@ def _checked(name: str, check: Callable[[], str]) -> Line:
 
 
 def _ranks() -> Line:
-    return _programs("MPI ranks", ("mpirun",), "for engine.np above 1")
+    return _programs("MPI ranks", ("mpirun",), "for ranks above 1")
 
 
 def _programs(name: str, programs: Iterable[str], use: str) -> Line:

@@ -21,9 +21,9 @@ PAGE = "docs/scene.md"
 ALIKE = 5  # keys that two tables share, from which on they stand once
 DRAFT = "http://json-schema.org/draft-07/schema#"  # what editors know
 
-LAWS = {"A distribution": "Distribution", "`lognormal = {...}`": "LogNormal", "`rosin_rammler = {...}`": "RosinRammler"}
+LAWS = {"A distribution": "Distribution", "`rosin_rammler = {...}`": "RosinRammler"}
 
-WHOLE = ("Rod", "PointSupport", "Sensor", "StonePosition", "EachStone", "Footprint", "LogNormal", "RosinRammler")
+WHOLE = ("Rod", "PointSupport", "Sensor", "EachStone", "RosinRammler")
 
 HEAD = """# Keys of a scene
 
@@ -67,8 +67,11 @@ def _for_editors(name: str, key: Node) -> Node:
     key.pop("discriminator", None)
     if key.get("default", ...) is None:
         del key["default"]
-    if "prefixItems" in key:  # as draft 7 has it; all are alike
-        key["items"] = key.pop("prefixItems")[0]
+    inner: Node | None = key
+    while inner is not None:
+        if "prefixItems" in inner:  # as draft 7 has it; all are alike
+            inner["items"] = inner.pop("prefixItems")[0]
+        inner = inner.get("items")
     if key.get("$ref", "").endswith("/Distribution"):
         key["oneOf"] = [{"type": "number"}, {"$ref": key.pop("$ref")}]
         if "default" in key:

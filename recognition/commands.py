@@ -100,7 +100,7 @@ def recognise(record: str, model: str, plate: str | None = None, resample: bool 
         known = known.on_plate(PlateModel.load(Path(plate)))
     table, source = record_table(record, scale, unit)
     if resample and "t_s" in table:
-        table = at_rate(table, known.window.rate_Hz, source)
+        table = at_rate(table, known.window.rate_Hz, source, known.window.anti_alias)
     answers = known.recognise(table, source)
     if faults := known.faults(table):
         return RecogniseResult(source, None, {}, refused=tuple(faults))

@@ -262,7 +262,7 @@ def numbers(results: SweepResults, recognises: bool) -> list[Number]:
         found.append(span([f"{runs[i].peak('a_m_s2'):.3g}" for i in ends], "m/s²", "largest acceleration of the plate"))
     if all(run.summary.n_bonds for run in runs):
         found.append(span([f"{runs[i].summary.n_bonds_broken}" for i in ends], "",
-                          f"bonds broken of {runs[0].summary.n_bonds}"))
+                          f"bonds broken of {runs[0].summary.n_bonds} ({results.breakage.draws_in_words})"))
     return found
 
 

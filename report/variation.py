@@ -29,15 +29,18 @@ def one_stone(results: SweepResults) -> Cells:
         chosen = results.is_gangue == (kind == "gangue")
         if chosen.any():
             rows.append([kind, str(chosen.sum()), _with_deviation(area_cm2[chosen]), _with_deviation(largest[chosen]),
-                         _least_resolution(results, chosen)])
-    return ["", "stones", "crack area, cm²", "largest fragment", "fragment size over sub-sphere, least"], rows
+                         _span(results, chosen, "fragment_size_over_subsphere"),
+                         _span(results, chosen, "speed_over_critical")])
+    return ["", "stones", "crack area, cm²", "largest fragment", "fragment size over sub-sphere",
+            "speed over critical speed"], rows
 
 
-def _least_resolution(results: SweepResults, chosen: np.ndarray) -> str:
-    given = [run.summary.fragment_size_over_subsphere or [None] * len(run.materials) for run in results.runs]
-    found = [value for values, own in zip(given, chosen, strict=True) for value, here in zip(values, own, strict=True)
-             if here and value is not None]
-    return f"{min(found):.2g}" if found else "-"
+def _span(results: SweepResults, chosen: np.ndarray, key: str) -> str:
+    """Least and largest of a list by stone in run.json."""
+    given = [getattr(run.summary, key) or [None] * len(run.materials) for run in results.runs]
+    values = np.array(given, dtype=float)[chosen]
+    known = values[np.isfinite(values)]
+    return " to ".join(dict.fromkeys((f"{known.min():.2g}", f"{known.max():.2g}"))) if known.size else "-"
 
 
 def _area_cm2(run: Run) -> np.ndarray:
@@ -101,7 +104,8 @@ def _with_deviation(values: np.ndarray) -> str:
 
 ONE_STONE = TableSpec("table-one-stone", "Breakage of one stone", (
     "Mean and standard deviation over all stones of all runs. Below a fragment size of 2.3 sub-spheres, what breaks"
-    " depends on the number of sub-spheres."), one_stone)
+    " depends on the number of sub-spheres; near the critical speed, at which stones fall apart, on the single stone."),
+    one_stone)
 VARYING = TableSpec("table-varying", "What natural scatter makes of it", (
     f"Beside each figure of this sweep those of stones that vary ({PLAN}), mean and standard deviation over draws, in"
     " the paper's window."), varying)

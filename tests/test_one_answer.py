@@ -17,6 +17,7 @@ from dem.batch.sweep import SweepResult
 from dem.commands import BatchResult, CalibrationResult, DeckResult, EngineResult, PlateEnergy, RunResult
 from gangue.__main__ import main
 from gangue.commands import COMMANDS
+from gangue.learn_forces import LearntForces
 from gangue.parser import commands_of, parser_of
 from gangue.scenes import ScenesResult
 from lab.known_truth.faulty_records import volley, with_fault
@@ -28,7 +29,7 @@ from recognition.models import Model
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
 from recognition.sensors.checked import CheckResult
-from recognition.stream.heard import UNTAPPED, ListenResult
+from recognition.stream.heard import UNTAPPED, Alarms, ListenResult
 from recognition.tapping.tapped import TapResult
 from recognition.volley.judged import VolleyResult
 from report.commands import ComparisonResult, ReportResult
@@ -238,8 +239,11 @@ CANNED = [
     ("tap", TapResult(HERE, 12_345, MODES, SENSORS, "")),
     ("tap", TapResult(None, 0, MODES, SENSORS, "sensor 'north': 40% of its taps, limit 30%")),
     ("listen", ListenResult(HERE, HERE, 12, {"number": ANSWER, "mass": WIDE}, (UNTAPPED, WIDE.warning))),
+    ("listen", ListenResult(HERE, HERE, 12, {"number": ANSWER}, stop=Alarms(0.4, 0.2, (35.2,), 3.9, 4.2, 0.8, False))),
+    ("listen", ListenResult(HERE, HERE, 12, {"number": ANSWER}, stop=Alarms(0.4, 0.2, (), 3.9, 64.0, 20.0, True))),
     ("listen", ListenResult(HERE, HERE, 12, not_explained="the plate is another")),
     ("listen", ListenResult(refused="north: dead: it hardly moves")),
+    ("learn-forces", LearntForces(HERE, 24, 23, {"stone_0007": "no memory"})),
     ("volley", VolleyResult(0.0512, 1.04, {"number": ANSWER, "mass": WIDE}, {"with one stone more": 0.52})),
     ("volley", VolleyResult(refused="nothing is heard")), ("volley", VolleyResult(not_explained="misfit 3.2, limit 2")),
 ]
@@ -249,6 +253,7 @@ LEAST = {"resume": ["y"], "calibrate": ["coal", "--out", "y", "--scene", "x.toml
          "evaluate": ["y"], "report": ["y"], "compare": ["a", "b"],
          "tap": ["taps.toml", *ON_SCENE],
          "listen": ["r.csv", "--plate", "p.json", "--radius", "1", "2", "--speed", "1", "2", "--out", "y"],
+         "learn-forces": [*ON_SCENE, "--radius", "1", "2", "--speed", "1", "2"],
          "volley": ["r.csv", "--plate", "p.json"],
          "check": ["r.csv", "--plate", "p.json"]}
 

@@ -41,9 +41,9 @@ def test_a_way_of_saying_what_falls_takes_the_place_of_the_bases(tmp_path):
 
 
 def test_a_table_of_the_same_way_is_merged_key_by_key(tmp_path):
-    base = read_scene(SCENES / "stream.toml").stones.stream
-    over = read_scene(written(tmp_path, 'base = "stream.toml"\nname = "x"\nstones.stream.rate_1_s = 7.0\n'))
-    assert over.stones.stream == base.model_copy(update={"rate_1_s": 7.0}) != base
+    base = read_scene(SCENES / "stream.toml").stones.drawn
+    over = read_scene(written(tmp_path, 'base = "stream.toml"\nname = "x"\nstones.drawn.rate_1_s = 7.0\n'))
+    assert over.stones.drawn == base.model_copy(update={"rate_1_s": 7.0}) != base
 
 
 def test_a_material_by_its_name_is_that_of_its_file(tmp_path):

@@ -11,7 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import resample_poly
+from scipy.signal import firwin, resample_poly
 
 from analysis.signals.records import Record, RecordError
 
@@ -50,6 +50,12 @@ def resample(record: Record, rate_Hz: float, *, anti_alias: bool = True) -> Reco
     # The ends are continued by their own values: a record need not begin or end at zero.
     values = resample_poly(record.values, ratio.numerator, ratio.denominator, padtype="edge")
     return replace(record, values=np.array(values), rate_Hz=record.rate_Hz * float(ratio))
+
+
+def low_pass(factor: int) -> tuple[np.ndarray, int]:
+    """The filter before every factor-th sample is taken, (2 k + 1,), and k, the samples that it looks ahead."""
+    ahead = 10 * factor if factor > 1 else 0
+    return np.asarray(firwin(2 * ahead + 1, 1 / factor, window=("kaiser", 5.0)) if ahead else np.ones(1)), ahead
 
 
 def _sampled(record: Record, rate_Hz: float) -> np.ndarray:

@@ -11,6 +11,7 @@ from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
 from analysis.theory.contact_states import Elastic, ring_positions_m
 from common.run_summary import RecordedMaterial
+from common.scene.stones import KINDS
 
 Given = TypeVar("Given")
 
@@ -38,7 +39,6 @@ class Setup:
 def setup_of(run: Run) -> Setup:
     """The setup of a run. RecordError, naming the key, where the scene does not hold it."""
     stones, plate = run.scene.stones, run.scene.plate
-    names = {"coal": stones.coal, "gangue": stones.gangue}
     rods = _given(run, "plate.rods", plate.rods or None)
     length_m, width_m = map(float, np.ptp([[rod.x_m, rod.y_m] for rod in rods], axis=0))
     if not length_m or not width_m:
@@ -50,8 +50,8 @@ def setup_of(run: Run) -> Setup:
         radius_m=_given(run, "stones.radius_m", stones.radius_m),
         speed_m_s=_given(run, "stones.speed_m_s", stones.speed_m_s),
         gangue_order=stones.gangue_order or list(range(1, count + 1)),
-        rocks={kind: _elastic(run, f"materials.{name}", run.scene.materials.get(name)) for kind, name in names.items()},
-        restitution={kind: _restitution(run, name) for kind, name in names.items()},
+        rocks={name: _elastic(run, f"materials.{name}", run.scene.materials.get(name)) for name in KINDS},
+        restitution={name: _restitution(run, name) for name in KINDS},
         plate=_elastic(run, "plate", plate),
         support_length_m=length_m,
         support_width_m=width_m,
@@ -66,7 +66,7 @@ def places_of(run: Run) -> np.ndarray:
     if run.stones is not None:
         return run.stones[["place_x_m", "place_y_m"]].to_numpy(dtype=float)
     if stones.positions:
-        return np.array([[place.x_m, place.y_m] for place in stones.positions], dtype=float)
+        return np.array(stones.positions, dtype=float)
     return ring_positions_m(_given(run, "stones.count", stones.count),
                             _given(run, "stones.circle_radius_m", stones.circle_radius_m))
 

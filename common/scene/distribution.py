@@ -13,9 +13,13 @@ POINTS = 2001  # of a distribution function that is inverted
 CUT_OFF = 3.0  # standard deviations of a logarithm
 
 
-class _Bounded(Table):
+class RosinRammler(Table):
+    """A law of sizes by mass, cut off at its bounds: exp(-(d/size)^exponent) of the mass is larger than d."""
+
     least: Annotated[Positive, about("no value is smaller")]
     most: Annotated[Positive, about("no value is larger")]
+    size_m: Annotated[Positive, about("36.8 % of the mass of the uncut law is larger")]
+    exponent: Annotated[Positive, about("the larger, the more alike are the sizes")]
 
     @model_validator(mode="after")
     def _ascend(self) -> Self:
@@ -24,26 +28,11 @@ class _Bounded(Table):
         return self
 
 
-class LogNormal(_Bounded):
-    """A lognormal law by number, cut off at its bounds."""
-
-    median: Annotated[Positive, about("half of the uncut law lies below")]
-    sigma: Annotated[Positive, about("standard deviation of the natural logarithm")]
-
-
-class RosinRammler(_Bounded):
-    """A law of sizes by mass, cut off at its bounds: exp(-(d/size)^exponent) of the mass is larger than d."""
-
-    size_m: Annotated[Positive, about("36.8 % of the mass of the uncut law is larger")]
-    exponent: Annotated[Positive, about("the larger, the more alike are the sizes")]
-
-
 class Distribution(Table):
     """One value, or one of the laws."""
 
     value: Annotated[float | None, about("one value, as a number in place of the table")] = None
     uniform: Annotated[tuple[float, float] | None, about("least and most, by number")] = None
-    lognormal: Annotated[LogNormal | None, about("a lognormal law by number, cut off")] = None
     rosin_rammler: Annotated[RosinRammler | None, about("a law of sizes by mass, cut off")] = None
     lognormal_cv: Annotated[Annotated[float, Field(gt=0, le=0.5)] | None, about(
         "a factor: coefficient of variation of a lognormal law of mean 1, cut off at three standard deviations")] = None
@@ -53,7 +42,7 @@ class Distribution(Table):
         given = [name for name in type(self).model_fields if getattr(self, name) is not None]
         if len(given) != 1:
             raise Refused("uniform", self.uniform,
-                          "one of a number, uniform, lognormal, rosin_rammler and lognormal_cv must be given")
+                          "one of a number, uniform, rosin_rammler and lognormal_cv must be given")
         if self.uniform is not None and self.uniform[1] < self.uniform[0]:
             raise Refused("uniform", self.uniform, "must ascend")
         return self
@@ -61,31 +50,31 @@ class Distribution(Table):
     @property
     def bounds(self) -> tuple[float, float]:
         """No value is smaller or larger."""
-        law = self._lognormal or self.rosin_rammler
-        if law is not None:
-            return law.least, law.most
+        if self.lognormal_cv is not None:
+            median, sigma = self._lognormal
+            return median * float(np.exp(-CUT_OFF * sigma)), median * float(np.exp(CUT_OFF * sigma))
+        if self.rosin_rammler is not None:
+            return self.rosin_rammler.least, self.rosin_rammler.most
         if self.uniform is not None:
             return self.uniform
         assert self.value is not None
         return self.value, self.value
 
     @property
-    def _lognormal(self) -> LogNormal | None:
-        if self.lognormal_cv is None:
-            return self.lognormal
+    def _lognormal(self) -> tuple[float, float]:
+        """Median, and standard deviation of the logarithm, of the lognormal law of mean 1."""
+        assert self.lognormal_cv is not None
         sigma = float(np.sqrt(np.log1p(self.lognormal_cv**2)))
-        median = float(np.exp(-sigma**2 / 2))
-        return LogNormal(median=median, sigma=sigma, least=median * float(np.exp(-CUT_OFF * sigma)),
-                         most=median * float(np.exp(CUT_OFF * sigma)))
+        return float(np.exp(-sigma**2 / 2)), sigma
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """(count,) values."""
         share = rng.uniform(size=count)
         least, most = self.bounds
-        if (lognormal := self._lognormal) is not None:
+        if self.lognormal_cv is not None:
+            median, sigma = self._lognormal
             log = np.linspace(np.log(least), np.log(most), POINTS)
-            density = np.exp(-((log - np.log(lognormal.median)) / lognormal.sigma) ** 2 / 2)
-            return np.exp(_inverse(log, density, share))
+            return np.exp(_inverse(log, np.exp(-((log - np.log(median)) / sigma) ** 2 / 2), share))
         if self.rosin_rammler is not None:
             law, log = self.rosin_rammler, np.linspace(np.log(least), np.log(most), POINTS)
             x = (np.exp(log) / law.size_m) ** law.exponent
@@ -105,7 +94,7 @@ def _from_number(value: Any) -> Any:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return {"value": float(value)}
     if not isinstance(value, (dict, Distribution)):
-        raise ValueError("must be a number or a table with uniform, lognormal, rosin_rammler or lognormal_cv")
+        raise ValueError("must be a number or a table with uniform, rosin_rammler or lognormal_cv")
     return value
 
 

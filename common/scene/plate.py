@@ -118,7 +118,7 @@ class RigidPlate(Plate):
 class FlexiblePlate(Plate):
     """A plate that bends, described by its modes up to `max_frequency_Hz`.
 
-    The frequency is given, or follows from the tolerance of the scene.
+    The frequency is given, or follows from the scene's stones, and its tolerance if there is one.
     """
 
     model: Annotated[Literal["flexible"], about("a plate that bends")]
@@ -126,7 +126,7 @@ class FlexiblePlate(Plate):
     theory: Annotated[Literal["auto", "kirchhoff", "mindlin"], about("plate theory (docs/plate.md)")] = "auto"
     edges: Annotated[Literal["free", "simply_supported", "clamped"], about("how all four edges are held")] = "free"
     max_frequency_Hz: Annotated[Positive | None, about(
-        "frequency up to which modes are kept; absent with a tolerance")] = None
+        "frequency up to which modes are kept; absent: by the shortest contact (docs/accuracy.md)")] = None
     damping_ratio: Annotated[float, Field(ge=0, lt=1), about("damping ratio of every mode")]
     mesh_size_m: Annotated[Positive | None, about(
         "side of a finite element; absent: from max_frequency_Hz, rods and supports")] = None

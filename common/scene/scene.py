@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -20,7 +20,7 @@ from common.scene.file import scene_tables
 from common.scene.plate import PlateTable, refuse_density
 from common.scene.scatter import OF_DRAWN, ScatterTable
 from common.scene.shapes import ShapeTable
-from common.scene.stones import SPHERE, AgglomerateTable, Kind, StonesTable
+from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, StonesTable
 from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
@@ -34,6 +34,8 @@ class TimeTable(Table):
 
     duration_s: Annotated[Positive, about("simulated time", paper="0.6 s, of which recognition reads 0.04 s")]
     sample_interval_s: Annotated[Positive, about("time between two rows of signals.parquet", paper="1.5e-4, 6667 Hz")]
+    anti_alias: Annotated[bool, about(
+        "a low pass takes what is above half the sample rate; false: what is there folds back", paper="false")] = True
     gravity_m_s2: Annotated[NotNegative, about("gravity, downwards", paper="9.8")] = 0.0
     time_step_s: Annotated[Positive | None, about("DEM time step; absent: the largest that every limit allows")] = None
     co_step: Annotated[Annotated[int, Field(ge=1)] | None, about(
@@ -98,7 +100,7 @@ class MaterialTable(Table):
     """A material of stones."""
 
     kind: Annotated[Kind | None, about(
-        "what its stones count as; absent: as stones.coal or stones.gangue says")] = None
+        "what its stones count as; absent: as its name says, coal or gangue")] = None
     density_kg_m3: Annotated[Positive, about("density", paper="Table 1: coal 1380, gangue 2400")]
     youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa), about(
         "Young's modulus", paper="Table 1: coal 5.12e9, gangue 9.966e9")]
@@ -136,21 +138,6 @@ class OutputTable(Table):
     view_interval_s: Annotated[Positive | None, about("time between two pictures for ParaView")] = None
     impact_view_interval_s: Annotated[NotNegative, about(
         "the same during the first impact of a stone; 0: none")] = 2e-5
-    engine_log: Annotated[bool, about("keep deck/engine.log and engine.out")] = False
-    dumps: Annotated[Literal["vtk", "text"] | None, about(
-        "LIGGGHTS's own dump at every view_interval_s, in deck/dumps")] = None
-
-    @model_validator(mode="after")
-    def _dumps_need_an_interval(self) -> Self:
-        if self.dumps is not None and self.view_interval_s is None:
-            raise Refused("dumps", self.dumps, "needs view_interval_s, at which dumps are taken")
-        return self
-
-
-class EngineTable(Table):
-    """How the engine runs."""
-
-    np: Annotated[int, Field(ge=1, le=256), about("MPI ranks of a run (docs/campaigns.md)")] = 1
 
 
 class Scene(Table):
@@ -179,7 +166,7 @@ class Scene(Table):
     scatter: Annotated[ScatterTable, about("what each stone has of its own")] = ScatterTable()
     plate: Annotated[PlateTable, about("the plate")]
     output: Annotated[OutputTable, about("what is written besides the signals")] = OutputTable()
-    engine: Annotated[EngineTable, about("how the engine runs")] = EngineTable()
+    ranks: Annotated[Annotated[int, Field(ge=1, le=256)], about("MPI ranks of a run (docs/campaigns.md)")] = 1
 
     @model_validator(mode="after")
     def _names_agree(self) -> Self:
@@ -188,12 +175,13 @@ class Scene(Table):
                 raise Refused(key, name, f"unknown material; materials here are {sorted(self.materials)}")
             if self.stones.agglomerate and self.materials[name].bond is None:
                 raise Refused(f"materials.{name}.bond", None, "must be given, as stones.agglomerate needs it")
-            if self._kind_by_name(name) is None and self.materials[name].kind is None:
+            if self.kind_of(name) is None:
                 raise Refused(f"materials.{name}.kind", None, "must be given, \"coal\" or \"gangue\": stones of it "
                               "count in the mixing ratio")
-            if self._kind_by_name(name) not in (None, self.kind_of(name)):
-                raise Refused(f"materials.{name}.kind", self.materials[name].kind,
-                              f"must be \"{self._kind_by_name(name)}\", as stones.{self._kind_by_name(name)} says")
+        for kind in KINDS:
+            if kind in self.materials and self.kind_of(kind) != kind:
+                raise Refused(f"materials.{kind}.kind", self.materials[kind].kind,
+                              f"must be \"{kind}\", as its name is")
         if self.plate.youngs_modulus_Pa < LEAST_MODULUS_Pa:
             raise Refused("plate.youngs_modulus_Pa", self.plate.youngs_modulus_Pa,
                           f"must be at least {LEAST_MODULUS_Pa:g}")
@@ -209,12 +197,9 @@ class Scene(Table):
         self._check_scatter()
         return self
 
-    def _kind_by_name(self, material: str) -> Kind | None:
-        return "coal" if material == self.stones.coal else "gangue" if material == self.stones.gangue else None
-
-    def kind_of(self, material: str) -> Kind | None:
-        """What stones of a material count as; None of one that does not fall and does not say."""
-        return self.materials[material].kind or self._kind_by_name(material)
+    def kind_of(self, material: str) -> str | None:
+        """What stones of a material count as; None of one that does not say."""
+        return self.materials[material].kind or (material if material in KINDS else None)
 
     def contact_of(self, first: str, second: str) -> ContactTable | None:
         """The contact of two materials, or of one and the plate: their own, or else that of their kinds."""
@@ -232,7 +217,7 @@ class Scene(Table):
         """Keys that name materials of stones, with the names."""
         if self.stones.each is not None:
             return [(f"stones.each.{k}.material", one.material) for k, one in enumerate(self.stones.each)]
-        return [("stones.coal", self.stones.coal), ("stones.gangue", self.stones.gangue)]
+        return [(f"materials.{kind}", kind) for kind in KINDS]
 
     def bond_of(self, material: str) -> BondTable:
         """The bonds of a material. Where stones are agglomerates, the checks above see that there are any."""
@@ -273,8 +258,6 @@ class Scene(Table):
     def _one_way_to_set_accuracy(self) -> Self:
         keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
         if self.plate.model == "flexible":
-            if self.tolerance is None and self.plate.max_frequency_Hz is None:
-                raise Refused("plate.max_frequency_Hz", None, "it or tolerance must be given")
             keys["plate.max_frequency_Hz"] = self.plate.max_frequency_Hz
         if self.tolerance is None:
             return self
@@ -318,7 +301,7 @@ class Scene(Table):
     def _check_contacts(self) -> None:
         names = self.falling_materials
         needed = {contact_key(a, b): (a, b) for a in names for b in [*names, PLATE]}
-        possible = {*self.materials, "coal", "gangue"}
+        possible = {*self.materials, *KINDS}
         known = {contact_key(a, b) for a in possible for b in [*possible, PLATE]}
         for key in self.contacts:
             if key not in known:
@@ -330,10 +313,9 @@ class Scene(Table):
 
     def _check_scatter(self) -> None:
         scatter = self.scatter
-        way = "drawn" if self.stones.drawn is not None else "stream" if self.stones.stream is not None else None
-        for key in OF_DRAWN if way else ():
+        for key in OF_DRAWN if self.stones.drawn is not None else ():
             if getattr(scatter, key) is not None:
-                raise Refused(f"scatter.{key}", "...", f"must be left out where stones.{way} is given, which says it")
+                raise Refused(f"scatter.{key}", "...", "must be left out where stones.drawn is given, which says it")
         if scatter.strength_factor is not None and self.stones.agglomerate is None:
             raise Refused("scatter.strength_factor", "...", "needs stones.agglomerate, whose bonds it is for")
 

@@ -1,27 +1,29 @@
 """The `[stones]` table of a scene: what falls.
 
-There are four ways to say it: a volley of equal stones (`count`, `radius_m`, ...), one by one (`[[stones.each]]`),
-drawn from distributions (`[stones.drawn]`), or as a stream (`[stones.stream]`). dem/stones/arrangement.py makes one
-list of them.
+There are three ways to say it: a volley of equal stones (`count`, `radius_m`, ...), one by one (`[[stones.each]]`), or
+drawn from distributions (`[stones.drawn]`), which are a stream where they come at a rate. dem/stones/arrangement.py
+makes one list of them.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from common.scene.distribution import Distribution, Spread, refuse_outside
-from common.tables import NotNegative, Place, Positive, Refused, Table, about
+from common.tables import NotNegative, Positive, Refused, Table, about
 
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Kind = Literal["coal", "gangue"]  # what a stone counts as in the mixing ratio
+COAL, GANGUE = KINDS = ("coal", "gangue")  # also their materials, but of stones one by one
 By = Literal["mass", "number"]
 SPHERE = "sphere"
 MOST_STONES = 10_000
 LARGEST_SIZE_m = 10.0
 FASTEST_m_s = 1e3
 Speed = Annotated[float, Field(ge=0, le=FASTEST_m_s)]
+Pair = Annotated[tuple[float, float], BeforeValidator(lambda pair: tuple(pair) if isinstance(pair, list) else pair)]
 
 
 class AgglomerateTable(Table):
@@ -33,10 +35,6 @@ class AgglomerateTable(Table):
     contact: Annotated[Literal["sub_spheres", "smooth", "faces"] | None, about(
         "how a stone touches the plate (docs/contact.md); absent: \"smooth\" where all stones are spheres, else "
         "\"faces\"")] = None
-
-
-class StonePosition(Place):
-    """Centre of a stone in the plane of the plate."""
 
 
 class EachStone(Table):
@@ -72,39 +70,29 @@ class EachStone(Table):
         return self
 
 
-class Footprint(Table):
-    """A rectangle of the plate."""
+class DrawnTable(Table):
+    """Stones that are drawn: a number, or a stream at a steady rate. Quantities are numbers or distributions."""
 
-    x_m: Annotated[tuple[float, float], about("from and to, along the length")]
-    y_m: Annotated[tuple[float, float], about("the same along the width")]
-
-    @model_validator(mode="after")
-    def _ascends(self) -> Self:
-        for key in ("x_m", "y_m"):
-            if getattr(self, key)[1] < getattr(self, key)[0]:
-                raise Refused(key, getattr(self, key), "must ascend")
-        return self
-
-
-class DrawnStones(Table):
-    """What drawn stones have in common. A quantity is a number or a distribution."""
-
+    count: Annotated[Annotated[int, Field(ge=1, le=MOST_STONES)] | None, about(
+        "number of stones; or a rate, which makes a stream")] = None
+    rate_1_s: Annotated[Positive | None, about("stones a second, while stones arrive")] = None
+    rate_kg_s: Annotated[Positive | None, about("the same by mass")] = None
+    arrival_s: Annotated[Spread, about(
+        "when a stone touches; 0: all start gap_m above the plate; of a rate { uniform = [begin, end] }",
+    )] = Distribution(value=0.0)
     size_m: Annotated[Spread, about("diameter of the sphere of equal volume")]
     speed_m_s: Annotated[Spread | None, about("speed at touch, straight down")] = None
     drop_height_m: Annotated[Spread | None, about(
         "height of fall until touch; or speed_m_s")] = None
-    footprint: Annotated[Footprint | None, about(
-        "rectangle of the centres, even; absent: the plate less half the largest size")] = None
+    footprint_m: Annotated[tuple[Pair, Pair] | None, about(
+        "from and to of the centres, along length and width; absent: the plate less half the largest size")] = None
     spin_rad_s: Annotated[Spread, about("rate of turn, about a random axis")] = Distribution(value=0.0)
-    strength_factor: Annotated[Spread, about("factor on the strengths of a stone's bonds")] = Distribution(value=1.0)
-    attitude: Annotated[Literal["random", "fixed"], about(
-        "rotation of a stone")] = "random"
     gangue_by: Annotated[By, about("what stones.gangue_ratio is a share of")] = "mass"
     shapes: Annotated[tuple[str, ...], Field(min_length=1), about(
         "\"sphere\" and names of tables in shapes, drawn with equal chance"),
     ] = (SPHERE,)
-    packings: Annotated[int, Field(ge=1, le=1000), about(
-        "packings of each shape, which stones share, scaled and turned")] = 8
+    least_fragment: Annotated[Annotated[int, Field(ge=2)] | None, about(
+        "fragments of fewer sub-spheres are taken out and counted as they fly; absent: none")] = None
 
     @model_validator(mode="after")
     def _within_bounds(self) -> Self:
@@ -114,44 +102,35 @@ class DrawnStones(Table):
         refuse_outside("speed_m_s", self.speed_m_s, 0, FASTEST_m_s, f"must be from 0 to {FASTEST_m_s:g}")
         refuse_outside("drop_height_m", self.drop_height_m, 0, 1e4, "must be from 0 to 10000")
         refuse_outside("spin_rad_s", self.spin_rad_s, 0, 1e5, "must be from 0 to 100000")
-        refuse_outside("strength_factor", self.strength_factor, 1e-6, 1e6, "must be from 1e-6 to 1e6")
-        return self
-
-
-class DrawnTable(DrawnStones):
-    """A number of stones that are drawn."""
-
-    count: Annotated[int, Field(ge=1, le=MOST_STONES), about("number of stones")]
-    arrival_s: Annotated[Spread, about("when a stone touches; 0: all start gap_m above the plate")] = Distribution(
-        value=0.0)
-
-    @model_validator(mode="after")
-    def _arrives(self) -> Self:
         refuse_outside("arrival_s", self.arrival_s, 0, 1e6, "must be from 0 to 1e6")
+        if self.footprint_m is not None and any(end < begin for begin, end in self.footprint_m):
+            raise Refused("footprint_m", self.footprint_m, "each pair must ascend")
         return self
-
-
-class StreamTable(DrawnStones):
-    """Stones that arrive one after another at random times, at a steady rate."""
-
-    rate_1_s: Annotated[Positive | None, about("stones a second")] = None
-    rate_kg_s: Annotated[Positive | None, about("mass a second; or rate_1_s")] = None
-    begin_s: Annotated[NotNegative, about("when the stream begins")] = 0.0
-    duration_s: Annotated[Positive, about("how long it lasts")]
-    least_fragment: Annotated[Annotated[int, Field(ge=2)] | None, about(
-        "fragments of fewer sub-spheres are taken out and counted as they fly; absent: none")] = None
 
     @model_validator(mode="after")
-    def _one_rate(self) -> Self:
-        if (self.rate_1_s is None) == (self.rate_kg_s is None):
-            raise Refused("rate_1_s", self.rate_1_s, "either this or rate_kg_s must be given")
+    def _how_many(self) -> Self:
+        if sum(value is not None for value in (self.count, self.rate_1_s, self.rate_kg_s)) != 1:
+            raise Refused("count", self.count, "one of this, rate_1_s and rate_kg_s must be given")
+        if self.is_stream and (self.arrival_s.uniform is None or not self.lasts_s > 0):
+            raise Refused("arrival_s", self.arrival_s.bounds, "must be { uniform = [begin, end] }, some time apart, "
+                          "where a rate is given")
         return self
+
+    @property
+    def is_stream(self) -> bool:
+        """Do stones come at a rate?"""
+        return self.count is None
+
+    @property
+    def lasts_s(self) -> float:
+        """From the first to the last arrival that may be."""
+        begin, end = self.arrival_s.bounds
+        return end - begin
 
 
 VOLLEY = ("count", "radius_m", "speed_m_s", "gangue_ratio")
-ONLY_VOLLEY = ("count", "radius_m", "speed_m_s", "circle_radius_m", "positions", "gangue_order", "arrival_s",
-               "strength_factor")
-WAYS = ("each", "drawn", "stream")
+ONLY_VOLLEY = ("count", "radius_m", "speed_m_s", "circle_radius_m", "positions", "gangue_order")
+WAYS = ("each", "drawn")
 
 
 class StonesTable(Table):
@@ -165,26 +144,18 @@ class StonesTable(Table):
     circle_radius_m: Annotated[Positive | None, about(
         "radius of the circle of the stones, stone 1 on the x axis; or positions",
         paper="0.1")] = None
-    positions: Annotated[tuple[StonePosition, ...] | None, about(
-        "centre of each stone; or circle_radius_m")] = None
+    positions: Annotated[tuple[Pair, ...] | None, about(
+        "x_m and y_m of the centre of each stone; or circle_radius_m")] = None
     gap_m: Annotated[Positive, about("gap to the plate at the start")] = 2e-5
-    coal: Annotated[str, about("name of the coal's table in materials")] = "coal"
-    gangue: Annotated[str, about("name of the gangue's table in materials")] = "gangue"
     gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
         "which stone turns into gangue first; those not named follow in ascending order")] = ()
     gangue_ratio: Annotated[Annotated[float, Field(ge=0, le=1)] | None, about(
         "share of gangue; in a volley a multiple of 1/count",
         paper="0 to 1 in steps of 0.1")] = None
-    arrival_s: Annotated[tuple[NotNegative, ...] | None, about(
-        "when each stone touches; 0: it starts gap_m above the plate",
-    )] = None
-    strength_factor: Annotated[tuple[Positive, ...] | None, about(
-        "factor on each stone's bond strengths")] = None
     seed: Annotated[Seed, about("seed of draws and packings; stone k of a volley has seed + k - 1")]
     each: Annotated[tuple[EachStone, ...] | None, Field(min_length=1, max_length=MOST_STONES), about(
         "stones one by one, instead of a volley")] = None
     drawn: Annotated[DrawnTable | None, about("stones drawn from distributions, instead of a volley")] = None
-    stream: Annotated[StreamTable | None, about("stones one after another, instead of a volley")] = None
     agglomerate: Annotated[AgglomerateTable | None, about(
         "how a stone is made; absent: each stone is one unbonded sphere")] = None
 
@@ -213,7 +184,7 @@ class StonesTable(Table):
             return self
         for key in VOLLEY:
             if getattr(self, key) is None:
-                raise Refused(key, None, "a value must be given, unless each, drawn or stream says what falls")
+                raise Refused(key, None, "a value must be given, unless each or drawn says what falls")
         return self._one_position_each()
 
     def _one_position_each(self) -> Self:
@@ -221,12 +192,6 @@ class StonesTable(Table):
             raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions must be given")
         if self.positions is not None and len(self.positions) != self.count:
             raise Refused("positions", f"{len(self.positions)} places", f"must be {self.count}, one a stone")
-        for key in ("arrival_s", "strength_factor"):
-            values = getattr(self, key)
-            if values is not None and len(values) != self.count:
-                raise Refused(key, f"{len(values)} values", f"must be {self.count}, one a stone")
-        if self.strength_factor is not None and self.agglomerate is None:
-            raise Refused("strength_factor", self.strength_factor, "needs stones.agglomerate, whose bonds it is for")
         return self
 
     @model_validator(mode="after")
@@ -245,6 +210,11 @@ class StonesTable(Table):
         return self.count, self.radius_m
 
     @property
+    def is_stream(self) -> bool:
+        """Do stones come one after another, at a rate?"""
+        return self.drawn is not None and self.drawn.is_stream
+
+    @property
     def shares_gangue(self) -> bool:
         """Does `gangue_ratio` decide which stones are gangue?"""
         return self.each is None
@@ -252,18 +222,17 @@ class StonesTable(Table):
     @property
     def materials(self) -> list[str]:
         """Names of the materials that may fall, in alphabetic order."""
-        return sorted({one.material for one in self.each} if self.each is not None else {self.coal, self.gangue})
+        return sorted({one.material for one in self.each} if self.each is not None else KINDS)
 
     def key_of_shape(self, name: str) -> str:
         """The key that names a shape first."""
         if self.each is not None:
             return f"stones.each.{[one.shape for one in self.each].index(name)}.shape"
-        return f"stones.{'stream' if self.drawn is None else 'drawn'}.shapes"
+        return "stones.drawn.shapes"
 
     @property
     def shapes(self) -> list[str]:
         """Names of the shapes that may fall, in alphabetic order."""
         if self.each is not None:
             return sorted({one.shape for one in self.each})
-        drawn = self.drawn or self.stream
-        return sorted(set(drawn.shapes)) if drawn is not None else [SPHERE]
+        return sorted(set(self.drawn.shapes)) if self.drawn is not None else [SPHERE]

@@ -79,7 +79,7 @@ def plan_campaign(file: Path) -> tuple[Path, list[CampaignRun]]:
         group = scene_hash(scene.model_copy(update={"stones": scene.stones.model_copy(update={"gangue_ratio": 0.0})}))
         directory = f"{group}/{ratio_name(scene.stones.gangue_ratio or 0.0)}"
         if directory not in seen:  # a value given twice
-            runs.append(CampaignRun(str(scene_file.resolve()), directory, changes, scene.engine.np))
+            runs.append(CampaignRun(str(scene_file.resolve()), directory, changes, scene.ranks))
         seen.add(directory)
     return scene_file, runs
 

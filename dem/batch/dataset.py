@@ -131,7 +131,7 @@ def _groups(family: Family | StreamFamily, runs: int | None) -> int:
 
 def _count(scene: Scene) -> int:
     """Number of stones of a volley, or of drawn ones."""
-    return scene.stones.drawn.count if scene.stones.drawn is not None else scene.stones.volley[0]
+    return (scene.stones.drawn and scene.stones.drawn.count) or scene.stones.volley[0]
 
 
 def _shared_packing(packings: int, seed: int, name: str, group: int) -> int:

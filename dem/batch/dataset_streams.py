@@ -18,7 +18,7 @@ class StreamFamily(Table):
     """What its groups vary; a key that is absent leaves the scene as it is. Every group has a seed of its own, so that
     sizes, places, times and packings differ."""
 
-    scene: str  # file, beside the plan: one with stones.stream
+    scene: str  # file, beside the plan: one with a rate in stones.drawn
     groups: Annotated[int, Field(ge=1)]
     stones: Annotated[int, Field(ge=1, le=MOST_STONES)]  # of a run; the stream lasts as long as its rate makes it
     rate_1_s: tuple[Positive, Positive]  # evenly between these in its logarithm
@@ -46,13 +46,13 @@ def draw_stream(family: StreamFamily, rng: np.random.Generator) -> dict[str, Any
     changes: dict[str, Any] = {
         "stones.seed": int(rng.integers(100_000, 1_000_000_000)),
         "stones.gangue_ratio": int(rng.integers(low, high + 1)) / 100,
-        "stones.stream.rate_1_s": rate, "stones.stream.rate_kg_s": None, "stones.stream.gangue_by": "mass",
-        "stones.stream.begin_s": begin, "stones.stream.duration_s": duration,
+        "stones.drawn.rate_1_s": rate, "stones.drawn.rate_kg_s": None, "stones.drawn.gangue_by": "mass",
+        "stones.drawn.arrival_s": {"uniform": [begin, begin + duration]},
         "time.duration_s": begin + duration + family.rings_s}
     if family.speed_m_s is not None:
-        changes |= {"stones.stream.speed_m_s": float(rng.uniform(*family.speed_m_s)),
-                    "stones.stream.drop_height_m": None}
+        changes |= {"stones.drawn.speed_m_s": float(rng.uniform(*family.speed_m_s)),
+                    "stones.drawn.drop_height_m": None}
     if family.sizes_m is not None:
         size = family.sizes_m[rng.integers(len(family.sizes_m))]
-        changes["stones.stream.size_m"] = size.model_dump(exclude_none=True)
+        changes["stones.drawn.size_m"] = size.model_dump(exclude_none=True)
     return changes

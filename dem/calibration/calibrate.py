@@ -59,7 +59,8 @@ CONFINING_Pa = (2e6, 5e6)  # of the checks
 DISC_RADIUS_RATIO = 1.5    # disc against stone: 14 sub-spheres across, as laboratories want ten grains at least
 FIRST_GUESS = 1.25         # of the bonds' tensile strength over the rock's
 STEP = 0.12                # of a strength: so near the law of proportion holds
-STRENGTH_ROUNDS = 5
+STRENGTH_ROUNDS = 6
+FIRST_PACKINGS = 4
 POWERS = (0.3, 1.2)
 # Files in ROCK.partial, in a directory for each kind of test; "elastic" was one of earlier versions.
 AT_WORK = re.compile(r"(elastic|Brazilian|compression|tension)/(deck\.liggghts|atoms\.data|events\.csv|view\.dump"
@@ -281,22 +282,24 @@ def fit_strengths(rock: Rock, target: TargetTable, laboratory: Strengths, seeds:
     """The tensile strength of the bonds by the Brazilian test, which is deaf to their shear strength, and then that one
     by compression. A last step below STEP is not tested again.
 
-    Load goes with a power of the strength: 1 at first, and then that of the last two rounds, which is less where the
-    bonds' fracture energy carries part of it.
+    Load goes with a power of the strength: 1 at first, and then that of the last two rounds on the same packings, which
+    is less where the bonds' fracture energy carries part of it. The first packings find the way; near, all count.
     """
     for kind, key, wanted, packings in (
             ("Brazilian", "tensile_strength_Pa", target.tensile_strength_Pa, seeds),
             ("compression", "shear_strength_Pa", target.compressive_strength_Pa, seeds[:FIT_SEEDS // 2])):
-        power, rounds = 1.0, list[tuple[float, float]]()
+        power, rounds, tried = 1.0, list[tuple[float, float]](), packings[:FIRST_PACKINGS]
         for _ in range(STRENGTH_ROUNDS):
-            reached = float(laboratory.strengths("strength", kind, rock, packings).mean())
+            reached = float(laboratory.strengths("strength", kind, rock, tried).mean())
             rounds.append((getattr(rock, key), reached))
             if len(rounds) > 1:
                 (bond, rock_Pa), (now, now_Pa) = rounds[-2:]
                 power = float(np.clip(np.log(now_Pa / rock_Pa) / np.log(now / bond), *POWERS))
             rock = replace(rock, **{key: _rounded(rounds[-1][0] * (wanted / reached) ** (1 / power))})
             if abs(wanted / reached - 1) < STEP:
-                break
+                if tried == packings:
+                    break
+                tried, rounds = packings, []
         else:
             raise RuntimeError(f"after {STRENGTH_ROUNDS} rounds the {kind} strength reached is {reached:.4g} Pa, not "
                                f"{wanted:.4g} Pa")

@@ -44,6 +44,9 @@ LOADED_HALF_ANGLE_rad = np.radians(15.0)  # alpha of the Brazilian test
 UNBREAKABLE_Pa = 1e30
 GRIP = 1.5              # mean diameters
 DROP = 0.15             # of the load at which a disc has split
+# Of the largest load: below, a test ends. Compression may rise again; a disc that has split, and a specimen that is
+# pulled apart over the opening that its crack energy needs, are at their end.
+ENDS = {"compression": 0.5, "Brazilian": 1 - 2 * DROP, "tension": 1 - 2 * DROP}
 STARTED = 0.1           # of the largest load: below, it may tremble
 CONFINING_RAMP = 0.3    # of the time to the failure that is expected
 
@@ -158,14 +161,15 @@ def tension_specimen(compressed: Specimen) -> Specimen:
 
 def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strain: float,
                   confining_Pa: float = 0.0) -> LoadHistory:
-    """Press, or pull a specimen for tension, until the load has fallen to half of its peak.
+    """Press, or pull a specimen for tension, until the load has fallen to ENDS of its peak.
 
     `failure_strain` is where that is expected; it sets the speed. `confining_Pa` acts on the side of a cylinder, which
     is pressed up to twice that strain. Raises RuntimeError if the engine fails or a specimen without it still holds at
     ten times that strain.
     """
     checks = CONFINED_CHECKS if confining_Pa else CHECKS
-    record = run_test(directory, specimen, rock, Procedure(failure_strain, checks, confining_Pa=confining_Pa))
+    record = run_test(directory, specimen, rock, Procedure(failure_strain, checks, confining_Pa=confining_Pa,
+                                                           until=ENDS[specimen.kind]))
     if not record.has_failed and not confining_Pa:  # a confined specimen may flow
         raise RuntimeError(f"{directory}: the specimen did not fail within 10 times the strain {failure_strain:g}")
     return record

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from plate_fem.solution.mode_count import least_modes
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
 LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are within 10 % of those of finer stones
+CRITICAL_SPEED = 0.84  # at which stones fall apart, over `breaking_speed_m_s`: the laboratory's `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 LEAST_SPAN, FIRST_MODES = 10, 10  # the shorter side in thicknesses; modes among which one within the plane matters
@@ -108,18 +110,42 @@ def fragment_resolution(scene: Scene, assembly: Assembly) -> list[float | None]:
     never break. The size is Grady's (1982, J. Appl. Phys. 53:322), (24 G/(rho rate^2))^(1/3), with the energy G of a
     crack's area and the rate of strain v/R."""
     mean_m = np.bincount(assembly.agglomerate, assembly.radius_m) / assembly.sizes / CONTACT_RADIUS_RATIO
-    found: list[float | None] = []
-    for stone, radius_m in zip(assembly.stones, mean_m, strict=True):
-        bond = scene.materials[stone.material].bond
-        table = scene.stones.agglomerate
-        if table is None or table.unbreakable or bond is None or bond.fracture_energy_J_m2 is None:
-            found.append(None)
-            continue
-        crack = CRACK_AREA * bond.fracture_energy_J_m2 * stone.strength_factor**2
-        rate = impact_speed_m_s(stone, assembly.gravity_m_s2) / stone.radius_m
-        size_m = (24 * crack / (density_kg_m3(scene, stone) * rate**2)) ** (1 / 3)
-        found.append(float(size_m / (2 * radius_m)))
-    return found
+    rate = np.array([impact_speed_m_s(stone, assembly.gravity_m_s2) / stone.radius_m for stone in assembly.stones])
+    return [None if rock is None else float((24 * rock.crack_J_m2 / (rock.density_kg_m3 * rate[k]**2)) ** (1 / 3)
+                                            / (2 * mean_m[k]))
+            for k, rock in enumerate(_softening(scene, stone) for stone in assembly.stones)]
+
+
+def speed_over_critical(scene: Scene, assembly: Assembly) -> list[float | None]:
+    """Of each stone its speed over that at which its largest fragment falls below 0.7 of its mass on a rigid plate;
+    None where bonds snap or never break."""
+    return [None if rock is None else impact_speed_m_s(stone, assembly.gravity_m_s2)
+            / (CRITICAL_SPEED * rock.breaking_speed_m_s(stone.radius_m))
+            for stone, rock in ((stone, _softening(scene, stone)) for stone in assembly.stones)]
+
+
+@dataclass(frozen=True)
+class _Softening:
+    """A stone's rock: tensile strength of its bonds, the energy of a crack's area."""
+
+    density_kg_m3: float
+    strength_Pa: float
+    crack_J_m2: float
+
+    def breaking_speed_m_s(self, radius_m: float) -> float:
+        """sqrt(strength/density) times a power of the crack energy over that which strength alone would give a crack as
+        large as the stone: measured on rocks, sizes and crack energies, it knows no modulus."""
+        return float(np.sqrt(self.strength_Pa / self.density_kg_m3)
+                     * (self.crack_J_m2 / (self.strength_Pa * radius_m)) ** 0.2)
+
+
+def _softening(scene: Scene, stone: Stone) -> _Softening | None:
+    bond, table = scene.materials[stone.material].bond, scene.stones.agglomerate
+    if table is None or table.unbreakable or bond is None or bond.fracture_energy_J_m2 is None:
+        return None
+    factor = stone.strength_factor
+    return _Softening(density_kg_m3(scene, stone), bond.tensile_strength_Pa * factor,
+                      CRACK_AREA * bond.fracture_energy_J_m2 * factor**2)
 
 
 def warnings_of_fragments(scene: Scene, assembly: Assembly) -> list[str]:

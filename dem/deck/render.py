@@ -57,8 +57,6 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     for name, write in writers.items():
         with named(directory / name):
             write(directory / name)
-    if scene.output.dumps:
-        (directory / "dumps").mkdir()
     digest = hashlib.sha256()
     for file in sorted(file for file in directory.iterdir() if file.is_file()):
         with open(file, "rb") as opened:
@@ -118,7 +116,6 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         mass_height_kg_m=0.0 if assembly.is_stream else float(
             assembly.mass_kg @ (assembly.center_m @ np.array(assembly.up))),
         pictures=picture_schedule(scene, assembly, step),
-        dumps=scene.output.dumps,
         free_flight=free_flight,
         integrated="unheld" if free_flight else "all",
         checkpoint_steps=CHECKPOINT_SAMPLES * step.sample_steps,
@@ -171,12 +168,12 @@ def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
 
 def _free_flight(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float | None] | None:
     """Arguments of fix free_flight (docs/free_flight.md); None where the scene wants brute force or several ranks."""
-    if scene.time.free_flight_tolerance == 0 or scene.engine.np > 1:  # the fix knows one rank only
+    if scene.time.free_flight_tolerance == 0 or scene.ranks > 1:  # the fix knows one rank only
         return None
     every = step.co_step * max(1, round(FREE_FLIGHT_EVERY / step.co_step))
     return {"speed_m_s": assembly.impact_speed_m_s, "tolerance": scene.time.free_flight_tolerance, "every": every,
             "body_skin_m": body_skin_m(assembly),
-            "least_fragment": scene.stones.stream.least_fragment if scene.stones.stream else None}
+            "least_fragment": scene.stones.drawn.least_fragment if scene.stones.drawn else None}
 
 
 def skin_m(assembly: Assembly, knows_bodies: bool = False) -> float:
@@ -256,15 +253,19 @@ def _drags_plate(scene: Scene, assembly: Assembly) -> bool:
 
 
 def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
-    """Write the file that dem/engine/coupling/plate_shapes.h describes. The first bytes of all numbers, then the second
-    ones, and so on, pack to half the room, without loss."""
+    """Write the file that dem/engine/coupling/plate_shapes.h describes. The first bytes of all numbers of a shape, then
+    the second ones, and so on, pack to half the room, without loss."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
     x, y, upwards = modes.grid(SHAPE_GRID * cell)
-    shape = upwards[:, :, None]
+    shapes = [upwards]
     if with_lateral and len(modes.lateral):
-        shape = np.concatenate([shape, modes.lateral_grid(x, y)], axis=2)
-    by_mode = np.ascontiguousarray(shape.transpose(2, 3, 0, 1), dtype="<f8")
+        shapes += modes.lateral_grid(x, y).transpose(2, 0, 1, 3)
+    packer = zlib.compressobj(1)
     with open(file, "wb") as out:
-        np.array(shape.shape, dtype="<i8").tofile(out)
+        np.array([len(x), len(y), len(shapes), upwards.shape[2]], dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
-        out.write(zlib.compress(by_mode.reshape(-1, 1).view("u1").T.tobytes(), 1))
+        for shape in shapes:
+            for mode in range(shape.shape[2]):
+                numbers = shape[:, :, mode].astype("<f8").reshape(-1, 1)
+                out.write(packer.compress(numbers.view("u1").T.tobytes()))
+        out.write(packer.flush())

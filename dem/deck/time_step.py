@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -41,7 +42,8 @@ WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
 TOGETHER_s = 0.1  # stones that arrive within this time are taken to touch at once
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
-MOST_FAST_ROWS = 2_000_000  # a long run has fewer a sample
+MOST_FAST_ROWS = 2_000_000  # a long run has fewer a sample,
+LEAST_FAST_Hz = 25e3     # but so many before an anti-alias filter: of what folds back, it takes all up to 20 kHz
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,8 @@ def _counted_steps(scene: Scene, dt_s: float, co_step: int, file: str) -> tuple[
 def fast_per_sample(scene: Scene) -> int:
     """Rows of the fast stream a sample: the usual number, or as many as keep the file of a long run in bounds."""
     samples = scene.time.duration_s / scene.time.sample_interval_s
-    return max(1, min(FAST_PER_SAMPLE, int(MOST_FAST_ROWS / samples + 1e-9)))
+    least = math.ceil(scene.time.sample_interval_s * LEAST_FAST_Hz) if scene.time.anti_alias else 1
+    return min(FAST_PER_SAMPLE, max(least, int(MOST_FAST_ROWS / samples + 1e-9)))
 
 
 def _sample_steps(scene: Scene, dt_s: float, co_step: int) -> int:
@@ -280,8 +283,14 @@ def subsphere_contact_time_s(scene: Scene, assembly: Assembly) -> float:
 
 def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a whole stone with the plate."""
-    return float(min(_hertz_time_s(scene, body.substance, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
-                     for body in bodies_of(assembly)))
+    return min(_body_time_s(scene, body) for body in bodies_of(assembly))
+
+
+def contact_time_of_any_s(scene: Scene, stones: Sequence[Stone]) -> float:
+    """As `stone_contact_time_s`, were each stone of any material of the scene: the ratios of a sweep have one plate."""
+    bodies = {body_of(stone, scene.gravity_vector_m_s2) for stone in stones}
+    return min(_body_time_s(scene, replace(body, substance=replace(body.substance, material=name)))
+               for body in bodies for name in scene.falling_materials)
 
 
 @dataclass(frozen=True)
@@ -320,6 +329,10 @@ def _body_mass_kg(scene: Scene, body: Body) -> float:
 def _hertz_time_s(scene: Scene, substance: Substance, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
                   speed_m_s: float) -> Any:
     return hertz.contact_time_s(_hertz(scene, substance, radius_m, mass_kg, speed_m_s)[1], speed_m_s)
+
+
+def _body_time_s(scene: Scene, body: Body) -> float:
+    return float(_hertz_time_s(scene, body.substance, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s))
 
 
 def _peak_force_N(scene: Scene, body: Body) -> float:

@@ -10,6 +10,8 @@ from __future__ import annotations
 from common.scene.error_laws import SHARES, law
 from common.scene.plate import FlexiblePlate
 
+CUT_OFF_ERROR = 0.01  # that modes left out may make where a scene says nothing; below 3 kHz it is half as much
+
 
 def modes_setting(bonded: bool) -> str:
     """Name of the error law of the modes."""
@@ -26,11 +28,12 @@ def setting_for(name: str, tolerance: float) -> float:
     return law(name).setting(tolerance / SHARES)
 
 
-def with_tolerance(plate: FlexiblePlate, tolerance: float | None, contact_time_s: float, bonded: bool) -> FlexiblePlate:
-    """The plate's table with `max_frequency_Hz` from the tolerance; without one, as it is."""
-    if tolerance is None:
+def with_cut_off(plate: FlexiblePlate, tolerance: float | None, contact_time_s: float, bonded: bool) -> FlexiblePlate:
+    """The plate's table with its `max_frequency_Hz`, or with that of the tolerance, or of an error of its modes of
+    CUT_OFF_ERROR."""
+    if plate.max_frequency_Hz is not None:
         return plate
-    setting = setting_for(modes_setting(bonded), tolerance)
+    setting = law(modes_setting(bonded)).setting(CUT_OFF_ERROR if tolerance is None else tolerance / SHARES)
     return plate.model_copy(update={"max_frequency_Hz": 1 / (setting * contact_time_s)})
 
 

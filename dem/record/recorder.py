@@ -17,7 +17,7 @@ from common.channels import (
     rod_column,
     sensor_column,
 )  # fmt: skip
-from common.files.parquet import Columns, write_parquet
+from common.files.parquet import Columns
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.deck.pictures import PictureSchedule
@@ -188,13 +188,15 @@ def fast_stream(step: TimeStep, pushes: Pushes, plate_signals: Columns, columns_
     return table
 
 
-def write_streams(file: Callable[[str], Path], fast: Columns, step: TimeStep) -> Columns:
-    """Write fast.parquet and its rows at the samples, signals.parquet. Returns the latter."""
-    write_parquet(fast, file("fast.parquet"))
-    every = step.sample_steps // step.fast_steps
-    signals = {name: values[::every] for name, values in fast.items()}
-    write_parquet(signals, file("signals.parquet"))
-    return signals
+def samples_of(fast: Columns, every: int, anti_alias: bool) -> Columns:
+    """Every so many rows of the fast stream, as they are or behind the filter of analysis.signals.resampling, which has
+    linear phase and no delay."""
+    if not anti_alias:
+        return {name: values[::every] for name, values in fast.items()}
+    from scipy.signal import resample_poly  # late: slow to import
+
+    low = {name: resample_poly(values, 1, every, padtype="edge") for name, values in fast.items() if name != "t_s"}
+    return {"t_s": fast["t_s"][::every], **low}
 
 
 def read_events(file: Path, step: TimeStep) -> Columns:

@@ -32,14 +32,14 @@ LOCK = "lock"  # the first file in OUT.partial; what it holds says who made the 
 MARK = "a run of coal-gangue-impact is in progress here\n"
 WORKING = (STARTED, LOCK)  # what only a run in progress has
 KIND, REPLACED = "run", "run in the place of which another comes"
-# What the engine writes for the user; of dumps of VTK it writes the box as well.
-OF_ENGINE = r"deck/(engine\.(out|log)|log\.liggghts|dumps/particles_(boundingBox_)?\d+\.(vtp|vtr|dump))"
+# What the engine writes for the user.
+OF_ENGINE = r"deck/(engine\.(out|log)|log\.liggghts)"
 # All names that a run gives to files, in a directory that it was killed in, too.
 OWN = re.compile(rf"""{OF_ENGINE}
     |lock|(started|run|contents)\.json|(signals|fast|breakage|contacts|energy|stones|left|walls)\.parquet|modes\.npz
     |view\.(py|pvd)|view/(particles|bonds|plate|contacts|rods|walls)((_\d+)?\.vtu|\.pvd)
     |deck(\.fresh)?/(deck\.liggghts|atoms\.data|(agglomerates|bonds|surface|faces)\.txt|(stones|shapes)\.bin)
-    |deck/((ledger|forces|contacts|pictures|wall_\w+)\.bin|(events|left)\.csv|dumps\.pvd|(to|from)_plate)
+    |deck/((ledger|forces|contacts|pictures|wall_\w+)\.bin|(events|left)\.csv|(to|from)_plate)
     |deck/checkpoint/(engine|plate)_\d+\.checkpoint""", re.VERBOSE)
 HALF_WRITTEN = re.compile(r"(\.\d+)?\.part$")
 

@@ -38,7 +38,7 @@ MeshesOfPlate = Callable[[int, list[HertzContact]], dict[str, Mesh]]
 def write_view(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, events: Columns,
                meshes_of_plate: MeshesOfPlate) -> None:
     """Turn the engine's pictures in `deck` into view/*.vtu, view.pvd and view.py, at the path that `file` gives for
-    each name; dumps of LIGGGHTS, if there are any, get their times and the bonds in deck/dumps.pvd.
+    each name.
 
     `events` is the table of breakage.parquet. `meshes_of_plate(dem_step, contacts)` gives what a picture shows of the
     plate, by the names of PARTS.
@@ -51,7 +51,7 @@ def write_view(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, e
     stones, walls = StoneMeshes(assembly), wall_mesh(prepared.scene)
     if walls is not None:
         writers["walls"].write(file(WALLS), walls)
-    entries, dumps = [], []
+    entries = []
     pictures = read_pictures(deck / "pictures.bin", assembly.sizes)
     for k, (dem_step, near, spheres, pushing) in enumerate(pictures):
         t = dem_step * dt_s
@@ -63,12 +63,7 @@ def write_view(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, e
             entries.append((t, PARTS.index(name), picture))
         if walls is not None:
             entries.append((t, PARTS.index("walls"), WALLS))
-        dumped = f"dumps/particles_{dem_step}.vtp"
-        if (deck / dumped).exists():
-            dumps += [(t, 0, dumped), *([(t, 1, f"../view/bonds_{k:04d}.vtu")] if "bonds" in meshes else [])]
     write_pvd(file("view.pvd"), entries)
-    if dumps:
-        write_pvd(file("deck/dumps.pvd"), dumps)
     for part in {number for _, number, _ in entries}:
         write_pvd(file(f"view/{PARTS[part]}.pvd"),
                   [(t, 0, picture.removeprefix("view/")) for t, number, picture in entries if number == part])

@@ -11,8 +11,15 @@ from common.files.cache import BeingFound, not_waiting
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
 from dem.deck.plausible import warnings_of, warnings_of_fragments, warnings_of_plate
-from dem.deck.time_step import TimeStep, mobility_of_stones_1_kg, step_limits, stone_contact_time_s, time_step
-from dem.deck.tolerance import with_tolerance
+from dem.deck.time_step import (
+    TimeStep,
+    contact_time_of_any_s,
+    mobility_of_stones_1_kg,
+    step_limits,
+    stone_contact_time_s,
+    time_step,
+)
+from dem.deck.tolerance import with_cut_off
 from dem.run.progress import Stages
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
@@ -58,9 +65,9 @@ def _refuse_late(stones: list[Stone], scene: Scene, file: str) -> None:
             raise InputError(f"{file}: stones: stone {k + 1} arrives at {stone.arrival_s:g} s: must be at most "
                              f"{LATEST_ARRIVAL_s:g} s")
     late = [k for k, stone in enumerate(stones)
-            if scene.stones.stream is not None or entry_of(stone, scene.gravity_vector_m_s2).is_late]
+            if scene.stones.is_stream or entry_of(stone, scene.gravity_vector_m_s2).is_late]
     for key, value, allowed, refused in (
-            ("engine.np", scene.engine.np, "1", scene.engine.np > 1),
+            ("ranks", scene.ranks, "1", scene.ranks > 1),
             ("time.free_flight_tolerance", scene.time.free_flight_tolerance, "above 0",
              scene.time.free_flight_tolerance == 0)):
         if late and refused:
@@ -80,27 +87,30 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     _refuse_late(stones, scene, source)
     warnings = told(source, warnings_of(scene, stones))
 
+    resolved = scene
+    if scene.plate.model == "flexible":
+        contact_s = contact_time_of_any_s(scene, stones)
+        plate = with_cut_off(scene.plate, scene.tolerance, contact_s, scene.stones.agglomerate is not None)
+        resolved = scene.model_copy(update={"plate": plate})
+
     def seek_modes() -> None:
-        """Into the cache. A tolerance chooses the highest mode by the stones, which are not there yet."""
-        if scene.plate.model == "flexible" and scene.tolerance is None:
+        """Into the cache."""
+        if resolved.plate.model == "flexible":
             with suppress(BeingFound), not_waiting(), refused_in(source, "plate"):
-                modes_for_loads(scene.plate, cache, places_m(stones))
+                modes_for_loads(resolved.plate, cache, places_m(stones))
 
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
             assembly = assemble(scene, stones, cache, seek_modes)
     warnings += told(source, warnings_of_fragments(scene, assembly))
     limits = step_limits(scene, assembly, source)
-    modes, mobility, resolved = None, None, scene
-    if scene.plate.model == "flexible":
+    modes, mobility = None, None
+    if resolved.plate.model == "flexible":
         with stages("modes"):
-            contact_s = stone_contact_time_s(scene, assembly)
-            plate = with_tolerance(scene.plate, scene.tolerance, contact_s, assembly.n_bonds > 0)
-            left_out = energy_left_out(highest_frequency_Hz(plate), contact_s)
-            warnings += told(source, warnings_of_plate(plate, left_out))
-            resolved = scene.model_copy(update={"plate": plate})
+            left_out = energy_left_out(highest_frequency_Hz(resolved.plate), stone_contact_time_s(scene, assembly))
+            warnings += told(source, warnings_of_plate(resolved.plate, left_out))
             with refused_in(source, "plate"):
-                modes = modes_for_loads(plate, cache, places_m(stones))
+                modes = modes_for_loads(resolved.plate, cache, places_m(stones))
         mobility = mobility_of_stones_1_kg(modes, stones)
     step = time_step(scene, limits, source, mobility)
     return PreparedRun(source, scene, resolved, scene_hash(scene), assembly, step, modes, stages,

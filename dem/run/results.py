@@ -22,12 +22,12 @@ from common.scene.scene import Scene
 from dem.coupling.launch import library_version
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
-from dem.deck.plausible import fragment_resolution, momentum_warnings
+from dem.deck.plausible import fragment_resolution, momentum_warnings, speed_over_critical
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
 from dem.record.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
-from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, write_streams
+from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, samples_of
 from dem.record.stones_table import left_table, read_left, stones_given, stones_table
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
@@ -63,7 +63,9 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     pushes = read_forces(deck / "forces.bin")
     fast = fast_stream(step, pushes, plate.signals(range(0, step.steps + 1, step.fast_steps)),
                        0 if assembly.is_stream else n)
-    signals = write_streams(file, fast, step)
+    write_parquet(fast, file("fast.parquet"))
+    signals = samples_of(fast, step.sample_steps // step.fast_steps, scene.time.anti_alias)
+    write_parquet(signals, file("signals.parquet"))
     plate.write_motion(file)
     write_parquet(events, file("breakage.parquet"))
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
@@ -129,6 +131,7 @@ def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dic
         "n_bonds": assembly.n_bonds,
         "n_modes": plate.n_modes,
         "fragment_size_over_subsphere": fragment_resolution(scene, assembly),
+        "speed_over_critical": speed_over_critical(scene, assembly),
         "plate_energy_left_out": plate_energy_left_out(scene, assembly),
         "n_samples": len(results.signals["t_s"]),
     }

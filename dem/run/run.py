@@ -124,8 +124,6 @@ def _take_up(work: RunDirectory, prepared: PreparedRun, overwrite: bool) -> tupl
         if hash_of(file) != hash_of(fresh / file.name):
             note(f"{file}: missing or damaged; it was written anew")
         (fresh / file.name).replace(file)
-    for directory in fresh.iterdir():  # of dumps
-        (deck / directory.name).mkdir(exist_ok=True)
     work.remove(fresh.name)
     if work.finished(identity):
         return identity, 0
@@ -184,6 +182,6 @@ def _ratio(prepared: PreparedRun) -> float:
 
 
 def _working_files(prepared: PreparedRun) -> list[str]:
-    """What the engine wrote for this program alone; its logs stay where the scene asks for them."""
-    logs = () if prepared.scene.output.engine_log else ("engine.out", "engine.log", "log.liggghts")
-    return [f"deck/{name}" for name in (*streams(prepared.scene, prepared.assembly), *logs, "checkpoint")]
+    """What the engine wrote for this program alone."""
+    return [f"deck/{name}" for name in (*streams(prepared.scene, prepared.assembly), "engine.out", "engine.log",
+                                        "log.liggghts", "checkpoint")]

@@ -42,7 +42,7 @@ def simulate(prepared: PreparedRun, start: EngineStart, plate: PlateOfRun, progr
     try:
         walltime = "never" if start.stop_at is None else max(0.0, start.stop_at - time.monotonic())
         with plate.connected(start.deck), engine_running(
-                start.deck, prepared.scene.engine.np, (start.lock,), resume=start.resume_step, walltime=walltime,
+                start.deck, prepared.scene.ranks, (start.lock,), resume=start.resume_step, walltime=walltime,
                 identity=start.identity) as engine:
             watchdog = EngineWatchdog(engine)
             try:

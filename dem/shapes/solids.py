@@ -18,9 +18,6 @@ from common.scene.shapes import ShapeTable
 from common.tables import InputError, refuse_unreadable
 from dem.shapes.mesh import fault_of, winding_number
 
-USUAL_CORNERS = 16
-CORNERS = (6, 7, 8, 9, 10, 12, 14, 16, 20, 24, 32, 48, 64, 100, 150, 200)  # tried for a sphericity
-SPHERICITY_TOLERANCE = 0.03
 SPREAD_TURNS = 5          # of the repulsion between the corners
 CONVEX_TOLERANCE = 0.01   # of the size: the deepest dent of what is taken to be its hull
 MOST_TRIANGLES = 5000     # of a solid that is not convex
@@ -84,19 +81,8 @@ def solid_of(shape: ShapeTable, seed: int) -> Solid:
 
 
 def polyhedron(shape: ShapeTable, seed: int) -> Solid:
-    """A random polyhedron. Raises InputError where its sphericity cannot be met."""
-    if shape.sphericity is None:
-        return _with_corners(shape, shape.corners or USUAL_CORNERS, seed)
-    found = [_with_corners(shape, corners, seed) for corners in CORNERS]
-    best = min(found, key=lambda solid: abs(solid.sphericity - shape.sphericity))  # type: ignore[operator]
-    if abs(best.sphericity - shape.sphericity) > SPHERICITY_TOLERANCE:
-        least, most = min(s.sphericity for s in found), max(s.sphericity for s in found)
-        raise InputError(f"shapes: sphericity = {shape.sphericity:g}: must be from {least:.3f} to {most:.3f} with this "
-                         "elongation and flatness")
-    return best
-
-
-def _with_corners(shape: ShapeTable, corners: int, seed: int) -> Solid:
+    """A random polyhedron."""
+    corners = shape.corners
     rng = np.random.default_rng([seed, corners])
     point = rng.normal(size=(corners, 3))
     point /= np.linalg.norm(point, axis=1)[:, None]

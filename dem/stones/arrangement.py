@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from common.scene.scene import Scene
-from common.scene.stones import By, EachStone
+from common.scene.stones import COAL, GANGUE, By, EachStone
 from common.tables import InputError
 from dem.stones.drawn import drawn_stones, scattered
 from dem.stones.paths import Flying, gap_to_box_m, reach_m
@@ -19,7 +19,7 @@ def stones_of(scene: Scene, file: str) -> list[Stone]:
     plate.
     """
     table = scene.stones
-    if table.drawn is not None or table.stream is not None:
+    if table.drawn is not None:
         stones = drawn_stones(scene, file)
     elif table.each is not None:
         stones = [_one(scene, k, one) for k, one in enumerate(table.each)]
@@ -29,14 +29,14 @@ def stones_of(scene: Scene, file: str) -> list[Stone]:
         stones = scattered(scene, stones, file)
     _check_motion(scene, stones, file)
     _check_walls(scene, stones, file)
-    if table.drawn is None and table.stream is None:  # whose places were drawn so
+    if table.drawn is None:  # whose places were drawn so
         _check_places(scene, stones, file)
     return stones
 
 
 def gangue_ratio(scene: Scene, stones: list[Stone], mass_kg: np.ndarray, by: By | None = None) -> float:
     """The share of gangue that falls, by mass, by number, or by what the scene's mixing ratio is a share of."""
-    drawn = scene.stones.drawn or scene.stones.stream
+    drawn = scene.stones.drawn
     by = by or ("number" if drawn is None else drawn.gangue_by)
     weight = mass_kg if by == "mass" else np.ones(len(stones))
     return float(weight @ [scene.kind_of(stone.material) == "gangue" for stone in stones] / weight.sum())
@@ -65,17 +65,16 @@ def _volley(scene: Scene, file: str) -> list[Stone]:
                          f"a multiple of 1/{table.count}")
     chosen, (dx, dy, dz) = set(table.gangue_order[:round(n_gangue)]), scene.down
     # A place keeps its seed whatever its material, so that a sweep changes the material alone.
-    return [Stone(material=table.gangue if k + 1 in chosen else table.coal, radius_m=table.radius_m,
+    return [Stone(material=GANGUE if k + 1 in chosen else COAL, radius_m=table.radius_m,
                   place_m=(float(place[0]), float(place[1])), velocity_m_s=(speed * dx, speed * dy, speed * dz),
-                  seed=table.seed + k, gap_m=table.gap_m, arrival_s=table.arrival_s[k] if table.arrival_s else 0.0,
-                  strength_factor=table.strength_factor[k] if table.strength_factor else 1.0)
+                  seed=table.seed + k, gap_m=table.gap_m)
             for k, place in enumerate(_positions(scene))]
 
 
 def _positions(scene: Scene) -> np.ndarray:
     stones = scene.stones
     if stones.positions is not None:
-        return np.array([[place.x_m, place.y_m] for place in stones.positions])
+        return np.array(stones.positions)
     assert stones.count is not None and stones.circle_radius_m is not None
     angle = 2 * np.pi * np.arange(stones.count) / stones.count
     return stones.circle_radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -94,10 +93,9 @@ def _speed_key(scene: Scene, k: int) -> str:
     table = scene.stones
     if table.each is not None:
         return f"each.{k}." + ("speed_m_s" if table.each[k].velocity_m_s is None else "velocity_m_s")
-    drawn, name = (table.drawn, "drawn.") if table.drawn is not None else (table.stream, "stream.")
-    if drawn is None:
+    if table.drawn is None:
         return "speed_m_s"
-    return name + ("speed_m_s" if drawn.speed_m_s is not None else "drop_height_m")
+    return "drawn." + ("speed_m_s" if table.drawn.speed_m_s is not None else "drop_height_m")
 
 
 def _check_walls(scene: Scene, stones: list[Stone], file: str) -> None:

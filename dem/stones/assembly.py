@@ -255,7 +255,7 @@ def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = Non
         bond_strength_factor=np.concatenate([p.strength_factor for p in parts]),
         surfaces=tuple(p.surface for p in parts if p.surface is not None),
         faces=tuple(p.faces for p in parts) if any(p.faces is not None for p in parts) else (),
-        is_of_stream=scene.stones.stream is not None,
+        is_of_stream=scene.stones.is_stream,
     )
 
 

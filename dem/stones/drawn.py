@@ -15,40 +15,41 @@ from scipy.spatial.transform import Rotation
 
 from common.scene.distribution import Distribution
 from common.scene.scene import Scene
-from common.scene.stones import MOST_STONES, DrawnStones, StreamTable
+from common.scene.stones import COAL, GANGUE, MOST_STONES, DrawnTable
 from common.tables import InputError
 from dem.stones.paths import Flying
-from dem.stones.stone import UPRIGHT, Stone
+from dem.stones.stone import Stone
 
 PLACE_TRIES = 1000
+PACKINGS = 8  # of each shape, which stones share: to find one takes longer than many an impact
 MOST_SUBSTANCES = 500  # the deck has a number for each pair of them
 ONE, NOTHING = Distribution(value=1.0), Distribution(value=0.0)
 
 
 def drawn_stones(scene: Scene, file: str) -> list[Stone]:
-    """The stones of `stones.drawn` or `stones.stream`. Raises InputError where they find no place, or are too many."""
-    table = scene.stones.drawn or scene.stones.stream
+    """The stones of `stones.drawn`, by the time of arrival. Raises InputError where they find no place, or are too
+    many."""
+    table = scene.stones.drawn
     assert table is not None
     draw = _Draws(scene, table)
     size_m = draw.sizes_m(_count(scene, table, file, draw))
     gangue = draw.gangue(size_m)
     count = len(size_m)
-    arrival_s, speed, spin, strength = (
-        draw.arrivals_s(count), draw.speeds_m_s(count), draw.spins_rad_s(count), draw.strengths(count))
+    arrival_s, speed, spin = draw.arrivals_s(count), draw.speeds_m_s(count), draw.spins_rad_s(count)
     attitude, shape, packing = draw.attitudes(count), draw.shapes(count), draw.packings(count)
     down = scene.down
-    stones = [Stone(material=scene.stones.gangue if gangue[k] else scene.stones.coal, radius_m=float(size_m[k]) / 2,
+    stones = [Stone(material=GANGUE if gangue[k] else COAL, radius_m=float(size_m[k]) / 2,
                     place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in down),  # type: ignore[arg-type]
                     seed=scene.stones.seed + int(packing[k]), gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
                     spin_rad_s=tuple(spin[k].tolist()), attitude=tuple(attitude[k].tolist()),
-                    strength_factor=float(strength[k]), shape=shape[k]) for k in range(count)]
+                    shape=shape[k]) for k in range(count)]
     return _placed(scene, stones, table, draw.rng("place"), file)
 
 
 class _Draws:
     """Draws each quantity from its own random stream."""
 
-    def __init__(self, scene: Scene, table: DrawnStones):
+    def __init__(self, scene: Scene, table: DrawnTable):
         self._scene, self._table = scene, table
 
     def rng(self, quantity: str) -> np.random.Generator:
@@ -67,8 +68,7 @@ class _Draws:
         if self._table.gangue_by == "number":
             gangue = coal = np.ones(count)
         else:
-            density = {name: self._scene.materials[name].density_kg_m3 for name in (stones.coal, stones.gangue)}
-            gangue, coal = size_m**3 * density[stones.gangue], size_m**3 * density[stones.coal]
+            gangue, coal = (size_m**3 * self._scene.materials[name].density_kg_m3 for name in (GANGUE, COAL))
         which, of_gangue, of_coal = np.zeros(count, dtype=bool), 0.0, float(coal.sum())
         assert stones.gangue_ratio is not None
 
@@ -87,12 +87,8 @@ class _Draws:
         return which
 
     def arrivals_s(self, count: int) -> np.ndarray:
-        """(count,); those of a stream ascend: as many random times in its duration."""
-        if isinstance(self._table, StreamTable):
-            share = np.sort(self.rng("arrival").uniform(size=count))
-            return self._table.begin_s + self._table.duration_s * share
-        assert self._scene.stones.drawn is not None
-        return self._scene.stones.drawn.arrival_s.draw(count, self.rng("arrival"))
+        """(count,) ascending."""
+        return np.sort(self._table.arrival_s.draw(count, self.rng("arrival")))
 
     def speeds_m_s(self, count: int) -> np.ndarray:
         """(count,) at the touch."""
@@ -107,14 +103,8 @@ class _Draws:
         axis = rng.normal(size=(count, 3))
         return self._table.spin_rad_s.draw(count, rng)[:, None] * axis / np.linalg.norm(axis, axis=1)[:, None]
 
-    def strengths(self, count: int) -> np.ndarray:
-        """(count,) factors."""
-        return self._table.strength_factor.draw(count, self.rng("strength"))
-
     def attitudes(self, count: int) -> np.ndarray:
         """(count, 4) quaternions (w, x, y, z)."""
-        if self._table.attitude == "fixed":
-            return np.tile(UPRIGHT, (count, 1))
         return np.roll(Rotation.random(count, random_state=self.rng("attitude")).as_quat(), 1, axis=1)
 
     def shapes(self, count: int) -> list[str]:
@@ -124,38 +114,36 @@ class _Draws:
 
     def packings(self, count: int) -> np.ndarray:
         """(count,) which of the packings."""
-        return self.rng("packing").integers(self._table.packings, size=count)
+        return self.rng("packing").integers(PACKINGS, size=count)
 
 
-def _count(scene: Scene, table: DrawnStones, file: str, draw: _Draws) -> int:
+def _count(scene: Scene, table: DrawnTable, file: str, draw: _Draws) -> int:
     """How many stones. A stream by mass goes on until its mass has been drawn."""
-    if not isinstance(table, StreamTable):
-        assert scene.stones.drawn is not None
-        return scene.stones.drawn.count
+    if table.count is not None:
+        return table.count
     ratio, materials = scene.stones.gangue_ratio, scene.materials
     assert ratio is not None
     if table.rate_1_s is not None:
-        count = round(table.rate_1_s * table.duration_s)
+        count = round(table.rate_1_s * table.lasts_s)
         key = f"rate_1_s = {table.rate_1_s:g}"
     else:
         assert table.rate_kg_s is not None
-        coal, gangue = (materials[name].density_kg_m3 for name in (scene.stones.coal, scene.stones.gangue))
+        coal, gangue = (materials[name].density_kg_m3 for name in (COAL, GANGUE))
         density = 1 / (ratio / gangue + (1 - ratio) / coal) if table.gangue_by == "mass" else (
             ratio * gangue + (1 - ratio) * coal)
         mass = np.cumsum(density * np.pi / 6 * draw.sizes_m(MOST_STONES + 1) ** 3)
-        count = int(np.abs(mass - table.rate_kg_s * table.duration_s).argmin()) + 1
+        count = int(np.abs(mass - table.rate_kg_s * table.lasts_s).argmin()) + 1
         key = f"rate_kg_s = {table.rate_kg_s:g}"
     if not 1 <= count <= MOST_STONES:
-        raise InputError(f"{file}: stones.stream.{key}: leads to {count} stones in {table.duration_s:g} s; must be "
+        raise InputError(f"{file}: stones.drawn.{key}: leads to {count} stones in {table.lasts_s:g} s; must be "
                          f"from 1 to {MOST_STONES}")
     return count
 
 
-def _placed(scene: Scene, stones: list[Stone], table: DrawnStones, rng: np.random.Generator,
+def _placed(scene: Scene, stones: list[Stone], table: DrawnTable, rng: np.random.Generator,
             file: str) -> list[Stone]:
     """Each stone on a random place where it meets none that flies when it enters. Raises InputError."""
-    way = "drawn" if scene.stones.drawn is not None else "stream"
-    low, high = _footprint(scene, stones, table, f"{file}: stones.{way}")
+    low, high = _footprint(scene, stones, table, f"{file}: stones.drawn")
     flying, placed = Flying(scene), []
     for k in np.argsort([stone.arrival_s for stone in stones], kind="stable"):
         for _ in range(PLACE_TRIES):
@@ -163,20 +151,20 @@ def _placed(scene: Scene, stones: list[Stone], table: DrawnStones, rng: np.rando
             if flying.nearest(one)[1] >= 0:
                 break
         else:
-            raise InputError(f"{file}: stones.{way}.footprint: {len(stones)} stones find no place on it; must be "
+            raise InputError(f"{file}: stones.drawn.footprint_m: {len(stones)} stones find no place on it; must be "
                              "larger, or the stones fewer, smaller or further apart in time")
         flying.add(one)
         placed.append((k, one))
     return [one for _, one in sorted(placed, key=lambda pair: pair[0])]
 
 
-def _footprint(scene: Scene, stones: list[Stone], table: DrawnStones, where: str) -> tuple[np.ndarray, np.ndarray]:
+def _footprint(scene: Scene, stones: list[Stone], table: DrawnTable, where: str) -> tuple[np.ndarray, np.ndarray]:
     half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
-    if table.footprint is not None:
-        x, y = table.footprint.x_m, table.footprint.y_m
+    if table.footprint_m is not None:
+        x, y = table.footprint_m
         if max(map(abs, x)) > half[0] or max(map(abs, y)) > half[1]:
-            raise InputError(f"{where}.footprint = {x}, {y}: must lie on the plate, which reaches to x = {half[0]:g} m "
-                             f"and y = {half[1]:g} m")
+            raise InputError(f"{where}.footprint_m = {x}, {y}: must lie on the plate, which reaches to x = "
+                             f"{half[0]:g} m and y = {half[1]:g} m")
         return np.array([x[0], y[0]]), np.array([x[1], y[1]])
     half = half - max(stone.radius_m for stone in stones)
     if half.min() <= 0:

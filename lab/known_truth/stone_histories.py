@@ -14,7 +14,7 @@ from common.scene.scene import read_scene
 from recognition.stone_forces.forces import History
 
 FILE = Path(__file__).with_name("data") / "stone_histories.npz"
-STEPS = 500  # of 5 us that a history has
+
 #: learnt: by which the law was fitted; tried: of streams by which limits were set; other_rock: stones of the paper's
 #: size whose bonds are a quarter weaker or stronger; held_out: of none before the last evaluation; one_fall: held out
 #: too, of all sizes and one speed, as stones have that fall from one height; any_fall: held out too, sizes and speeds

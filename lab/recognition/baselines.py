@@ -70,7 +70,7 @@ class Oracle:
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> pd.DataFrame:
         """What stones.parquet has. RecognitionError without it."""
         if run is None or run.stones is None:
-            raise RecognitionError("no stones.parquet")
+            raise RecognitionError("no column 'impulse_Ns' in stones.parquet, which the run does not have")
         return run.stones[["kind", "impulse_Ns", "peak_force_N"]]
 
     def fit(self, X: Sequence[pd.DataFrame], y: Floats, *, groups: Groups | None = None,

@@ -64,19 +64,19 @@ def write_mesh(solid: str, file: Path) -> None:
     meshio.write_points_cells(file, points, [("triangle", ConvexHull(points).simplices)])
 
 
-def scene_of(how: str, contact: str, subspheres: int, seed: int, mesh: Path) -> Scene:
-    """One unbreakable stone without gravity or friction, restitution 1."""
+def scene_of(how: str, contact: str, subspheres: int, seed: int, mesh: Path, places_m: tuple[float, ...] = (0.0,)) -> Scene:
+    """One unbreakable stone at each place without gravity or friction, restitution 1."""
     hit = HITS[how]
     volume = SIDE_m**3 if hit.solid == "cube" else np.pi / 4 * DISC_m**2 * HIGH_m
     up = np.array(hit.up) / np.linalg.norm(hit.up)
     turn = Rotation.align_vectors([[0, 0, 1]], [up])[0]
-    one = {"material": "coal", "radius_m": (volume * 3 / 4 / np.pi) ** (1 / 3), "shape": "solid", "x_m": 0.0, "y_m": 0.0,
-           "speed_m_s": SPEED_m_s, "attitude": np.roll(turn.as_quat(), 1).tolist(), "seed": seed}
+    one = {"material": "coal", "radius_m": (volume * 3 / 4 / np.pi) ** (1 / 3), "shape": "solid", "y_m": 0.0,
+           "speed_m_s": SPEED_m_s, "attitude": np.roll(turn.as_quat(), 1).tolist()}
     elastic = {"restitution": 1.0, "friction": 0.0}
     return changed_scene(SCENES / "single.toml", {
         **{f"stones.{key}": None for key in ("count", "radius_m", "positions", "speed_m_s", "gangue_order",
                                              "gangue_ratio")},
-        "stones.each": [one], "shapes.solid": {"file": str(mesh)}, "assumptions": None, "output": None,
+        "stones.each": [one | {"x_m": x, "seed": seed + k} for k, x in enumerate(places_m)], "shapes.solid": {"file": str(mesh)}, "assumptions": None, "output": None,
         "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": contact},
         "time.gravity_m_s2": 0.0, "time.duration_s": hit.followed_s + APPROACH_s, "time.sample_interval_s": 30 * ROW_s,
         "plate": RIGID,

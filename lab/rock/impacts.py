@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from common.scene.file import OF_A_MATERIAL
 from common.tables import read_toml
+from dem.deck.plausible import CRITICAL_SPEED
 from lab.constants import time_step_constants
 from lab.rock.stone import SCENES, SEEDS, strike
 from lab.study import Row
@@ -27,7 +29,7 @@ def impact(material: str, changes: dict[str, Any], duration_s: float = SHORT_s,
     """Figures of one impact; `shares` are the fragments' masses over the stone's, as JSON."""
     with time_step_constants(constants or {}):
         found = strike(material, changes, duration_s)
-    energy = found["energy"]
+    energy, over_critical = found["energy"], found["speed_over_critical"][0]
     return {"dt_s": found["dt_s"], "broken_bonds": found["n_bonds_broken"],
             "broken_share": float(found["stone"].broken.mean()), "broken_area_cm2": 1e4 * found["broken_area_m2"],
             "peak_force_N": found["peak_force_N"], "rebound_m_s": found["rebound_speed_m_s"][0],
@@ -35,6 +37,7 @@ def impact(material: str, changes: dict[str, Any], duration_s: float = SHORT_s,
             "unexplained": energy["contacts_unexplained_J"] / energy["impact_J"],
             "largest_fragment": found["largest_fragment"], "fragments": len(found["fragments"]), "hoop": found["hoop"],
             "resolution": (found["fragment_size_over_subsphere"] or [None])[0],
+            "formula_m_s": over_critical and found["scene"]["stones"]["speed_m_s"] / over_critical,
             "shares": json.dumps(np.round(found["fragments"], 6).tolist())}
 
 
@@ -104,6 +107,91 @@ def breakage_size_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     return table
 
 
+ROCKS = {"coal": "coal", "hard_coal": "coal", "gangue": "gangue", "soft_coal": "coal"}  # with what they stand for
+COHERENT = "soft_coal"  # whose elastic constants and strengths are of one table, with flaws
+AREAS_cm2 = (100, 200)  # of which the speed is sought
+SLOW_m_s = 3.0          # at which few stones break, so that many are needed, each of its own strength as in natural.toml
+RESTITUTIONS = {True: (0.8, 0.9, 1.0), False: (0.9,)}
+
+
+def of_rock(rock: str) -> dict[str, Any]:
+    """What makes a scene's coal or gangue one of scenes/materials."""
+    table = read_toml(SCENES / "materials" / f"{rock}.toml")
+    return {f"materials.{ROCKS[rock]}": {key: table[key] for key in OF_A_MATERIAL if key in table}}
+
+
+def breakage_mesh(out: Path, packings: int = 8, slow: int = 24, counts: tuple[int, ...] = (500, 1000, 2000),
+                  speeds: tuple[float, ...] = (SLOW_m_s, 4.2, 5.0, 6.0)) -> Iterator[Row]:
+    """Numbers of sub-spheres, of a coal with flaws; a seed has the same flaws at each. At the second speed, of the
+    fewest, other restitutions too."""
+    strength = read_toml(SCENES / "natural.toml")["scatter"]["strength_factor"]
+    for k in range(max(packings, slow)):
+        for speed in speeds if k < packings else speeds[:1]:
+            for count in counts:
+                for restitution in RESTITUTIONS[(speed, count) == (speeds[1], counts[0])]:
+                    changes = of_rock(COHERENT) | {
+                        "stones.agglomerate.subspheres": count, "stones.agglomerate.contact": "smooth",
+                        "stones.seed": FIRST_SEED + 10 * k, "stones.speed_m_s": speed,
+                        "contacts.coal_plate": {"restitution": restitution, "friction": 0.4}}
+                    if speed == SLOW_m_s:
+                        changes |= {"scatter": {"strength_factor": strength, "seed": FIRST_SEED + 10 * k}}
+                    yield Row({"speed_m_s": speed, "subspheres": count, "restitution": restitution, "packing": k},
+                              partial(impact, "coal", changes))
+
+
+def breakage_mesh_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
+    """`at_N_cm2_m_s`: the speed at which N cm2 break, on straight lines through the means over the speeds."""
+    table = means(rows, ["speed_m_s", "subspheres", "restitution"],
+                  ["broken_area_cm2", "largest_fragment", "released_mJ", "resolution"])
+    table = table.drop(columns="resolution_sem").sort_values(["speed_m_s", "subspheres", "restitution"])
+    for _, own in table[(table["restitution"] == 0.9) & (table["speed_m_s"] > SLOW_m_s)].groupby("subspheres"):
+        for area in AREAS_cm2:
+            if own["broken_area_cm2"].min() < area < own["broken_area_cm2"].max():
+                table.loc[own.index[0], f"at_{area}_cm2_m_s"] = np.interp(area, own["broken_area_cm2"], own["speed_m_s"])
+    return table
+
+
+CRITICAL_STONES = {**dict.fromkeys(("coal", "hard_coal", "gangue"), (25.0,)), "soft_coal": (12.5, 25.0, 50.0)}  # R in mm
+WHOLE = 0.7             # of a stone's mass: with less in its largest fragment it has fallen apart
+SPAN = (0.6, 1.5)       # of the speed by the formula, within which the critical speed is sought
+
+
+def critical_speed(out: Path, packings: int = 6, halvings: int = 4) -> Iterator[Row]:
+    """The speed at which each rock falls apart, for itself by packing; of the coal with flaws in three sizes."""
+    for rock, radii_mm in CRITICAL_STONES.items():
+        for radius_mm in radii_mm:
+            for k in range(packings):
+                yield Row({"rock": rock, "radius_mm": radius_mm, "packing": k},
+                          partial(falls_apart, rock, radius_mm, FIRST_SEED + 10 * k, halvings))
+
+
+def falls_apart(rock: str, radius_mm: float, seed: int, halvings: int) -> dict[str, float]:
+    """The critical speed of one stone, by halving the span, beside that of the formula."""
+    changes = of_rock(rock) | {"stones.seed": seed, "stones.radius_m": 1e-3 * radius_mm}
+
+    def at(speed: float, duration_s: float = SHORT_s * radius_mm / 25.0) -> dict[str, Any]:
+        return impact(ROCKS[rock], changes | {"stones.speed_m_s": speed}, duration_s)
+
+    formula_m_s = at(1.0, 1.5e-4)["formula_m_s"]
+    low, high = (share * formula_m_s for share in SPAN)
+    for _ in range(halvings):
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if at(middle)["largest_fragment"] < WHOLE else (middle, high)
+    return {"speed_m_s": float(np.sqrt(low * high)), "formula_m_s": formula_m_s}
+
+
+def critical_speed_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
+    """`over_formula`: what `critical_speed` of the product would have to be multiplied with. `energy_exponent`: of the
+    diameter, in the energy a mass at that speed."""
+    table = means(rows, ["rock", "radius_mm"], ["speed_m_s", "formula_m_s"]).drop(columns="formula_m_s_sem")
+    table["over_formula"] = table["speed_m_s"] / table["formula_m_s"]
+    table["constant"] = CRITICAL_SPEED * table["over_formula"]
+    for _, own in table.groupby("rock"):
+        if len(own) > 1:
+            table.loc[own.index, "energy_exponent"] = 2 * np.polyfit(np.log(own["radius_mm"]), np.log(own["speed_m_s"]), 1)[0]
+    return table
+
+
 CLOSED_STONES = {"coal": ((3.5, 4.5, 5.5, 6.5, 8.0), 16), "gangue": ((8.0, 10.0, 12.0), 7)}  # speeds in m/s, packings
 
 
@@ -127,7 +215,6 @@ def closure_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
                     broken_bonds=("broken_bonds", "mean")).reset_index()
 
 
-ROCKS = {"coal": "coal", "hard_coal": "coal", "gangue": "gangue"}  # of scenes/materials, with the material they stand for
 SUBSPHERES = 1000
 LEAST_SUBSPHERES = 3  # of a fragment that the exponent counts: below, it is the resolution that shows
 LARGEST_SHARE = 0.1   # of the stone's mass, likewise: above, there are too few
@@ -135,15 +222,12 @@ LARGEST_SHARE = 0.1   # of the stone's mass, likewise: above, there are too few
 
 def fragments(out: Path, packings: int = 8, speeds: tuple[float, ...] = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0)) -> Iterator[Row]:
     """Each rock of scenes/materials at each speed."""
-    for rock, material in ROCKS.items():
-        bond = read_toml(SCENES / "materials" / f"{rock}.toml")["bond"]
-        properties = {f"materials.{material}.bond.{key}": value for key, value in bond.items()}
+    for rock in ROCKS:
         for speed in speeds:
             for k in range(packings):
-                changes = properties | {"stones.agglomerate.subspheres": SUBSPHERES, "stones.speed_m_s": speed,
-                                        "stones.seed": FIRST_SEED + 10 * k}
-                yield Row({"rock": rock, "speed_m_s": speed, "packing": k},
-                          partial(impact, material, changes))
+                changes = of_rock(rock) | {"stones.agglomerate.subspheres": SUBSPHERES, "stones.speed_m_s": speed,
+                                           "stones.seed": FIRST_SEED + 10 * k}
+                yield Row({"rock": rock, "speed_m_s": speed, "packing": k}, partial(impact, ROCKS[rock], changes))
 
 
 def fragments_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:

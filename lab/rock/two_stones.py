@@ -27,6 +27,7 @@ from dem.deck.render import write_deck
 from dem.record.energy_balance import StoneLedger, read_ledger
 from dem.run.prepare import PreparedRun, prepare
 from dem.stones.assembly import Assembly
+from lab.rock import faces
 from lab.rock.dump import read_dump
 from lab.rock.stone import PAIRS, RIGID, SCENES
 from lab.study import Row
@@ -83,7 +84,7 @@ def meet(meeting: Meeting, seed: int, aside: float = 0.0, **changes: object) -> 
     scene = scene_of(meeting, seed, **changes)
     directory = Path(tempfile.mkdtemp())
     try:
-        prepared = write_meeting(directory, meeting, scene, aside)
+        prepared = write_meeting(directory, scene, meeting.speed_m_s, sum(meeting.radii_m), aside)
         run_engine(directory / "deck")
         rows, velocity = read_ledger(directory / "deck" / "ledger.bin", 2), velocities(directory / "deck", prepared)
     finally:
@@ -91,19 +92,20 @@ def meet(meeting: Meeting, seed: int, aside: float = 0.0, **changes: object) -> 
     return _shares_of_hertz(meeting, scene, prepared, rows, velocity)
 
 
-def write_meeting(directory: Path, meeting: Meeting, scene: Scene, aside: float) -> PreparedRun:
-    """The deck in `directory`/deck. Its view.dump has the stones at the start and the end."""
+def write_meeting(directory: Path, scene: Scene, speed_m_s: float, reach_m: float, aside: float) -> PreparedRun:
+    """The deck in `directory`/deck, of stones that touch with their centres `reach_m` apart. Its view.dump has the stones
+    at the start and the end."""
     prepared = prepare(scene, "two_stones", directory)
-    prepared.assembly = _stacked(prepared.assembly, aside)
+    prepared.assembly = _stacked(prepared.assembly, (1 + GAP) * reach_m, aside)
     deck = directory / "deck"
     write_deck(deck, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
     text, count = (deck / "deck.liggghts").read_text(), prepared.assembly.sizes[0]
     start = next(line for line in text.splitlines() if line.startswith("velocity"))
     down = (f"group lower id <= {count}\ngroup upper id > {count}\n"
-            f"velocity lower set 0 0 0 units box\nvelocity upper set 0 0 {-meeting.speed_m_s} units box\n"
+            f"velocity lower set 0 0 0 units box\nvelocity upper set 0 0 {-speed_m_s} units box\n"
             f"dump view all custom {prepared.step.steps} view.dump id x y z vx vy vz mass omegax omegay omegaz\n"
             f'dump_modify view format "%d{10 * " %.17g"}"')
-    energy = 0.5 * prepared.assembly.mass_kg[count:].sum() * meeting.speed_m_s**2
+    energy = 0.5 * prepared.assembly.mass_kg[count:].sum() * speed_m_s**2
     (deck / "deck.liggghts").write_text(re.sub(r"impact_J \S+", f"impact_J {float(energy)!r}", text).replace(start, down))
     return prepared
 
@@ -121,16 +123,14 @@ def velocities(deck: Path, prepared: PreparedRun) -> np.ndarray:
     return np.array([np.average(rows[:, 4:7], axis=0, weights=rows[:, 7]) for rows in (last[:count], last[count:])])
 
 
-def _stacked(assembly: Assembly, aside: float) -> Assembly:
+def _stacked(assembly: Assembly, reach: float, aside: float) -> Assembly:
     """The second stone above the first, and both far above the plate."""
-    (r1, r2), second = (stone.radius_m for stone in assembly.stones), assembly.agglomerate == 1
-    reach = (1 + GAP) * (r1 + r2)
-    center = assembly.center_m.copy()
+    second, center = assembly.agglomerate == 1, assembly.center_m.copy()
     for k in range(2):
         center[assembly.agglomerate == k, 0] += 0.1 - 0.2 * k
     middle = [np.average(center[assembly.agglomerate == k], axis=0,
                          weights=assembly.mass_kg[assembly.agglomerate == k])[2] for k in range(2)]
-    center[:, 2] += np.where(second, middle[0] - middle[1] + reach * np.sqrt(1 - aside**2), 0) + r1
+    center[:, 2] += np.where(second, middle[0] - middle[1] + reach * np.sqrt(1 - aside**2), 0) + reach / 2
     center[second, 0] += aside * reach
     return replace(assembly, center_m=center)
 
@@ -151,7 +151,7 @@ CASES = (*(f"coal_coal_25_25_2_{count}" for count in (200, 500, 1000)), "coal_co
          "gangue_gangue_25_25_2_500", "coal_gangue_25_25_2_500", "coal_coal_25_12.5_2_500", "coal_gangue_50_12.5_2_500")
 
 
-def two_stones(out: Path, packings: int = 4, cases: tuple[str, ...] = CASES) -> Iterator[Row]:
+def two_stones(out: Path, packings: int = 24, cases: tuple[str, ...] = CASES) -> Iterator[Row]:
     """Pairs of packings and attitudes."""
     for name in cases:
         for seed in range(7001, 7001 + packings):
@@ -167,3 +167,35 @@ def two_stones_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
         table[key], table[f"{key}_sd"] = groups[key].mean().to_numpy(), groups[key].std().to_numpy()
     return table.assign(rebound=groups["rebound"].min().to_numpy(), sideways=groups["sideways"].max().to_numpy(),
                         pairs=groups.size().to_numpy())
+
+
+def two_cubes(out: Path, packings: int = 4, counts: tuple[int, ...] = (200, 800)) -> Iterator[Row]:
+    """Cubes that meet face on face, at twice the speed of one that meets its mirror image, the rigid plate: the elastic
+    solid, and packings."""
+    yield Row({"of": "elastic solid", "subspheres": 0, "seed": 0}, partial(faces.elastic_hit, "face"))
+    for count in counts:
+        for seed in range(7001, 7001 + 2 * packings, 2):
+            yield Row({"of": "sub_spheres", "subspheres": count, "seed": seed}, partial(meet_cubes, count, seed))
+
+
+def meet_cubes(subspheres: int, seed: int) -> dict[str, float]:
+    """The second cube comes down on the first."""
+    with tempfile.TemporaryDirectory() as work:
+        mesh, speed = Path(work) / "solid.stl", 2 * faces.SPEED_m_s
+        faces.write_mesh("cube", mesh)
+        scene = faces.scene_of("face", "faces", subspheres, seed, mesh, (-0.1, 0.1))
+        scene = scene.model_copy(update={"time": scene.time.model_copy(update={"sample_interval_s": faces.ROW_s})})
+        prepared = write_meeting(Path(work), scene, speed, faces.SIDE_m, 0.0)
+        run_engine(Path(work) / "deck")
+        rows = read_ledger(Path(work) / "deck" / "ledger.bin", 2)
+    momentum, time = rows.column["momentum_z_kg_m_s"][:, 1], rows.step * prepared.step.dt_s
+    mass = prepared.assembly.mass_kg[prepared.assembly.agglomerate == 1].sum()
+    return faces.figures(time[1:], np.diff(momentum) / np.diff(time), mass * speed, faces.HITS["face"].followed_s)
+
+
+def two_cubes_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
+    """Over the solid's."""
+    solid = rows.loc[rows["of"] == "elastic solid", ["peak_N", "lasts_us"]].iloc[0]
+    table = rows.groupby(["of", "subspheres"], sort=False)["peak_N"].agg(["size", "mean", "std"]).reset_index()
+    table = table.rename(columns={"size": "pairs", "mean": "peak_N", "std": "peak_N_sd"})
+    return table.assign(force=table["peak_N"] / solid["peak_N"])

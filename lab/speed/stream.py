@@ -46,8 +46,9 @@ def scene_of(stones: list[dict[str, Any]], kind: Kind, duration_s: float | None 
 
 def drawn_scene(count: int, rate_1_s: float, kind: Kind) -> Scene:
     """Stones at random times and places on a tilted plate."""
-    stream = {"rate_1_s": rate_1_s, "begin_s": 0.32, "duration_s": count / rate_1_s, "size_m": 0.03, "speed_m_s": 3.0}
-    return _scene({"stones.stream": stream, "plate": PLATE | {"tilt_deg": 20.0}}, kind,
+    stream = {"rate_1_s": rate_1_s, "arrival_s": {"uniform": [0.32, 0.32 + count / rate_1_s]}, "size_m": 0.03,
+              "speed_m_s": 3.0}
+    return _scene({"stones.drawn": stream, "plate": PLATE | {"tilt_deg": 20.0}}, kind,
                   0.32 + count / rate_1_s + FALLS_s)
 
 

@@ -16,18 +16,14 @@ from lab.known_truth import other_plates
 from lab.known_truth.simulated import Stream, draw_stones, stream_of
 from lab.known_truth.tap_records import hammer_taps
 from recognition.estimation.answer import warning_of
-from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
-from recognition.innovations.bank import TIME
 from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
-from recognition.stone_forces.forces import History, heard_of
+from recognition.stone_forces.forces import History
 from recognition.stone_forces.law_file import load_forces
-from recognition.stream.listen import Heard
-from recognition.stream.prior import TRIPLE, StonePrior
-from recognition.stream.recognise import LEAST_DOUBT, QUIET_S, RATE_Hz, recognise_stream
-from recognition.stream.speed_law import with_speed_laws
-from recognition.stream.stones import ratio_of, stone_table
+from recognition.stream.prior import StonePrior
+from recognition.stream.recognise import QUIET_S, RATE_Hz, recognise_stream
+from recognition.stream.stones import ratio_of
 from recognition.tapping.fit import fit_plate
 from recognition.tapping.learnt import learnt
 from recognition.tapping.tapped import refuse_unexplained
@@ -40,7 +36,6 @@ HIGHEST_Hz, TRUE_Hz = 12500.0, 20000.0  # of the modes that the model has, and o
 SOLID = Path("runs/lab/solid_plate.npz")
 PART = 20  # stones of the windows by which intervals are counted
 WITHIN_s = 1e-4  # of the stones of a volley
-NO_ERROR = np.array([1e-3, 1e-2, 1e-3])  # of log s, b and log J, next to the scatter of stones
 MATCH_s = 1.5e-4  # a stone is heard if its arrival is
 
 
@@ -120,10 +115,10 @@ def heard(plate: PlateModel, case: Case, record: Stream, quiet_s: float = QUIET_
     stones, truth, checks = found.stones, record.truth, found.checks
     row: dict[str, object] = {
         "stones": case.count, "heard": len(stones), **matched(stones, truth), "cpu_s": time.process_time() - began,
-        "hear_s": found.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused,
-        "warned": not found.tapped or bool(warning_of(*ratio_of(stones))),
-        "unexplained": checks.unexplained, "gain": float(abs(checks.gain - 1).max()), "unlike": checks.unlike,
-        "broken": checks.broken, "together": checks.together, "change": checks.change}
+        "hear_s": found.hearing.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused,
+        "warned": not found.hearing.tapped or bool(warning_of(*ratio_of(stones))),
+        "unexplained": checks.unexplained, "gain": float(abs(checks.gain - 1).max()), "no_stone": checks.none,
+        "beyond": checks.beyond, "together": checks.together, "change": checks.change}
     for name, by_mass in (("number", False), ("mass", True)):
         low, middle, high = ratio_of(stones, by_mass)
         right = true_ratio(truth, by_mass)
@@ -133,37 +128,6 @@ def heard(plate: PlateModel, case: Case, record: Stream, quiet_s: float = QUIET_
                 f"{name}_parts_inside": sum(inside for inside, _ in told),
                 f"{name}_parts_exact": sum(exact for _, exact in told), "parts": len(told)}
     return row
-
-
-def told_by_force(case: Case, pool: Sequence[History], truth: pd.DataFrame) -> dict[str, object]:
-    """Errors in points of the answer to stones whose impulse, duration and form are known exactly: no ear can do
-    better with this law of forces."""
-    prior, chosen = prior_of(case), of_case(case, pool)
-    stones = [exactly_heard(chosen[k], prior, t_s) for k, t_s in zip(truth["history"], truth["centre_s"], strict=True)]
-    table = stone_table(*with_speed_laws(stones, prior), prior, RATE_Hz, LEAST_DOUBT)
-    row: dict[str, object] = {}
-    for name, by_mass in (("number", False), ("mass", True)):
-        low, middle, high = ratio_of(table, by_mass)
-        right = true_ratio(truth, by_mass)
-        row |= {f"force_{name}_error": 100 * (middle - right), f"force_{name}_inside": low <= right <= high}
-    return row
-
-
-def exactly_heard(history: History, prior: StonePrior, centre_s: float) -> Heard:
-    """What a fit without error would make of a stone."""
-    return heard_as(heard_of(history, prior.forces.form), np.diag(NO_ERROR**2), prior, centre_s)
-
-
-def heard_as(triple: Floats, errors: Floats, prior: StonePrior, centre_s: float = 0.0) -> Heard:
-    """What a fit makes of a stone that it measures as log s, b and log J, with errors of that covariance (3, 3)."""
-    information = np.linalg.inv(errors)
-    covariance = np.asarray(np.linalg.inv(information + prior.precision), dtype=float)
-    estimate = np.asarray(covariance @ (information @ triple + prior.precision @ prior.typical), dtype=float)
-    log_evidence, weights, broken = prior.evidence(estimate, covariance)
-    stone, all_six = np.zeros(6), np.zeros((6, 6))
-    stone[TRIPLE], all_six[np.ix_(TRIPLE, TRIPLE)] = estimate, covariance
-    stone[TIME] = centre_s * RATE_Hz
-    return Heard(stone, all_six, log_evidence, weights, broken, 1.0, np.inf, np.inf)
 
 
 def true_ratio(truth: pd.DataFrame, by_mass: bool) -> float:

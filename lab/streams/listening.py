@@ -36,7 +36,6 @@ from lab.streams.known_streams import (
     heard,
     stream,
     tapped,
-    told_by_force,
     true_plate,
 )
 from lab.study import Row
@@ -67,8 +66,7 @@ def listening(out: Path) -> Iterator[Row]:
         rng = np.random.default_rng([3, int(case.rate_1_s), case.count, len(case.channels.accelerometers), seed])
         case = replace(case, gangue=rng.uniform(0.2, 0.8))
         record = stream(true_plate(kind), case, histories(pool), rng)
-        return {"gangue": case.gangue, **heard(tapped(kind, out), case, record),
-                **told_by_force(case, histories(pool), record.truth)}
+        return {"gangue": case.gangue, **heard(tapped(kind, out), case, record)}
 
     for seed in range(max(streams for *_, streams in GOALS)):
         kind = "12"[seed % 2]
@@ -203,8 +201,6 @@ def told_of(rows: pd.DataFrame) -> dict[str, object]:
                  f"{name}_inside": int((answered[f"{name}_inside"] == True).sum()),  # noqa: E712, of strings and NaN
                  f"{name}_parts_inside": f"{answered[f'{name}_parts_inside'].sum():g}/{answered['parts'].sum():g}",
                  f"{name}_parts_exact": int(answered[f"{name}_parts_exact"].sum())}
-        if f"force_{name}_error" in answered:
-            told[f"{name}_by_force"] = round(answered[f"force_{name}_error"].abs().mean(), 2)
     for name in ("stones", "found", "wrong", "none"):
         told[name] = int(answered[name].sum())
     told["s_per_s"] = round(float((answered["hear_s"] / answered["length_s"]).mean()), 2)

@@ -9,6 +9,7 @@ kept.
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -20,7 +21,8 @@ from scipy.stats import qmc
 from common.scene.scene import read_scene
 from dem.__main__ import main as dem
 from dem.coupling.launch import ENGINE
-from lab.known_truth.stone_histories import SETS, STEPS, histories, rock_of, stored_rock, write_histories
+from gangue.learn_forces import alone, history_of
+from lab.known_truth.stone_histories import SETS, histories, rock_of, stored_rock, write_histories
 from lab.rock.stone import SCENES
 from lab.study import Row
 from recognition.stone_forces.forces import History, StoneForces
@@ -34,7 +36,7 @@ PLAN = {"learnt": (0, 28, 20), "tried": (1, 20, 12), "other_rock": (3, 12, 0), "
 STRATIFIED = {"any_fall": (6, 160)}  # seed, and how many stones of any size and speed
 DRAWN = 88  # of each set, half of them of the paper's size
 FALL_m_s = 3.0  # of all stones of the set "one_fall"
-PAPER_m, RADII_m, SPEEDS_m_s, REACH_m, DURATION_s = 0.025, (0.015, 0.035), (2.0, 4.0), 0.18, 2.5e-3
+PAPER_m, RADII_m, SPEEDS_m_s, REACH_m = 0.025, (0.015, 0.035), (2.0, 4.0), 0.18
 OTHER_STRENGTH = (0.75, 1.25)  # of the bonds of the set "other_rock", relative
 
 
@@ -76,29 +78,18 @@ def _drawn(name: str) -> pd.DataFrame:
 
 
 def simulate(case: pd.Series, out: Path) -> None:
-    keys = {"stones.speed_m_s": case.speed_m_s, "stones.radius_m": case.radius_m, "stones.seed": case.seed,
-            "stones.positions": f"[{{x_m={case.x_m:.4f},y_m={case.y_m:.4f}}}]", "time.duration_s": DURATION_s,
-            "output.view_interval_s": DURATION_s}
+    keys = alone(bool(case.gangue), case.radius_m, case.speed_m_s, case.x_m, case.y_m, int(case.seed))
     rock = "gangue" if case.gangue else "coal"
     if case.strength != 1:
         for key, value in bond_strengths(rock).items():
             keys[f"materials.{rock}.bond.{key}"] = case.strength * value
-    settings = [word for key, value in keys.items() for word in ("--set", f"{key}={value}")]
-    dem(["run", str(SCENE), "--gangue", str(int(case.gangue)), "--out", str(out), *settings])
+    settings = [word for key, value in keys.items() for word in ("--set", key + "=" + json.dumps(value).replace(": ", "= "))]
+    dem(["run", str(SCENE), "--out", str(out), *settings])
 
 
 def bond_strengths(rock: str) -> dict[str, float]:
     bond = read_scene(SCENE).materials[rock].bond
     return {key: getattr(bond, key) for key in ("tensile_strength_Pa", "shear_strength_Pa")}
-
-
-def history_of(case: pd.Series, out: Path) -> History:
-    fast = pd.read_parquet(out / "fast.parquet", columns=["t_s", "force_01_N"])
-    force = np.zeros(STEPS)
-    force[: len(fast) - 1] = fast["force_01_N"].to_numpy()[1:STEPS + 1]
-    density = 2400.0 if case.gangue else 1380.0
-    return History(force, float(fast["t_s"][1] - fast["t_s"][0]), bool(case.gangue), case.radius_m, density,
-                   case.speed_m_s)
 
 
 def _key(table: pd.DataFrame) -> str:
@@ -127,9 +118,7 @@ def simulated(case: pd.Series, directory: Path) -> dict[str, object]:
 
 def stone_forces_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     """Writes histories and law. ValueError where stored stones of a set that was not run are of another rock."""
-    table = {name: cases(name) for name in SETS}
-    found = {name: [history_of(table[name].loc[row["stone"]], Path(row["directory"]))
-                    for _, row in rows[(rows["set"] == name) & ~rows["failed"]].iterrows()]
+    found = {name: [history_of(Path(row["directory"])) for _, row in rows[(rows["set"] == name) & ~rows["failed"]].iterrows()]
              if name in set(rows["set"]) else kept(name) for name in SETS}
     write_histories([h for stones in found.values() for h in stones],
                     [name for name, stones in found.items() for _ in stones], rock_of(SCENE))

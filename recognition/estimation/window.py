@@ -21,19 +21,24 @@ LEAST_RATIOS = 4
 
 @dataclass(frozen=True)
 class Window:
-    """The first n_samples of a record sampled at rate_Hz."""
+    """The first n_samples of a record sampled at rate_Hz, behind an anti-alias filter or as it is."""
 
     rate_Hz: float
     n_samples: int
+    anti_alias: bool = False
 
     @classmethod
     def of(cls, runs: list[Run]) -> Window:
         """The paper's 0.04 s, or as much of it as all runs have."""
         if not runs:
             raise RecognitionError(f"no runs; needs at least {LEAST_RATIOS} different mixing ratios")
-        rate_Hz = runs[0].rate_Hz
+        rate_Hz, anti_alias = runs[0].rate_Hz, runs[0].scene.time.anti_alias
+        for run in runs:
+            if (other := run.scene.time.anti_alias) != anti_alias:
+                raise RecognitionError(f"{run.path}/run.json: scene.time.anti_alias = {other}; must be as in "
+                                       f"{runs[0].path}, {anti_alias}")
         wanted = int(np.floor(WINDOW_S * rate_Hz * (1 + 1e-9))) + 1
-        return cls(rate_Hz, min(wanted, *(run.t_s.size for run in runs)))
+        return cls(rate_Hz, min(wanted, *(run.t_s.size for run in runs)), anti_alias)
 
     def cut(self, signals: pd.DataFrame, source: str) -> pd.DataFrame:
         """The window of a record. RecordError if it is too short or has another sample rate."""

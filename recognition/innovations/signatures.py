@@ -12,8 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, firwin, lfilter, resample_poly
+from scipy.signal import cont2discrete, lfilter, resample_poly
 
+from analysis.signals.resampling import low_pass
 from recognition.estimation.arrays import Floats
 from recognition.plate.modal_steps import Modes
 from recognition.plate.plate_model import PlateModel
@@ -69,8 +70,8 @@ def modal_table(plate: PlateModel, forces: StoneForces, rate_Hz: float, lags: in
     table = np.empty((len(forces.form), len(DURATIONS_S), factor + 3, n, lags), dtype=np.float32)
     t_s: Floats = (np.arange(steps, dtype=float) + 0.5) * FINE_S
     ring = modal_motion(plate, np.tile(np.eye(1, steps), (n, 1)), FINE_S, amplitude)
-    low_pass, late = _low_pass(factor)
-    spectrum = np.fft.rfft(ring, 2 * steps) * np.fft.rfft(low_pass, 2 * steps)
+    taps, late = low_pass(factor)
+    spectrum = np.fft.rfft(ring, 2 * steps) * np.fft.rfft(taps, 2 * steps)
     for m, k in np.ndindex(len(forces.form), len(DURATIONS_S)):
         pulse = forces.pulse(m, float(DURATIONS_S[k]), t_s - LEAD * factor * FINE_S)
         if m == 0:
@@ -79,9 +80,3 @@ def modal_table(plate: PlateModel, forces: StoneForces, rate_Hz: float, lags: in
         for p in range(factor + 3):  # a later force is the same, some fine steps later
             table[m, k, p] = full[:, late + 1 - p:][:, :lags * factor:factor]
     return table
-
-
-def _low_pass(factor: int) -> tuple[Floats, int]:
-    """The filter of scipy's `resample_poly`, and how many samples late it is."""
-    half = 10 * factor
-    return np.asarray(firwin(2 * half + 1, 1 / factor, window=("kaiser", 5.0))), half

@@ -73,7 +73,7 @@ class PlateRecord:
 class ForceStatistics:
     """What simulated stones show of their forces.
 
-    names, stride, samples, scale, residual: as in `ArrangementModel`; laws: coefficients (p, bins) of the mean force of
+    names, samples, scale, residual: as in `ArrangementModel`; laws: coefficients (p, bins) of the mean force of
     coal and of gangue (`force_law`); covariance (bins, bins): of a force; stones: number of different stones;
     damping_ratio: mean and standard deviation; speed_m_s: mean, least, greatest; place_deviation_m: standard deviation
     along x and y of where a stone touches the plate.
@@ -83,7 +83,6 @@ class ForceStatistics:
     laws: list[Floats]
     covariance: Floats
     stones: int
-    stride: int
     samples: int
     scale: Floats
     residual: Floats
@@ -104,8 +103,8 @@ def alike(X: Sequence[PlateRecord]) -> tuple[Integers, bool]:
     most = max(Counter(keys.values()).items(), key=lambda one: one[1], default=(0, 0))[0]
     chosen = np.array([k for k, key in keys.items() if key == most], dtype=int)
     if len(chosen) < LEAST_GROUPS:
-        where = "" if own else ", on the same places"
-        raise RecognitionError(f"{len(chosen)} runs with forces of as many stones{where}; needs {LEAST_GROUPS}")
+        raise RecognitionError(f"{len(chosen)} runs whose stones fall at once and on the same places, or all on places "
+                               f"of their own; needs {LEAST_GROUPS}")
     stones = len(falls[int(chosen[0])].place_m)
     if stones > MOST_STONES:
         raise RecognitionError(f"{stones} stones; at most {MOST_STONES}")
@@ -121,12 +120,12 @@ def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceSta
     speed = np.array([force.speed_m_s for force in forces])
     damping = np.array([force.plate.damping_ratio for force in forces])
     scale = np.sqrt(np.mean(signals**2, axis=(0, 2)))
-    stride, samples = round(forces[0].sample_s / forces[0].step_s), signals.shape[2]  # of a short record fewer
+    samples = signals.shape[2]
     laws, covariance, stones = force_laws(forces, groups[chosen], float(speed.mean()))
-    left = [one - force.modelled[:, :samples * stride:stride] for one, force in zip(signals, forces, strict=True)]
+    left = [one - force.sampled[:, :samples] for one, force in zip(signals, forces, strict=True)]
     residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
     deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.fall.place_m) for force in forces]))
-    return ForceStatistics(X[chosen[0]].names, laws, covariance, stones, stride, samples, scale,
+    return ForceStatistics(X[chosen[0]].names, laws, covariance, stones, samples, scale,
                            np.hypot(residual, LEAST_RESIDUAL), _mean_and_deviation(damping),
                            (float(speed.mean()), float(speed.min()), float(speed.max())), float(deviation_m),
                            own), forces[0]
@@ -156,11 +155,11 @@ def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m
         slope = (_hat_response(statistics, record, moved_m) - hat) / SMALL_M
         mean_law = (statistics.laws[0][:1] + statistics.laws[1][:1]) / 2
         scatter.append(deviation_m * response_to(slope, _forces(record, mean_law)))
-    return ArrangementModel(statistics.names, statistics.scale, statistics.residual, record.step_s, statistics.stride,
+    return ArrangementModel(statistics.names, statistics.scale, statistics.residual, record.step_s, record.stride,
                             statistics.samples, hat, _steps_per_bin(record), np.stack(statistics.laws),
                             statistics.covariance, statistics.stones, scatter, plate.model_dump_json(),
                             record.fall.place_m, deviation_m, statistics.damping_ratio[1], statistics.own_falls,
-                            *statistics.speed_m_s)
+                            *statistics.speed_m_s, record.anti_alias)
 
 
 def told(model: ArrangementModel, fall: Fall) -> ArrangementModel:
@@ -170,11 +169,11 @@ def told(model: ArrangementModel, fall: Fall) -> ArrangementModel:
     plate = FlexiblePlate.model_validate_json(model.plate_json)
     silent = np.zeros((model.stones, model.hat.shape[1]))
     record = ForceRecord(plate, user_cache(), fall, fall.place_m, model.middle_m_s, model.stride * model.step_s,
-                         model.step_s, silent, np.zeros(model.stones, dtype=bool))
+                         model.step_s, silent, np.zeros(model.stones, dtype=bool), model.anti_alias)
     return model_on(ForceStatistics(
-        model.names, list(model.laws), model.covariance, model.seen, model.stride, model.samples, model.scale,
-        model.residual, (plate.damping_ratio, model.damping_deviation),
-        (model.middle_m_s, model.low_m_s, model.high_m_s), model.place_deviation_m, True), record)
+        model.names, list(model.laws), model.covariance, model.seen, model.samples, model.scale, model.residual,
+        (plate.damping_ratio, model.damping_deviation), (model.middle_m_s, model.low_m_s, model.high_m_s),
+        model.place_deviation_m, True), record)
 
 
 def used(latest_s: float, rate_Hz: float) -> int:
@@ -244,8 +243,8 @@ def _forces_of(forces: list[ForceRecord], to_bins: Floats, groups: Floats, gangu
     different packings of stones: a group's stones are the same in all its runs. to_bins (bins, steps): inverse of the
     hat functions."""
     steps = to_bins.shape[1]
-    force = np.vstack([record.from_arrival_N[record.gangue == gangue, :steps] @ to_bins.T
-                       * (middle_m_s / record.speed_m_s) for record in forces])
+    of = [record.from_arrival_N[record.gangue == gangue, :steps] for record in forces]
+    force = np.vstack([one @ to_bins.T * (middle_m_s / record.speed_m_s) for one, record in zip(of, forces, strict=True)])
     speed = np.concatenate([np.full(np.sum(record.gangue == gangue), record.speed_m_s) for record in forces])
     different = {(group, stone) for record, group in zip(forces, groups, strict=True)
                  for stone in np.flatnonzero(record.gangue == gangue)}

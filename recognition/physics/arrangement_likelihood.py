@@ -28,7 +28,9 @@ from math import comb
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.signal import fftconvolve
 
+from analysis.signals.resampling import low_pass
 from recognition.estimation.arrays import Floats, Integers
 
 MOST_STONES = 12  # 4096 arrangements
@@ -131,8 +133,9 @@ class ArrangementModel:
     different stones that tell it; scatter: responses (channels, steps, m) to what else varies, by one standard
     deviation each; plate_json: table `[plate]` of the scenes; place_m (stones, 2): where the stones fall;
     place_deviation_m: standard deviation along x and y of where they touch; damping_deviation: of the damping ratio;
-    own_falls: records have places and arrivals of their own, which must be told; low_m_s, high_m_s: speeds of training.
-    ValueError for arrays that do not fit together.
+    own_falls: records have places and arrivals of their own, which must be told; low_m_s, high_m_s: speeds of training;
+    anti_alias: the record passes a low pass (analysis.signals.resampling) before it is sampled. ValueError for arrays
+    that do not fit together.
     """
 
     names: tuple[str, ...]
@@ -155,9 +158,10 @@ class ArrangementModel:
     middle_m_s: float
     low_m_s: float
     high_m_s: float
+    anti_alias: bool = False
 
     def __post_init__(self) -> None:
-        channels, steps = self.scale.size, (self.samples - 1) * self.stride + self.latest + 2
+        channels, steps = self.scale.size, (self.samples - 1) * self.stride + self.latest + 2 + self._ahead
         arrays = [self.hat, *self.scatter]
         if not (self.laws.ndim == 3 and len(self.laws) == 2 and self.covariance.shape == (self.laws.shape[2],) * 2
                 and self.scale.shape == self.residual.shape == (len(self.names),) and channels and self.stride > 0
@@ -175,6 +179,19 @@ class ArrangementModel:
         """Steps by which a record may begin too early or too late."""
         return round(LATEST_S / self.step_s)
 
+    @property
+    def _ahead(self) -> int:
+        """Steps by which the low pass has no delay: what a record takes of a response begins so much earlier."""
+        return low_pass(self.stride)[1] if self.anti_alias else 0
+
+    @cached_property
+    def _taken(self) -> list[Floats]:
+        """`hat` and `scatter` as a record takes them, from `_ahead` steps before the impact on."""
+        every = [self.hat, *self.scatter]
+        if not self.anti_alias:
+            return every
+        return [fftconvolve(one, low_pass(self.stride)[0][None, :, None], axes=1) for one in every]
+
     @cached_property
     def _kept(self) -> dict[float, RecordLaw]:
         return {}
@@ -186,9 +203,10 @@ class ArrangementModel:
         return self._kept[shift]
 
     def _law_at(self, shift: float) -> RecordLaw:
-        rows = shift + self.stride * np.arange(self.samples, dtype=float)
+        hat, *scatter = self._taken
+        rows = self._ahead + shift + self.stride * np.arange(self.samples, dtype=float)
         delayed = rows[:, None] - self.width * np.arange(self.laws.shape[2])
-        unit = _sampled(self.hat, delayed.ravel()).reshape(-1, delayed.shape[1], self.stones)
+        unit = _sampled(hat, delayed.ravel()).reshape(-1, delayed.shape[1], self.stones)
         unit = np.ascontiguousarray(unit.swapaxes(1, 2))  # (channels x samples, stones, bins)
         coal, gangue = (np.einsum("dib,pb->pdi", unit, law, optimize=True) for law in self.laws)
         mean = np.concatenate([coal.sum(axis=2, keepdims=True), gangue - coal], axis=2)
@@ -196,7 +214,7 @@ class ArrangementModel:
         # The scatter of each place by itself; and that of the mean forces, which are known from so many stones only and
         # err alike at all places.
         parts = [(unit @ root).reshape(len(unit), -1), unit.sum(axis=1) @ root / np.sqrt(2 * self.seen)]
-        parts += [_sampled(one, rows).reshape(len(unit), -1) for one in self.scatter]
+        parts += [_sampled(one, rows).reshape(len(unit), -1) for one in scatter]
         every = np.concatenate(parts, axis=1)
         return RecordLaw(mean, every @ every.T)
 

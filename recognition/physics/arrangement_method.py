@@ -121,6 +121,7 @@ def _force_record(run: Run | None, sample_s: float) -> ForceRecord | None:
         return None
     try:
         late_s = 0.0 if fall_of(run).at_once else LATEST_FALL_S
-        return force_record_of(run, DURATION_S + late_s + 2 * LATEST_S, sample_s)
+        ahead_s = 10 * sample_s if run.scene.time.anti_alias else 0.0  # of the low pass
+        return force_record_of(run, DURATION_S + late_s + 2 * LATEST_S + ahead_s, sample_s)
     except RecordError:
         return None

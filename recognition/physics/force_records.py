@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import fftconvolve
+from scipy.signal import fftconvolve, resample_poly
 
 from analysis.files.readers import read_table
 from analysis.signals.records import RecordError
@@ -23,8 +23,9 @@ from plate_fem.response import pulse_response
 from recognition.estimation.arrays import Booleans, Floats
 
 Places = tuple[tuple[float, ...], ...]
-#: Plate as JSON, where the stones fall and how far off they touch, interval and number of steps, directory of modes.
-Excitation = tuple[str, Places, Places, float, int, Path | None]
+#: Plate as JSON, where the stones fall, how far off they touch, which places have residual modes, interval and number
+#: of steps, directory of modes.
+Excitation = tuple[str, Places, Places, Places, float, int, Path | None]
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class ForceRecord:
     fall: where and when the stones fall; touch_m (stones, 2): where they touch the plate first, which is some
     millimetres off where a stone touches with its sub-spheres; sample_s: interval between samples of the run's record;
     force_N (stones, steps): means over steps of step_s from t = 0 on; gangue (stones,): which stones are gangue;
-    modes_dir: where the plate's modes are kept.
+    modes_dir: where the plate's modes are kept; anti_alias: the run's record passed a low pass before it was sampled.
     """
 
     plate: FlexiblePlate
@@ -59,6 +60,12 @@ class ForceRecord:
     step_s: float
     force_N: Floats
     gangue: Booleans
+    anti_alias: bool = False
+
+    @property
+    def stride(self) -> int:
+        """Steps of a sample."""
+        return round(self.sample_s / self.step_s)
 
     @cached_property
     def modelled(self) -> Floats:
@@ -66,6 +73,12 @@ class ForceRecord:
         name."""
         unit = unit_force_response(self, self.plate.damping_ratio, self.touch_m - self.fall.place_m)
         return response_to(unit, self.force_N.T).sum(axis=2)
+
+    @property
+    def sampled(self) -> Floats:
+        """`modelled` as the record has it, shape (channels, samples)."""
+        fine, every = self.modelled, self.stride
+        return np.asarray(resample_poly(fine, 1, every, axis=1)) if self.anti_alias else fine[:, ::every]
 
     @cached_property
     def from_arrival_N(self) -> Floats:
@@ -100,7 +113,7 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
     return ForceRecord(flexible_plate(run), user_cache(), fall, _touches_of(run, fall.place_m), stones.speed_m_s,
                        sample_s or 1 / run.rate_Hz, step_s, table[forces][1:steps + 1].to_numpy(dtype=float).T,
-                       np.array(run.materials) == "gangue")
+                       np.array(run.materials) == "gangue", run.scene.time.anti_alias)
 
 
 def _touches_of(run: Run, place_m: Floats) -> Floats:
@@ -128,7 +141,10 @@ def pulse_force_response(record: ForceRecord, pulse_N: Floats, damping_ratio: fl
 def _hashable(record: ForceRecord, damping_ratio: float, moved_m: Floats | tuple[float, float]) -> Excitation:
     moved = np.broadcast_to(moved_m, record.fall.place_m.shape)
     plate = record.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
-    return (plate.model_dump_json(), tuple(map(tuple, record.fall.place_m)), tuple(map(tuple, moved)), record.step_s,
+    places = tuple(map(tuple, record.fall.place_m))
+    # To find residual modes takes seconds: places that one record alone has are without.
+    residual = places if record.fall.at_once else ()
+    return (plate.model_dump_json(), places, tuple(map(tuple, moved)), residual, record.step_s,
             record.force_N.shape[1], record.modes_dir)
 
 
@@ -146,9 +162,9 @@ def _pulse_force_response(pulse_N: tuple[float, ...], excitation: Excitation) ->
 
 
 @lru_cache(maxsize=64)
-def _unit_force_response(plate_json: str, places: Places, moved_m: Places, step_s: float, steps: int,
+def _unit_force_response(plate_json: str, places: Places, moved_m: Places, residual: Places, step_s: float, steps: int,
                          modes_dir: Path | None) -> Floats:
-    plate, modes, amplitude, acceleration = _pulse(plate_json, step_s, steps, modes_dir)
+    plate, modes, amplitude, acceleration = _pulse(plate_json, residual, step_s, steps, modes_dir)
     down = -modes.shape_at(np.array(places) + np.array(moved_m))
     sensors = sorted(plate.accelerometers, key=lambda sensor: sensor_column(sensor.name))  # as sorted columns are
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
@@ -157,12 +173,12 @@ def _unit_force_response(plate_json: str, places: Places, moved_m: Places, step_
 
 
 @lru_cache(maxsize=8)
-def _pulse(plate_json: str, step_s: float, steps: int,
+def _pulse(plate_json: str, residual: Places, step_s: float, steps: int,
            modes_dir: Path | None) -> tuple[FlexiblePlate, PlateModes, Floats, Floats]:
     """A plate, its modes, and their amplitudes and accelerations (steps, n) under a unit modal force in the first step,
     which are the same wherever it acts."""
     plate = FlexiblePlate.model_validate_json(plate_json)
-    modes = plate_modes(plate, modes_dir, np.empty((0, 2)))  # with the rods exact share of a steady force
+    modes = plate_modes(plate, modes_dir, np.array(residual).reshape(-1, 2))
     amplitude, _, acceleration = pulse_response(modes, step_s, steps)
     return plate, modes, amplitude, acceleration
 

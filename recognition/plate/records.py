@@ -53,12 +53,12 @@ def _acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Serie
     return (column * (scale * M_S2[unit or str(own)])).rename(sensor_column(name.removeprefix("acc_")))
 
 
-def at_rate(table: pd.DataFrame, rate_Hz: float, source: str) -> pd.DataFrame:
-    """The signals of a table at another rate, without an anti-alias filter, as runs are recorded. RecordError."""
+def at_rate(table: pd.DataFrame, rate_Hz: float, source: str, anti_alias: bool = False) -> pd.DataFrame:
+    """The signals of a table at another rate, behind an anti-alias filter or without. RecordError."""
     found_Hz = sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{source}: t_s")
     if np.isclose(found_Hz, rate_Hz, rtol=1e-3):
         return table
-    records = {name: resample(Record(numbers(table, name, source), found_Hz, name=name), rate_Hz, anti_alias=False)
+    records = {name: resample(Record(numbers(table, name, source), found_Hz, name=name), rate_Hz, anti_alias=anti_alias)
                for name in table.columns.drop("t_s")}
     t_s = float(table["t_s"].iloc[0]) + next(iter(records.values())).t_s
     return pd.DataFrame({"t_s": t_s, **{name: record.values for name, record in records.items()}})

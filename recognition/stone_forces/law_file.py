@@ -32,5 +32,5 @@ def load_forces(file: Path = SHIPPED) -> StoneForces:
         raise RecognitionError(str(error)) from None
     names = {field.name for field in fields(StoneForces)}
     if content is None or content.get("format") != FORMAT or set(content) - {"sha256", "format"} != names:
-        raise RecognitionError(f"{file}: no law of the stones' forces; `make forces` writes one")
+        raise RecognitionError(f"{file}: no law of the stones' forces; `gangue learn-forces` writes one")
     return StoneForces(**{name: np.array(content[name], float) for name in names})

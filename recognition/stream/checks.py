@@ -15,7 +15,6 @@ from recognition.stream.listen import Heard, Listener
 
 HUM_Hz = (50.0, 60.0)
 TOGETHER_S = 0.2e-3  # stones that arrive within it of each other are not told apart well
-UNLIKE = -3.0  # log evidence of a stone, against all that is conceivable, below which it is none of those that are told
 
 
 @dataclass(frozen=True)
@@ -25,8 +24,9 @@ class Limits:
 
     unexplained: float = 0.08
     gain: float = 0.1
-    unlike: float = 0.05
-    broken: float = 0.5
+    none: float = 0.3
+    beyond: float = 3.5
+    misplaced: float = 0.34
     together: float = 0.3
     change: float = 1.8
 
@@ -34,38 +34,36 @@ class Limits:
 @dataclass(frozen=True)
 class Checks:
     """unexplained: share of the innovations' energy above that of noise that no stone explains. gain (c,): of each
-    channel, relative to what the stones make of all channels. unlike: share of stones that are none of the sizes,
-    speeds and materials that there should be. broken: share of stones that seem to have broken, less the share that
-    breaks at their speeds: stones of another size seem so. together: share of stones that arrive within TOGETHER_S of
-    another; at 200 a second it is 8 %. change: of the noise in the quiet beginning (coloured_noise.py)."""
+    channel, relative to what the stones make of all channels. none: share of what was heard that is no stone. beyond:
+    how far the stones are from the radii and speeds that were told, in standard deviations. misplaced: share of known
+    stones that seem to be of the other material. together: share of stones that arrive within TOGETHER_S of another; at
+    200 a second it is 8 %. change: of the noise in the quiet beginning (coloured_noise.py)."""
 
     unexplained: float
     gain: Floats
-    unlike: float
-    broken: float
     together: float
     change: float
+    none: float = 0.0
+    beyond: float = 0.0
+    misplaced: float = 0.0
 
     @classmethod
     def of(cls, listener: Listener, heard: Sequence[Heard], change: float) -> Checks:
+        """Before a law is learnt."""
         whole, left = (values[:, listener.begin:listener.end] for values in (listener.whole, listener.left))
         explained = whole - left
         gain = np.sum(whole * explained, axis=1) / np.maximum(np.sum(explained**2, axis=1), 1e-300)
-        evidence = np.array([h.log_evidence.max() for h in heard])
         at_s = np.array([h.stone[TIME] for h in heard]) / listener.bank.rate_Hz
-        broken = [h.more_broken[h.log_evidence.argmax()] for h in heard]
-        return cls(listener.unexplained(listener.end), gain, float(np.mean(evidence < UNLIKE)) if heard else 0.0,
-                   float(np.mean(broken)) if heard else 0.0,
-                   together(at_s), change)
+        return cls(listener.unexplained(listener.end), gain, together(at_s), change)
 
     def reason(self, limits: Limits = Limits()) -> str:
         """Which limits are exceeded, "" if none is."""
         found = [(f"{self.unexplained:.0%} of what happened is unexplained", self.unexplained, limits.unexplained),
                  ("a channel's gain is off", float(np.max(np.abs(self.gain - 1))), limits.gain),
-                 (f"{self.unlike:.0%} of the stones have other sizes, speeds or materials than they should",
-                  self.unlike, limits.unlike),
-                 (f"{self.broken:.0%} more of the stones seem broken than should be: they may have another size",
-                  self.broken, limits.broken),
+                 (f"{self.none:.0%} of what was heard is no stone as the others", self.none, limits.none),
+                 ("the stones are not of --radius and --speed, by standard deviations", self.beyond, limits.beyond),
+                 (f"{self.misplaced:.0%} of the known stones seem to be of the other material", self.misplaced,
+                  limits.misplaced),
                  (f"{self.together:.0%} of the stones arrive at once with another (`volley` is for those)",
                   self.together, limits.together),
                  ("the beginning is not quiet, or its noise changes", self.change, limits.change)]

@@ -9,27 +9,49 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.signals.records import Record, sample_rate_Hz
-from analysis.signals.resampling import resample
-from common.channels import rod_column, sensor_column
 from common.files.output_directory import at_work_in
 from common.files.parquet import write_parquet
 from common.files.whole import written_whole
 from common.result import Result
 from recognition.estimation.answer import Answer
-from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
-from recognition.plate.records import numbers, record_table
-from recognition.stone_forces.law_file import load_forces
+from recognition.plate.records import record_table
+from recognition.stone_forces.law_file import SHIPPED, load_forces
+from recognition.stream.channels import channels_of
+from recognition.stream.decision import CALM, Stop
+from recognition.stream.known_file import read_known
 from recognition.stream.prior import StonePrior
-from recognition.stream.recognise import QUIET_S, RATE_Hz, recognise_stream
-from recognition.stream.stones import ratio_of, sliding_ratio
+from recognition.stream.recognise import QUIET_S, RATE_Hz, Recognised, recognise_stream
+from recognition.stream.stones import Known, ratio_of, sliding_ratio
 
 KIND = "stones heard"
 MOST_RATIOS = 100_000
 UNTAPPED = "WARNING: no mode of the plate was tapped; the ratio may be 10 points off, outside its interval"
+
+
+@dataclass(frozen=True)
+class Alarms:
+    """When the share of gangue passed `above`, and what was foreseen of such alarms: their delay by the median law and
+    by nine laws in ten, and how many are false in an hour at the constant share `calm`. unsafe: the laws differ too
+    much, and there is no alarm."""
+
+    above: float
+    calm: float
+    at_s: tuple[float, ...]
+    delay_s: float
+    longest_delay_s: float
+    false_alarms_1_h: float
+    unsafe: bool
+
+    def words(self) -> Iterator[str]:
+        if self.unsafe:
+            yield (f"UNSAFE, no alarm above {self.above:.0%}: too few known stones for so few false alarms; "
+                   f"{self.false_alarms_1_h:.2g} an hour, delay {self.delay_s:.2g} to {self.longest_delay_s:.2g} s")
+            return
+        yield (f"an alarm above {self.above:.0%} comes after {self.delay_s:.2g} s, at most {self.longest_delay_s:.2g}; "
+               f"{self.false_alarms_1_h:.2g} false alarms an hour at {self.calm:.0%}")
+        yield f"STOP at {', '.join(f'{t_s:.2f} s' for t_s in self.at_s[:9])}" if self.at_s else "no alarm"
 
 
 @dataclass(frozen=True)
@@ -45,6 +67,7 @@ class ListenResult(Result):
     heard: int = 0
     mixing_ratio: Mapping[str, Answer] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    stop: Alarms | None = None
     refused: str = ""
     not_explained: str = ""
 
@@ -59,25 +82,34 @@ class ListenResult(Result):
         yield from self.warnings
         for name, answer in self.mixing_ratio.items():
             yield f"mixing ratio by {name} {answer.text}"
+        if self.stop is not None:
+            yield from self.stop.words()
 
 
 def listen(record: str, plate: str, out: str, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
-           window_s: float = 1.0, step_s: float = 0.1,
+           coal_first: int = 0, known_file: str | None = None, stop_above_percent: float | None = None,
+           false_alarms_1_h: float = 1.0, law: str | None = None, window_s: float = 1.0, step_s: float = 0.1,
            quiet_s: float = QUIET_S, scale: float = 1.0, unit: str | None = None) -> ListenResult:
-    """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits; write them and the
-    ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing falls. Raises
-    RecordError, RecognitionError."""
-    prior = _prior(radius_m, speed_m_s)
+    """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits, more or less; write
+    them and the ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing
+    falls. The first `coal_first` stones are known to be coal, those of the records that `known_file` names to be of
+    their kind; none of them is among the stones. Above a share of gangue there is an alarm, with so many false ones an
+    hour. `law` is of `learn-forces`. Raises RecordError, RecognitionError, InputError."""
+    prior = _prior(radius_m, speed_m_s, SHIPPED if law is None else Path(law))
+    stop = None if stop_above_percent is None else Stop(stop_above_percent / 100, false_alarms_1_h)
     known = PlateModel.load(Path(plate))
     table, source = record_table(record, scale, unit)
     channels, values = channels_of(table, known, source)
+    if coal_first < 0:
+        raise RecognitionError(f"--coal-first {coal_first}: must be a number of stones")
     for name, value in (("window", window_s), ("step", step_s)):
         if not 0 < value < 1e6:
             raise RecognitionError(f"--{name} {value:g}: must be a time above 0 s")
     if values.shape[1] / RATE_Hz > MOST_RATIOS * step_s:
         raise RecognitionError(f"--step {step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
     try:
-        found = recognise_stream(known, channels, prior, values, quiet_s)
+        drops = () if known_file is None else read_known(known_file, known, prior, scale, unit)
+        found = recognise_stream(known, channels, prior, values, quiet_s, Known(coal_first, drops), stop)
     except NotRecognised as error:
         return ListenResult(refused=str(error))
     begin_s = float(table["t_s"].iloc[0])
@@ -92,35 +124,25 @@ def listen(record: str, plate: str, out: str, radius_m: tuple[float, float], spe
     if found.refused:
         return ListenResult(*files, len(found.stones), not_explained=found.refused)
     answers = {name: Answer.between(*ratio_of(found.stones, name == "mass")) for name in ("number", "mass")}
-    warnings = ["" if found.tapped else UNTAPPED, *(answer.warning for answer in answers.values())]
-    return ListenResult(*files, len(found.stones), answers, tuple(filter(None, dict.fromkeys(warnings))))
+    warnings = ["" if found.hearing.tapped else UNTAPPED, *(answer.warning for answer in answers.values())]
+    alarms = None if stop is None or found.followed is None else _alarms(found, stop, begin_s)
+    return ListenResult(*files, len(found.stones), answers, tuple(filter(None, dict.fromkeys(warnings))), alarms)
 
 
-def _prior(radius_m: tuple[float, float], speed_m_s: tuple[float, float]) -> StonePrior:
+def _alarms(found: Recognised, stop: Stop, begin_s: float) -> Alarms:
+    assert found.followed is not None
+    foreseen, t_s = found.followed.foreseen, found.stones["t_s"].to_numpy()
+    each_s = float(np.ptp(t_s)) / max(len(t_s), 1)
+    return Alarms(stop.above, CALM * stop.above, tuple((t_s[found.stones["alarm"]] + begin_s).tolist()),
+                  foreseen.delay * each_s, foreseen.longest_delay * each_s, foreseen.false_alarms_1_h, foreseen.unsafe)
+
+
+def _prior(radius_m: tuple[float, float], speed_m_s: tuple[float, float], law: Path) -> StonePrior:
     """What the user says of the stones."""
     for name, (low, high) in (("radius", radius_m), ("speed", speed_m_s)):
         if not 0 < low <= high < 100:
             raise RecognitionError(f"--{name} {low:g} {high:g}: must be two positive numbers, the lower first")
-    return StonePrior(load_forces(), (radius_m[0], radius_m[1]), (speed_m_s[0], speed_m_s[1]))
-
-
-def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:
-    """Which sensors a record has, and their signals (c, samples) at RATE_Hz. RecognitionError where it has none of the
-    plate's sensors, a value that is not finite, or too low a rate."""
-    names = [sensor_column(name) for name in plate.sensor_names]
-    here = [k for k, name in enumerate(names) if name in table.columns]
-    rods = [k for k in range(len(plate.rod_force_N_m)) if rod_column(k + 1) in table.columns]
-    if "t_s" not in table.columns or not here:
-        raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
-    rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s")
-    if rate_Hz < RATE_Hz * (1 - 1e-3):
-        raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}")
-    columns = [names[k] for k in here] + [rod_column(k + 1) for k in rods]
-    rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < 1e-3 else round(rate_Hz)
-    records = [Record(numbers(table, name, source), rate_Hz, name=f"{source}: {name}") for name in columns]
-    if rate_Hz != RATE_Hz:
-        records = [resample(record, RATE_Hz) for record in records]
-    return Channels(tuple(here), tuple(rods)), np.array([record.values for record in records])
+    return StonePrior(load_forces(law), (radius_m[0], radius_m[1]), (speed_m_s[0], speed_m_s[1]))
 
 
 def _write(table: pd.DataFrame, file: Path) -> None:

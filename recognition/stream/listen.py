@@ -12,7 +12,7 @@ from recognition.estimation.arrays import Floats
 from recognition.innovations.bank import FIT_LAGS, IMPULSE, LAGS, PARAMETERS, TIME, Bank
 from recognition.innovations.signatures import LEAD
 from recognition.stream.fit import NO_STONES, Fit, Window, in_order
-from recognition.stream.prior import TRIPLE, StonePrior
+from recognition.stream.prior import StonePrior
 from recognition.stream.search import Dictionary
 
 SCANNED = 1000  # samples at once
@@ -21,7 +21,7 @@ LOOK_BACK = 4  # samples before that moment that belong to the window
 MOST_AT_ONCE = 12  # stones of one window
 LEAST_GAIN = 15.0  # of the log posterior, for a stone to be believed
 BAD_MISFIT = 4.0  # of a window, from which its stones are sought anew one by one
-LEAST_EVIDENCE = 20.0  # of the log, for a stone of the sizes and speeds that there are
+LEAST_EVIDENCE = 20.0  # of the log, with the misfit as noise, for a stone to be believed
 LEAST_SHARE = 0.05  # of a window's chi-square that a further stone must explain: a plate's model is never exact
 CHECKED, HOPELESS = 40, 0.4  # after so many windows each: the share unexplained with which it is given up
 WINDOW = LEAD + LOOK_BACK + FIT_LAGS + 30  # samples in which stones are fitted together
@@ -34,17 +34,13 @@ HEARD_SHARE = 0.1  # of the energy of that impulse on a place where it is hardly
 class Heard:
     """A stone.
 
-    stone (6,): its parameters, with covariance (6, 6), as the wide prior of the fit has them; log_evidence (2,): of
-    coal and gangue; weights (2, nodes) of the prior's radii and speeds; more_broken (2,): as `StonePrior.evidence`
-    has it; misfit: chi-square of its window per sample; gain: of the log likelihood of the window by this stone;
-    evidence: the same with the misfit as noise, and with what is known of sizes and speeds.
+    stone (6,): its parameters, with covariance (6, 6), as the wide prior of the fit has them; misfit: chi-square of its
+    window per sample; gain: of the log likelihood of the window by this stone; evidence: the same with the misfit as
+    noise.
     """
 
     stone: Floats
     covariance: Floats
-    log_evidence: Floats
-    weights: Floats
-    more_broken: Floats
     misfit: float
     gain: float
     evidence: float
@@ -185,7 +181,10 @@ class Listener:
         misfit = fit.chi_square / window.values.size
         window = replace(window, temper=max(1.0, misfit))
         fit = window.fit(fit.stones)
-        return fit, heard_of(fit, self.prior, window, window.at(fit.stones[1:]).cost - fit.cost)
+        gain = window.at(fit.stones[1:]).cost - fit.cost
+        inverse = np.linalg.inv(fit.curvature + 1e-9 * np.eye(len(fit.curvature)))
+        covariance = np.asarray(inverse[:PARAMETERS, :PARAMETERS], dtype=float)
+        return fit, Heard(fit.stones[0], covariance, misfit, gain * window.temper, gain)
 
     def _subtract(self, stone: Floats) -> None:
         start, flat = self.bank.whole(stone)
@@ -203,12 +202,3 @@ def _before_late(fit: Fit, window: Window) -> tuple[Fit, Window]:
     shorter = replace(window, values=window.values[:, :first_late - LEAD - window.first])
     return shorter.fit(fit.stones[~late]), shorter
 
-
-def heard_of(fit: Fit, prior: StonePrior, window: Window, gain: float) -> Heard:
-    """What a fit says of its first stone, which brings a gain."""
-    stone = fit.stones[0]
-    inverse = np.linalg.inv(fit.curvature + 1e-9 * np.eye(len(fit.curvature)))
-    covariance = np.asarray(inverse[:PARAMETERS, :PARAMETERS], dtype=float)
-    log_evidence, weights, broken = prior.evidence(stone[TRIPLE], covariance[np.ix_(TRIPLE, TRIPLE)])
-    return Heard(stone, covariance, log_evidence, weights, broken, fit.chi_square / window.values.size,
-                 gain * window.temper, gain + float(log_evidence.max()))

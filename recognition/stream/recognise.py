@@ -17,11 +17,11 @@ from recognition.innovations.signatures import Channels
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
+from recognition.stream.decision import Followed, Stop
 from recognition.stream.listen import Heard, Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.search import Dictionary
-from recognition.stream.speed_law import with_speed_laws
-from recognition.stream.stones import stone_table
+from recognition.stream.stones import UNKNOWN_ALL, Known, learnt_table
 
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 QUIET_S = 0.02  # at least so much at the beginning of a record tells the noise
@@ -38,18 +38,29 @@ LEAST_FREQUENCY_SD = 0.003
 
 
 @dataclass(frozen=True)
-class Recognised:
-    """Stones of a record (columns of `recognition.stream.stones`), how each was heard, and the plate as it rang.
-    tapped: whether any mode of the plate was known well before, as taps teach it.
-    hearing_s: processor time from the record to the stones, without what is done once for a plate."""
+class Hearing:
+    """What was heard in a record by a prior that is wider than what is told, and the plate as it rang. tapped: whether
+    any mode of the plate was known well before, as taps teach it. hearing_s: processor time from the record to the
+    stones, without what is done once for a plate."""
 
-    stones: pd.DataFrame
     heard: list[Heard]
+    prior: StonePrior
     plate: PlateModel
     noise: SensorNoise
     checks: Checks
     tapped: bool
     hearing_s: float
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """Stones of a record (columns of `recognition.stream.stones`), how they were heard, all checks, and the test of
+    when to stop."""
+
+    stones: pd.DataFrame
+    hearing: Hearing
+    checks: Checks
+    followed: Followed | None = None
 
     @property
     def refused(self) -> str:
@@ -58,7 +69,14 @@ class Recognised:
 
 
 def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,
-                     quiet_s: float = QUIET_S) -> Recognised:
+                     quiet_s: float = QUIET_S, known: Known = UNKNOWN_ALL, stop: Stop | None = None) -> Recognised:
+    """The stones of channels (c, samples), see `hear`, by the law that they and known ones teach; and when to stop."""
+    found = hear(plate, channels, prior, values, quiet_s)
+    stones, law, followed = learnt_table(found.heard, found.prior, prior, known, RATE_Hz, LEAST_DOUBT, stop)
+    return Recognised(stones, found, replace(found.checks, **law), followed)
+
+
+def hear(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats, quiet_s: float) -> Hearing:
     """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods, which begin with quiet_s without any.
 
     NotRecognised for a channel that is dead, clipped or without noise, or a record without stones; RecognitionError for
@@ -78,12 +96,12 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
     if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:
         plate = retuned(plate, channels, values[:, quiet:], RATE_Hz, noise)
     plate = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
+    prior = prior.widened()
     listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(white))
     began_s = process_time()
     heard = listener.hear(whitening(values), quiet)
-    stones = stone_table(*with_speed_laws(heard, prior), prior, RATE_Hz, LEAST_DOUBT)
-    return Recognised(stones, heard, plate, noise, Checks.of(listener, heard, noise.change), tapped,
-                      process_time() - began_s)
+    hearing_s = process_time() - began_s
+    return Hearing(heard, prior, plate, noise, Checks.of(listener, heard, noise.change), tapped, hearing_s)
 
 
 def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise: SensorNoise,

@@ -3,66 +3,108 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
-from recognition.innovations.bank import DURATION, IMPULSE, TIME, X, Y
+from recognition.innovations.bank import DURATION, IMPULSE, PARAMETERS, TIME, X, Y
+from recognition.stream.decision import Followed, Stop, follow
 from recognition.stream.listen import Heard
-from recognition.stream.prior import StonePrior
+from recognition.stream.prior import TRIPLE, StonePrior
+from recognition.stream.stone_law import MASS, UNKNOWN, Integers, LearntLaw, Told, doubted
 
 DRAWS, SHARES = 1000, 200  # of the ratio; nodes of the share of gangue in its posterior
 LEVELS = (0.05, 0.5, 0.95)
 #: Two stones within this time are heard as one (docs/listening.md); the largest share that is ever missed so.
 DEAD_S, MOST_MISSED = 0.2e-3, 0.5
+AGAIN_SAMPLES, AGAIN_M = 20, 0.05  # within which a weaker touch is of the same stone
 
 
-def stone_table(heard: Sequence[Heard], log_odds: Floats, prior: StonePrior, rate_Hz: float,
-                least_doubt: float) -> pd.DataFrame:
-    """One row for each stone, in order of arrival: first touch t_s, place, probability of gangue, mean and standard
-    deviation of mass, radius and speed over both materials, and the probability of gangue by each law of the speeds.
+@dataclass(frozen=True)
+class Known:
+    """Stones whose material one knows: the first of a record, which are coal, and those of other records (drops) with
+    their material, 0 coal and 1 gangue."""
 
-    log_odds (stones, laws): of gangue, by laws that are equally likely. least_doubt: no material is surer than
+    coal_first: int = 0
+    dropped: Sequence[tuple[Sequence[Heard], int]] = ()
+
+
+UNKNOWN_ALL = Known()
+
+
+def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior, known: Known, rate_Hz: float,
+                 least_doubt: float, stop: Stop | None = None) -> tuple[pd.DataFrame, dict[str, Any], Followed | None]:
+    """One row for each stone that is not known, in order of arrival: first touch t_s, place, probability of gangue by
+    all laws of their forces and by each, mean and standard deviation of radius and speed, and of mass as either
+    material; where one asks when to `stop`, the sum of the test and its alarms. And what `Checks` has of the law.
+
+    hearing: the prior of the fits; prior: what is told of the stones. least_doubt: no material is surer than
     1 - least_doubt, the share of stones whose material is wrong in a stream of known truth.
     """
-    rows = [_row(h, prior, rate_Hz, least_doubt) for h in heard]
-    by_law = pd.DataFrame(_doubted(log_odds, least_doubt)).rename(columns=lambda k: f"{BY_LAW}{k + 1}")
-    return pd.concat([pd.DataFrame(rows, columns=COLUMNS), by_law], axis=1).sort_values("t_s", ignore_index=True)
+    own = first_touches(sorted(heard, key=lambda h: h.stone[TIME]))
+    drops = [(h, m) for stones, m in known.dropped for h in first_touches(stones)]
+    material: Integers = np.r_[np.where(np.arange(len(own)) < known.coal_first, 0, UNKNOWN), [m for _, m in drops]]
+    every = [*own, *(h for h, _ in drops)]
+    if not own:
+        return pd.DataFrame(columns=COLUMNS), {}, None
+    triples = np.array([h.stone[TRIPLE] for h in every])
+    errors = np.array([h.covariance[np.ix_(TRIPLE, TRIPLE)] for h in every])
+    told = Told.of(triples, errors, hearing, material, np.arange(len(every)) >= len(own))
+    law = LearntLaw.of(told, prior)
+    odds, none = law.materials(told)
+    chosen = np.flatnonzero((material == UNKNOWN) & (none < 0.5))
+    by_law = doubted(odds, least_doubt)
+    table = _rows([every[k] for k in chosen], told.only(chosen), law, prior, by_law[chosen].mean(axis=1), rate_Hz)
+    unknown = material == UNKNOWN
+    checks = {"none": 1 - len(chosen) / max(len(heard) - known.coal_first, 1), "beyond": law.beyond,
+              "misplaced": law.misplaced(told) / max(np.sum(~unknown), 1)}
+    followed = None
+    if stop is not None and unknown.any():
+        rate_1_s = rate_Hz * len(own) / max(float(own[-1].stone[TIME] - own[0].stone[TIME]), 1.0)
+        followed = follow(told, prior, stop, rate_1_s, least_doubt)
+        at = np.cumsum(unknown)[chosen] - 1
+        table = table.assign(stop=followed.sum[at], alarm=followed.alarm[at])
+    return pd.concat([table, pd.DataFrame(by_law[chosen]).add_prefix(BY_LAW)], axis=1), checks, followed
+
+
+def first_touches(heard: Sequence[Heard]) -> list[Heard]:
+    """Stones in order of arrival without those that touch again: a stone that turns strikes the plate twice."""
+    found: list[Heard] = []
+    for h in heard:
+        again = any(h.stone[TIME] - one.stone[TIME] < AGAIN_SAMPLES and h.stone[IMPULSE] < one.stone[IMPULSE]
+                    and np.hypot(*(h.stone[X:Y + 1] - one.stone[X:Y + 1])) < AGAIN_M for one in found[-4:])
+        found += [] if again else [h]
+    return found
 
 
 COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s", "duration_s", "radius_m",
            "radius_sd_m", "speed_m_s", "speed_sd_m_s", "mass_coal_kg", "mass_gangue_kg", "mass_coal_sd_kg",
            "mass_gangue_sd_kg", "misfit"]
-BY_LAW = "gangue_by_law_"  # of the columns after these, one for each law of the speeds
+BY_LAW = "gangue_by_law_"  # of the columns after these, one for each law
 
 
-def _row(h: Heard, prior: StonePrior, rate_Hz: float, least_doubt: float) -> list[float]:
-    odds = h.log_evidence[1] - h.log_evidence[0]  # of one stone alone: either material is as likely beforehand
-    gangue = float(_doubted(odds, least_doubt))
-    m = int(gangue > 0.5)
-    stone, cov = h.stone, h.covariance
-    t_s = stone[TIME] / rate_Hz - prior.forces.start[m] * np.exp(stone[DURATION])
-    share = np.array([1 - gangue, gangue])
-    size = [prior.grid[:, k] for k in (0, 1)]
-    (radius, radius_sd), (speed, speed_sd) = (_moments(share, h.weights, (v, v)) for v in size)
-    mass = [4 / 3 * np.pi * size[0] ** 3 * density for density in prior.forces.density_kg_m3]
-    (coal, coal_sd), (rock, rock_sd) = (_moments(np.array([1.0]), (h.weights[k],), (mass[k],)) for k in (0, 1))
-    return [t_s, np.sqrt(cov[TIME, TIME]) / rate_Hz, stone[X], stone[Y], np.sqrt((cov[X, X] + cov[Y, Y]) / 2), gangue,
-            np.exp(stone[IMPULSE]), np.exp(stone[DURATION]), radius, radius_sd, speed, speed_sd, coal, rock, coal_sd,
-            rock_sd, h.misfit]
-
-
-def _doubted(log_odds: Floats, least_doubt: float) -> Floats:
-    """Probabilities of any log odds."""
-    return np.asarray(least_doubt + (1 - 2 * least_doubt) / (1 + np.exp(-np.clip(log_odds, -50, 50))))
-
-
-def _moments(share: Floats, weights: Sequence[Floats] | Floats, values: Sequence[Floats]) -> tuple[float, float]:
-    mean = sum(s * float(w @ v) for s, w, v in zip(share, weights, values, strict=True))
-    square = sum(s * float(w @ v**2) for s, w, v in zip(share, weights, values, strict=True))
-    return mean, float(np.sqrt(max(square - mean**2, 0.0)))
+def _rows(heard: Sequence[Heard], told: Told, law: LearntLaw, prior: StonePrior, gangue: Floats,
+          rate_Hz: float) -> pd.DataFrame:
+    radius, speed = np.exp(np.log(prior.grid).mean(axis=0))
+    stone, covariance = np.array([h.stone for h in heard]), np.array([h.covariance for h in heard])
+    stone, covariance = stone.reshape(-1, PARAMETERS), covariance.reshape(-1, PARAMETERS, PARAMETERS)
+    of = [law.made_of(told, m) for m in (0, 1)]
+    likely = (gangue > 0.5).astype(int)
+    off, cov = (np.where(likely.reshape(-1, *[1] * (a.ndim - 1)), b, a) for a, b in zip(*of, strict=True))
+    r, v = radius * np.exp(off[:, 0]), speed * np.exp(off[:, 1])
+    mass = [4 / 3 * np.pi * radius**3 * density * np.exp(o @ MASS) for density, (o, _) in
+            zip(prior.forces.density_kg_m3, of, strict=True)]
+    mass_sd = [m * np.sqrt(MASS @ c @ MASS) for m, (_, c) in zip(mass, of, strict=True)]
+    duration = np.exp(stone[:, DURATION])
+    return pd.DataFrame(dict(zip(COLUMNS, (
+        stone[:, TIME] / rate_Hz - prior.forces.start[likely] * duration, np.sqrt(covariance[:, TIME, TIME]) / rate_Hz,
+        stone[:, X], stone[:, Y], np.sqrt((covariance[:, X, X] + covariance[:, Y, Y]) / 2), gangue,
+        np.exp(stone[:, IMPULSE]), duration, r, r * np.sqrt(cov[:, 0, 0]), v, v * np.sqrt(cov[:, 1, 1]), *mass,
+        *mass_sd, [h.misfit for h in heard]), strict=True)))
 
 
 def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float, float]:
@@ -70,7 +112,7 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
 
     Each stone is gangue with a probability p that is the same for all and unknown, uniform beforehand. Its posterior
     follows from all stones; were it taken as 1/2, stones of uncertain material would pull the ratio there. The law of
-    the speeds is unknown too: each of some has its columns, without any only "gangue" counts. Of two stones that
+    the forces is unknown too: each of some has its column, without any only "gangue" counts. Of two stones that
     arrive almost at once one is missed, which is gangue with p too. The distribution is drawn from, always with the
     same seed.
     """

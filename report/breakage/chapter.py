@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
+
 import numpy as np
 
 from analysis.sweep import breakage
@@ -15,6 +18,19 @@ MATERIALS = ("coal", "gangue")
 MOST_SECTIONS = 10  # of the stones of a run
 
 
+def of_draws(draw: Callable[[SweepResults], Drawn]) -> Callable[[SweepResults], Drawn]:
+    """A figure whose note ends with how many draws it shows."""
+    @wraps(draw)
+    def told(results: SweepResults) -> Drawn:
+        drawn = draw(results)
+        figure, note = drawn if isinstance(drawn, tuple) else (drawn, "")
+        words = results.breakage.draws_in_words
+        return figure, f"{note} {words[0].upper()}{words[1:]}.".strip()
+
+    return told
+
+
+@of_draws
 def stages(results: SweepResults) -> Drawn:
     index = results.index_nearest(0.5)
     run, first_end_s = results.runs[index], results.breakage.first_collision_end_s[index]
@@ -24,6 +40,7 @@ def stages(results: SweepResults) -> Drawn:
     return figures.sections(rows), f"Run of {100 * run.gangue_ratio:.0f} %."
 
 
+@of_draws
 def sections(results: SweepResults) -> Drawn:
     rows, ends_s = [], results.breakage.first_collision_end_s
     for material in MATERIALS:
@@ -39,6 +56,7 @@ def sections(results: SweepResults) -> Drawn:
     return figures.sections(rows)
 
 
+@of_draws
 def broken_areas(results: SweepResults) -> Drawn:
     first_m2, end_m2 = results.breakage.area_first_m2, results.breakage.area_end_m2
     ends_s = results.breakage.first_collision_end_s
@@ -57,6 +75,7 @@ def broken_areas(results: SweepResults) -> Drawn:
     return against_ratio(results.ratios, panels)
 
 
+@of_draws
 def area_over_time(results: SweepResults) -> Drawn:
     index = results.index_nearest(0.5)
     run = results.runs[index]
@@ -66,6 +85,7 @@ def area_over_time(results: SweepResults) -> Drawn:
     return figures.area_over_time(t_s, breakage.broken_area_over_time(run, t_s), results.is_gangue[index])
 
 
+@of_draws
 def cracks(results: SweepResults) -> Drawn:
     found = [breakage.crack_counts(run) for run in results.runs]
     counts = {
@@ -75,6 +95,7 @@ def cracks(results: SweepResults) -> Drawn:
     return figures.cracks(results.ratios, counts)
 
 
+@of_draws
 def fragments(results: SweepResults) -> Drawn:
     index = results.index_nearest(0.5)
     if results.runs[index].breakage.empty:

@@ -11,6 +11,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullFormatter
 
 from analysis.sweep.breakage import Section
+from report.drawing.lines import with_spread
 from report.drawing.style import (
     ACCENT,
     COAL,
@@ -113,7 +114,7 @@ def cracks(ratios: np.ndarray, counts: dict[str, dict[str, np.ndarray]]) -> Figu
     figure, axes = canvas(1, len(counts), height_in=2.4)
     for axis, (material, modes) in zip(axes[0], counts.items(), strict=True):
         for colour, (mode, values) in zip((ACCENT, GANGUE), modes.items(), strict=True):
-            axis.plot(100 * ratios, values, "o-", color=colour, markersize=3, label=mode)
+            with_spread(axis, ratios, values, colour, mode)
         axis.set_title(f"broken bonds of {material}")
         axis.set_xlabel(RATIO_LABEL)
         axis.legend()

@@ -17,6 +17,17 @@ class BreakageResults:
         self._runs = sweep.runs
 
     @cached_property
+    def draws_in_words(self) -> str:
+        """How many runs of other packings, by seed or number of sub-spheres, each ratio has: without some a figure of
+        breakage has no spread."""
+        packings: dict[float, set[object]] = {}
+        for run in self._runs:
+            seeds = tuple(run.summary.seeds or ())
+            packings.setdefault(run.gangue_ratio, set()).add((seeds, run.summary.n_particles))
+        draws = min(map(len, packings.values()))
+        return f"{draws} draws a ratio" if draws > 1 else "one draw: no spread known"
+
+    @cached_property
     def networks(self) -> list[breakage.Network]:
         """Sub-spheres and bonds of each run before the impact."""
         return [breakage.read_network(run) for run in self._runs]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from report.drawing.style import (
@@ -47,7 +48,7 @@ def against_ratio(ratios: np.ndarray, panels: list[tuple[str, dict[str, np.ndarr
         power = 3 * int(np.log10(most) // 3) if most >= 1e5 or 0 < most < 1e-2 else 0  # what ticks have no room for
         label = f"{label} / 10{str(power).translate(RAISED)}" if power else label
         for colour, (name, values) in zip((ACCENT, GANGUE, COAL, PALE), series.items(), strict=False):
-            axis.plot(100 * ratios, values / 10.0**power, "o-", color=colour, markersize=3, label=name)
+            with_spread(axis, ratios, values / 10.0**power, colour, name)
         axis.set_title(label)
         if len(series) > 1:
             axis.legend()
@@ -56,6 +57,19 @@ def against_ratio(ratios: np.ndarray, panels: list[tuple[str, dict[str, np.ndarr
     for axis in axes[max(0, len(panels) - 2) : len(panels)]:
         axis.set_xlabel(RATIO_LABEL)
     return figure
+
+
+def with_spread(axis: Axes, ratios: np.ndarray, values: np.ndarray, colour: str, name: str) -> None:
+    """Draw values against the mixing ratio; where a ratio has several, their mean, dotted a deviation below and
+    above it."""
+    each = np.unique(ratios)
+    found = [values[ratios == ratio] for ratio in each]
+    mean = np.array([own.mean() for own in found])
+    axis.plot(100 * each, mean, "o-", color=colour, markersize=3, label=name)
+    if len(each) < len(ratios):
+        deviation = np.array([own.std(ddof=1) if own.size > 1 else np.nan for own in found])
+        for sign in "-+":
+            axis.plot(100 * each, mean + float(f"{sign}1") * deviation, ":", color=colour, label=f"_{name} {sign} sd")
 
 
 def envelope(t_s: np.ndarray, values: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:

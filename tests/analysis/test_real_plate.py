@@ -41,7 +41,7 @@ def run(tmp_path_factory):
         "poisson_ratio": NU, "max_frequency_Hz": 8000.0, "damping_ratio": 0.02, "mesh_size_m": 0.02,
     }  # fmt: skip
     path = tmp_path_factory.mktemp("runs") / "ratio_000"
-    stones = {"positions": [{"x_m": x, "y_m": y} for x, y in PLACES_M]}
+    stones = {"positions": [[x, y] for x, y in PLACES_M]}
     scene = {"plate": table, "stones": stones}
     n_modes = plate_modes(FlexiblePlate.model_validate(table)).frequency_Hz.size
     return run_of(path, {"scene": scene, "n_modes": n_modes})

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from common.scene.scene import changed_scene, read_scene
+from common.scene.scene import Scene, changed_scene, read_scene
+from common.tables import check
+from dem.stones.arrangement import stones_of
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -25,3 +27,14 @@ def hertz(material):
 def changed(name, changes):
     """The scene of scenes/NAME.toml with dotted keys changed."""
     return changed_scene(SCENES / f"{name}.toml", changes)
+
+
+def one_by_one(scene, **columns):
+    """The scene with the stones of its volley given one by one, and so many of them with columns of their own."""
+    volley, own = stones_of(scene, "scene"), [dict(zip(columns, values)) for values in zip(*columns.values())]
+    each = [{"material": stone.material, "radius_m": stone.radius_m, "x_m": stone.place_m[0], "y_m": stone.place_m[1],
+             "speed_m_s": scene.stones.speed_m_s} | values for stone, values in zip(volley, own, strict=True)]
+    data = scene.model_dump(mode="json", exclude_none=True)
+    data["stones"] = {key: data["stones"][key] for key in ("gap_m", "seed", "agglomerate") if key in data["stones"]} | {
+        "each": each}
+    return check(Scene, data, "scene")

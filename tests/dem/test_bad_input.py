@@ -16,7 +16,7 @@ CASES = [
     ("negative thickness", "thickness_m = 0.02 ", "thickness_m = -0.02 ", ["plate.thickness_m", "-0.02"]),
     ("stones overlap", "circle_radius_m = 0.1 ", "circle_radius_m = 0.05 ", ["stones.circle_radius_m", "0.05", "overlap"]),
     ("stones miss", "circle_radius_m = 0.1 ", "circle_radius_m = 0.3 ", ["stones.circle_radius_m", "0.3", "misses"]),
-    ("unknown material", 'gangue = "gangue"', 'gangue = "shale"', ["stones.gangue", "shale", "coal"]),
+    ("unknown material", 'gangue = "gangue"', 'shale = "gangue"', ["materials.gangue", "unknown", "shale"]),
     ("unknown pair", "coal_coal =", "coal_slate =", ["contacts.coal_slate", "coal_gangue"]),
     ("missing contact", "coal_coal = { restitution = 0.5, friction = 0.6 }", "", ["contacts.coal_coal", "must be given"]),
     ("time step", "duration_s = 0.6 ", "time_step_s = 1e-4\nduration_s = 0.6 ",

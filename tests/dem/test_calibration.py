@@ -20,6 +20,7 @@ from dem.calibration.calibrate import (
 )
 from dem.calibration.lab_sheet import find_sheet, scene_with
 from dem.calibration.virtual_tests import (
+    CHECKS,
     LoadHistory,
     Procedure,
     Rock,
@@ -28,6 +29,7 @@ from dem.calibration.virtual_tests import (
     compression_specimen,
     run_test,
     strength_test,
+    tension_specimen,
 )
 from dem.stones.bonds import network_stiffness
 from lab.rock.dump import read_dump
@@ -83,6 +85,20 @@ def test_failure_does_not_depend_on_the_speed_of_the_platens(tmp_path):
     assert fast == pytest.approx(slow, rel=0.05)
 
 
+@pytest.mark.parametrize("kind", ["Brazilian", "tension"])
+def test_a_test_ends_when_its_strength_is_known(tmp_path, kind):
+    """Of a rock whose cracks take so much energy that a pulled specimen parts slowly: the strength is that of a test that
+    goes on, which takes longer."""
+    specimen = brazilian_specimen(0.025, 250, 11) if kind == "Brazilian" else tension_specimen(
+        compression_specimen(0.025, 300, 11))
+    rock = replace(ROCK, fracture_energy_J_m2=300.0)
+    strain = (3 if kind == "Brazilian" else 1) * 3e6 / rock.bond_modulus_Pa
+    ended = strength_test(tmp_path / "ended", specimen, rock, strain)
+    goes_on = run_test(tmp_path / "goes_on", specimen, rock, Procedure(strain, checks=CHECKS))
+    assert ended.has_failed and ended.strength_Pa == goes_on.strength_Pa
+    assert len(ended.stress_Pa) <= (0.9 if kind == "tension" else 1) * len(goes_on.stress_Pa)
+
+
 def test_a_specimen_that_holds_is_refused(tmp_path):
     strong = replace(ROCK, tensile_strength_Pa=1e12, shear_strength_Pa=1e12)
     with pytest.raises(RuntimeError, match="did not fail within 10 times"):
@@ -115,6 +131,20 @@ def test_strengths_that_go_with_a_small_power_of_those_of_the_bonds_are_met():
         Brazilian=lambda t, s: 1.25 * target.tensile_strength_Pa * (t / ROCK.tensile_strength_Pa) ** 0.45,
         compression=lambda t, s: s), range(8))
     assert rock.tensile_strength_Pa == pytest.approx(ROCK.tensile_strength_Pa * 0.8 ** (1 / 0.45), rel=0.01)
+
+
+def test_far_from_the_target_few_packings_show_the_way():
+    """Rounds far off try the first four packings alone; the strength that is left is found with all of them."""
+    target, tried = read_target("coal"), []
+
+    class Counting(FakeLaboratory):
+        def strengths(self, stage, kind, rock, seeds):
+            tried.append((kind, len(seeds)))
+            return super().strengths(stage, kind, rock, seeds)
+
+    rock = fit_strengths(ROCK, target, Counting(Brazilian=lambda t, s: 0.4 * t, compression=lambda t, s: s), range(12))
+    assert rock.tensile_strength_Pa == pytest.approx(target.tensile_strength_Pa / 0.4, rel=0.01)
+    assert tried[:3] == [("Brazilian", 4), ("Brazilian", 4), ("Brazilian", 12)] and tried[-1] == ("compression", 6)
 
 
 @pytest.mark.parametrize("deaf", ["Brazilian", "compression"])
@@ -233,8 +263,9 @@ def test_fitted_materials_meet_their_targets_and_are_those_of_the_scene(material
     assert 0.7 < beside["direct_tension_Pa"]["mean"] / reached["tensile_strength_Pa"]["mean"] < 1.1
 
 
-def test_hard_coal_meets_its_targets():
-    table, target = read_toml(SCENES / "materials" / "hard_coal.toml"), read_target("hard_coal")
+@pytest.mark.parametrize("rock", ["hard_coal", "soft_coal"])
+def test_rocks_beside_the_paper_meet_their_targets(rock):
+    table, target = read_toml(SCENES / "materials" / f"{rock}.toml"), read_target(rock)
     assert table["reached"]["compressive_strength_Pa"]["target"] == target.compressive_strength_Pa
     assert missed(table["reached"]) == []
 

@@ -5,7 +5,7 @@ import pytest
 from scenes_of_tests import SCENES
 from scipy import stats
 
-from common.scene.distribution import Distribution, LogNormal, RosinRammler
+from common.scene.distribution import Distribution, RosinRammler
 from common.scene.scene import changed_scene
 from common.tables import InputError
 from dem.deck.render import write_deck
@@ -17,6 +17,7 @@ from dem.stones.assembly import assemble
 NO_VOLLEY = {f"stones.{key}": None for key in (
     "count", "radius_m", "speed_m_s", "positions", "circle_radius_m", "gangue_order", "arrival_s")}
 DRAWN = {"count": 40, "size_m": {"uniform": [0.01, 0.03]}, "speed_m_s": {"uniform": [1.0, 3.0]}}
+STREAM = {"size_m": 0.02, "speed_m_s": 3.0, "arrival_s": {"uniform": [0.0, 1.0]}, "rate_1_s": 10.0}
 SIZE = np.pi / 6  # volume over the cube of the diameter
 N = 20_000
 
@@ -27,10 +28,10 @@ def scene_of(base="small", way="drawn", table=None, **changes):
 
 
 def test_a_lognormal_law_by_its_closed_form():
-    law = Distribution(lognormal=LogNormal(median=0.03, sigma=0.4, least=0.02, most=0.06))
-    a, b = (np.log(x / 0.03) / 0.4 for x in (0.02, 0.06))
-    expected = stats.truncnorm(a, b, loc=np.log(0.03), scale=0.4)
-    assert stats.kstest(np.log(law.draw(N, np.random.default_rng(1))), expected.cdf).pvalue > 0.01
+    drawn = Distribution(lognormal_cv=0.4).draw(N, np.random.default_rng(1))
+    sigma = np.sqrt(np.log(1 + 0.4**2))
+    expected = stats.truncnorm(-3, 3, loc=-sigma**2 / 2, scale=sigma)
+    assert stats.kstest(np.log(drawn), expected.cdf).pvalue > 0.01
 
 
 def test_rosin_rammler_is_a_law_by_mass():
@@ -46,7 +47,7 @@ def test_rosin_rammler_is_a_law_by_mass():
 
 @pytest.mark.parametrize("by", ["mass", "number"])
 def test_the_share_of_gangue_is_the_nearest_that_whole_stones_allow(by):
-    scenes = [scene_of(table=DRAWN | {"gangue_by": by, "footprint": {"x_m": [-0.2, 0.2], "y_m": [-0.2, 0.2]}},
+    scenes = [scene_of(table=DRAWN | {"gangue_by": by, "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]]},
                        **{"stones.gangue_ratio": ratio, "stones.drawn.arrival_s": {"uniform": [0.0, 0.1]}})
               for ratio in (0.0, 0.3, 0.6, 1.0)]
     lists = [stones_of(scene, "scene") for scene in scenes]
@@ -58,11 +59,11 @@ def test_the_share_of_gangue_is_the_nearest_that_whole_stones_allow(by):
 
 
 def test_a_stream_has_its_rate_and_its_mass():
-    stream = {"size_m": {"uniform": [0.02, 0.04]}, "speed_m_s": 3.0, "duration_s": 2.0, "begin_s": 0.5}
-    stones = stones_of(scene_of(way="stream", table=stream | {"rate_1_s": 50.0}), "scene")
+    stream = {"size_m": {"uniform": [0.02, 0.04]}, "speed_m_s": 3.0, "arrival_s": {"uniform": [0.5, 2.5]}}
+    stones = stones_of(scene_of(table=stream | {"rate_1_s": 50.0}), "scene")
     arrival = np.array([s.arrival_s for s in stones])
     assert len(stones) == 100 and np.all(np.diff(arrival) > 0) and 0.5 <= arrival[0] and arrival[-1] <= 2.5
-    scene = scene_of(way="stream", table=stream | {"rate_kg_s": 2.0}, **{"stones.gangue_ratio": 0.3})
+    scene = scene_of(table=stream | {"rate_kg_s": 2.0}, **{"stones.gangue_ratio": 0.3})
     stones = stones_of(scene, "scene")
     mass = np.array([SIZE * (2 * s.radius_m) ** 3 * scene.materials[s.material].density_kg_m3 for s in stones])
     assert mass.sum() == pytest.approx(4.0, abs=1.5 * mass.max())
@@ -139,7 +140,7 @@ def test_a_turned_stone_is_the_same_stone_turned():
 def test_a_smaller_stone_is_the_larger_one_to_scale():
     """By similarity: sub-spheres and bonds go with the size, the compliance of the surface with its inverse."""
     smooth = {"stones.agglomerate.contact": "smooth", "stones.agglomerate.subspheres": 100, "stones.count": 1,
-              "stones.positions": [{"x_m": 0.0, "y_m": 0.0}], "stones.gangue_ratio": 0.0}
+              "stones.positions": [[0.0, 0.0]], "stones.gangue_ratio": 0.0}
     scenes = [changed_scene(SCENES / "small.toml", smooth | {"stones.radius_m": r}) for r in (0.02, 0.04)]
     small, large = (assemble(s, stones_of(s, "scene")) for s in scenes)
     assert np.allclose(2 * small.bond_vector_m, large.bond_vector_m)
@@ -152,12 +153,16 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
     ("drawn", DRAWN | {"size_m": "large"}, {}, "stones.drawn.size_m = 'large': must be a number or a table"),
     ("drawn", DRAWN | {"size_m": -1.0}, {}, "stones.drawn.size_m = -1.0: must be from"),
     ("drawn", DRAWN | {"speed": 1.0}, {}, "stones.drawn.speed = 1.0: unknown key"),
-    ("drawn", DRAWN | {"size_m": {"lognormal": {"median": 0.02, "sigma": 0.3, "least": 0.0, "most": 1.0}}}, {}, "least"),
+    ("drawn", DRAWN | {"size_m": {"rosin_rammler": {"size_m": 0.02, "exponent": 2.0, "least": 0.0, "most": 1.0}}}, {},
+     "least"),
     ("drawn", DRAWN, {"stones.radius_m": 0.02}, "stones.radius_m = 0.02: must be left out where stones.drawn"),
     ("drawn", DRAWN, {"stones.gangue_ratio": None}, "stones.gangue_ratio"),
     ("drawn", DRAWN | {"size_m": 0.2}, {}, "find no place"),
-    ("stream", {"size_m": 0.02, "speed_m_s": 3.0, "duration_s": 1.0}, {}, "stones.stream.rate_1_s"),
-    ("stream", {"size_m": 0.02, "speed_m_s": 3.0, "duration_s": 1.0, "rate_1_s": 1e6}, {}, "1000000 stones"),
+    ("drawn", {"size_m": 0.02, "speed_m_s": 3.0}, {}, "stones.drawn.count = None: one of this, rate_1_s and rate_kg_s"),
+    ("drawn", DRAWN | {"rate_1_s": 10.0}, {}, "stones.drawn.count = 40: one of this, rate_1_s and rate_kg_s"),
+    ("drawn", STREAM | {"rate_1_s": 1e6}, {}, "1000000 stones"),
+    ("drawn", STREAM | {"arrival_s": 1.0}, {}, "stones.drawn.arrival_s = .*must be { uniform"),
+    ("drawn", STREAM | {"arrival_s": {"uniform": [1.0, 1.0]}}, {}, "stones.drawn.arrival_s = .*some time apart"),
     ("each", [EACH[0] | {"material": "slate"}], {}, "stones.each.0.material = 'slate': unknown material"),
     ("each", [EACH[0], EACH[0] | {"shape": "cube"}], {}, "stones.each.1.shape = 'cube': unknown shape"),
     ("each", [EACH[0], EACH[0]], {}, "stones 1 and 2 overlap"),

@@ -15,8 +15,8 @@ COARSE = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "su
 SMALL = {
     "sizes": {"time.duration_s": 0.023},
     "polyhedra": {"time.duration_s": 2e-3, "stones.drawn.count": 4, "stones.agglomerate.subspheres": 100},
-    "stream": {"time.duration_s": 0.06, "stones.stream.duration_s": 0.05, "stones.stream.rate_1_s": 100.0},
-    "caving": {"time.duration_s": 0.05, "stones.stream.duration_s": 0.04, "stones.stream.rate_kg_s": 50.0,
+    "stream": {"time.duration_s": 0.06, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]}, "stones.drawn.rate_1_s": 100.0},
+    "caving": {"time.duration_s": 0.05, "stones.drawn.arrival_s": {"uniform": [0.0, 0.04]}, "stones.drawn.rate_kg_s": 50.0,
                "stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 300.0},
 }
 
@@ -41,8 +41,8 @@ def test_a_shipped_scene_runs_at_small_size(tmp_path, name):
 def test_a_stream_pushes_the_plate_as_much_as_it_pushes_its_rods(tmp_path, damping_ratio):
     """Forty stones, more than have residual modes of their own, on a plate of few modes."""
     scene = changed_scene(SCENES / "stream.toml", COARSE | {
-        "stones.agglomerate": None, "stones.stream.least_fragment": None, "stones.stream.rate_1_s": 1000.0,
-        "stones.stream.duration_s": 0.04, "stones.stream.begin_s": 0.0, "time.duration_s": 0.05,
+        "stones.agglomerate": None, "stones.drawn.least_fragment": None, "stones.drawn.rate_1_s": 1000.0,
+        "stones.drawn.arrival_s": {"uniform": [0.0, 0.04]}, "time.duration_s": 0.05,
         "plate.damping_ratio": damping_ratio})
     run = run_scene(scene, "stream", tmp_path / "run")
     impulse, on_rods, *others = (run[key] for key in ("impulse_N_s", "rod_impulse_N_s", "plate_momentum_kg_m_s",
@@ -57,7 +57,7 @@ def test_a_stone_on_a_rod_pushes_as_much_as_rods_plate_and_damping_have(tmp_path
     """At each row; without residual modes of the rods a tenth of the impulse is missing."""
     scene = changed_scene(SCENES / "small.toml", {
         "stones.agglomerate": None, "stones.count": 1, "stones.gangue_ratio": 0.0, "stones.gangue_order": [1],
-        "stones.circle_radius_m": None, "stones.positions": [{"x_m": 0.2, "y_m": 0.2}], "plate.max_frequency_Hz": 4000.0,
+        "stones.circle_radius_m": None, "stones.positions": [[0.2, 0.2]], "plate.max_frequency_Hz": 4000.0,
         "plate.damping_ratio": damping_ratio, "time.duration_s": 4e-3, "output": None})
     run = run_scene(scene, "small", tmp_path / "run")
     fast = pd.read_parquet(tmp_path / "run" / "fast.parquet")

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from scenes_of_tests import changed
+from scenes_of_tests import SCENES, changed
 from scipy.stats import weibull_min
 
-from common.tables import InputError
+from common.tables import InputError, read_toml
 from dem.calibration.virtual_tests import Rock, brazilian_specimen
-from dem.deck.plausible import fragment_resolution, warnings_of_fragments
+from dem.deck.plausible import fragment_resolution, speed_over_critical, warnings_of_fragments
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from dem.stones.substance import flaw_factors
@@ -86,6 +86,28 @@ def test_fragments_are_as_large_as_grady_says(speed, energy, size_mm, warned):
     assert bool(told) == warned and all("what breaks depends on their number" in line for line in told)
     snaps = changed("single", {"materials.coal.bond.fracture_energy_J_m2": None})
     assert fragment_resolution(snaps, assemble(snaps, stones_of(snaps, "single"))) == [None]
+
+
+@pytest.mark.parametrize("rock, gangue, low, high", [("coal", 0.0, 3.0, 4.0), ("gangue", 1.0, 8.0, 10.0),
+                                                     ("hard_coal", 0.0, 6.0, 8.0)])
+def test_a_stone_at_its_critical_speed_falls_apart(rock, gangue, low, high):
+    """Between the speeds at which lab/results/fragments.csv has it whole and apart; nothing of a stone that snaps."""
+    bond = read_toml(SCENES / "materials" / f"{rock}.toml")["bond"]
+    material = "gangue" if gangue else "coal"
+    scene = changed("single", {"stones.gangue_ratio": gangue, "stones.speed_m_s": 3.0, f"materials.{material}.bond": bond})
+    over, = speed_over_critical(scene, assemble(scene, stones_of(scene, "single")))
+    assert low < 3.0 / over < high
+    snaps = changed("single", {"materials.coal.bond.fracture_energy_J_m2": None})
+    assert speed_over_critical(snaps, assemble(snaps, stones_of(snaps, "single"))) == [None]
+
+
+def test_the_critical_speed_falls_with_size_and_rises_with_the_stones_own_strength():
+    """v ~ R^-0.2, energy a mass as d^-0.4; and a stone f times as strong has f^2 of the crack energy: v ~ f^0.7."""
+    found = []
+    for changes in ({}, {"stones.radius_m": 0.05}, {"scatter.strength_factor": 1.5}):
+        scene = changed("single", changes)
+        found += speed_over_critical(scene, assemble(scene, stones_of(scene, "single")))
+    assert found[1:] == pytest.approx([found[0] * 2**0.2, found[0] / 1.5**0.7], rel=1e-9)
 
 
 def test_half_a_field_is_refused():

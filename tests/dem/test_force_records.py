@@ -7,18 +7,25 @@ import pandas as pd
 import pytest
 from scenes_of_tests import changed
 
-from analysis import RecordError, read_run
+from analysis import RecordError, as_record, read_run
+from analysis.signals.resampling import resample
+from analysis.theory.real_plate import modes_of
+from common.files.cache import user_cache
 from dem.run.run import run_scene
 from recognition.estimation.channels import channels_of
 from recognition.physics.arrangement_method import DURATION_S, ArrangementLikelihood
 from recognition.physics.force_records import force_record_of
 
 
+def a_run(directory, **changes):
+    sensors = [{"name": "west", "x_m": -0.15, "y_m": 0.05}, {"name": "east", "x_m": 0.18, "y_m": -0.03}]
+    run_scene(changed("small", {"time.duration_s": 0.0045, "plate.sensors": sensors} | changes), "small", directory)
+    return directory
+
+
 @pytest.fixture(scope="module")
 def directory(runs):
-    sensors = [{"name": "west", "x_m": -0.15, "y_m": 0.05}, {"name": "east", "x_m": 0.18, "y_m": -0.03}]
-    run_scene(changed("small", {"time.duration_s": 0.0045, "plate.sensors": sensors}), "small", runs / "force_record")
-    return runs / "force_record"
+    return a_run(runs / "force_record")
 
 
 def test_the_plates_model_gives_the_record_of_a_run(directory):
@@ -31,6 +38,27 @@ def test_the_plates_model_gives_the_record_of_a_run(directory):
     assert left[0] < 0.01 and left[1:3].max() < 0.1 and left[3:].max() < 0.02
     assert forces.force_N.sum() * forces.step_s == pytest.approx(run.info["impulse_N_s"], rel=0.05)
     assert sorted(forces.gangue) == [False, True] and forces.sample_s == pytest.approx(1.5e-4)
+
+
+@pytest.mark.parametrize("anti_alias", [False, True])
+def test_samples_of_a_run_pass_the_filter_that_its_scene_says(directory, runs, anti_alias):
+    """The samples are those that `resample` takes of the fast stream, and the model's are theirs."""
+    run = read_run(directory if anti_alias else a_run(runs / "unfiltered", **{"time.anti_alias": False}))
+    for name in ("a_m_s2", "acc_west_m_s2", "force_N", "total_J"):
+        fast = as_record(run.fast[name].to_numpy(), 30 * run.rate_Hz)
+        assert run.signals[name].to_numpy() == pytest.approx(resample(fast, run.rate_Hz, anti_alias=anti_alias).values)
+    assert (run.signals["t_s"] == run.fast["t_s"][::30].to_numpy()).all()
+    forces = force_record_of(run, 0.0045)
+    recorded = channels_of(run.signals, "plate")[:, :forces.sampled.shape[1]][:, :20]
+    left = np.sqrt(np.mean((forces.sampled[:, :20] - recorded) ** 2, axis=1) / np.mean(recorded**2, axis=1))
+    assert left[0] < 0.01 and left[1:3].max() < 0.1 and left[3:].max() < 0.02
+
+
+def test_the_modes_of_a_run_come_from_the_cache_that_its_simulation_filled(directory):
+    run = read_run(directory)
+    before = {file: file.stat().st_size for file in user_cache().rglob("*") if file.is_file()}
+    assert modes_of(run).frequency_Hz.size == run.summary.n_modes
+    assert {file: file.stat().st_size for file in user_cache().rglob("*") if file.is_file()} == before
 
 
 def test_runs_without_a_force_record(directory, tmp_path):

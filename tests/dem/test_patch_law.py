@@ -46,13 +46,14 @@ def deck_of(tmp_path, scene):
     return tmp_path / "deck", Surface(tmp_path / "deck")
 
 
-def run_spinning(deck, surface, spin, every):
-    """Run the deck with the stone in rigid rotation `spin`, rad/s, besides its fall, seen at `every` so many steps."""
+def run_spinning(deck, surface, spin, every, along_m_s=0.0):
+    """Run the deck with the stone in rigid rotation `spin`, rad/s, and with a speed along x, besides its fall, seen at
+    `every` so many steps."""
     text = (deck / "deck.liggghts").read_text()
     start = "velocity        all set 0 0 -3.0 units box\n"
     assert start in text and "every 180" in text
     middle = surface.mass @ surface.place / surface.mass.sum()
-    velocity = np.array([0, 0, -3.0]) + np.cross(spin, surface.place - middle)
+    velocity = np.array([along_m_s, 0, -3.0]) + np.cross(spin, surface.place - middle)
     energy = 0.5 * surface.mass @ ((velocity**2).sum(axis=1) + 0.4 * surface.radius**2 * np.dot(spin, spin))
     turning = "".join(
         f"set atom {k + 1} " + " ".join(f"v{d} {u!r} omega{d} {s!r}" for d, u, s in zip("xyz", v, spin)) + "\n"
@@ -109,6 +110,34 @@ def test_the_patch_pushes_by_how_far_its_members_came(tmp_path, strength_Pa, spi
     expected = [push_N(one, surface.law[3], compliance, strength_Pa) for one in q]
     found = [recorded[int(seen.step[k])] for k in pressing]
     assert found == pytest.approx(expected, abs=(5e-3 if spin else 1e-6) * max(expected))
+
+
+def test_the_patch_drags_by_how_far_it_slid_since_it_came(tmp_path):
+    """It sticks. The way of its members over the plate, from the dumped places, stretches the spring in series with their
+    bonds, which LIGGGHTS moves: 1/k = 1/(4 G*/E* 2 E* a) - C."""
+    scene = stone(200, friction=5.0, **{"time.free_flight_tolerance": 0.0, "time.duration_s": 1.5e-4})
+    deck, surface = deck_of(tmp_path, scene)
+    surface.law[11] *= SOFTER
+    surface.write()
+    run_spinning(deck, surface, (0, 0, 0), 1, along_m_s=0.5)
+    seen, recorded = frames(deck), contacts_of(deck)
+    steps = [k for k, step in enumerate(seen.step) if recorded.get(step, 0) > 0]
+    steps = range(steps[0], steps[-1] + 1)
+    modulus, shear, compliance = surface.law[3], surface.law[4], surface.law[11]
+    weight = surface.weights(np.array([0, 0, -1.0]))
+    dt_s = float(re.search(r"^timestep +(\S+)", (deck / "deck.liggghts").read_text(), re.MULTILINE)[1])
+    way_m, expected = 0.0, []
+    for k in steps:
+        arm_m = seen.x[k - 1, :, 2]
+        way_m += weight @ (seen.x[k, :, 0] - seen.x[k - 1, :, 0]
+                           - dt_s * (seen.omega[k, :, 1] + seen.omega[k - 1, :, 1]) / 2 * arm_m)
+        push = recorded[int(seen.step[k])]
+        radius_m = np.cbrt(push * RADIUS_m / (4 / 3 * modulus))
+        mindlin = 8 * shear * radius_m
+        expected.append(-way_m * mindlin / (1 - compliance * mindlin))
+    found = seen.force[list(steps), :, 0].sum(axis=1)
+    assert compliance * mindlin > 0.2
+    assert found == pytest.approx(np.array(expected), abs=5e-3 * np.abs(expected).max())
 
 
 def test_a_stone_with_a_heavy_side_is_pushed_along_the_axis_of_its_surface(tmp_path):

@@ -6,9 +6,8 @@ import meshio
 import numpy as np
 import pandas as pd
 import pytest
-from scenes_of_tests import changed
+from scenes_of_tests import changed, one_by_one
 
-from common.tables import InputError
 from dem.deck.pictures import ALL_IMPACT_PICTURES, PictureSchedule, arrival_s, picture_schedule
 from dem.deck.time_step import step_limits, time_step
 from dem.run.paraview import read_pictures
@@ -25,8 +24,7 @@ TABLES = ("signals", "fast", "breakage", "energy", "contacts")
 def taken(runs):
     """A stone that hits the plate and flies off spinning, with pictures, without, and with those in flight alone."""
     outputs = {"pictures": {}, "none": {"output.view_interval_s": None},
-               "even": {"output.impact_view_interval_s": 0.0, "output.view_interval_s": 3e-4},
-               "dumps": {"output.dumps": "vtk", "output.view_interval_s": 6e-4}}
+               "even": {"output.impact_view_interval_s": 0.0, "output.view_interval_s": 3e-4}}
     for name, changes in outputs.items():
         run_scene(changed("single", STONE | changes), "single", runs / f"pictures_{name}")
     return {name: runs / f"pictures_{name}" for name in outputs}
@@ -40,10 +38,10 @@ def pictures(directory):
     return found
 
 
-def test_pictures_and_dumps_change_no_number(taken):
+def test_pictures_change_no_number(taken):
     for name in TABLES:
         without = pd.read_parquet(taken["none"] / f"{name}.parquet")
-        for other in ("pictures", "even", "dumps"):
+        for other in ("pictures", "even"):
             pd.testing.assert_frame_equal(pd.read_parquet(taken[other] / f"{name}.parquet"), without, check_exact=True)
     assert not (taken["none"] / "view.pvd").exists()
 
@@ -97,9 +95,8 @@ def test_two_rates_meet_in_one_schedule():
 @pytest.mark.parametrize("arrivals_s, impacts", [([0.0] * 10, 1), ([0.0] * 5 + [0.01] * 5, 2), ([0.01 * k for k in range(10)], None)])
 def test_each_impact_gets_its_pictures_and_all_together_are_bounded(arrivals_s, impacts):
     """A stone's lowest point falls h = v t + g t^2/2 in the time t, or touches when it was asked to."""
-    scene = changed("paper", {"stones.agglomerate.subspheres": 20,
-                              "stones.agglomerate.contact": "sub_spheres", "time.duration_s": 10.0,
-                              "stones.arrival_s": arrivals_s})
+    scene = one_by_one(changed("paper", {"stones.agglomerate.subspheres": 20, "time.duration_s": 10.0,
+                                         "stones.agglomerate.contact": "sub_spheres"}), arrival_s=arrivals_s)
     assembly = assemble(scene, stones_of(scene, "scene"))
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     t = arrival_s(assembly)
@@ -123,11 +120,6 @@ def test_a_scene_without_pictures_has_no_schedule():
     assembly = assemble(scene, stones_of(scene, "scene"))
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     assert picture_schedule(scene, assembly, step) is None
-
-
-def test_dumps_without_an_interval_are_refused():
-    with pytest.raises(InputError, match="output.dumps = 'vtk': needs view_interval_s"):
-        changed("paper", {"output.dumps": "vtk", "output.view_interval_s": None})
 
 
 def test_pictures_that_are_cut_off_are_refused(tmp_path):

@@ -87,7 +87,7 @@ def test_compliances_go_with_one_over_the_modulus_and_are_kept_once(tmp_path):
     expected = stone_surface(packing, bond_network(packing), bond)
     assert found.first.normal_m_N == pytest.approx(expected.first.normal_m_N, rel=1e-6)
     assert found.other.tangential_m_N == pytest.approx(expected.other.tangential_m_N, rel=1e-6)
-    plain = changed("paper", NATURAL)
+    plain = changed("paper", NATURAL | {"materials.coal": scene.materials["coal"].model_dump(exclude_none=True)})
     other = stone_parts(plain, stones_of(plain, "paper")[0], tmp_path).surface  # the same packing, read
     assert sorted(tmp_path.rglob("*surface*")) == kept
     size = stone.radius_m / 0.025

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scenes_of_tests import SCENES
+from scenes_of_tests import SCENES, one_by_one
 
 from common.scene.scene import changed_scene
 from common.tables import InputError
@@ -49,9 +49,9 @@ def test_half_a_path_is_the_path_of_half_the_time():
 def test_equal_stones_hit_equally_hard_whenever_they_arrive(tmp_path):
     """Against Hertz's closed form for each, and the times that were asked for."""
     arrivals = [0.0, 0.002, 0.005]
-    scene = changed_scene(SCENES / "hertz_coal.toml", {
-        "stones.count": 3, "time.duration_s": 6e-3, "time.gravity_m_s2": 9.8, "stones.arrival_s": arrivals,
-        "stones.positions": [{"x_m": 0.1 * k, "y_m": 0.0} for k in range(3)], "contacts": ELASTIC})
+    scene = one_by_one(changed_scene(SCENES / "hertz_coal.toml", {
+        "stones.count": 3, "time.duration_s": 6e-3, "time.gravity_m_s2": 9.8,
+        "stones.positions": [[0.1 * k, 0.0] for k in range(3)], "contacts": ELASTIC}), arrival_s=arrivals)
     summary = run_scene(scene, "scene", tmp_path / "run")
     fast = pd.read_parquet(tmp_path / "run" / "fast.parquet")
     for k, arrival_s in enumerate(arrivals):
@@ -63,10 +63,9 @@ def test_equal_stones_hit_equally_hard_whenever_they_arrive(tmp_path):
 
 
 def test_what_cannot_arrive_is_refused():
-    inside = changed_scene(SCENES / "small.toml", {"stones.positions": [{"x_m": 0.0, "y_m": 0.0}] * 2,
-                                                   "stones.arrival_s": [0.0, 0.01]})
+    small = changed_scene(SCENES / "small.toml", {})
+    inside = one_by_one(small, arrival_s=[0.0, 0.01], x_m=[0.0, 0.0])
     with pytest.raises(InputError, match="stones 1 and 2 overlap"):
         stones_of(inside, "scene")
-    above = changed_scene(SCENES / "small.toml", {"stones.positions": [{"x_m": 0.0, "y_m": 0.0}] * 2,
-                                                  "stones.arrival_s": [0.0, 0.03]})
+    above = one_by_one(small, arrival_s=[0.0, 0.03], x_m=[0.0, 0.0])
     assert [one.arrival_s for one in stones_of(above, "scene")] == [0.0, 0.03]

@@ -218,7 +218,7 @@ def test_a_stone_waits_where_something_is_in_the_way(tmp_path, monkeypatch):
         assert (parts / name).read_bytes() == (tmp_path / "deck" / name).read_bytes(), name
 
 
-@pytest.mark.parametrize("key, value", [("engine.np", 2), ("time.free_flight_tolerance", 0.0)])
+@pytest.mark.parametrize("key, value", [("ranks", 2), ("time.free_flight_tolerance", 0.0)])
 def test_a_stream_without_bodies_in_free_flight_is_refused(key, value):
     scene = scene_of([FALLS_OFF, FALLS_OFF | {"arrival_s": 1.0}], 0.01, **{key: value})
     with pytest.raises(InputError, match=f"{key} = {value:g}: must be .* as stone 2 does"):
@@ -259,10 +259,10 @@ def test_a_stone_may_enter_between_the_ledger_and_the_look_at_its_energies(tmp_p
 
 
 def test_small_fragments_are_taken_out_as_they_fly_and_nothing_is_lost(tmp_path):
-    stream = {"rate_1_s": 100.0, "duration_s": 0.03, "size_m": 0.02, "speed_m_s": 3.0, "least_fragment": 5}
+    stream = {"rate_1_s": 100.0, "arrival_s": {"uniform": [0.0, 0.03]}, "size_m": 0.02, "speed_m_s": 3.0, "least_fragment": 5}
     old = ("count", "radius_m", "positions", "speed_m_s", "gangue_order")
     scene = changed("single", {
-        **{f"stones.{key}": None for key in old}, "stones.stream": stream, "stones.gangue_ratio": 0.0, "plate": PLATE,
+        **{f"stones.{key}": None for key in old}, "stones.drawn": stream, "stones.gangue_ratio": 0.0, "plate": PLATE,
         "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres"}, "output.view_interval_s": None, "assumptions": None,
         "time.duration_s": 0.05})
     model = engine_run(tmp_path / "deck", scene)

@@ -17,7 +17,7 @@ def small_scene(name, plate):
     """Two stones of eight sub-spheres, or two spheres, on a rigid or a coarse flexible plate."""
     scene = scene_tables(SCENES / "single.toml")
     scene["time"] |= {"duration_s": 3e-4}
-    scene["stones"] |= {"count": 2, "positions": [{"x_m": 0.1, "y_m": 0.0}, {"x_m": -0.1, "y_m": 0.0}],
+    scene["stones"] |= {"count": 2, "positions": [[0.1, 0.0], [-0.1, 0.0]],
                         "gangue_order": [1, 2], "gangue_ratio": 0.5}
     scene["contacts"] = {key: {"restitution": 0.5, "friction": 0.4} for key in (
         "coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}
@@ -47,23 +47,22 @@ EACH = [{"material": "coal", "radius_m": 0.025, "x_m": 0.1, "y_m": 0.0, "velocit
          "spin_rad_s": [0.0, 20.0, 0.0], "strength_factor": 1.2},
         {"material": "gangue", "radius_m": 0.02, "x_m": -0.1, "y_m": 0.05, "speed_m_s": 3.0, "arrival_s": 2e-4,
          "attitude": [1.0, 0.0, 0.0, 0.0], "seed": 3}]
-DRAWN = {"size_m": {"uniform": [0.03, 0.05]}, "speed_m_s": {"lognormal": {"median": 3.0, "sigma": 0.3, "least": 2.0, "most": 4.0}},
-         "footprint": {"x_m": [-0.2, 0.2], "y_m": [-0.2, 0.2]}, "spin_rad_s": 2.0, "strength_factor": {"uniform": [0.8, 1.2]},
-         "gangue_by": "mass", "packings": 2}
+DRAWN = {"size_m": {"uniform": [0.03, 0.05]}, "speed_m_s": {"uniform": [2.0, 4.0]},
+         "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]], "spin_rad_s": 2.0, "gangue_by": "mass"}
 STREAM = {"size_m": {"rosin_rammler": {"size_m": 0.04, "exponent": 2.0, "least": 0.02, "most": 0.06}}, "drop_height_m": 0.45,
-          "rate_1_s": 40.0, "begin_s": 0.0, "duration_s": 0.1, "spin_rad_s": {"uniform": [0.0, 5.0]}, "packings": 2}
+          "rate_1_s": 40.0, "arrival_s": {"uniform": [0.0, 0.1]}, "spin_rad_s": {"uniform": [0.0, 5.0]}}
 SHAPES = {"block": {"elongation": 0.8, "flatness": 0.7, "corners": 12}, "cube": {"file": "cube.stl"}}
 BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": "based", "assumptions": ["time.duration_s"],
          "time": {"duration_s": 3e-4, "time_step_s": 1e-7, "co_step": 5}, "materials": {"coal": "coal", "gangue": "gangue"},
-         "stones": {"count": 3, "circle_radius_m": 0.1, "gangue_ratio": 0.0, "arrival_s": [0.0, 1e-4, 0.0], "strength_factor": [1.0, 0.9, 1.1],
+         "stones": {"count": 3, "circle_radius_m": 0.1, "gangue_ratio": 0.0,
                     "agglomerate": {"subspheres": 8, "contact": "sub_spheres", "unbreakable": True}},
          "scatter": {"seed": 3, "radius_factor": {"lognormal_cv": 0.1}, "density_factor": 1.1, "youngs_modulus_factor": {"uniform": [0.9, 1.1]},
                      "strength_factor": {"lognormal_cv": 0.2}, "restitution": {"uniform": [0.6, 0.9]}, "speed_factor": {"lognormal_cv": 0.05},
                      "place_m": 0.02, "arrival_s": {"uniform": [0.0, 1e-3]}},
          "contacts": {"coal_coal": {"restitution": 0.5, "friction": 0.6}, "coal_gangue": {"restitution": 0.5, "friction": 0.6},
                       "gangue_gangue": {"restitution": 0.5, "friction": 0.6}},
-         "output": {"dumps": "vtk", "view_interval_s": 1e-4, "impact_view_interval_s": 0.0, "engine_log": True},
-         "engine": {"np": 2}}
+         "output": {"view_interval_s": 1e-4, "impact_view_interval_s": 0.0},
+         "ranks": 2}
 EDGES = {key: value for key, value in small_scene("sphere", "flexible")["plate"].items() if key not in ("rods", "theory")} | {
     "edges": "clamped", "mesh_size_m": 0.05, "point_supports": [{"x_m": 0.0, "y_m": 0.0}]}
 
@@ -73,7 +72,7 @@ ALL = VOLLEYS | {
     "each-sphere-flexible": falling({"each": EACH}, "sphere", "flexible"),
     "edges": small_scene("sphere", "flexible") | {"plate": EDGES},
     "drawn": falling({"drawn": DRAWN | {"count": 4, "arrival_s": 0.0}, "gangue_ratio": 0.5}),
-    "stream": falling({"stream": STREAM, "gangue_ratio": 0.5}),
+    "stream": falling({"drawn": STREAM, "gangue_ratio": 0.5}),
     "shapes": falling({"drawn": DRAWN | {"count": 2, "size_m": 0.04, "shapes": ["block", "cube"]}, "gangue_ratio": 0.5}, shapes=SHAPES),
     "base": BASED,
 }  # fmt: skip

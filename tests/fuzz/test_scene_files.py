@@ -107,7 +107,7 @@ def test_decks_of_smooth_stones():
 
 
 @pytest.mark.parametrize("name", [name for name in HOSTILE if not name.isalnum() or not name.isascii() or len(name) > 100])
-@pytest.mark.parametrize("path", ["name", "plate.sensors.0.name", "stones.coal", "new material", "contacts key"])
+@pytest.mark.parametrize("path", ["name", "plate.sensors.0.name", "new material", "contacts key"])
 def test_no_name_gets_into_a_deck(tmp_path, name, path):
     """Nothing that a shell, LIGGGHTS or a path could take for more than a name is taken for one."""
     scene = small_scene("sphere", "flexible")
@@ -115,8 +115,6 @@ def test_no_name_gets_into_a_deck(tmp_path, name, path):
         scene["name"] = name
     elif path == "plate.sensors.0.name":
         scene["plate"]["sensors"] = [{"name": name, "x_m": 0.0, "y_m": 0.0}]
-    elif path == "stones.coal":
-        scene["stones"]["coal"] = name
     elif path == "new material":
         scene["materials"][name] = scene["materials"]["coal"]
     else:

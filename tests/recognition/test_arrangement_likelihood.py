@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import firwin
 from scipy.stats import multivariate_normal
 
 from common.scene.plate import FlexiblePlate
@@ -114,18 +115,23 @@ def naive_law(model, shift):
     """Mean (p, d, 1 + stones) and covariance, from the response to a force in each bin on each place, sample by sample."""
     d, n, bins = 2 * model.samples, model.stones, model.laws.shape[2]
 
+    taps = firwin(20 * model.stride + 1, 1 / model.stride, window=("kaiser", 5.0)) if model.anti_alias else [1.0]
+
     def at(response, row):
-        low = int(np.floor(row))
-        here, then = (response[:, k] if k >= 0 else np.zeros_like(response[:, 0]) for k in (low, low + 1))
-        return here + (row - low) * (then - here)
+        """Between two steps; of a record behind a low pass, the mean over the steps about it."""
+        low, found = int(np.floor(row)), 0
+        for j, tap in enumerate(taps, -(len(taps) // 2)):
+            here, then = (response[:, k] if k >= 0 else np.zeros_like(response[:, 0]) for k in (low - j, low - j + 1))
+            found = found + tap * (here + (row - low) * (then - here))
+        return found
 
     unit = np.zeros((2, model.samples, n, bins))
     other = [np.zeros((2, model.samples, one.shape[2])) for one in model.scatter]
     for k in range(model.samples):
         for b in range(bins):
-            unit[:, k, :, b] = at(model.hat, shift + k - b * model.width)
+            unit[:, k, :, b] = at(model.hat, shift + k * model.stride - b * model.width)
         for one, response in zip(other, model.scatter, strict=True):
-            one[:, k] = at(response, shift + k)
+            one[:, k] = at(response, shift + k * model.stride)
     unit = unit.reshape(d, n, bins)
     covariance = sum(unit[:, i] @ model.covariance @ unit[:, i].T for i in range(n))
     covariance = covariance + unit.sum(axis=1) @ model.covariance @ unit.sum(axis=1).T / (2 * model.seen)
@@ -135,9 +141,10 @@ def naive_law(model, shift):
     return np.concatenate([coal.sum(axis=2)[:, :, None], gangue - coal], axis=2), covariance
 
 
+@pytest.mark.parametrize("anti_alias", [False, True])
 @pytest.mark.parametrize("shift", [0.0, 3.0, -4.5, 0.25])
-def test_the_law_of_records_against_a_naive_twin(shift):
-    model = small_model(np.random.default_rng(8))
+def test_the_law_of_records_against_a_naive_twin(shift, anti_alias):
+    model = replace(small_model(np.random.default_rng(8)), stride=2, anti_alias=anti_alias)
     mean, covariance = naive_law(model, shift)
     law = model.law_at(shift)
     assert law.mean == pytest.approx(mean, abs=1e-12)
@@ -170,6 +177,39 @@ def test_against_every_arrangement_by_itself(louder, tempered):
         found = model.estimate(signals, noise, speed, -shift * model.step_s)
         assert found.misfit == pytest.approx(least / d, rel=1e-9)
         assert found.probability == pytest.approx(chance / chance.sum(), rel=1e-7)
+
+
+def test_moments_of_the_impact_count_by_their_whole_likelihood():
+    """A record whose beginning is unknown: every arrangement at nine moments about the most probable step, each by the
+    density of its normal distribution. The moments' covariances differ, and so do their determinants."""
+    rng = np.random.default_rng(12)
+    model, speed, noise = small_model(rng, stones=3, samples=12), 3.0, np.array([0.3, 0.1])
+    every = np.array(list(product((0, 1), repeat=3)))
+    mean_at, _ = naive_law(model, 4.0)
+    true = mean_at[0] @ np.array([1, 1, 0, 1])
+    x = true + 0.1 * rng.standard_normal(true.size)
+    variance = np.repeat(model.residual**2 + (noise / model.scale) ** 2, model.samples)
+
+    def logs(shift):
+        mean, covariance = naive_law(model, shift)
+        return np.array([multivariate_normal(mean[0] @ np.array([1, *which]), covariance + np.diag(variance)).logpdf(x)
+                         for which in every])
+
+    best = max(range(-model.latest, model.latest + 1), key=lambda shift: logs(shift).max())
+    table = np.array([logs(best + k / 2) for k in range(-4, 5)])
+    chance = np.zeros(4)
+    for k, which in enumerate(every):
+        chance[which.sum()] += np.exp(table[:, k] - table.max()).sum() / comb(3, which.sum())
+    found = model.estimate(x.reshape(2, -1) * model.scale[:, None], noise, speed)
+    assert found.misfit < 1  # so no arrangement is held to be less certain
+    assert found.probability == pytest.approx(chance / chance.sum(), rel=1e-7)
+
+
+def test_nine_tenths_of_the_probability_lie_in_the_interval():
+    for probability, interval in (([0.04, 0.06, 0.8, 0.06, 0.04], (0.25, 0.75)), ([0.0, 0.0, 1.0, 0.0, 0.0], (0.5, 0.5)),
+                                  ([0.01, 0.05, 0.31, 0.6, 0.03], (0.5, 0.75)), ([0.7, 0.1, 0.08, 0.07, 0.05], (0.0, 0.75)),
+                                  ([0.05, 0.1, 0.1, 0.7, 0.05], (0.25, 0.75)), ([0.2] * 5, (0.0, 1.0))):
+        assert ArrangementEstimate(np.array(probability), 0.1, 0.4, 0.0, 0.0).interval == interval
 
 
 def test_the_least_error_is_that_of_the_prior_where_noise_drowns_all():

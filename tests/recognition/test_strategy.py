@@ -121,6 +121,20 @@ def test_every_judge_finds_an_exact_law_past_singular_points(judge):
     assert model.recognise(curve).ratio == pytest.approx(0.62, abs=1e-9)
 
 
+def test_the_difference_is_what_each_judge_takes():
+    """A straight law, a curve 0.01 and 0.03 beside it by turns, and one point far off, which is not usable."""
+    curves = np.asarray(RATIOS)[:, None] * np.ones(41)
+    curve = 0.4 + np.where(np.arange(41) % 2 == 0, 0.01, -0.03)
+    curve[7] = 0.4 + 0.5
+    for judge in JUDGES:
+        answer = Strategy(Rule(degree=1), judge=judge).fit(curves, RATIOS).recognise(curve)
+        apart = np.delete(np.abs(curve - answer.ratio), answer.moment)
+        usable = apart[apart <= 0.05]
+        expected = {"mean": usable.mean(), "truncated": np.minimum(apart, 0.05).mean(), "median": np.median(usable),
+                    "rms": np.sqrt(np.mean(usable**2))}[judge]
+        assert answer.difference == pytest.approx(expected, rel=1e-6), judge
+
+
 def test_deleting_singular_points_can_prefer_a_wrong_candidate():
     """50 of 60 moments speak for 0.7 with a little noise, 10 for 0.2 with none: the mean over usable
     points cannot tell ten agreeing points from fifty; the truncated mean can."""

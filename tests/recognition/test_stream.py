@@ -1,6 +1,5 @@
 """Stones one by one from a stream: the parts against independent references, and the whole on a plate known exactly."""
 
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -102,7 +101,7 @@ def test_stones_of_a_stream(heard):
     assert stones["impulse_N_s"].to_numpy() == pytest.approx(truth["impulse_N_s"].to_numpy(), rel=0.1)
     low, _, high = ratio_of(stones)
     assert low <= truth["gangue"].mean() <= high
-    assert found.refused == "" and found.tapped
+    assert found.refused == "" and found.hearing.tapped
 
 
 def test_another_plate_is_refused(heard, plate, forces):
@@ -120,26 +119,12 @@ def test_a_faulty_channel_is_refused(heard, plate, forces, change, said):
         recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), change(heard[0].values))
 
 
-def test_stones_of_another_size_are_refused(heard, plate, forces):
-    """Stones of 25 mm that are said to have 20."""
-    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.02, 0.02), (2.0, 4.0)), heard[0].values)
-    assert "other sizes" in found.refused
-
-
-def test_gangue_of_another_size_is_not_coal_that_breaks():
-    """By the shipped law. A stone of 20 mm, whole, pushes as one of 25 mm that broke, but as slow ones hardly ever do."""
-    prior = StonePrior(load_forces(), (0.025, 0.025), (2.0, 4.0))
-    error = np.diag([0.02, 0.4, 0.025]) ** 2
-    covariance = np.linalg.inv(np.linalg.inv(error) + prior.precision)
-
-    def more_broken(radius_m):
-        exact = prior.forces.mean(1, np.array(radius_m), np.array(2.6))
-        estimate = covariance @ (np.linalg.solve(error, exact) + prior.precision @ prior.typical)
-        log_evidence, _, more = prior.evidence(estimate, covariance)
-        return more[log_evidence.argmax()]
-
-    assert more_broken(0.025) < 0.1
-    assert more_broken(0.02) > 0.5
+def test_stones_of_another_size_are_heard(heard, plate, forces):
+    """Stones of 25 mm that are said to have 21: the record says otherwise, and the answer stays."""
+    stream, _ = heard
+    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.021, 0.021), (2.0, 4.0)), stream.values)
+    assert len(found.stones) == len(stream.truth) and found.refused == ""
+    assert ((found.stones["gangue"] > 0.5) == stream.truth["gangue"]).all()
 
 
 def test_share_of_stones_that_arrive_at_once():
@@ -346,7 +331,7 @@ def test_a_plate_known_too_low_is_refused(heard, forces):
 
 def test_times_are_those_of_the_centres(heard):
     stream, found = heard
-    centres = np.array([h.stone[TIME] for h in found.heard]) / RATE_Hz
+    centres = np.array([h.stone[TIME] for h in found.hearing.heard]) / RATE_Hz
     assert np.abs(np.sort(centres) - stream.truth["centre_s"]).max() < 20e-6
 
 
@@ -427,23 +412,3 @@ def test_a_stone_in_three_times_the_noise_is_known_a_third_as_well(bank, forces)
     too_sure = np.linalg.inv(fit.curvature)[TIME, TIME]
     assert heard.misfit == pytest.approx(9, rel=0.2)
     assert heard.covariance[TIME, TIME] == pytest.approx(9 * too_sure, rel=0.25)
-
-
-def test_evidence_of_a_material_is_the_overlap_of_its_law_with_the_likelihood(forces):
-    """Of stones of one size and speed: the density of the estimate under each material's law, widened by the error of
-    the estimate, over that under the wide prior of the fit; a stone broke with the probability of Bayes."""
-    broken = replace(forces, broken=forces.whole[0, 0] + [0.3, -1.0, -0.4], broken_scatter=np.diag([0.2, 1.0, 0.1]) ** 2,
-                     broken_share=np.array([np.full(len(forces.broken_share[0]), share) for share in (0.5, 0.2)]))
-    prior, size = StonePrior(broken, (0.022, 0.022), (2.7, 2.7)), (np.array(0.022), np.array(2.7))
-    error = np.diag([0.05, 0.4, 0.06]) ** 2  # of the likelihood
-    told = broken.mean(1, *size) + [0.1, 0.5, -0.1]
-    posterior = np.linalg.inv(error) + prior.precision
-    estimate = np.linalg.solve(posterior, np.linalg.solve(error, told) + prior.precision @ prior.typical)
-    evidence, weights, more_broken = prior.evidence(estimate, np.linalg.inv(posterior))
-    wide = multivariate_normal(prior.typical, np.linalg.inv(prior.precision) + error).pdf(told)
-    for material, share in enumerate((0.5, 0.2)):
-        whole = (1 - share) * multivariate_normal(broken.mean(material, *size), broken.scatter[material] + error).pdf(told)
-        broke = share * multivariate_normal(broken.broken_mean(material, *size), broken.broken_scatter + error).pdf(told)
-        assert evidence[material] == pytest.approx(np.log((whole + broke) / wide), abs=1e-6)
-        assert more_broken[material] == pytest.approx(broke / (whole + broke) - share, abs=1e-9)
-    assert weights == pytest.approx(np.ones((2, 1)))

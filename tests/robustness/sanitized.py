@@ -15,7 +15,7 @@ from tests.robustness.small import SCENES
 BRIEF = {"time.sample_interval_s": 3e-5, "time.duration_s": 6e-4, "output.view_interval_s": 1.5e-4}
 COARSE = {"plate.max_frequency_Hz": 2000.0}
 SMALL = {"stones.agglomerate.subspheres": 200}
-STREAM = {**COARSE, **SMALL, "time.duration_s": 0.04, "stones.stream.begin_s": 0.0, "stones.stream.duration_s": 0.03,
+STREAM = {**COARSE, **SMALL, "time.duration_s": 0.04, "stones.drawn.arrival_s": {"uniform": [0.0, 0.03]},
           "output.view_interval_s": 0.01}
 WALLS = {"edges": ["x_minus", "x_plus", "y_minus", "y_plus"], "height_m": 0.05}
 KINDS = {
@@ -28,8 +28,8 @@ KINDS = {
     "sub-spheres": ("small", {"time.duration_s": 4e-3, **COARSE}),
     "shapes with faces": ("polyhedra", {**BRIEF, **COARSE, "stones.drawn.speed_m_s": 6.0}),
     "stones that come and go": ("sizes", {**COARSE, **SMALL, "time.duration_s": 0.012}),
-    "stream": ("stream", {**STREAM, "stones.stream.rate_1_s": 150.0}),
-    "stream of shapes": ("caving", {**STREAM, "stones.stream.rate_kg_s": 200.0}),
+    "stream": ("stream", {**STREAM, "stones.drawn.rate_1_s": 150.0}),
+    "stream of shapes": ("caving", {**STREAM, "stones.drawn.rate_kg_s": 200.0}),
     "side walls": ("sizes", {
         **COARSE, **SMALL, "time.duration_s": 0.02, "plate.walls": WALLS,
         "stones.each": [{"material": "coal", "radius_m": 0.02, "x_m": 0.22, "y_m": -0.22,
@@ -47,7 +47,7 @@ def test_the_engine_has_sanitizers():
 def test_a_scene_has_no_report(tmp_path, kind, ranks):
     """Stopped on one rank at its first checkpoint, if it comes to one, and taken up again."""
     name, changes = KINDS[kind]
-    scene = changed_scene(SCENES / f"{name}.toml", {**changes, "engine.np": ranks})
+    scene = changed_scene(SCENES / f"{name}.toml", {**changes, "ranks": ranks})
     with suppress(Stopped):
         run_scene(scene, "scene", tmp_path / "run", walltime_s=0.0 if ranks == 1 else None)
     assert resume(tmp_path / "run", show_progress=False)["status"] == "finished"

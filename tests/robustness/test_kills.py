@@ -30,10 +30,10 @@ LATER = f"""
 KINDS = {"sub-spheres": {}, "smooth": {"subspheres = 60": "subspheres = 200", '"sub_spheres"': '"smooth"'},
          "stones that come and go": {
              "count = 1\n": "", "radius_m = 0.025": "", "speed_m_s = 3.0": "",
-             'coal = "coal"\ngangue = "gangue"\ngangue_order = [1]': "", "gangue_ratio = 0.0": "",
-             "positions = [{ x_m = 0.1, y_m = 0.0 }]": "", "[materials]": LATER + "[materials]"},
+             "gangue_order = [1]": "", "gangue_ratio = 0.0": "",
+             "positions = [[0.1, 0.0]]": "", "[materials]": LATER + "[materials]"},
          "two ranks": {  # the time in which the stone breaks, with as many checkpoints
-             "[output]": "[engine]\nnp = 2\n[output]", "duration_s = 6e-3": "duration_s = 1.2e-3",
+             'name = "single"': 'name = "single"\nranks = 2', "duration_s = 6e-3": "duration_s = 1.2e-3",
              "sample_interval_s = 1.5e-4": "sample_interval_s = 3e-5",
              "view_interval_s = 1.5e-3": "view_interval_s = 3e-4"}}
 

@@ -24,7 +24,7 @@ def processor_time_s(deck, ranks):
 
 def test_two_ranks_share_one_core(tmp_path):
     """Ranks that spin while they wait use up a time slice at every exchange, and took thirty times as long as one."""
-    short = ["--set", "time.duration_s=1e-4", "--set", "time.sample_interval_s=1e-5", "--set", "engine.np=2"]
+    short = ["--set", "time.duration_s=1e-4", "--set", "time.sample_interval_s=1e-5", "--set", "ranks=2"]
     assert main(["deck", str(HERTZ), "--out", str(tmp_path / "out"), *short]) == 0
     deck = tmp_path / "out" / "deck"
     assert processor_time_s(deck, 2) < 10 * processor_time_s(deck, 1)

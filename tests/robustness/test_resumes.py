@@ -38,9 +38,9 @@ def made_short(scene):
         changes["stones.agglomerate.subspheres"] = 200 if stones.agglomerate.contact == "smooth" else 100
     if stones.each:
         duration_s = 0.023  # the last stone of sizes.toml arrives at 0.02 s
-    if stones.stream:
-        rate = "rate_1_s" if stones.stream.rate_1_s else "rate_kg_s"
-        changes |= {f"stones.stream.{rate}": 100.0, "stones.stream.begin_s": 0.0, "stones.stream.duration_s": 0.05}
+    if stones.is_stream:
+        rate = "rate_1_s" if stones.drawn.rate_1_s else "rate_kg_s"
+        changes |= {f"stones.drawn.{rate}": 100.0, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]}}
         duration_s = 0.06
     if scene.plate.model == "flexible":
         changes["plate.max_frequency_Hz"] = 1000.0
@@ -51,7 +51,7 @@ def cases():
     """Scene, ratio, with pictures or without, with walls or without."""
     for name in NAMES:
         scene = read_scene(SCENES / f"{name}.toml")
-        walls = (False, True) if scene.stones.stream else (False,)
+        walls = (False, True) if scene.stones.is_stream else (False,)
         for ratio in (0.0, 0.5, 1.0) if scene.stones.shares_gangue else (None,):
             if ratio == 0.5 and scene.stones.count == 1:
                 continue
@@ -94,7 +94,7 @@ def test_stopped_at_twenty_checkpoints(tmp_path, monkeypatch, name, ratio, pictu
 def test_two_ranks_stop_at_a_checkpoint_and_go_on(tmp_path):
     """Asked before they listen."""
     scene = changed_scene(ROOT / "tests" / "single.toml", {
-        "engine.np": 2, "plate.max_frequency_Hz": 500.0, "output": None,
+        "ranks": 2, "plate.max_frequency_Hz": 500.0, "output": None,
         "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres"},
         "time.duration_s": 6e-4, "time.sample_interval_s": 3e-5})
     prepared = prepare(scene, "scene", user_cache())

@@ -21,12 +21,12 @@ def made_small(scene):
     changes = {}
     if stones.agglomerate is not None:
         changes["stones.agglomerate.subspheres"] = 200 if stones.agglomerate.contact == "smooth" else 100
-    if stones.stream is None:
+    if not stones.is_stream:
         until_s = 0.023 if stones.each else 0.01  # the last stone of sizes.toml arrives at 0.02 s
         return changes | {"time.duration_s": min(until_s, scene.time.duration_s)}
-    rate = "rate_1_s" if stones.stream.rate_1_s else "rate_kg_s"
-    return changes | {"plate.max_frequency_Hz": 800.0, "time.duration_s": 0.06, f"stones.stream.{rate}": 100.0,
-                      "stones.stream.begin_s": 0.0, "stones.stream.duration_s": 0.05}
+    rate = "rate_1_s" if stones.drawn.rate_1_s else "rate_kg_s"
+    return changes | {"plate.max_frequency_Hz": 800.0, "time.duration_s": 0.06, f"stones.drawn.{rate}": 100.0,
+                      "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]}}
 
 
 def swept(name, out):

@@ -14,6 +14,46 @@ namespace LAMMPS_NS {
 
 namespace {
 const double MOST_PACKED = 1100;  // bytes in one of zlib, of which it says 1032
+
+// The rest of a file that zlib packed, piece by piece.
+class Unpacker {
+ public:
+  explicit Unpacker(FILE *in) : in_(in) { inflateInit(&stream_); }
+  ~Unpacker() { inflateEnd(&stream_); }
+  Unpacker(const Unpacker &) = delete;
+
+  bool read(std::vector<unsigned char> &piece) {  // false where there is less, or none of zlib
+    stream_.next_out = piece.data(), stream_.avail_out = piece.size();
+    while (stream_.avail_out && step()) {
+    }
+    return !stream_.avail_out;
+  }
+
+  bool at_end() {  // with the sum over all bytes as it should be
+    unsigned char more;
+    stream_.next_out = &more, stream_.avail_out = 1;
+    while (stream_.avail_out && step()) {
+    }
+    return ended_ && stream_.avail_out;
+  }
+
+ private:
+  FILE *in_;
+  z_stream stream_ = {};
+  bool ended_ = false;
+  unsigned char packed_[1 << 16];
+
+  bool step() {
+    if (!stream_.avail_in) {
+      stream_.next_in = packed_;
+      stream_.avail_in = std::fread(packed_, 1, sizeof packed_, in_);
+      if (!stream_.avail_in) return false;
+    }
+    const int found = inflate(&stream_, Z_NO_FLUSH);
+    ended_ = found == Z_STREAM_END;
+    return found == Z_OK;
+  }
+};
 }
 
 PlateShapes::PlateShapes(LAMMPS *lmp, const std::string &file) {
@@ -32,22 +72,21 @@ bool PlateShapes::read(FILE *in) {
   if (nx_ < 4 || ny_ < 4 || modes_ < 1 || (directions_ != 1 && directions_ != 3)) return false;
   const long start = std::ftell(in);
   std::fseek(in, 0, SEEK_END);
-  std::vector<unsigned char> packed(std::ftell(in) - start);
+  if (8. * nx_ * ny_ * directions_ * modes_ > MOST_PACKED * (std::ftell(in) - start)) return false;
   std::fseek(in, start, SEEK_SET);
-  if (std::fread(packed.data(), 1, packed.size(), in) != packed.size()) return false;
-  const long long points = nx_ * ny_, all = points * directions_ * modes_;
-  if (8. * nx_ * ny_ * directions_ * modes_ > MOST_PACKED * packed.size()) return false;
-  std::vector<unsigned char> bytes(8 * all);
-  uLongf length = bytes.size();
-  if (uncompress(bytes.data(), &length, packed.data(), packed.size()) != Z_OK || length != bytes.size()) return false;
-  shape_.resize(all);
+  const long long points = nx_ * ny_;
+  shape_.resize(points * numbers());
+  std::vector<unsigned char> bytes(8 * points);
+  Unpacker unpacker(in);
   unsigned char number[8];
-  for (long long k = 0; k < numbers(); k++)
+  for (long long k = 0; k < numbers(); k++) {
+    if (!unpacker.read(bytes)) return false;
     for (long long point = 0; point < points; point++) {
-      for (int b = 0; b < 8; b++) number[b] = bytes[b * all + k * points + point];
+      for (int b = 0; b < 8; b++) number[b] = bytes[b * points + point];
       std::memcpy(&shape_[point * numbers() + k], number, 8);
     }
-  return true;
+  }
+  return unpacker.at_end();
 }
 
 namespace {

@@ -12,8 +12,8 @@ class LAMMPS;
 // direction (error of fourth order in the spacing).
 //
 // File, little endian: int64 nx, ny, directions, modes; double x0, y0, dx, dy (of the grid, which reaches beyond the
-// plate so that four nodes surround every point of it); then, packed by zlib, the first bytes of all doubles of the
-// shapes [directions][modes][nx][ny], then the second ones, and so on. The first direction is upwards. A plate that
+// plate so that four nodes surround every point of it); then, packed by zlib, the shapes [directions][modes], of each
+// the first bytes of all doubles [nx][ny], then the second ones, and so on. The first direction is upwards. A plate that
 // friction can move in its plane has two more, x and y, of its top surface.
 class PlateShapes {
  public:

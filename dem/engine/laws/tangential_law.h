@@ -22,6 +22,10 @@ inline double share_that_sticks(double pull, double friction, double normal_forc
   return pull > limit ? limit / pull : 1;
 }
 
+// The stretch with which a spring goes on whose stiffness changes: it keeps its force as that rises, and its stretch as
+// that falls. With its stretch kept always it would gain energy under a rising normal force, from nowhere.
+inline Vec kept_stretch(double k0, const Vec &s0, double k1) { return k1 > k0 ? (k0 / k1) * s0 : s0; }
+
 // Where the work against a tangential spring went in one step of the leapfrog scheme.
 //
 // The spring of a contact, stretched by s with the stiffness k, pulls with k s. Over a step the surfaces move by u, the
@@ -30,6 +34,8 @@ inline double share_that_sticks(double pull, double friction, double normal_forc
 //
 //   (k1 s1^2 - k0 s0^2)/2  +  (k0 s0 + k1 s1)/2 . (u + s0 - s1)  -  (k1 - k0) s0 . s1 / 2
 //     stored                    friction                              gained by the spring as its stiffness changed
+//
+// With `kept_stretch` friction less gained is never below zero: what slip and the spring take.
 struct TangentialStep {
   double friction, gained;  // J
 };

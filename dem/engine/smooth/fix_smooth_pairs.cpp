@@ -34,7 +34,7 @@ FixSmoothPairs::FixSmoothPairs(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, nar
   agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
   surfaces_ = std::make_unique<StoneSurfaces>(lmp, surface, *agglomerates_);
   books_.work.assign(agglomerates_->count(), 0);
-  books_.damped = books_.released = books_.plastic = books_.friction = books_.gained = books_.work;
+  books_.damped = books_.released = books_.plastic = books_.friction = books_.work;
   piece_then_.assign(agglomerates_->tags() + 1, 0);
   is_paired_.assign(agglomerates_->count(), 0);
   std::vector<int> mine(agglomerates_->count(), 0);
@@ -154,7 +154,7 @@ void FixSmoothPairs::drop_what_flies() {
 
 // Means over the members of all ranks.
 void FixSmoothPairs::measure() {
-  const size_t SIDE = 16, SINGLE = 12;
+  const size_t SIDE = 16, SINGLE = 18;
   std::vector<double> sums(2 * SIDE * pairs_.size() + SINGLE * singles_.size(), 0);
   double *at = sums.data();
   auto add = [&at](double w, const Vec &a) { at[0] += w * a.x, at[1] += w * a.y, at[2] += w * a.z, at += 3; };
@@ -177,8 +177,8 @@ void FixSmoothPairs::measure() {
   for (const Single &s : singles_)
     for (const double tag : s.tag) {
       const int i = here(static_cast<int>(tag));
-      if (i < 0) at += 6;
-      else add(1, Vec(atom->x[i])), add(1, Vec(atom->v[i]));
+      if (i < 0) at += 9;
+      else add(1, Vec(atom->x[i])), add(1, Vec(atom->v[i])), add(1, Vec(atom->omega[i]));
     }
   sum(sums);
   at = sums.data();
@@ -198,7 +198,7 @@ void FixSmoothPairs::measure() {
     p.n.sliding = sliding - dot(sliding, p.n.line) * p.n.line;
   }
   for (Single &s : singles_)
-    for (int k = 0; k < 2; k++) s.x[k] = take(), s.v[k] = take();
+    for (int k = 0; k < 2; k++) s.x[k] = take(), s.v[k] = take(), s.spin[k] = take();
 }
 
 void FixSmoothPairs::press(Pair &p) {
@@ -239,9 +239,10 @@ void FixSmoothPairs::rub(Pair &p) {
   const double mindlin = mindlin_stiffness(l.shear_modulus, l.modulus, p.n.state.stiffness);
   const double spring = spring_before_bonds(p.share(), mindlin,
                                             p.side[0].n.compliance_across + p.side[1].n.compliance_across);
-  const Vec turned = p.n.slip + update->dt * p.n.sliding, tried = turned - dot(turned, p.n.line) * p.n.line;
+  const Vec kept = kept_stretch(p.n.spring, p.n.slip, spring), turned = kept + update->dt * p.n.sliding;
+  const Vec tried = turned - dot(turned, p.n.line) * p.n.line;
   const double sticks = share_that_sticks(spring * norm(tried), l.friction, p.n.elastic + p.n.dashpot);
-  stretch(p, spring, sticks * tried, tried - p.n.slip);
+  stretch(p, spring, sticks * tried, tried - kept);
   if (sticks == 1) {
     const double dashpot = p.share() * 2 * std::sqrt(5. / 6.) * l.damping_ratio_across * std::sqrt(mindlin * m0 * m1 / (m0 + m1));
     p.n.rubbing = std::min(dashpot, 1 / ((p.side[0].n.mobility + p.side[1].n.mobility) * update->dt));
@@ -252,12 +253,12 @@ void FixSmoothPairs::rub(Pair &p) {
 void FixSmoothPairs::stretch(Pair &p, double spring, const Vec &slip, const Vec &moved) {
   const Vec way = spring > 0 ? moved : update->dt * p.n.sliding;
   const TangentialStep step = tangential_step(p.n.spring, p.n.slip, spring, slip, way);
-  count(books_.friction, p.agglomerate(0), p.agglomerate(1), step.friction);
-  count(books_.gained, p.agglomerate(0), p.agglomerate(1), step.gained);
+  count(books_.friction, p.agglomerate(0), p.agglomerate(1), step.friction - step.gained);
   p.n.spring = spring, p.n.slip = slip;
 }
 
-// Hertz' contact of two sub-spheres with its dashpot. The offset goes down as they part.
+// Hertz' contact of two sub-spheres with its dashpot. The offset goes down as they part. Friction is Coulomb's, without a
+// spring: no more than half of what stops the two in one step.
 void FixSmoothPairs::press(Single &s) {
   const int tag[2] = {static_cast<int>(s.tag[0]), static_cast<int>(s.tag[1])};
   const int types[2] = {type_[agglomerates_->of_tag(tag[0])], type_[agglomerates_->of_tag(tag[1])]};
@@ -269,12 +270,17 @@ void FixSmoothPairs::press(Single &s) {
   s.overlap = r0 + r1 - s.distance;
   if (s.offset > 0) s.offset = std::max(0.0, std::min(s.offset, s.overlap));
   const double depth = s.overlap - s.offset;
-  s.elastic = s.dashpot = 0;
+  s.elastic = s.dashpot = 0, s.across = Vec();
   if (depth <= 0) return;
   const double modulus = hertz_->modulus(types[0], types[1]);
   s.elastic = HertzLaw::normal_force(modulus, radius, depth);
   const double c = hertz_->dashpot(types[0], types[1], 2 * modulus * std::sqrt(radius * depth), m0 * m1 / (m0 + m1));
   s.dashpot = c * dot(s.v[0] - s.v[1], s.normal);
+  const Vec velocity = s.v[0] + cross(s.spin[0], s.arm(0)) - s.v[1] - cross(s.spin[1], s.arm(1));
+  const Vec sliding = velocity - dot(velocity, s.normal) * s.normal;
+  const double mu = law(agglomerates_->of_tag(tag[0]), agglomerates_->of_tag(tag[1])).friction;
+  const double stops = 0.5 / (3.5 * (1 / m0 + 1 / m1) * update->dt), speed = norm(sliding);
+  if (speed > 0) s.across = -std::min(stops, mu * std::max(0.0, s.elastic + s.dashpot) / speed) * sliding;
 }
 
 void FixSmoothPairs::feel(int tag, const Vec &force, const Vec &torque) {
@@ -302,7 +308,9 @@ void FixSmoothPairs::hand_out() {
   }
   for (const Single &s : singles_)
     for (int k = 0; k < 2; k++)
-      if (s.elastic > 0) feel(static_cast<int>(s.tag[k]), (k == 0 ? -1 : 1) * (s.elastic + s.dashpot) * s.normal, Vec());
+      if (const double sign = k == 0 ? -1 : 1; s.elastic > 0)
+        feel(static_cast<int>(s.tag[k]), sign * ((s.elastic + s.dashpot) * s.normal - s.across),
+             cross(s.arm(k), -sign * s.across));
   for (const auto &[tag, felt] : felt_) {
     const int i = here(tag);
     (Vec(atom->f[i]) + felt.force).to(atom->f[i]);
@@ -340,8 +348,12 @@ void FixSmoothPairs::add_half() {
     }
   for (const Single &s : singles_)
     for (int k = 0; k < 2; k++)
-      if (const int i = here(static_cast<int>(s.tag[k])); i >= 0 && s.elastic > 0)
-        books_.damped[agglomerate_of(s.tag[k])] += (k == 0 ? 1 : -1) * half_dt * s.dashpot * dot(Vec(atom->v[i]), s.normal);
+      if (const int i = here(static_cast<int>(s.tag[k])); i >= 0 && s.elastic > 0) {
+        const Vec v(atom->v[i]), at_contact = v + cross(Vec(atom->omega[i]), s.arm(k));
+        const double half = (k == 0 ? 1 : -1) * half_dt;
+        books_.damped[agglomerate_of(s.tag[k])] += half * s.dashpot * dot(v, s.normal);
+        books_.friction[agglomerate_of(s.tag[k])] -= half * dot(s.across, at_contact);
+      }
 }
 
 /* --- for the ledger ------------------------------------------------------------------------------------------ */
@@ -352,7 +364,6 @@ void FixSmoothPairs::add_to(LedgerRows &rows) {
   rows.add(WALL_RELEASED, books_.released);
   rows.add(WALL_PLASTIC, books_.plastic);
   rows.add(FRICTION, books_.friction);
-  rows.add(SPRINGS, books_.gained);
   std::vector<double> elastic(agglomerates_->count(), 0);
   for (const Pair &p : pairs_)
     if (p.n.presses != 0)
@@ -396,7 +407,6 @@ void FixSmoothPairs::save(CheckpointWriter &out) {
   out.sum("pairs_released", books_.released);
   out.sum("pairs_plastic", books_.plastic);
   out.sum("pairs_friction", books_.friction);
-  out.sum("pairs_springs", books_.gained);
 }
 
 void FixSmoothPairs::restore(const CheckpointReader &in) {
@@ -430,6 +440,6 @@ void FixSmoothPairs::restore(const CheckpointReader &in) {
     if (here(static_cast<int>(felt[k])) >= 0) felt_[static_cast<int>(felt[k])] = {Vec(&felt[k + 1]), Vec(&felt[k + 4])};
   const size_t n = books_.work.size();
   books_ = {in.sum("pairs_work", n), in.sum("pairs_damped", n), in.sum("pairs_released", n), in.sum("pairs_plastic", n),
-            in.sum("pairs_friction", n), in.sum("pairs_springs", n)};
+            in.sum("pairs_friction", n)};
   list_is_new_ = looked_ = true;
 }

@@ -96,15 +96,17 @@ class FixSmoothPairs : public Fix, public Checkpointed, public EnergyHolder, pub
   struct Single {              // contact of two sub-spheres
     double tag[2];
     double offset;             // overlap at which they do not push, m
-    Vec x[2], v[2];            // of the present step
+    Vec x[2], v[2], spin[2];   // of the present step
     Vec normal;                // from the first to the second
     double distance = 0, overlap = 0, elastic = 0, dashpot = 0;  // m, N
+    Vec across;                // friction on the first, N
+    Vec arm(int k) const { return 0.5 * (k == 0 ? 1 : -1) * distance * normal; }
   };
   struct Felt {
     Vec force, torque;
   };
   struct Books {               // so far, by agglomerate, J
-    std::vector<double> work, damped, released, plastic, friction, gained;
+    std::vector<double> work, damped, released, plastic, friction;
   };
 
   std::unique_ptr<Agglomerates> agglomerates_;

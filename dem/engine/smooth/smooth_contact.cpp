@@ -27,7 +27,7 @@ SmoothContact::SmoothContact(LAMMPS *lmp, const Agglomerates &agglomerates, Stoc
       surfaces_(lmp, surface_file, agglomerates), patch_of_tag_(agglomerates.tags() + 1, -1),
       near_of_tag_(agglomerates.tags() + 1, -1), moved_(agglomerates.tags() + 1),
       damped_(agglomerates.count(), 0), plastic_(damped_), released_(damped_), friction_(damped_),
-      gained_(damped_), half_work_(damped_), half_damped_(damped_), deepest_(damped_) {
+      half_work_(damped_), half_damped_(damped_), deepest_(damped_) {
   touching_.resize(near_of_tag_.size(), 0);
 }
 
@@ -246,7 +246,7 @@ void SmoothContact::rub(Patch &p) {
   const SmoothStone &s = stone(p);
   const double mindlin = mindlin_stiffness(s.shear_modulus, s.modulus, p.state.stiffness);
   const double spring = spring_before_bonds(p.share, mindlin, p.compliance_across);
-  const Vec slip = p.slip + lmp_->update->dt * p.sliding;
+  const Vec slip = kept_stretch(p.spring, p.slip, spring) + lmp_->update->dt * p.sliding;
   const double sticks = share_that_sticks(spring * norm(slip), s.friction, p.force());
   stretch(p, spring, sticks * slip);
   if (sticks == 1) {
@@ -260,8 +260,7 @@ void SmoothContact::rub(Patch &p) {
 void SmoothContact::stretch(Patch &p, double spring, const Vec &slip) {
   if (is_first_rank()) {
     const TangentialStep step = tangential_step(p.spring, p.slip, spring, slip, lmp_->update->dt * p.sliding);
-    friction_[p.agglomerate] += step.friction;
-    gained_[p.agglomerate] += step.gained;
+    friction_[p.agglomerate] += step.friction - step.gained;
   }
   p.spring = spring, p.slip = slip;
 }
@@ -337,7 +336,6 @@ void SmoothContact::add_to(LedgerRows &rows, const std::vector<NearSphere> &near
   if (!is_first_rank()) return;
   rows.add(WALL_PLASTIC, plastic_);
   rows.add(FRICTION, friction_);
-  rows.add(SPRINGS, gained_);
   for (const Patch &p : patches_)
     rows.at(p.agglomerate, WALL_ELASTIC) += p.share * p.state.stored + 0.5 * p.spring * dot(p.slip, p.slip);
 }
@@ -370,7 +368,6 @@ void SmoothContact::save(CheckpointWriter &out, const std::vector<NearSphere> &n
   out.sum("patch_released", released_);
   out.sum("patch_plastic", plastic_);
   out.sum("patch_friction", friction_);
-  out.sum("patch_springs", gained_);
   out.common("patch_deepest", deepest_);
 }
 
@@ -384,7 +381,6 @@ void SmoothContact::restore(const CheckpointReader &in) {
   released_ = in.sum("patch_released", released_.size());
   plastic_ = in.sum("patch_plastic", plastic_.size());
   friction_ = in.sum("patch_friction", friction_.size());
-  gained_ = in.sum("patch_springs", gained_.size());
   deepest_ = in.common("patch_deepest", deepest_.size());
   const double *n = numbers.data();
   patches_.clear();

@@ -91,7 +91,7 @@ class SmoothContact : public PlateContact {
   std::vector<int> in_patches_;                      // tags in patch_of_tag_
   std::vector<char> touching_;                       // by tag, at a look: does it touch by itself?
   std::vector<Vec> moved_;                           // the plate, for a sub-sphere that left a patch, by tag, m
-  std::vector<double> damped_, plastic_, released_, friction_, gained_;  // so far, by agglomerate, J
+  std::vector<double> damped_, plastic_, released_, friction_;  // so far, by agglomerate, J
   std::vector<double> half_work_, half_damped_;      // of this step's dashpots, which the next one does, J
   std::vector<double> deepest_;                      // largest approach over radius so far, by agglomerate
   bool looked_ = false;

@@ -1,0 +1,116 @@
+"""`gangue learn-forces`: what `listen` believes of the forces of one's own rock and plate, from single stones."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.files.readers import read_table
+from analysis.sweep.runs import read_run
+from common.files.output_directory import at_work_in, is_sealed_as, refuse_file
+from common.result import Result
+from common.scene.plate import read_plate
+from common.scene.scene import Scene, changed_scene
+from common.tables import InputError
+from dem.batch.children import run_all
+from dem.batch.sweep import is_finished
+from dem.coupling.launch import check_engine
+from dem.run.run import run_scene
+from recognition.stone_forces.forces import MATERIALS, History, StoneForces
+from recognition.stone_forces.law_file import FORMAT, save_forces
+
+DURATION_s = 2.5e-3  # of a run, and kept of the force: the stone has left
+INNER = 0.72  # of the half sides of the plate: stones fall within
+LEAST = 16  # stones, by which no law was ever fitted
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class LearntForces(Result):
+    """The law that was written, of how many stones of coal and of gangue, and by its run why a stone is not among
+    them."""
+
+    law: Path
+    coal: int
+    gangue: int
+    failed: Mapping[str, str]
+
+    def words(self) -> Iterator[str]:
+        yield f"{self.coal} stones of coal and {self.gangue} of gangue, law written to {self.law}"
+        if self.failed:
+            yield f"WARNING: {len(self.failed)} runs failed: {', '.join(self.failed)}"
+
+
+def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
+                 stones: int = 48, jobs: int = 2) -> LearntForces:
+    """Simulate single stones of a scene's coal and gangue, which fall anywhere on its plate with radii and speeds
+    between limits, and write the law of their forces to `out` (.json). The runs stay in a directory of its name beside
+    it, and are not made again. Raises InputError for bad input, Busy where another process is at work there."""
+    refuse_file(str(out), is_sealed_as(FORMAT))
+    if out.suffix != ".json":
+        raise InputError(f"--out {out}: must end in .json")
+    if not LEAST <= stones <= 10_000:
+        raise InputError(f"--stones {stones}: must be from {LEAST} to 10000")
+    for name, (low, high) in (("radius", radius_m), ("speed", speed_m_s)):
+        if not 0 < low <= high < 100:
+            raise InputError(f"--{name} {low:g} {high:g}: must be two positive numbers, the lower first")
+    check_engine()
+    plate = read_plate(scene_file)
+    places = INNER / 2 * np.array([plate.length_m, plate.width_m])
+    scenes = [changed_scene(scene_file, alone(k % 2 == 1, *values)) for k, values in
+              enumerate(_spread(stones, radius_m, speed_m_s, places))]
+    directory, failed = out.with_suffix(""), dict[str, str]()
+    with at_work_in(directory, "stones") as lock:
+        paths = [directory / f"stone_{k:04d}" for k in range(stones)]
+        missing = [k for k in range(stones) if not is_finished(paths[k], scenes[k])]
+        works = [partial(_run, scenes[k], str(scene_file), paths[k]) for k in missing]
+        for number, code, told in run_all(works, jobs, lock):
+            _log.info("%s: %s", paths[missing[number]], told if code else "finished")
+            if code:
+                failed[paths[missing[number]].name] = told
+    histories = [history_of(path) for path in paths if path.name not in failed]
+    try:
+        save_forces(StoneForces.fit(histories), out)
+    except ValueError as error:
+        raise InputError(f"{scene_file}: {error}") from None
+    gangue = sum(h.gangue for h in histories)
+    return LearntForces(out, len(histories) - gangue, gangue, failed)
+
+
+def alone(gangue: bool, radius_m: float, speed_m_s: float, x_m: float, y_m: float, seed: int) -> dict[str, Any]:
+    """Keys of a scene in which one stone falls."""
+    return {"stones.count": 1, "stones.gangue_order": [1], "stones.gangue_ratio": float(gangue),
+            "stones.positions": [{"x_m": x_m, "y_m": y_m}], "stones.radius_m": radius_m, "stones.speed_m_s": speed_m_s,
+            "stones.seed": seed, "time.duration_s": DURATION_s, "output.view_interval_s": DURATION_s}
+
+
+def history_of(directory: Path) -> History:
+    """The force of the stone of a finished run, and what it was."""
+    run, fast = read_run(directory), read_table(directory / "fast.parquet")
+    step_s = float(fast["t_s"][1] - fast["t_s"][0])
+    force = np.zeros(round(DURATION_s / step_s))
+    found = fast["force_01_N"].to_numpy()[1:len(force) + 1]
+    force[:len(found)] = found
+    material, scene = run.summary.materials[0], run.info["scene"]
+    return History(force, step_s, run.materials[0] == MATERIALS[1], scene["stones"]["radius_m"],
+                   scene["materials"][material]["density_kg_m3"], scene["stones"]["speed_m_s"])
+
+
+def _run(scene: Scene, source: str, out: Path) -> None:
+    run_scene(scene, source, out, show_progress=False, overwrite=True)
+
+
+def _spread(count: int, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
+            places_m: np.ndarray) -> list[tuple[float, float, float, float, int]]:
+    """Radii, speeds, places and seeds: a Latin hypercube, so that few stones are spread as evenly as many."""
+    from scipy.stats import qmc  # late: it takes a second
+
+    low, high = np.transpose([radius_m, speed_m_s, *([-h, h] for h in places_m)])
+    points = low + qmc.LatinHypercube(4, seed=1).random(count) * (high - low)
+    return [(*(float(f"{value:.4g}") for value in row), 30011 + k) for k, row in enumerate(points)]

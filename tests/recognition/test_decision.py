@@ -1,0 +1,68 @@
+"""The test of when to stop drawing, against sums over drawn stones."""
+
+import numpy as np
+import pytest
+
+from recognition.estimation.errors import RecognitionError
+from recognition.stone_forces.law_file import load_forces
+from recognition.stream.decision import Stop, follow, foreseen, mean_stones
+from recognition.stream.prior import StonePrior
+from recognition.stream.stone_law import UNKNOWN, LearntLaw
+from tests.recognition.test_stone_law import fallen, told_of
+
+PRIOR = StonePrior(load_forces(), (0.025, 0.025), (2.0, 4.0))
+STOP = Stop(0.4, 1.0)
+
+
+@pytest.mark.parametrize(("share", "threshold"), [(0.2, 2.0), (0.4, 3.0)])
+def test_mean_time_to_an_alarm_is_that_of_sums(share, threshold):
+    rng = np.random.default_rng(1)
+    coal, gangue = rng.normal(-0.2, 0.1, 150), rng.normal(0.5, 0.2, 150)
+    counts = []
+    for _ in range(400):
+        total, stones = 0.0, 0
+        while total <= threshold:
+            total = max(0.0, total + rng.choice(gangue if rng.random() < share else coal))
+            stones += 1
+        counts.append(stones)
+    found = mean_stones(coal, gangue, share, threshold)
+    assert found == pytest.approx(np.mean(counts), abs=3 * np.std(counts) / 20 + 0.02 * found)
+
+
+def drawing(coal_first, shares, seed):
+    """Stones whose share of gangue follows a list, after known coal."""
+    rng = np.random.default_rng(seed)
+    gangue = np.r_[np.zeros(coal_first), rng.random(len(shares)) < shares] > 0
+    known = np.r_[np.zeros(coal_first, int), np.full(len(shares), UNKNOWN)]
+    return told_of(fallen(gangue, rng), known)
+
+
+def test_an_alarm_comes_soon_after_the_share_is_passed():
+    """A share of 10 % that becomes 60 % after 60 stones."""
+    shares = np.r_[np.full(60, 0.1), np.full(40, 0.6)]
+    found = follow(drawing(30, shares, 1), PRIOR, STOP, 20.0, 0.005)
+    alarms = np.flatnonzero(found.alarm)
+    assert not found.foreseen.unsafe and found.foreseen.false_alarms_1_h <= 1.0
+    assert 60 < alarms[0] < 60 + found.foreseen.delay
+    assert len(found.sum) == 100 and found.sum[alarms[0] + 1] < 1.0  # begins anew
+
+
+def test_too_few_known_stones_are_unsafe():
+    """Coal alone that one does not know may be gangue: no threshold is safe, and there is no alarm."""
+    rng = np.random.default_rng(3)
+    found = follow(told_of(fallen(np.zeros(40) > 0, rng)), PRIOR, STOP, 20.0, 0.005)
+    assert found.foreseen.unsafe and not found.alarm.any()
+
+
+def test_fewer_false_alarms_come_later():
+    told = drawing(30, np.full(30, 0.3), 4)
+    law = LearntLaw.of(told, PRIOR)
+    often, rarely = (foreseen(law, told, Stop(0.4, n), 20.0, 0.005) for n in (10.0, 0.1))
+    assert often.threshold < rarely.threshold and often.delay < rarely.delay
+    assert 0.05 <= rarely.false_alarms_1_h <= 0.1 and often.false_alarms_1_h > 5
+
+
+@pytest.mark.parametrize(("above", "false"), [(0.0, 1.0), (1.0, 1.0), (np.nan, 1.0), (0.4, 0.0), (0.4, np.inf)])
+def test_what_is_asked_must_make_sense(above, false):
+    with pytest.raises(RecognitionError, match="must be from"):
+        Stop(above, false)

@@ -1,0 +1,190 @@
+"""The law of the stones' forces that a record and known stones teach: its parts against independent references, and what
+it makes of stones that are none of those that are told."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import multivariate_t
+
+from lab.streams.stone_kinds import ERROR, hertz
+from recognition.innovations.bank import IMPULSE, TIME, X, Y
+from recognition.stone_forces.law_file import load_forces
+from recognition.stream.posterior import drawn
+from recognition.stream.prior import TRIPLE, StonePrior
+from recognition.stream.stone_law import (
+    APART,
+    BROKEN,
+    CENTRE,
+    DIRECTIONS,
+    DROPPED,
+    GANGUE,
+    MASS,
+    OTHERS,
+    SCATTERS,
+    UNKNOWN,
+    Beliefs,
+    LearntLaw,
+    Told,
+    doubted,
+)
+from recognition.stream.stones import BY_LAW, Known, first_touches, learnt_table, ratio_of
+
+COVARIANCE = np.diag(ERROR**2)
+
+
+@pytest.fixture(scope="module")
+def prior():
+    return StonePrior(load_forces(), (0.025, 0.025), (2.0, 4.0))
+
+
+def fallen(gangue, rng, size=1.0, speed=3.0, faster_coal=1.0):
+    """What is heard of whole stones that follow the simulated law but for size, speed and a scatter of each."""
+    law, n = load_forces(), len(gangue)
+    speeds = speed * np.where(gangue, 1.0, faster_coal) * np.exp(0.05 * rng.standard_normal(n))
+    base = np.array([law.mean(int(g), np.array(0.025), np.array(1.0)) for g in gangue])
+    return base + hertz(size * np.exp(0.05 * rng.standard_normal(n)), speeds) + ERROR * rng.standard_normal((n, 3))
+
+
+def told_of(x, known=None, dropped=None):
+    known = np.full(len(x), UNKNOWN) if known is None else np.asarray(known)
+    return Told(x, np.tile(COVARIANCE, (len(x), 1, 1)), known, np.zeros(len(x), bool) if dropped is None else dropped)
+
+
+def answer(x, prior, known=None):
+    """Interval of the ratio of the stones that are not known, and the law."""
+    told = told_of(x, known)
+    law = LearntLaw.of(told, prior)
+    odds, none = law.materials(told)
+    own = (told.known == UNKNOWN) & (none < 0.5)
+    table = pd.DataFrame(doubted(odds[own], 0.005)).add_prefix(BY_LAW).assign(t_s=0.1 * np.arange(own.sum()))
+    return ratio_of(table), law, told
+
+
+def test_density_of_a_stone_is_that_of_its_classes(prior):
+    """Naively, with SciPy's t distribution: whole and broken stones and lumps of either material, and what is none."""
+    rng, beliefs = np.random.default_rng(1), Beliefs.of(prior)
+    x = fallen(np.array([False, True, True]), rng)
+    told = Told(x, np.array([k * COVARIANCE for k in (1.0, 2.0, 0.5)]), np.array([UNKNOWN, UNKNOWN, 0]),
+                np.array([False, False, True]))
+    z = beliefs.starts(told, rng)[:2]
+    found = beliefs.log_classes(z, told)
+    for k, law in enumerate(z):
+        spread = sum(np.exp(2 * s) * np.outer(d, d) for s, d in zip(law[SCATTERS], DIRECTIONS, strict=False))
+        lump = 0.64 * np.outer(DIRECTIONS[0], DIRECTIONS[0])
+        stones, p = 1 / (1 + np.exp(law[OTHERS])), 1 / (1 + np.exp(-law[GANGUE]))
+        for i in range(3):
+            for m in (0, 1):
+                centre = law[CENTRE] + m * law[APART] + (law[DROPPED] @ DIRECTIONS[:2] if told.dropped[i] else 0)
+                breaks = 1 / (1 + np.exp(-law[BROKEN][m]))
+                naive = sum(share * multivariate_t(mean, shape + told.error[i], df=6).pdf(x[i]) for share, mean, shape in (
+                    (0.97 * (1 - breaks), centre, spread + beliefs.whole),
+                    (0.97 * breaks, centre + beliefs.shift[m], spread + beliefs.broken),
+                    (0.03, centre, spread + beliefs.whole + lump)))
+                share = (p if m else 1 - p) if i < 2 else (0.05 if m else 0.95)
+                assert found[k, i, m] == pytest.approx(np.log(stones * share * naive), rel=1e-9)
+            assert found[k, i, 2] == pytest.approx(np.log((1 - stones) / 216), rel=1e-9)
+
+
+def test_draws_are_of_both_modes():
+    """A posterior of two normal modes ten deviations apart, of which one is three times as likely and half as wide."""
+    def densities(z):
+        near = np.log(0.75) - 0.5 * np.sum((z / 0.5) ** 2, axis=1) - z.shape[1] * np.log(0.5)
+        far = np.log(0.25) - 0.5 * np.sum((z - 5.0) ** 2, axis=1)
+        return np.logaddexp(near, far)[:, None], np.zeros(len(z))
+
+    rng = np.random.default_rng(2)
+    z, worth = drawn(densities, rng.uniform(-3, 8, (20, 3)), np.eye(3), 400, rng)
+    near = z.mean(axis=1) < 2.5
+    assert worth > 300
+    assert near.mean() == pytest.approx(0.75, abs=0.06)
+    assert z[near].std() == pytest.approx(0.5, rel=0.15) and z[~near].std() == pytest.approx(1.0, rel=0.15)
+    assert z[~near].mean() == pytest.approx(5.0, abs=0.2)
+
+
+def test_the_wide_prior_of_the_fit_is_taken_out_again(prior):
+    x, rng = prior.typical + [0.3, 1.0, -0.5], np.random.default_rng(3)
+    root = rng.standard_normal((3, 3)) * 0.05
+    error = root @ root.T + 1e-3 * np.eye(3)
+    covariance = np.linalg.inv(np.linalg.inv(error) + prior.precision)
+    fit = covariance @ (np.linalg.solve(error, x) + prior.precision @ prior.typical)
+    told = Told.of(fit[None], covariance[None], prior, np.array([UNKNOWN]), np.array([False]))
+    assert told.x[0] == pytest.approx(x, abs=3e-3)
+    assert told.error[0] == pytest.approx(error, rel=0.01, abs=2e-6)
+
+
+@pytest.mark.parametrize(("size", "faster_coal", "share"), [(0.88, 1.0, 0.35), (1.0, 1.15, 0.3), (1.1, 1.0, 0.8)])
+def test_stones_that_differ_from_what_is_told(prior, size, faster_coal, share):
+    """Told are 25 mm: they are 22 or 27.5, or coal is faster than gangue."""
+    gangue = np.arange(40) < 40 * share
+    (low, said, high), law, _ = answer(fallen(gangue, np.random.default_rng(4), size, 3.0, faster_coal), prior)
+    assert abs(said - share) < 0.06 and low - 1e-9 <= share <= high + 1e-9
+    assert high - low < 0.2 and law.beyond < 3.5
+
+
+@pytest.mark.parametrize("material", [0, 1])
+def test_one_material_alone_is_told_where_one_knows_some(prior, material):
+    """Without a reference it may be either: the interval holds both answers."""
+    x = fallen(np.r_[np.zeros(12), np.full(30, material)] > 0, np.random.default_rng(5), 0.95, 2.7)
+    low, _, high = answer(x[12:], prior)[0]
+    assert low < 0.05 and high > 0.95
+    (low, said, high), _, _ = answer(x, prior, np.r_[np.zeros(12, int), np.full(30, UNKNOWN)])
+    assert abs(said - material) < 0.05 and high - low < 0.15
+
+
+def test_known_stones_of_the_other_material_are_seen(prior):
+    gangue = np.r_[np.arange(15) < 2, np.arange(40) % 2 == 0]
+    known = np.r_[np.zeros(15, int), np.full(40, UNKNOWN)]
+    (low, said, high), law, told = answer(fallen(gangue, np.random.default_rng(6)), prior, known)
+    assert law.misplaced(told) == 2
+    assert low <= 0.5 <= high and abs(said - 0.5) < 0.05
+
+
+def test_what_is_no_stone_and_lumps_are_told_apart(prior):
+    """One four times as large, and one that is nothing known."""
+    rng = np.random.default_rng(7)
+    x = fallen(np.arange(40) % 2 == 0, rng)
+    x[0] += hertz(4.0, 1.0)
+    x[1] += [-0.6, 3.0, 1.5]
+    told = told_of(x)
+    law = LearntLaw.of(told, prior)
+    none = law.materials(told)[1]
+    assert none[0] < 0.5 < none[1] and np.sum(none > 0.5) <= 2
+    mass = np.exp(law.made_of(told, 1)[0] @ MASS)
+    assert mass[0] / np.median(mass[::2]) == pytest.approx(64, rel=0.25)
+
+
+def test_stones_in_a_table(prior):
+    """Known stones and second touches are not in it; masses as either material are those of spheres."""
+    rng = np.random.default_rng(8)
+    x = fallen(np.arange(20) >= 10, rng)
+    covariance = np.zeros((6, 6))
+    covariance[np.ix_(TRIPLE, TRIPLE)] = np.linalg.inv(np.linalg.inv(COVARIANCE) + prior.precision)
+    heard = []
+    for k, one in enumerate(x):
+        stone = np.zeros(6)
+        stone[TRIPLE], stone[TIME] = one, 1000.0 * k
+        heard.append(SimpleNamespace(stone=stone, covariance=covariance, misfit=1.0))
+    again = SimpleNamespace(**vars(heard[3]) | {"stone": heard[3].stone - np.eye(6)[IMPULSE] + 10 * np.eye(6)[TIME]})
+    elsewhere = replace_place(again, 0.1)
+    assert len(first_touches([*heard[:4], again])) == 4 and len(first_touches([*heard[:4], elsewhere])) == 5
+    table, checks, _ = learnt_table([*heard, again], prior, prior, Known(10), 20e3, 0.005)
+    assert len(table) == 10 and (table["gangue"] > 0.5).all()
+    assert checks["misplaced"] == 0 and checks["none"] == pytest.approx(1 / 11)
+    sphere = 4 / 3 * np.pi * 0.025**3
+    assert table["mass_coal_kg"].median() < table["mass_gangue_kg"].median()
+    assert table["mass_gangue_kg"].median() == pytest.approx(2400 * sphere, rel=0.2)
+    assert learnt_table([], prior, prior, Known(), 20e3, 0.005)[0].empty
+
+
+def replace_place(heard, x_m):
+    stone = heard.stone.copy()
+    stone[X:Y + 1] = x_m
+    return SimpleNamespace(**vars(heard) | {"stone": stone})
+
+
+def test_a_wider_prior_holds_what_is_told(prior):
+    wide = replace(prior, speed_m_s=(3.0, 3.0)).widened()
+    assert wide.radius_m == pytest.approx((0.02, 0.03125)) and wide.speed_m_s == pytest.approx((3 / 1.15, 3.45))
