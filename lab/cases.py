@@ -102,6 +102,8 @@ CASES = {case.name: case for case in (
          (*METHODS, "recognition/evaluation", "lab/recognition/baselines.py")),
     Case("anti_alias", "lab.recognition.anti_alias", "filter before the samples of the paper's runs", "samples without it",
          (*METHODS, "analysis/signals", "report")),
+    Case("recognise_families", "lab.recognition.evaluation", "how much stones differ, 44 runs a family", "the true ratio",
+         (*METHODS, "recognition/evaluation", "scenes/dataset.toml", "lab/recognition/superposed.py")),
     Case("error_bounds", "lab.recognition.evaluation", "noise and scatter", "the least error of any method",
          (*METHODS, "lab/recognition/error_bounds.py")),
     Case("real_records", "lab.real.records", "balls, hammer hits, a ramp that others measured", "what was struck",

@@ -34,7 +34,7 @@ from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import channel_faults, samples_before_impact
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 9
+VERSION = 10
 MOST_BYTES = 1e9
 NOT_APPLICABLE = "not applicable"
 

@@ -244,7 +244,8 @@ def _forces_of(forces: list[ForceRecord], to_bins: Floats, groups: Floats, gangu
     hat functions."""
     steps = to_bins.shape[1]
     of = [record.from_arrival_N[record.gangue == gangue, :steps] for record in forces]
-    force = np.vstack([one @ to_bins.T * (middle_m_s / record.speed_m_s) for one, record in zip(of, forces, strict=True)])
+    force = np.vstack([one @ to_bins.T * (middle_m_s / record.speed_m_s)
+                       for one, record in zip(of, forces, strict=True)])
     speed = np.concatenate([np.full(np.sum(record.gangue == gangue), record.speed_m_s) for record in forces])
     different = {(group, stone) for record, group in zip(forces, groups, strict=True)
                  for stone in np.flatnonzero(record.gangue == gangue)}

@@ -114,7 +114,7 @@ def test_evaluation_csv(synthetic_set):
     many = found[(found["case"] == "clean") & found["noise_db"].isna()].set_index("method")
     assert (many["n"] == 25).all() and (many["answered"] == 25).all()
     assert (many["mean_abs_error_points"] < 4).all() and (many["worst_points"] >= many["p95_points"]).all()
-    assert np.isnan(many.loc["energy_fusion_modified", "coverage_90"]) and many.loc["rms_line", "coverage_90"] > 0.7
+    assert (many["coverage_90"] > 0.7).all()
     free = found[found["case"] == "free alone"]
     assert free["reason"].str.contains("no run of the families free").all()
 
