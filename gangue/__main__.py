@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 
 from common.process.command import imports, listen_for_interrupt, run_command
-from common.process.messages import show_messages
+from common.process.messages import show_messages, told
 from gangue.commands import COMMANDS
 from gangue.parser import PROGRAM, parser_of
 
@@ -36,7 +36,8 @@ def _command(words: list[str], package: str) -> int:
         parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     show_messages(quiet)
     with _output_aside(quiet) if quiet or as_json else contextlib.nullcontext():
-        with imports():  # also for the runs of a sweep, which are copies of this process
+        starts = f"{command} starts" if sys.stderr.isatty() else ""  # which takes seconds on a busy machine
+        with imports(), told(starts):  # also for the runs of a sweep, which are copies of this process
             function = COMMANDS[command].load()
         result = function(**options)
     if as_json:

@@ -27,6 +27,7 @@ from recognition.stone_forces.law_file import FORMAT, save_forces
 
 DURATION_s = 2.5e-3  # of a run, and kept of the force: the stone has left
 INNER = 0.72  # of the half sides of the plate: stones fall within
+FIRST_SEED = 30011
 LEAST = 16  # stones, by which no law was ever fitted
 _log = logging.getLogger(__name__)
 
@@ -63,7 +64,7 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
     check_engine()
     plate = read_plate(scene_file)
     places = INNER / 2 * np.array([plate.length_m, plate.width_m])
-    scenes = [changed_scene(scene_file, alone(k % 2 == 1, *values)) for k, values in
+    scenes = [changed_scene(scene_file, alone(k % 2 == 1, FIRST_SEED + k, *values)) for k, values in
               enumerate(_spread(stones, radius_m, speed_m_s, places))]
     directory, failed = out.with_suffix(""), dict[str, str]()
     with at_work_in(directory, "stones") as lock:
@@ -83,10 +84,10 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
     return LearntForces(out, len(histories) - gangue, gangue, failed)
 
 
-def alone(gangue: bool, radius_m: float, speed_m_s: float, x_m: float, y_m: float, seed: int) -> dict[str, Any]:
+def alone(gangue: bool, seed: int, radius_m: float, speed_m_s: float, x_m: float, y_m: float) -> dict[str, Any]:
     """Keys of a scene in which one stone falls."""
     return {"stones.count": 1, "stones.gangue_order": [1], "stones.gangue_ratio": float(gangue),
-            "stones.positions": [{"x_m": x_m, "y_m": y_m}], "stones.radius_m": radius_m, "stones.speed_m_s": speed_m_s,
+            "stones.positions": [[x_m, y_m]], "stones.radius_m": radius_m, "stones.speed_m_s": speed_m_s,
             "stones.seed": seed, "time.duration_s": DURATION_s, "output.view_interval_s": DURATION_s}
 
 
@@ -107,10 +108,10 @@ def _run(scene: Scene, source: str, out: Path) -> None:
 
 
 def _spread(count: int, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
-            places_m: np.ndarray) -> list[tuple[float, float, float, float, int]]:
-    """Radii, speeds, places and seeds: a Latin hypercube, so that few stones are spread as evenly as many."""
+            places_m: np.ndarray) -> list[tuple[float, ...]]:
+    """Radii, speeds and places: a Latin hypercube, so that few stones are spread as evenly as many."""
     from scipy.stats import qmc  # late: it takes a second
 
     low, high = np.transpose([radius_m, speed_m_s, *([-h, h] for h in places_m)])
     points = low + qmc.LatinHypercube(4, seed=1).random(count) * (high - low)
-    return [(*(float(f"{value:.4g}") for value in row), 30011 + k) for k, row in enumerate(points)]
+    return [tuple(float(f"{value:.4g}") for value in row) for row in points]

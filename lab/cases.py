@@ -88,6 +88,8 @@ CASES = {case.name: case for case in (
     Case("listening_plates", "lab.streams.listening", "plate that is tapped", "the true ratio", HEARD),
     Case("listening_differences", "lab.streams.listening", "what `listen` is not told", "the true ratio", HEARD),
     Case("listening_noise", "lab.streams.listening", "noise of a machine, and faults in it", "the true ratio", HEARD),
+    Case("stopping", "lab.streams.stopping", "share of gangue over time, stones and what one knows of them",
+         "when the share is passed", ("recognition/stone_forces", "recognition/stream", "lab/streams/stone_kinds.py")),
     Case("stone_kinds", "lab.streams.stone_kinds", "stones of a stream, and what one knows of them", "the true ratio",
          ("recognition/stone_forces", "recognition/stream", "lab/known_truth/data")),
     Case("volleys", "lab.streams.volleys", "runs, on tapped plates", "the true ratio", (*HEARD, "recognition/volley")),
@@ -113,4 +115,6 @@ CASES = {case.name: case for case in (
     Case("rod_joint", "lab.plate.rod_joint", "radius and modulus of a rod, Poisson's ratio", "plate and beam theory", ()),
     Case("solid_plate", "lab.plate.solid_plate", "symmetry of the plate as a solid", "CalculiX",
          ("tests/plate_fem/solid.py",)),
+    Case("joints", "lab.plate.joints", "joints of the paper's rods", "rods that are rigidly tied", PLATE),
+    Case("solids", "lab.plate.solids", "plate on rods", "CalculiX", ("plate_fem", "tests/plate_fem/solid.py")),
 )}

@@ -14,7 +14,7 @@ from scipy.interpolate import make_interp_spline
 from common.files.cache import cached, key_of
 from common.scene.plate import FlexiblePlate
 from common.tables import Refused
-from plate_fem.elements import hermite
+from plate_fem.elements import products
 from plate_fem.elements.mesh import highest_frequency_Hz
 from plate_fem.solution.mode_count import MODES_AT_MOST, refuse_too_many_modes
 
@@ -104,7 +104,7 @@ class PlateModes:
 
     def shape_at(self, points_m: np.ndarray) -> np.ndarray:
         """Return the deflection (k, n) of the modes at points (k, 2)."""
-        rows = hermite.interpolation(self.lines_x_m, self.lines_y_m, points_m)
+        rows = products.deflections(self.lines_x_m, self.lines_y_m).values(points_m)
         return rows @ self.nodal.reshape(-1, self.nodal.shape[2])
 
     def grid(self, spacing_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -208,7 +208,7 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
 
 
 def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_dir: Path | None) -> PlateModes:
-    from plate_fem.elements.system import sways
+    from plate_fem.elements.in_plane import sways
     from plate_fem.solution.model import build_model  # late: most modes are in the cache
     from plate_fem.solution.residual import load_rows, residual_modes
     from plate_fem.solution.stress_recovery import modal_surface_stress
@@ -233,7 +233,7 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
         lines_x_m=system.lines_x_m,
         lines_y_m=system.lines_y_m,
         nodal=nodal,
-        mean_shape=np.tensordot(hermite.integration(system.lines_x_m, system.lines_y_m), nodal, 2) / area,
+        mean_shape=system.deflections.integrals @ u[: 4 * system.n_nodes] / area,
         rod_force=model.rod_force @ vectors * sign,
         surface_stress=modal_surface_stress(system, u),
         mass_kg=plate.density_kg_m3 * plate.thickness_m * area,

@@ -27,16 +27,6 @@ def energy_left_out(max_frequency_Hz: float, contact_time_s: float) -> float:
     return float(np.interp(max_frequency_Hz * contact_time_s, cut_off, share))
 
 
-def frequency_for(tolerance: float, contact_time_s: float) -> float:
-    """Return the lowest max_frequency_Hz at which `energy_left_out` is at most `tolerance` (1e-6 to 0.5).
-
-    >>> f"{energy_left_out(frequency_for(0.01, contact_time_s=2e-4), contact_time_s=2e-4):.3f}"
-    '0.010'
-    """
-    cut_off, share = _pulse_share()
-    return float(np.interp(-tolerance, -share, cut_off)) / contact_time_s
-
-
 @cache
 def _pulse_share() -> tuple[np.ndarray, np.ndarray]:
     """As `_found_pulse_share`, from the user's cache if it is there."""

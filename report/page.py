@@ -4,7 +4,7 @@ claims.csv beside it. Every number on it is of these runs."""
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -148,7 +148,7 @@ def _of_impacts(results: SweepResults) -> Content:
 
         first = chapter.ANSWER
         chapters.append(("Recognition", chapter.RECOGNITION_FIGURES, chapter.RECOGNITION_TABLES))
-    if ratios >= LEAST_TREND and all(map(is_papers, runs)):
+    if ratios >= LEAST_TREND and are_papers(runs):
         from report.statements import STATEMENTS as statements
         chapters.append(("With stones that vary", [], [variation.VARYING]))
     of_chapters: list[FigureSpec | TableSpec] = []
@@ -198,10 +198,10 @@ def _film(runs: list[Run], index: int, main: int, wanted: tuple[Series, ...]) ->
     return pack_films(run, network, (1 + (index == main)) / (1 + len(runs)), wanted), picture
 
 
-def is_papers(run: Run) -> bool:
-    """Is the physics of a run's scene that of the paper, whatever the scene's name is?"""
-    papers = read_scene(resource("scenes") / "paper.toml").model_dump(mode="json")
-    return _physics(run.scene.as_json()) == _physics(papers)
+def are_papers(runs: Sequence[Run]) -> bool:
+    """Is the physics of the runs' scenes that of the paper, whatever the scenes' names are?"""
+    papers = _physics(read_scene(resource("scenes") / "paper.toml").model_dump(mode="json"))
+    return all(_physics(run.scene.as_json()) == papers for run in runs)
 
 
 def _physics(scene: dict[str, Any]) -> dict[str, Any]:
@@ -268,11 +268,12 @@ def numbers(results: SweepResults, recognises: bool) -> list[Number]:
 
 def _held_out(results: SweepResults) -> Number:
     """Return the error of the method that answers most runs, trained on the other ratios."""
-    from report.recognition.results import HELD_OUT
+    from report.recognition.results import HELD_OUT, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
 
     words = "mean error of the ratio, trained on the other ratios"
     try:
-        error = np.abs(results.recognition.errors_points(HELD_OUT, results.recognition.leading_method))
+        leading = results.recognition.leading_of((*MODEL_METHODS_WITH_INTERVAL, *MODEL_METHODS))
+        error = np.abs(results.recognition.errors_points(HELD_OUT, leading))
     except MISSING_RESULT as reason:
         return Number("-", f"{words}: {reason}")
     if not error.size:

@@ -95,6 +95,11 @@ class SweepResults:
         """Whether each stone is gangue, shape (runs, stones) of bool."""
         return np.array([[name == "gangue" for name in run.materials] for run in self.runs])
 
+    @property
+    def kinds(self) -> list[str]:
+        """What fell in any run: coal, gangue or both."""
+        return [name for name, one in (("coal", False), ("gangue", True)) if np.any(self.is_gangue == one)]
+
     def mean_by_material(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Return the mean over the coal and over the gangue stones of each run, shape (runs,) each.
 

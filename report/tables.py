@@ -58,11 +58,12 @@ def finish_table(spec: TableSpec, results: SweepResults) -> FinishedTable:
 
 
 def materials(results: SweepResults) -> Cells:
-    """Return the elastic parameters of coal, gangue and plate, from the scene."""
+    """Return the elastic parameters of what fell and of the plate, from the scene."""
     setup = results.theory.setup
+    shown = {kind: setup.rocks[kind] for kind in results.kinds}
     rows = [
         [name, f"{m.density_kg_m3:g}", f"{1e-9 * m.youngs_modulus_Pa:g}", f"{m.poisson_ratio:g}"]
-        for name, m in {**setup.rocks, "plate": setup.plate}.items()
+        for name, m in {**shown, "plate": setup.plate}.items()
     ]
     header = ["", "density, kg/m³", "E, GPa", "Poisson's ratio"]
     return header, rows

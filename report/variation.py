@@ -3,13 +3,12 @@ which are a data set beside the sweep."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from analysis import Run, read_run
 from analysis.signals.features import rms
 from analysis.sweep import breakage
+from common.scene.stones import KINDS
 from recognition.estimation.window import WINDOW_S
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
@@ -18,7 +17,6 @@ from report.trends import spearman
 
 BESIDE = "natural"
 PLAN = "scenes/dataset_natural.toml"
-KINDS = ("coal", "gangue")
 
 
 def one_stone(results: SweepResults) -> Cells:
@@ -43,27 +41,18 @@ def _span(results: SweepResults, chosen: np.ndarray, key: str) -> str:
     return " to ".join(dict.fromkeys((f"{known.min():.2g}", f"{known.max():.2g}"))) if known.size else "-"
 
 
-def _area_cm2(run: Run) -> np.ndarray:
-    return np.asarray(1e4 * breakage.broken_area_m2(run, WINDOW_S))
-
-
-def _area_of_one_cm2(kind: str) -> Callable[[Run], float]:
-    def area(run: Run) -> float:
-        own = _area_cm2(run)[np.array(run.materials) == kind]
-        return float(own.mean()) if own.size else np.nan
-
-    return area
-
-
-#: Of one run, each over the paper's window.
-QUANTITIES: dict[str, Callable[[Run], float]] = {
-    "crack area of all stones, cm²": lambda run: float(_area_cm2(run).sum()),
-    "crack area of one coal, cm²": _area_of_one_cm2("coal"),
-    "crack area of one gangue, cm²": _area_of_one_cm2("gangue"),
-    "peak total force, kN": lambda run: 1e-3 * run.peak("force_N"),
-    "peak kinetic energy of the plate, J": lambda run: run.peak("kinetic_J"),
-    "RMS of the plate's acceleration, m/s²": lambda run: rms(run.record("a_m_s2").values[run.t_s <= WINDOW_S]),
-}
+def quantities(run: Run) -> dict[str, float]:
+    """What is compared of a run, over the paper's window; NaN where it has no stone of a kind."""
+    area_cm2 = 1e4 * breakage.broken_area_m2(run, WINDOW_S)
+    own = {kind: area_cm2[np.array(run.materials) == kind] for kind in KINDS}
+    of_one = {kind: float(area.mean()) if area.size else np.nan for kind, area in own.items()}
+    return {
+        "crack area of all stones, cm²": float(area_cm2.sum()),
+        "crack area of one coal, cm²": of_one["coal"],
+        "crack area of one gangue, cm²": of_one["gangue"],
+        "peak total force, kN": 1e-3 * run.peak("force_N"),
+        "peak kinetic energy of the plate, J": run.peak("kinetic_J"),
+        "RMS of the plate's acceleration, m/s²": rms(run.record("a_m_s2").values[run.t_s <= WINDOW_S])}
 
 
 def varying(results: SweepResults) -> Cells:
@@ -73,12 +62,11 @@ def varying(results: SweepResults) -> Cells:
     ratios = np.array([run.gangue_ratio for run in runs])
     half = results.index_nearest(0.5)
     near = np.flatnonzero(np.abs(ratios - results.ratios[half]) < 0.05)
-    rows = []
-    for name, value_of in QUANTITIES.items():
-        here = np.array([value_of(run) for run in results.runs])
-        there = np.array([value_of(run) for run in runs])
-        rows.append([name, f"{here[half]:.3g}", _with_deviation(there[near]), _rank(results.ratios, here),
-                     _rank(ratios, there)])
+    rows, here, there = [], [quantities(run) for run in results.runs], [quantities(run) for run in runs]
+    for name in here[half]:
+        own, beside = (np.array([one[name] for one in every]) for every in (here, there))
+        rows.append([name, f"{own[half]:.3g}", _with_deviation(beside[near]), _rank(results.ratios, own),
+                     _rank(ratios, beside)])
     count = f"{len(near)} draws"
     return ["", f"{results.ratios[half]:.0%}: this sweep", f"{results.ratios[half]:.0%}: {count}",
             "Spearman with the ratio: this sweep", f"Spearman: {len(runs)} runs"], rows
@@ -99,11 +87,13 @@ def _rank(ratios: np.ndarray, values: np.ndarray) -> str:
 
 def _with_deviation(values: np.ndarray) -> str:
     known = values[np.isfinite(values)]
-    return f"{known.mean():.3g} ± {known.std(ddof=1):.2g}" if known.size > 1 else "-"
+    if known.size < 2 or np.ptp(known) <= 1e-12 * np.abs(known).max():  # nothing differs but by rounding
+        return f"{known[0]:.3g}" if known.size else "-"
+    return f"{known.mean():.3g} ± {known.std(ddof=1):.2g}"
 
 
 ONE_STONE = TableSpec("table-one-stone", "Breakage of one stone", (
-    "Mean and standard deviation over all stones of all runs. Below a fragment size of 2.3 sub-spheres, what breaks"
+    "Mean and standard deviation of all stones. Below a fragment size of 2.3 sub-spheres, what breaks"
     " depends on the number of sub-spheres; near the critical speed, at which stones fall apart, on the single stone."),
     one_stone)
 VARYING = TableSpec("table-varying", "What natural scatter makes of it", (

@@ -255,14 +255,15 @@ film.drawCurves = function (root, series) {
     let low = 0, high = 0;
     for (const v of value) { low = Math.min(low, v); high = Math.max(high, v); }
     const span = high - low || 1, points = [];
+    const shown = (v) => page.digits(unit * span * Math.round(1000 * v / span) / 1000);  // no more than can be seen
     for (let k = 0; k < t.length; k++) {
       points.push(`${(left + along * t[k] / series.end).toFixed(1)},${(3 + (height - 6) * (high - value[k]) / span).toFixed(1)}`);
     }
     const zero = (3 + (height - 6) * high / span).toFixed(1);
     const box = document.createElement("div");
     box.className = "curve";
-    box.innerHTML = `<div class="curve-title"><span>${title}</span><span>${page.digits(unit * low)} to ` +
-      `${page.digits(unit * high)}</span></div><svg viewBox="0 0 ${width} ${height}" preserveAspectRatio="none">` +
+    box.innerHTML = `<div class="curve-title"><span>${title}</span><span>${shown(low)} to ` +
+      `${shown(high)}</span></div><svg viewBox="0 0 ${width} ${height}" preserveAspectRatio="none">` +
       `<line class="zero" x1="0" x2="${width}" y1="${zero}" y2="${zero}"/><polyline points="${points.join(" ")}"/>` +
       `</svg><i class="cursor"></i>`;
     return box;

@@ -19,6 +19,7 @@ from common import hertz
 from common.channels import force_column
 from common.files.cache import user_cache
 from common.scene.plate import FlexiblePlate
+from common.tables import InputError, check
 from plate_fem.contact_stress import HertzContact, total_stress, von_mises_3d
 from plate_fem.modes import PlateModes, modes_for_loads, plate_modes
 from plate_fem.motion import ModalMotion
@@ -53,9 +54,9 @@ def flexible_plate(run: Run) -> FlexiblePlate:
     if plate.max_frequency_Hz is None:
         raise RecordError(f"{run.path}/run.json: scene.plate.max_frequency_Hz = None; needs the run's own")
     try:
-        return FlexiblePlate.model_validate(plate.as_json())
-    except ValueError as error:
-        raise RecordError(f"{run.path}/run.json: scene.plate: {' '.join(str(error).split())}") from None
+        return check(FlexiblePlate, plate.as_json(), run.path / "run.json", "scene.plate")
+    except InputError as error:
+        raise RecordError(str(error)) from None
 
 
 def static_compliance_m_N(modes: PlateModes, points_m: np.ndarray) -> np.ndarray:

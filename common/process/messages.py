@@ -15,7 +15,7 @@ LEVEL = "GANGUE_LOG_LEVEL"
 PACKAGES = ("common", "dem", "plate_fem", "analysis", "recognition", "report")
 
 
-PATIENCE_s, LOG_s = 0.1, 5.0  # with a stage that is not named yet, on a terminal and in a log
+PATIENCE_s, LOG_s = 0.1, 0.9  # with a stage that is not named yet, on a terminal and in a log
 
 
 class _Terminal(logging.Handler):

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from common.scene.distribution import Spread, refuse_outside
 from common.tables import Positive, Table, about
 
+LEAST_RESTITUTION = 0.051  # LIGGGHTS refuses 0.05 and less
 FACTORS = ("radius_factor", "density_factor", "youngs_modulus_factor", "strength_factor", "speed_factor")
 OF_DRAWN = ("radius_factor", "speed_factor", "place_m", "arrival_s")  # what drawn stones have in their own table
 
@@ -34,7 +35,8 @@ class ScatterTable(Table):
     def _within_bounds(self) -> Self:
         for key in FACTORS:
             refuse_outside(key, getattr(self, key), 0.05, 20.0, "must be from 0.05 to 20")
-        refuse_outside("restitution", self.restitution, 0.051, 1.0, "must be from 0.051 to 1")
+        refuse_outside("restitution", self.restitution, LEAST_RESTITUTION, 1.0,
+                       f"must be from {LEAST_RESTITUTION:g} to 1")
         refuse_outside("arrival_s", self.arrival_s, 0.0, 1e6, "must be from 0 to 1e6")
         return self
 

@@ -33,8 +33,8 @@ from scipy.optimize import brentq
 from common.files.output_directory import stamped
 from common.files.whole import write_text
 from common.scene.scene import MaterialTable, Scene, contact_key, scene_hash
-from common.tables import InputError, Positive, Table, check, read_toml, refused_in
-from dem.calibration.lab_sheet import TARGETS, find_sheet, scene_with
+from common.tables import InputError, Positive, Table, check, refused_in
+from dem.calibration.lab_sheet import find_sheet, scene_with
 from dem.calibration.virtual_tests import (
     Rock,
     Specimen,
@@ -217,14 +217,6 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
     write_text(out / f"{rock}.toml", stamped(calibration_toml(found, scene, material, rock, target), "# {}"))
     shutil.rmtree(work)
     return found
-
-
-def read_target(rock: str, file: Path = TARGETS) -> TargetTable:
-    """The strengths to be met. Raises InputError."""
-    tables = read_toml(file)
-    if rock not in tables:
-        raise InputError(f"{file}: {rock} is missing: a table with the strengths of the rock must be given")
-    return check(TargetTable, tables[rock], file, where=rock)
 
 
 def _fit(scene: Scene, material: str, target: TargetTable, laboratory: _Laboratory) -> Calibration:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,17 +16,16 @@ from common.scene.scene import Scene
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
 from dem.stones.bonds import CRACK_AREA
 from dem.stones.stone import Stone, impact_speed_m_s
-from plate_fem.elements import mesh
+from plate_fem.elements import in_plane, mesh
 from plate_fem.elements.joints import joint_range
-from plate_fem.solution.mode_count import least_modes
 
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
 LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are within 10 % of those of finer stones
-CRITICAL_SPEED = 0.84  # at which stones fall apart, over `breaking_speed_m_s`: the laboratory's `critical_speed`
+CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
-LEAST_SPAN, FIRST_MODES = 10, 10  # the shorter side in thicknesses; modes among which one within the plane matters
+LEAST_SPAN = 10  # the shorter side in thicknesses
 MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its modes; of the impulse
 
 
@@ -65,13 +63,14 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
     """One line for each reason for which the plate's modes are not to be trusted; `left_out` is the share of energy
     above max_frequency_Hz, which is known."""
     shorter, highest_Hz = min(plate.length_m, plate.width_m), mesh.highest_frequency_Hz(plate)
-    in_plane_Hz, lines = mesh.first_in_plane_Hz(plate), []
+    lines = []
     if shorter < LEAST_SPAN * plate.thickness_m:
         lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is "
                      f"{shorter / plate.thickness_m:.3g} of it; theories of plates are for {LEAST_SPAN} and more")
-    if in_plane_Hz < highest_Hz and least_modes(plate, in_plane_Hz) < FIRST_MODES:
-        lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about {in_plane_Hz:.2g} "
-                     f"Hz on, are left out, and the first is among the lowest {FIRST_MODES}")
+    if in_plane.first_is_low(plate) and not in_plane.sways(plate):
+        lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about "
+                     f"{in_plane.first_Hz_of(plate):.2g} Hz on, are left out, since no rod ties them to bending; the "
+                     f"first is among the lowest {in_plane.LOWEST}")
     if mesh.choose_theory(plate) == "kirchhoff" and mesh.kirchhoff_error(plate) > mesh.SHEAR_ERROR_ALLOWED:
         lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is "
                      f"{mesh.kirchhoff_error(plate):.2g} too high; 'auto' allows {mesh.SHEAR_ERROR_ALLOWED:g}")
@@ -105,52 +104,36 @@ def momentum_warnings(missing: float | None) -> list[str]:
             f"motion of plate and rods, nor damped; at most {MOST_MISSING:g} is the record's"]
 
 
-def fragment_resolution(scene: Scene, assembly: Assembly) -> list[float | None]:
-    """Of each stone the size of fragments over the diameter of its sub-spheres, both means; None where bonds snap or
-    never break. The size is Grady's (1982, J. Appl. Phys. 53:322), (24 G/(rho rate^2))^(1/3), with the energy G of a
-    crack's area and the rate of strain v/R."""
+def breakage_scales(scene: Scene, assembly: Assembly) -> dict[str, list[float | None]]:
+    """By their keys in run.json, of each stone, None where bonds snap or never break:
+
+    The size of fragments over the diameter of its sub-spheres, both means. The size is Grady's (1982, J. Appl. Phys.
+    53:322), (24 G/(rho rate^2))^(1/3), with the energy G of a crack's area and the rate of strain v/R.
+    Its speed over that at which its largest fragment falls below 0.7 of its mass on a rigid plate, CRITICAL_SPEED
+    sqrt(sigma/rho) (G/(sigma R))^0.2 with the bonds' tensile strength sigma: measured on rocks and sizes.
+    """
     mean_m = np.bincount(assembly.agglomerate, assembly.radius_m) / assembly.sizes / CONTACT_RADIUS_RATIO
-    rate = np.array([impact_speed_m_s(stone, assembly.gravity_m_s2) / stone.radius_m for stone in assembly.stones])
-    return [None if rock is None else float((24 * rock.crack_J_m2 / (rock.density_kg_m3 * rate[k]**2)) ** (1 / 3)
-                                            / (2 * mean_m[k]))
-            for k, rock in enumerate(_softening(scene, stone) for stone in assembly.stones)]
-
-
-def speed_over_critical(scene: Scene, assembly: Assembly) -> list[float | None]:
-    """Of each stone its speed over that at which its largest fragment falls below 0.7 of its mass on a rigid plate;
-    None where bonds snap or never break."""
-    return [None if rock is None else impact_speed_m_s(stone, assembly.gravity_m_s2)
-            / (CRITICAL_SPEED * rock.breaking_speed_m_s(stone.radius_m))
-            for stone, rock in ((stone, _softening(scene, stone)) for stone in assembly.stones)]
-
-
-@dataclass(frozen=True)
-class _Softening:
-    """A stone's rock: tensile strength of its bonds, the energy of a crack's area."""
-
-    density_kg_m3: float
-    strength_Pa: float
-    crack_J_m2: float
-
-    def breaking_speed_m_s(self, radius_m: float) -> float:
-        """sqrt(strength/density) times a power of the crack energy over that which strength alone would give a crack as
-        large as the stone: measured on rocks, sizes and crack energies, it knows no modulus."""
-        return float(np.sqrt(self.strength_Pa / self.density_kg_m3)
-                     * (self.crack_J_m2 / (self.strength_Pa * radius_m)) ** 0.2)
-
-
-def _softening(scene: Scene, stone: Stone) -> _Softening | None:
-    bond, table = scene.materials[stone.material].bond, scene.stones.agglomerate
-    if table is None or table.unbreakable or bond is None or bond.fracture_energy_J_m2 is None:
-        return None
-    factor = stone.strength_factor
-    return _Softening(density_kg_m3(scene, stone), bond.tensile_strength_Pa * factor,
-                      CRACK_AREA * bond.fracture_energy_J_m2 * factor**2)
+    sizes, speeds = list[float | None](), list[float | None]()
+    for stone, radius_m in zip(assembly.stones, mean_m, strict=True):
+        bond, table = scene.materials[stone.material].bond, scene.stones.agglomerate
+        if table is None or table.unbreakable or bond is None or bond.fracture_energy_J_m2 is None:
+            sizes.append(None)
+            speeds.append(None)
+            continue
+        crack = CRACK_AREA * bond.fracture_energy_J_m2 * stone.strength_factor**2
+        strength, density = bond.tensile_strength_Pa * stone.strength_factor, density_kg_m3(scene, stone)
+        speed = impact_speed_m_s(stone, assembly.gravity_m_s2)
+        size_m = (24 * crack / (density * (speed / stone.radius_m) ** 2)) ** (1 / 3)
+        critical = CRITICAL_SPEED * np.sqrt(strength / density) * (crack / (strength * stone.radius_m)) ** 0.2
+        sizes.append(float(size_m / (2 * radius_m)))
+        speeds.append(float(speed / critical))
+    return {"fragment_size_over_subsphere": sizes, "speed_over_critical": speeds}
 
 
 def warnings_of_fragments(scene: Scene, assembly: Assembly) -> list[str]:
     """A line where fragments would be too small for the sub-spheres of their stone."""
-    resolved = [(ratio, k) for k, ratio in enumerate(fragment_resolution(scene, assembly)) if ratio is not None]
+    resolved = [(ratio, k) for k, ratio in enumerate(breakage_scales(scene, assembly)["fragment_size_over_subsphere"])
+                if ratio is not None]
     ratio, k = min(resolved, default=(np.inf, 0))
     if ratio >= LEAST_RESOLUTION:
         return []

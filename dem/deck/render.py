@@ -257,9 +257,9 @@ def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
     the second ones, and so on, pack to half the room, without loss."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
     x, y, upwards = modes.grid(SHAPE_GRID * cell)
-    shapes = [upwards]
+    shapes = [upwards]  # a list takes an array by `extend` alone: + adds their numbers
     if with_lateral and len(modes.lateral):
-        shapes += modes.lateral_grid(x, y).transpose(2, 0, 1, 3)
+        shapes.extend(modes.lateral_grid(x, y).transpose(2, 0, 1, 3))
     packer = zlib.compressobj(1)
     with open(file, "wb") as out:
         np.array([len(x), len(y), len(shapes), upwards.shape[2]], dtype="<i8").tofile(out)

@@ -51,7 +51,7 @@ class PreparedRun:
         return self.modes is not None
 
 
-def told(source: str, warnings: list[str]) -> list[str]:
+def warned(source: str, warnings: list[str]) -> list[str]:
     """The warnings, told on the error output too."""
     for line in warnings:
         print(f"warning: {source}: {line}", file=sys.stderr)
@@ -85,7 +85,7 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     """
     stages, stones = Stages(shown=scene.name if show_progress else ""), stones_of(scene, source)
     _refuse_late(stones, scene, source)
-    warnings = told(source, warnings_of(scene, stones))
+    warnings = warned(source, warnings_of(scene, stones))
 
     resolved = scene
     if scene.plate.model == "flexible":
@@ -102,13 +102,13 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     with stages("packing"):
         with refused_in(source, "stones.agglomerate"):
             assembly = assemble(scene, stones, cache, seek_modes)
-    warnings += told(source, warnings_of_fragments(scene, assembly))
+    warnings += warned(source, warnings_of_fragments(scene, assembly))
     limits = step_limits(scene, assembly, source)
     modes, mobility = None, None
     if resolved.plate.model == "flexible":
         with stages("modes"):
             left_out = energy_left_out(highest_frequency_Hz(resolved.plate), stone_contact_time_s(scene, assembly))
-            warnings += told(source, warnings_of_plate(resolved.plate, left_out))
+            warnings += warned(source, warnings_of_plate(resolved.plate, left_out))
             with refused_in(source, "plate"):
                 modes = modes_for_loads(resolved.plate, cache, places_m(stones))
         mobility = mobility_of_stones_1_kg(modes, stones)

@@ -5,17 +5,20 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from math import exp
 
 from common.process.messages import told
 
 _log = logging.getLogger(__name__)
 INTERVAL_s = 0.5  # between two lines on a terminal; a log gets one a tenth
-IMPACT_s = 2e-3  # from the arrival of a stone to flights of what is left of it
-FLIGHTS, GUESS = 0.7, 0.02  # guess of the wall time of all flights over that of all impacts, and its weight
+IMPACT_s = 1.2e-3  # from the arrival of a stone until it has left the plate and rings no more
+FLIGHT_s = 1e-4  # so long nothing touches the plate: the engine asks only then again where it is
+# Until the run itself tells: speed while stones ring over that in contact, and of flights in s a simulated second.
+RINGING, FLIGHT = 0.5, 5.0
 
 
 @dataclass
@@ -39,52 +42,71 @@ class Stages:
 
 
 class Progress:
-    """Says how far the run `name` of `duration_s` simulated seconds is, if `shown`. Stones arrive at `arrivals_s`.
+    """Says how far the run `name` of `duration_s` simulated seconds is, if `shown`. Stones arrive at `arrivals_s`
+    and are in contact for `contact_s`.
 
-    While a stone strikes and breaks the engine is many times slower than while all fly, so the time left is that of the
-    impacts to come and that of the flights, each by its own speed so far, that of the flights first guessed."""
+    While a stone strikes and breaks the engine is a thousand times slower than while all fly. So the time left is that
+    of the impacts to come, each as long as those so far, and that of all else, by its own speed so far."""
 
     def __init__(self, name: str, duration_s: float, shown: bool, arrivals_s: Iterable[float] = (0.0,),
-                 clock: Callable[[], float] = time.monotonic):
+                 contact_s: float = 0.0, clock: Callable[[], float] = time.monotonic):
         self._name, self._duration_s, self._clock = name, duration_s, clock
         self._shown = shown and _log.isEnabledFor(logging.INFO)
-        self._edges_s = _impacts(arrivals_s, duration_s)
+        self._arrivals_s, self._contact_s = sorted(one for one in arrivals_s if one < duration_s), contact_s
         self._last, self._tenth, self._on_terminal = 0.0, 0, sys.stderr.isatty()
-        self._first_s = -1.0  # above zero for a run that was taken up again, below until it is known
-        self._at, self._wall_s = 0.0, [0.0, 0.0]  # of the clock; spent in flights and in impacts
+        self._at, self._t_s, self._impact_end_s = -1.0, 0.0, -1.0  # of the clock; simulated
+        self._before, self._arrived = 0, 0  # stones that were there as this process began, and now
+        self._spent_s = {True: 0.0, False: 0.0}  # wall time in impacts, and in all else
+        self._passed_s = {True: 0.0, False: 0.0}  # simulated
+        self._lately = [0.0, 0.0]  # wall and simulated time of all else, of which older counts less
+        self._in_contact_s = 0.0  # wall time of the first impact until the stones leave the plate
 
     def __call__(self, t_s: float) -> None:
         """Take note of the simulated time; called often, it writes seldom."""
         if not self._shown:
             return
-        now = self._clock()
-        if self._first_s < 0:
-            self._first_s, self._tenth, self._at = t_s, int(10 * t_s / self._duration_s), now
-        self._wall_s[bisect_right(self._edges_s, t_s) % 2] += now - self._at
-        self._at, tenth = now, int(10 * t_s / self._duration_s)
+        now, arrived, tenth = self._clock(), bisect_right(self._arrivals_s, t_s), int(10 * t_s / self._duration_s)
+        if self._at < 0:
+            self._t_s, self._tenth = t_s, tenth
+            self._before = self._arrived = bisect_left(self._arrivals_s, t_s)
+        if self._at < 0 or self._t_s == 0:  # the engine has read its deck when its first row is there
+            self._at = now
+        if arrived > self._arrived:
+            self._arrived, self._impact_end_s = arrived, t_s + IMPACT_s
+        strikes = self._t_s < self._impact_end_s
+        if t_s - self._t_s > FLIGHT_s:  # what rings still belonged to the impact
+            self._impact_end_s = -1.0
+        self._spent_s[strikes] += now - self._at
+        self._passed_s[strikes] += t_s - self._t_s
+        if not strikes and self._t_s:  # what fell bounces, breaks and lies still: the last eighth tells what comes
+            fade = exp(-8 * (t_s - self._t_s) / self._duration_s)
+            self._lately = [fade * self._lately[0] + now - self._at, fade * self._lately[1] + t_s - self._t_s]
+        if self._passed_s[True] <= self._contact_s:
+            self._in_contact_s = self._spent_s[True]
+        self._at, self._t_s = now, t_s
         if now - self._last < INTERVAL_s if self._on_terminal else tenth <= self._tenth:
             return
         self._last, self._tenth = now, tenth
         start, end = ("\r", "") if self._on_terminal else ("", "\n")
-        self._write(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  left {self.left_s(t_s):4.0f} s{end}")
+        self._write(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  left {self.left_s():4.0f} s{end}")
 
-    def left_s(self, t_s: float) -> float:
-        """The time that the rest will take, at the simulated time t_s."""
-        flown_s, struck_s = self._split_s(self._first_s, t_s)
-        to_fly_s, to_strike_s = self._split_s(t_s, self._duration_s)
-        of_flights, of_impacts = self._wall_s
-        of_impact = of_impacts / struck_s if struck_s > 0 else 0.0  # wall time over simulated time
-        all_flights_s = flown_s + to_fly_s
-        guess = FLIGHTS * of_impact * (struck_s + to_strike_s)  # for all flights, which counts as GUESS of them
-        weight = GUESS * all_flights_s if guess > 0 else 0.0
-        of_flight = (of_flights + weight * guess / all_flights_s) / (flown_s + weight) if flown_s + weight > 0 else 0.0
-        return (of_impact if struck_s > 0 else of_flight) * to_strike_s + of_flight * to_fly_s
-
-    def _split_s(self, begin_s: float, end_s: float) -> tuple[float, float]:
-        """How much of an interval of simulated time is flights and impacts."""
-        edges = self._edges_s
-        struck_s = sum(max(0.0, min(b, end_s) - max(a, begin_s)) for a, b in zip(edges[::2], edges[1::2], strict=True))
-        return end_s - begin_s - struck_s, struck_s
+    def left_s(self) -> float:
+        """The time that the rest will take."""
+        seen, to_come = self._arrived - self._before, len(self._arrivals_s) - self._arrived
+        impacts_s, struck_s = self._spent_s[True], self._passed_s[True]
+        if not self._passed_s[False] and 0 < struck_s < IMPACT_s:  # still the first one
+            contact_s = min(struck_s, self._contact_s) or struck_s
+            speed = self._in_contact_s / contact_s
+            impacts_s += speed * max(0.0, self._contact_s - struck_s)
+            if struck_s > 1.5 * self._contact_s:
+                speed = (self._spent_s[True] - self._in_contact_s) / (struck_s - contact_s) / RINGING
+            impacts_s += RINGING * speed * (IMPACT_s - max(struck_s, self._contact_s))
+            struck_s = IMPACT_s
+        of_impact, lasts_s = (impacts_s / seen, struck_s / seen) if seen else (0.0, 0.0)
+        wall_s, flown_s = self._lately
+        speed = wall_s / flown_s if flown_s > 1e-3 else FLIGHT
+        rest_s = max(0.0, self._duration_s - self._t_s - to_come * lasts_s)
+        return impacts_s - self._spent_s[True] + to_come * of_impact + speed * rest_s
 
     def end(self) -> None:
         """Clear the line on a terminal."""
@@ -96,15 +118,3 @@ class Progress:
         """To the terminal itself: a line that is written over is no message."""
         sys.stderr.write(text)
         sys.stderr.flush()
-
-
-def _impacts(arrivals_s: Iterable[float], duration_s: float) -> list[float]:
-    """Begin and end of the times within which a stone has just arrived, in order."""
-    edges: list[float] = []
-    for arrival_s in sorted(arrivals_s):
-        end_s = min(arrival_s + IMPACT_s, duration_s)
-        if edges and arrival_s <= edges[-1]:
-            edges[-1] = max(edges[-1], end_s)
-        elif arrival_s < duration_s:
-            edges += [arrival_s, end_s]
-    return edges

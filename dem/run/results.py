@@ -22,7 +22,7 @@ from common.scene.scene import Scene
 from dem.coupling.launch import library_version
 from dem.coupling.monitor import check_closure
 from dem.deck.plate_yield import read_contacts, yield_report
-from dem.deck.plausible import fragment_resolution, momentum_warnings, speed_over_critical
+from dem.deck.plausible import breakage_scales, momentum_warnings
 from dem.deck.side_walls import read_walls, wall_impulse_N_s
 from dem.deck.time_step import accuracy_settings, stone_contact_time_s
 from dem.deck.tolerance import expected_error
@@ -31,7 +31,7 @@ from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, s
 from dem.record.stones_table import left_table, read_left, stones_given, stones_table
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
-from dem.run.prepare import PreparedRun, told
+from dem.run.prepare import PreparedRun, warned
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
 from plate_fem.truncation import energy_left_out
@@ -90,7 +90,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
     outcome = _outcome(prepared, plate, results)
-    late = told(prepared.source, momentum_warnings(outcome.get("momentum_missing")))
+    late = warned(prepared.source, momentum_warnings(outcome.get("momentum_missing")))
     return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
             "warnings": prepared.warnings + late}
 
@@ -130,8 +130,7 @@ def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dic
         "n_particles": assembly.n_particles,
         "n_bonds": assembly.n_bonds,
         "n_modes": plate.n_modes,
-        "fragment_size_over_subsphere": fragment_resolution(scene, assembly),
-        "speed_over_critical": speed_over_critical(scene, assembly),
+        **breakage_scales(scene, assembly),
         "plate_energy_left_out": plate_energy_left_out(scene, assembly),
         "n_samples": len(results.signals["t_s"]),
     }

@@ -47,17 +47,6 @@ class Solid:
         return float(moments(self.corner, self.triangle)[0])
 
     @property
-    def area(self) -> float:
-        """Of the surface."""
-        a, b, c = (self.corner[self.triangle[:, k]] for k in range(3))
-        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-
-    @property
-    def sphericity(self) -> float:
-        """Area of the sphere of equal volume over that of the solid."""
-        return float((36 * np.pi * self.volume**2) ** (1 / 3) / self.area)
-
-    @property
     def second_moment(self) -> np.ndarray:
         """(3, 3) integral of x x^T over the volume."""
         return moments(self.corner, self.triangle)[2]

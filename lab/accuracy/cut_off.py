@@ -31,7 +31,7 @@ time = {{ duration_s = 0.04, anti_alias = true }}
 [stones]
 count = 20
 gangue_order = {list(range(1, 21))}
-positions = [{", ".join(f"{{ x_m = {x}, y_m = {y} }}" for x in (-0.4, -0.2, 0.0, 0.2, 0.4) for y in (-0.225, -0.075, 0.075, 0.225))}]
+positions = [{", ".join(f"[{x}, {y}]" for x in (-0.4, -0.2, 0.0, 0.2, 0.4) for y in (-0.225, -0.075, 0.075, 0.225))}]
 [plate]
 length_m = 1.2
 width_m = 0.8
@@ -45,8 +45,8 @@ time = {{ duration_s = 0.03 }}
 stones = {{ radius_m = %g }}
 plate = {{ sensors = [{{ name = "north", x_m = 0.0, y_m = 0.17 }}, {{ name = "west", x_m = -0.15, y_m = 0.05 }}] }}
 """
-SCENES_OF = {"20 stones of 25 mm": LARGE, **{f"sphere of {1000 * r:g} mm": SPHERE % r for r in (0.025, 0.01, 0.005)}}
-CUT_OFFS_Hz = {name: (20e3, None) if text is LARGE else (40e3, 20e3, 14e3, 10e3, 7e3) for name, text in SCENES_OF.items()}
+SCENES_OF = {"20 stones of 25 mm": LARGE, **{f"sphere of {1000 * r:g} mm": SPHERE % r for r in (0.005,)}}
+CUT_OFFS_Hz = {name: (20e3, None) if text is LARGE else (40e3, 10e3, 7e3) for name, text in SCENES_OF.items()}
 
 
 def cut_off(out: Path) -> Iterator[Row]:

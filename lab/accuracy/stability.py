@@ -148,7 +148,7 @@ def _stones(s: dict) -> dict:
     return changes
 
 
-def _places(place: str, count: int) -> list[dict]:
+def _places(place: str, count: int) -> list[list[float]]:
     """The first stone where `place` says, the others on a square grid around the centre."""
     first = {"ring": (0.1, 0.0), "edge": (0.25, 0.0), "corner": (0.25, 0.25), "rod": (0.2, 0.2), "near": (0.0275, 0.0275)}
     axis = 0.055 * (np.arange(8) - 3.5)
@@ -157,7 +157,7 @@ def _places(place: str, count: int) -> list[dict]:
     for point in grid:
         if len(chosen) < count and all(np.hypot(point[0] - x, point[1] - y) >= 0.0501 for x, y in chosen):
             chosen.append(point)
-    return [{"x_m": float(x), "y_m": float(y)} for x, y in chosen]
+    return [[float(x), float(y)] for x, y in chosen]
 
 
 def _materials(s: dict) -> dict:

@@ -110,7 +110,7 @@ def breakage_size_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
 ROCKS = {"coal": "coal", "hard_coal": "coal", "gangue": "gangue", "soft_coal": "coal"}  # with what they stand for
 COHERENT = "soft_coal"  # whose elastic constants and strengths are of one table, with flaws
 AREAS_cm2 = (100, 200)  # of which the speed is sought
-SLOW_m_s = 3.0          # at which few stones break, so that many are needed, each of its own strength as in natural.toml
+SLOW_m_s = 3.0  # at which few stones break: here each has a strength of its own, as in natural.toml
 RESTITUTIONS = {True: (0.8, 0.9, 1.0), False: (0.9,)}
 
 
@@ -120,13 +120,13 @@ def of_rock(rock: str) -> dict[str, Any]:
     return {f"materials.{ROCKS[rock]}": {key: table[key] for key in OF_A_MATERIAL if key in table}}
 
 
-def breakage_mesh(out: Path, packings: int = 8, slow: int = 24, counts: tuple[int, ...] = (500, 1000, 2000),
+def breakage_mesh(out: Path, packings: int = 3, counts: tuple[int, ...] = (500, 1000, 2000),
                   speeds: tuple[float, ...] = (SLOW_m_s, 4.2, 5.0, 6.0)) -> Iterator[Row]:
     """Numbers of sub-spheres, of a coal with flaws; a seed has the same flaws at each. At the second speed, of the
     fewest, other restitutions too."""
     strength = read_toml(SCENES / "natural.toml")["scatter"]["strength_factor"]
-    for k in range(max(packings, slow)):
-        for speed in speeds if k < packings else speeds[:1]:
+    for k in range(packings):
+        for speed in speeds:
             for count in counts:
                 for restitution in RESTITUTIONS[(speed, count) == (speeds[1], counts[0])]:
                     changes = of_rock(COHERENT) | {
@@ -156,7 +156,7 @@ WHOLE = 0.7             # of a stone's mass: with less in its largest fragment i
 SPAN = (0.6, 1.5)       # of the speed by the formula, within which the critical speed is sought
 
 
-def critical_speed(out: Path, packings: int = 6, halvings: int = 4) -> Iterator[Row]:
+def critical_speed(out: Path, packings: int = 4, halvings: int = 4) -> Iterator[Row]:
     """The speed at which each rock falls apart, for itself by packing; of the coal with flaws in three sizes."""
     for rock, radii_mm in CRITICAL_STONES.items():
         for radius_mm in radii_mm:

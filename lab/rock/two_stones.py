@@ -184,13 +184,15 @@ def meet_cubes(subspheres: int, seed: int) -> dict[str, float]:
         mesh, speed = Path(work) / "solid.stl", 2 * faces.SPEED_m_s
         faces.write_mesh("cube", mesh)
         scene = faces.scene_of("face", "faces", subspheres, seed, mesh, (-0.1, 0.1))
-        scene = scene.model_copy(update={"time": scene.time.model_copy(update={"sample_interval_s": faces.ROW_s})})
+        time = scene.time.model_copy(update={"sample_interval_s": faces.ROW_s, "free_flight_tolerance": 0.0})
+        scene = scene.model_copy(update={"time": time})
         prepared = write_meeting(Path(work), scene, speed, faces.SIDE_m, 0.0)
         run_engine(Path(work) / "deck")
         rows = read_ledger(Path(work) / "deck" / "ledger.bin", 2)
-    momentum, time = rows.column["momentum_z_kg_m_s"][:, 1], rows.step * prepared.step.dt_s
-    mass = prepared.assembly.mass_kg[prepared.assembly.agglomerate == 1].sum()
-    return faces.figures(time[1:], np.diff(momentum) / np.diff(time), mass * speed, faces.HITS["face"].followed_s)
+    time_s, mass_kg = rows.step * prepared.step.dt_s, prepared.assembly.mass_kg[prepared.assembly.agglomerate == 1].sum()
+    force_N = np.diff(rows.column["momentum_z_kg_m_s"][:, 1]) / np.diff(time_s)
+    force_N[force_N < 1e-3 * force_N.max()] = 0.0
+    return faces.figures(time_s[1:], force_N, mass_kg * speed, 2 * faces.HITS["face"].followed_s)
 
 
 def two_cubes_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:

@@ -40,7 +40,7 @@ PAPER_s = 0.04
 def scene(stones: int, subspheres: int) -> Scene:
     """`stones` side by side in a square grid on the rigid plate."""
     side = int(np.ceil(np.sqrt(stones)))
-    places = [{"x_m": (k % side - (side - 1) / 2) * SPACING_m, "y_m": (k // side - (side - 1) / 2) * SPACING_m}
+    places = [[(k % side - (side - 1) / 2) * SPACING_m, (k // side - (side - 1) / 2) * SPACING_m]
               for k in range(stones)]
     return changed_scene(SCENES / "paper.toml", {
         "plate": RIGID, "output": None, "stones.circle_radius_m": None,

@@ -78,7 +78,7 @@ def _drawn(name: str) -> pd.DataFrame:
 
 
 def simulate(case: pd.Series, out: Path) -> None:
-    keys = alone(bool(case.gangue), case.radius_m, case.speed_m_s, case.x_m, case.y_m, int(case.seed))
+    keys = alone(bool(case.gangue), int(case.seed), case.radius_m, case.speed_m_s, case.x_m, case.y_m)
     rock = "gangue" if case.gangue else "coal"
     if case.strength != 1:
         for key, value in bond_strengths(rock).items():

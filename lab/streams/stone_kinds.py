@@ -99,7 +99,7 @@ def kinds() -> list[Kind]:
 
 
 @cache
-def _pool() -> pd.DataFrame:
+def pool() -> pd.DataFrame:
     """What an ear without error hears of stones, brought to 25 mm and 1 m/s."""
     form, rows = load_forces().form, []
     for h in (one for name in SETS for one in histories(name)):
@@ -114,15 +114,16 @@ def hertz(size: Floats | float, speed: Floats | float) -> Floats:
     return np.stack([size - 0.2 * speed, 0 * (size + speed), 3 * size + speed], axis=-1)
 
 
-def stones(kind: Kind, gangue: np.ndarray, pool: pd.DataFrame, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def stones(kind: Kind, gangue: np.ndarray, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """What is heard (n, 3) of stones, and their masses, relative."""
     n = len(gangue)
     size = rng.uniform(*kind.radius_m, n) / 0.025 * np.exp(kind.size * rng.standard_normal(n))
     size = np.where(rng.random(n) < kind.lumps, 4.0, size)
     speed = rng.uniform(*kind.speed_m_s, n) * np.where(gangue, 1.0, kind.coal_speed)
-    x, every = np.empty((n, 3)), pool[["s", "b", "J"]].to_numpy()
+    x, among = np.empty((n, 3)), pool()
+    every = among[["s", "b", "J"]].to_numpy()
     for i in range(n):
-        alike = (pool["gangue"].to_numpy() == gangue[i]) & (abs(pool["speed_m_s"].to_numpy() - speed[i]) < 0.5)
+        alike = (among["gangue"].to_numpy() == gangue[i]) & (abs(among["speed_m_s"].to_numpy() - speed[i]) < 0.5)
         x[i] = every[rng.choice(np.flatnonzero(alike & ((every[:, 1] < 1.0) | (not kind.whole))))]
     density, stiffness = (d * rng.standard_normal(n) for d in (kind.density, kind.stiffness))
     rebound = np.log((1 + rng.uniform(*kind.restitution, n)) / 1.9)
@@ -150,9 +151,9 @@ class Fallen:
 
 def fallen(kind: Kind, seed: int, reference: str) -> Fallen:
     """A stream of STONES, after stones that one knows."""
-    rng, pool = np.random.default_rng([29, [k.name for k in kinds()].index(kind.name), seed]), _pool()
+    rng = np.random.default_rng([29, [k.name for k in kinds()].index(kind.name), seed])
     gangue = rng.random(STONES) < rng.uniform(*kind.gangue)
-    x, _ = stones(kind, gangue, pool, rng)
+    x, _ = stones(kind, gangue, rng)
     heard = rng.random(STONES) < np.exp(x[:, 2]) / LOST_BELOW_N_s
     other = rng.random(STONES) < kind.none  # second touches and fragments: weaker, of another form
     spurious = x[other] + [-0.5, 1.0, -1.5] + rng.standard_normal((other.sum(), 3)) * [0.3, 1.5, 0.8]
@@ -160,7 +161,7 @@ def fallen(kind: Kind, seed: int, reference: str) -> Fallen:
     before = np.arange(of.coal + of.gangue) >= of.coal  # as one is told
     true = np.where(np.arange(len(before)) < of.wrong, ~before, before)
     falls = replace(kind, speed_m_s=(of.faster * kind.speed_m_s[0], of.faster * kind.speed_m_s[1]))
-    every = np.vstack([stones(falls, true, pool, rng)[0], x[heard], spurious])
+    every = np.vstack([stones(falls, true, rng)[0], x[heard], spurious])
     unknown = np.full(len(every) - len(before), UNKNOWN)
     return Fallen(every, np.diag((kind.error * ERROR) ** 2), np.r_[before.astype(int), unknown],
                   np.r_[np.full(len(before), of.dropped), unknown > 0], gangue)

@@ -64,14 +64,6 @@ def kirchhoff_error(plate: FlexiblePlate) -> float:
     return kt**2 / 24 * (1 + 2 / (shear_factor(nu) * (1 - nu)))
 
 
-def first_in_plane_Hz(plate: FlexiblePlate) -> float:
-    """Return about the lowest frequency of free modes within the plane: bending of the longer side as a beam, with the
-    compliance in shear that a square needs (its first is at 2.32/(pi L) sqrt(E/(rho (1 - nu^2))) / 2)."""
-    longer, shorter = max(plate.length_m, plate.width_m), min(plate.length_m, plate.width_m)
-    speed = math.sqrt(plate.youngs_modulus_Pa / plate.density_kg_m3)
-    return speed / longer / math.hypot(longer / (1.03 * shorter), 1 / 0.418)
-
-
 def choose_theory(plate: FlexiblePlate) -> str:
     """Return "kirchhoff" or "mindlin": what the table says, or what `kirchhoff_error` decides where it says "auto"."""
     if plate.theory != "auto":

@@ -25,6 +25,14 @@ class Products:
     def size(self) -> int:
         return self.number.size
 
+    @property
+    def integrals(self) -> np.ndarray:
+        """(size,): the integral of each function over the plate."""
+        along = [line.integral(one, line.parabolas(one.lines_m)).sum(axis=1) for one in (self.along_x, self.along_y)]
+        found = np.empty(self.size)  # parabolas add up to one
+        found[self.number] = np.outer(*along)
+        return found
+
     def values(self, points_m: np.ndarray, derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
         """Return the sparse matrix (k, size) of the functions, or a derivative of them, at points (k, 2)."""
         points = np.atleast_2d(np.asarray(points_m, float))

@@ -78,7 +78,7 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     rows = [sp.csr_array(sp.vstack([mean @ v, mean @ psi])) for v, psi in zip(sideways, turned, strict=True)]
     beams = [Part(stiffness, mass, tuple(top), row, tuple(base)) for row in rows]
     stiffness, mass, top, base = _shaft(alike, max_frequency_Hz)
-    shaft = Part(stiffness, mass, (top[0],), system.yaw(), (base[0],))
+    shaft = Part(stiffness, mass, (top[0],), sp.csr_array(mean @ system.yaw(points)), (base[0],))
     return [bar, *beams, shaft, _stub(system, points, weights * _area(rod) * joint.stub, (x, y, twist))]
 
 

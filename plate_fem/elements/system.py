@@ -15,9 +15,9 @@ import scipy.sparse as sp
 
 from common.scene.plate import FlexiblePlate
 from plate_fem.elements import mesh, products
+from plate_fem.elements.in_plane import InPlane, in_plane, strain_energy, sways
 from plate_fem.elements.products import Products, integral
 
-IN_PLANE = 3  # unknowns of the rigid motion in the plane: sway along x, sway along y, yaw
 # Of w, w_x, w_y, w_xy those that the edges x = const and y = const hold at zero.
 HELD_BY_EDGES: dict[str, tuple[list[int], list[int]]] = {
     "free": ([], []), "simply_supported": ([0, 2], [0, 1]), "clamped": ([0, 1, 2, 3], [0, 1, 2, 3]),
@@ -27,10 +27,10 @@ HELD_BY_EDGES: dict[str, tuple[list[int], list[int]]] = {
 @dataclass(frozen=True)
 class PlateSystem:
     """Matrices over all unknowns: w, w_x, w_y, w_xy at the nodes, block by block, then Mindlin's theta_x and theta_y,
-    and last the rigid motion of the plate in its plane: sway along x and y (m), and yaw (rad).
+    and last those of the motion in the plane.
 
     `stiffness` and `mass` are sparse (size, size); `fixed` holds the numbers of the unknowns that are held at zero: by
-    the edges, and sway and yaw unless the plate stands on rods alone.
+    the edges, and those of the motion in the plane unless the plate stands on rods alone.
     """
 
     plate: FlexiblePlate
@@ -41,7 +41,8 @@ class PlateSystem:
     mass: sp.csr_array
     fixed: np.ndarray
     deflections: Products
-    rotations: Products | None = None  # of one rotation (Mindlin)
+    rotations: Products | None  # of one rotation (Mindlin)
+    in_plane: InPlane
 
     @property
     def n_nodes(self) -> int:
@@ -51,20 +52,20 @@ class PlateSystem:
     def size(self) -> int:
         return self.stiffness.shape[0]
 
+    def _placed(self, rows: sp.csr_array, start: int) -> sp.csr_array:
+        """Return rows (k, n) over n unknowns from number `start` on as rows over all, (k, size)."""
+        return sp.csr_array((rows.data, rows.indices + start, rows.indptr), shape=(rows.shape[0], self.size))
+
     def deflection(self, points_m: np.ndarray, derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
         """Return the sparse matrix (k, size) that evaluates w, or a derivative of it, at points (k, 2)."""
-        rows = self.deflections.values(points_m, derivative)
-        return sp.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], self.size))
+        return self._placed(self.deflections.values(points_m, derivative), 0)
 
     def rotation(self, points_m: np.ndarray, axis: int, derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
         """Return the sparse matrix (k, size) that evaluates theta_x (axis 0) or theta_y (axis 1), or a derivative
         of it, at points (k, 2)."""
-        if self.theory == "kirchhoff":
+        if self.rotations is None:
             return self.deflection(points_m, (derivative[0] + (axis == 0), derivative[1] + (axis == 1)))
-        assert self.rotations is not None  # a Mindlin plate has them
-        rows = self.rotations.values(points_m, derivative)
-        columns = rows.indices + 4 * self.n_nodes + axis * self.rotations.size
-        return sp.csr_array((rows.data, columns, rows.indptr), shape=(rows.shape[0], self.size))
+        return self._placed(self.rotations.values(points_m, derivative), 4 * self.n_nodes + axis * self.rotations.size)
 
     def curvature(self, points_m: np.ndarray) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
         """Return the sparse matrices (k, size) of theta_x,x, theta_y,y and theta_x,y + theta_y,x at points (k, 2)."""
@@ -73,21 +74,15 @@ class PlateSystem:
         return self.rotation(points_m, 0, x), self.rotation(points_m, 1, y), sp.csr_array(twist)
 
     def lateral(self, points_m: np.ndarray, axis: int, z_m: float) -> sp.csr_array:
-        """Return the sparse matrix (k, size) of the displacement along x (axis 0) or y (axis 1) at points (k, 2).
-
-        They lie z_m above the mid-plane: u_x = sway_x - y yaw - z theta_x, u_y = sway_y + x yaw - z theta_y.
-        """
+        """Return the sparse matrix (k, size) of the displacement along x (axis 0) or y (axis 1) at points (k, 2), z_m
+        above the mid-plane: that of the mid-plane less z theta."""
         points = np.atleast_2d(np.asarray(points_m, float))
-        arm = -points[:, 1] if axis == 0 else points[:, 0]
-        rigid = np.column_stack([np.full(len(points), float(axis == 0)), np.full(len(points), float(axis == 1)), arm])
-        rows = sp.coo_array(rigid)
-        columns = rows.col + self.size - IN_PLANE
-        swayed = sp.csr_array((rows.data, (rows.row, columns)), shape=(len(points), self.size))
-        return sp.csr_array(swayed - z_m * self.rotation(points, axis))
+        middle = self._placed(self.in_plane.displacement(points, axis), self.size - self.in_plane.size)
+        return sp.csr_array(middle - z_m * self.rotation(points, axis))
 
-    def yaw(self) -> sp.csr_array:
-        """Return the sparse row (1, size) that picks the yaw."""
-        return sp.csr_array(([1.0], ([0], [self.size - 1])), shape=(1, self.size))
+    def yaw(self, points_m: np.ndarray) -> sp.csr_array:
+        """Return the sparse matrix (k, size) of the turn about the normal at points (k, 2)."""
+        return self._placed(self.in_plane.turn(points_m), self.size - self.in_plane.size)
 
 
 def assemble(plate: FlexiblePlate) -> PlateSystem:
@@ -98,26 +93,12 @@ def assemble(plate: FlexiblePlate) -> PlateSystem:
     theta = None if theory == "kirchhoff" else products.rotations(lines_x, lines_y)
     stiffness, mass = _kirchhoff(plate, w) if theta is None else _mindlin(plate, w, theta)
     held = [_held_deflections(w, plate.edges)] if theta is None else [_held_in_mindlin(w, theta, plate.edges)]
-    size = stiffness.shape[0] + IN_PLANE
-    rigid = sp.diags_array(np.append(np.zeros(size - IN_PLANE), _rigid_mass(plate)), format="csr")
+    inside = in_plane(plate)
+    stiffness, mass = (sp.block_diag(both, format="csr") for both in
+                       zip((stiffness, mass), inside.matrices(), strict=True))
     if not sways(plate):
-        held.append(np.arange(size - IN_PLANE, size))
-    return PlateSystem(
-        plate, theory, lines_x, lines_y,
-        grown(stiffness, size), sp.csr_array(grown(mass, size) + rigid),
-        np.concatenate(held), w, theta,
-    )  # fmt: skip
-
-
-def sways(plate: FlexiblePlate) -> bool:
-    """Return whether the plate can move in its plane: it stands on rods, which bend, and on nothing else."""
-    return bool(plate.rods) and plate.edges == "free" and not plate.point_supports
-
-
-def _rigid_mass(plate: FlexiblePlate) -> list[float]:
-    """Return the plate's mass (kg) against sway along x and y, and its moment of inertia (kg m2) against yaw."""
-    mass = plate.density_kg_m3 * plate.thickness_m * plate.length_m * plate.width_m
-    return [mass, mass, mass * (plate.length_m**2 + plate.width_m**2) / 12]
+        held.append(stiffness.shape[0] - inside.size + np.arange(inside.size))
+    return PlateSystem(plate, theory, lines_x, lines_y, stiffness, mass, np.concatenate(held), w, theta, inside)
 
 
 def grown(matrix: sp.csr_array, size: int) -> sp.csr_array:
@@ -153,15 +134,10 @@ def _mindlin(plate: FlexiblePlate, w: Products, theta: Products) -> tuple[Any, A
     t, nu = plate.thickness_m, plate.poisson_ratio
     bending, shear, mass_per_area = mesh.bending_stiffness(plate), mesh.shear_stiffness(plate), plate.density_kg_m3 * t
     value = integral(theta, theta)
-    xx, yy = integral(theta, theta, (1, 0), (1, 0)), integral(theta, theta, (0, 1), (0, 1))
-    xy = integral(theta, theta, (1, 0), (0, 1))
-    twist = (1 - nu) / 2  # times D theta_x,y + theta_y,x squared
     k_ww = shear * (integral(w, w, (1, 0), (1, 0)) + integral(w, w, (0, 1), (0, 1)))
-    k_wx, k_wy = -shear * integral(w, theta, (1, 0)), -shear * integral(w, theta, (0, 1))
-    k_xx = bending * (xx + twist * yy) + shear * value
-    k_xy = bending * (nu * xy + twist * xy.T)
-    k_yy = bending * (yy + twist * xx) + shear * value
-    stiffness = sp.block_array([[k_ww, k_wx, k_wy], [k_wx.T, k_xx, k_xy], [k_wy.T, k_xy.T, k_yy]], format="csr")
+    k_wt = -shear * sp.hstack([integral(w, theta, (1, 0)), integral(w, theta, (0, 1))], format="csr")
+    k_tt = bending * strain_energy(theta, nu) + shear * sp.block_diag([value, value], format="csr")
+    stiffness = sp.block_array([[k_ww, k_wt], [k_wt.T, k_tt]], format="csr")
     rotary = mass_per_area * t**2 / 12 * value
     return stiffness, sp.block_diag([mass_per_area * integral(w, w), rotary, rotary], format="csr")
 

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from common.scene.plate import FlexiblePlate, PointSupport, Rod
 from plate_fem.elements.products import Products
 from plate_fem.elements.rods import PARTS
-from plate_fem.elements.system import IN_PLANE, PlateSystem
+from plate_fem.elements.system import PlateSystem
 
 SAME = 1e-9  # lengths that differ by less than this share of a side are the same
 
@@ -68,13 +68,16 @@ def _mirror(system: PlateSystem, own: list[np.ndarray], size: int, axis: int) ->
     """
     image, sign = np.arange(size), np.ones(size, int)
     image[: system.deflections.size], sign[: system.deflections.size] = _mirrored(system.deflections, axis)
-    if system.rotations is not None:
-        partner, odd = _mirrored(system.rotations, axis)
-        for kind in (0, 1):
-            start = system.deflections.size + kind * len(partner)
-            image[start : start + len(partner)] = start + partner
-            sign[start : start + len(partner)] = -odd if kind == axis else odd
-    sign[[system.size - IN_PLANE + axis, system.size - 1]] = -1
+    inside = system.size - system.in_plane.size
+    for functions, first in ((system.rotations, system.deflections.size), (system.in_plane.functions, inside)):
+        if functions is not None:  # a component along x, then one along y
+            partner, odd = _mirrored(functions, axis)
+            for kind in (0, 1):
+                start = first + kind * len(partner)
+                image[start : start + len(partner)] = start + partner
+                sign[start : start + len(partner)] = -odd if kind == axis else odd
+    if system.in_plane.functions is None:
+        sign[[inside + axis, inside + 2]] = -1
     for rod, other in enumerate(_partners(system.plate, system.plate.rods, axis) or []):
         for kind in range(PARTS):
             image[own[PARTS * rod + kind]] = own[PARTS * other + kind]

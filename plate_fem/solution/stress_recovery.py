@@ -1,54 +1,59 @@
-"""Bending stress at the top surface of the plate for each mode, from the curvature of its shape."""
+"""Stress at the top surface of the plate for each mode, from the curvature of its shape and its strain in the plane."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
 
 from plate_fem.elements import line
 from plate_fem.elements.products import Products
-from plate_fem.elements.system import IN_PLANE, PlateSystem
+from plate_fem.elements.system import PlateSystem
 
 
-def curvature_operator(system: PlateSystem) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function from unknowns (system.size, n) to curvatures (3, n_nodes, n) at the nodes, in 1/m.
+def surface_strain(system: PlateSystem, u: np.ndarray) -> np.ndarray:
+    """Return the strain (3, n_nodes, n) of the top surface at the nodes from unknowns (system.size, n): xx, yy, 2 xy.
 
-    The curvatures are theta_x,x, theta_y,y and theta_x,y + theta_y,x, with theta = grad w in Kirchhoff's theory. They
-    are least-squares projections of the discontinuous derivatives on continuous biquadratics.
+    It is that of the mid-plane less t/2 times the curvature: theta_x,x, theta_y,y and theta_x,y + theta_y,x, with
+    theta = grad w in Kirchhoff's theory.
     """
-    w, theta = system.deflections, system.rotations
-
-    def curvature(u: np.ndarray) -> np.ndarray:
-        bending = u[:-IN_PLANE]
-        if theta is None:
-            of_w = [_derivative(w, bending, order) for order in ((2, 0), (0, 2), (1, 1))]
-            return np.array([of_w[0], of_w[1], 2 * of_w[2]])
-        x, y = bending[w.size : w.size + theta.size], bending[w.size + theta.size :]
-        twist = _derivative(theta, x, (0, 1)) + _derivative(theta, y, (1, 0))
-        return np.array([_derivative(theta, x, (1, 0)), _derivative(theta, y, (0, 1)), twist])
-
-    return curvature
+    w, theta, lines = system.deflections, system.rotations, (system.lines_x_m, system.lines_y_m)
+    if theta is None:
+        curvature = np.array([_derivative(w, u[: w.size], order, lines) for order in ((2, 0), (0, 2), (1, 1))])
+        curvature[2] *= 2
+    else:
+        curvature = _gradient(theta, u[w.size : w.size + 2 * theta.size], lines)
+    strain, functions = -system.plate.thickness_m / 2 * curvature, system.in_plane.functions
+    return strain if functions is None else strain + _gradient(functions, u[-2 * functions.size :], lines)
 
 
-def _derivative(functions: Products, u: np.ndarray, order: tuple[int, int]) -> np.ndarray:
-    """Return the projection of a derivative of functions with coefficients u (size, n) at the nodes, (n_nodes, n).
+def _gradient(functions: Products, u: np.ndarray, lines: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return v_x,x, v_y,y and v_x,y + v_y,x (3, n_nodes, n) of a vector v with coefficients u (2 size, n)."""
+    x, y = u[: functions.size], u[functions.size :]
+    shear = _derivative(functions, x, (0, 1), lines) + _derivative(functions, y, (1, 0), lines)
+    return np.array([_derivative(functions, x, (1, 0), lines), _derivative(functions, y, (0, 1), lines), shear])
+
+
+def _derivative(functions: Products, u: np.ndarray, order: tuple[int, int],
+                lines: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return the projection of a derivative of functions with coefficients u (size, n) at the nodes of the lines,
+    (n_nodes, n): the derivatives are discontinuous, and their least-squares projections continuous biquadratics.
 
     On a grid of rectangles it is a projection along x after one along y.
     """
-    along_x, along_y = _projection(functions.along_x, order[0]), _projection(functions.along_y, order[1])
+    along_x = _projection(functions.along_x, order[0], lines[0])
+    along_y = _projection(functions.along_y, order[1], lines[1])
     by_y = np.tensordot(along_x, u[functions.number], 1)
     return np.matmul(along_y, by_y).reshape(-1, u.shape[1])
 
 
-def _projection(functions: line.Functions, derivative: int) -> np.ndarray:
-    """Return the matrix (m, size) from coefficients to the values at the m grid lines of the derivative's projection on
+def _projection(functions: line.Functions, derivative: int, at_m: np.ndarray) -> np.ndarray:
+    """Return the matrix (m, size) from coefficients to the values at m places of the derivative's projection on
     continuous parabolas."""
     target = line.parabolas(functions.lines_m)
     mass, moments = line.integral(target, target), line.integral(target, functions, 0, derivative)
-    values = scipy.linalg.solve(mass.toarray(), moments.toarray(), assume_a="pos")
-    return np.asarray(values[: len(functions.lines_m)])
+    coefficients = scipy.linalg.solve(mass.toarray(), moments.toarray(), assume_a="pos")
+    number, value = target.at(at_m)
+    return np.asarray((value[:, :, None] * coefficients[number]).sum(axis=1))
 
 
 def modal_surface_stress(system: PlateSystem, u: np.ndarray) -> np.ndarray:
@@ -58,6 +63,6 @@ def modal_surface_stress(system: PlateSystem, u: np.ndarray) -> np.ndarray:
     """
     plate = system.plate
     nu = plate.poisson_ratio
-    kx, ky, kxy = curvature_operator(system)(u)
-    scale = -plate.youngs_modulus_Pa * plate.thickness_m / 2 / (1 - nu**2)  # in-plane displacement is -z theta
-    return scale * np.stack([kx + nu * ky, ky + nu * kx, (1 - nu) / 2 * kxy], axis=1)
+    xx, yy, xy = surface_strain(system, u)
+    scale = plate.youngs_modulus_Pa / (1 - nu**2)
+    return scale * np.stack([xx + nu * yy, yy + nu * xx, (1 - nu) / 2 * xy], axis=1)

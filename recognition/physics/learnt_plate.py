@@ -1,9 +1,9 @@
 """The arrangement likelihood on a plate that was learnt by tapping, in place of the plate of the training.
 
 The law of the stones' forces stays. Of the plate's responses, the part of the modes up to the highest frequency that
-was learnt is that of the learnt modes; what modes above it add stays that of the finite elements. What the taps leave
-unknown of a mode, its frequency, its damping and its shape at each sensor and each place, makes records scatter: the
-responses to one standard deviation of each are correlated over time and channels, and enter the covariance as such.
+was learnt is that of the learnt modes; what modes above it add stays that of the finite elements. Each mode's
+frequency, damping and shape at each sensor and place is known from the taps within a standard error only. A response
+that is off by one standard error is off at all times and channels together, and enters the covariance as such.
 """
 
 from __future__ import annotations

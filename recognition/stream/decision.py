@@ -23,7 +23,7 @@ CALM = 0.5  # of the share from which drawing shall stop: at it alarms are false
 LIKELY = 0.9  # of the laws have no more false alarms than are allowed
 DRAWN, LAWS = 150, 12  # stones of a material of each law, and laws, by which an alarm is foreseen
 STATES, HIGHEST, HALVINGS = 80, 16.0, 7  # of the sum; thresholds are sought up to HIGHEST
-FIRST, LONGER, LAST = 25, 1.5, 1500  # stones heard at which the law is learnt, how many times as many again, the last
+FIRST, LONGER, LAST = 25, 2.0, 800  # stones heard at which the law is learnt, how many times as many again, the last
 SLOW = 4.0  # times the delay by the median law: where one law in ten is slower, references are too few
 
 

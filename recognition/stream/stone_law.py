@@ -73,7 +73,7 @@ class Told:
         posterior = np.linalg.inv(covariance)
         told = posterior - wide
         linear = (posterior @ triple[..., None])[..., 0] - wide @ prior.typical
-        x = np.linalg.solve(told, linear[..., None])[..., 0]
+        x = np.asarray(np.linalg.solve(told, linear[..., None])[..., 0], float)
         error = np.asarray(np.linalg.inv(told), float) + LEAST_ERROR**2 * np.eye(3)
         return cls(x, error, known, dropped)
 

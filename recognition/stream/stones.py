@@ -144,7 +144,7 @@ def _drawn_share(one: Floats, rng: np.random.Generator) -> Floats:
     """(laws, DRAWS): shares p of gangue, from their posterior by stones whose probabilities are `one` (n, laws) with
     p = 1/2."""
     p = (np.arange(SHARES) + 0.5) / SHARES
-    log = np.log(p[:, None, None] * one + (1 - p[:, None, None]) * (1 - one)).sum(axis=1)
+    log = np.array([np.log(share * one + (1 - share) * (1 - one)).sum(axis=0) for share in p])
     weight = np.exp(log - log.max(axis=0))
     drawn = [rng.choice(p, DRAWS, p=w / w.sum()) for w in weight.T]
     return np.asarray(drawn) + (rng.random((one.shape[1], DRAWS)) - 0.5) / SHARES

@@ -69,7 +69,7 @@ def learnt(fitted: Fitted, prior: Prior | None = None) -> Learnt:
 def _check_stiff(plate: PlateModel, frequencies_Hz: list[Floats]) -> None:
     elastic = np.count_nonzero(plate.frequency_Hz)
     if any(np.count_nonzero(frequency_Hz) < elastic for frequency_Hz in frequencies_Hz):
-        raise RecognitionError("the taps leave a mode without stiffness; is the plate, a place or a unit another one?")
+        raise RecognitionError("with these taps a mode has no stiffness; is the plate, a place or a unit another one?")
 
 
 def _steps(fitted: Fitted) -> Floats:

@@ -112,15 +112,15 @@ def fragments(results: SweepResults) -> Drawn:
 
 BREAKAGE_FIGURES = [
     FigureSpec("fig-13", "Breakage at stages of the impact",
-               "Vertical sections of stones in their undeformed shape; black frames: coal, brown: gangue.", stages),
+               "Vertical sections of stones in their undeformed shape; grey frames: coal, brown: gangue.", stages),
     FigureSpec("fig-14", "Sections after the first collision",
-               "Of each ratio the coal and the gangue stone of middling damage; black frames: coal, brown: gangue.",
+               "Of each ratio the coal and the gangue stone of middling damage; grey frames: coal, brown: gangue.",
                sections, ratios=2),
     FigureSpec("fig-15", "Broken area against the ratio",
                "Crack area of broken bonds after the first collision; area of the sub-spheres in the sections that "
                "lost half of their bonds; damaged volume at the end.",
                broken_areas, ratios=2),
-    FigureSpec("fig-area-time", "Crack area over time", "Each stone, black: coal, brown: gangue.", area_over_time),
+    FigureSpec("fig-area-time", "Crack area over time", "One curve a stone.", area_over_time),
     FigureSpec("fig-cracks", "Cracks by mode", "Bonds broken in tension and in shear.", cracks, ratios=2),
     FigureSpec("fig-fragments", "Fragments", "A fragment is what intact bonds still hold together.", fragments),
 ]

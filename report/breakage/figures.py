@@ -98,7 +98,7 @@ def fragment_sizes(shares: dict[str, np.ndarray]) -> Figure:
             volumes = np.sort(volumes)
             passing = np.cumsum(volumes) / volumes.sum()
             axis.step(volumes ** (1 / 3), 100 * passing, where="post", color=material_colour(material),
-                      label=f"{material}, {volumes.size} pieces")  # fmt: skip
+                      label=f"{material}, {volumes.size} piece{'s' * (volumes.size > 1)}")  # fmt: skip
     axis.set_xscale("log")
     axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())

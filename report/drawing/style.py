@@ -183,6 +183,13 @@ def add_ratio_bar(figure: Figure) -> None:
     bar.outline.set_visible(False)
 
 
+def legend_above(axis: Axes, share: float = 0.4, **settings: Any) -> None:
+    """Add a legend in a room of its own above the curves, which takes a `share` of the height."""
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, low + (high - low) / (1 - share))
+    axis.legend(loc="upper left", **settings)
+
+
 def hide_scales(axis: Axes) -> None:
     """Leave a picture without ticks and grid, with one scale in both directions."""
     axis.set_aspect("equal")

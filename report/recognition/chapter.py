@@ -77,7 +77,7 @@ def worked_example(results: SweepResults) -> Drawn:
 
 
 def recognised_against_true(results: SweepResults) -> Drawn:
-    rows, leading = results.recognition.answers[HELD_OUT], results.recognition.leading_method
+    rows, leading = results.recognition.answers[HELD_OUT], results.recognition.leading_of(MODEL_METHODS_WITH_INTERVAL)
     second = next(name for name in MODEL_METHODS_WITH_INTERVAL if name != leading)
     with_interval = {
         MODEL_METHODS[name]: np.array([(row[name].ratio, row[name].low, row[name].high) for row in rows])
@@ -106,12 +106,13 @@ RECOGNITION_TABLES = [STANDARDISED, DEVIATIONS, ERRORS, RECOGNISED]
 
 RECOGNITION_FIGURES = [
     FigureSpec("fig-24", "Fused parameter Q", "Eight parameters by Eq. 39, equal weights.", q_against_ratio, ratios=4),
-    FigureSpec("fig-25", "Kalman filter of six responses", "Random walk, q/r = 0.1.", kalman_filter, ratios=4),
+    FigureSpec("fig-25", "Kalman filter of six responses", "Random walk, q/r = 0.1. Grey: before, blue: after.",
+               kalman_filter, ratios=4),
     FigureSpec("fig-26", "Total energy before and after", "One curve a ratio.", total_energy, ratios=4),
     FigureSpec("fig-27", "The other responses after the filter", "One curve a ratio.", filtered_responses, ratios=4),
     FigureSpec("fig-28", "Normalised total energy", "Normalised over all ratios.", normalised_energy, ratios=4),
     FigureSpec("fig-29", "Fusion of normalised responses",
-               "Thin: the responses of which each is fused; black: fused.", fusion_process, ratios=4),
+               "Thin: the responses of which each is fused; thick: fused.", fusion_process, ratios=4),
     FigureSpec("fig-33", "After fusion", "One curve a ratio.", fused_responses, ratios=4),
     FigureSpec("fig-37", "Function space", "Degree 2 at six of the moments.", function_space, ratios=4),
     FigureSpec("fig-38", "Worked example",

@@ -45,7 +45,6 @@ def before_after(t_s: np.ndarray, panels: list[tuple[str, np.ndarray, np.ndarray
         axis.plot(1e3 * t_s, before, color=PALE, linewidth=0.8, label="before")
         axis.plot(1e3 * t_s, after, color=ACCENT, linewidth=1.0, label="after")
         axis.set_title(label)
-    axes[0, 0].legend()
     for axis in axes[-1]:
         axis.set_xlabel("time, ms")
     return figure
@@ -91,6 +90,7 @@ def worked_example(true_ratio: float, methods: dict[str, tuple[np.ndarray, np.nd
         axis.axvline(100 * true_ratio, color="black", linewidth=0.8)
         axis.set_title(name)
         axis.set_ylabel("mean difference")
+        axis.yaxis.set_major_formatter("{x:.3g}")
         axis.legend()
     axes[-1, 0].set_xlabel(f"candidate ratio, % (line: true, {100 * true_ratio:.0f} %)")
     return figure
@@ -135,6 +135,8 @@ def recognised_against_true(
     for aside, mark, colour, (name, answers) in marks:
         at = 100 * ratios + aside
         middle, low, high = 100 * answers.T
+        if np.isnan(middle).all():
+            continue
         axis.vlines(at, low, high, color=colour, linewidth=4, alpha=0.35)
         axis.plot(at, middle, mark, color=colour, markersize=5, label=f"{name}, 90 % interval")
     axis.set_xlabel("true " + RATIO_LABEL)

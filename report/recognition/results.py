@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,7 +35,7 @@ FUSION_WORDS = {FUSION_AS_PUBLISHED: "as published", FUSION_MODIFIED: "modified"
 #: {name: as a reader sees it}, in order.
 MODEL_METHODS = {name: entry.title for name, entry in METHODS.items()}
 
-#: Methods of a model that give an interval; the first that answers opens the report.
+#: Methods of a model that give an interval, that which evaluations found best first.
 MODEL_METHODS_WITH_INTERVAL = tuple(name for name, entry in METHODS.items() if entry.gives_interval)
 
 #: How the model that answers was trained. "Held out": on all other ratios.
@@ -121,10 +122,9 @@ class RecognitionResults:
         rows = zip(self.answers[training], self._ratios, strict=True)
         return np.array([100 * (row[method].ratio - ratio) for row, ratio in rows if not row[method].reason])
 
-    @cached_property
-    def leading_method(self) -> str:
-        """The method that answers most records held out; of equals, the one that evaluations found best."""
-        return max(MODEL_METHODS_WITH_INTERVAL, key=lambda name: self.errors_points(HELD_OUT, name).size)
+    def leading_of(self, methods: Iterable[str]) -> str:
+        """The method that answers most records held out; of equals the first."""
+        return max(methods, key=lambda name: self.errors_points(HELD_OUT, name).size)
 
     # ----------------------------------------------------------- fused parameter Q
 

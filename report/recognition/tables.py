@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.signals.features import BASE_PARAMETERS
-from report.recognition.results import MODEL_METHODS
+from report.recognition.results import HELD_OUT, MODEL_METHODS
 from report.sweep_results import SweepResults
 from report.tables import Cells, TableSpec
 
@@ -33,14 +33,11 @@ def deviations(results: SweepResults) -> Cells:
 
 
 def recognised(results: SweepResults) -> Cells:
-    """Return the recognised ratio of each run, for both trainings."""
-    answers = results.recognition.answers
-    header = ["true", *(f"{name}, {training}" for training in answers for name in MODEL_METHODS.values())]
-    rows = []
-    for i, true in enumerate(_percent(results.ratios)):
-        cells = [rows_of_training[i][method] for rows_of_training in answers.values() for method in MODEL_METHODS]
-        rows.append([true, *("no answer" if c.reason else f"{100 * c.ratio:.2f}" for c in cells)])
-    return header, rows
+    """Return the recognised ratio of each run, held out."""
+    rows = [[true, *("no answer" if answers[method].reason else f"{100 * answers[method].ratio:.2f}"
+                     for method in MODEL_METHODS)]
+            for true, answers in zip(_percent(results.ratios), results.recognition.answers[HELD_OUT], strict=True)]
+    return ["true", *MODEL_METHODS.values()], rows
 
 
 def errors(results: SweepResults) -> Cells:
@@ -72,8 +69,8 @@ STANDARDISED = TableSpec("table-2", "Standardised parameters",
                          "By Eq. 39; the direction of each parameter is that of these runs.", standardised, ratios=4)
 DEVIATIONS = TableSpec("table-3", "Q and its quadratic", "", deviations, ratios=4)
 RECOGNISED = TableSpec("table-recognised", "Recognised mixing ratio of each run",
-                       "In per cent; not clipped to 0..100. Held out: 0 and 100 % are extrapolations.", recognised,
-                       ratios=4)
+                       "In per cent, by models trained on the other ratios: 0 and 100 % are extrapolations, and nothing"
+                       " is clipped.", recognised, ratios=4)
 ERRORS = TableSpec("table-errors", "Errors of recognition", (
     "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method"
     " describes its own data. That ratio held out: trained on the other ratios."), errors, ratios=4)

@@ -127,15 +127,14 @@ def felt(results: SweepResults) -> Drawn:
     return figures.felt(panels)
 
 
-FELT = FigureSpec("fig-felt", "What the plate felt", "The whole run; between impacts, where nothing touches, a line.",
+FELT = FigureSpec("fig-felt", "What the plate felt", "The whole run.",
                   felt)
 MAXIMA = FigureSpec("fig-19", "Maxima against the ratio", "Largest values of each run.", maxima, ratios=2)
 
 RESPONSE_FIGURES = [
     FigureSpec("fig-16", "Response of the plate", "Centre of mass of the plate.", motion_and_energy),
-    FigureSpec("fig-17", "Force of one stone", "First collision, and all after it.", single_force, ratios=2),
-    FigureSpec("fig-18", "Total contact force",
-               "First collision, and all after it.", total_force),
+    FigureSpec("fig-17", "Force of one stone", "", single_force, ratios=2),
+    FigureSpec("fig-18", "Total contact force", "", total_force),
     MAXIMA,
     FigureSpec("fig-21", "Stress of the plate",
                "Von Mises stress of bending at the top surface at the instant of the largest total force, without "

@@ -25,14 +25,17 @@ PARAMETER_LABELS = {
 
 def imfs(results: SweepResults) -> Drawn:
     shown = sorted({0, len(results.runs) - 1})
-    return figures.imfs(results.t_s, {float(results.ratios[i]): results.signals.decompositions[i].imfs for i in shown})
+    note = "Lowest and highest ratio." if len(shown) > 1 else ""
+    found = {float(results.ratios[i]): results.signals.decompositions[i].imfs for i in shown}
+    return figures.imfs(results.t_s, found), note
 
 
 def hilbert(results: SweepResults) -> Drawn:
     decompositions = results.signals.decompositions
     spectrum = hilbert_spectrum(decompositions[-1], bin_width_Hz=50.0, times=134)
     marginal = {r: marginal_spectrum(d) for r, d in zip(results.ratios, decompositions, strict=True)}
-    return figures.hilbert_map(spectrum, marginal)
+    note = "Above: highest ratio; below: each ratio." if len(marginal) > 1 else ""
+    return figures.hilbert_map(spectrum, marginal), note
 
 
 def parameters(results: SweepResults) -> Drawn:
@@ -43,9 +46,8 @@ def parameters(results: SweepResults) -> Drawn:
 
 
 SIGNAL_FIGURES = [
-    FigureSpec("fig-22", "IMFs of the acceleration", "Lowest and highest ratio; ten siftings an IMF.", imfs),
-    FigureSpec("fig-hilbert", "Hilbert and marginal spectrum",
-               "Above: highest ratio. Below: each ratio, bins of 25 Hz.", hilbert),
+    FigureSpec("fig-22", "IMFs of the acceleration", "Ten siftings an IMF.", imfs),
+    FigureSpec("fig-hilbert", "Hilbert and marginal spectrum", "Marginal spectrum in bins of 25 Hz.", hilbert),
     FigureSpec("fig-23", "Time-frequency parameters",
                "Of the acceleration of the plate's centre of mass.", parameters, ratios=2),
 ]

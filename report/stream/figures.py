@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from report.drawing.style import ACCENT, PALE, canvas, material_colour, styled
+from report.drawing.style import ACCENT, PALE, canvas, legend_above, material_colour, styled
 
 Curve = tuple[np.ndarray, np.ndarray]
 KINDS = ("coal", "gangue")
@@ -25,7 +25,7 @@ def felt(panels: list[tuple[str, Curve]], touched: pd.DataFrame) -> Figure:
         t_s = touched["first_contact_s"][touched["is_gangue"] == (name == "gangue")].to_numpy()
         top.plot(t_s, np.full(t_s.shape, -0.04 * top.get_ylim()[1]), "|", color=material_colour(name), markersize=6,
                  label=f"{name} comes")
-    top.legend(ncols=2)
+    legend_above(top, 0.18, ncols=2)
     axes[-1, 0].set_xlabel("time, s")
     return figure
 
@@ -67,8 +67,11 @@ def hits(touched: pd.DataFrame) -> Figure:
         if not (values > 0).any():  # nothing broke: a logarithmic axis has nowhere to begin
             axis.set(title=f"{label}: none", xticks=[], yticks=[])
             continue
-        axis.set(xscale="log", yscale="log", title=label, xlabel="mass, g")
-        for scale in (axis.xaxis, axis.yaxis):
+        axis.set(title=label, xlabel="mass, g")
+        for scale, found in ((axis.xaxis, touched["mass_kg"]), (axis.yaxis, values[values > 0])):
+            if found.max() < 5 * found.min():  # no room for two marks of a logarithmic scale
+                continue
+            scale._set_axes_scale("log")
             scale.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
             scale.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             scale.set_minor_formatter(NullFormatter())

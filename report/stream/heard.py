@@ -13,7 +13,7 @@ from analysis.files.readers import read_table
 from analysis.sweep.stream import true_ratio
 from recognition.stream.stones import sliding_ratio
 from report.drawing.figure_spec import Drawn, FigureSpec
-from report.drawing.style import ACCENT, COAL, RATIO_LABEL, canvas, styled
+from report.drawing.style import ACCENT, COAL, GANGUE, RATIO_LABEL, canvas, styled
 from report.missing import MissingResult
 from report.stream.results import StreamResults
 
@@ -24,12 +24,13 @@ WINDOW_S, STEP_S = 0.2, 0.01
 @dataclass(frozen=True)
 class HeardStream:
     """heard: a table of `sliding_ratio`; truth: t_s, mass_ratio. heard_s, fell_s: when stones were heard, and when they
-    touched the plate first."""
+    touched the plate first; alarm_s: when drawing should have stopped."""
 
     heard: pd.DataFrame
     truth: pd.DataFrame
     heard_s: np.ndarray
     fell_s: np.ndarray
+    alarm_s: np.ndarray
 
 
 def was_heard(results: StreamResults) -> bool:
@@ -48,7 +49,8 @@ def read_heard(results: StreamResults) -> HeardStream:
     heard = sliding_ratio(stones, WINDOW_S, STEP_S, results.end_s)
     truth = [_share(results.touched, t_s) for t_s in heard["t_s"]]
     return HeardStream(heard, pd.DataFrame({"t_s": heard["t_s"], "mass_ratio": truth}),
-                       stones["t_s"].to_numpy(), results.touched["first_contact_s"].to_numpy())
+                       stones["t_s"].to_numpy(), results.touched["first_contact_s"].to_numpy(),
+                       stones["t_s"][stones.get("alarm", stones["t_s"] < 0)].to_numpy())
 
 
 def _share(touched: pd.DataFrame, end_s: float) -> float:
@@ -72,6 +74,8 @@ def ratio_over_time(found: HeardStream) -> Figure:
     axis.fill_between(time_s, low, high, color=ACCENT, alpha=0.25, linewidth=0, label="90 % interval")
     axis.plot(time_s, middle, color=ACCENT, label="recognised")
     axis.plot(truth["t_s"], 100 * truth["mass_ratio"], "--", color=COAL, label="truth")
+    for k, t_s in enumerate(found.alarm_s):
+        axis.axvline(t_s, color=GANGUE, linewidth=1, label=None if k else "alarm")
     axis.set_xlabel("time, s")
     axis.set_ylabel(RATIO_LABEL)
     axis.set_ylim(-14, 170)  # room for the legend

@@ -30,7 +30,8 @@ def mixing_order(results: SweepResults) -> Drawn:
 
 def peak_against_position(results: SweepResults) -> Drawn:
     x_m = np.linspace(-0.49, 0.49, 99) * results.theory.setup.support_length_m
-    return figures.peak_against_position(x_m, results.theory.single_peaks_N(x_m))
+    peaks_N = results.theory.single_peaks_N(x_m)
+    return figures.peak_against_position(x_m, {kind: peaks_N[kind] for kind in results.kinds})
 
 
 def totals(results: SweepResults) -> Drawn:
@@ -46,7 +47,8 @@ def totals(results: SweepResults) -> Drawn:
 
 def force_histories(results: SweepResults) -> Drawn:
     s, histories = results.theory.setup, {}
-    for name, rock in s.rocks.items():
+    for name in results.kinds:
+        rock = s.rocks[name]
         stiffness, mass_kg = contact_stiffness(rock, s.radius_m, s.plate), sphere_mass_kg(rock, s.radius_m)
         e = s.restitution[name]
         by_law = {law: force_history(law, stiffness, mass_kg, s.speed_m_s, e) for law in DAMPING}
@@ -61,7 +63,7 @@ THEORY_FIGURES = [
     FigureSpec("fig-9", "Largest force against position",
                "Eqs. 8, 9, 19, 20, 26-30 with the scene's values, restitution included.", peak_against_position),
     FigureSpec("fig-10", "Total force",
-               "Left with the beam formula, right with the static compliance of the real plate on its rods; points: "
+               "With the beam formula, and with the static compliance of the real plate on its rods; points: "
                "largest simulated force.",
                totals, ratios=2),
     FigureSpec("fig-laws", "Force histories",

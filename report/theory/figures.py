@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from report.drawing.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, canvas, material_colour, styled
+from report.drawing.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, canvas, legend_above, material_colour, styled
 
 STATE_LABELS = {
     "PH": "Hertz, rigid",
@@ -40,7 +40,7 @@ def arrangement(
     rank = {place: k for k, place in enumerate(order, 1)}
     for number, (x, y) in enumerate(places_m, 1):
         axis.add_patch(Circle((x, y), radius_m, facecolor="#d9b58f", edgecolor=GANGUE))
-        axis.text(x, y, f"#{number}\n{rank[number]}.", ha="center", va="center")
+        axis.text(x, y, f"#{number}\n{rank[number]}.", ha="center", va="center", color="#221a10")  # on dark too
     axis.set_xlim(-0.52 * plate_m[0], 0.52 * plate_m[0])
     axis.set_ylim(-0.52 * plate_m[1], 0.52 * plate_m[1])
     axis.set_aspect("equal")
@@ -62,7 +62,7 @@ def mixing_order(materials: list[list[str]], ratios: np.ndarray) -> Figure:
     places = range(1, len(materials[0]) + 1)
     axis.set_xticks(places, [f"#{k}" for k in places])
     axis.invert_yaxis()
-    axis.set_title("black: coal, brown: gangue")
+    axis.set_title("grey: coal, brown: gangue")
     axis.grid(False)
     return figure
 
@@ -79,7 +79,7 @@ def peak_against_position(x_m: np.ndarray, forces_N: dict[str, dict[str, np.ndar
         axis.set_title(material)
         axis.set_xlabel("x from the centre, m")
     axes[0, 0].set_ylabel("largest force, kN")
-    axes[0, 0].legend(loc="upper left")
+    legend_above(axes[0, 0])
     return figure
 
 
@@ -103,9 +103,8 @@ def totals(
         axis.set_title(title)
         axis.set_xlabel(RATIO_LABEL)
     axes[0, 0].set_ylabel("total force, kN")
-    axes[0, 0].legend(loc="upper left")
-    largest_N = max(force.max() for states in panels.values() for force in states.values())
-    axes[0, 0].set_ylim(0, 1.35e-3 * largest_N)
+    axes[0, 0].set_ylim(bottom=0)
+    legend_above(axes[0, 0])
     return figure
 
 
@@ -121,5 +120,5 @@ def force_histories(histories: dict[str, dict[str, tuple[np.ndarray, np.ndarray]
         axis.set_title(title)
         axis.set_xlabel("time, µs")
     axes[0, 0].set_ylabel("force, kN")
-    axes[0, 0].legend()
+    legend_above(axes[0, 0])
     return figure

@@ -12,13 +12,12 @@ from common.tables import InputError, check, read_toml
 from dem.__main__ import main
 from dem.calibration.calibrate import (
     CHECK_SEEDS,
-    TARGETS,
+    TargetTable,
     calibrate,
     fit_strengths,
     fracture_energy,
-    read_target,
 )
-from dem.calibration.lab_sheet import find_sheet, scene_with
+from dem.calibration.lab_sheet import TARGETS, find_sheet, scene_with
 from dem.calibration.virtual_tests import (
     CHECKS,
     LoadHistory,
@@ -38,6 +37,11 @@ from lab.rock.impacts import LARGEST_SHARE, LEAST_SUBSPHERES, mass_exponent
 ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=0.3, restitution=0.5, friction=0.6,
             bond_modulus_Pa=6e9, stiffness_ratio=3.0, tensile_strength_Pa=3e6, shear_strength_Pa=6e6,
             tan_friction=0.5, damping_ratio=0.05)
+
+
+def target_of(rock, file=TARGETS):
+    """The sheet of a rock, checked."""
+    return check(TargetTable, read_toml(file)[rock], file, where=rock)
 
 
 def elastic_test(directory: Path, specimen: Specimen, rock: Rock, strain: float = 2e-4) -> tuple[float, float]:
@@ -116,7 +120,7 @@ class FakeLaboratory:
 
 
 def test_both_strengths_are_fitted():
-    target = read_target("coal")
+    target = target_of("coal")
     rock = fit_strengths(ROCK, target, FakeLaboratory(
         Brazilian=lambda t, s: 0.4 * t, compression=lambda t, s: t**0.3 * s**0.7), range(8))
     assert rock.tensile_strength_Pa == pytest.approx(target.tensile_strength_Pa / 0.4, rel=0.01)
@@ -126,7 +130,7 @@ def test_both_strengths_are_fitted():
 
 def test_strengths_that_go_with_a_small_power_of_those_of_the_bonds_are_met():
     """As where the fracture energy carries much of the load: steps in proportion would stop 7 % away."""
-    target = read_target("soft_coal")
+    target = target_of("soft_coal")
     rock = fit_strengths(ROCK, target, FakeLaboratory(
         Brazilian=lambda t, s: 1.25 * target.tensile_strength_Pa * (t / ROCK.tensile_strength_Pa) ** 0.45,
         compression=lambda t, s: s), range(8))
@@ -135,7 +139,7 @@ def test_strengths_that_go_with_a_small_power_of_those_of_the_bonds_are_met():
 
 def test_far_from_the_target_few_packings_show_the_way():
     """Rounds far off try the first four packings alone; the strength that is left is found with all of them."""
-    target, tried = read_target("coal"), []
+    target, tried = target_of("coal"), []
 
     class Counting(FakeLaboratory):
         def strengths(self, stage, kind, rock, seeds):
@@ -151,7 +155,7 @@ def test_far_from_the_target_few_packings_show_the_way():
 def test_a_strength_that_cannot_be_reached_is_named(deaf):
     laws = {"Brazilian": lambda t, s: t, "compression": lambda t, s: s, deaf: lambda t, s: 5e5}
     with pytest.raises(RuntimeError, match=f"the {deaf} strength reached"):
-        fit_strengths(ROCK, read_target("coal"), FakeLaboratory(**laws), range(8))
+        fit_strengths(ROCK, target_of("coal"), FakeLaboratory(**laws), range(8))
 
 
 def test_confining_pressure_in_closed_form(tmp_path):
@@ -179,7 +183,7 @@ def test_a_calibration_that_was_killed_can_be_repeated(tmp_path, capsys, monkeyp
     """Every test of a calibration leaves its directory, and none of them is taken for somebody else's."""
     def strength(directory, *_):
         directory.mkdir(parents=True, exist_ok=True)
-        target = read_target("coal")
+        target = target_of("coal")
         wanted_Pa = target.compressive_strength_Pa if "compression" in directory.name else target.tensile_strength_Pa
         return LoadHistory(np.array([1.0]), np.array([wanted_Pa]))
 
@@ -233,9 +237,9 @@ def test_a_material_without_targets_is_named(tmp_path):
     file = tmp_path / "targets.toml"
     file.write_text("[coal]\ntensile_strength_Pa = 1e6\n")
     with pytest.raises(InputError, match="gangue is missing"):
-        read_target("gangue", file)
+        find_sheet("gangue", SCENES / "paper.toml", targets=file)
     with pytest.raises(InputError, match="coal.compressive_strength_Pa is missing"):
-        read_target("coal", file)
+        target_of("coal", file)
 
 
 def missed(reached):
@@ -253,7 +257,7 @@ def missed(reached):
 def test_fitted_materials_meet_their_targets_and_are_those_of_the_scene(material):
     file = SCENES / "materials" / f"{material}.toml"
     table = read_toml(file)
-    scene, target = read_scene(SCENES / "paper.toml"), read_target(material, TARGETS)
+    scene, target = read_scene(SCENES / "paper.toml"), target_of(material, TARGETS)
     assert check(BondTable, table["bond"], file, where="bond") == scene.materials[material].bond
     reached, beside = table["reached"], table["beside"]
     assert reached["youngs_modulus_Pa"]["target"] == scene.materials[material].youngs_modulus_Pa
@@ -265,7 +269,7 @@ def test_fitted_materials_meet_their_targets_and_are_those_of_the_scene(material
 
 @pytest.mark.parametrize("rock", ["hard_coal", "soft_coal"])
 def test_rocks_beside_the_paper_meet_their_targets(rock):
-    table, target = read_toml(SCENES / "materials" / f"{rock}.toml"), read_target(rock)
+    table, target = read_toml(SCENES / "materials" / f"{rock}.toml"), target_of(rock)
     assert table["reached"]["compressive_strength_Pa"]["target"] == target.compressive_strength_Pa
     assert missed(table["reached"]) == []
 
@@ -286,9 +290,9 @@ def test_what_misses_its_target_is_named():
 
 def test_fracture_energy_of_the_shipped_coal():
     """Irwin's K^2 (1 - nu^2)/E of 0.12 MPa m^0.5 is 2.56 J/m^2 of a crack, which breaks 2.1 times its area of bonds."""
-    target = read_target("coal")
+    target = target_of("coal")
     assert fracture_energy(target, 5.12e9, 0.3) == pytest.approx(2.56 / 2.1, rel=1e-3)
-    assert fracture_energy(read_target("soft_coal"), 2.96e9, 0.3) == pytest.approx(13 / 2.1, rel=1e-3)
+    assert fracture_energy(target_of("soft_coal"), 2.96e9, 0.3) == pytest.approx(13 / 2.1, rel=1e-3)
 
 
 @pytest.mark.parametrize("tau", [1.5, 2.2])

@@ -14,6 +14,7 @@ import dem.deck.render
 from common.files.cache import user_cache
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
+from plate_fem.elements.mesh import default_mesh_size
 from plate_fem.modes import PlateModes, plate_modes
 from plate_fem.solution.eigen import eigenmodes
 from plate_fem.solution.model import build_model
@@ -146,10 +147,15 @@ def test_a_sphere_that_slides_feels_the_plate_beneath_it(tmp_path, monkeypatch, 
 
 @pytest.mark.validate
 def test_top_face_moves_as_sway_yaw_and_rotation_say():
-    """At places between the nodes of a plate on unlike rods, beside the finite elements' own displacement."""
+    """At places between the nodes of a plate on unlike rods, beside the finite elements' own displacement.
+
+    Beside a rod, where rotations have kinks, the elements of the default mesh are themselves 1.2e-3 from those of a third
+    of their size. The mesh is half as wide.
+    """
     plate = changed("single", {}).plate
     thicker = plate.rods[0].model_copy(update={"diameter_m": 0.03})
     plate = plate.model_copy(update={"max_frequency_Hz": 600.0, "rods": (thicker, *plate.rods[1:])})
+    plate = plate.model_copy(update={"mesh_size_m": default_mesh_size(plate) / 2})
     modes, model = plate_modes(plate), build_model(plate)
     x, y = np.linspace(-0.24, 0.24, 5), np.linspace(-0.2, 0.23, 4)
     vectors = model.expansion @ eigenmodes(model.parts, 600.0)[1].toarray()
@@ -157,7 +163,7 @@ def test_top_face_moves_as_sway_yaw_and_rotation_say():
     for axis in (0, 1):
         exact = (model.system.lateral(places, axis, plate.thickness_m / 2) @ vectors).reshape(5, 4, -1)
         found = modes.lateral_grid(x, y)[:, :, axis]
-        assert np.abs(np.abs(found) - np.abs(exact)).max() < 1e-3 * np.abs(exact).max()
+        assert np.abs(np.abs(found) - np.abs(exact)).max() < 1e-4 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize(("changes", "within"), [

@@ -7,7 +7,7 @@ from scipy.stats import weibull_min
 
 from common.tables import InputError, read_toml
 from dem.calibration.virtual_tests import Rock, brazilian_specimen
-from dem.deck.plausible import fragment_resolution, speed_over_critical, warnings_of_fragments
+from dem.deck.plausible import breakage_scales, warnings_of_fragments
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from dem.stones.substance import flaw_factors
@@ -29,6 +29,14 @@ def test_the_field_has_a_weibull_law_of_mean_one_and_its_correlation():
     assert of_normal == pytest.approx([np.exp(-1), np.exp(-1 / 9), 0], abs=0.05)
     low = np.quantile(values[:, 0] * law.mean(), [0.05, 0.5, 0.95])
     assert low == pytest.approx(law.ppf([0.05, 0.5, 0.95]), rel=0.03)
+
+
+def resolution(scene, one):
+    return breakage_scales(scene, one)["fragment_size_over_subsphere"]
+
+
+def over_critical(scene, one):
+    return breakage_scales(scene, one)["speed_over_critical"]
 
 
 def bonds_of(count, **changes):
@@ -80,12 +88,12 @@ def test_fragments_are_as_large_as_grady_says(speed, energy, size_mm, warned):
     """(24 x 2.1 G/(rho (v/R)^2))^(1/3), worked by hand, over the mean diameter of sub-spheres."""
     scene = changed("single", {"stones.speed_m_s": speed, "materials.coal.bond.fracture_energy_J_m2": energy})
     one = assemble(scene, stones_of(scene, "single"))
-    found, = fragment_resolution(scene, one)
+    found, = resolution(scene, one)
     assert found == pytest.approx(1e-3 * size_mm / (2 * one.radius_m.mean() / 0.975), rel=2e-3)
     told = warnings_of_fragments(scene, one)
     assert bool(told) == warned and all("what breaks depends on their number" in line for line in told)
     snaps = changed("single", {"materials.coal.bond.fracture_energy_J_m2": None})
-    assert fragment_resolution(snaps, assemble(snaps, stones_of(snaps, "single"))) == [None]
+    assert resolution(snaps, assemble(snaps, stones_of(snaps, "single"))) == [None]
 
 
 @pytest.mark.parametrize("rock, gangue, low, high", [("coal", 0.0, 3.0, 4.0), ("gangue", 1.0, 8.0, 10.0),
@@ -95,10 +103,10 @@ def test_a_stone_at_its_critical_speed_falls_apart(rock, gangue, low, high):
     bond = read_toml(SCENES / "materials" / f"{rock}.toml")["bond"]
     material = "gangue" if gangue else "coal"
     scene = changed("single", {"stones.gangue_ratio": gangue, "stones.speed_m_s": 3.0, f"materials.{material}.bond": bond})
-    over, = speed_over_critical(scene, assemble(scene, stones_of(scene, "single")))
+    over, = over_critical(scene, assemble(scene, stones_of(scene, "single")))
     assert low < 3.0 / over < high
     snaps = changed("single", {"materials.coal.bond.fracture_energy_J_m2": None})
-    assert speed_over_critical(snaps, assemble(snaps, stones_of(snaps, "single"))) == [None]
+    assert over_critical(snaps, assemble(snaps, stones_of(snaps, "single"))) == [None]
 
 
 def test_the_critical_speed_falls_with_size_and_rises_with_the_stones_own_strength():
@@ -106,7 +114,7 @@ def test_the_critical_speed_falls_with_size_and_rises_with_the_stones_own_streng
     found = []
     for changes in ({}, {"stones.radius_m": 0.05}, {"scatter.strength_factor": 1.5}):
         scene = changed("single", changes)
-        found += speed_over_critical(scene, assemble(scene, stones_of(scene, "single")))
+        found += over_critical(scene, assemble(scene, stones_of(scene, "single")))
     assert found[1:] == pytest.approx([found[0] * 2**0.2, found[0] / 1.5**0.7], rel=1e-9)
 
 

@@ -42,7 +42,6 @@ def test_moments_of_a_box_by_its_closed_form(tmp_path):
     volume, first, second = moments(solid.corner, solid.triangle)
     assert volume == pytest.approx(4 / 3 * np.pi) and np.allclose(first, 0, atol=1e-7)
     assert np.diag(second) / volume == pytest.approx(size**2 * np.array([a * a, b * b, c * c]) / 12, rel=1e-6)
-    assert solid.area == pytest.approx(2 * size**2 * (a * b + b * c + c * a), rel=1e-6)
 
 
 @pytest.mark.parametrize("table", [{}, {"elongation": 0.7, "flatness": 0.6}, {"corners": 8}])

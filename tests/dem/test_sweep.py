@@ -22,7 +22,7 @@ def small(tmp_path_factory):
     rigid = (SCENES / "hertz_coal.toml").read_text()
     text = text[:text.index("[plate]")] + rigid[rigid.index("[plate]"):]
     for old, new in [("count = 1\n", "count = 2\n"), ("gangue_order = [1]", "gangue_order = [2, 1]"),
-                     ("{ x_m = 0.1, y_m = 0.0 }", "{ x_m = 0.1, y_m = 0.0 }, { x_m = -0.1, y_m = 0.0 }"),
+                     ("[0.1, 0.0]", "[0.1, 0.0], [-0.1, 0.0]"),
                      ("subspheres = 500", "subspheres = 200"), ("duration_s = 6e-3", "duration_s = 9e-3")]:
         assert old in text
         text = text.replace(old, new)

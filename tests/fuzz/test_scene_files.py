@@ -10,11 +10,12 @@ import pandas as pd
 import pytest
 
 from common.scene.scene import read_scene
-from common.tables import InputError, read_toml
+from common.tables import InputError, check as checked, read_toml
 from dem.__main__ import main
-from dem.calibration.calibrate import TARGETS, read_target
+from dem.calibration.calibrate import TargetTable
+from dem.calibration.lab_sheet import TARGETS, find_sheet
 from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, many, mutated, outcome
-from tests.fuzz.scenes import ALL, CUBE, SMOOTH, VOLLEYS, small_scene
+from tests.fuzz.scenes import ALL, CUBE, SCENES, SMOOTH, VOLLEYS, small_scene
 
 MOST_STEPS = 200_000  # that a fuzzed scene is run for; beyond, its deck is written only
 
@@ -142,7 +143,8 @@ def check_targets(tables):
         file = here / "targets.toml"
         file.write_text(as_toml(tables), encoding="utf-8")
         try:
-            target = read_target("coal", file)
+            sheet = find_sheet("coal", SCENES / "paper.toml", targets=file)
+            target = checked(TargetTable, sheet.table, sheet.file, where=sheet.where)
         except InputError as error:
             assert "\n" not in str(error) and str(file) in str(error)
         else:

@@ -1,58 +1,136 @@
-"""A 3D solid model of a square plate on four rods, solved by CalculiX (Debian's calculix-ccx).
+"""A plate on rods as a 3D solid, solved by CalculiX (Debian's calculix-ccx), which knows nothing of plate theory.
 
-One quarter of the plate, x > 0 and y > 0, with symmetry or antisymmetry on the planes x = 0 and y = 0;
-20-node bricks with reduced integration; the rod is meshed round and shares the nodes of its disc.
+A part of the plate, cut where it is its own mirror image; 20-node bricks with reduced integration. Rods are meshed
+round and share the nodes of their disc. Bricks become thinner towards the edge where rod and plate meet.
 """
 
 import itertools
 import math
 import re
 import subprocess
+from dataclasses import dataclass
 
 import numpy as np
 
-
-def solid_modes(folder, half_m, thickness_m, place_m, diameter_m, length_m, material, symmetry, count, fine=1):
-    """Modes of the solid model: (frequency_Hz (n,), node_m (k, 2), displacement (n, k, 3) of the mid-plane).
-
-    place_m: x = y of the rod. symmetry: two letters, "s" or "a", for the planes x = 0 and y = 0.
-    count: number of modes asked for. fine: refines all element sides.
-    """
-    plate_faces, disc_faces = _faces(half_m, place_m, diameter_m / 2, fine)
-    bricks = _extrude(plate_faces, np.linspace(0, -thickness_m, 2 * fine + 1))
-    rod_layers = np.linspace(-thickness_m, -thickness_m - length_m, 10 * fine + 1)
-    bricks = np.concatenate([bricks, _extrude(disc_faces, rod_layers)])
-    return _solve(folder, bricks, thickness_m, length_m, material, symmetry, count)
+TO_CIRCLE, FROM_CIRCLE = np.array([0, 0.5, 0.8, 0.94, 1]), np.array([0, 0.12, 0.4, 1])  # from square to core
+PLATE_LAYERS = np.array([0, 0.5, 0.8, 0.94, 1])  # in thicknesses, from the top
+ROD_LAYERS = np.array([0, 0.06, 0.2, 0.5, 1])  # in radii, from the plate
 
 
-def _solve(folder, bricks, thickness_m, length_m, material, symmetry, count):
+@dataclass(frozen=True)
+class Part:
+    """Of a plate: x_m, y_m are its ends, 0 at a mirror; rods are (x, y, diameter), all as long; cell_m is the side of
+    its bricks away from rods, for fine = 1; `fine` divides all sides."""
+
+    x_m: tuple
+    y_m: tuple
+    thickness_m: float
+    rods: tuple
+    length_m: float
+    material: dict
+    cell_m: float
+    fine: int = 1
+
+    def bricks(self):
+        plate, discs = _faces(self)
+        top = -self.thickness_m * _finer(PLATE_LAYERS, self.fine)
+        found = [_extrude(np.concatenate(plate), top)]
+        for disc, (_, _, diameter) in zip(discs, self.rods, strict=True):
+            steep = diameter / 2 * ROD_LAYERS
+            even = np.linspace(steep[-1], self.length_m, 1 + math.ceil((self.length_m - steep[-1]) / diameter))[1:]
+            found.append(_extrude(disc, -self.thickness_m - _finer(np.append(steep, even), self.fine)))
+        return np.concatenate(found)
+
+
+@dataclass(frozen=True)
+class Found:
+    """frequency_Hz (n,), mass-normalised displacement (n, k, 3) of the mid-plane at node_m (k, 2), force_N
+    (n, rods) upwards on the feet, and `sag_m` (k,), the deflection under gravity, of a part without antisymmetry."""
+
+    frequency_Hz: np.ndarray
+    node_m: np.ndarray
+    motion: np.ndarray
+    force_N: np.ndarray
+    sag_m: np.ndarray | None
+
+
+def solved(folder, part, symmetry, count):
+    """Modes of a plate by `count` modes of its part. symmetry: "s" or "a" for the mirrors x = 0 and y = 0, or "-"."""
+    bricks = part.bricks()
     points, number = np.unique(np.round(bricks.reshape(-1, 3), 9), axis=0, return_inverse=True)
-    element = number.reshape(-1, 20) + 1
-    middle = np.flatnonzero(np.isclose(points[:, 2], -thickness_m / 2))
-    base = np.flatnonzero(np.isclose(points[:, 2], -thickness_m - length_m))
-    deck = _deck(points, element, middle, base, material, symmetry, count)
+    middle = np.flatnonzero(np.isclose(points[:, 2], -part.thickness_m / 2))
+    base = np.isclose(points[:, 2], -part.thickness_m - part.length_m)
+    feet = [np.flatnonzero(base & (np.hypot(points[:, 0] - x, points[:, 1] - y) < 0.51 * d)) for x, y, d in part.rods]
+    sags = "a" not in symmetry
+    deck = _deck(part, points, number.reshape(-1, 20) + 1, middle, feet, symmetry, count, sags)
     (folder / "solid.inp").write_text(deck)
     subprocess.run(["ccx", "solid"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-    return _read(folder / "solid.dat", points, middle, count)
+    text = re.sub(r"(\d)([-+]\d{3})\b", r"\1E\2", (folder / "solid.dat").read_text())  # Fortran's long exponents lack E
+    blocks = text.split("displacements (vx,vy,vz) for set MIDDLE")[1:]
+    motion = np.array([[line.split()[1:] for line in _lines(block, len(middle))] for block in blocks], float)
+    totals = re.findall(r"total force \(fx,fy,fz\) for set FOOT\d+ and time\s+\S+\s+(\S+)\s+(\S+)\s+(\S+)", text)
+    force = np.array(totals, float)[:, 2].reshape(-1, len(feet))
+    table = text[text.index("E I G E N V A L U E") :]
+    rows = re.findall(r"^\s+(\d+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s*$", table, re.MULTILINE)
+    whole = np.sqrt(2.0 ** sum(kind != "-" for kind in symmetry))
+    return Found(np.array([float(row[3]) for row in rows[:count]]), points[middle, :2], motion[-count:] / whole,
+                 force[-count:] / whole, motion[0, :, 2] if sags else None)
 
 
-def _faces(half, place, radius, fine):
-    """Eight-node faces (n, 8, 2) of the plate and those of the rod's disc."""
-    s = 1.8 * radius
-    sides = [(0.0, place - s, 8), (place - s, place + s, 4), (place + s, half, 2)]
-    plate = []
-    for (x0, x1, nx), (y0, y1, ny) in itertools.product(sides, sides):
-        if x0 > 0 and y0 > 0 and x1 < half and y1 < half:
+def solid_modes(folder, half_m, thickness_m, place_m, diameter_m, length_m, material, symmetry, count, fine=1):
+    """Of a square plate on four rods: (frequency_Hz (n,), node_m (k, 2), displacement (n, k, 3)), mass-normalised for
+    the quarter. place_m: x = y of the rod."""
+    ends, rods = (0, half_m), ((place_m, place_m, diameter_m),)
+    part = Part(ends, ends, thickness_m, rods, length_m, material, half_m / 10, fine)
+    found = solved(folder, part, symmetry, count)
+    return found.frequency_Hz, found.node_m, 2 * found.motion
+
+
+def unlike_rods_modes(folder, half_m, thickness_m, place_m, diameters_m, length_m, material, count, fine=1):
+    """Modes of a whole plate on four unlike rods: (frequency_Hz (n,), node_m (k, 2), displacement (n, k, 3)).
+
+    half_m, place_m: pairs along x and y. diameters_m: of the rods at (-, -), (-, +), (+, -), (+, +).
+    """
+    signs = itertools.product((-1, 1), (-1, 1))
+    rods = tuple((sx * place_m[0], sy * place_m[1], d) for (sx, sy), d in zip(signs, diameters_m, strict=True))
+    x_m, y_m = ((-half, half) for half in half_m)
+    found = solved(folder, Part(x_m, y_m, thickness_m, rods, length_m, material, max(half_m) / 9, fine), "--", count)
+    return found.frequency_Hz, found.node_m, found.motion
+
+
+def _finer(lines, fine):
+    return np.interp(np.arange(fine * (len(lines) - 1) + 1) / fine, np.arange(len(lines)), lines)
+
+
+def _faces(part):
+    """Eight-node faces (n, 8, 2): a list of the plate's, and of each rod's disc."""
+    square = 0.9 * max(diameter for *_, diameter in part.rods)
+    lines = []
+    for axis, ends in enumerate((part.x_m, part.y_m)):
+        at = {end: None for end in ends} | {rod[axis] + side * square: None for rod in part.rods for side in (-1, 1)}
+        lines.append(sorted(set(np.round(list(at), 9))))
+    plate, discs = [], []
+    for (x0, x1), (y0, y1) in itertools.product(*map(itertools.pairwise, lines)):
+        if any(x0 < x < x1 and y0 < y < y1 for x, y, _ in part.rods):
             continue
-        plate.append(_patch(lambda a, b, r=(x0, x1, y0, y1): _bilinear(a, b, *r), nx * fine, ny * fine))
-    around, disc = _rod_faces(np.array([[[place]], [[place]]]), radius, s, fine)
-    return np.concatenate(plate + around + disc), np.concatenate(disc)
+        sides = [_side(part, a, b, square) for a, b in ((x0, x1), (y0, y1))]
+        plate.append(_patch(lambda a, b, r=(x0, x1, y0, y1): _bilinear(a, b, *r), *sides))
+    for x, y, diameter in part.rods:
+        around, disc = _rod_faces(np.array([[[x]], [[y]]]), diameter / 2, square, part.fine)
+        plate += [*around, *disc]
+        discs.append(np.concatenate(disc))
+    return plate, discs
+
+
+def _side(part, start, end, square):
+    at_rod = abs(end - start - 2 * square) < 1e-6
+    return np.linspace(0, 1, part.fine * (4 if at_rod else math.ceil((end - start) / part.cell_m - 1e-9)) + 1)
 
 
 def _rod_faces(place, radius, s, fine):
     """Patches about a rod at place (2, 1, 1): from its square of half side s to its circle, and those of its disc."""
-    around, disc = [], []
-    for quarter in range(4):  # around the disc: square to circle, circle to core
+    around, disc, along = [], [], np.linspace(0, 1, 4 * fine + 1)
+    for quarter in range(4):
 
         def ring(a, b, outer, q=quarter):
             angle = math.pi / 2 * (q + a) - math.pi / 4
@@ -66,10 +144,10 @@ def _rod_faces(place, radius, s, fine):
             start, end = (square(s), circle) if outer else (circle, square(0.5 * radius))
             return place + start + b * (end - start)
 
-        around.append(_patch(lambda a, b, f=ring: f(a, b, True), 4 * fine, 2 * fine))
-        disc.append(_patch(lambda a, b, f=ring: f(a, b, False), 4 * fine, 2 * fine))
+        around.append(_patch(lambda a, b, f=ring: f(a, b, True), along, _finer(TO_CIRCLE, fine)))
+        disc.append(_patch(lambda a, b, f=ring: f(a, b, False), along, _finer(FROM_CIRCLE, fine)))
     half = 0.5 * radius
-    disc.append(_patch(lambda a, b: place + _bilinear(a, b, -half, half, -half, half), 4 * fine, 4 * fine))
+    disc.append(_patch(lambda a, b: place + _bilinear(a, b, -half, half, -half, half), along, along))
     return around, disc
 
 
@@ -77,10 +155,10 @@ def _bilinear(a, b, x0, x1, y0, y1):
     return np.array([x0 + a * (x1 - x0), y0 + b * (y1 - y0)])
 
 
-def _patch(mapping, n, m):
-    """Faces (n m, 8, 2) of a patch: corners counter-clockwise, then the middles of the sides."""
-    a, b = np.meshgrid(np.arange(2 * n + 1) / (2 * n), np.arange(2 * m + 1) / (2 * m), indexing="ij")
-    grid = mapping(a, b)
+def _patch(mapping, along_a, along_b):
+    """Faces (n m, 8, 2) of a patch between lines: corners counter-clockwise, then the middles of the sides."""
+    n, m = len(along_a) - 1, len(along_b) - 1
+    grid = mapping(*np.meshgrid(_finer(along_a, 2), _finer(along_b, 2), indexing="ij"))
     offsets = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1)]
     faces = np.stack([grid[:, i : i + 2 * n - 1 : 2, j : j + 2 * m - 1 : 2] for i, j in offsets], axis=-1)
     faces = np.moveaxis(faces.reshape(2, n * m, 8), 0, 2)
@@ -103,61 +181,30 @@ def _extrude(faces, levels):
     return np.concatenate(bricks)
 
 
-def _deck(points, element, middle, base, material, symmetry, count):
-    lines = ["*NODE, NSET=ALL"]
+def _deck(part, points, element, middle, feet, symmetry, count, sags):
+    material, lines = part.material, ["*NODE, NSET=ALL"]
     lines += [f"{i},{x:.9g},{y:.9g},{z:.9g}" for i, (x, y, z) in enumerate(points, 1)]
     lines.append("*ELEMENT, TYPE=C3D20R, ELSET=SOLID")
     for i, nodes in enumerate(element, 1):
         lines += [f"{i}," + ",".join(map(str, nodes[:10])) + ",", ",".join(map(str, nodes[10:]))]
-    lines += ["*NSET, NSET=MIDDLE", *(str(i + 1) for i in middle)]
+    for name, chosen in {"MIDDLE": middle, **{f"FOOT{k}": foot for k, foot in enumerate(feet)}}.items():
+        lines += [f"*NSET, NSET={name}", *(str(i + 1) for i in chosen)]
     lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{material['youngs_modulus_Pa']},{material['poisson_ratio']}"]
     lines += ["*DENSITY", f"{material['density_kg_m3']}", "*SOLID SECTION, ELSET=SOLID, MATERIAL=STEEL", "*BOUNDARY"]
-    lines += [f"{i + 1},1,3" for i in base]
+    lines += [f"{i + 1},1,3" for foot in feet for i in foot]
     for axis, kind in enumerate(symmetry):
-        held = [axis + 1] if kind == "s" else [d for d in (1, 2, 3) if d != axis + 1]
+        held = {"s": [axis + 1], "a": [d for d in (1, 2, 3) if d != axis + 1], "-": []}[kind]
         plane = np.flatnonzero(np.isclose(points[:, axis], 0))
         lines += [f"{i + 1},{d},{d}" for i in plane for d in held]
-    lines += ["*STEP", "*FREQUENCY", f"{count}", "*NODE PRINT, NSET=MIDDLE", "U", "*END STEP"]
+    printed = ["*NODE PRINT, NSET=MIDDLE", "U"]
+    for k in range(len(feet)):
+        printed += [f"*NODE PRINT, NSET=FOOT{k}, TOTALS=ONLY", "RF"]
+    if sags:
+        lines += ["*STEP", "*STATIC", "*DLOAD", "SOLID,GRAV,9.81,0,0,-1", *printed, "*END STEP"]
+    lines += ["*STEP", "*FREQUENCY", f"{count}", *printed, "*END STEP"]
     return "\n".join(lines) + "\n"
-
-
-def _read(file, points, middle, count):
-    text = re.sub(r"(\d)([-+]\d{3})\b", r"\1E\2", file.read_text())  # Fortran leaves out the E of long exponents
-    table = text[text.index("E I G E N V A L U E") :]
-    rows = re.findall(r"^\s+(\d+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s+([-\d.E+]+)\s*$", table, re.MULTILINE)
-    frequency = np.array([float(row[3]) for row in rows[:count]])
-    blocks = text.split("displacements (vx,vy,vz) for set MIDDLE")[1:]
-    displacement = np.array([[line.split()[1:] for line in _lines(block, len(middle))] for block in blocks], float)
-    return frequency, points[middle, :2], displacement
 
 
 def _lines(block, count):
     rows = [line for line in block.splitlines()[1:] if line.strip()]
     return rows[:count]
-
-
-def unlike_rods_modes(folder, half_m, thickness_m, place_m, diameters_m, length_m, material, count, fine=1):
-    """Modes of a whole plate on four unlike rods: (frequency_Hz (n,), node_m (k, 2), displacement (n, k, 3)).
-
-    half_m, place_m: pairs along x and y. diameters_m: of the rods at (-, -), (-, +), (+, -), (+, +). The displacement
-    is that of the mid-plane, and the modes are mass-normalised, kg^-1/2.
-    """
-    square = 1.8 * max(diameters_m) / 2
-    lines = [
-        [-h, -p - square, -p + square, p - square, p + square, h] for h, p in zip(half_m, place_m, strict=True)]
-    cells = [2 * fine, 4 * fine, 16 * fine, 4 * fine, 2 * fine]
-    plate, discs = [], []
-    for (i, nx), (j, ny) in itertools.product(enumerate(cells), enumerate(cells)):
-        if i in (1, 3) and j in (1, 3):
-            continue
-        corners = lines[0][i], lines[0][i + 1], lines[1][j], lines[1][j + 1]
-        plate.append(_patch(lambda a, b, r=corners: _bilinear(a, b, *r), nx, ny))
-    signs = itertools.product((-1, 1), (-1, 1))
-    for (sx, sy), diameter in zip(signs, diameters_m, strict=True):
-        around, disc = _rod_faces(np.array([[[sx * place_m[0]]], [[sy * place_m[1]]]]), diameter / 2, square, fine)
-        plate += [*around, *disc]
-        discs += disc
-    bricks = _extrude(np.concatenate(plate), np.linspace(0, -thickness_m, 2 * fine + 1))
-    rod_layers = np.linspace(-thickness_m, -thickness_m - length_m, 10 * fine + 1)
-    bricks = np.concatenate([bricks, _extrude(np.concatenate(discs), rod_layers)])
-    return _solve(folder, bricks, thickness_m, length_m, material, "", count)

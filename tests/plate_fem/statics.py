@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from plate_fem.elements.hermite import integration
 from plate_fem.solution.eigen import factor
 
 
 def pressure_load(model):
     """Load vector (n,) of a unit pressure (1 Pa, upward) on the whole plate, over the free unknowns."""
-    weights = integration(model.system.lines_x_m, model.system.lines_y_m).ravel()
+    weights = model.system.deflections.integrals
     return model.expansion.T @ np.pad(weights, (0, model.system.size - len(weights)))
 
 

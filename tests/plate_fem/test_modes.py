@@ -6,8 +6,8 @@ from plates import four_rods, plate, rod
 
 from common.tables import Refused
 from plate_fem import modes as modes_module
-from plate_fem.elements.hermite import interpolation
 from plate_fem.elements.joints import joint_of
+from plate_fem.elements.products import deflections
 from plate_fem.elements.rods import disc_quadrature
 from plate_fem.modes import plate_modes, table_hash
 from plate_fem.solution import eigen
@@ -103,7 +103,8 @@ def test_rod_force_follows_the_deflection():
     k = 2 * np.pi * modes.frequency_Hz * np.sqrt(7830 / 207e9)
     for force, (x, y) in zip(modes.rod_force, [(-0.2, -0.2), (-0.2, 0.2), (0.2, -0.2), (0.2, 0.2)], strict=True):
         points, weights = disc_quadrature(x, y, 0.01)
-        bent = sum(interpolation(modes.lines_x_m, modes.lines_y_m, points, by) for by in ((2, 0), (0, 2)))
+        w = deflections(modes.lines_x_m, modes.lines_y_m)
+        bent = sum(w.values(points, by) for by in ((2, 0), (0, 2)))
         rise = weights @ (modes.shape_at(points) + joint.offset_m2 * bent @ modes.nodal.reshape(-1, len(k)))
         stiffness = 207e9 * np.pi * 0.01**2 * k
         expected = stiffness * rise / (np.sin(k * 0.1) + joint.axial_m_N * stiffness * np.cos(k * 0.1))

@@ -7,7 +7,7 @@ from recognition.estimation.errors import RecognitionError
 from recognition.stone_forces.law_file import load_forces
 from recognition.stream.decision import Stop, follow, foreseen, mean_stones
 from recognition.stream.prior import StonePrior
-from recognition.stream.stone_law import UNKNOWN, LearntLaw
+from recognition.stream.stone_law import UNKNOWN, LearntLaw, doubted
 from tests.recognition.test_stone_law import fallen, told_of
 
 PRIOR = StonePrior(load_forces(), (0.025, 0.025), (2.0, 4.0))
@@ -60,6 +60,11 @@ def test_fewer_false_alarms_come_later():
     often, rarely = (foreseen(law, told, Stop(0.4, n), 20.0, 0.005) for n in (10.0, 0.1))
     assert often.threshold < rarely.threshold and often.delay < rarely.delay
     assert 0.05 <= rarely.false_alarms_1_h <= 0.1 and often.false_alarms_1_h > 5
+    rates = []
+    for k in range(0, len(law.laws), 3):
+        gains = [STOP.gain(doubted(law.materials(law.drawn(k, m, 150, told))[0], 0.005).mean(axis=1)) for m in (0, 1)]
+        rates.append(72_000 / mean_stones(*gains, 0.2, often.threshold))
+    assert 0.6 <= np.mean(np.array(rates) < 11.0)  # of most laws, drawn anew
 
 
 @pytest.mark.parametrize(("above", "false"), [(0.0, 1.0), (1.0, 1.0), (np.nan, 1.0), (0.4, 0.0), (0.4, np.inf)])

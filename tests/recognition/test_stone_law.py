@@ -2,6 +2,7 @@
 it makes of stones that are none of those that are told."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,9 +10,12 @@ import pandas as pd
 import pytest
 from scipy.stats import multivariate_t
 
+from common.tables import InputError
 from lab.streams.stone_kinds import ERROR, hertz
+from recognition.estimation.errors import RecognitionError
 from recognition.innovations.bank import IMPULSE, TIME, X, Y
 from recognition.stone_forces.law_file import load_forces
+from recognition.stream import known_file
 from recognition.stream.posterior import drawn
 from recognition.stream.prior import TRIPLE, StonePrior
 from recognition.stream.stone_law import (
@@ -177,6 +181,25 @@ def test_stones_in_a_table(prior):
     assert table["mass_coal_kg"].median() < table["mass_gangue_kg"].median()
     assert table["mass_gangue_kg"].median() == pytest.approx(2400 * sphere, rel=0.2)
     assert learnt_table([], prior, prior, Known(), 20e3, 0.005)[0].empty
+
+
+def test_file_of_known_stones(tmp_path, monkeypatch, prior):
+    """Stones of each record are of its kind; a record that is not explained is refused by its name."""
+    reasons = {"a.csv": "", "b.csv": ""}
+    monkeypatch.setattr(known_file, "record_table", lambda file, *_: (file, Path(file).name))
+    monkeypatch.setattr(known_file, "channels_of", lambda table, plate, source: (None, source))
+    monkeypatch.setattr(known_file, "hear", lambda plate, channels, prior, values, quiet_s: SimpleNamespace(
+        heard=[values, quiet_s], checks=SimpleNamespace(reason=lambda: reasons[values])))
+    file = tmp_path / "known.toml"
+    file.write_text('[[known]]\nrecord = "a.csv"\nkind = "coal"\n[[known]]\nrecord = "b.csv"\nkind = "gangue"\nsilence_s = 2')
+    assert known_file.read_known(file, None, prior, 1.0, None) == [(["a.csv", 0.02], 0), (["b.csv", 2.0], 1)]
+    reasons["b.csv"] = "a channel's gain is off"
+    with pytest.raises(RecognitionError, match="b.csv: known stones are not explained: a channel's gain"):
+        known_file.read_known(file, None, prior, 1.0, None)
+    for wrong, said in (("coal", "known.0.kind"), ("", "known")):
+        file.write_text(wrong and '[[known]]\nrecord = "a.csv"\nkind = "rock"')
+        with pytest.raises(InputError, match=said):
+            known_file.read_known(file, None, prior, 1.0, None)
 
 
 def replace_place(heard, x_m):

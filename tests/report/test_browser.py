@@ -30,7 +30,7 @@ def sweep(tmp_path_factory):
     path = write_sweep(tmp_path_factory.mktemp("browser") / "paper", ratios=(0.0, 0.2, 0.5, 0.8, 1.0))
     networks = {ratio: write_view(path / f"ratio_{ratio}") for ratio in ("020", "050")}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report.page, "is_papers", lambda run: True)
+        patch.setattr(report.page, "are_papers", lambda runs: True)
         return path, write_report(path), networks["050"]
 
 

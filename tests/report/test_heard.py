@@ -27,14 +27,15 @@ def test_truth_is_the_share_by_mass_of_the_last_window(tmp_path):
     heard.mkdir()
     with pytest.raises(MissingResult, match="make recognise"):
         read_heard(results)
-    pd.DataFrame({"t_s": [0.1], "gangue": [1.0], "mass_coal_kg": 0.1, "mass_gangue_kg": 0.3, "mass_coal_sd_kg": 0.0,
-                  "mass_gangue_sd_kg": 0.0}).to_parquet(heard / "stones.parquet")
+    pd.DataFrame({"t_s": [0.1], "gangue": [1.0], "alarm": [True], "mass_coal_kg": 0.1, "mass_gangue_kg": 0.3,
+                  "mass_coal_sd_kg": 0.0, "mass_gangue_sd_kg": 0.0}).to_parquet(heard / "stones.parquet")
     pd.DataFrame({"ratio": [0.5]}).to_parquet(heard / "ratio.parquet")
     found = read_heard(results)
     nearest = {t_s: np.argmin(abs(found.truth["t_s"] - t_s)) for t_s in (0.05, 0.15, 0.25, 0.35)}
     at = {t_s: found.truth["mass_ratio"].iloc[k] for t_s, k in nearest.items()}
     assert np.isnan(at[0.05]) and at[0.15] == 1.0 and at[0.25] == pytest.approx(0.75) and at[0.35] == 0.0
-    assert found.heard_s.tolist() == [0.1] and found.fell_s.tolist() == [0.1, 0.2] and WINDOW_S == 0.2
+    assert found.heard_s.tolist() == found.alarm_s.tolist() == [0.1]
+    assert found.fell_s.tolist() == [0.1, 0.2] and WINDOW_S == 0.2
     pd.DataFrame({"ratio": [np.nan]}).to_parquet(heard / "ratio.parquet")
     with pytest.raises(MissingResult, match="did not trust"):
         read_heard(results)

@@ -11,7 +11,7 @@ from analysis import read_run, read_sweep
 from common.files.output_directory import files_in, hash_of, refuse_replacing, write_contents
 from common.resources import resource
 from common.scene.scene import changed_scene
-from report.page import is_papers, write_report
+from report.page import are_papers, write_report
 from tests.analysis import synthetic
 from tests.analysis.synthetic import write_run, write_sweep
 
@@ -22,7 +22,7 @@ def papers(tmp_path_factory):
     path = write_sweep(tmp_path_factory.mktemp("some") / "paper", ratios=(0.0, 0.2, 0.5, 0.6, 0.8, 1.0))
     (path / "ratio_010").mkdir()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report.page, "is_papers", lambda run: True)
+        patch.setattr(report.page, "are_papers", lambda runs: True)
         return write_report(path)
 
 
@@ -53,7 +53,7 @@ def test_report_of_an_incomplete_sweep_says_so(papers):
 @pytest.mark.parametrize("paper", [True, False])
 def test_a_run_alone_has_its_page_whatever_its_name_is(tmp_path, monkeypatch, paper):
     """What needs several ratios is left out; nothing is missing, and no range is of one value."""
-    monkeypatch.setattr(report.page, "is_papers", lambda run: paper)
+    monkeypatch.setattr(report.page, "are_papers", lambda runs: paper)
     run = write_run(tmp_path / "mine", 0.5)
     page = write_report(run)
     html, words = page.read_text(), words_of(page)
@@ -83,7 +83,7 @@ PAPER = resource("scenes") / "paper.toml"
     ({"contacts.coal_plate.restitution": 0.5}, False)])
 def test_a_scene_is_the_papers_by_its_physics_and_not_by_its_name(tmp_path, monkeypatch, changes, same):
     monkeypatch.setattr(synthetic, "SCENE", changed_scene(PAPER, changes).model_dump(mode="json"))
-    assert is_papers(read_run(write_run(tmp_path / "ratio_050", 0.5))) == same
+    assert are_papers([read_run(write_run(tmp_path / "ratio_050", 0.5))]) == same
 
 
 #: What is true of the paper's scene and its runs, and of no other.

@@ -40,8 +40,9 @@ def run(*arguments, **options):
 
 
 def what_was_said(errors):
-    """Lines on standard error but those of a run's progress and those that warn."""
-    return [line for line in errors.splitlines() if " left " not in line and not line.startswith("warning: ")]
+    """Lines on standard error but those of a run's progress and stages and those that warn."""
+    return [line for line in errors.splitlines()
+            if not (" left " in line or line.endswith(" ...") or line.startswith("warning: "))]
 
 
 def below(pid):

@@ -90,7 +90,7 @@ def engines_below(process):
 def long_runs(tmp_path, command):
     """A command at work on three runs, one at a time, that has started an engine, and its directory."""
     scene = small_stone(tmp_path, **{"count = 1\n": "count = 2\n", "gangue_order = [1]": "gangue_order = [2, 1]",
-                                     "{ x_m = 0.1, y_m = 0.0 }": "{ x_m = 0.1, y_m = 0.0 }, { x_m = -0.1, y_m = 0.0 }",
+                                     "[0.1, 0.0]": "[0.1, 0.0], [-0.1, 0.0]",
                                      # not done while Snakemake, which is asked first, waits for it
                                      "duration_s = 6e-3": "duration_s = 0.6\nfree_flight_tolerance = 0.0"})
     (tmp_path / "plan.toml").write_text('scene = "stone.toml"\nseed = 1\n'

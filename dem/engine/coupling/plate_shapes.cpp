@@ -43,11 +43,11 @@ class Unpacker {
   bool ended_ = false;
   unsigned char packed_[1 << 16];
 
+  // Past the end of the file zlib may still have some that it has taken in.
   bool step() {
     if (!stream_.avail_in) {
       stream_.next_in = packed_;
       stream_.avail_in = std::fread(packed_, 1, sizeof packed_, in_);
-      if (!stream_.avail_in) return false;
     }
     const int found = inflate(&stream_, Z_NO_FLUSH);
     ended_ = found == Z_STREAM_END;
