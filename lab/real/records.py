@@ -86,13 +86,13 @@ def hits(folder: Path) -> dict[str, float]:
         data = loadmat(folder / name)["Data"].T
         data = data - data[:, :QUIET].mean(axis=1, keepdims=True)
         taps.append(Tap(np.zeros(2), data[1:], 10e3, data[0], name))
-    found = {}
+    found: dict[str, float] = {}
     for within_s in WITHIN_s:
         a, b = (spectra(tap, 1 / within_s, HIGHEST_Hz, LEAD_s, samples_of(taps, LEAD_s)) for tap in taps)
         left = b.acceleration - a.acceleration / a.force * b.force
         share = 100 * np.sqrt(np.sum(abs(left) ** 2, axis=1) / np.sum(abs(b.acceleration) ** 2, axis=1))
         found |= {f"least_percent_{1e3 * within_s:g}_ms": share.min(), f"most_percent_{1e3 * within_s:g}_ms": share.max()}
-    return {"records": 1} | {name: float(value) for name, value in found.items()}
+    return {"records": 1.0} | {name: float(value) for name, value in found.items()}
 
 
 def windows(file: Path, step: int) -> np.ndarray:

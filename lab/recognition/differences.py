@@ -158,7 +158,7 @@ def other_count(count: int) -> Callable[[Sources], Records]:
     def records(sources: Sources) -> Records:
         found = forces_of(sources.runs)
         angle = 2 * np.pi * np.arange(count) / count
-        place_m = np.hypot(*found[0].place_m[0]) * np.column_stack([np.cos(angle), np.sin(angle)])
+        place_m = np.hypot(*found[0].fall.place_m[0]) * np.column_stack([np.cos(angle), np.sin(angle)])
         for one, other in zip(found, found[1:] + found[:1], strict=True):
             chosen = sources.rng.permutation(2 * len(one.force_N))[:count]
             force_N, gangue = np.vstack([one.force_N, other.force_N])[chosen], np.append(one.gangue, other.gangue)[chosen]

@@ -59,7 +59,7 @@ def recognise_families_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     rows = rows.assign(coverage=100 * rows["coverage_90"].astype(float))
     names = {"mean_abs_error_points": "mean", "worst_points": "worst", "coverage": "inside", "answered": "answered"}
     wide = rows.pivot(index="method", columns="family", values=list(names)).reindex(list(EVALUATED))
-    wide.columns = pd.Index([f"{family}_{names[value]}" for value, family in wide.columns])
+    wide.columns = pd.Index([f"{column[1]}_{names[column[0]]}" for column in wide.columns.tolist()])
     return wide.reset_index()
 
 

@@ -78,6 +78,7 @@ def plate_of(table: str) -> Plate:
     from common.scene.plate import FlexiblePlate
 
     plate = FlexiblePlate.model_validate_json(table)
+    assert plate.max_frequency_Hz is not None
     model = PlateModel.from_scene(plate, plate.max_frequency_Hz)
     weights = [np.gradient(lines) * np.where((lines == lines[0]) | (lines == lines[-1]), 0.5, 1.0)
                for lines in (model.lines_x_m, model.lines_y_m)]
