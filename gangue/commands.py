@@ -96,8 +96,9 @@ COMMANDS = {
         "gangue sweep scenes/paper.toml --out runs/paper --jobs 2",
         "gangue sweep scenes/paper.toml --set stones.count=6 --out runs/six")),
     "dataset": Command("dem.batch.dataset:build", "simulate what a plan draws, for recognition", (
-        _file("plan_file", "plan", "plan (TOML), such as scenes/dataset.toml"), OUT, JOBS, OVERWRITE), (
-        "gangue dataset scenes/dataset.toml --out runs/dataset",)),
+        _file("plan_file", "plan", "plan (TOML), such as scenes/dataset.toml"), OUT, JOBS, OVERWRITE,
+        _arg("--runs", type=int, metavar="N", help="of each family the first groups with so many (default: all)")), (
+        "gangue dataset scenes/dataset.toml --out runs/dataset --runs 44",)),
     "campaign": Command("dem.batch.campaign:campaign", "simulate every combination of values, by Snakemake", (
         _file("file", "file", "campaign (TOML), such as scenes/campaign.toml"), OUT, JOBS,
         _arg("--profile", help="slurm, or a directory with a Snakemake profile (default: this machine)")), (

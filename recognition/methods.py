@@ -17,6 +17,7 @@ METHODS: Registry = {
         "energy fusion as published", lambda: FusionPipeline(Fusion("energy"), as_published()), gives_interval=False),
     "energy_fusion_modified": MethodEntry(
         "energy fusion, modified", lambda: FusionPipeline(Fusion("energy"), modified()), gives_interval=False),
-    "arrangement_likelihood": MethodEntry("likelihood of arrangements", ArrangementLikelihood, seeks_impact=True),
+    "arrangement_likelihood": MethodEntry("likelihood of arrangements", ArrangementLikelihood, seeks_impact=True,
+                                          told=True),
     "energies_sensors": MethodEntry("energies of four accelerometers", partial(FeatureRegression, "energies_sensors")),
 }

@@ -34,7 +34,7 @@ from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import channel_faults, samples_before_impact
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 9
+VERSION = 10
 MOST_BYTES = 1e9
 NOT_APPLICABLE = "not applicable"
 
@@ -249,7 +249,7 @@ def _answer(name: str, method: Method, features: Any) -> Answer:
     """Raises RecognitionError where the method does not apply to these features."""
     with _fitting_numbers():
         (answer,) = method.answer([features])
-        complete = np.isfinite(answer.ratio) and (answer.has_interval or not METHODS[name].gives_interval)
+        complete = np.isfinite(answer.ratio) and answer.has_interval
         if not answer.reason and not complete:
             raise ValueError(f"ratio {answer.ratio}, interval {answer.low} to {answer.high}")
     return answer

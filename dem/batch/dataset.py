@@ -8,12 +8,11 @@ alone, so that more groups or other families leave the rest as it is.
 
 from __future__ import annotations
 
-import json
 import logging
 import time
 import zlib
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -35,7 +34,6 @@ from dem.run.run import run_prepared
 from dem.stones.arrangement import stones_of
 
 NOT_KEPT = ("deck/", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
-POSITION_TRIES = 10_000
 _log = logging.getLogger(__name__)
 
 
@@ -45,23 +43,22 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 class Family(Table):
     """What its groups vary; a key that is absent leaves the scene as it is."""
 
+    scene: str | None = None  # file, beside the plan; absent: that of the plan
     groups: Annotated[int, Field(ge=1)]
     runs_per_group: Annotated[int, Field(ge=1)]  # ratios of a group, spread over 0..1
-    # Dotted keys of the scene, for all runs of the family.
-    changes: dict[str, Any] = Field(default_factory=dict)
+    changes: dict[str, Any] = Field(default_factory=dict)  # dotted keys of the scene, for all runs of the family
     arrangement: bool = False  # which stones turn into gangue first
     packing: bool = False  # sub-spheres of every stone
     speed_m_s: tuple[Positive, Positive] | None = None  # evenly between these
     damping_ratio: tuple[NotNegative, NotNegative] | None = None  # of the plate, evenly between these
-    free_positions: bool = False  # anywhere on the plate, without overlap
 
 
 class DatasetPlan(Table):
     """The plan of a data set."""
 
-    scene: str | None = None  # file, beside the plan, of all families but those of streams
+    scene: str | None = None  # file, beside the plan, of all families but those with their own
     seed: Annotated[int, Field(ge=0)]
-    changes: dict[str, bool | float | int | str] = Field(default_factory=dict)  # for all runs
+    changes: dict[str, Any] = Field(default_factory=dict)  # for all runs
     # Seeds that groups with `packing` share: to find a packing and its compliances takes longer than a run, and they
     # are kept. Without it every group has its own.
     packings: Annotated[int, Field(ge=1)] | None = None
@@ -72,8 +69,8 @@ class DatasetPlan(Table):
     def _has_families(self) -> Self:
         if not self.families and not self.streams:
             raise Refused("families", "{}", "one family must be given, or one of streams")
-        if self.families and self.scene is None:
-            raise Refused("scene", None, "must be given with families")
+        if self.scene is None and any(family.scene is None for family in self.families.values()):
+            raise Refused("scene", None, "must be given with families that have none")
         for name in self.families.keys() & self.streams.keys():
             raise Refused(f"streams.{name}", "...", "must have another name than a family")
         return self
@@ -88,13 +85,17 @@ class DatasetRun:
     source: str
 
 
-def plan_dataset(path: Path) -> list[DatasetRun]:
-    """Return every run of a plan, in an order in which all families progress alike. Raises InputError."""
+def plan_dataset(path: Path, runs: int | None = None) -> list[DatasetRun]:
+    """Return every run of a plan, in an order in which all families progress alike; `runs`: of a family the first
+    groups that have so many. Raises InputError."""
+    if runs is not None and runs < 1:
+        raise InputError(f"--runs = {runs}: must be at least 1")
     plan = check(DatasetPlan, read_toml(path), path)
     families: dict[str, Family | StreamFamily] = {**plan.families, **plan.streams}
-    groups = [(group, name) for name, family in families.items() for group in range(family.groups)]
+    count = {name: _groups(family, runs) for name, family in families.items()}
+    groups = [(group, name) for name in families for group in range(count[name])]
     planned = []
-    for group, name in sorted(groups, key=lambda g: (g[0] + 0.5) / families[g[1]].groups):
+    for group, name in sorted(groups, key=lambda g: (g[0] + 0.5) / count[g[1]]):
         rng = np.random.default_rng([plan.seed, zlib.crc32(name.encode()), group])
         family = families[name]
         scenes = _of_stream(path, plan, name, family, rng) if isinstance(family, StreamFamily) else _of_volley(
@@ -110,16 +111,22 @@ def plan_dataset(path: Path) -> list[DatasetRun]:
 def _of_volley(path: Path, plan: DatasetPlan, name: str, family: Family, group: int,
                rng: np.random.Generator) -> list[Scene]:
     """The scenes of one group of a family, one a mixing ratio."""
-    assert plan.scene is not None
-    scene_file = Path(path).parent / plan.scene
-    base = _base_scene(scene_file, json.dumps(plan.changes | family.changes))
+    scene_file = Path(path).parent / (family.scene or plan.scene or "")
+    changes = plan.changes | family.changes | {"name": name}
+    base = changed_scene(scene_file, changes)
     with refused_in(scene_file, "stones"):
         count = _count(base)
-    drawn = plan.changes | family.changes | {"name": name} | draw(family, base, rng)
+    drawn = changes | draw(family, base, rng)
     if family.packing and plan.packings is not None:
         drawn["stones.seed"] = _shared_packing(plan.packings, plan.seed, name, group)
     return [changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
             for ratio in _ratios(name, family, count, group, plan.seed)]
+
+
+def _groups(family: Family | StreamFamily, runs: int | None) -> int:
+    """How many groups of a family are run."""
+    of_a_group = family.runs_per_group if isinstance(family, Family) else 1
+    return family.groups if runs is None else min(family.groups, -(-runs // of_a_group))
 
 
 def _count(scene: Scene) -> int:
@@ -134,11 +141,6 @@ def _shared_packing(packings: int, seed: int, name: str, group: int) -> int:
     return int(seeds[turn[group % packings]])
 
 
-@lru_cache(maxsize=64)
-def _base_scene(file: Path, changes: str) -> Scene:
-    return changed_scene(file, json.loads(changes))
-
-
 def _of_stream(path: Path, plan: DatasetPlan, name: str, family: StreamFamily, rng: np.random.Generator) -> list[Scene]:
     """The scene of one group of a family of streams."""
     drawn = plan.changes | family.changes | {"name": name} | draw_stream(family, rng)
@@ -146,7 +148,7 @@ def _of_stream(path: Path, plan: DatasetPlan, name: str, family: StreamFamily, r
 
 
 def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, Any]:
-    """Draw the changes of one group, by dotted key of the scene. Raises InputError where free stones find no place."""
+    """Draw the changes of one group, by dotted key of the scene."""
     count = _count(scene)
     changes: dict[str, Any] = {}
     if family.arrangement:
@@ -157,26 +159,9 @@ def draw(family: Family, scene: Scene, rng: np.random.Generator) -> dict[str, An
         changes["stones.speed_m_s"] = float(rng.uniform(*family.speed_m_s))
     if family.damping_ratio:
         changes["plate.damping_ratio"] = float(rng.uniform(*family.damping_ratio))
-    if family.free_positions:
-        changes["stones.positions"] = _free_positions(scene, rng).tolist()
-        changes["stones.circle_radius_m"] = None
     if scene.scatter.drawn:
         changes["scatter.seed"] = int(rng.integers(1_000_000_000))
     return changes
-
-
-def _free_positions(scene: Scene, rng: np.random.Generator) -> np.ndarray:
-    """Stones wholly above the plate, one after the other where no stone is yet."""
-    (count, radius_m), plate = scene.stones.volley, scene.plate
-    half = np.array([plate.length_m, plate.width_m]) / 2 - radius_m
-    position = np.empty((0, 2))
-    for _ in range(POSITION_TRIES):
-        if len(position) == count:
-            return position
-        one = rng.uniform(-half, half)
-        if np.all(np.linalg.norm(position - one, axis=1) > 2 * radius_m):
-            position = np.vstack([position, one])
-    raise InputError(f"free_positions: {count} stones of {radius_m:g} m find no place on the plate")
 
 
 def _ratios(name: str, family: Family, count: int, group: int, seed: int) -> list[float]:
@@ -186,11 +171,11 @@ def _ratios(name: str, family: Family, count: int, group: int, seed: int) -> lis
     return sorted({int((start + j * size // wanted) % size) / count for j in range(wanted)})
 
 
-def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False) -> BatchResult:
-    """Run what is missing, `jobs` at a time. Runs of another scene are replaced with `overwrite` only. Raises
-    InputError for bad input, Busy where another process is at work."""
+def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False, runs: int | None = None) -> BatchResult:
+    """Run what is missing, `jobs` at a time, of all or of the first `runs` of each family. Runs of another scene are
+    replaced with `overwrite` only. Raises InputError for bad input, Busy where another process is at work."""
     check_engine()
-    planned = plan_dataset(plan_file)
+    planned = plan_dataset(plan_file, runs)
     with at_work_in(out, "dataset") as lock:
         missing = [run for run in planned if not is_finished(out / run.directory, run.scene, overwrite)]
         for run in missing:

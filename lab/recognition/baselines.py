@@ -1,5 +1,5 @@
 """What the laboratory compares with the methods of a model: the impulse, which takes the mean velocity of the plate, and a
-straight line."""
+straight line; and an oracle."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.special import comb
+from scipy.stats import multivariate_normal
 from sklearn.linear_model import LinearRegression
 
 from analysis.sweep.runs import Run
@@ -16,9 +18,11 @@ from lab.recognition.impulse import impulse
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.channels import channels_of
+from recognition.estimation.errors import RecognitionError
 from recognition.estimation.estimator import RatioEstimator
 from recognition.estimation.method import Groups, MethodEntry, Registry
 from recognition.methods import METHODS
+from recognition.physics.arrangement_likelihood import ArrangementEstimate
 from recognition.regression.conformal import GroupConformal
 from recognition.regression.feature_regression import FeatureRegression
 
@@ -55,6 +59,47 @@ class EstimatorMethod(RatioEstimator):
         return f"interval of {100 * self.conformal_.width_:.1f} points"
 
 
+@dataclass
+class Oracle:
+    """Each stone's true impulse and peak force, which no sensor shows: normal laws of their logarithms for coal and
+    gangue, and Bayes' rule over the ratios, all equally likely."""
+
+    means_: list[Floats] = field(init=False, repr=False)
+    covariances_: list[Floats] = field(init=False, repr=False)
+
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> pd.DataFrame:
+        """What stones.parquet has. RecognitionError without it."""
+        if run is None or run.stones is None:
+            raise RecognitionError("no column 'impulse_Ns' in stones.parquet, which the run does not have")
+        return run.stones[["kind", "impulse_Ns", "peak_force_N"]]
+
+    def fit(self, X: Sequence[pd.DataFrame], y: Floats, *, groups: Groups | None = None,
+            nuisance: pd.DataFrame | None = None) -> Oracle:
+        """From stones of known kind."""
+        every = pd.concat(X)
+        logs = [np.log(every.loc[every["kind"] == kind, ["impulse_Ns", "peak_force_N"]]) for kind in ("coal", "gangue")]
+        self.means_ = [one.mean().to_numpy() for one in logs]
+        self.covariances_ = [np.cov(one.T) for one in logs]
+        return self
+
+    def answer(self, X: Sequence[pd.DataFrame], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+        """Answers to runs."""
+        return [self._answer(np.log(x[["impulse_Ns", "peak_force_N"]].to_numpy())) for x in X]
+
+    def _answer(self, logs: Floats) -> Answer:
+        coal, gangue = (multivariate_normal(mean, covariance).logpdf(logs)
+                        for mean, covariance in zip(self.means_, self.covariances_, strict=True))
+        ways = np.ones(1)  # sums over arrangements of the product of likelihoods, by the number of gangue
+        for odds in np.exp(np.clip(gangue - coal, -30, 30)):
+            ways = np.append(ways, 0.0) + odds * np.append(0.0, ways)
+        probability = ways / comb(len(logs), np.arange(len(logs) + 1))
+        found = ArrangementEstimate(probability / probability.sum(), 1.0, 0.0, 0.0, 0.0)
+        return Answer(found.ratio, *found.interval)
+
+    def summary(self) -> str:
+        return "knows the truth of every stone"
+
+
 def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
     """Root mean square of the centre of mass' acceleration, shape (1,)."""
     return np.asarray(np.sqrt(np.mean(channels_of(signals, "centre")[1:] ** 2, axis=1)))
@@ -78,5 +123,6 @@ def _line() -> EstimatorMethod:
 BASELINES: Registry = {
     "impulse": MethodEntry("impulse from plate and rods", ImpulseRegression),
     "rms_line": MethodEntry("RMS and a straight line", _line),
+    "oracle": MethodEntry("true impulse and peak of each stone", Oracle, told=True),
 }
 EVALUATED: Registry = {**METHODS, **BASELINES}

@@ -1,6 +1,6 @@
 """What `recognise` makes of records that differ from those of its training.
 
-The model learns from the families paper, packing and ring of a data set but for the last groups of `ring`, of which the
+The model learns from the families paper and clean of a data set but for the last groups of `clean`, of which the
 records are, none of their kin among the training. A row is one difference at one noise: *refused* or vetoed records, those
 *silently wrong* (answered more than 5 points off without a warning), those *warned* of (their interval reaches more than 5
 points), and the errors of all that were answered. Differences of a record are made of its fast stream; those of plate,
@@ -158,7 +158,7 @@ def other_count(count: int) -> Callable[[Sources], Records]:
     def records(sources: Sources) -> Records:
         found = forces_of(sources.runs)
         angle = 2 * np.pi * np.arange(count) / count
-        place_m = np.hypot(*found[0].place_m[0]) * np.column_stack([np.cos(angle), np.sin(angle)])
+        place_m = np.hypot(*found[0].fall.place_m[0]) * np.column_stack([np.cos(angle), np.sin(angle)])
         for one, other in zip(found, found[1:] + found[:1], strict=True):
             chosen = sources.rng.permutation(2 * len(one.force_N))[:count]
             force_N, gangue = np.vstack([one.force_N, other.force_N])[chosen], np.append(one.gangue, other.gangue)[chosen]
@@ -201,7 +201,7 @@ ROWS: dict[str, Callable[[Sources], Records]] = {
     "radius 30 mm": scaled(1.2, 1.0),
     **{name: changed(fault) for name, fault in FAULTS.items()},
 }
-FAMILIES = ("thin_plate", "soft_coal", "unbreakable", "speed", "damping", "scatter", "free", "all")
+FAMILIES = ("thin_plate", "soft_coal", "unbreakable", "speed", "damping", "free", "stones", "natural", "wide")
 
 
 def judged(model: Model, table: pd.DataFrame, noise_dB: float | None,
@@ -243,8 +243,8 @@ def _counted(told: list[tuple[float, bool]], why: list[str]) -> dict[str, object
             "by_energies": sum("energies_sensors:" in one for one in why), "first_reason": why[0][:150] if why else ""}
 
 
-def recognise_differences(out: Path, dataset: str = "runs/dataset", groups: int = 6) -> Iterator[Row]:
-    """groups: of `ring` that are tested, of eleven records each."""
+def recognise_differences(out: Path, dataset: str = "runs/dataset", groups: int = 66) -> Iterator[Row]:
+    """groups: of `clean` that are tested, of one record each."""
     data = read_dataset(dataset)
     train, tested = split(data, groups)
     model = cache(lambda: Model.fit([data.runs[k] for k in train], data.table["kin"].to_numpy()[train]))
@@ -257,8 +257,8 @@ def recognise_differences(out: Path, dataset: str = "runs/dataset", groups: int 
 
 
 def split(data: DataSet, groups: int) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the runs of the training, and of those that are tested, the last groups of `ring`."""
+    """Numbers of the runs of the training, and of those that are tested, the last groups of `clean`."""
     rings, kin, group = data.of(*RINGS), data.table["kin"].to_numpy(), data.table["group"].to_numpy()
-    names = np.unique(group[data.of("ring")])[-groups:]
+    names = np.unique(group[data.of("clean")])[-groups:]
     tested = np.flatnonzero(np.isin(group, names))
     return rings[~np.isin(kin[rings], kin[tested])], tested

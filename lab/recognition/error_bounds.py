@@ -39,13 +39,12 @@ from recognition.regression.ratio_law import RatioLaw, basis_slopes, fit_law
 
 #: name -> families that show the scatter, and conditions that are unknown.
 SETTINGS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "packing": (("paper", "packing"), ()),
-    "arrangement, packing": (("paper", "packing", "ring"), ()),
+    "arrangement, packing": (("paper", "clean"), ()),
     "damping unknown": (("damping",), ("damping_ratio",)),
     "speed unknown": (("speed",), ("speed_m_s",)),
     "free positions": (("free",), ()),
-    "arrival, strengths, places scatter": (("scatter",), ()),
-    "everything varies": (("all",), ("speed_m_s", "damping_ratio")),
+    "stones": (("stones",), ()),
+    "natural": (("natural",), ()),
 }
 NOISES_DB = (None, 40.0, 20.0)
 

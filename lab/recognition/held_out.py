@@ -80,7 +80,7 @@ def recognise_held_out(out: Path, dataset: str = "runs/dataset", held_out: str =
     """Each record at each noise."""
     data, held = read_dataset(dataset), read_dataset(held_out)
     model = cache(lambda *families: trained(data, families))
-    for family, families in (("ring", RINGS), ("damping", (*RINGS, "damping")), ("speed", (*RINGS, "speed"))):
+    for family, families in (("clean", RINGS), ("damping", (*RINGS, "damping")), ("speed", (*RINGS, "speed"))):
         sources = Sources([held.runs[k] for k in held.of(family)], np.random.default_rng(7))
         records = beginning(lambda rng: int(rng.integers(-60, 61)))(sources)
         for seed, (record, ratio) in enumerate(records):
@@ -90,7 +90,7 @@ def recognise_held_out(out: Path, dataset: str = "runs/dataset", held_out: str =
                     families, record, noise, seed, ratio=ratio))
     there = cache(lambda name: model(*RINGS).on_plate(tapped(name, out)))
     for name in PLATES:
-        sources = Sources([held.runs[k] for k in held.of("ring")], np.random.default_rng(7))
+        sources = Sources([held.runs[k] for k in held.of("clean")], np.random.default_rng(7))
         for seed, (record, ratio) in enumerate(on_plate(lambda _, name=name: PLATES[name]())(sources)):  # type: ignore[misc]
             for sensors in ("all", "accelerometers"):
                 kept = [c for c in record.columns.astype(str) if sensors == "all" or not c.startswith(RODS)]

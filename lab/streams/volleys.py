@@ -43,7 +43,7 @@ PAPER, SOME, FAST = Stones((10, 10), 0.025, (3.0, 3.0)), Stones((8, 12), 0.025, 
 DENSITY = {False: 1380.0, True: 2400.0}
 FORCE_S, SILENCE_S, AFTER_S = 3e-3, 0.05, 0.16
 WRONG_points = 5.0
-RECORDS = {"free": 40, "ring": 20}  # of the good ones
+RECORDS = {"free": 40, "clean": 20}  # of the good ones
 DIFFERENT = 6  # records of each difference
 
 
@@ -83,7 +83,7 @@ def volleys(out: Path, dataset: str = "runs/dataset", held_out: str = "runs/held
     def one(data: DataSet, k: int, kind: str, number: int) -> dict[str, object]:
         return heard(data.runs[k], Difference("nothing", plate=kind, taps=kind), number, out)
 
-    parts = [("good", dataset, family, count) for family, count in RECORDS.items()] + [("held out", held_out, "ring", None)]
+    parts = [("good", dataset, family, count) for family, count in RECORDS.items()] + [("held out", held_out, "clean", None)]
     for name, path, family, count in parts:
         data = read(path)
         for number, k in enumerate(np.random.default_rng(1).permutation(data.of(family))[:count]):

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
+from sklearn.model_selection import GroupKFold
 
 from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import RecognitionError
 
 #: A record is out of distribution where one of its distances exceeds this factor times the value that this share of the
 #: held-out training records keep, or times 1, whichever is greater. The share is not 1, since a record from the end of
 #: a range that was held out is itself far from the training.
 LIMIT_FACTOR, REFERENCE_SHARE = 1.5, 0.95
 LEAST_GROUPS = 3
+COVERAGE, FOLDS = 0.9, 5  # of intervals, and of what is held out for them
 
 
 def held_out_quantile(values: Floats, share: float) -> Floats:
@@ -20,6 +25,25 @@ def held_out_quantile(values: Floats, share: float) -> Floats:
     the largest if n is too small for that."""
     rank = int(np.ceil(share * (len(values) + 1)))
     return np.sort(values, axis=0)[min(rank, len(values)) - 1]
+
+
+def held_out_width(method: Any, X: Floats, y: Floats, groups: Any) -> float:
+    """Half the width of 90 % intervals of a ratio (n,) by `method.predict`: what errors on held-out groups keep, and on
+    held-out ratios where there are fewer than three groups; 1 where nothing is answered, or is too little to hold out.
+    """
+    groups = y if groups is None or np.unique(groups).size < LEAST_GROUPS else np.asarray(groups)
+    if np.unique(groups).size < LEAST_GROUPS:
+        return 1.0
+    errors = []
+    for train, test in GroupKFold(min(FOLDS, np.unique(groups).size)).split(X, y, groups):
+        try:
+            fitted = method.learn(X[train], y[train])
+        except (RecognitionError, ValueError):  # of so few that no law is left
+            return 1.0
+        for k in test:
+            with suppress(RecognitionError):  # of a record without an answer
+                errors.append(abs(float(fitted.predict(X[[k]])[0]) - y[k]))
+    return min(1.0, float(held_out_quantile(np.array(errors), COVERAGE))) if errors else 1.0
 
 
 def distance_limits(distances: Floats) -> Floats:

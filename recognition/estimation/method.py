@@ -57,14 +57,16 @@ class WithHeldOutError(Protocol):
 class MethodEntry:
     """A method in a registry.
 
-    title: as a reader sees it. make: gives an unfitted one. gives_interval: its answers have one. seeks_impact: it
-    does not take the moment of the impact for known.
+    title: as a reader sees it. make: gives an unfitted one. gives_interval: its intervals are each record's own, not of
+    one width for all. seeks_impact: it does not take the moment of the impact for known. told: an evaluation tells it
+    where and when the stones of a run fall.
     """
 
     title: str
     make: Callable[[], Method]
     gives_interval: bool = True
     seeks_impact: bool = False
+    told: bool = False
 
 
 #: Methods by name.

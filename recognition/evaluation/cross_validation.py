@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from sklearn.model_selection import GroupKFold
 
 from analysis import RecordError
@@ -30,49 +29,33 @@ from recognition.evaluation.sensor_noise import with_noise
 Noises = Sequence[float | None]  # below the signals' rms, dB
 NOISES_DB = (None, 40.0, 20.0)
 FOLDS, LEAST_FOLDS = 8, 3
-MOST_TRAININGS = 8  # of eleven runs, one after the other
-BANDS = 5  # of speed or damping, whole ones held out
 
 
 @dataclass(frozen=True)
 class Case:
-    """families: runs to test on (and to train on, what is held out apart). eleven: trained on the eleven runs of one
-    group of the family `ring` at a time instead. key: column of the table that is held out in whole, "kin" or
-    a condition; of a condition that is no ratio, whole bands. nuisance: conditions that vary; known: they are known
-    with the record."""
+    """families: runs to test on, and to train on, classes of kin held out; also_trained: runs to train on besides.
+    nuisance: conditions that vary; known: they are known with the record."""
 
     name: str
     held_out: str
     families: tuple[str, ...]
     also_trained: tuple[str, ...] = ()
-    eleven: bool = False
-    key: str = "kin"
     nuisance: tuple[str, ...] = ()
     known: bool = False
 
 
 PLACE = "arrangement, packing"
-RINGS = ("paper", "packing", "ring")  # 3 m/s, 1 % damping, on the circle
+RINGS = ("paper", "clean")  # 3 m/s, 1 % damping, on the circle
+ONE_THING = ("radius", "density", "modulus", "restitution", "speeds", "strength", "places", "free", "arrivals")
 CASES = (
-    Case("eleven runs", PLACE, RINGS, eleven=True),
-    Case("eleven runs, damping varies", f"{PLACE}, damping", ("damping",), eleven=True),
-    Case("eleven runs, speed varies", f"{PLACE}, speed", ("speed",), eleven=True),
-    Case("eleven runs, free positions", f"{PLACE}, positions", ("free",), eleven=True),
-    Case("eleven runs, scatter", f"{PLACE}, arrival times, strengths, positions", ("scatter",), eleven=True),
-    Case("many runs", PLACE, RINGS),
-    Case("many runs, whole ratios", "mixing ratio", RINGS, key="gangue_ratio"),
-    Case("many runs, scatter", f"{PLACE}, arrival times, strengths, positions", ("scatter",), RINGS),
+    Case("clean", PLACE, RINGS),
+    Case("stones", "all that a stone is", ("stones",)),
+    Case("natural", "all that a stone is, places, arrivals", ("natural",)),
+    Case("wide", "the same, far more", ("wide",)),
+    *(Case(f"{name} alone", name, (name,)) for name in ONE_THING),
     Case("damping unknown", f"{PLACE}, damping", ("damping",), RINGS, nuisance=("damping_ratio",)),
-    Case("damping unknown, whole bands", "band of damping", ("damping",), key="damping_ratio",
-         nuisance=("damping_ratio",)),
     Case("speed unknown", f"{PLACE}, speed", ("speed",), RINGS, nuisance=("speed_m_s",)),
     Case("speed known", f"{PLACE}, speed", ("speed",), RINGS, nuisance=("speed_m_s",), known=True),
-    Case("speed unknown, whole bands", "band of speed", ("speed",), key="speed_m_s", nuisance=("speed_m_s",)),
-    Case("free positions", f"{PLACE}, positions", ("free",)),
-    Case("everything varies", f"{PLACE}, speed, damping, arrival times, strengths, positions", ("all",),
-         nuisance=("speed_m_s", "damping_ratio")),
-    Case("stones that vary", "all that a stone has of its own", ("natural",)),
-    Case("stones that vary widely", "all that a stone has of its own, places", ("wide",)),
 )
 
 
@@ -104,7 +87,7 @@ class Evaluation:
             for number, (signals, run) in enumerate(records):
                 rng = np.random.default_rng([number, int(noise_db or 0)])
                 noisy = with_noise(signals, noise_db, rng)
-                features.append(method.prepare(noisy, run if noise_db is None else None))
+                features.append(method.prepare(noisy, run if noise_db is None or entry.told else None))
             self._features[key] = features
         return self._features[key]
 
@@ -133,48 +116,16 @@ class Evaluation:
 
     def splits(self, case: Case) -> Iterator[tuple[Integers, Integers]]:
         """Numbers of the runs to train on and to test on."""
-        table, tested = self.data.table, self.data.of(*case.families)
+        tested, groups = self.data.of(*case.families), self.data.table["kin"].to_numpy()
         if not tested.size:
             raise RecognitionError(f"no run of the families {', '.join(case.families)}")
-        if case.eleven:
-            yield from self._by_eleven(tested)
-            return
-        keys = self._keys(case, tested)
-        count = np.unique(keys).size
+        count = np.unique(groups[tested]).size
         if count < LEAST_FOLDS:
-            raise RecognitionError(f"{case.name}: {count} different of {case.key}; needs at least {LEAST_FOLDS}")
+            raise RecognitionError(f"{case.name}: {count} different of kin; needs at least {LEAST_FOLDS}")
         always = self.data.of(*case.also_trained)
-        groups = table["kin"].to_numpy()
-        folds = GroupKFold(min(FOLDS, count) if case.key == "kin" else count)
-        for train, test in folds.split(tested, groups=keys):
-            for part in self._without_shared_groups(tested[train], tested[test], groups):
-                shared = np.flatnonzero(np.isin(groups, groups[part]))
-                yield np.setdiff1d(np.concatenate([always, tested[train]]), shared), part
-
-    @staticmethod
-    def _without_shared_groups(train: Integers, test: Integers, groups: NDArray[Any]) -> list[Integers]:
-        """The runs to test, in parts where some of them have kin in the training, so that those of a part can be left
-        out of it."""
-        if not set(groups[train]) & set(groups[test]):
-            return [test]
-        parts = min(FOLDS, np.unique(groups[test]).size)
-        return [test[rows] for _, rows in GroupKFold(parts).split(test, groups=groups[test])]
-
-    def _by_eleven(self, tested: Integers) -> Iterator[tuple[Integers, Integers]]:
-        table = self.data.table
-        trainings = [np.flatnonzero(table["group"] == group) for group in table["group"][self.data.of(*RINGS)].unique()]
-        trainings = [rows for rows in trainings if np.unique(self.data.ratios[rows]).size == 11]
-        if not trainings:
-            raise RecognitionError(f"no group of the families {', '.join(RINGS)} has all eleven ratios")
-        for train in trainings[::-(-len(trainings) // MOST_TRAININGS)]:
-            known = table["kin"].isin(table["kin"][train])
-            yield train, np.setdiff1d(tested, np.flatnonzero(known))
-
-    def _keys(self, case: Case, tested: Integers) -> NDArray[Any]:
-        values = self.data.table[case.key].to_numpy()[tested]
-        if case.key in ("kin", "gangue_ratio"):
-            return values
-        return pd.qcut(values, BANDS, labels=False)
+        for train, test in GroupKFold(min(FOLDS, count)).split(tested, groups=groups[tested]):
+            shared = np.flatnonzero(np.isin(groups, groups[tested[test]]))
+            yield np.setdiff1d(np.concatenate([always, tested[train]]), shared), tested[test]
 
 
 def summary(result: Result) -> dict[str, Any]:

@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from sklearn.base import clone
 
 from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
+from recognition.estimation.calibration import held_out_width
 from recognition.estimation.errors import NotRecognised
 from recognition.estimation.estimator import RecordEstimator
 from recognition.estimation.method import Groups
@@ -46,6 +48,7 @@ class FusionPipeline(RecordEstimator):
 
     fusion: Fusion = field(default_factory=Fusion)
     strategy: Strategy = field(default_factory=Strategy)
+    width_: float = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """Responses of one record, shape (m, n)."""
@@ -53,10 +56,16 @@ class FusionPipeline(RecordEstimator):
 
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> FusionPipeline:
-        """X: responses (runs, m, n), y: ratios (runs,). Groups and conditions play no part."""
-        responses = np.asarray(X)
+        """X: responses (runs, m, n), y: ratios (runs,). Groups tell the width of the intervals, conditions play no
+        part."""
+        responses, ratios = np.asarray(X), np.asarray(y)
+        self.width_ = held_out_width(clone(self), responses, ratios, groups)
+        return self.learn(responses, ratios)
+
+    def learn(self, responses: Floats, ratios: Floats) -> FusionPipeline:
+        """Fusion and function space alone."""
         self.fusion.fit(responses)
-        self.strategy.fit(self.fusion.transform(responses), y)
+        self.strategy.fit(self.fusion.transform(responses), ratios)
         return self
 
     def transform(self, responses: Floats) -> Floats:
@@ -72,12 +81,13 @@ class FusionPipeline(RecordEstimator):
         return self.strategy.recognise(self.transform(responses))
 
     def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
-        """Ratios without intervals."""
+        """Ratios, with intervals by the errors on what was held out of the training."""
         return [self._answer(responses) for responses in X]
 
     def _answer(self, responses: Floats) -> Answer:
         try:
-            return Answer(self.recognise(responses).ratio)
+            ratio = self.recognise(responses).ratio
+            return Answer(ratio, ratio - self.width_, ratio + self.width_)
         except NotRecognised as reason:
             return Answer.none(f"no answer: {reason}")
 

@@ -18,6 +18,7 @@ from analysis.signals.records import sample_rate_Hz
 from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
+from recognition.estimation.calibration import held_out_width
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.estimation.estimator import RatioEstimator
 from recognition.estimation.method import Groups
@@ -43,6 +44,7 @@ class FusionQ(RatioEstimator):
 
     scaler_: MinMaxByTrend = field(init=False, repr=False)
     fit_: PolynomialFit = field(init=False, repr=False)
+    width_: float = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """The eight base parameters of a record with `t_s` and `a_m_s2`, shape (8,)."""
@@ -54,11 +56,17 @@ class FusionQ(RatioEstimator):
 
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> FusionQ:
-        """X: parameters (n, p), y: ratios (n,), 0..1. Directions (Eq. 39) from the data; groups and conditions play no
-        part."""
+        """X: parameters (n, p), y: ratios (n,), 0..1. Directions (Eq. 39) from the data; groups tell the width of the
+        intervals, conditions play no part."""
         parameters, ratios = validate_data(self, X, y, dtype=float, y_numeric=True, ensure_min_samples=DEGREE + 1)
+        self.width_ = held_out_width(FusionQ(), parameters, ratios, groups)
+        return self.learn(parameters, ratios)
+
+    def learn(self, parameters: Floats, ratios: Floats) -> FusionQ:
+        """Scale and Q(beta) alone."""
         self.scaler_ = MinMaxByTrend().fit(parameters, trend(parameters, ratios))
         self.fit_ = fit_polynomial(ratios, self.q_of(parameters), DEGREE)
+        self.n_features_in_ = parameters.shape[1]
         return self
 
     def q_of(self, parameters: Floats) -> Floats:
@@ -73,12 +81,13 @@ class FusionQ(RatioEstimator):
         return np.array([self.invert(q) for q in self.q_of(validate_data(self, X, dtype=float, reset=False))])
 
     def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
-        """Ratios without intervals."""
+        """Ratios, with intervals by the errors on what was held out of the training."""
         return [self._answer(parameters) for parameters in X]
 
     def _answer(self, parameters: Floats) -> Answer:
         try:
-            return Answer(self.invert(self.q_of(parameters[None])[0]))
+            ratio = self.invert(self.q_of(parameters[None])[0])
+            return Answer(ratio, ratio - self.width_, ratio + self.width_)
         except NotRecognised as reason:
             return Answer.none(f"no answer: {reason}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,6 +10,8 @@ from functools import lru_cache
 import numpy as np
 from sklearn.model_selection import GroupKFold
 
+from common.files.cache import user_cache
+from common.scene.plate import FlexiblePlate
 from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.calibration import LEAST_GROUPS, LIMIT_FACTOR, distance_limits, held_out_quantile
 from recognition.estimation.errors import RecognitionError
@@ -20,7 +23,11 @@ from recognition.physics.arrangement_likelihood import (
     ExpectedMisfit,
     hats,
 )
-from recognition.physics.force_records import ForceRecord, pulse_force_response, response_to
+from recognition.physics.force_records import Fall, ForceRecord, pulse_force_response, response_to
+
+#: Time from the arrival of the last stone on that is used, and the most samples of a record. A stone's force lasts
+#: 0.45 ms; the plate still rings with it afterwards.
+DURATION_S, MOST_SAMPLES = 3.75e-3, 60
 
 #: About the width of the bins of a force, which is linear between them. With 25 us what begins and ends in a bin makes
 #: an error of 4 to 6 % of the accelerations, with 10 us of 0.5 to 0.9 %.
@@ -51,14 +58,15 @@ class PlateRecord:
     """One record as the arrangement likelihood takes it.
 
     signals (channels, samples): accelerometers and rods, each by name, with their `names`; noise (channels,): standard
-    deviation of the sensors' noise; force_record: of the simulated run that the record is from,
-    None where there is none to be had.
+    deviation of the sensors' noise; force_record: of the simulated run that the record is from; fall: where and
+    when its stones fall; None where there is none to be had.
     """
 
     signals: Floats
     noise: Floats
     names: tuple[str, ...]
     force_record: ForceRecord | None = None
+    fall: Fall | None = None
 
 
 @dataclass(frozen=True)
@@ -81,30 +89,34 @@ class ForceStatistics:
     damping_ratio: tuple[float, float]
     speed_m_s: tuple[float, float, float]
     place_deviation_m: float
+    own_falls: bool
 
 
-def same_places(X: Sequence[PlateRecord]) -> Integers:
-    """Numbers of the records whose stones fall at once and on the places that most have. RecognitionError if they are
+def alike(X: Sequence[PlateRecord]) -> tuple[Integers, bool]:
+    """Numbers of the records whose stones fall at once and on the places that most have; where no two are so, of all
+    with forces of as many stones, and True: places and arrivals are each record's own. RecognitionError if they are
     few."""
-    places = {k: x.force_record.place_m.round(6).tobytes() for k, x in enumerate(X)
-              if x.force_record is not None and x.force_record.at_once}
-    keys = list(places.values())
-    most = max(keys, key=keys.count, default=b"")
-    chosen = np.array([k for k, place in places.items() if place == most], dtype=int)
+    falls = {k: x.force_record.fall for k, x in enumerate(X) if x.force_record is not None}
+    places = {k: fall.place_m.round(6).tobytes() for k, fall in falls.items() if fall.at_once}
+    own = not places or max(Counter(places.values()).values()) == 1
+    keys = {k: len(fall.place_m) for k, fall in falls.items()} if own else places
+    most = max(Counter(keys.values()).items(), key=lambda one: one[1], default=(0, 0))[0]
+    chosen = np.array([k for k, key in keys.items() if key == most], dtype=int)
     if len(chosen) < LEAST_GROUPS:
-        raise RecognitionError(f"{len(chosen)} runs whose stones fall at once and on the same places; needs"
-                               f" {LEAST_GROUPS}")
-    stones = len(most) // (2 * np.dtype(float).itemsize)
+        raise RecognitionError(f"{len(chosen)} runs whose stones fall at once and on the same places, or all on places "
+                               f"of their own; needs {LEAST_GROUPS}")
+    stones = len(falls[int(chosen[0])].place_m)
     if stones > MOST_STONES:
         raise RecognitionError(f"{stones} stones; at most {MOST_STONES}")
-    return chosen
+    return chosen, own
 
 
 def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceStatistics, ForceRecord]:
-    """From records and their groups, of those that `same_places` chooses; and the force record of one of them."""
-    chosen = same_places(X)
+    """From records and their groups, of those that `alike` chooses; and the force record of one of them."""
+    chosen, own = alike(X)
     forces = [record for k in chosen if (record := X[k].force_record) is not None]
-    signals = np.stack([X[k].signals for k in chosen])
+    samples = used(max(float(force.fall.arrival_s.max()) for force in forces), 1 / forces[0].sample_s)
+    signals = np.stack([X[k].signals[:, :samples] for k in chosen])
     speed = np.array([force.speed_m_s for force in forces])
     damping = np.array([force.plate.damping_ratio for force in forces])
     scale = np.sqrt(np.mean(signals**2, axis=(0, 2)))
@@ -112,10 +124,11 @@ def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceSta
     laws, covariance, stones = force_laws(forces, groups[chosen], float(speed.mean()))
     left = [one - force.sampled[:, :samples] for one, force in zip(signals, forces, strict=True)]
     residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
-    deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.place_m) for force in forces]))
+    deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.fall.place_m) for force in forces]))
     return ForceStatistics(X[chosen[0]].names, laws, covariance, stones, samples, scale,
                            np.hypot(residual, LEAST_RESIDUAL), _mean_and_deviation(damping),
-                           (float(speed.mean()), float(speed.min()), float(speed.max())), float(deviation_m)), forces[0]
+                           (float(speed.mean()), float(speed.min()), float(speed.max())), float(deviation_m),
+                           own), forces[0]
 
 
 def _mean_and_deviation(values: Floats) -> tuple[float, float]:
@@ -144,8 +157,28 @@ def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m
         scatter.append(deviation_m * response_to(slope, _forces(record, mean_law)))
     return ArrangementModel(statistics.names, statistics.scale, statistics.residual, record.step_s, record.stride,
                             statistics.samples, hat, _steps_per_bin(record), np.stack(statistics.laws),
-                            statistics.covariance, statistics.stones, scatter, plate.model_dump_json(), record.place_m,
-                            deviation_m, *statistics.speed_m_s, record.anti_alias)
+                            statistics.covariance, statistics.stones, scatter, plate.model_dump_json(),
+                            record.fall.place_m, deviation_m, statistics.damping_ratio[1], statistics.own_falls,
+                            *statistics.speed_m_s, record.anti_alias)
+
+
+def told(model: ArrangementModel, fall: Fall) -> ArrangementModel:
+    """The model where stones fall as told. RecognitionError for another number of them."""
+    if len(fall.place_m) != model.stones:
+        raise RecognitionError(f"{len(fall.place_m)} stones; the model has {model.stones}")
+    plate = FlexiblePlate.model_validate_json(model.plate_json)
+    silent = np.zeros((model.stones, model.hat.shape[1]))
+    record = ForceRecord(plate, user_cache(), fall, fall.place_m, model.middle_m_s, model.stride * model.step_s,
+                         model.step_s, silent, np.zeros(model.stones, dtype=bool), model.anti_alias)
+    return model_on(ForceStatistics(
+        model.names, list(model.laws), model.covariance, model.seen, model.samples, model.scale, model.residual,
+        (plate.damping_ratio, model.damping_deviation), (model.middle_m_s, model.low_m_s, model.high_m_s),
+        model.place_deviation_m, True), record)
+
+
+def used(latest_s: float, rate_Hz: float) -> int:
+    """Samples of a record that are used, where the last stone arrives at latest_s."""
+    return min(MOST_SAMPLES, round((DURATION_S + latest_s) * rate_Hz))
 
 
 def force_laws(forces: list[ForceRecord], groups: Floats, middle_m_s: float) -> tuple[list[Floats], Floats, int]:
@@ -210,8 +243,9 @@ def _forces_of(forces: list[ForceRecord], to_bins: Floats, groups: Floats, gangu
     different packings of stones: a group's stones are the same in all its runs. to_bins (bins, steps): inverse of the
     hat functions."""
     steps = to_bins.shape[1]
-    force = np.vstack([record.force_N[record.gangue == gangue, :steps] @ to_bins.T * (middle_m_s / record.speed_m_s)
-                       for record in forces])
+    of = [record.from_arrival_N[record.gangue == gangue, :steps] for record in forces]
+    force = np.vstack([one @ to_bins.T * (middle_m_s / record.speed_m_s)
+                       for one, record in zip(of, forces, strict=True)])
     speed = np.concatenate([np.full(np.sum(record.gangue == gangue), record.speed_m_s) for record in forces])
     different = {(group, stone) for record, group in zip(forces, groups, strict=True)
                  for stone in np.flatnonzero(record.gangue == gangue)}
@@ -236,14 +270,16 @@ def _hat_response(statistics: ForceStatistics, record: ForceRecord, moved_m: tup
     scale. The plate does not change with time: the other bins' are the same, later."""
     damping_ratio = statistics.damping_ratio[0] if damping_ratio is None else damping_ratio
     response = pulse_force_response(record, force_bins(record)[:, 0], damping_ratio, moved_m)
-    return response / statistics.scale[:, None, None]
+    late = np.round(record.fall.arrival_s / record.step_s).astype(int)
+    shifted = [np.pad(response[:, :, k], ((0, 0), (n, 0)))[:, :response.shape[1]] for k, n in enumerate(late)]
+    return np.stack(shifted, axis=2) / statistics.scale[:, None, None]
 
 
 def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> tuple[ExpectedMisfit, Floats, float]:
     """The misfit that is expected, the limits (2,) of its `distances` and the mean error of the ratio, from records
     whose group was held out of the training, or, with fewer than three groups, whose ratio was. The time of their
     impact is known: to seek it takes the law at hundreds of times, of each of these models."""
-    chosen = same_places(X)
+    chosen, own = alike(X)
     keys = (groups if np.unique(groups[chosen]).size >= LEAST_GROUPS else y)[chosen]
     found: dict[float, list[ArrangementEstimate]] = {share: [] for share in NOISES}
     held_out, every = list[int](), -(-len(chosen) // MOST_HELD_OUT)
@@ -252,10 +288,13 @@ def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> t
         model = fit_model([X[k] for k in chosen[train]], groups[chosen[train]])
         for k in chosen[test[::every]]:
             held_out.append(int(k))
+            record = X[k].force_record
+            here = told(model, record.fall) if own and record is not None else model
             for share, estimates in found.items():
-                added = share * np.sqrt(np.mean(X[k].signals**2, axis=1))
-                noisy = X[k].signals + added[:, None] * rng.standard_normal(X[k].signals.shape)
-                estimates.append(model.estimate(noisy, np.hypot(X[k].noise, added), arrival_s=0.0))
+                signals = X[k].signals[:, :model.samples]
+                added = share * np.sqrt(np.mean(signals**2, axis=1))
+                noisy = signals + added[:, None] * rng.standard_normal(signals.shape)
+                estimates.append(here.estimate(noisy, np.hypot(X[k].noise, added), arrival_s=0.0))
     expected = _expected_misfit(list(found.values()))
     errors = [np.abs([one.ratio for one in estimates] - y[held_out]) for estimates in found.values()]
     by_noise = [[expected.distances(one) for one in estimates] for estimates in found.values()]

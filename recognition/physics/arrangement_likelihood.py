@@ -42,8 +42,7 @@ SPEEDS, BEYOND = 31, 0.5
 LATEST_S, COARSE, SOUGHT = 3e-4, 6, 2
 FINE = np.arange(-4, 5) / 2
 SMALL_M = 1e-3  # step of a finite difference by the place
-#: Share of the probability left out of the interval on either side.
-TAIL = 0.05
+SHARE = 0.9  # of the probability, in the interval
 MISFIT = "misfit of the plate's model"
 #: Names of the distances of a record from the training, in the order of `distances`.
 DISTANCES = (MISFIT, "another impact speed explains it better")
@@ -78,10 +77,12 @@ class ArrangementEstimate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Ratios between which at least 90 % of the probability lies."""
-        below = np.cumsum(self.probability)
-        low, high = np.searchsorted(below, [TAIL + 1e-12, 1 - TAIL - 1e-12])
-        return low / (self.probability.size - 1), min(high, self.probability.size - 1) / (self.probability.size - 1)
+        """The nearest ratios between which at least 90 % of the probability lies, of equally near ones the most."""
+        below, stones = np.concatenate([[0.0], np.cumsum(self.probability)]), self.probability.size - 1
+        within = [(high - low, below[low] - below[high + 1], low, high) for low in range(stones + 1)
+                  for high in range(low, stones + 1) if below[high + 1] - below[low] >= SHARE - 1e-12]
+        _, _, low, high = min(within)
+        return low / stones, high / stones
 
 
 @lru_cache(maxsize=4)
@@ -131,7 +132,8 @@ class ArrangementModel:
     `width` steps after the one before; covariance (bins, bins): of a force, from stone to stone; seen: number of
     different stones that tell it; scatter: responses (channels, steps, m) to what else varies, by one standard
     deviation each; plate_json: table `[plate]` of the scenes; place_m (stones, 2): where the stones fall;
-    place_deviation_m: standard deviation along x and y of where they touch; low_m_s, high_m_s: speeds of training;
+    place_deviation_m: standard deviation along x and y of where they touch; damping_deviation: of the damping ratio;
+    own_falls: records have places and arrivals of their own, which must be told; low_m_s, high_m_s: speeds of training;
     anti_alias: the record passes a low pass (analysis.signals.resampling) before it is sampled. ValueError for arrays
     that do not fit together.
     """
@@ -151,6 +153,8 @@ class ArrangementModel:
     plate_json: str
     place_m: Floats
     place_deviation_m: float
+    damping_deviation: float
+    own_falls: bool
     middle_m_s: float
     low_m_s: float
     high_m_s: float

@@ -18,20 +18,18 @@ from recognition.estimation.calibration import reason_out_of_distribution
 from recognition.estimation.channels import channel_names, channels_of
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups
-from recognition.physics.arrangement_fit import PlateRecord, distance_reference, fit_model
+from recognition.physics.arrangement_fit import DURATION_S, PlateRecord, distance_reference, fit_model, told, used
 from recognition.physics.arrangement_likelihood import (
     DISTANCES,
     LATEST_S,
     ArrangementModel,
     ExpectedMisfit,
 )
-from recognition.physics.force_records import ForceRecord, force_record_of
+from recognition.physics.force_records import ForceRecord, fall_of, force_record_of
 from recognition.physics.learnt_plate import on_plate
 from recognition.plate.plate_model import PlateModel
 
-#: Time from the first contact on that is used, and the most samples of it. A stone's force lasts 0.45 ms; the plate
-#: still rings with it afterwards.
-DURATION_S, MOST_SAMPLES = 3.75e-3, 60
+LATEST_FALL_S = 5.25e-3  # of a record, whose beginning is kept for as long
 SPEED = "speed_m_s"  # the condition that may be known of a record
 
 
@@ -51,10 +49,11 @@ class ArrangementLikelihood:
         """The beginning of one record, and the forces of the stones where the run has them."""
         names, values = channel_names(signals.columns, "plate"), channels_of(signals, "plate")
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "record")
-        samples = min(MOST_SAMPLES, round(DURATION_S * rate_Hz))
-        if values.shape[1] < 4 * samples:
-            raise RecognitionError(f"{values.shape[1]} samples; needs {4 * samples} to tell the sensors' noise")
-        return PlateRecord(values[:, :samples], noise_of(values), tuple(names), _force_record(run, 1 / rate_Hz))
+        least = 4 * used(0.0, rate_Hz)
+        if values.shape[1] < least:
+            raise RecognitionError(f"{values.shape[1]} samples; needs {least} to tell the sensors' noise")
+        return PlateRecord(values[:, :used(LATEST_FALL_S, rate_Hz)], noise_of(values), tuple(names),
+                           _force_record(run, 1 / rate_Hz), None if run is None else fall_of(run))
 
     def fit(self, X: Sequence[PlateRecord], y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> ArrangementLikelihood:
@@ -88,13 +87,18 @@ class ArrangementLikelihood:
         return [self._answer(x, speed) for x, speed in zip(X, speeds, strict=True)]
 
     def _answer(self, x: PlateRecord, speed_m_s: float | None) -> Answer:
-        if x.signals.shape[1] != self.model_.samples:
-            raise RecognitionError(f"{x.signals.shape[1]} samples; the model has {self.model_.samples}")
-        known = self.model_.names
+        model, arrival_s = self.model_, self._arrival_s
+        if x.signals.shape[1] < model.samples:
+            raise RecognitionError(f"{x.signals.shape[1]} samples; the model has {model.samples}")
+        if model.own_falls:
+            if x.fall is None:
+                raise RecognitionError("the record does not tell where and when the stones fall, which the model needs")
+            model, arrival_s = told(model, x.fall), 0.0
+        known = model.names
         if unknown := set(x.names) - set(known):
             raise RecognitionError(f"no column {min(unknown)!r} in the training; it has {', '.join(known)}")
-        found = self.model_.estimate(x.signals, x.noise, speed_m_s, self._arrival_s,
-                                     np.array([known.index(name) for name in x.names]))
+        found = model.estimate(x.signals[:, :model.samples], x.noise, speed_m_s, arrival_s,
+                               np.array([known.index(name) for name in x.names]))
         far = self.expected_.distances(found)
         return Answer(found.ratio, *found.interval, reason_out_of_distribution(DISTANCES, far, self.limits_))
 
@@ -116,7 +120,8 @@ def _force_record(run: Run | None, sample_s: float) -> ForceRecord | None:
     if run is None:
         return None
     try:
+        late_s = 0.0 if fall_of(run).at_once else LATEST_FALL_S
         ahead_s = 10 * sample_s if run.scene.time.anti_alias else 0.0  # of the low pass
-        return force_record_of(run, DURATION_S + 2 * LATEST_S + ahead_s, sample_s)
+        return force_record_of(run, DURATION_S + late_s + 2 * LATEST_S + ahead_s, sample_s)
     except RecordError:
         return None

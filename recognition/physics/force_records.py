@@ -23,26 +23,38 @@ from plate_fem.response import pulse_response
 from recognition.estimation.arrays import Booleans, Floats
 
 Places = tuple[tuple[float, ...], ...]
-#: Plate as JSON, where the stones fall and how far off they touch, interval and number of steps, directory of modes.
-Excitation = tuple[str, Places, Places, float, int, Path | None]
+#: Plate as JSON, where the stones fall, how far off they touch, which places have residual modes, interval and number
+#: of steps, directory of modes.
+Excitation = tuple[str, Places, Places, Places, float, int, Path | None]
+
+
+@dataclass(frozen=True)
+class Fall:
+    """place_m (stones, 2): where stones fall; arrival_s (stones,): when, after the beginning of the record."""
+
+    place_m: Floats
+    arrival_s: Floats
+
+    @property
+    def at_once(self) -> bool:
+        """Do all of them touch the plate as the record begins?"""
+        return not self.arrival_s.any()
 
 
 @dataclass(frozen=True)
 class ForceRecord:
     """Forces of the stones of one simulated run.
 
-    place_m (stones, 2): where the stones fall; touch_m (stones, 2): where they touch the plate first, which is some
-    millimetres off where a stone touches with its sub-spheres; at_once: all of them touch the plate together; sample_s:
-    interval between samples of the run's record; force_N (stones, steps): means over steps of step_s from t = 0 on;
-    gangue (stones,): which stones are gangue; modes_dir: where the plate's modes are kept; anti_alias: the run's record
-    passed a low pass before it was sampled.
+    fall: where and when the stones fall; touch_m (stones, 2): where they touch the plate first, which is some
+    millimetres off where a stone touches with its sub-spheres; sample_s: interval between samples of the run's record;
+    force_N (stones, steps): means over steps of step_s from t = 0 on; gangue (stones,): which stones are gangue;
+    modes_dir: where the plate's modes are kept; anti_alias: the run's record passed a low pass before it was sampled.
     """
 
     plate: FlexiblePlate
     modes_dir: Path | None
-    place_m: Floats
+    fall: Fall
     touch_m: Floats
-    at_once: bool
     speed_m_s: float
     sample_s: float
     step_s: float
@@ -59,7 +71,7 @@ class ForceRecord:
     def modelled(self) -> Floats:
         """What the plate's model makes of these forces, shape (channels, steps): accelerometers, then rods, each by
         name."""
-        unit = unit_force_response(self, self.plate.damping_ratio, self.touch_m - self.place_m)
+        unit = unit_force_response(self, self.plate.damping_ratio, self.touch_m - self.fall.place_m)
         return response_to(unit, self.force_N.T).sum(axis=2)
 
     @property
@@ -68,6 +80,19 @@ class ForceRecord:
         fine, every = self.modelled, self.stride
         return np.asarray(resample_poly(fine, 1, every, axis=1)) if self.anti_alias else fine[:, ::every]
 
+    @cached_property
+    def from_arrival_N(self) -> Floats:
+        """Forces (stones, steps), each from the stone's arrival on."""
+        late = np.round(self.fall.arrival_s / self.step_s).astype(int)
+        return np.stack([np.concatenate([row[k:], np.zeros(k)]) for row, k in zip(self.force_N, late, strict=True)])
+
+
+def fall_of(run: Run) -> Fall:
+    """Where and when the stones of a run fall. RecordError where it does not say."""
+    place_m, stones = places_of(run), run.stones
+    late = np.zeros(len(place_m)) if stones is None else stones["arrival_s"].to_numpy(dtype=float)
+    return Fall(place_m, late)
+
 
 def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) -> ForceRecord:
     """Force record of a finished run over its first duration_s.
@@ -75,8 +100,8 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     sample_s: interval between samples of the record, that of `signals.parquet` if None. RecordError without a fast
     stream of that length, a flexible plate or places of the stones.
     """
-    path, place_m = run.path / "fast.parquet", places_of(run)
-    forces = [force_column(number) for number in range(1, len(place_m) + 1)]
+    path, fall = run.path / "fast.parquet", fall_of(run)
+    forces = [force_column(number) for number in range(1, len(fall.place_m) + 1)]
     table = read_table(path, ["t_s", *forces])
     t_s = table["t_s"].to_numpy(dtype=float)
     step_s = float(t_s[1] - t_s[0]) if len(t_s) > 1 else duration_s
@@ -86,14 +111,9 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     stones = run.scene.stones
     if stones.speed_m_s is None:
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
-    return ForceRecord(flexible_plate(run), user_cache(), place_m, _touches_of(run, place_m), _fall_at_once(run),
-                       stones.speed_m_s, sample_s or 1 / run.rate_Hz, step_s,
-                       table[forces][1:steps + 1].to_numpy(dtype=float).T, np.array(run.materials) == "gangue",
-                       run.scene.time.anti_alias)
-
-
-def _fall_at_once(run: Run) -> bool:
-    return run.scene.scatter.get("arrival_s") is None
+    return ForceRecord(flexible_plate(run), user_cache(), fall, _touches_of(run, fall.place_m), stones.speed_m_s,
+                       sample_s or 1 / run.rate_Hz, step_s, table[forces][1:steps + 1].to_numpy(dtype=float).T,
+                       np.array(run.materials) == "gangue", run.scene.time.anti_alias)
 
 
 def _touches_of(run: Run, place_m: Floats) -> Floats:
@@ -119,9 +139,12 @@ def pulse_force_response(record: ForceRecord, pulse_N: Floats, damping_ratio: fl
 
 
 def _hashable(record: ForceRecord, damping_ratio: float, moved_m: Floats | tuple[float, float]) -> Excitation:
-    moved = np.broadcast_to(moved_m, record.place_m.shape)
+    moved = np.broadcast_to(moved_m, record.fall.place_m.shape)
     plate = record.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
-    return (plate.model_dump_json(), tuple(map(tuple, record.place_m)), tuple(map(tuple, moved)), record.step_s,
+    places = tuple(map(tuple, record.fall.place_m))
+    # To find residual modes takes seconds: places that one record alone has are without.
+    residual = places if record.fall.at_once else ()
+    return (plate.model_dump_json(), places, tuple(map(tuple, moved)), residual, record.step_s,
             record.force_N.shape[1], record.modes_dir)
 
 
@@ -139,9 +162,9 @@ def _pulse_force_response(pulse_N: tuple[float, ...], excitation: Excitation) ->
 
 
 @lru_cache(maxsize=64)
-def _unit_force_response(plate_json: str, places: Places, moved_m: Places, step_s: float, steps: int,
+def _unit_force_response(plate_json: str, places: Places, moved_m: Places, residual: Places, step_s: float, steps: int,
                          modes_dir: Path | None) -> Floats:
-    plate, modes, amplitude, acceleration = _pulse(plate_json, places, step_s, steps, modes_dir)
+    plate, modes, amplitude, acceleration = _pulse(plate_json, residual, step_s, steps, modes_dir)
     down = -modes.shape_at(np.array(places) + np.array(moved_m))
     sensors = sorted(plate.accelerometers, key=lambda sensor: sensor_column(sensor.name))  # as sorted columns are
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
@@ -150,12 +173,12 @@ def _unit_force_response(plate_json: str, places: Places, moved_m: Places, step_
 
 
 @lru_cache(maxsize=8)
-def _pulse(plate_json: str, places: Places, step_s: float, steps: int,
+def _pulse(plate_json: str, residual: Places, step_s: float, steps: int,
            modes_dir: Path | None) -> tuple[FlexiblePlate, PlateModes, Floats, Floats]:
     """A plate, its modes, and their amplitudes and accelerations (steps, n) under a unit modal force in the first step,
     which are the same wherever it acts."""
     plate = FlexiblePlate.model_validate_json(plate_json)
-    modes = plate_modes(plate, modes_dir, np.array(places))
+    modes = plate_modes(plate, modes_dir, np.array(residual).reshape(-1, 2))
     amplitude, _, acceleration = pulse_response(modes, step_s, steps)
     return plate, modes, amplitude, acceleration
 

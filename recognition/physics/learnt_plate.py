@@ -28,6 +28,8 @@ LOST = 1e-6  # of the power of all that scatters, that is left out
 def on_plate(model: ArrangementModel, plate: PlateModel) -> ArrangementModel:
     """The model with the responses of another plate, in the channels that both have. RecognitionError where they have
     none in common, or where a stone would fall beside the plate."""
+    if model.own_falls:
+        raise RecognitionError("a model of stones on places of their own knows the plate of its training alone")
     kept = [k for k, name in enumerate(model.names) if name in _columns(plate)]
     if not kept:
         raise RecognitionError(f"the plate has none of the channels {', '.join(model.names)}")

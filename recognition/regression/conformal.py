@@ -12,11 +12,8 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import has_fit_parameter
 
 from recognition.estimation.arrays import Floats
-from recognition.estimation.calibration import LEAST_GROUPS, distance_limits, held_out_quantile
+from recognition.estimation.calibration import COVERAGE, FOLDS, LEAST_GROUPS, distance_limits, held_out_quantile
 from recognition.estimation.errors import RecognitionError
-
-COVERAGE = 0.9
-FOLDS = 5
 
 
 class GroupConformal:

@@ -30,7 +30,6 @@ packing = true
 [families.free]
 groups = 22
 runs_per_group = 1
-free_positions = true
 speed_m_s = [2.0, 4.0]
 damping_ratio = [0.005, 0.02]
 changes = {{ "scatter.arrival_s" = {{ uniform = [0.0, 2e-4] }}, "scatter.strength_factor" = {{ lognormal_cv = 0.15 }} }}

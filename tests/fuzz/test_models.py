@@ -37,7 +37,8 @@ def _arrangements(record):
     scale = np.sqrt(np.mean(record.signals**2, axis=1))
     hat = rng.standard_normal((channels, samples + 64, 3))
     method.model_ = ArrangementModel(record.names, scale, np.full(channels, 0.1), 1e-5, 1, samples, hat, 2,
-                                     rng.standard_normal((2, 2, 4)), np.eye(4), 7, [], "{}", np.zeros((3, 2)), 0.0, 3.0, 2.0, 4.0)
+                                     rng.standard_normal((2, 2, 4)), np.eye(4), 7, [], "{}", np.zeros((3, 2)), 0.0, 0.0,
+                                     False, 3.0, 2.0, 4.0)
     method.expected_ = ExpectedMisfit(np.array([0.1, 1.0]), np.ones(2))
     method.limits_, method.error_ = np.ones(2), 0.1
     return method

@@ -30,7 +30,7 @@ from recognition.physics.arrangement_likelihood import (
     ExpectedMisfit,
 )
 from recognition.physics.arrangement_method import ArrangementLikelihood, noise_of
-from recognition.physics.force_records import ForceRecord
+from recognition.physics.force_records import Fall, ForceRecord
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
 STEP_s, SAMPLE_s, SAMPLES = 1e-5, 5e-5, 60
@@ -89,7 +89,8 @@ def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0
         gangue = rng.permutation(len(PLACES_M)) < n
         speed = rng.uniform(*speeds)
         force = forces_N(gangue, 1 + scatter * rng.standard_normal(len(PLACES_M)), speed)
-        forces = ForceRecord(table, Path(KEPT.name), PLACES_M, PLACES_M, True, speed, SAMPLE_s, STEP_s, force.T, gangue)
+        forces = ForceRecord(table, Path(KEPT.name), Fall(PLACES_M, np.zeros(len(PLACES_M))), PLACES_M, speed, SAMPLE_s, STEP_s,
+                             force.T, gangue)
         X.append(PlateRecord(*record(modes, force, noise, rng, late), NAMES, forces))
         ratios.append(n / len(PLACES_M))
     return X, np.array(ratios)
@@ -107,7 +108,7 @@ def small_model(rng, stones=4, bins=3, powers=2, width=2, samples=6, scatter=1):
     return ArrangementModel(("a", "b"), np.array([1.0, 2.0]), np.array([0.3, 0.2]), 1e-5, 1, samples, hat, width,
                             0.3 * rng.standard_normal((2, powers, bins)), root @ root.T + 0.01 * np.eye(bins), 7,
                             [0.2 * rng.standard_normal((2, samples + 64, 2)) for _ in range(scatter)], "",
-                            np.zeros((stones, 2)), 0.0,                            3.0, 3.0, 3.0)
+                            np.zeros((stones, 2)), 0.0, 0.0, False, 3.0, 3.0, 3.0)
 
 
 def naive_law(model, shift):
@@ -205,10 +206,10 @@ def test_moments_of_the_impact_count_by_their_whole_likelihood():
 
 
 def test_nine_tenths_of_the_probability_lie_in_the_interval():
-    estimate = ArrangementEstimate(np.array([0.04, 0.06, 0.8, 0.06, 0.04]), 0.1, 0.4, 0.0, 0.0)
-    assert estimate.interval == (0.25, 0.75)
-    wide = ArrangementEstimate(np.array([0.06, 0.06, 0.76, 0.06, 0.06]), 0.1, 0.4, 0.0, 0.0)
-    assert wide.interval == (0.0, 1.0)
+    for probability, interval in (([0.04, 0.06, 0.8, 0.06, 0.04], (0.25, 0.75)), ([0.0, 0.0, 1.0, 0.0, 0.0], (0.5, 0.5)),
+                                  ([0.01, 0.05, 0.31, 0.6, 0.03], (0.5, 0.75)), ([0.7, 0.1, 0.08, 0.07, 0.05], (0.0, 0.75)),
+                                  ([0.05, 0.1, 0.1, 0.7, 0.05], (0.25, 0.75)), ([0.2] * 5, (0.0, 1.0))):
+        assert ArrangementEstimate(np.array(probability), 0.1, 0.4, 0.0, 0.0).interval == interval
 
 
 def test_the_least_error_is_that_of_the_prior_where_noise_drowns_all():

@@ -88,3 +88,20 @@ def test_no_root_is_said_and_not_clipped():
         model.invert(1.5)
     with pytest.raises(NotRecognised):
         model.invert(-0.5)
+
+
+def test_intervals_keep_nine_tenths_of_what_was_held_out():
+    """Parameters rise with a ratio that is known with an error of 8 points: so wide are the intervals, and so many hold."""
+    rng = np.random.default_rng(4)
+
+    def drawn(count):
+        ratios = rng.integers(11, size=count) / 10
+        return (ratios + 0.08 * rng.standard_normal(count))[:, None] * np.linspace(1, 2, 8), ratios
+
+    X, y = drawn(200)
+    model = FusionQ().fit(X, y, groups=np.arange(200) // 4)
+    assert model.width_ == pytest.approx(1.645 * 0.08, rel=0.2)
+    others, truth = drawn(400)
+    held = [one.low <= ratio <= one.high for one, ratio in zip(model.answer(others), truth, strict=True) if one.has_interval]
+    assert len(held) > 350 and np.mean(held) == pytest.approx(0.9, abs=0.05)
+    assert FusionQ().fit(X[:3], np.array([0.0, 0.5, 1.0])).width_ == 1.0  # too few to hold any out

@@ -1,0 +1,1 @@
+"""What the product makes of records that others measured (../shared/real beside the checkout)."""
