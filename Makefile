@@ -76,7 +76,7 @@ recognise: setup  ## a stream is simulated, its plate tapped, its stones heard o
 	$(PYTHON) -m dem run scenes/listening.toml --out runs/recognise/ratio_040
 	@: > runs/recognise/taps.toml
 	for at in $(TAPS); do x=$${at%,*} y=$${at#*,}; \
-	  $(PYTHON) -m dem run scenes/tap.toml --set "stones.positions=[{x_m=$$x,y_m=$$y}]" --out runs/recognise/tap_$$at || exit 1; \
+	  $(PYTHON) -m dem run scenes/tap.toml --set "stones.positions=[[$$x,$$y]]" --out runs/recognise/tap_$$at || exit 1; \
 	  printf '[[taps]]\nrecord = "tap_%s/fast.parquet"\nunknown_force = true\nx_m = %s\ny_m = %s\n' $$at $$x $$y >> runs/recognise/taps.toml; done
 	$(PYTHON) -m recognition tap scenes/listening.toml runs/recognise/taps.toml --out runs/recognise/plate.json --max-frequency 10000
 	$(PYTHON) -m recognition listen runs/recognise/ratio_040/fast.parquet --plate runs/recognise/plate.json --radius 0.025 0.025 --speed 2 4 \

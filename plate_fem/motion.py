@@ -163,23 +163,15 @@ class ModalMotion:
         return 0.5 * (rate**2).sum(axis=-1), 0.5 * ((self._omega * amplitude) ** 2).sum(axis=-1)
 
     @property
-    def kinetic_J(self) -> float:
-        return 0.5 * float(self.rate @ self.rate)
-
-    @property
-    def internal_J(self) -> float:
-        """Strain energy of plate and rods."""
-        w = self._omega * self.amplitude
-        return 0.5 * float(w @ w)
-
-    @property
-    def total_J(self) -> float:
-        return self.kinetic_J + self.internal_J
+    def energies(self) -> tuple[float, float]:
+        """Kinetic and strain energy of plate and rods, in J."""
+        kinetic, internal = self.energies_at(*self._state)
+        return float(kinetic), float(internal)
 
     @property
     def damped_J(self) -> float:
         """Energy taken by modal damping: the work done less the energy that is still there (exact)."""
-        return self.work_J + self._start_J - self.total_J
+        return self.work_J + self._start_J - sum(self.energies)
 
     def get_state(self) -> dict[str, np.ndarray]:
         """Return a copy of the state, for `set_state`."""
@@ -195,7 +187,7 @@ class ModalMotion:
         if amplitude.shape != self._omega.shape or rate.shape != self._omega.shape:
             raise ValueError(f"state of {amplitude.shape} modes for a plate of {self._omega.shape}")
         self._move_to(np.stack([amplitude, rate]))
-        self.work_J, self._start_J = (float(v) for v in state.get("ledger_J", (0.0, self.total_J)))
+        self.work_J, self._start_J = (float(v) for v in state.get("ledger_J", (0.0, sum(self.energies))))
 
     def _turn(self, intervals: int) -> _Turn:
         if intervals not in self._turns:

@@ -141,7 +141,9 @@ def write_report(directory: str | Path) -> Path:
 def _of_impacts(results: SweepResults) -> Content:
     runs, ratios = results.runs, len(set(results.ratios))
     recognises = ratios >= LEAST_RATIOS and results.plate_moves
-    chapters, statements = list(CHAPTERS), list[list[Statement]]([[]])
+    given = {"Breakage": any(run.summary.n_bonds for run in runs), "Signals": results.plate_moves,
+             "Theory": bool(runs[0].scene.plate.rods)}  # a chapter of nothing but reasons helps nobody
+    chapters, statements = [one for one in CHAPTERS if given.get(one[0], True)], list[list[Statement]]([[]])
     first = FELT if ratios == 1 else MAXIMA
     if recognises:
         from report.recognition import chapter  # late: its libraries take a second to import

@@ -87,9 +87,10 @@ def _rank(ratios: np.ndarray, values: np.ndarray) -> str:
 
 def _with_deviation(values: np.ndarray) -> str:
     known = values[np.isfinite(values)]
-    if known.size < 2 or np.ptp(known) <= 1e-12 * np.abs(known).max():  # nothing differs but by rounding
+    if known.size < 2:
         return f"{known[0]:.3g}" if known.size else "-"
-    return f"{known.mean():.3g} ± {known.std(ddof=1):.2g}"
+    rounding = np.ptp(known) <= 1e-12 * np.abs(known).max()
+    return f"{known.mean():.3g} ± {0.0 if rounding else known.std(ddof=1):.2g}"
 
 
 ONE_STONE = TableSpec("table-one-stone", "Breakage of one stone", (
@@ -97,5 +98,5 @@ ONE_STONE = TableSpec("table-one-stone", "Breakage of one stone", (
     " depends on the number of sub-spheres; near the critical speed, at which stones fall apart, on the single stone."),
     one_stone)
 VARYING = TableSpec("table-varying", "What natural scatter makes of it", (
-    f"Beside each figure of this sweep those of stones that vary ({PLAN}), mean and standard deviation over draws, in"
-    " the paper's window."), varying)
+    f"Beside each figure of this sweep those of stones that vary, with another coal ({PLAN}): mean and standard"
+    " deviation over draws, in the paper's window."), varying)

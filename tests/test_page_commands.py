@@ -9,11 +9,19 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.io import wavfile
 
+from common.scene.scene import changed_scene
 from gangue.parser import parser_of
+from lab.known_truth.simulated import draw_stones, stream_of
+from lab.known_truth.tap_records import hammer_taps
+from recognition.innovations.signatures import Channels
+from recognition.plate.plate_model import PlateModel
+from recognition.volley.recognise import RATE_Hz
 from tests.analysis.synthetic import write_sweep
+from tests.recognition.test_volley import record, stone
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
@@ -23,11 +31,12 @@ BLOCKS = {f"{page.relative_to(ROOT)} {number}": block for page in PAGES
 IN_PARTS = {
     "README.md 0": "tests of the targets' commands", "docs/accuracy.md 0": "tests/test_lab.py",
     "docs/calibration.md 0": "tests/dem/test_calibration.py", "docs/campaigns.md 0": "tests/campaign",
-    "docs/extending.md 0": "tests/test_docs.py", "docs/listening.md 0": "tests/recognition/test_stream.py",
-    "docs/recognition.md 0": "tests/recognition/test_evaluation.py", "docs/stream.md 0": "tests/dem/test_stream.py",
-    "docs/volley.md 0": "tests/recognition/test_volley.py", "docs/tapping.md 0": "tests/recognition/test_tapping.py"}
+    "docs/extending.md 0": "tests/test_docs.py", "docs/recognition.md 0": "tests/recognition/test_evaluation.py",
+    "docs/stream.md 0": "tests/dem/test_stream.py"}
+#: Wants what a plate and its sensors recorded.
+OF_A_PLATE = ["docs/listening.md 0", "docs/tapping.md 0", "docs/volley.md 0"]
 QUICK = ["docs/analysis.md 0", "docs/extending.md 1"]
-LONG = sorted({*BLOCKS} - {*IN_PARTS} - {*QUICK})
+LONG = sorted({*BLOCKS} - {*IN_PARTS} - {*QUICK} - {*OF_A_PLATE})
 OF_THE_USER = {"record.csv", "hit.wav", "taps.toml", "stream.parquet", "measured.csv", "record.parquet",
                "OUT/scene.toml", "OUT/sheet.toml", "plate.json", "runs/paper", "runs/paper/ratio_030",
                "runs/before", "runs/after", "runs/dataset", "runs/other/ratio_040", "runs/a"}
@@ -39,7 +48,7 @@ def commands(block):
 
 
 def test_every_block_is_run_or_its_parts_are():
-    assert {*IN_PARTS} | {*QUICK} | {*LONG} == {*BLOCKS} and {*IN_PARTS, *QUICK} <= {*BLOCKS}
+    assert {*IN_PARTS, *QUICK, *OF_A_PLATE, *LONG} == {*BLOCKS}
 
 
 @pytest.mark.parametrize("name", BLOCKS)
@@ -61,6 +70,14 @@ def test_every_command_is_spelt_as_the_program_takes_it(name):
             if isinstance(value, str | Path) and re.search(r"/|\.\w+$", str(value)) and "m/s" not in str(value):
                 assert str(value) in {*made, *OF_THE_USER} or (ROOT / value).exists(), line
         made.add(out)
+
+
+def test_make_recognise_taps_places_as_a_scene_takes_them():
+    (change,) = re.findall(r'--set "(stones.positions=\S+)"', (ROOT / "Makefile").read_text())
+    given = vars(parser_of().parse_args(["run", "scenes/tap.toml", "--out", "x", "--set",
+                                         change.replace("$$x", "0.11").replace("$$y", "-0.07")]))
+    stones = changed_scene(ROOT / "scenes" / "tap.toml", dict(given["changes"])).stones
+    assert [tuple(place) for place in stones.positions] == [(0.11, -0.07)]
 
 
 @pytest.fixture
@@ -100,4 +117,38 @@ def test_a_block_runs_as_it_is_written(name, clone):
 def test_a_long_block_runs_as_it_is_written(name, clone):
     if "gangue sweep" in BLOCKS[name]:
         shutil.rmtree(clone / "runs")  # it makes its runs itself
+    run_block(name, clone)
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """A directory with taps, a stream of stones, a volley and the plate, as its modes have them."""
+    directory, rng = tmp_path_factory.mktemp("measured"), np.random.default_rng(6)
+    plate, sensors = PlateModel.from_scene(ROOT / "scenes" / "paper.toml", 12e3), Channels((0, 1, 2, 3))
+    lines = []
+    for k, tap in enumerate(hammer_taps(plate, np.array([[0.11, 0.07], [-0.16, 0.02]]), rng, rate_Hz=40e3)):
+        write_record(directory / f"tap_{k}.csv", plate, tap.acceleration, tap.rate_Hz, force_N=tap.force_N)
+        lines.append(f'[[taps]]\nrecord = "tap_{k}.csv"\nx_m = {tap.place_m[0]}\ny_m = {tap.place_m[1]}\n')
+    (directory / "taps.toml").write_text("".join(lines))
+    stones = [stone(gangue) for gangue in (False, True)]
+    heard = stream_of(plate, sensors, stones, draw_stones(stones, 12, 60.0, 0.2, 0.5, rng), 40e3, 20.0, rng)
+    write_record(directory / "stream.parquet", plate, heard.values, heard.rate_Hz)
+    at_once = record(plate, 4, rng)
+    for name in ("record.parquet", "measured.csv"):
+        write_record(directory / name, plate, at_once, RATE_Hz)
+    plate.save(directory / "plate.json")
+    return directory
+
+
+def write_record(file, plate, acceleration, rate_Hz, **more):
+    named = {f"acc_{name}_m_s2": row for name, row in zip(plate.sensor_names, acceleration, strict=True)}
+    table = pd.DataFrame({"t_s": np.arange(acceleration.shape[1]) / rate_Hz} | named | more)
+    table.to_csv(file, index=False) if file.suffix == ".csv" else table.to_parquet(file)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("name", OF_A_PLATE)
+def test_a_block_on_records_of_a_plate_runs_as_it_is_written(name, clone, measured):
+    """On records of the paper's plate, tapped and struck; the last line of listening simulates and hears a stream."""
+    shutil.copytree(measured, clone, dirs_exist_ok=True)
     run_block(name, clone)

@@ -137,7 +137,7 @@ class StonesTable(Table):
     """The stones, where they are, and how they arrive."""
 
     count: Annotated[Annotated[int, Field(ge=1, le=1000)] | None, about(
-        "number of stones of a volley, which needs radius_m, speed_m_s, gangue_ratio, circle_radius_m or positions",
+        "number of stones of a volley (docs/stones.md)",
         paper="10")] = None
     radius_m: Annotated[Positive | None, about("radius of a stone of a volley", paper="0.025")] = None
     speed_m_s: Annotated[Speed | None, about("impact speed of a volley, downwards", paper="3.0")] = None

@@ -142,7 +142,7 @@ class FlexiblePlateParticipant:
     def energy(self) -> PlateEnergy:
         """Where the plate's energy is now."""
         motion = self._motion
-        return PlateEnergy(motion.kinetic_J, motion.internal_J, motion.damped_J, motion.work_J)
+        return PlateEnergy(*motion.energies, motion.damped_J, motion.work_J)
 
     def bending(self) -> dict[str, dict[str, float]]:
         """The largest stress of bending, anywhere and at the rods, for the report on yield."""

@@ -156,7 +156,7 @@ WHOLE = 0.7             # of a stone's mass: with less in its largest fragment i
 SPAN = (0.6, 1.5)       # of the speed by the formula, within which the critical speed is sought
 
 
-def critical_speed(out: Path, packings: int = 4, halvings: int = 4) -> Iterator[Row]:
+def critical_speed(out: Path, packings: int = 3, halvings: int = 4) -> Iterator[Row]:
     """The speed at which each rock falls apart, for itself by packing; of the coal with flaws in three sizes."""
     for rock, radii_mm in CRITICAL_STONES.items():
         for radius_mm in radii_mm:

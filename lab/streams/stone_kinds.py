@@ -28,7 +28,7 @@ from recognition.stream.recognise import LEAST_DOUBT
 from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told, doubted
 from recognition.stream.stones import BY_LAW, ratio_of
 
-STONES, SEEDS = 60, 4
+STONES, SEEDS = 60, 1
 SETS = ("held_out", "one_fall", "any_fall")
 ERROR = np.array([0.02, 0.4, 0.025])
 LOST_BELOW_N_s = 0.02  # of stones of a smaller impulse some are not heard

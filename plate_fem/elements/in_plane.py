@@ -40,8 +40,7 @@ class InPlane:
         if self.functions is not None:
             return self._derived(points_m, axis, (0, 0))
         arm = -points_m[:, 1] if axis == 0 else points_m[:, 0]
-        rigid = [np.full(len(arm), float(axis == along)) for along in (0, 1)]
-        return sp.csr_array(np.column_stack([*rigid, arm]))
+        return sp.csr_array(np.column_stack([0 * arm + (axis == 0), 0 * arm + (axis == 1), arm]))
 
     def turn(self, points_m: np.ndarray) -> sp.csr_array:
         """Return the sparse matrix (k, size) of the turn about the normal (rad) at points (k, 2)."""
@@ -65,8 +64,7 @@ class InPlane:
             inertia = whole * (plate.length_m**2 + plate.width_m**2) / 12
             return sp.csr_array((3, 3)), sp.diags_array([whole, whole, inertia], format="csr")
         stiffness = stiff / (1 - plate.poisson_ratio**2) * strain_energy(u, plate.poisson_ratio)
-        value = mass * integral(u, u)
-        return sp.csr_array(stiffness), sp.block_diag([value, value], format="csr")
+        return sp.csr_array(stiffness), sp.block_diag(2 * [mass * integral(u, u)], format="csr")
 
 
 def strain_energy(u: Products, poisson_ratio: float) -> sp.csr_array:
@@ -79,19 +77,14 @@ def strain_energy(u: Products, poisson_ratio: float) -> sp.csr_array:
 
 
 def in_plane(plate: FlexiblePlate) -> InPlane:
-    """Return the motion in the plane that the plate has."""
-    if not stretches(plate):
+    """Return the motion in its plane that the plate has: it stretches if it sways and its first mode there is low."""
+    if not (sways(plate) and first_is_low(plate)):
         return InPlane(plate, None)
     shear_modulus = plate.youngs_modulus_Pa / (2 * (1 + plate.poisson_ratio))
     wavelength = math.sqrt(shear_modulus / plate.density_kg_m3) / mesh.highest_frequency_Hz(plate)
     lines = [np.linspace(-side / 2, side / 2, 1 + max(2, math.ceil(CELLS_PER_WAVELENGTH * side / wavelength)))
              for side in (plate.length_m, plate.width_m)]
     return InPlane(plate, products.rotations(*lines))
-
-
-def stretches(plate: FlexiblePlate) -> bool:
-    """Return whether modes within the plane are among the plate's modes: it sways, and the first of them is low."""
-    return sways(plate) and first_is_low(plate)
 
 
 def sways(plate: FlexiblePlate) -> bool:

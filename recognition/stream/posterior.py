@@ -31,7 +31,6 @@ def drawn(densities: Densities, starts: Floats, prior_curvature: Floats, count: 
         z = mixture.draw(DRAWS, rng)
         each, prior = densities(z)
         log_weight = each.sum(axis=1) + prior - mixture.log_density(z)
-        log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)  # far out, where a scatter has no number
         weight = np.exp(log_weight - logsumexp(log_weight))
         worth = float(1 / np.sum(weight**2))
         if worth > ENOUGH and round_:

@@ -35,8 +35,9 @@ DIRECTIONS = np.array([[1.0, -0.75, 3.0], [-0.2, 0.0, 1.0], [-0.85, 0.0, 1.0], [
 CENTRE_SD, CENTRE_FORM_SD = np.array([0.1, 0.1, 0.12, 0.05, 0.05]), 0.3
 APART_SD, APART_FORM_SD = np.array([0.08, 0.12, 0.05, 0.03, 0.1]), 0.2
 DROPPED_SD = np.array([0.05, 0.12])  # of known stones' size and speed, by those of the record
-#: Median, and standard deviation of the logarithm, of the scatter along size, speed, restitution and stiffness.
-SCATTER, SCATTER_SD = np.array([0.05, 0.05, 0.03, 0.03]), 1.0
+#: Median, standard deviation of the logarithm, and largest logarithm, of the scatter along size, speed, restitution and
+#: stiffness.
+SCATTER, SCATTER_SD, WIDEST = np.array([0.05, 0.05, 0.03, 0.03]), 1.0, 1.0
 BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 LUMPS, LUMP_SD = 0.03, 0.8  # share of stones of far another size, and the deviation of its logarithm
 OTHER_DENSITY = 1 / (3.0 * 12.0 * 6.0)  # of what is no such stone: log s, b and log J are anything
@@ -166,7 +167,7 @@ class Beliefs:
         return np.concatenate([self._log_classes(z[k:k + size], told) for k in range(0, len(z), size)])
 
     def _log_classes(self, z: Floats, told: Told) -> Floats:
-        spread = np.einsum("kd,di,dj->kij", np.exp(2 * z[:, SCATTERS]), DIRECTIONS[:4], DIRECTIONS[:4])
+        spread = np.einsum("kd,di,dj->kij", np.exp(2 * z[:, SCATTERS].clip(max=WIDEST)), DIRECTIONS[:4], DIRECTIONS[:4])
         whole, broken = (_root(np.moveaxis(spread + law, 0, -1)[..., None] + np.moveaxis(told.error, 0, -1)[:, :, None])
                          for law in (self.whole, self.broken))
         lump = LUMP_SD**2 * np.outer(DIRECTIONS[0], DIRECTIONS[0])

@@ -32,6 +32,13 @@ class HeardStream:
     fell_s: np.ndarray
     alarm_s: np.ndarray
 
+    @property
+    def covered(self) -> float:
+        """Share of the times with a ratio and a truth at which the truth is within the interval."""
+        truth, heard = self.truth["mass_ratio"], self.heard
+        within = truth.between(heard["mass_low"], heard["mass_high"])
+        return float(within[truth.notna() & heard["mass_ratio"].notna()].mean())
+
 
 def was_heard(results: StreamResults) -> bool:
     """Whether `listen` left its stones beside the run."""
@@ -86,7 +93,8 @@ def ratio_over_time(found: HeardStream) -> Figure:
 
 def heard(results: StreamResults) -> Drawn:
     found = read_heard(results)
-    return ratio_over_time(found), f"{len(found.heard_s)} stones were heard, {len(found.fell_s)} touched the plate."
+    return ratio_over_time(found), (f"{len(found.heard_s)} stones were heard, {len(found.fell_s)} touched the plate. "
+                                    f"The truth is within the interval at {found.covered:.0%} of the times.")
 
 
 HEARD_FIGURES = [

@@ -20,7 +20,7 @@ ROD_LAYERS = np.array([0, 0.06, 0.2, 0.5, 1])  # in radii, from the plate
 @dataclass(frozen=True)
 class Part:
     """Of a plate: x_m, y_m are its ends, 0 at a mirror; rods are (x, y, diameter), all as long; cell_m is the side of
-    its bricks away from rods, for fine = 1; `fine` divides all sides."""
+    its bricks away from rods. `fine` divides those through the thickness, along rods and towards them."""
 
     x_m: tuple
     y_m: tuple
@@ -124,12 +124,12 @@ def _faces(part):
 
 def _side(part, start, end, square):
     at_rod = abs(end - start - 2 * square) < 1e-6
-    return np.linspace(0, 1, part.fine * (4 if at_rod else math.ceil((end - start) / part.cell_m - 1e-9)) + 1)
+    return np.linspace(0, 1, 1 + (4 if at_rod else math.ceil((end - start) / part.cell_m - 1e-9)))
 
 
 def _rod_faces(place, radius, s, fine):
     """Patches about a rod at place (2, 1, 1): from its square of half side s to its circle, and those of its disc."""
-    around, disc, along = [], [], np.linspace(0, 1, 4 * fine + 1)
+    around, disc, along = [], [], np.linspace(0, 1, 5)
     for quarter in range(4):
 
         def ring(a, b, outer, q=quarter):

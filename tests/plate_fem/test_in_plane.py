@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg
 from plates import STEEL, four_rods, plate, rod
 
-from plate_fem.elements.in_plane import first_Hz_of, stretches
+from plate_fem.elements.in_plane import first_Hz_of, in_plane
 from plate_fem.modes import plate_modes
 from plate_fem.solution.model import build_model
 from plate_fem.solution.stress_recovery import modal_surface_stress
@@ -65,4 +65,4 @@ def test_a_thick_plate_has_the_modes_of_its_stretch_beside_those_of_bending(monk
     ({"rods": four_rods()}, False), ({**THICK, "max_frequency_Hz": 6e3}, False), ({**THICK, "rods": []}, False),
     ({**THICK, "edges": "clamped"}, False)])
 def test_only_plates_on_rods_whose_first_is_low_stretch(changes, expected):
-    assert stretches(plate(**changes)) is expected
+    assert (in_plane(plate(**changes)).functions is not None) is expected

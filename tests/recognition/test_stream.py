@@ -1,10 +1,8 @@
 """Stones one by one from a stream: the parts against independent references, and the whole on a plate known exactly."""
 
-
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.stats import multivariate_normal
 
 from common.scene.plate import read_plate
@@ -18,7 +16,6 @@ from recognition.innovations.retuning import retuned
 from recognition.innovations.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
-from recognition.stone_forces.forces import PULSE_S, History, StoneForces
 from recognition.stone_forces.law_file import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
@@ -26,38 +23,7 @@ from recognition.stream.listen import Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of
-
-CHANNELS = Channels((0, 1, 2, 3))
-#: Contact modulus with the steel plate, Pa, and density of coal and gangue as in scenes/paper.toml.
-ELASTIC = {False: (5.49e9, 1380.0), True: (10.32e9, 2400.0)}
-
-
-def elastic_stone(gangue, radius_m, speed_m_s):
-    """Force of an elastic sphere on a rigid half-space, by integration of its motion."""
-    modulus, density = ELASTIC[gangue]
-    stiffness, mass = 4 / 3 * modulus * np.sqrt(radius_m), 4 / 3 * np.pi * radius_m**3 * density
-
-    def motion(_, y):
-        return [y[1], -stiffness * max(y[0], 0.0) ** 1.5 / mass]
-
-    t_s = (np.arange(round(PULSE_S / FINE_S)) + 0.5) * FINE_S
-    found = solve_ivp(motion, (0, t_s[-1]), [0.0, speed_m_s], t_eval=t_s, rtol=1e-8, atol=1e-12)
-    return History(stiffness * np.maximum(found.y[0], 0) ** 1.5, FINE_S, gangue, radius_m, density, speed_m_s)
-
-
-@pytest.fixture(scope="module")
-def histories():
-    return [elastic_stone(g, 0.025, v) for g in (False, True) for v in (2.2, 2.6, 3.0, 3.4, 3.8)]
-
-
-@pytest.fixture(scope="module")
-def forces(histories):
-    return StoneForces.fit(histories)
-
-
-@pytest.fixture(scope="module")
-def plate():
-    return PlateModel.from_scene("scenes/single.toml", 12000.0)
+from tests.recognition.elastic_stones import CHANNELS, after_noise, elastic_stone, surely_told
 
 
 def test_law_of_elastic_spheres(forces):
@@ -80,22 +46,6 @@ def test_file_of_the_law(forces, tmp_path):
     with pytest.raises(RecognitionError, match="no law"):
         load_forces(tmp_path / "none.json")
     assert load_forces().density_kg_m3 == pytest.approx([1380, 2400])
-
-
-@pytest.fixture(scope="module")
-def heard(plate, histories, forces):
-    """Twelve stones at 60 a second, and what was made of them with the plate known exactly."""
-    rng = np.random.default_rng(5)
-    truth = draw_stones(histories, 12, 60.0, 0.2, 0.5, rng)
-    stream = stream_of(plate, CHANNELS, histories, truth, RATE_Hz, 20.0, rng)
-    return stream, recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), stream.values)
-
-
-def surely_told(stones, truth):
-    """How many stones have a material that is no doubt, which is right: of speeds from 2.2 to 3.8 m/s a few are in doubt."""
-    sure = abs(stones["gangue"] - 0.5) > 0.3
-    assert ((stones["gangue"] > 0.5) == truth["gangue"])[sure].all()
-    return sure.sum()
 
 
 def test_stones_of_a_stream(heard):
@@ -142,34 +92,6 @@ def test_share_of_stones_that_arrive_at_once():
     assert together(t_s) == pytest.approx(1 - np.exp(-2 * 300 * 0.2e-3), abs=0.06)
     assert together(np.array([0.1, 0.10005, 0.2])) == pytest.approx(2 / 3)
     assert together(np.zeros(0)) == together(np.zeros(1)) == 0.0
-
-
-@pytest.mark.parametrize("after_s", [1e-3, 20e-3])
-def test_a_record_without_silence_is_refused(heard, plate, forces, after_s):
-    """It begins when the plate rings from the second stone, at once or later."""
-    values = heard[0].values[:, round((heard[0].truth["t_s"][1] + after_s) * RATE_Hz):]
-    prior = StonePrior(forces, (0.025, 0.025), (2.0, 4.0))
-    try:
-        refused = recognise_stream(plate, CHANNELS, prior, values).refused
-    except NotRecognised as error:
-        refused = str(error)
-    assert "quiet" in refused
-
-
-def after_noise(stream, seconds):
-    """The record with so much of its white noise before it."""
-    deviation = stream.values[:, :round(0.04 * RATE_Hz)].std(axis=1, keepdims=True)
-    before = deviation * np.random.default_rng(3).standard_normal((len(deviation), round(seconds * RATE_Hz)))
-    return np.hstack([before, stream.values])
-
-
-def test_silence_before_the_stream_changes_nothing(heard, plate, forces):
-    """Ten seconds of noise before the first stone: the same stones, none besides, and nothing is left unexplained."""
-    stream, _ = heard
-    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), after_noise(stream, 10.0))
-    assert len(found.stones) == len(stream.truth)
-    assert np.abs(found.stones["t_s"] - 10 - stream.truth["t_s"]).max() < 50e-6
-    assert found.checks.unexplained < 0.02
 
 
 def test_missed_stones_widen_the_interval():
@@ -227,55 +149,6 @@ def test_innovations_of_free_ringing_are_noise(plate):
     late = whitening(values)[:, 1000:]
     assert np.std(late) < 1.1
     assert np.std(whitening(values)[:, 15:60]) > 5 * np.std(late)
-
-
-def autoregression(samples, rng):
-    """Three channels that depend on their last two samples and each other, their coefficients, and the covariance of what
-    is new."""
-    coefficients = np.array([[[0.5, 0.2, 0.0], [0.0, 0.3, -0.2], [0.1, 0.0, 0.6]],
-                             [[-0.6, 0.0, 0.1], [0.1, -0.5, 0.0], [0.0, 0.2, -0.3]]])
-    root = np.array([[2.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.5, -0.5, 0.3]])
-    values = root @ rng.standard_normal((3, samples))
-    for t in range(2, samples):
-        values[:, t] += coefficients[0] @ values[:, t - 1] + coefficients[1] @ values[:, t - 2]
-    return values, coefficients, root @ root.T
-
-
-def test_noise_is_learnt_from_the_quiet():
-    """Whitening filter and spectrum of an autoregression that is known; the half that is louder is seen in either."""
-    values, coefficients, covariance = autoregression(20_000, np.random.default_rng(11))
-    learnt = SensorNoise.of(values)
-    assert learnt.change < 1.1
-    inverse = np.linalg.inv(learnt.filter[0])
-    assert inverse @ inverse.T == pytest.approx(covariance, abs=0.1)
-    assert -inverse @ learnt.filter[1:3] == pytest.approx(coefficients, abs=0.1)  # four standard errors
-    white = learnt.whitened(values)[:, 50:]
-    assert np.cov(white) == pytest.approx(np.eye(3), abs=0.05)
-    assert white[:, 1:] @ white[:, :-1].T / white.shape[1] == pytest.approx(np.zeros((3, 3)), abs=0.05)
-    f_Hz = np.array([200.0, 3000.0, 9000.0])
-    for f, found in zip(f_Hz, learnt.spectrum(f_Hz, RATE_Hz), strict=True):
-        turn = np.exp(-2j * np.pi * f / RATE_Hz)
-        transfer = np.linalg.inv(np.eye(3) - coefficients[0] * turn - coefficients[1] * turn**2)
-        exact = 2 / RATE_Hz * (transfer @ covariance @ transfer.conj().T).real
-        assert found == pytest.approx(exact, abs=0.1 * exact.max())
-    for louder in (slice(None, 10_000), slice(10_000, None)):
-        changed = values.copy()
-        changed[:, louder] *= 2.0
-        assert SensorNoise.of(changed).change == pytest.approx(4.0, rel=0.1)
-
-
-@pytest.mark.parametrize("kind", ["mixture", "drifting tones"])
-def test_stones_in_the_noise_of_a_machine(heard, plate, forces, kind):
-    """The twelve stones after a second of noise of 10 dB."""
-    stream, _ = heard
-    values, rng = after_noise(stream, 1.0), np.random.default_rng(9)
-    level = np.sqrt(0.1 * np.mean(stream.values**2, axis=1, keepdims=True))
-    values = values + level * noise(kind, values.shape, RATE_Hz, rng)
-    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), values, 1.0)
-    assert found.refused == ""
-    assert len(found.stones) == len(stream.truth)
-    assert np.abs(found.stones["t_s"] - 1.0 - stream.truth["t_s"]).max() < 50e-6
-    assert surely_told(found.stones, stream.truth) >= 8
 
 
 @pytest.mark.parametrize("kind", ["white", "tones"])

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.sweep.stream import COLUMNS
 from report.missing import MissingResult
-from report.stream.heard import WINDOW_S, read_heard
+from report.stream.heard import WINDOW_S, HeardStream, read_heard
 from report.stream.results import StreamResults
 
 
@@ -39,3 +39,9 @@ def test_truth_is_the_share_by_mass_of_the_last_window(tmp_path):
     pd.DataFrame({"ratio": [np.nan]}).to_parquet(heard / "ratio.parquet")
     with pytest.raises(MissingResult, match="did not trust"):
         read_heard(results)
+
+
+def test_the_interval_covers_the_truth_at_half_of_the_times_that_have_both():
+    heard = pd.DataFrame({"mass_low": 0.2, "mass_ratio": [0.3, 0.3, 0.3, np.nan], "mass_high": 0.4})
+    truth = pd.DataFrame({"mass_ratio": [0.4, 0.5, np.nan, 0.3]})
+    assert HeardStream(heard, truth, np.empty(0), np.empty(0)).covered == 0.5
