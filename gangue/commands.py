@@ -204,13 +204,12 @@ COMMANDS = {
     "volley": Command("recognition.volley.judged:volley",
                       "mixing ratio of stones that arrive at once on unknown places", (
         RECORD, PLATE, SCALE, UNIT,
-        _arg("--stones", type=int, nargs="+", default=[10], metavar="N",
-             help="how many arrive, or the fewest and the most (default: 10)"),
-        _arg("--radius", dest="radius_m", type=float, default=0.025, metavar="M",
-             help="of all stones (default: %(default)g m)"),
-        _arg("--speed", dest="speed_m_s", type=float, nargs="+", default=[3.0], metavar="M_S",
-             help="of all stones, or the lowest and the highest that it may be (default: 3 m/s)")), (
-        "gangue volley measured.csv --plate plate.json --stones 10",)),
+        _arg("--stones", type=int, nargs="+", required=True, metavar="N",
+             help="how many arrive, where that is certain, or the fewest and the most"),
+        _arg("--radius", dest="radius_m", type=float, required=True, metavar="M", help="of all stones"),
+        _arg("--speed", dest="speed_m_s", type=float, nargs="+", required=True, metavar="M_S",
+             help="of all stones, where that is certain, or the lowest and the highest that it may be")), (
+        "gangue volley measured.csv --plate plate.json --stones 8 12 --radius 0.025 --speed 2.5 3.2",)),
     "report": Command("report.commands:report", "write report.html of runs; `compare` puts two side by side", (
         _arg("directory", help="run directory, or directory of runs ratio_*"),), (
         "gangue report runs/paper", "gangue report runs/single")),

@@ -254,7 +254,7 @@ LEAST = {"resume": ["y"], "calibrate": ["coal", "--out", "y", "--scene", "x.toml
          "tap": ["taps.toml", *ON_SCENE],
          "listen": ["r.csv", "--plate", "p.json", "--radius", "1", "2", "--speed", "1", "2", "--out", "y"],
          "learn-forces": [*ON_SCENE, "--radius", "1", "2", "--speed", "1", "2"],
-         "volley": ["r.csv", "--plate", "p.json"],
+         "volley": ["r.csv", "--plate", "p.json", "--stones", "10", "--radius", "0.025", "--speed", "3"],
          "check": ["r.csv", "--plate", "p.json"]}
 
 

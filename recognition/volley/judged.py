@@ -47,8 +47,8 @@ class VolleyResult(Result):
                    + ", ".join(f"{text} {100 * ratio:.0f} %" for text, ratio in self.others.items()))
 
 
-def volley(record: str, plate: str, stones: Sequence[int] = (10,), radius_m: float = 0.025,
-           speed_m_s: Sequence[float] = (3.0,), scale: float = 1.0, unit: str | None = None) -> VolleyResult:
+def volley(record: str, plate: str, stones: Sequence[int], radius_m: float, speed_m_s: Sequence[float],
+           scale: float = 1.0, unit: str | None = None) -> VolleyResult:
     """Judge a record on a plate of `tap` by what is told of the stones: how many, or the fewest and the most; their
     radius; their speed, or the lowest and the highest. Raises RecordError, RecognitionError."""
     counts, speeds_m_s = _between("stones", stones, COUNTS), _between("speed", speed_m_s, SPEEDS_m_s)

@@ -147,8 +147,6 @@ def test_deleting_singular_points_can_prefer_a_wrong_candidate():
     assert modified.recognise(curve).ratio == pytest.approx(0.7, abs=0.01)
 
 
-def test_unknown_judge_and_form_are_named():
+def test_an_unknown_judge_is_named():
     with pytest.raises(RecognitionError, match="truncated"):
         Strategy(judge="best").fit(quadratic_curves(RATIOS), RATIOS)
-    with pytest.raises(RecognitionError, match="logarithmic"):
-        Strategy(Rule(forms=("spline",))).fit(quadratic_curves(RATIOS), RATIOS)
