@@ -202,6 +202,6 @@ def test_a_sliding_stone_is_rubbed_by_all_that_it_pushes_with(tmp_path, monkeypa
     taken = np.cumsum(friction * np.diff(impulse, prepend=0) * slip)
     table = pd.read_parquet(tmp_path / "run" / "energy.parquet")
     found, expected = table["friction_J"].to_numpy(), np.interp(table["t_s"], fast["t_s"], taken)
-    slides = table["t_s"] > 1.5e-5  # before, the spring was stretched
+    slides = table["t_s"] > 2.5e-5  # before, the spring was stretched
     assert (found / found[-1])[slides] == pytest.approx((expected / expected[-1])[slides], abs=0.05)
     assert 0.8 * expected[-1] < found[-1] < expected[-1]
