@@ -69,6 +69,14 @@ bench: setup  ## cost and results of the bonds beside peers, into runs/bench
 accuracy: setup  ## error against run time, and what each part of a scene costs, into runs/accuracy
 	$(PYTHON) -m lab run work_precision tolerance omissions free_flight --out runs/accuracy
 
+# Simulated sensors have no noise, and `listen` refuses a record without: 20 dB below the signal, always the same.
+define NOISY
+import sys, numpy, pandas
+from recognition.evaluation.sensor_noise import with_noise
+with_noise(pandas.read_parquet(sys.argv[1]), 20.0, numpy.random.default_rng(1)).to_parquet(sys.argv[2])
+endef
+export NOISY
+
 # Where a stone falls alone, as x,y in m, to tell the plate's modes.
 TAPS := 0.11,0.07 -0.16,0.02 0.03,-0.17 -0.08,0.19
 
@@ -76,10 +84,11 @@ recognise: setup  ## a stream is simulated, its plate tapped, its stones heard o
 	$(PYTHON) -m dem run scenes/listening.toml --out runs/recognise/ratio_040
 	@: > runs/recognise/taps.toml
 	for at in $(TAPS); do x=$${at%,*} y=$${at#*,}; \
-	  $(PYTHON) -m dem run scenes/tap.toml --set "stones.positions=[[$$x,$$y]]" --out runs/recognise/tap_$$at || exit 1; \
+	  $(PYTHON) -m dem run scenes/tap.toml --set "stones.positions_m=[[$$x,$$y]]" --out runs/recognise/tap_$$at || exit 1; \
 	  printf '[[taps]]\nrecord = "tap_%s/fast.parquet"\nunknown_force = true\nx_m = %s\ny_m = %s\n' $$at $$x $$y >> runs/recognise/taps.toml; done
 	$(PYTHON) -m recognition tap scenes/listening.toml runs/recognise/taps.toml --out runs/recognise/plate.json --max-frequency 10000
-	$(PYTHON) -m recognition listen runs/recognise/ratio_040/fast.parquet --plate runs/recognise/plate.json --radius 0.025 0.025 --speed 2 4 \
+	$(PYTHON) -c "$$NOISY" runs/recognise/ratio_040/fast.parquet runs/recognise/record.parquet
+	$(PYTHON) -m recognition listen runs/recognise/record.parquet --plate runs/recognise/plate.json --radius 0.025 0.025 --speed 2 4 \
 	  --out runs/recognise/heard
 	$(PYTHON) -m report runs/recognise
 

@@ -40,7 +40,7 @@ class RecordedStones(Recorded):
     count: int | None = None
     radius_m: float | None = None
     circle_radius_m: float | None = None
-    positions: list[list[float]] | None = None  # x, y
+    positions_m: list[list[float]] | None = None  # x, y
     speed_m_s: float | None = None
     gangue_order: list[int] | None = None
     agglomerate: dict[str, Any] | None = None

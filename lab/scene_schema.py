@@ -31,7 +31,7 @@ Every key of a scene file, as `python -m lab.scene_schema` writes it, in SI unit
 [paper](../README.md) gives; `scenes/paper.toml` says how each other value is chosen.
 
 The first line of a scene, `#:schema ./scene.schema.json`, lets an editor with a TOML server complete, explain and check
-keys. `--set stones.count=6` of `run`, `deck` and `sweep` changes a key.
+keys. `--set stones.count=6` of `run`, `deck` and `sweep` changes a key. Bounds alone are of a number, which also stands for a distribution.
 """
 
 
@@ -160,19 +160,19 @@ def _row(name: str, key: Node, table: Node) -> str:
 def _allowed(key: Node) -> str:
     """Kind and bounds in a few words."""
     if _is_spread(key):
-        return "number or distribution"
+        return "distribution"
     if _inside(key):
-        return "tables" if "items" in key else "table" if "allOf" in key or "oneOf" in key else "tables by name"
+        return "table" if "allOf" in key or "oneOf" in key else "tables"
     if "const" in key:
         return f"`\"{key['const']}\"`"
     if "enum" in key:
         return ", ".join(f'`"{value}"`' for value in key["enum"])
     if "items" in key:
-        return f"list, each {_allowed(key['items'])}"
+        return f"list: {_allowed(key['items'])}"
     signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
     bounds = ", ".join(f"{sign}{key[bound]:g}" for bound, sign in signs.items() if bound in key)
-    kind = {"integer": "integer", "number": "number", "boolean": "Boolean", "string": "text"}[key["type"]]
-    text = f" that matches `{key['pattern']}`" if "pattern" in key else ""
+    kind = {"integer": "integer", "number": "" if bounds else "number", "boolean": "Boolean", "string": "text"}[key["type"]]
+    text = f" `{key['pattern']}`" if "pattern" in key else ""
     return f"{kind} {bounds}".strip() + text
 
 

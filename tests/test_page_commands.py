@@ -73,11 +73,11 @@ def test_every_command_is_spelt_as_the_program_takes_it(name):
 
 
 def test_make_recognise_taps_places_as_a_scene_takes_them():
-    (change,) = re.findall(r'--set "(stones.positions=\S+)"', (ROOT / "Makefile").read_text())
+    (change,) = re.findall(r'--set "(stones.positions_m=\S+)"', (ROOT / "Makefile").read_text())
     given = vars(parser_of().parse_args(["run", "scenes/tap.toml", "--out", "x", "--set",
                                          change.replace("$$x", "0.11").replace("$$y", "-0.07")]))
     stones = changed_scene(ROOT / "scenes" / "tap.toml", dict(given["changes"])).stones
-    assert [tuple(place) for place in stones.positions] == [(0.11, -0.07)]
+    assert [tuple(place) for place in stones.positions_m] == [(0.11, -0.07)]
 
 
 @pytest.fixture

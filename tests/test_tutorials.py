@@ -43,7 +43,7 @@ def test_from_a_scene_to_a_picture(tmp_path, monkeypatch):
     weight_N_s = mass_kg * scene.time.gravity_m_s2 * scene.time.duration_s
     assert summary["momentum_change_kg_m_s"] == pytest.approx(summary["impulse_N_s"] - weight_N_s, rel=1e-3)
     lowest_m = names["modes"].node_m[np.argmin(names["deflection_m"])]
-    below_m = min(np.hypot(*(lowest_m - place)) for place in scene.stones.positions)
+    below_m = min(np.hypot(*(lowest_m - place)) for place in scene.stones.positions_m)
     assert below_m < scene.stones.radius_m  # it is below a stone
     for picture in ("tutorial_signals.png", "tutorial_plate.png"):
         assert (tmp_path / "runs" / picture).stat().st_size > 10_000

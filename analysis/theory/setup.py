@@ -65,8 +65,8 @@ def places_of(run: Run) -> np.ndarray:
     stones = run.scene.stones
     if run.stones is not None:
         return run.stones[["place_x_m", "place_y_m"]].to_numpy(dtype=float)
-    if stones.positions:
-        return np.array(stones.positions, dtype=float)
+    if stones.positions_m:
+        return np.array(stones.positions_m, dtype=float)
     return ring_positions_m(_given(run, "stones.count", stones.count),
                             _given(run, "stones.circle_radius_m", stones.circle_radius_m))
 

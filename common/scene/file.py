@@ -62,7 +62,7 @@ def _make_way(under: Any, over: Any) -> None:
         for key in (*ONLY_VOLLEY, *WAYS, *(["gangue_ratio"] if "each" in over else [])):
             if key not in over:
                 under.pop(key, None)
-    for one, other in (("positions", "circle_radius_m"), ("circle_radius_m", "positions")):
+    for one, other in (("positions_m", "circle_radius_m"), ("circle_radius_m", "positions_m")):
         if one in over and other not in over:
             under.pop(other, None)
 

@@ -129,7 +129,7 @@ class DrawnTable(Table):
 
 
 VOLLEY = ("count", "radius_m", "speed_m_s", "gangue_ratio")
-ONLY_VOLLEY = ("count", "radius_m", "speed_m_s", "circle_radius_m", "positions", "gangue_order")
+ONLY_VOLLEY = ("count", "radius_m", "speed_m_s", "circle_radius_m", "positions_m", "gangue_order")
 WAYS = ("each", "drawn")
 
 
@@ -142,9 +142,9 @@ class StonesTable(Table):
     radius_m: Annotated[Positive | None, about("radius of a stone of a volley", paper="0.025")] = None
     speed_m_s: Annotated[Speed | None, about("impact speed of a volley, downwards", paper="3.0")] = None
     circle_radius_m: Annotated[Positive | None, about(
-        "radius of the circle of the stones, stone 1 on the x axis; or positions",
+        "radius of the circle of the stones, stone 1 on the x axis; or positions_m",
         paper="0.1")] = None
-    positions: Annotated[tuple[Pair, ...] | None, about(
+    positions_m: Annotated[tuple[Pair, ...] | None, about(
         "x_m and y_m of the centre of each stone; or circle_radius_m")] = None
     gap_m: Annotated[Positive, about("gap to the plate at the start")] = 2e-5
     gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
@@ -188,10 +188,10 @@ class StonesTable(Table):
         return self._one_position_each()
 
     def _one_position_each(self) -> Self:
-        if (self.circle_radius_m is None) == (self.positions is None):
-            raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions must be given")
-        if self.positions is not None and len(self.positions) != self.count:
-            raise Refused("positions", f"{len(self.positions)} places", f"must be {self.count}, one a stone")
+        if (self.circle_radius_m is None) == (self.positions_m is None):
+            raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions_m must be given")
+        if self.positions_m is not None and len(self.positions_m) != self.count:
+            raise Refused("positions_m", f"{len(self.positions_m)} places", f"must be {self.count}, one a stone")
         return self
 
     @model_validator(mode="after")

@@ -73,8 +73,8 @@ def _volley(scene: Scene, file: str) -> list[Stone]:
 
 def _positions(scene: Scene) -> np.ndarray:
     stones = scene.stones
-    if stones.positions is not None:
-        return np.array(stones.positions)
+    if stones.positions_m is not None:
+        return np.array(stones.positions_m)
     assert stones.count is not None and stones.circle_radius_m is not None
     angle = 2 * np.pi * np.arange(stones.count) / stones.count
     return stones.circle_radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -128,8 +128,8 @@ def _check_places(scene: Scene, stones: list[Stone], file: str) -> None:
 
 def _place_key(scene: Scene, k: int, stone: Stone) -> str:
     place = f"({stone.place_m[0]:g}, {stone.place_m[1]:g})"
-    if scene.stones.positions is not None:
-        return f"positions.{k} = {place}"
+    if scene.stones.positions_m is not None:
+        return f"positions_m.{k} = {place}"
     if scene.stones.circle_radius_m is not None:
         return f"circle_radius_m = {scene.stones.circle_radius_m:g}"
     return f"each.{k}.x_m, y_m = {place}"

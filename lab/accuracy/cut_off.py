@@ -31,7 +31,7 @@ time = {{ duration_s = 0.04, anti_alias = true }}
 [stones]
 count = 20
 gangue_order = {list(range(1, 21))}
-positions = [{", ".join(f"[{x}, {y}]" for x in (-0.4, -0.2, 0.0, 0.2, 0.4) for y in (-0.225, -0.075, 0.075, 0.225))}]
+positions_m = [{", ".join(f"[{x}, {y}]" for x in (-0.4, -0.2, 0.0, 0.2, 0.4) for y in (-0.225, -0.075, 0.075, 0.225))}]
 [plate]
 length_m = 1.2
 width_m = 0.8

@@ -65,7 +65,7 @@ def _one_stone(random: Draw) -> Changes:
     return SHORT | _contacts(random) | {
         "stones.agglomerate.subspheres": 200, "stones.speed_m_s": _log(random, 0.1, 30.0),
         "stones.gangue_ratio": float(random.integers(2)), "stones.seed": int(random.integers(1, 10**6)),
-        "stones.positions": [[float(random.uniform(-0.25, 0.25)), float(random.uniform(-0.25, 0.25))]]}
+        "stones.positions_m": [[float(random.uniform(-0.25, 0.25)), float(random.uniform(-0.25, 0.25))]]}
 
 
 def _crushing(random: Draw) -> Changes:

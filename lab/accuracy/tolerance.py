@@ -37,7 +37,7 @@ def scene_of(stone: str, changes: dict) -> Scene:
     return changed_scene(SCENES / "single.toml", {
         "time.duration_s": 1.8e-3, "output": None, "stones.gangue_ratio": 0.0, "plate.thickness_m": 0.015,
         "plate.length_m": 0.4, "plate.width_m": 0.3, "plate.rods": rods,
-        "stones.positions": [[-0.05, 0.06]], "plate.sensors": [{"name": "one", "x_m": 0.1, "y_m": 0.08}],
+        "stones.positions_m": [[-0.05, 0.06]], "plate.sensors": [{"name": "one", "x_m": 0.1, "y_m": 0.08}],
         "plate.max_frequency_Hz": None} | STONES[stone] | changes)
 
 

@@ -89,7 +89,7 @@ def scene_of(changes: dict) -> Scene:
     return changed_scene(PAPER, {
         "time.duration_s": 3e-3, "time.sample_interval_s": SAMPLE_s, "output": None,
         "stones.count": COUNT, "stones.gangue_order": list(range(1, COUNT + 1)), "stones.circle_radius_m": None,
-        "stones.positions": [[x, y] for x, y in places], "stones.gangue_ratio": TEST_RATIO,
+        "stones.positions_m": [[x, y] for x, y in places], "stones.gangue_ratio": TEST_RATIO,
         "stones.agglomerate.subspheres": 200, "stones.agglomerate.unbreakable": True,
         "plate.length_m": 0.3, "plate.width_m": 0.3, "plate.rods": _rods(0.12, 0.12), "plate.sensors": sensors,
         "plate.max_frequency_Hz": 20e3} | changes)
@@ -144,7 +144,7 @@ def plate_settings(stone_contact_s: float, cell_m: float) -> list[NumericalSetti
     """Modes and mesh; modes also on a thinner plate, which needs more of them."""
     thin = {"plate.length_m": 0.32, "plate.width_m": 0.24, "plate.thickness_m": 0.012, "time.duration_s": 1.8e-3,
             "plate.rods": _rods(0.12, 0.09), "stones.count": 1, "stones.gangue_order": [1],
-            "stones.positions": [[0.07, 0.03]], "stones.gangue_ratio": 1.0}
+            "stones.positions_m": [[0.07, 0.03]], "stones.gangue_ratio": 1.0}
     stone = {"stones.speed_m_s": 2.0, "stones.agglomerate.subspheres": 300}
     one_sphere = {"stones.speed_m_s": 4.0} | SPHERES
 
@@ -178,7 +178,7 @@ def other_settings() -> list[NumericalSetting]:
 
     # Seen only where a stone comes down again: one, slow enough to do so within 0.15 s.
     bounce = {"time.duration_s": 0.15, "stones.speed_m_s": 0.5, "stones.count": 1, "stones.gangue_order": [1],
-              "stones.positions": [[0.05, 0.03]], "stones.gangue_ratio": 0.0}
+              "stones.positions_m": [[0.05, 0.03]], "stones.gangue_ratio": 0.0}
 
     def free_flight(tolerance: float) -> Setting:
         return Setting(tolerance, {"time.free_flight_tolerance": tolerance} | bounce)

@@ -74,7 +74,7 @@ def scene_of(how: str, contact: str, subspheres: int, seed: int, mesh: Path, pla
            "speed_m_s": SPEED_m_s, "attitude": np.roll(turn.as_quat(), 1).tolist()}
     elastic = {"restitution": 1.0, "friction": 0.0}
     return changed_scene(SCENES / "single.toml", {
-        **{f"stones.{key}": None for key in ("count", "radius_m", "positions", "speed_m_s", "gangue_order",
+        **{f"stones.{key}": None for key in ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order",
                                              "gangue_ratio")},
         "stones.each": [one | {"x_m": x, "seed": seed + k} for k, x in enumerate(places_m)], "shapes.solid": {"file": str(mesh)}, "assumptions": None, "output": None,
         "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": contact},

@@ -120,7 +120,7 @@ def of_rock(rock: str) -> dict[str, Any]:
     return {f"materials.{ROCKS[rock]}": {key: table[key] for key in OF_A_MATERIAL if key in table}}
 
 
-def breakage_mesh(out: Path, packings: int = 3, counts: tuple[int, ...] = (500, 1000, 2000),
+def breakage_mesh(out: Path, packings: int = 6, counts: tuple[int, ...] = (500, 1000, 2000),
                   speeds: tuple[float, ...] = (SLOW_m_s, 4.2, 5.0, 6.0)) -> Iterator[Row]:
     """Numbers of sub-spheres, of a coal with flaws; a seed has the same flaws at each. At the second speed, of the
     fewest, other restitutions too."""

@@ -69,7 +69,7 @@ def scene_of(meeting: Meeting, seed: int, **changes: object) -> Scene:
     contact = {f"contacts.{pair}": {"restitution": 1.0, "friction": 0.0} for pair in PAIRS}
     everything = {
         "time.gravity_m_s2": 0.0, "time.duration_s": 1e-3, "output": None, "time.free_flight_tolerance": 0.0,
-        **{f"stones.{key}": None for key in ("count", "gangue_order", "gangue_ratio", "positions", "radius_m", "speed_m_s")},
+        **{f"stones.{key}": None for key in ("count", "gangue_order", "gangue_ratio", "positions_m", "radius_m", "speed_m_s")},
         "stones.each": each, "stones.agglomerate.subspheres": meeting.subspheres,
         "stones.agglomerate.unbreakable": True, "plate": RIGID, **contact}
     scene = changed_scene(SCENES / "single.toml", everything)

@@ -44,7 +44,7 @@ def scene(stones: int, subspheres: int) -> Scene:
               for k in range(stones)]
     return changed_scene(SCENES / "paper.toml", {
         "plate": RIGID, "output": None, "stones.circle_radius_m": None,
-        "stones.positions": places, "stones.count": stones, "stones.gangue_order": list(range(1, stones + 1)),
+        "stones.positions_m": places, "stones.count": stones, "stones.gangue_order": list(range(1, stones + 1)),
         "stones.gangue_ratio": 0.0, "stones.agglomerate.subspheres": subspheres,
         "time.free_flight_tolerance": 0.0})  # which one rank alone could use
 

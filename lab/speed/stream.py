@@ -53,7 +53,7 @@ def drawn_scene(count: int, rate_1_s: float, kind: Kind) -> Scene:
 
 
 def _scene(changes: dict[str, Any], kind: Kind, duration_s: float) -> Scene:
-    volley = ("count", "radius_m", "positions", "speed_m_s", "gangue_order")
+    volley = ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order")
     return changed_scene(SCENES / "single.toml", {
         **{f"stones.{key}": None for key in volley}, "assumptions": None, "time.duration_s": duration_s,
         "stones.agglomerate": {"subspheres": kind.subspheres, "contact": "smooth", "unbreakable": not kind.breaking},

@@ -41,7 +41,7 @@ def run(tmp_path_factory):
         "poisson_ratio": NU, "max_frequency_Hz": 8000.0, "damping_ratio": 0.02, "mesh_size_m": 0.02,
     }  # fmt: skip
     path = tmp_path_factory.mktemp("runs") / "ratio_000"
-    stones = {"positions": [[x, y] for x, y in PLACES_M]}
+    stones = {"positions_m": [[x, y] for x, y in PLACES_M]}
     scene = {"plate": table, "stones": stones}
     n_modes = plate_modes(FlexiblePlate.model_validate(table)).frequency_Hz.size
     return run_of(path, {"scene": scene, "n_modes": n_modes})
@@ -110,7 +110,7 @@ def test_modes_of_a_run_of_many_stones_have_those_of_its_rods(run):
     plate = run.info["scene"]["plate"] | {"edges": "free", "rods": rods, "max_frequency_Hz": 500.0, "mesh_size_m": None}
     places = [[0.01 * k - 0.16, 0.0] for k in range(33)]
     kept = plate_modes(FlexiblePlate.model_validate(plate)).frequency_Hz.size
-    many = {"scene": {"plate": plate, "stones": {"positions": places}}}
+    many = {"scene": {"plate": plate, "stones": {"positions_m": places}}}
     assert modes_of(run_of(run.path, many | {"n_modes": kept + 4})).n_residual == 4
     assert modes_of(run_of(run.path, many | {"n_modes": kept})).n_residual == 0  # of an earlier version
 

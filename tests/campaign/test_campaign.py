@@ -76,7 +76,7 @@ def test_names_of_any_kind_reach_the_runs(tmp_path):
 
 def test_a_plan_holds_every_combination_once_and_repeats(tmp_path):
     file = campaign_file(tmp_path, **{"stones.speed_m_s": [1.0, 2.0, 2.0], "stones.gangue_ratio": [0.0, 1.0],
-                                      "stones.positions": [[[0.0, 0.0]], [[0.1, 0.0]]]})
+                                      "stones.positions_m": [[[0.0, 0.0]], [[0.1, 0.0]]]})
     scene_file, runs = plan_campaign(file)
     assert scene_file == STONE and len(runs) == len({run.directory for run in runs}) == 2 * 2 * 2
     assert plan_campaign(file)[1] == runs

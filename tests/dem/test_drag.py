@@ -129,7 +129,7 @@ def test_a_sphere_that_slides_feels_the_plate_beneath_it(tmp_path, monkeypatch, 
     nodal = np.zeros((4, 25, 1))
     nodal[0, :, 0], nodal[1 + axis, :, 0] = per_m2 * places**2, 2 * per_m2 * places
     scene = changed("elastic_plate", {
-        "stones.positions": [[start_m, 0.0] if axis == 0 else [0.0, start_m]],
+        "stones.positions_m": [[start_m, 0.0] if axis == 0 else [0.0, start_m]],
         "stones.speed_m_s": float(np.hypot(along_m_s, down_m_s)), "stones.gap_m": gap_m, "time.gravity_m_s2": None,
         "plate.sensors": None, "plate.rods": None, "plate.max_frequency_Hz": 2000.0, "time.duration_s": duration_s, "time.sample_interval_s": 3e-5})
     velocity = (along_m_s, -down_m_s) if axis == 0 else (0.0, along_m_s, -down_m_s)

@@ -15,7 +15,7 @@ from dem.stones.arrangement import gangue_ratio, stones_of
 from dem.stones.assembly import assemble
 
 NO_VOLLEY = {f"stones.{key}": None for key in (
-    "count", "radius_m", "speed_m_s", "positions", "circle_radius_m", "gangue_order", "arrival_s")}
+    "count", "radius_m", "speed_m_s", "positions_m", "circle_radius_m", "gangue_order", "arrival_s")}
 DRAWN = {"count": 40, "size_m": {"uniform": [0.01, 0.03]}, "speed_m_s": {"uniform": [1.0, 3.0]}}
 STREAM = {"size_m": 0.02, "speed_m_s": 3.0, "arrival_s": {"uniform": [0.0, 1.0]}, "rate_1_s": 10.0}
 SIZE = np.pi / 6  # volume over the cube of the diameter
@@ -140,7 +140,7 @@ def test_a_turned_stone_is_the_same_stone_turned():
 def test_a_smaller_stone_is_the_larger_one_to_scale():
     """By similarity: sub-spheres and bonds go with the size, the compliance of the surface with its inverse."""
     smooth = {"stones.agglomerate.contact": "smooth", "stones.agglomerate.subspheres": 100, "stones.count": 1,
-              "stones.positions": [[0.0, 0.0]], "stones.gangue_ratio": 0.0}
+              "stones.positions_m": [[0.0, 0.0]], "stones.gangue_ratio": 0.0}
     scenes = [changed_scene(SCENES / "small.toml", smooth | {"stones.radius_m": r}) for r in (0.02, 0.04)]
     small, large = (assemble(s, stones_of(s, "scene")) for s in scenes)
     assert np.allclose(2 * small.bond_vector_m, large.bond_vector_m)

@@ -23,7 +23,7 @@ from dem.stones.assembly import assemble
 from dem.stones.faces import FaceColumns
 
 SIDE_m, SPEED_m_s = 0.04, 0.5
-ALL = "stones.count stones.radius_m stones.positions stones.speed_m_s stones.gangue_order stones.gangue_ratio".split()
+ALL = "stones.count stones.radius_m stones.positions_m stones.speed_m_s stones.gangue_order stones.gangue_ratio".split()
 RIGID = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 E_Pa, NU, DENSITY_kg_m3 = 5.12e9, 0.3, 1380.0  # of coal

@@ -57,7 +57,7 @@ def test_a_stone_on_a_rod_pushes_as_much_as_rods_plate_and_damping_have(tmp_path
     """At each row; without residual modes of the rods a tenth of the impulse is missing."""
     scene = changed_scene(SCENES / "small.toml", {
         "stones.agglomerate": None, "stones.count": 1, "stones.gangue_ratio": 0.0, "stones.gangue_order": [1],
-        "stones.circle_radius_m": None, "stones.positions": [[0.2, 0.2]], "plate.max_frequency_Hz": 4000.0,
+        "stones.circle_radius_m": None, "stones.positions_m": [[0.2, 0.2]], "plate.max_frequency_Hz": 4000.0,
         "plate.damping_ratio": damping_ratio, "time.duration_s": 4e-3, "output": None})
     run = run_scene(scene, "small", tmp_path / "run")
     fast = pd.read_parquet(tmp_path / "run" / "fast.parquet")

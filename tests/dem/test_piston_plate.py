@@ -69,7 +69,7 @@ def test_the_dashpot_of_a_smooth_stone_feels_how_fast_the_plate_gives_way(tmp_pa
 def test_a_plate_that_is_not_square_moves_under_the_stone_as_its_shape_says(tmp_path):
     """It rocks, elastically struck at y: the plate weighs M/(c y)^2 there."""
     y_m, per_m, speed, length_m, width_m = 0.08, 10.0, 3.0, 0.5, 0.22
-    scene = changed("elastic_plate", {"stones.positions": [[0.1, y_m]], "time.gravity_m_s2": None,
+    scene = changed("elastic_plate", {"stones.positions_m": [[0.1, y_m]], "time.gravity_m_s2": None,
                                       "plate.length_m": length_m, "plate.width_m": width_m, "plate.sensors": None,
                                       "plate.rods": None, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 6e-4, "time.sample_interval_s": 6e-5})
     found = run_on(plate_that_moves(per_m, length_m, width_m), tmp_path / "run", scene)
@@ -82,7 +82,7 @@ def test_what_reaches_over_the_edge_pushes_the_edge(tmp_path):
     """The plate rocks about its edge, beyond which a stone falls by 1 mm: it is as if it were held, and reflects the stone
     about the line from the edge to its centre."""
     velocity, width_m, beside_m, gap_m = np.array([0, 1.0, -3.0]), 0.22, 1e-3, 3.6e-3
-    volley = dict.fromkeys(("count", "positions", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
+    volley = dict.fromkeys(("count", "positions_m", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
                             "circle_radius_m", "coal", "gangue"))
     one = {"material": "gangue", "radius_m": RADIUS_m, "x_m": 0.1, "y_m": 0.11 + beside_m - gap_m / 3, "seed": 1,
            "velocity_m_s": velocity.tolist()}

@@ -90,7 +90,7 @@ def test_the_ledger_explains_what_the_edge_took(tmp_path, friction, restitution)
 def test_a_stone_that_breaks_as_it_slides_over_the_edge_keeps_its_energy(tmp_path, velocity, seed, subspheres):
     """Its patch goes on as single sub-spheres, some of them beside the plate."""
     rigid = changed("hertz_coal", {}).plate.model_dump(mode="json")
-    volley = dict.fromkeys(("count", "positions", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
+    volley = dict.fromkeys(("count", "positions_m", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
                             "circle_radius_m", "coal", "gangue"))
     one = {"material": "coal", "radius_m": 0.025, "x_m": 0.2497, "y_m": 0.0, "velocity_m_s": velocity, "seed": seed}
     scene = changed("single", {

@@ -101,7 +101,7 @@ FIVE = [{"material": name, "radius_m": 0.02, "x_m": 0.05 * k - 0.1, "y_m": y, "s
 def five_rocks(kind, **more):
     gangue = changed("small", {}).materials["gangue"].model_dump()
     rocks = {f"materials.rock{k}": gangue | {"density_kg_m3": 2000.0 + 100 * k, "kind": kind} for k in range(5)}
-    volley = ("count", "radius_m", "speed_m_s", "positions", "circle_radius_m", "gangue_order", "gangue_ratio")
+    volley = ("count", "radius_m", "speed_m_s", "positions_m", "circle_radius_m", "gangue_order", "gangue_ratio")
     return changed("small", {f"stones.{key}": None for key in volley} | {"stones.each": FIVE} | rocks | more)
 
 

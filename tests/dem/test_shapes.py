@@ -18,7 +18,7 @@ from dem.stones.assembly import assemble
 from dem.stones.library import REFERENCE_RADIUS_m, packed_solid
 from dem.stones.stone import UPRIGHT
 
-NO_VOLLEY = {f"stones.{key}": None for key in ("count", "radius_m", "speed_m_s", "positions", "gangue_order")}
+NO_VOLLEY = {f"stones.{key}": None for key in ("count", "radius_m", "speed_m_s", "positions_m", "gangue_order")}
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 
 

@@ -144,7 +144,7 @@ def test_a_run_that_was_stopped_in_the_contact_goes_on_bit_by_bit(runs, sample_s
 def test_a_new_list_of_what_is_near_forgets_no_contact(tmp_path):
     """A stone comes in over the edge of the plate, which it touches with single sub-spheres, while the list is made anew
     at every step. They must be free before a patch takes them, or the energy of their contacts is lost."""
-    prepared = prepare(stone(**{"stones.positions": [[0.2499, 0.0]], "time.free_flight_tolerance": 0.0}),
+    prepared = prepare(stone(**{"stones.positions_m": [[0.2499, 0.0]], "time.free_flight_tolerance": 0.0}),
                        "scene", tmp_path)
     write_deck(tmp_path / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
     deck = (tmp_path / "deck" / "deck.liggghts").read_text()

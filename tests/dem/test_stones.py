@@ -51,7 +51,7 @@ def test_equal_stones_hit_equally_hard_whenever_they_arrive(tmp_path):
     arrivals = [0.0, 0.002, 0.005]
     scene = one_by_one(changed_scene(SCENES / "hertz_coal.toml", {
         "stones.count": 3, "time.duration_s": 6e-3, "time.gravity_m_s2": 9.8,
-        "stones.positions": [[0.1 * k, 0.0] for k in range(3)], "contacts": ELASTIC}), arrival_s=arrivals)
+        "stones.positions_m": [[0.1 * k, 0.0] for k in range(3)], "contacts": ELASTIC}), arrival_s=arrivals)
     summary = run_scene(scene, "scene", tmp_path / "run")
     fast = pd.read_parquet(tmp_path / "run" / "fast.parquet")
     for k, arrival_s in enumerate(arrivals):

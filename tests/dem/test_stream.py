@@ -28,7 +28,7 @@ FALLS_OFF = {"x_m": 0.24, "y_m": 0.0, "velocity_m_s": (1.0, 0.1, -SPEED)}
 def scene_of(each, duration_s, **changes):
     """Equal stones one by one on a rigid plate."""
     one = {"material": "coal", "radius_m": 0.01, "seed": 20011}
-    old = ("count", "radius_m", "positions", "speed_m_s", "gangue_order", "gangue_ratio")
+    old = ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order", "gangue_ratio")
     return changed("single", {
         **{f"stones.{key}": None for key in old}, "stones.each": [one | stone for stone in each], "plate": PLATE,
         "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres", "unbreakable": True},
@@ -260,7 +260,7 @@ def test_a_stone_may_enter_between_the_ledger_and_the_look_at_its_energies(tmp_p
 
 def test_small_fragments_are_taken_out_as_they_fly_and_nothing_is_lost(tmp_path):
     stream = {"rate_1_s": 100.0, "arrival_s": {"uniform": [0.0, 0.03]}, "size_m": 0.02, "speed_m_s": 3.0, "least_fragment": 5}
-    old = ("count", "radius_m", "positions", "speed_m_s", "gangue_order")
+    old = ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order")
     scene = changed("single", {
         **{f"stones.{key}": None for key in old}, "stones.drawn": stream, "stones.gangue_ratio": 0.0, "plate": PLATE,
         "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres"}, "output.view_interval_s": None, "assumptions": None,

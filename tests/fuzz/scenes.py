@@ -17,7 +17,7 @@ def small_scene(name, plate):
     """Two stones of eight sub-spheres, or two spheres, on a rigid or a coarse flexible plate."""
     scene = scene_tables(SCENES / "single.toml")
     scene["time"] |= {"duration_s": 3e-4}
-    scene["stones"] |= {"count": 2, "positions": [[0.1, 0.0], [-0.1, 0.0]],
+    scene["stones"] |= {"count": 2, "positions_m": [[0.1, 0.0], [-0.1, 0.0]],
                         "gangue_order": [1, 2], "gangue_ratio": 0.5}
     scene["contacts"] = {key: {"restitution": 0.5, "friction": 0.4} for key in (
         "coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}

@@ -1,10 +1,14 @@
 """Records of sensors in other units, under other names and at other rates are those in m/s^2."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from analysis import RecordError
+from recognition import RecognitionError
+from recognition.estimation.window import Window
 from recognition.plate.records import at_rate, record_table
 
 T_s = np.arange(200) / 8000.0
@@ -70,3 +74,17 @@ def test_another_rate_gives_what_would_have_been_sampled(rate_Hz, tone_Hz):
     steps_s = np.diff(table["t_s"])
     assert table["t_s"][0] == 0.5 and steps_s == pytest.approx(1.5e-4, rel=1e-3)
     np.testing.assert_allclose(table["a_m_s2"][inner], np.cos(2 * np.pi * tone_Hz * table["t_s"])[inner], atol=0.02)
+
+
+def test_behind_a_filter_a_tone_above_half_the_new_rate_is_taken_away():
+    t_s = np.arange(2000) / 20_000
+    table = at_rate(pd.DataFrame({"t_s": t_s, "a_m_s2": np.cos(2 * np.pi * 5000.0 * t_s)}), 20_000 / 3, "x", anti_alias=True)
+    assert abs(table["a_m_s2"][20:-20]).max() < 0.01
+
+
+def test_a_model_is_of_runs_that_all_passed_a_filter_or_none():
+    runs = [SimpleNamespace(path=f"run_{k}", rate_Hz=20_000 / 3, t_s=np.arange(300),
+                            scene=SimpleNamespace(time=SimpleNamespace(anti_alias=k == 2))) for k in (1, 2)]
+    assert [Window.of([run]).anti_alias for run in runs] == [False, True]
+    with pytest.raises(RecognitionError, match="run_2/run.json: scene.time.anti_alias = True; must be as in run_1, False"):
+        Window.of(runs)

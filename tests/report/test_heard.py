@@ -44,4 +44,4 @@ def test_truth_is_the_share_by_mass_of_the_last_window(tmp_path):
 def test_the_interval_covers_the_truth_at_half_of_the_times_that_have_both():
     heard = pd.DataFrame({"mass_low": 0.2, "mass_ratio": [0.3, 0.3, 0.3, np.nan], "mass_high": 0.4})
     truth = pd.DataFrame({"mass_ratio": [0.4, 0.5, np.nan, 0.3]})
-    assert HeardStream(heard, truth, np.empty(0), np.empty(0)).covered == 0.5
+    assert HeardStream(heard, truth, np.empty(0), np.empty(0), None).covered == 0.5

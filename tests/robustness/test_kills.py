@@ -31,7 +31,7 @@ KINDS = {"sub-spheres": {}, "smooth": {"subspheres = 60": "subspheres = 200", '"
          "stones that come and go": {
              "count = 1\n": "", "radius_m = 0.025": "", "speed_m_s = 3.0": "",
              "gangue_order = [1]": "", "gangue_ratio = 0.0": "",
-             "positions = [[0.1, 0.0]]": "", "[materials]": LATER + "[materials]"},
+             "positions_m = [[0.1, 0.0]]": "", "[materials]": LATER + "[materials]"},
          "two ranks": {  # the time in which the stone breaks, with as many checkpoints
              'name = "single"': 'name = "single"\nranks = 2', "duration_s = 6e-3": "duration_s = 1.2e-3",
              "sample_interval_s = 1.5e-4": "sample_interval_s = 3e-5",
