@@ -76,20 +76,17 @@ class Evaluation:
 
     def __init__(self, data: DataSet):
         self.data = data
-        self._features: dict[tuple[str, float | None], list[Any]] = {}
+        self._features: dict[tuple[str, float | None, int], Any] = {}
 
-    def features(self, name: str, entry: MethodEntry, noise_db: float | None) -> list[Any]:
-        """Features of every run; only records without noise are trained on."""
-        key = (name, noise_db)
-        if key not in self._features:
-            method, features = entry.make(), []
-            records = zip(self.data.signals(), self.data.runs, strict=True)
-            for number, (signals, run) in enumerate(records):
-                rng = np.random.default_rng([number, int(noise_db or 0)])
-                noisy = with_noise(signals, noise_db, rng)
-                features.append(method.prepare(noisy, run if noise_db is None or entry.told else None))
-            self._features[key] = features
-        return self._features[key]
+    def features(self, name: str, entry: MethodEntry, noise_db: float | None, numbers: Integers) -> list[Any]:
+        """Features of some runs; only records without noise are trained on."""
+        for number in map(int, numbers):
+            if (name, noise_db, number) not in self._features:
+                run, rng = self.data.runs[number], np.random.default_rng([number, int(noise_db or 0)])
+                noisy = with_noise(self.data.signals()[number], noise_db, rng)
+                told = run if noise_db is None or entry.told else None
+                self._features[name, noise_db, number] = entry.make().prepare(noisy, told)
+        return [self._features[name, noise_db, int(number)] for number in numbers]
 
     def run(self, case: Case, name: str, entry: MethodEntry, noises_db: Noises = NOISES_DB) -> list[Result]:
         """A result for each noise; where the runs, their signals or the method do not allow it, with the reason and no
@@ -98,14 +95,14 @@ class Evaluation:
         nuisance = self.data.table[list(case.nuisance)] if case.nuisance else None
         groups = self.data.table["kin"].to_numpy()
         try:
-            clean = self.features(name, entry, None)
             for train, test in self.splits(case):
-                method = entry.make().fit([clean[k] for k in train], self.data.ratios[train], groups=groups[train],
-                                          nuisance=None if nuisance is None else nuisance.iloc[train])
+                clean = self.features(name, entry, None, train)
+                varied = None if nuisance is None else nuisance.iloc[train]
+                method = entry.make().fit(clean, self.data.ratios[train], groups=groups[train], nuisance=varied)
                 known = nuisance.iloc[test] if nuisance is not None and case.known else None
                 for noise_db in noises_db:
-                    features = self.features(name, entry, noise_db)
-                    rows[noise_db].append(self._rows(method.answer([features[k] for k in test], nuisance=known), test))
+                    features = self.features(name, entry, noise_db, test)
+                    rows[noise_db].append(self._rows(method.answer(features, nuisance=known), test))
         except (RecordError, RecognitionError) as reason:
             return [Result(case, name, noise_db, pd.DataFrame(), str(reason)) for noise_db in noises_db]
         return [Result(case, name, noise_db, pd.concat(parts, ignore_index=True)) for noise_db, parts in rows.items()]
