@@ -39,7 +39,7 @@ def test_stones_on_another_plate_are_counted_once_it_was_tapped(method):
     X, ratios = draw(20, 5)
     other = learnt(0.0082)
     for k, x in enumerate(X):
-        force_N, place_m = x.force_record.force_N, x.force_record.place_m
+        force_N, place_m = x.force_record.force_N, x.force_record.fall.place_m
         thick, thin = (np.vstack([one.response(force_N, place_m, 1 / STEP_s), one.rod_forces(force_N, place_m, 1 / STEP_s)])
                        for one in (other, learnt()))
         X[k] = replace(x, signals=x.signals + (thick - thin)[:, :5 * SAMPLES:5])
