@@ -52,8 +52,8 @@ class FunctionSpace:
 class Rule:
     """How each moment gets its function.
 
-    degree: of the polynomial, or None for the paper's rule: the lowest degree with R^2 >= min_r2, at most max_degree. A
-    moment whose best R^2 is below min_r2, or at which all runs agree, has no function.
+    degree: of the polynomial, or None for the paper's rule: the lowest degree with R^2 >= min_r2, at most
+    max_degree. A moment whose best R^2 is below min_r2, or at which all runs agree, has no function.
 
     >>> ratios = np.linspace(0, 1, 6)
     >>> space = Rule(degree=2).fit(np.column_stack([ratios, ratios**2]), ratios)

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import RecognitionError
 
 MATERIALS = ("coal", "gangue")
 PULSE_S = 0.8e-3  # the longest contact of a stone; what fragments do later is noise
@@ -39,6 +40,13 @@ ALIKE = 0.25
 REFERENCE_m = 0.025  # radius at which a is told
 LOST = 0.05  # of log J, by which a stone that broke is below the median of its material
 LEAST_BROKEN = 4  # histories; of fewer no law is made, and no stone is taken to break
+
+
+def refuse_limits(radius_m: tuple[float, float], speed_m_s: tuple[float, float]) -> None:
+    """Raises RecognitionError for limits of stones that are no two positive numbers, the lower first."""
+    for name, (low, high) in (("radius", radius_m), ("speed", speed_m_s)):
+        if not 0 < low <= high < 100:
+            raise RecognitionError(f"--{name} {low:g} {high:g}: must be two positive numbers, the lower first")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import record_table
 from recognition.stone_forces.law_file import load_forces
-from recognition.stream.channels import channels_of
+from recognition.stream.recognise import channels_of
 from recognition.volley.impulses import WRONG_SPEED
 from recognition.volley.recognise import Found, recognise_volley
 from recognition.volley.responses import Stones
