@@ -52,7 +52,8 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
                  stones: int = 48, jobs: int = 2) -> LearntForces:
     """Simulate single stones of a scene's coal and gangue, which fall anywhere on its plate with radii and speeds
     between limits, and write the law of their forces to `out` (.json). The runs stay in a directory of its name beside
-    it, and are not made again. Raises InputError or RecognitionError for bad input, Busy where another process is there."""
+    it, and are not made again. Raises InputError or RecognitionError for bad input, Busy where another process is
+    there."""
     refuse_file(str(out), is_sealed_as(FORMAT))
     if out.suffix != ".json":
         raise InputError(f"--out {out}: must end in .json")
