@@ -18,12 +18,10 @@ from common.result import Result
 from common.scene.plate import read_plate
 from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
-from dem.batch.children import run_all
-from dem.batch.sweep import is_finished
+from dem.batch.sweep import is_finished, run_all
 from dem.coupling.launch import check_engine
 from dem.run.run import run_scene
-from recognition.stone_forces.forces import MATERIALS, History, StoneForces, refuse_limits
-from recognition.stone_forces.law_file import FORMAT, save_forces
+from recognition.stone_forces.forces import FORMAT, MATERIALS, History, StoneForces, refuse_limits, save_forces
 
 DURATION_s = 2.5e-3  # of a run, and kept of the force: the stone has left
 INNER = 0.72  # of the half sides of the plate: stones fall within

@@ -19,12 +19,10 @@ from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
-from recognition.estimation.estimator import RatioEstimator
-from recognition.estimation.method import Groups, MethodEntry, Registry
+from recognition.estimation.method import Groups, MethodEntry, RatioEstimator, Registry
 from recognition.methods import METHODS
 from recognition.physics.arrangement_likelihood import ArrangementEstimate
-from recognition.regression.conformal import GroupConformal
-from recognition.regression.feature_regression import FeatureRegression
+from recognition.regression.feature_regression import FeatureRegression, GroupConformal
 
 
 @dataclass

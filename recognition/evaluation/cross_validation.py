@@ -24,11 +24,13 @@ from recognition.estimation.arrays import Integers
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import MethodEntry, Registry
 from recognition.evaluation.dataset import DataSet
-from recognition.evaluation.sensor_noise import with_noise
 
 Noises = Sequence[float | None]  # below the signals' rms, dB
 NOISES_DB = (None, 40.0, 20.0)
 FOLDS, LEAST_FOLDS = 8, 3
+PLACE = "arrangement, packing"
+RINGS = ("paper", "clean")  # 3 m/s, 1 % damping, on the circle
+ONE_THING = ("radius", "density", "modulus", "restitution", "speeds", "strength", "places", "free", "arrivals")
 
 
 @dataclass(frozen=True)
@@ -44,9 +46,6 @@ class Case:
     known: bool = False
 
 
-PLACE = "arrangement, packing"
-RINGS = ("paper", "clean")  # 3 m/s, 1 % damping, on the circle
-ONE_THING = ("radius", "density", "modulus", "restitution", "speeds", "strength", "places", "free", "arrivals")
 CASES = (
     Case("clean", PLACE, RINGS),
     Case("stones", "all that a stone is", ("stones",)),
@@ -174,3 +173,17 @@ def write_evaluation(data: DataSet, directory: str | Path, methods: Registry) ->
     file = Path(directory) / "evaluation.csv"
     write_text(file, stamped(table(evaluate(data, methods)).to_csv(index=False, float_format="%.4g"), "# {}"))
     return file
+
+
+def with_noise(signals: pd.DataFrame, noise_db: float | None, rng: np.random.Generator) -> pd.DataFrame:
+    """The record with white Gaussian noise on every signal but the time, noise_db below each signal's rms.
+
+    None: as it is.
+    """
+    if noise_db is None:
+        return signals
+    values = signals.drop(columns="t_s")
+    rms = np.sqrt(np.mean(np.square(values.to_numpy(dtype=float)), axis=0))
+    noisy = values + rms * 10 ** (-noise_db / 20) * rng.standard_normal(values.shape)
+    noisy.insert(0, "t_s", signals["t_s"])
+    return noisy

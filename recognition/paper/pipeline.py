@@ -14,8 +14,7 @@ from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.calibration import held_out_width
 from recognition.estimation.errors import NotRecognised
-from recognition.estimation.estimator import RecordEstimator
-from recognition.estimation.method import Groups
+from recognition.estimation.method import Groups, RecordEstimator
 from recognition.paper.function_space import Rule
 from recognition.paper.fusion import Fusion
 from recognition.paper.strategy import Candidate, Strategy

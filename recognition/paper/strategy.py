@@ -25,7 +25,7 @@ from sklearn.base import BaseEstimator
 from recognition.estimation.arrays import Booleans, Floats, Integers
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.paper.function_space import FunctionSpace, Rule
-from recognition.paper.roots import real_roots
+from recognition.paper.q_parameter import real_roots
 
 #: Judging standards. "mean", as published, is over the usable points only, so that a wrong
 #: candidate may win by having its worst points deleted; "truncated" is the mean of

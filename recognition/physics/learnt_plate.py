@@ -19,8 +19,7 @@ from common.scene.plate import FlexiblePlate
 from recognition.estimation.arrays import Booleans, Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.physics.arrangement_likelihood import SMALL_M, ArrangementModel, hats
-from recognition.plate.modal_steps import modal_steps
-from recognition.plate.plate_model import PlateModel
+from recognition.plate.plate_model import PlateModel, modal_steps
 
 LOST = 1e-6  # of the power of all that scatters, that is left out
 

@@ -14,7 +14,7 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
-from recognition.estimation.estimator import RecordEstimator
+from recognition.estimation.method import RecordEstimator
 from recognition.regression.ratio_law import RatioLaw, fit_law
 
 

@@ -17,8 +17,7 @@ from recognition.estimation.answer import Answer
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import record_table
-from recognition.stone_forces.forces import refuse_limits
-from recognition.stone_forces.law_file import SHIPPED, load_forces
+from recognition.stone_forces.forces import SHIPPED, load_forces, refuse_limits
 from recognition.stream.decision import CALM, Stop
 from recognition.stream.known_file import read_known
 from recognition.stream.prior import StonePrior

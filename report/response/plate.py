@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from analysis import Run, Sweep
+from analysis.theory.contact_states import setup_of
 from analysis.theory.real_plate import (
     amplitude_at_peak,
     contact_stress_map_Pa,
@@ -17,7 +18,6 @@ from analysis.theory.real_plate import (
     particle_forces_N,
     surface_von_mises_Pa,
 )
-from analysis.theory.setup import setup_of
 
 #: Stress counts as high above this share of the highest bending stress in any run.
 HIGH_STRESS_SHARE = 0.8

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError
-from analysis.sweep.stream import true_ratio
+from analysis.sweep.runs import true_ratio
 from common.channels import ACCELEROMETERS
 from report.drawing.figure_spec import Drawn, FigureSpec
 from report.drawing.lines import envelope

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError, Run
-from analysis.sweep.stream import By, true_ratio
+from analysis.sweep.runs import By, true_ratio
 from report.drawing.figure_spec import FinishedFigure
 from report.stream.chapter import STREAM_FIGURES
 from report.stream.heard import HEARD_FIGURES, was_heard
