@@ -48,9 +48,9 @@ class EstimatorMethod(RatioEstimator):
         """Mixing ratio of each record, shape (runs,)."""
         return np.array([answer.ratio for answer in self.answer(X)])
 
-    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+    def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
         """Answers to records; none is called out of distribution."""
-        rows = self.conformal_.predict_interval(np.asarray(X), None if nuisance is None else nuisance.to_numpy(dtype=float))
+        rows = self.conformal_.predict_interval(np.asarray(X))
         return [Answer(float(ratio), float(low), float(high)) for ratio, low, high in rows]
 
     def summary(self) -> str:
@@ -80,7 +80,7 @@ class Oracle:
         self.covariances_ = [np.cov(one.T) for one in logs]
         return self
 
-    def answer(self, X: Sequence[pd.DataFrame], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+    def answer(self, X: Sequence[pd.DataFrame]) -> list[Answer]:
         """Answers to runs."""
         return [self._answer(np.log(x[["impulse_Ns", "peak_force_N"]].to_numpy())) for x in X]
 

@@ -46,8 +46,8 @@ class Method(Protocol):
         condition that varied and that a record does not tell. RecognitionError where the runs do not allow it.
         """
 
-    def answer(self, X: Sequence[Any], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
-        """Answers to records by their features; nuisance: their conditions where these are known after all."""
+    def answer(self, X: Sequence[Any]) -> list[Answer]:
+        """Answers to records by their features."""
 
     def summary(self) -> str:
         """What was learnt, in a few words."""

@@ -36,14 +36,13 @@ ONE_THING = ("radius", "density", "modulus", "restitution", "speeds", "strength"
 @dataclass(frozen=True)
 class Case:
     """families: runs to test on, and to train on, classes of kin held out; also_trained: runs to train on besides.
-    nuisance: conditions that vary; known: they are known with the record."""
+    nuisance: conditions that vary, and are not known with a record."""
 
     name: str
     held_out: str
     families: tuple[str, ...]
     also_trained: tuple[str, ...] = ()
     nuisance: tuple[str, ...] = ()
-    known: bool = False
 
 
 CASES = (
@@ -54,7 +53,6 @@ CASES = (
     *(Case(f"{name} alone", name, (name,)) for name in ONE_THING),
     Case("damping unknown", f"{PLACE}, damping", ("damping",), RINGS, nuisance=("damping_ratio",)),
     Case("speed unknown", f"{PLACE}, speed", ("speed",), RINGS, nuisance=("speed_m_s",)),
-    Case("speed known", f"{PLACE}, speed", ("speed",), RINGS, nuisance=("speed_m_s",), known=True),
 )
 
 
@@ -98,10 +96,9 @@ class Evaluation:
                 clean = self.features(name, entry, None, train)
                 varied = None if nuisance is None else nuisance.iloc[train]
                 method = entry.make().fit(clean, self.data.ratios[train], groups=groups[train], nuisance=varied)
-                known = nuisance.iloc[test] if nuisance is not None and case.known else None
                 for noise_db in noises_db:
                     features = self.features(name, entry, noise_db, test)
-                    rows[noise_db].append(self._rows(method.answer(features, nuisance=known), test))
+                    rows[noise_db].append(self._rows(method.answer(features), test))
         except (RecordError, RecognitionError) as reason:
             return [Result(case, name, noise_db, pd.DataFrame(), str(reason)) for noise_db in noises_db]
         return [Result(case, name, noise_db, pd.concat(parts, ignore_index=True)) for noise_db, parts in rows.items()]

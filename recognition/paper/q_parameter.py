@@ -16,7 +16,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from analysis import as_record, base_parameters
 from analysis.signals.records import sample_rate_Hz
 from analysis.sweep.runs import Run
-from recognition.estimation.answer import Answer
+from recognition.estimation.answer import Answer, answers_within
 from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.calibration import held_out_width
 from recognition.estimation.errors import NotRecognised, RecognitionError
@@ -82,16 +82,9 @@ class FusionQ(RatioEstimator):
         check_is_fitted(self)
         return np.array([self.invert(q) for q in self.q_of(validate_data(self, X, dtype=float, reset=False))])
 
-    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+    def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
         """Ratios, with intervals by the errors on what was held out of the training."""
-        return [self._answer(parameters) for parameters in X]
-
-    def _answer(self, parameters: Floats) -> Answer:
-        try:
-            ratio = self.invert(self.q_of(parameters[None])[0])
-            return Answer(ratio, ratio - self.width_, ratio + self.width_)
-        except NotRecognised as reason:
-            return Answer.none(f"no answer: {reason}")
+        return answers_within(self.width_, lambda x: self.invert(self.q_of(x[None])[0]), X)
 
     def invert(self, q: float) -> float:
         """The ratio beta with Q(beta) = q.

@@ -30,7 +30,7 @@ from recognition.paper.q_parameter import real_roots
 #: Judging standards. "mean", as published, is over the usable points only, so that a wrong
 #: candidate may win by having its worst points deleted; "truncated" is the mean of
 #: min(difference, xi) over all points, in which a singular point costs xi.
-JUDGES = ("mean", "truncated", "median", "rms")
+JUDGES = ("mean", "truncated")
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,4 @@ class Strategy(BaseEstimator):
     def _score(self, difference: Floats, usable: Booleans, others: int) -> Floats:
         if self.judge == "truncated":
             return np.minimum(difference, self.xi).sum(axis=1) / others
-        if self.judge == "median":
-            return np.array([np.median(d[u]) if u.any() else np.inf for d, u in zip(difference, usable, strict=True)])
-        power = 2 if self.judge == "rms" else 1
-        sums = np.where(usable, difference**power, 0.0).sum(axis=1)
-        return (sums / np.maximum(usable.sum(axis=1), 1)) ** (1 / power)
+        return np.where(usable, difference, 0.0).sum(axis=1) / np.maximum(usable.sum(axis=1), 1)

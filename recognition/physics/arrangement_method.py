@@ -30,7 +30,6 @@ from recognition.physics.learnt_plate import on_plate
 from recognition.plate.plate_model import PlateModel
 
 LATEST_FALL_S = 5.25e-3  # of a record, whose beginning is kept for as long
-SPEED = "speed_m_s"  # the condition that may be known of a record
 
 
 @dataclass
@@ -81,12 +80,11 @@ class ArrangementLikelihood:
     def _arrival_s(self) -> float | None:
         return 0.0 if self.exact_trigger else None
 
-    def answer(self, X: Sequence[PlateRecord], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
-        """Answers to records; of `nuisance` the impact speed is used."""
-        speeds = [None] * len(X) if nuisance is None or SPEED not in nuisance else nuisance[SPEED].tolist()
-        return [self._answer(x, speed) for x, speed in zip(X, speeds, strict=True)]
+    def answer(self, X: Sequence[PlateRecord]) -> list[Answer]:
+        """Answers to records."""
+        return [self._answer(x) for x in X]
 
-    def _answer(self, x: PlateRecord, speed_m_s: float | None) -> Answer:
+    def _answer(self, x: PlateRecord) -> Answer:
         model, arrival_s = self.model_, self._arrival_s
         if x.signals.shape[1] < model.samples:
             raise RecognitionError(f"{x.signals.shape[1]} samples; the model has {model.samples}")
@@ -97,8 +95,8 @@ class ArrangementLikelihood:
         known = model.names
         if unknown := set(x.names) - set(known):
             raise RecognitionError(f"no column {min(unknown)!r} in the training; it has {', '.join(known)}")
-        found = model.estimate(x.signals[:, :model.samples], x.noise, speed_m_s, arrival_s,
-                               np.array([known.index(name) for name in x.names]))
+        found = model.estimate(x.signals[:, :model.samples], x.noise, arrival_s=arrival_s,
+                               channels=np.array([known.index(name) for name in x.names]))
         far = self.expected_.distances(found)
         return Answer(found.ratio, *found.interval, reason_out_of_distribution(DISTANCES, far, self.limits_))
 

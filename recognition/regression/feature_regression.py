@@ -53,7 +53,6 @@ class FeatureRegression(RecordEstimator):
         allowed = [name for name, formula in FEATURES.items() if formula.takes != "imfs"]
         if self.features not in allowed:
             raise RecognitionError(f"features {self.features!r}; choose among {', '.join(allowed)}")
-        self._estimator: ProcessRegressor | None = None  # only in the program that has fitted it
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """Features and their standard errors by the noise of the sensors, which is none, shape (2, p)."""
@@ -67,8 +66,7 @@ class FeatureRegression(RecordEstimator):
             nuisance: pd.DataFrame | None = None) -> FeatureRegression:
         """nuisance: of the law of the features (`ProcessRegressor.fit`). Raises RecognitionError."""
         conformal = GroupConformal(ProcessRegressor())
-        conformal.fit(np.asarray(X), y, groups, _numbers(nuisance))
-        self._estimator = conformal.estimator_
+        conformal.fit(np.asarray(X), y, groups, None if nuisance is None else nuisance.to_numpy(dtype=float))
         self.model_, self.width_, self.limits_ = conformal.estimator_.model_, conformal.width_, conformal.limits_
         self.error_ = conformal.error_
         return self
@@ -77,19 +75,12 @@ class FeatureRegression(RecordEstimator):
         """Mixing ratio of each record, shape (runs,), not clipped."""
         return np.array([answer.ratio for answer in self.answer(X)])
 
-    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
-        """RecognitionError for known conditions with a model from a file, which holds the process of unknown ones
-        only."""
+    def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
+        """RecognitionError for another number of features."""
         for x in X:
             if x[0].shape != self.model_.mean.shape:
                 raise RecognitionError(f"{x[0].size} features; the model has {self.model_.mean.size}")
-        if nuisance is None:
-            found = [self.model_.ratio(x) for x in X]
-        elif self._estimator is None:
-            raise RecognitionError("conditions known with a record; a model from a file cannot use them")
-        else:
-            found = list(zip(*self._estimator.predict(np.asarray(X), True, _numbers(nuisance)), strict=True))
-        return [self._answer(x, *one) for x, one in zip(X, found, strict=True)]
+        return [self._answer(x, *self.model_.ratio(x)) for x in X]
 
     def _answer(self, x: Floats, ratio: float, error: float) -> Answer:
         reason = reason_out_of_distribution(DISTANCES, self.model_.distances(x), self.limits_)
@@ -98,10 +89,6 @@ class FeatureRegression(RecordEstimator):
     def summary(self) -> str:
         width_points = 100 * self.width_ * self.model_.standard_error
         return f"{self.model_.mean.size} features, interval of {width_points:.1f} points"
-
-
-def _numbers(nuisance: pd.DataFrame | None) -> Floats | None:
-    return None if nuisance is None else nuisance.to_numpy(dtype=float)
 
 
 class GroupConformal:
@@ -140,9 +127,9 @@ class GroupConformal:
         self.estimator_ = _fitted(self.estimator, X, y, groups, nuisance)
         return self
 
-    def predict_interval(self, X: Floats, nuisance: Floats | None = None) -> Floats:
-        """Ratio, lower and upper end, shape (runs, 3); nuisance where it is known with the records."""
-        ratio, error = _with_error(self.estimator_, X, nuisance)
+    def predict_interval(self, X: Floats) -> Floats:
+        """Ratio, lower and upper end, shape (runs, 3)."""
+        ratio, error = _with_error(self.estimator_, X)
         return np.column_stack([ratio, ratio - self.width_ * error, ratio + self.width_ * error])
 
 
@@ -154,12 +141,10 @@ def _fitted(estimator: Any, X: Floats, y: Floats, groups: Floats, nuisance: Floa
     return clone(estimator).fit(X, y, **given)
 
 
-def _with_error(model: Any, X: Floats, nuisance: Floats | None = None) -> tuple[Floats, Floats]:
+def _with_error(model: Any, X: Floats) -> tuple[Floats, Floats]:
     """Predictions and their standard errors; 1 where the model gives none."""
-    accepted = signature((model[-1] if isinstance(model, Pipeline) else model).predict).parameters
-    known = {"nuisance": nuisance} if nuisance is not None and "nuisance" in accepted else {}
-    if "return_std" in accepted:
-        ratio, error = model.predict(X, return_std=True, **known)
+    if "return_std" in signature((model[-1] if isinstance(model, Pipeline) else model).predict).parameters:
+        ratio, error = model.predict(X, return_std=True)
         return ratio, error
-    ratio = np.asarray(model.predict(X, **known))
+    ratio = np.asarray(model.predict(X))
     return ratio, np.ones(len(ratio))

@@ -13,7 +13,6 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from recognition.estimation.arrays import Floats
-from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import RecordEstimator
 from recognition.regression.ratio_law import RatioLaw, fit_law
 
@@ -77,23 +76,6 @@ def _fitted(z: Floats, y: Floats) -> GaussianProcessRegressor:
         return GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(z, y)
 
 
-@dataclass(frozen=True)
-class _ConditionalProcess:
-    """A process on features and on conditions that are known with a record, such as the impact speed."""
-
-    process: GaussianProcessRegressor
-    mean: Floats
-    scale: Floats
-
-    @classmethod
-    def fit(cls, z: Floats, conditions: Floats, y: Floats) -> _ConditionalProcess:
-        mean, scale = conditions.mean(axis=0), conditions.std(axis=0)
-        return cls(_fitted(np.hstack([z, (conditions - mean) / scale]), y), mean, scale)
-
-    def predict(self, z: Floats, conditions: Floats) -> tuple[Floats, Floats]:
-        return self.process.predict(np.hstack([z, (conditions - self.mean) / self.scale]), return_std=True)
-
-
 class ProcessRegressor(RecordEstimator):
     """scikit-learn estimator: Gaussian process on standardised features, and a law of the features with their scatter,
     which tells records out of distribution.
@@ -108,9 +90,6 @@ class ProcessRegressor(RecordEstimator):
         mean, scale = X[:, 0].mean(axis=0), X[:, 0].std(axis=0)
         z = (X[:, 0] - mean) / scale
         process = _fitted(z, y)
-        self.process_ = process
-        self.conditional_: _ConditionalProcess | None = None  # fitted when first asked for
-        self.training_ = z, None if nuisance is None else np.asarray(nuisance, dtype=float), y
         smooth = process.kernel_.k1
         law = fit_law(z[:, None, :], y, nuisance, groups, components=z.shape[1])
         self.model_ = ProcessModel(
@@ -118,24 +97,10 @@ class ProcessRegressor(RecordEstimator):
             _scatter(process), float(y.mean()), float(y.std()), law)
         return self
 
-    def predict(self, X: Floats, return_std: bool = False, nuisance: Floats | None = None) -> Any:
-        """Ratios (runs,), not clipped, and their standard errors where asked for; nuisance (runs, q): conditions known
-        with the records."""
-        X = np.asarray(X, dtype=float)
-        if nuisance is None:
-            ratio, error = np.array([self.model_.ratio(x) for x in X]).T
-        else:
-            z = (X[:, 0] - self.model_.mean) / self.model_.scale
-            ratio, error = self._conditional().predict(z, np.asarray(nuisance, dtype=float))
+    def predict(self, X: Floats, return_std: bool = False) -> Any:
+        """Ratios (runs,), not clipped, and their standard errors where asked for."""
+        ratio, error = np.array([self.model_.ratio(x) for x in np.asarray(X, dtype=float)]).T
         return (ratio, error) if return_std else ratio
-
-    def _conditional(self) -> _ConditionalProcess:
-        if self.conditional_ is None:
-            points, conditions, y = self.training_
-            if conditions is None:
-                raise RecognitionError("conditions are known with a record; those of the training runs were not")
-            self.conditional_ = _ConditionalProcess.fit(points, conditions, y)
-        return self.conditional_
 
     def distances(self, X: Floats) -> Floats:
         """`ProcessModel.distances` of each record, shape (runs, 3)."""
