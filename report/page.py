@@ -40,7 +40,7 @@ from report.missing import MISSING_RESULT
 from report.parts import make_parts
 from report.response.chapter import FELT, MAXIMA, RESPONSE_FIGURES
 from report.signals.chapter import SIGNAL_FIGURES
-from report.stream.page import StreamRun
+from report.stream.chapter import StreamRun
 from report.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
 from report.theory.chapter import THEORY_FIGURES

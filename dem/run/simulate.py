@@ -13,7 +13,7 @@ from common.input_error import CommandError
 from dem.coupling.checkpoint import latest
 from dem.coupling.launch import engine_error, engine_running
 from dem.coupling.messages import STOPPED, CouplingError
-from dem.coupling.watchdog import EngineWatchdog
+from dem.coupling.pipes import EngineWatchdog
 from dem.record.energy_balance import read_ledger
 from dem.run.directory import SUFFIX
 from dem.run.participants import PlateOfRun

@@ -17,9 +17,9 @@ from analysis.sweep.runs import Run
 from lab.recognition.impulse import impulse
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
-from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups, MethodEntry, RatioEstimator, Registry
+from recognition.estimation.window import channels_of
 from recognition.methods import METHODS
 from recognition.physics.arrangement_likelihood import ArrangementEstimate
 from recognition.regression.feature_regression import FeatureRegression, GroupConformal

@@ -14,9 +14,8 @@ from recognition.estimation.answer import Answer, answers_within
 from recognition.estimation.arrays import Floats
 from recognition.estimation.calibration import held_out_width
 from recognition.estimation.method import Groups, RecordEstimator
-from recognition.paper.function_space import Rule
 from recognition.paper.fusion import Fusion
-from recognition.paper.strategy import Candidate, Strategy
+from recognition.paper.strategy import Candidate, Rule, Strategy
 
 
 def as_published() -> Strategy:

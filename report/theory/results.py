@@ -18,7 +18,7 @@ from analysis.theory.contact_states import (
     total_force_N,
 )
 from analysis.theory.real_plate import static_compliance_m_N
-from report.response.plate import PlateResults
+from report.response.results import PlateResults
 
 
 class TheoryResults:

@@ -9,8 +9,7 @@ from analysis import RecordError
 from analysis.signals.features import log_rms
 from recognition import RecognitionError
 from recognition.model_file import decode, encode
-from recognition.regression.feature_regression import FeatureRegression
-from recognition.regression.gaussian_process import ProcessRegressor
+from recognition.regression.feature_regression import FeatureRegression, ProcessRegressor
 
 T = np.arange(267) / 6667
 

@@ -12,8 +12,7 @@ from sklearn.utils.estimator_checks import check_estimator
 from analysis import read_sweep
 from lab.recognition.baselines import EstimatorMethod
 from recognition import Fusion, FusionPipeline, FusionQ, RecognitionError, Rule, Strategy
-from recognition.regression.feature_regression import FeatureRegression
-from recognition.regression.gaussian_process import ProcessRegressor
+from recognition.regression.feature_regression import FeatureRegression, ProcessRegressor
 from tests.analysis.synthetic import write_sweep
 
 RATIOS = np.arange(11) / 10
