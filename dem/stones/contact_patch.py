@@ -135,8 +135,8 @@ class _FreeNetwork:
         self._factors = self._held_factors() if len(packing.radius_m) <= MOST_FACTORED else None
 
     def compliance_m_N(self, weight: np.ndarray, direction: np.ndarray, lever: np.ndarray) -> float:
-        """Mean displacement along `direction` of what is `lever` (n, 3) off the centres of the patch, for a force of 1 N
-        along it there, shared by `weight` (n,)."""
+        """Mean displacement along `direction` of what is `lever` (n, 3), m, off the centres, for a force of 1 N along it
+        there, shared by `weight` (n,)."""
         force = weight[:, None] * direction
         load = self._balanced(force, np.cross(lever, force))
         moved, turned = np.hsplit(self._without_rigid_motion(self._solve(load.ravel()).reshape(-1, 6)), 2)
