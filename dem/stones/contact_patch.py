@@ -135,7 +135,7 @@ class _FreeNetwork:
         self._factors = self._held_factors() if len(packing.radius_m) <= MOST_FACTORED else None
 
     def compliance_m_N(self, weight: np.ndarray, direction: np.ndarray, lever: np.ndarray) -> float:
-        """Mean displacement along `direction` of what is `lever` (n, 3), m, off the centres, for a force of 1 N along it
+        """Mean displacement along `direction` of what is `lever` (n, 3), m, off the centres, for 1 N along it
         there, shared by `weight` (n,)."""
         force = weight[:, None] * direction
         load = self._balanced(force, np.cross(lever, force))
