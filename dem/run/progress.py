@@ -17,8 +17,8 @@ _log = logging.getLogger(__name__)
 INTERVAL_s = 0.5  # between two lines on a terminal; a log gets one a tenth
 IMPACT_s = 1.2e-3  # from the arrival of a stone until it has left the plate and rings no more
 FLIGHT_s = 1e-4  # so long nothing touches the plate: the engine asks only then again where it is
-# Until the run itself tells: speed while stones ring over that in contact, and of flights in s a simulated second, which
-# counts as so much flight.
+# Until the run itself tells: speed while stones ring over that in contact, and of flights, s a simulated second, as if
+# FLOWN_s had been flown.
 RINGING, FLIGHT, FLOWN_s = 0.5, 5.0, 1e-3
 
 

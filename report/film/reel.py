@@ -16,7 +16,7 @@ from common.scene.plate import wall_box_m
 from report.drawing.lines import envelope
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
 from report.film.pictures import EARLY, IMPACT, WHOLE, Film, Series, choose, instants, read_film
-from report.film.still_scene import largest_force_s
+from report.film.still import largest_force_s
 from report.missing import MissingResult
 
 QUANTUM_M = (2e-5, 5e-5)  # of positions, at most a fiftieth of a sub-sphere; finer where stones stay near
