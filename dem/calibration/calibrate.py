@@ -78,7 +78,7 @@ class TargetTable(Table):
     density_kg_m3: Positive | None = None
     youngs_modulus_Pa: Positive | None = None
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)] | None = None
-    elastic_source: Source = ""  # of the density, too
+    elastic_source: Source = "laboratory sheet, or else as in the scene"  # of the density, too
     tensile_strength_Pa: Positive
     compressive_strength_Pa: Positive
     strength_source: Source = "laboratory sheet"
@@ -90,10 +90,6 @@ class TargetTable(Table):
     flaw_modulus: Positive | None = None  # of strengths from place to place, with the length of their correlation
     flaw_length_m: Positive | None = None
     flaw_source: Source = ""
-
-    @property
-    def elastic_from(self) -> str:
-        return self.elastic_source or ("as in the scene" if self.youngs_modulus_Pa is None else "laboratory sheet")
 
     def elastic(self, table: MaterialTable) -> tuple[float, float]:
         """Young's modulus in Pa and Poisson's ratio to be met."""
@@ -314,7 +310,7 @@ def calibration_toml(found: Calibration, scene: Scene, material: str, name: str,
     fit, held_out = (sorted(set(tests.seed[tests.stage == stage])) for stage in ("strength", "check"))
     head = f"""# Bonds of {name}, written by `gangue calibrate {material} --rock {name}`: docs/calibration.md.
 
-# {target.elastic_from}
+# {target.elastic_source}
 kind = "{scene.kind_of(material)}"
 density_kg_m3 = {density_kg_m3:g}
 youngs_modulus_Pa = {modulus_Pa:g}
@@ -363,11 +359,11 @@ def _comparison(found: Calibration, scene: Scene, material: str,
     strength = {kind: checks.strength_Pa[(checks.test == kind) & (checks.confining_Pa == 0)]
                 for kind in ("Brazilian", "compression")}
     return [
-        ("youngs_modulus_Pa", modulus_Pa, target.elastic_from, checks.youngs_modulus_Pa.dropna()),
-        ("poisson_ratio", nu, target.elastic_from, checks.poisson_ratio.dropna()),
+        ("youngs_modulus_Pa", modulus_Pa, target.elastic_source, checks.youngs_modulus_Pa.dropna()),
+        ("poisson_ratio", nu, target.elastic_source, checks.poisson_ratio.dropna()),
         ("tensile_strength_Pa", target.tensile_strength_Pa, rock_source, strength["Brazilian"]),
         ("compressive_strength_Pa", target.compressive_strength_Pa, rock_source, strength["compression"]),
-        ("stone_youngs_modulus_Pa", modulus_Pa, target.elastic_from, pd.Series(found.stone_modulus_Pa)),
+        ("stone_youngs_modulus_Pa", modulus_Pa, target.elastic_source, pd.Series(found.stone_modulus_Pa)),
     ]
 
 
