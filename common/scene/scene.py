@@ -35,7 +35,7 @@ class TimeTable(Table):
     sample_interval_s: Annotated[Positive, about("time between two rows of signals.parquet", paper="1.5e-4, 6667 Hz")]
     anti_alias: Annotated[bool, about(
         "a low pass takes what is above half the sample rate; false: what is there folds back", paper="false")] = True
-    gravity_m_s2: Annotated[float, Field(ge=0, le=1e3), about("gravity, downwards", paper="9.8")] = 0.0
+    gravity_m_s2: Annotated[float, Field(ge=0, le=1e4), about("gravity, downwards", paper="9.8")] = 0.0
     time_step_s: Annotated[Positive | None, about("DEM time step; absent: the largest that every limit allows")] = None
     co_step: Annotated[Annotated[int, Field(ge=1)] | None, about(
         "DEM steps of a co-step; absent: from the shortest contact")] = None

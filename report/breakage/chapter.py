@@ -35,9 +35,11 @@ def stages(results: SweepResults) -> Drawn:
     index = results.index_nearest(0.5)
     run, first_end_s = results.runs[index], results.breakage.first_collision_end_s[index]
     times_s = {"after its first collision": first_end_s, "end": np.inf}
-    rows = [(label, results.breakage.sections(index, t)[:MOST_SECTIONS], run.materials[:MOST_SECTIONS])
-            for label, t in times_s.items()]
-    return figures.sections(rows), f"Run of {100 * run.gangue_ratio:.0f} %."
+    shown = sorted(np.argsort(-results.breakage.area_end_m2[index], kind="stable")[:MOST_SECTIONS])
+    rows = [(label, [found[k] for k in shown], [run.materials[k] for k in shown])
+            for label, found in ((label, results.breakage.sections(index, t)) for label, t in times_s.items())]
+    few = f", the {MOST_SECTIONS} that broke most" if len(run.materials) > MOST_SECTIONS else ""
+    return figures.sections(rows), f"Run of {100 * run.gangue_ratio:.0f} %{few}."
 
 
 @of_draws
