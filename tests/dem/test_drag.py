@@ -112,6 +112,13 @@ def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velo
         assert 2 * np.std(found, ddof=1) / np.sqrt(len(found)) < within
 
 
+def test_a_stone_whose_bonds_give_more_than_its_contact_keeps_its_energy(tmp_path, monkeypatch):
+    """At 60 m/s Mindlin's spring is stiffer than the bonds beneath it."""
+    scene = stone(200, speed_m_s=float(np.hypot(60, 60)), friction=1.0, **{"time.duration_s": 1.5e-4})
+    energy = strike_aslant(monkeypatch, tmp_path / "run", scene, (60.0, -60.0))["energy"]
+    assert abs(energy["closure"]) < 2e-3 and energy["friction_J"] > 0.1 * energy["impact_J"]
+
+
 def test_a_strong_dashpot_across_the_contact_makes_the_stone_roll(tmp_path, monkeypatch):
     """Coulomb's limit is far, so a sphere leaves rolling, with 5/7 of its energy along the plate; it was the members of
     the patch that a step of the dashpot threw back faster than they came."""
