@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from common.scene.plate import Rod
-from plate_fem.elements.joints import joint_of
+from plate_fem.elements.joints import Joint, joint_of
 from plate_fem.elements.line import integral, parabolas, smooth_cubics
 from plate_fem.elements.mesh import bending_stiffness, shear_stiffness
 from plate_fem.elements.system import PlateSystem, grown
@@ -19,6 +19,7 @@ from plate_fem.elements.system import PlateSystem, grown
 PARTS = 5  # of each rod
 CELLS_PER_WAVELENGTH = 8
 RADII, ANGLES = 6, 24  # points of the quadrature over a disc
+BAR_FOOT, BEAM_FOOT = 0.57, 0.45  # nu^2 radii by which a rod is as if shorter, whose foot cannot contract (rod_joint.py)
 
 
 def disc_quadrature(x_m: float, y_m: float, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -66,31 +67,36 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     points, weights = disc_quadrature(rod.x_m, rod.y_m, rod.diameter_m / 2)
     mean = sp.csr_array(weights[None, :])
     joint = joint_of(system.plate, rod, system.theory)
-    alike = rod.model_copy(update={"x_m": 0.0, "y_m": 0.0})  # of equal rods the matrices are made once
-    x, y, twist = system.curvature(points)
-    stiffness, mass, top, base = _joined(*_bar(alike, max_frequency_Hz), np.array([[joint.axial_m_N]]))
+    x, y, _ = system.curvature(points)
+    stiffness, mass, top, base = _joined(*_bar(_alike(rod, BAR_FOOT), max_frequency_Hz), np.array([[joint.axial_m_N]]))
     head = mean @ (system.deflection(points) + joint.offset_m2 * (x + y))
     bar = Part(stiffness, mass, tuple(top), sp.csr_array(head), tuple(base))
-    stiffness, mass, top, base = _joined(*_beam(alike, max_frequency_Hz), joint.bending)
+    stiffness, mass, top, base = _joined(*_beam(_alike(rod, BEAM_FOOT), max_frequency_Hz), joint.bending)
     lower_m = -system.plate.thickness_m / 2
     sideways = [system.lateral(points, axis, lower_m) for axis in (0, 1)]
     turned = [system.rotation(points, axis) for axis in (0, 1)]
     rows = [sp.csr_array(sp.vstack([mean @ v, mean @ psi])) for v, psi in zip(sideways, turned, strict=True)]
     beams = [Part(stiffness, mass, tuple(top), row, tuple(base)) for row in rows]
-    stiffness, mass, top, base = _shaft(alike, max_frequency_Hz)
+    stiffness, mass, top, base = _shaft(_alike(rod, 0.0), max_frequency_Hz)
     shaft = Part(stiffness, mass, (top[0],), sp.csr_array(mean @ system.yaw(points)), (base[0],))
-    return [bar, *beams, shaft, _stub(system, points, weights * _area(rod) * joint.stub, (x, y, twist))]
+    return [bar, *beams, shaft, _stub(system, joint, points, weights * _area(rod))]
 
 
-def _stub(system: PlateSystem, points: np.ndarray, area_m2: np.ndarray, curvature: Sequence[sp.csr_array]) -> Part:
-    """Return the plate's energy once more over areas (k,) at points (k, 2)."""
-    x, y, twist = curvature
-    bending, nu = bending_stiffness(system.plate), system.plate.poisson_ratio
-    rows, stiff = [x + y, x - y, twist], [bending * (1 + nu) / 2, bending * (1 - nu) / 2, bending * (1 - nu) / 2]
+def _alike(rod: Rod, foot: float) -> Rod:
+    """Return a rod at the origin, of which equal rods share the matrices, shorter by `foot` nu^2 radii or less."""
+    shorter = foot * rod.poisson_ratio**2 * rod.diameter_m / 2 / rod.length_m
+    return rod.model_copy(update={"x_m": 0.0, "y_m": 0.0, "length_m": rod.length_m / (1 + shorter)})
+
+
+def _stub(system: PlateSystem, joint: Joint, points: np.ndarray, area_m2: np.ndarray) -> Part:
+    """Return what the joint adds to the plate's energy over areas (k,) at points (k, 2)."""
+    (x, y, twist), nu, bending = system.curvature(points), system.plate.poisson_ratio, bending_stiffness(system.plate) / 2
+    saddle = joint.stub_twist * bending * (1 - nu)
+    rows, stiff = [x + y, x - y, twist], [joint.stub * bending * (1 + nu), saddle, saddle]
     if system.theory == "mindlin":
         slopes = zip(((1, 0), (0, 1)), (0, 1), strict=True)
         rows += [system.deflection(points, by) - system.rotation(points, axis) for by, axis in slopes]
-        stiff += 2 * [shear_stiffness(system.plate)]
+        stiff += 2 * [joint.stub * shear_stiffness(system.plate)]
     diagonal = sp.diags_array(np.outer(stiff, area_m2).ravel(), format="csr")
     size = diagonal.shape[0]
     return Part(diagonal, sp.csr_array((size, size)), tuple(range(size)), sp.csr_array(sp.vstack(rows)), ())
