@@ -15,12 +15,11 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from common.input_error import MOST_DEEP
+from common.scene.distribution import OF_DRAWN, ScatterTable
 from common.scene.error_laws import least_tolerance
 from common.scene.file import scene_tables
 from common.scene.plate import PlateTable, refuse_density
-from common.scene.scatter import OF_DRAWN, ScatterTable
-from common.scene.shapes import ShapeTable
-from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, StonesTable
+from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, ShapeTable, StonesTable
 from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less

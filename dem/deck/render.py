@@ -15,11 +15,10 @@ import numpy as np
 from common.files.whole import named
 from common.resources import resource
 from common.scene.scene import PLATE, ContactTable, Scene
-from dem.deck.face_contact import write_faces
+from dem.deck.contact import pair_laws, write_faces, write_surfaces
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
 from dem.deck.side_walls import deck_walls, wall_files
-from dem.deck.smooth_contact import pair_laws, write_surfaces
 from dem.deck.stone_file import write_stones
 from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly

@@ -8,8 +8,7 @@ from common.scene.scene import Scene
 from common.scene.stones import COAL, GANGUE, By, EachStone
 from common.tables import InputError
 from dem.stones.drawn import drawn_stones, scattered
-from dem.stones.paths import Flying, gap_to_box_m, reach_m
-from dem.stones.stone import UPRIGHT, Stone
+from dem.stones.stone import UPRIGHT, Flying, Stone, gap_to_box_m, reach_m
 
 
 def stones_of(scene: Scene, file: str) -> list[Stone]:

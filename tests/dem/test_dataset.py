@@ -7,7 +7,7 @@ import pytest
 from scenes_of_tests import SCENES, changed, one_by_one
 
 from analysis import read_run
-from analysis.sweep.stream import fallen, true_ratio
+from analysis.sweep.runs import fallen, true_ratio
 from common.process.messages import show_messages
 from common.scene.scene import read_scene
 from common.tables import InputError
