@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -33,7 +34,9 @@ from common.tables import Refused
 from plate_fem.elements.mesh import bending_wavenumber, choose_theory, highest_frequency_Hz
 from plate_fem.elements.rods import disc_quadrature
 from plate_fem.elements.system import PlateSystem
-from plate_fem.solution.model import PlateModel
+
+if TYPE_CHECKING:
+    from plate_fem.solution.model import PlateModel
 
 LOAD_RADIUS = 1.4  # times the thickness
 MODES_AT_MOST = 600  # four times those of the default scene; 538 take 72 s and 2.8 GB (docs/plate.md)
