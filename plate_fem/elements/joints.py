@@ -20,10 +20,9 @@ LEAST_COMPLIANCE = 3e-3  # of a joint, in 1/(E a): less is as good as rigid
 class Joint:
     """What the material about a rod's head does beyond the theories of plate and rod (lab/plate/rod_joint.py).
 
-    The disc of the plate above the rod is stiffer by the factor 1 + `stub`, or 1 + `stub_twist` against twist and bending
-    into a saddle. The head moves by `offset_m2` tr e more
-    than the mid-plane, e = sym grad theta. `axial_m_N` and `bending` (2, 2), in m/N, 1/N and 1/(N m), are compliances
-    under a pull, and under a push sideways and a moment.
+    The disc of the plate above the rod is stiffer by 1 + `stub`, and by 1 + `stub_twist` where it bends into a saddle.
+    The head moves by `offset_m2` tr e more than the mid-plane, e = sym grad theta. `axial_m_N` and `bending` (2, 2), in
+    m/N, 1/N and 1/(N m), are compliances under a pull, and under a push sideways and a moment.
     """
 
     stub: float
@@ -53,8 +52,7 @@ def joint_of(plate: FlexiblePlate, rod: Rod, theory: str) -> Joint:
 def joint_range() -> list[tuple[float, float]]:
     """Return least and most of a rod's radius over the plate's thickness, and of its modulus over the plate's, of which
     joints are known."""
-    _, axes, _ = _joints()
-    return [(float(np.exp(axes[k][0])), float(np.exp(axes[k][-1]))) for k in (0, 2)]
+    return [(float(np.exp(axis[0])), float(np.exp(axis[-1]))) for axis in _joints()[1][::2]]
 
 
 @cache

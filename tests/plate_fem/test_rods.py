@@ -19,7 +19,7 @@ from plate_fem.modes import plate_modes
 STIFF = {"youngs_modulus_Pa": 2e17, "theory": "mindlin", "mesh_size_m": 0.125}
 
 
-BAR_m, BEAM_m = (0.1 - 0.01 * shorter for shorter in foot(STEEL["poisson_ratio"]))  # rods of 0.1 m, with a foot that holds
+BAR_m, BEAM_m = (0.1 - 0.01 * shorter for shorter in foot(STEEL["poisson_ratio"]))  # with a foot that holds
 
 
 def bar_stiffness(omega, length_m=BAR_m, diameter_m=0.02):
@@ -83,7 +83,7 @@ def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says(nu):
 
 @pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
 def test_stub_and_head_of_a_rod_where_the_plate_bends_or_shears(theory):
-    """Energy over the disc, of w = x^2/2 + xy bent and, with shear, of w = x: the plate's own, of bowl and saddle apart,
+    """Energy over the disc, of w = x^2/2 + xy bent and, with shear, of w = x: the plate's own, bowl and saddle apart,
     times stubs and area. The bent plate lifts the head by the mean of w and by the offset."""
     table = plate(rods=[rod(0.1, 0.05)], theory=theory, max_frequency_Hz=2e3)
     system, joint = assemble(table), joint_of(table, table.rods[0], theory)
