@@ -32,64 +32,54 @@ STEEL = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11, "poisson_ratio":
 SYMMETRIES = ("ss", "sa", "as", "aa")  # about x = 0 and y = 0
 IMAGES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 PULSE_s, INTERVAL_s, DAMPING = 250e-6, 2e-6, 0.01
-FINER = "thick"  # the plate of which a finer solid tells that the others are fine enough
 FIRST = 25  # modes of the second pair of figures
 ALIKE, NEAR = 0.5, 0.06  # two modes are one: squared cosine of their shapes at least, difference of frequency at most
 
 
 @dataclass(frozen=True)
 class Plate:
-    """A plate on rods (x, y, diameter); a single one is one of four on a plate of two mirrors. At `places_m` are sensors
-    and pushes, at the last one above the first rod."""
+    """A plate of two mirrors on four rods; `rod` (x, y, diameter) is one of them. At `places_m` are sensors and pushes, at
+    the last one above the rod."""
 
     side_m: tuple[float, float]
     thickness_m: float
-    rods: tuple[tuple[float, float, float], ...]
+    rod: tuple[float, float, float]
     length_m: float
     highest_Hz: float
     cell_m: float
     places_m: tuple[tuple[float, float], ...]
 
-    @property
-    def symmetries(self) -> tuple[str, ...]:
-        return SYMMETRIES if len(self.rods) == 1 else ("--",)
-
-    @property
-    def images(self) -> tuple[tuple[int, int], ...]:
-        return IMAGES[: len(self.symmetries)]
-
     def part(self, fine: int) -> Part:
-        x_m, y_m = ((-side / 2 if len(self.images) == 1 else 0.0, side / 2) for side in self.side_m)
-        return Part(x_m, y_m, self.thickness_m, self.rods, self.length_m, STEEL, self.cell_m, fine)
+        x_m, y_m = ((0.0, side / 2) for side in self.side_m)
+        return Part(x_m, y_m, self.thickness_m, (self.rod,), self.length_m, STEEL, self.cell_m, fine)
 
     def table(self) -> FlexiblePlate:
-        rods = [{"x_m": a * x_m, "y_m": b * y_m, "diameter_m": diameter_m, "length_m": self.length_m, **STEEL}
-                for x_m, y_m, diameter_m in self.rods for a, b in self.images]
+        rods = [{"x_m": a * self.rod[0], "y_m": b * self.rod[1], "diameter_m": self.rod[2], "length_m": self.length_m,
+                 **STEEL} for a, b in IMAGES]
         return FlexiblePlate.model_validate({
             "model": "flexible", "length_m": self.side_m[0], "width_m": self.side_m[1], "thickness_m": self.thickness_m,
             "rods": rods, "max_frequency_Hz": self.highest_Hz, "damping_ratio": DAMPING, **STEEL})
 
 
 PLATES = {
-    "thick": Plate((0.36, 0.28), 0.05, ((0.12, 0.08, 0.03),), 0.12, 9000.0, 0.03,
+    "thick": Plate((0.36, 0.28), 0.05, (0.12, 0.08, 0.03), 0.12, 9000.0, 0.03,
                    ((0.01, 0.02), (0.06, 0.03), (0.04, 0.11), (0.15, 0.02), (0.12, 0.08))),
-    "slender": Plate((0.66, 0.12), 0.012, ((0.28, 0.035, 0.014),), 0.1, 4000.0, 0.02,
+    "slender": Plate((0.66, 0.12), 0.012, (0.28, 0.035, 0.014), 0.1, 4000.0, 0.02,
                      ((0.02, 0.01), (0.11, 0.03), (0.2, 0.015), (0.31, 0.005), (0.28, 0.035))),
-    "thin": Plate((0.55, 0.42), 0.018, ((0.2, 0.15, 0.024),), 0.09, 4000.0, 0.03,
+    "thin": Plate((0.55, 0.42), 0.018, (0.2, 0.15, 0.024), 0.09, 4000.0, 0.03,
                   ((0.02, 0.03), (0.1, 0.08), (0.11, 0.17), (0.23, 0.04), (0.2, 0.15))),
-    "three": Plate((0.7, 0.45), 0.03, ((-0.24, -0.12, 0.03), (0.25, -0.1, 0.022), (0.05, 0.16, 0.026)), 0.14, 3000.0, 0.05,
-                   ((0.02, 0.03), (0.15, 0.05), (-0.2, 0.1), (-0.05, -0.12), (-0.24, -0.12))),
 }
 
 
-def solids(out: Path) -> Iterator[Row]:
-    """A row a plate. The solids stand in files of their own, which later runs take."""
+def solids(out: Path, finer: int = 0) -> Iterator[Row]:
+    """A row a plate. The solids stand in files of their own, which later runs take. With finer=1 comes by how much finer
+    solids move a mode."""
     for name in PLATES:
-        yield Row({"plate": name}, partial(_compared, out, name))
+        yield Row({"plate": name}, partial(_compared, out, name, finer))
 
 
 def _solid(out: Path, plate: Plate, symmetry: str, fine: int) -> Found:
-    count = round(1.25 * len(_eigen(plate.table())[1]) / len(plate.symmetries)) + 4
+    count = round(1.25 * len(_eigen(plate.table())[1]) / len(SYMMETRIES)) + 4
     part = plate.part(fine)
     key = hashlib.sha256(repr((part.material, symmetry, count)).encode() + part.bricks().tobytes()).hexdigest()[:12]
     file = out / f"solid_{key}.npz"
@@ -132,7 +122,7 @@ def _of_solid(plate: Plate, found: dict[str, Found]) -> tuple[Side, np.ndarray]:
         if kept.all():
             raise RuntimeError(f"too few modes of symmetry {symmetry!r}")
         moved, borne = [], []
-        for signs in plate.images:  # the signs by which an image is turned
+        for signs in IMAGES:  # the signs by which an image is turned
             factor = np.prod([sign if kind == "a" else 1 for kind, sign in zip(symmetry, signs, strict=True)])
             moved.append(factor * solid.motion[kept] * [*signs, 1.0])
             borne.append(factor * solid.force_N[kept])
@@ -140,7 +130,7 @@ def _of_solid(plate: Plate, found: dict[str, Found]) -> tuple[Side, np.ndarray]:
         motion.append(np.concatenate(moved, axis=1))
         force.append(np.concatenate(borne, axis=1))
     node_m = next(iter(found.values())).node_m
-    whole = np.concatenate([node_m * signs for signs in plate.images])
+    whole = np.concatenate([node_m * signs for signs in IMAGES])
     order = np.argsort(np.concatenate(frequency))
     return Side(*(np.concatenate(one)[order] for one in (frequency, motion, force))), whole
 
@@ -175,10 +165,10 @@ def paired(solid: Side, plate: Side) -> tuple[np.ndarray, np.ndarray]:
     return of_solid[kept], of_plate[kept]
 
 
-def _compared(out: Path, name: str) -> dict[str, float | None]:
+def _compared(out: Path, name: str, finer: int) -> dict[str, float | None]:
     plate = PLATES[name]
-    found = {symmetry: _solid(out, plate, symmetry, 1) for symmetry in plate.symmetries}
-    (solid, node_m), whole = _of_solid(plate, found), found[plate.symmetries[0]]
+    found = {symmetry: _solid(out, plate, symmetry, 1) for symmetry in SYMMETRIES}
+    (solid, node_m), whole = _of_solid(plate, found), found[SYMMETRIES[0]]
     side = _of_plate(plate, node_m)
     of_solid, of_plate = paired(solid, side)
     error = 100 * (side.frequency_Hz[of_plate] / solid.frequency_Hz[of_solid] - 1)
@@ -198,7 +188,7 @@ def _compared(out: Path, name: str) -> dict[str, float | None]:
             "sag_percent": 100 * max(sag[0] / sag[1] - 1, key=abs),
             "accelerometers_percent": float(np.sqrt(np.mean(np.square(of_hit[:-1])))), "on_rod_percent": of_hit[-1],
             "rod_peak_percent": 100 * max((peak[1] / peak[0] - 1).ravel(), key=abs),
-            "settled_percent": _settled_percent(out, plate, whole) if name == FINER else None}
+            "settled_percent": _settled_percent(out, plate, whole) if finer else None}
 
 
 def _settled_percent(out: Path, plate: Plate, coarse: Found) -> float:
