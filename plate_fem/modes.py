@@ -21,7 +21,7 @@ from plate_fem.elements import line, products
 from plate_fem.elements.mesh import highest_frequency_Hz
 from plate_fem.elements.products import Products
 from plate_fem.elements.system import PlateSystem
-from plate_fem.solution.eigen import MODES_AT_MOST, refuse_too_many_modes
+from plate_fem.solution.mode_count import MODES_AT_MOST, refuse_too_many_modes
 
 if TYPE_CHECKING:
     from plate_fem.elements.system import PlateSystem
@@ -209,8 +209,8 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
 
 def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_dir: Path | None) -> PlateModes:
     from plate_fem.elements.in_plane import sways
-    from plate_fem.solution.eigen import load_rows, residual_modes
     from plate_fem.solution.model import build_model  # late: most modes are in the cache
+    from plate_fem.solution.residual import load_rows, residual_modes
 
     model = build_model(plate)
     omega_squared, kept = _kept_modes(plate, model, cache_dir)

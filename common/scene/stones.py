@@ -57,7 +57,6 @@ class EachStone(Table):
     arrival_s: Annotated[NotNegative, about("when it touches; 0: it starts gap_m above the plate")] = 0.0
     attitude: Annotated[tuple[float, float, float, float] | None, about(
         "unit quaternion (w, x, y, z) of its rotation; absent: none")] = None
-    strength_factor: Annotated[Positive, about("factor on the strengths of its bonds")] = 1.0
     seed: Annotated[Seed | None, about("seed of its packing; absent: stones.seed + number - 1")] = None
 
     @model_validator(mode="after")

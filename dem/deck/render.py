@@ -200,7 +200,7 @@ def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, Any]:
         values = bond.model_dump()
         if table.unbreakable:
             values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa,
-                       "pressure_strengthening": 0.0, "pressure_threshold_Pa": 0.0, "fracture_energy_J_m2": None}
+                       "pressure_strengthening": 0.0, "fracture_energy_J_m2": None}
         angle = 0.0 if table.unbreakable else bond.friction_angle_deg
         values["volumetric_modulus_Pa"] = bond.volumetric_ratio * bond.youngs_modulus_Pa
         values["tan_friction"] = float(np.tan(np.radians(angle)))

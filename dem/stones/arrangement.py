@@ -49,8 +49,7 @@ def _one(scene: Scene, k: int, one: EachStone) -> Stone:
     return Stone(material=one.material, radius_m=one.radius_m, place_m=(one.x_m, one.y_m),
                  velocity_m_s=velocity,  # type: ignore[arg-type]
                  seed=scene.stones.seed + k if one.seed is None else one.seed, gap_m=scene.stones.gap_m,
-                 arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT,
-                 strength_factor=one.strength_factor, shape=one.shape)
+                 arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT, shape=one.shape)
 
 
 def _volley(scene: Scene, file: str) -> list[Stone]:

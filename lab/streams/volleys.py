@@ -6,7 +6,7 @@ damping and shapes scattered by 1, 10 and 1 %), with 20 dB of noise at 20 kHz an
 what four taps taught of the plate, the number, radius and speed of the stones, and neither places nor the time of arrival,
 which is anywhere within 1 ms.
 
-volley_shares: the impulse of a stone in m v, from which NEAR_SHARE and FAR_SHARE of recognition/volley/responses.py are.
+volley_shares: the impulse of a stone in m v, from which NEAR_SHARE and FAR_SHARE of recognition/volley/impulses.py are.
 volleys: of the records of RECORDS those shares and the limits of misfit and gain were made; `held_out` are runs of
 scenes/dataset_held_out.toml, of other seeds and packings.
 volley_differences: with something that `volley` is not told, and with numbers and speeds that are told as ranges.

@@ -18,6 +18,7 @@ from recognition.plate.records import record_table
 from recognition.stone_forces.forces import StoneForces, load_forces
 from recognition.stream.checks import refuse_faulty, without_offset_and_hum
 from recognition.stream.recognise import channels_of
+from recognition.volley.impulses import WRONG_SPEED, Hypotheses, widened
 from recognition.volley.moments import PHASES, REACHES, Likelihood, Moments
 from recognition.volley.responses import (
     BEFORE_S,
@@ -25,13 +26,10 @@ from recognition.volley.responses import (
     DELAY_STEP_S,
     LENGTH_S,
     MARGIN,
-    WRONG_SPEED,
     HIGHEST_Hz,
-    Hypotheses,
     RATE_Hz,
     Stones,
     part_of,
-    widened,
 )
 
 SILENCE_S = 0.02  # at least so much at the beginning of a record tells the sensors' noise

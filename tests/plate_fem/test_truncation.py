@@ -15,8 +15,8 @@ from plate_fem.elements.mesh import bending_stiffness, bending_wavenumber, choos
 from plate_fem.elements.rods import disc_quadrature
 from plate_fem.modes import NOWHERE, modes_for_loads, plate_modes
 from plate_fem.motion import ModalMotion
-from plate_fem.solution.eigen import LOAD_RADIUS, load_rows
 from plate_fem.solution.model import build_model
+from plate_fem.solution.residual import LOAD_RADIUS, load_rows
 from plate_fem.truncation import energy_left_out
 
 HELD = {"edges": "clamped", "max_frequency_Hz": 4e3}
