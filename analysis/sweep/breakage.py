@@ -58,8 +58,7 @@ class Network:
 
 
 def read_network(run: Run) -> Network:
-    """Read sub-spheres and bonds from a run's deck; a run of spheres has no bonds. Raises RecordError if there is no
-    deck."""
+    """Read sub-spheres and bonds from a run's deck; spheres have no bonds. Raises RecordError if there is no deck."""
     deck = run.path / "deck"
     if (deck / "stones.bin").is_file():
         return _network_of_stream(deck / "stones.bin")

@@ -17,8 +17,7 @@ _log = logging.getLogger(__name__)
 INTERVAL_s = 0.5  # between two lines on a terminal; a log gets one a tenth
 IMPACT_s = 1.2e-3  # from the arrival of a stone until it has left the plate and rings no more
 FLIGHT_s = 1e-4  # so long nothing touches the plate: the engine asks only then again where it is
-# Until the run itself tells: speed while stones ring over that in contact, and of flights, s a simulated second, as if
-# FLOWN_s had been flown.
+# Until the run tells: speed while stones ring over that in contact; of flights, s a simulated s, as if for FLOWN_s.
 RINGING, FLIGHT, FLOWN_s = 0.5, 5.0, 1e-3
 
 

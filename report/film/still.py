@@ -63,8 +63,7 @@ def still(scene: StillScene) -> Figure:
     diameter = 2 * scene.radius_m[order] / depth[order]
     axis.add_collection(EllipseCollection(
         diameter, diameter, np.zeros_like(diameter), units="xy", offsets=plane[order], transOffset=axis.transData,
-        facecolor=ROCK_COLOURS[scene.is_gangue[order].astype(int)], edgecolor=(0, 0, 0, 0.35),
-        linewidth=0.3))  # fmt: skip
+        facecolor=ROCK_COLOURS[scene.is_gangue[order].astype(int)], edgecolor=(0, 0, 0, 0.35), linewidth=0.3))
     return figure
 
 

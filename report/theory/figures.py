@@ -20,13 +20,8 @@ STATE_COLOURS = {"PH": COAL, "HN": PALE, "PF": ACCENT, "FN": GANGUE}
 
 
 @styled
-def arrangement(
-    places_m: np.ndarray,
-    radius_m: float,
-    order: list[int],
-    plate_m: tuple[float, float],
-    rods_m: list[tuple[float, float]],
-) -> Figure:
+def arrangement(places_m: np.ndarray, radius_m: float, order: list[int], plate_m: tuple[float, float],
+                rods_m: list[tuple[float, float]]) -> Figure:
     """Draw the ring of stones on the plate, with numbers and the order in which gangue replaces coal (Figures 7, 8).
 
     places_m: shape (stones, 2). order: numbers of the places, from 1. plate_m: length and width. rods_m: (x, y) each.
