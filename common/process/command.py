@@ -101,6 +101,8 @@ def end_of(program: str, command: Callable[[], int]) -> tuple[int, str]:
     _running.append(program)
     try:
         return _ended(program, command)
+    except KeyboardInterrupt:  # while the line of another end was made
+        return INTERRUPTED, _LINE
     finally:
         _running.pop()
 

@@ -9,7 +9,7 @@ import pytest
 from dem.run.progress import FLIGHT, Progress
 
 #: Simulated and processor time of runs of scenes/single.toml, paper.toml (10 ms and whole), stream.toml (0.35 s), and
-#: polyhedra.toml, by whose run no number was chosen.
+#: polyhedra.toml, beside which the rule was chosen.
 RECORDED = pd.read_csv(Path(__file__).parent / "data" / "progress.csv").groupby("run")
 STREAM_s = [0.02632, 0.03389, 0.04668, 0.06454, 0.06728, 0.08266, 0.10264, 0.10422, 0.10761, 0.15236, 0.16182, 0.17732,
             0.19169, 0.20825, 0.29281]
