@@ -187,8 +187,7 @@ class Listener:
         return fit, Heard(fit.stones[0], covariance, misfit, gain * window.temper, gain)
 
     def _subtract(self, stone: Floats) -> None:
-        start, flat = self.bank.whole(stone)
-        signature = flat.reshape(-1, self.bank.channels).T
+        start, signature = self.bank.whole(stone)
         low = max(start, 0)
         self.left[:, low:start + LAGS] -= signature[:, low - start:]
 
