@@ -220,7 +220,7 @@ def test_times_are_those_of_the_centres(heard):
     (lambda t: t.drop(columns="acc_north_m_s2"), (), "at least one of acc_north_m_s2"),
     (lambda t: t.assign(acc_north_m_s2=np.nan), (), "every sample must be finite"),
     (lambda t: t, ("--radius", "0.03", "0.02"), "the lower first"),
-    (lambda t: t, ("--step", "0"), "must be a time above 0 s"),
+    (lambda t: t, ("--step", "0"), "must be a time, at least 0.001 s"),
     (lambda t: t, ("--coal-first", "-1"), "must be a number of stones"),
     (lambda t: t, ("--stop-above", "200"), "must be from 2 to 98 %"),
     (lambda t: t, ("--law", "none.json"), "none.json: no law"),
