@@ -1,6 +1,6 @@
-"""Names of the signals of a run, which are columns of signals.parquet and fast.parquet.
+"""Names of the signals of a run, which are columns of signals.parquet and fast.parquet, and their units.
 
-Each ends in its unit, as `common.units.unit_of` reads it. What a kind of sensor measures is in `dem.record.recorder`.
+Each name ends in its unit, in scenes, tables and code alike. What a kind of sensor measures: `dem.record.recorder`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,25 @@ ACCELEROMETERS, RODS = "acc_", "rod_"
 
 #: Of a plate that stands on rods alone, upwards: the impulse that modal damping took, and the momentum of the rods.
 DAMPING_IMPULSE, RODS_MOMENTUM = "damping_impulse_N_s", "rods_momentum_kg_m_s"
+#: The longest ending that fits comes first.
+UNIT_BY_SUFFIX = {
+    "_m_s2": "m/s^2",
+    "_kg_m_s": "kg m/s",
+    "_N_s": "N s",
+    "_kg_m3": "kg/m^3",
+    "_m_s": "m/s",
+    "_rad_s": "rad/s",
+    "_kg_s": "kg/s",
+    "_1_s": "1/s",
+    "_m2": "m^2",
+    "_deg": "deg",
+    "_Hz": "Hz",
+    "_Pa": "Pa",
+    "_m": "m",
+    "_s": "s",
+    "_N": "N",
+    "_J": "J",
+}
 
 
 def sensor_column(name: str, kind: SensorKind = "acceleration") -> str:
@@ -38,3 +57,11 @@ def rod_column(number: int) -> str:
 def force_column(number: int) -> str:
     """Column of the force of a stone on the plate, in N; numbers from 1, in the order of the scene."""
     return f"force_{number:02d}_N"
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a quantity by the ending of its name, "1" where it has none."""
+    for suffix, unit in UNIT_BY_SUFFIX.items():
+        if name.endswith(suffix):
+            return unit
+    return "1"

@@ -19,6 +19,12 @@ from common.input_error import (
 )
 
 MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
+#: What says the same as keys of earlier versions.
+INSTEAD = {
+    "impact_view_interval_s": "output.view_interval_s, which takes each impact every 20 us",
+    "pressure_threshold_Pa": "pressure_strengthening, from any pressure on",
+    "strength_factor": "scatter.strength_factor, or a material of its own",
+}
 
 
 class Refused(ValueError):
@@ -136,7 +142,8 @@ def _describe(mistake: Mapping[str, Any], model_class: Any, data: Any, where: st
         keys, value = [*keys, tag], context["tag"]
         allowed = f"must be one of {context['expected_tags']}"
     elif kind == "extra_forbidden":
-        allowed = f"unknown key; allowed here: {', '.join(_allowed_keys(model_class, data, keys[:-1]))}"
+        instead = f"; use {INSTEAD[keys[-1]]}" if keys[-1] in INSTEAD else ""
+        allowed = f"unknown key{instead}; allowed here: {', '.join(_allowed_keys(model_class, data, keys[:-1]))}"
     elif kind == "value_error" and isinstance(context["error"], Refused):
         refused = context["error"]
         keys, value, allowed = [*keys, refused.key], refused.value, refused.allowed

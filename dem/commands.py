@@ -21,7 +21,7 @@ from common.resources import resource
 from common.result import Result
 from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
-from dem.coupling.build_engine import build_engine as make_engine
+from dem.coupling.launch import build_engine as make_engine
 from dem.deck.render import write_deck
 from dem.run import run as runs
 from dem.run.directory import SUFFIX
@@ -185,5 +185,5 @@ class EngineResult(Result):
 
 
 def build_engine() -> EngineResult:
-    """Build the engine, where Debian's libliggghts-dev is installed, see `dem.coupling.build_engine`."""
+    """Build the engine, where Debian's libliggghts-dev is installed, see `dem.coupling.launch`."""
     return EngineResult(make_engine())

@@ -168,7 +168,7 @@ COMMANDS = {
              help="fit modes and records up to here (default: %(default)g)"),
         _arg("--uff", metavar="FILE", help="also write the modes to FILE (.uff), datasets 15 and 55")), (
         "gangue tap scenes/paper.toml taps.toml --out plate.json",)),
-    "check": Command("recognition.sensors.checked:check", "look for faults in the channels of a record", (
+    "check": Command("recognition.sensors.channel_check:check", "look for faults in the channels of a record", (
         RECORD, PLATE, SCALE, UNIT), (
         "gangue check measured.csv --plate plate.json",)),
     "listen": Command("recognition.stream.heard:listen",
@@ -204,7 +204,7 @@ COMMANDS = {
              help="speeds, in m/s"),
         _arg("--stones", type=int, default=48, metavar="N", help="stones to simulate (default: %(default)d)"), JOBS), (
         "gangue learn-forces scenes/single.toml --radius 0.015 0.035 --speed 2 4 --out law.json",)),
-    "volley": Command("recognition.volley.judged:volley",
+    "volley": Command("recognition.volley.recognise:volley",
                       "mixing ratio of stones that arrive at once on unknown places", (
         RECORD, PLATE, SCALE, UNIT,
         _arg("--stones", type=int, nargs="+", required=True, metavar="N",
@@ -227,7 +227,7 @@ COMMANDS = {
         "gangue scenes", "gangue scenes paper --out my.toml")),
     "doctor": Command("gangue.doctor:doctor", "what this machine has and lacks to simulate", (), (
         "gangue doctor", "gangue --json doctor")),
-    "completion": Command("gangue.completion:completion", "completion of commands for a shell, by shtab", (
+    "completion": Command("gangue.parser:completion", "completion of commands for a shell, by shtab", (
         _arg("shell", choices=("bash", "zsh", "tcsh"), help="the shell"),), (
         "gangue completion bash > ~/.local/share/bash-completion/completions/gangue",
         "gangue completion zsh > ~/.zfunc/_gangue")),

@@ -18,12 +18,10 @@ from common.result import Result
 from common.scene.plate import read_plate
 from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
-from dem.batch.children import run_all
-from dem.batch.sweep import is_finished
+from dem.batch.sweep import is_finished, run_all
 from dem.coupling.launch import check_engine
 from dem.run.run import run_scene
-from recognition.stone_forces.forces import MATERIALS, History, StoneForces
-from recognition.stone_forces.law_file import FORMAT, save_forces
+from recognition.stone_forces.forces import FORMAT, MATERIALS, History, StoneForces, refuse_limits, save_forces
 
 DURATION_s = 2.5e-3  # of a run, and kept of the force: the stone has left
 INNER = 0.72  # of the half sides of the plate: stones fall within
@@ -52,15 +50,14 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
                  stones: int = 48, jobs: int = 2) -> LearntForces:
     """Simulate single stones of a scene's coal and gangue, which fall anywhere on its plate with radii and speeds
     between limits, and write the law of their forces to `out` (.json). The runs stay in a directory of its name beside
-    it, and are not made again. Raises InputError for bad input, Busy where another process is at work there."""
+    it, and are not made again. Raises InputError or RecognitionError for bad input, Busy where another process is
+    there."""
     refuse_file(str(out), is_sealed_as(FORMAT))
     if out.suffix != ".json":
         raise InputError(f"--out {out}: must end in .json")
     if not LEAST <= stones <= 10_000:
         raise InputError(f"--stones {stones}: must be from {LEAST} to 10000")
-    for name, (low, high) in (("radius", radius_m), ("speed", speed_m_s)):
-        if not 0 < low <= high < 100:
-            raise InputError(f"--{name} {low:g} {high:g}: must be two positive numbers, the lower first")
+    refuse_limits(radius_m, speed_m_s)
     check_engine()
     plate = read_plate(scene_file)
     places = INNER / 2 * np.array([plate.length_m, plate.width_m])

@@ -1,11 +1,13 @@
-"""The parser of the command line, made of the table of commands."""
+"""The parser of the command line, made of the table of commands, and the script by which shells complete it."""
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from typing import Any
 
 from common.process.command import Parser
+from common.result import Result
 from gangue.commands import COMMANDS
 
 PROGRAM = "gangue"
@@ -65,3 +67,24 @@ class _Version(argparse.Action):
 
         print(f"{PROGRAM} {version('coal-gangue-impact')}")
         parser.exit()
+
+
+@dataclass(frozen=True)
+class CompletionResult(Result):
+    """The script for a shell."""
+
+    line = "{script}"
+    shell: str
+    script: str
+
+
+def completion(shell: str) -> CompletionResult:
+    """Write the script. Where a value is not one of a few, files complete it."""
+    import shtab  # late: no other command needs it
+
+    parser = parser_of()
+    for sub in commands_of(parser).values():
+        for action in sub._actions:
+            if action.nargs != 0 and not action.choices:
+                action.complete = shtab.FILE  # type: ignore[attr-defined]  # shtab's way
+    return CompletionResult(shell, shtab.complete(parser, shell, root_prefix=PROGRAM))

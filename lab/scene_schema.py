@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from common.channels import unit_of
 from common.files.whole import write_text
 from common.resources import resource
 from common.scene.scene import Scene
-from common.units import unit_of
 
 Node = dict[str, Any]
 SCHEMA = "scenes/scene.schema.json"

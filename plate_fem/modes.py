@@ -1,4 +1,6 @@
-"""Natural modes of the plate: frequencies, shapes and what else is needed of them."""
+"""Natural modes of the plate: frequencies, shapes and what else is needed of them, such as the stress at the top
+surface, from the curvature of a shape and its strain in the plane.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +10,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 from scipy.interpolate import make_interp_spline
 
 from common.files.cache import cached, key_of
 from common.scene.plate import FlexiblePlate
 from common.tables import Refused
-from plate_fem.elements import products
+from plate_fem.elements import line, products
 from plate_fem.elements.mesh import highest_frequency_Hz
+from plate_fem.elements.products import Products
+from plate_fem.elements.system import PlateSystem
 from plate_fem.solution.mode_count import MODES_AT_MOST, refuse_too_many_modes
 
 if TYPE_CHECKING:
     from plate_fem.elements.system import PlateSystem
     from plate_fem.solution.model import PlateModel
-
 
 MOST_RESIDUAL_POINTS = 32  # each adds a mode
 NOWHERE = np.empty((0, 2))  # for residual modes of the rods alone
@@ -41,7 +45,7 @@ class PlateModes:
     surface_stress (n_nodes, 3, n): sx, sy, txy (Pa) at the top surface, per amplitude.
     mass_kg: mass of the plate without rods.
     theory: "kirchhoff" or "mindlin".
-    n_residual: how many modes, the last ones, stand for the compliance of the rest (plate_fem/solution/residual.py).
+    n_residual: how many modes, the last ones, stand for the compliance of the rest (plate_fem/solution/eigen.py).
     lateral (n_nodes, 2, n): displacement of the top surface along x and y at the nodes, of a plate that can sway; no
         rows of one that cannot.
 
@@ -151,7 +155,7 @@ def plate_modes(
     below `max_frequency_Hz`, which take longest, have an entry of their own that other points and damping ratios
     share. Without it nothing is kept.
     residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
-    points the static compliance of all the modes left out (plate_fem/solution/residual.py), and one for each rod, with
+    points the static compliance of all the modes left out (plate_fem/solution/eigen.py), and one for each rod, with
     which the rods bear their exact share of a steady force anywhere. Without it there are none.
     Raises ValueError for a table without `max_frequency_Hz`, and Refused for one with too many cells or modes, or
     whose numbers are so extreme that they cannot be found.
@@ -211,7 +215,6 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     from plate_fem.elements.in_plane import sways
     from plate_fem.solution.model import build_model  # late: most modes are in the cache
     from plate_fem.solution.residual import load_rows, residual_modes
-    from plate_fem.solution.stress_recovery import modal_surface_stress
 
     model = build_model(plate)
     omega_squared, kept = _kept_modes(plate, model, cache_dir)
@@ -255,3 +258,61 @@ def _sign(shape: np.ndarray) -> np.ndarray:
     size = abs(shape).max(axis=0)
     first = (abs(shape) > 0.9 * size).argmax(axis=0)
     return np.where(shape[first, np.arange(shape.shape[1])] < 0, -1.0, 1.0)
+
+
+def surface_strain(system: PlateSystem, u: np.ndarray) -> np.ndarray:
+    """Return the strain (3, n_nodes, n) of the top surface at the nodes from unknowns (system.size, n): xx, yy, 2 xy.
+
+    It is that of the mid-plane less t/2 times the curvature: theta_x,x, theta_y,y and theta_x,y + theta_y,x, with
+    theta = grad w in Kirchhoff's theory.
+    """
+    w, theta, lines = system.deflections, system.rotations, (system.lines_x_m, system.lines_y_m)
+    if theta is None:
+        curvature = np.array([_derivative(w, u[: w.size], order, lines) for order in ((2, 0), (0, 2), (1, 1))])
+        curvature[2] *= 2
+    else:
+        curvature = _gradient(theta, u[w.size : w.size + 2 * theta.size], lines)
+    strain, functions = -system.plate.thickness_m / 2 * curvature, system.in_plane.functions
+    return strain if functions is None else strain + _gradient(functions, u[-2 * functions.size :], lines)
+
+
+def _gradient(functions: Products, u: np.ndarray, lines: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return v_x,x, v_y,y and v_x,y + v_y,x (3, n_nodes, n) of a vector v with coefficients u (2 size, n)."""
+    x, y = u[: functions.size], u[functions.size :]
+    shear = _derivative(functions, x, (0, 1), lines) + _derivative(functions, y, (1, 0), lines)
+    return np.array([_derivative(functions, x, (1, 0), lines), _derivative(functions, y, (0, 1), lines), shear])
+
+
+def _derivative(functions: Products, u: np.ndarray, order: tuple[int, int],
+                lines: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return the projection of a derivative of functions with coefficients u (size, n) at the nodes of the lines,
+    (n_nodes, n): the derivatives are discontinuous, and their least-squares projections continuous biquadratics.
+
+    On a grid of rectangles it is a projection along x after one along y.
+    """
+    along_x = _projection(functions.along_x, order[0], lines[0])
+    along_y = _projection(functions.along_y, order[1], lines[1])
+    by_y = np.tensordot(along_x, u[functions.number], 1)
+    return np.matmul(along_y, by_y).reshape(-1, u.shape[1])
+
+
+def _projection(functions: line.Functions, derivative: int, at_m: np.ndarray) -> np.ndarray:
+    """Return the matrix (m, size) from coefficients to the values at m places of the derivative's projection on
+    continuous parabolas."""
+    target = line.parabolas(functions.lines_m)
+    mass, moments = line.integral(target, target), line.integral(target, functions, 0, derivative)
+    coefficients = scipy.linalg.solve(mass.toarray(), moments.toarray(), assume_a="pos")
+    number, value = target.at(at_m)
+    return np.asarray((value[:, :, None] * coefficients[number]).sum(axis=1))
+
+
+def modal_surface_stress(system: PlateSystem, u: np.ndarray) -> np.ndarray:
+    """Return the stress (n_nodes, 3, n) sx, sy, txy at the top surface for each column of unknowns (system.size, n).
+
+    It is in Pa for unknowns in m and rad.
+    """
+    plate = system.plate
+    nu = plate.poisson_ratio
+    xx, yy, xy = surface_strain(system, u)
+    scale = plate.youngs_modulus_Pa / (1 - nu**2)
+    return scale * np.stack([xx + nu * yy, yy + nu * xx, (1 - nu) / 2 * xy], axis=1)

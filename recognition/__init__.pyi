@@ -1,11 +1,9 @@
 from recognition.estimation.answer import Answer as Answer
 from recognition.estimation.errors import NotRecognised as NotRecognised, RecognitionError as RecognitionError
 from recognition.models import Model as Model, leave_one_out as leave_one_out
-from recognition.paper.function_space import Rule as Rule
-from recognition.paper.fusion import FUSIONS as FUSIONS, Fusion as Fusion
-from recognition.paper.kalman import fuse as fuse, kalman_filter as kalman_filter
+from recognition.paper.fusion import FUSIONS as FUSIONS, Fusion as Fusion, fuse as fuse, kalman_filter as kalman_filter
 from recognition.paper.pipeline import FusionPipeline as FusionPipeline
 from recognition.paper.q_parameter import FusionQ as FusionQ
-from recognition.paper.strategy import JUDGES as JUDGES, Strategy as Strategy
+from recognition.paper.strategy import JUDGES as JUDGES, Rule as Rule, Strategy as Strategy
 from recognition.plate.plate_model import PlateModel as PlateModel
 from recognition.regression.feature_regression import FeatureRegression as FeatureRegression

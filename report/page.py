@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from analysis import Run, Sweep, read_sweep
 from analysis.sweep import breakage
-from analysis.sweep.stream import is_stream
+from analysis.sweep.runs import is_stream
 from common.files.output_directory import (
     hash_of,
     is_stamped,
@@ -35,18 +35,16 @@ from report.drawing.figure_spec import FigureSpec, FinishedFigure, finish_figure
 from report.drawing.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
 from report.film.pictures import EARLY, IMPACT, WHOLE, Series
 from report.film.reel import Films, films_of, pack_films
-from report.film.still import still
-from report.film.still_scene import still_scene
+from report.film.still import still, still_scene
 from report.missing import MISSING_RESULT
 from report.parts import make_parts
 from report.response.chapter import FELT, MAXIMA, RESPONSE_FIGURES
 from report.signals.chapter import SIGNAL_FIGURES
-from report.stream.page import StreamRun
+from report.stream.chapter import StreamRun
 from report.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
 from report.theory.chapter import THEORY_FIGURES
-from report.trends import LEAST_TREND, falling_steps, spearman
-from report.verdicts import VERDICTS, Claim, Statement, to_csv
+from report.verdicts import LEAST_TREND, VERDICTS, Claim, Statement, falling_steps, spearman, to_csv
 
 TEMPLATES = resource("templates")
 

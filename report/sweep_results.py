@@ -11,8 +11,7 @@ import numpy as np
 from analysis import RecordError, Run, Sweep
 from recognition.estimation.window import Window
 from report.breakage.results import BreakageResults
-from report.response.plate import PlateResults
-from report.response.results import ResponseResults
+from report.response.results import PlateResults, ResponseResults
 from report.signals.results import SignalResults
 from report.theory.results import TheoryResults
 

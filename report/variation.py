@@ -13,7 +13,7 @@ from recognition.estimation.window import WINDOW_S
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
 from report.tables import Cells, TableSpec
-from report.trends import spearman
+from report.verdicts import spearman
 
 BESIDE = "natural"
 PLAN = "scenes/dataset_natural.toml"

@@ -1,8 +1,10 @@
-"""Verdicts on the paper's statements, and the rules that give them.
+"""Verdicts on the paper's statements, the measures of what it says in words, and the rules that give verdicts.
 
 A verdict is "held", "partly", "not held", or "not tested" where the runs do not hold what the statement is about.
 A trend is held from |Spearman| >= 0.9 in the stated direction and partly from 0.5; a change "without order" is held
 below 0.6 and partly below 0.9. Other rules stand in each statement's `expected`.
+
+ratios: mixing ratio of each run, shape (runs,). values: one number a run, shape (runs,). curves: shape (runs, moments).
 """
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import rankdata, spearmanr
 
 from report.missing import MISSING_RESULT, MissingResult
 from report.sweep_results import SweepResults
-from report.trends import LEAST_TREND, falling_steps, spearman
 
 HELD, PARTLY, NOT_HELD, NOT_TESTED = "held", "partly", "not held", "not tested"
 VERDICTS = (HELD, PARTLY, NOT_HELD, NOT_TESTED)
@@ -25,6 +27,8 @@ VERDICTS = (HELD, PARTLY, NOT_HELD, NOT_TESTED)
 Finding = tuple[str, str]
 Test = Callable[[SweepResults], Finding]
 Values = Callable[[SweepResults], np.ndarray]
+#: A trend needs at least so many ratios.
+LEAST_TREND = 4
 
 
 @dataclass(frozen=True)
@@ -143,3 +147,53 @@ def ratios_of_trend(results: SweepResults, values: np.ndarray) -> np.ndarray:
 def need_enough_ratios(results: SweepResults) -> None:
     """Raise MissingResult if the sweep has too few ratios for a trend."""
     ratios_of_trend(results, results.ratios)
+
+
+def spearman(ratios: np.ndarray, values: np.ndarray) -> float:
+    """Return Spearman's rank correlation of values with the ratio, -1..1; 0 where all values are equal."""
+    if np.ptp(values) == 0:
+        return 0.0
+    return float(spearmanr(ratios, values).statistic)
+
+
+def falling_steps(ratios: np.ndarray, values: np.ndarray) -> list[tuple[float, float]]:
+    """Return the pairs of neighbouring ratios between which the values fall."""
+    return [(float(ratios[i]), float(ratios[i + 1])) for i in np.flatnonzero(np.diff(values) < 0)]
+
+
+def stratification(ratios: np.ndarray, curves: np.ndarray) -> float:
+    """Return the mean over the moments of |Spearman| between ratio and value: 1 for curves that never cross.
+
+    Moments at which all curves agree (before the impact) do not count. The order may turn over with time, as it must
+    for a vibration.
+    """
+    alive = np.ptp(curves, axis=0) > 1e-12 * np.ptp(curves)
+    ranks = rankdata(curves[:, alive], axis=0)
+    ranks = ranks - ranks.mean(axis=0)
+    r = rankdata(ratios) - np.mean(rankdata(ratios))
+    return float(np.mean(np.abs(r @ ranks) / np.sqrt((r @ r) * np.sum(ranks**2, axis=0))))
+
+
+def overlap(curves: np.ndarray) -> float:
+    """Return the share of neighbouring curves, over all moments, that lie against the order of most at that moment."""
+    alive = np.ptp(curves, axis=0) > 1e-12 * np.ptp(curves)
+    rising = np.mean(np.diff(curves[:, alive], axis=0) > 0, axis=0)
+    return float(np.mean(np.minimum(rising, 1 - rising)))
+
+
+def separation(curves: np.ndarray) -> float:
+    """Return the mean over the moments of the spread of the curves, divided by the whole range of values."""
+    return float(np.mean(np.ptp(curves, axis=0)) / np.ptp(curves))
+
+
+def travel(curve: np.ndarray) -> float:
+    """Return the way of a curve up and down over twice its range: at most 1 for a single peak, n for n equal ones.
+
+    curve: shape (moments,).
+    """
+    return float(np.sum(np.abs(np.diff(curve))) / (2 * np.ptp(curve)))
+
+
+def fluctuation(signal: np.ndarray) -> float:
+    """Return the RMS of the change from sample to sample over the signal's standard deviation, shape (samples,)."""
+    return float(np.sqrt(np.mean(np.diff(signal) ** 2)) / np.std(signal))

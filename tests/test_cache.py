@@ -153,7 +153,7 @@ KEPT_BY = ["dem/stones/library.py", "plate_fem/modes.py", "plate_fem/truncation.
 
 @pytest.mark.parametrize("code, used, unused", [
     (KEPT_BY[0], "plate_fem/solution/eigen.py", "plate_fem/response.py"),
-    (KEPT_BY[0], "dem/shapes/mesh.py", "dem/stones/paths.py"),
+    (KEPT_BY[0], "dem/shapes/mesh.py", "dem/stones/stone.py"),
     (KEPT_BY[1], "plate_fem/solution/residual.py", "plate_fem/commands.py"),
     (KEPT_BY[1], "common/scene/plate.py", "common/scene/scene.py")])
 def test_the_key_is_another_where_a_module_that_is_used_has_changed(tmp_path, code, used, unused):

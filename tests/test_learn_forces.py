@@ -5,7 +5,7 @@ import pytest
 
 from common.resources import resource
 from gangue.__main__ import main
-from recognition.stone_forces.law_file import load_forces
+from recognition.stone_forces.forces import load_forces
 
 SCENE = str(resource("scenes") / "small.toml")
 LIMITS = ["--radius", "0.02", "0.03", "--speed", "2", "4"]

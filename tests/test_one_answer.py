@@ -28,11 +28,11 @@ from recognition.estimation.window import Window
 from recognition.models import Model
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
-from recognition.sensors.checked import CheckResult
+from recognition.sensors.channel_check import CheckResult
 from recognition.stream.heard import UNTAPPED, Alarms, ListenResult
 from recognition.stream.live import LiveResult
 from recognition.tapping.tapped import TapResult
-from recognition.volley.judged import VolleyResult
+from recognition.volley.recognise import VolleyResult
 from report.commands import ComparisonResult, ReportResult
 from tests.analysis.synthetic import write_sweep
 from tests.recognition.test_arrangement_likelihood import NAMES, SAMPLES, SAMPLE_s, draw, plate

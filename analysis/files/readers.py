@@ -13,13 +13,12 @@ from analysis.files.array_files import Arrays, read_hdf5, read_matlab
 from analysis.files.labview_files import read_lvm, read_tdms
 from analysis.files.sound_files import read_flac, read_wav
 from analysis.files.text_tables import name_and_unit, plain_unit, read_plain_table, read_text_table
-from analysis.files.uff_files import read_uff
-from analysis.signals.frequency_responses import OF_A_TABLE, as_tap, impulse_response
+from analysis.files.uff_files import OF_A_TABLE, as_tap, impulse_response, read_uff
 from analysis.signals.records import Record, RecordError, chosen, sample_rate_Hz
+from common.channels import unit_of
 from common.files.parquet import read_numbers, read_parquet
 from common.input_error import InputError, refuse_unreadable
 from common.process.processes import Crashed, apart
-from common.units import unit_of
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.signals.records import RecordError
-from common.units import UNIT_BY_SUFFIX
+from common.channels import UNIT_BY_SUFFIX
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
+from common.channels import unit_of
 from common.input_error import CommandError
-from common.units import unit_of
 
 if TYPE_CHECKING:
     import pandas as pd

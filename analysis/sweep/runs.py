@@ -1,8 +1,10 @@
-"""Run directories: one simulated impact each, and the sweep over the mixing ratio.
+"""Run directories: one simulated impact each, the sweep over the mixing ratio, and what fell in a stream.
 
 A run directory holds `run.json`, `signals.parquet` (6667 Hz), `fast.parquet`
-(>= 100 kHz while anything touches) and `breakage.parquet` (one row per broken
-bond). A sweep is a directory of them, one per gangue mixing ratio (`ratio_030`).
+(>= 100 kHz while anything touches), `breakage.parquet` (one row per broken
+bond) and `stones.parquet` (a row a stone, which counts from its first touch of the
+plate, `first_contact_s`). A sweep is a directory of them, one per gangue mixing
+ratio (`ratio_030`).
 """
 
 from __future__ import annotations
@@ -10,20 +12,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
 from analysis.files.readers import read_table
 from analysis.signals.records import Record, RecordError, sample_rate_Hz
-from common.channels import RESPONSES
+from common.channels import RESPONSES, unit_of
 from common.files.whole import read_json
 from common.run_summary import RecordedScene, RunSummary, summary_from
 from common.tables import InputError
-from common.units import unit_of
 
 BREAKAGE_COLUMNS = ("t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2")
+By = Literal["mass", "number"]
+COLUMNS = ("material", "radius_m", "arrival_s", "mass_kg", "first_contact_s", "peak_force_N", "broken_area_m2",
+           "left_mass_kg", "left_s")
 
 
 @dataclass(frozen=True)
@@ -223,3 +227,29 @@ def _expected(path: Path, runs: list[Run]) -> list[float]:
         return sorted({float(ratio) for ratio in own.get("stones.gangue_ratio", [])})
     count = runs[0].scene.stones.count
     return [k / count for k in range(count + 1)] if count and len(runs) > 1 else []
+
+
+def is_stream(run: Run) -> bool:
+    """Do stones come and go in a run, so that it has a table of what left?"""
+    return (run.path / "left.parquet").is_file()
+
+
+def fallen(run: Run) -> pd.DataFrame:
+    """stones.parquet of a run, with `is_gangue` beside its columns. Raises RecordError where it is not there."""
+    file = run.path / "stones.parquet"
+    table = read_table(file)
+    missing = [name for name in COLUMNS if name not in table.columns]
+    if missing:
+        raise RecordError(f"{file}: no column {missing[0]!r}; needs {', '.join(COLUMNS)}")
+    return table.assign(is_gangue=table["material"].map(run.scene.kind_of) == "gangue")
+
+
+def true_ratio(stones: pd.DataFrame, begin_s: float, end_s: float, by: By = "mass") -> float:
+    """Share of gangue, 0..1, among the stones (of `fallen`) that first touched the plate in begin_s <= t < end_s, by
+    mass or by number. Raises RecordError where there were none."""
+    first_s = stones["first_contact_s"].to_numpy()
+    here = stones[(first_s >= begin_s) & (first_s < end_s)]
+    if here.empty:
+        raise RecordError(f"no stone touched the plate first from {begin_s:g} to {end_s:g} s; the ratio needs one")
+    weight = here["mass_kg"].to_numpy() if by == "mass" else np.ones(len(here))
+    return float(weight[here["is_gangue"].to_numpy()].sum() / weight.sum())

@@ -14,7 +14,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
-from analysis.theory.setup import places_of, setup_of
+from analysis.theory.contact_states import places_of, setup_of
 from common import hertz
 from common.channels import force_column
 from common.files.cache import user_cache

@@ -15,12 +15,11 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from common.input_error import MOST_DEEP
+from common.scene.distribution import OF_DRAWN, ScatterTable
 from common.scene.error_laws import least_tolerance
 from common.scene.file import scene_tables
 from common.scene.plate import PlateTable, refuse_density
-from common.scene.scatter import OF_DRAWN, ScatterTable
-from common.scene.shapes import ShapeTable
-from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, StonesTable
+from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, ShapeTable, StonesTable
 from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
@@ -62,8 +61,7 @@ class BondTable(Table):
     volumetric_ratio: Annotated[float, Field(ge=0, le=0.6), about(  # beyond, it would limit the time step
         "modulus of dilatation over that of the bonds; 0: none")] = 0.0
     pressure_strengthening: Annotated[NotNegative, about(
-        "gain of tensile strength per pressure above the threshold")] = 0.0
-    pressure_threshold_Pa: Annotated[NotNegative, about("mean pressure from which the tensile strength rises")] = 0.0
+        "gain of tensile strength per mean pressure")] = 0.0
     fracture_energy_J_m2: Annotated[Positive | None, about(
         "energy per section of a bond that softens; absent: bonds snap")] = None
     flaw_modulus: Annotated[Annotated[float, Field(ge=1, le=100)] | None, about(
@@ -83,16 +81,6 @@ class BondTable(Table):
     def _whole_field(self) -> Self:
         if (self.flaw_modulus is None) != (self.flaw_length_m is None):
             raise Refused("flaw_length_m", self.flaw_length_m, "must be given with flaw_modulus, and only with it")
-        return self
-
-    @model_validator(mode="after")
-    def _threshold_of_something(self) -> Self:
-        if self.pressure_threshold_Pa > 0 and self.pressure_strengthening == 0:
-            raise Refused("pressure_threshold_Pa", self.pressure_threshold_Pa,
-                          "must be left out where pressure_strengthening is 0")
-        if self.pressure_threshold_Pa > 0 and self.fracture_energy_J_m2 is not None:
-            raise Refused("pressure_threshold_Pa", self.pressure_threshold_Pa,
-                          "must be left out where fracture_energy_J_m2 is given")
         return self
 
 
@@ -135,9 +123,8 @@ class ContactTable(Table):
 class OutputTable(Table):
     """What is written besides the signals."""
 
-    view_interval_s: Annotated[Positive | None, about("time between two pictures for ParaView")] = None
-    impact_view_interval_s: Annotated[NotNegative, about(
-        "the same during the first impact of a stone; 0: none")] = 2e-5
+    view_interval_s: Annotated[Positive | None, about(
+        "time between two pictures for ParaView; 20 us during the first impact of a stone, but of a stream")] = None
 
 
 class Scene(Table):

@@ -24,6 +24,10 @@ LARGEST_SIZE_m = 10.0
 FASTEST_m_s = 1e3
 Speed = Annotated[float, Field(ge=0, le=FASTEST_m_s)]
 Pair = Annotated[tuple[float, float], BeforeValidator(lambda pair: tuple(pair) if isinstance(pair, list) else pair)]
+VOLLEY = ("count", "radius_m", "speed_m_s", "gangue_ratio")
+ONLY_VOLLEY = ("count", "radius_m", "speed_m_s", "circle_radius_m", "positions_m", "gangue_order")
+WAYS = ("each", "drawn")
+Axis = Annotated[float, Field(ge=0.2, le=1)]
 
 
 class AgglomerateTable(Table):
@@ -53,7 +57,6 @@ class EachStone(Table):
     arrival_s: Annotated[NotNegative, about("when it touches; 0: it starts gap_m above the plate")] = 0.0
     attitude: Annotated[tuple[float, float, float, float] | None, about(
         "unit quaternion (w, x, y, z) of its rotation; absent: none")] = None
-    strength_factor: Annotated[Positive, about("factor on the strengths of its bonds")] = 1.0
     seed: Annotated[Seed | None, about("seed of its packing; absent: stones.seed + number - 1")] = None
 
     @model_validator(mode="after")
@@ -126,11 +129,6 @@ class DrawnTable(Table):
         """From the first to the last arrival that may be."""
         begin, end = self.arrival_s.bounds
         return end - begin
-
-
-VOLLEY = ("count", "radius_m", "speed_m_s", "gangue_ratio")
-ONLY_VOLLEY = ("count", "radius_m", "speed_m_s", "circle_radius_m", "positions_m", "gangue_order")
-WAYS = ("each", "drawn")
 
 
 class StonesTable(Table):
@@ -236,3 +234,20 @@ class StonesTable(Table):
         if self.each is not None:
             return sorted({one.shape for one in self.each})
         return sorted(set(self.drawn.shapes)) if self.drawn is not None else [SPHERE]
+
+
+class ShapeTable(Table):
+    """A kind of stone: random convex polyhedra, each by its seed, or the closed surface in a file."""
+
+    elongation: Annotated[Axis, about("middle over longest extent of a polyhedron")] = 1.0
+    flatness: Annotated[Axis, about("shortest over middle extent")] = 1.0
+    corners: Annotated[int, Field(ge=6, le=200), about("corners of a polyhedron")] = 16
+    file: Annotated[str | None, about(
+        "closed mesh, such as an STL file, beside the scene; without other keys")] = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        for key, field in type(self).model_fields.items():
+            if self.file is not None and key != "file" and getattr(self, key) != field.default:
+                raise Refused(key, getattr(self, key), "must be left out where file is given")
+        return self

@@ -68,7 +68,6 @@ class Rock:
     damping_ratio: float
     volumetric_ratio: float = 0.0
     pressure_strengthening: float = 0.0
-    pressure_threshold_Pa: float = 0.0
     fracture_energy_J_m2: float | None = None  # None: bonds snap
     flaw_modulus: float | None = None
     flaw_length_m: float | None = None
@@ -201,7 +200,7 @@ def run_test(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedu
     values = dict(vars(rock))
     if not procedure.breakable:
         values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa, "tan_friction": 0.0,
-                   "pressure_strengthening": 0.0, "pressure_threshold_Pa": 0.0, "fracture_energy_J_m2": None}
+                   "pressure_strengthening": 0.0, "fracture_energy_J_m2": None}
     axis = specimen.axis
     (directory / "deck.liggghts").write_text(_template().render(
         **values, volumetric_modulus_Pa=rock.volumetric_ratio * rock.bond_modulus_Pa,

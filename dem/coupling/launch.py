@@ -1,4 +1,4 @@
-"""Find the engine and its library, tell where that is another than the tested one, and start the engine."""
+"""Build and find the engine and its library, tell where that is another than the tested one, and start the engine."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ LIGGGHTS_VERSION = "3.8.0+repack1-9+b2"  # Debian package that all is tested wit
 _log = logging.getLogger(__name__)
 SHARED_MEMORY, PREFIX = Path("/dev/shm"), "cgi-"  # a short path, as that of a socket must be
 SOURCES = Path(__file__).resolve().parent.parent / "engine"
+TOOLS = {"make": "make", "mpicxx": "libopenmpi-dev", "g++": "g++"}  # and the Debian package of each
 
 
 def build_directory() -> Path:
@@ -161,3 +162,19 @@ def engine_error(directory: Path) -> str:
 def _is_frame(line: str) -> bool:
     """Is it one of the two lines of dashes about a message of mpirun?"""
     return len(line) > 10 and not line.strip("-")
+
+
+def build_engine() -> Path:
+    """Build the engine; return where it is. Raises InputError, one line, if LIGGGHTS, a compiler or make is missing, if
+    LIGGGHTS is of another version, or after the compiler's errors.
+    """
+    library_version()
+    for tool, package in TOOLS.items():
+        if shutil.which(tool) is None:
+            raise InputError(f"the engine: {tool} is not installed; it is needed to build it "
+                             f"(apt-get install {package})")
+    directory = build_directory()
+    command = ["make", "-s", "-j", str(os.cpu_count() or 1), "-C", str(SOURCES), f"BUILD={directory}"]
+    if subprocess.run(command, check=False).returncode:
+        raise InputError("the engine: not built, for what make and the compiler have said")
+    return directory / "liggghts-bonded"

@@ -8,6 +8,8 @@ import numpy as np
 
 from common.input_error import CommandError
 
+STOPPED = 75
+
 
 class CouplingError(CommandError, RuntimeError):
     """The other side died, fell silent, or wrote something that is not of the protocol."""

@@ -13,6 +13,7 @@ from common.scene.scene import Scene
 from dem.deck.time_step import TimeStep, stone_contact_time_s
 from dem.stones.assembly import Assembly
 
+IMPACT_INTERVAL_s = 2e-5
 IMPACT_CONTACT_TIMES = 2.0  # of a Hertz sphere like the stone; a contact of bonded sub-spheres lasts 1.7 of them
 IMPACT_PICTURES = 100       # at most, of one impact
 ALL_IMPACT_PICTURES = 200   # at most, of all impacts together
@@ -45,7 +46,8 @@ def picture_schedule(scene: Scene, assembly: Assembly, step: TimeStep) -> Pictur
     """The schedule of a scene, None if it wants no pictures.
 
     An impact begins when the lowest point of a stone reaches the plate at rest, and lasts IMPACT_CONTACT_TIMES. Those
-    of stones that arrive together are one. All pictures lie on rows of the fast stream, so that the plate is known.
+    of stones that arrive together are one; a stream has none. All pictures lie on rows of the fast stream, so that the
+    plate is known.
     """
     if scene.output.view_interval_s is None:
         return None
@@ -53,10 +55,9 @@ def picture_schedule(scene: Scene, assembly: Assembly, step: TimeStep) -> Pictur
     # picture at its start alone.
     samples = min(scene.output.view_interval_s / scene.time.sample_interval_s, step.steps // step.sample_steps + 1)
     every = step.sample_steps * max(1, round(samples))
-    interval_s = scene.output.impact_view_interval_s
-    if interval_s == 0:
+    if scene.stones.is_stream:
         return PictureSchedule(every, 0, ())
-    rows = min(interval_s / (step.fast_steps * step.dt_s), step.steps // step.fast_steps + 1)
+    rows = min(IMPACT_INTERVAL_s / (step.fast_steps * step.dt_s), step.steps // step.fast_steps + 1)
     impact_every = step.fast_steps * max(1, round(rows))
     arrivals = arrival_s(assembly) / step.dt_s
     lasts = IMPACT_CONTACT_TIMES * stone_contact_time_s(scene, assembly) / (impact_every * step.dt_s)

@@ -15,11 +15,10 @@ import numpy as np
 from common.files.whole import named
 from common.resources import resource
 from common.scene.scene import PLATE, ContactTable, Scene
-from dem.deck.face_contact import write_faces
+from dem.deck.contact import pair_laws, write_faces, write_surfaces
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
 from dem.deck.side_walls import deck_walls, wall_files
-from dem.deck.smooth_contact import pair_laws, write_surfaces
 from dem.deck.stone_file import write_stones
 from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
@@ -201,7 +200,7 @@ def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, Any]:
         values = bond.model_dump()
         if table.unbreakable:
             values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa,
-                       "pressure_strengthening": 0.0, "pressure_threshold_Pa": 0.0, "fracture_energy_J_m2": None}
+                       "pressure_strengthening": 0.0, "fracture_energy_J_m2": None}
         angle = 0.0 if table.unbreakable else bond.friction_angle_deg
         values["volumetric_modulus_Pa"] = bond.volumetric_ratio * bond.youngs_modulus_Pa
         values["tan_friction"] = float(np.tan(np.radians(angle)))

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from common.scene.scene import Scene
-from dem.deck.face_contact import NUMBERS as FACE_NUMBERS, face_rows
-from dem.deck.smooth_contact import contact_rows
+from dem.deck.contact import NUMBERS as FACE_NUMBERS, contact_rows, face_rows
 from dem.deck.time_step import TimeStep
 from dem.stones.assembly import Assembly
 from dem.stones.stone import Entry

@@ -12,8 +12,7 @@ import numpy as np
 from common import hertz
 from common.scene.scene import Scene
 from common.tables import InputError
-from dem.deck.face_contact import stiffest_face_N_m, stone_columns_N_m
-from dem.deck.restitution import damping_ratio, elastic_damping_ratio
+from dem.deck.contact import damping_ratio, elastic_damping_ratio, stiffest_face_N_m, stone_columns_N_m
 from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
 from dem.stones.stone import Stone, impact_speed_m_s, places_m

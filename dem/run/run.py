@@ -24,12 +24,11 @@ from dem.coupling.monitor import Unstable
 from dem.deck.render import streams, write_deck
 from dem.deck.time_step import stone_contact_time_s
 from dem.run.directory import STARTED, SUFFIX, Identity, RunDirectory, name_of
-from dem.run.errors import RunError
 from dem.run.participants import participant_of
 from dem.run.prepare import PreparedRun, prepare
 from dem.run.progress import Progress
 from dem.run.results import own_version, summary_of, write_results
-from dem.run.simulate import EngineStart, simulate
+from dem.run.simulate import EngineStart, RunError, simulate
 from dem.stones.arrangement import gangue_ratio as ratio_of
 
 LEAST_FREE_BYTES = 1 << 16

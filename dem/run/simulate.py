@@ -1,4 +1,4 @@
-"""Engine and plate side by side, from the start of the engine to its last step."""
+"""Engine and plate side by side, from the start of the engine to its last step, and how a run can end earlier."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from common.input_error import CommandError
 from dem.coupling.checkpoint import latest
-from dem.coupling.exit_code import STOPPED
 from dem.coupling.launch import engine_error, engine_running
-from dem.coupling.messages import CouplingError
-from dem.coupling.watchdog import EngineWatchdog
+from dem.coupling.messages import STOPPED, CouplingError
+from dem.coupling.pipes import EngineWatchdog
 from dem.record.energy_balance import read_ledger
 from dem.run.directory import SUFFIX
-from dem.run.errors import RunError, Stopped
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun
 from dem.run.progress import Progress
@@ -87,3 +86,13 @@ def _check_finished(prepared: PreparedRun, deck: Path, code: int) -> None:
         raise RunError(f"LIGGGHTS ended before the last step: {engine_error(deck)}")
     if not all(np.all(np.isfinite(values)) for values in ledger.column.values()):
         raise RunError("the energies of LIGGGHTS hold a value that is no number: the run is not stable")
+
+
+class RunError(CommandError, RuntimeError):
+    """A run that started and could not be finished; one line that says why."""
+
+
+class Stopped(CommandError, RuntimeError):
+    """A run that was asked to stop before its end and did; one line that says how to go on."""
+
+    exit_code = STOPPED

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from common.scene.shapes import ShapeTable
+from common.scene.stones import ShapeTable
 from common.tables import InputError, refuse_unreadable
 from dem.shapes.mesh import fault_of, winding_number
 

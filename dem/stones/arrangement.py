@@ -8,8 +8,7 @@ from common.scene.scene import Scene
 from common.scene.stones import COAL, GANGUE, By, EachStone
 from common.tables import InputError
 from dem.stones.drawn import drawn_stones, scattered
-from dem.stones.paths import Flying, gap_to_box_m, reach_m
-from dem.stones.stone import UPRIGHT, Stone
+from dem.stones.stone import UPRIGHT, Flying, Stone, gap_to_box_m, reach_m
 
 
 def stones_of(scene: Scene, file: str) -> list[Stone]:
@@ -50,8 +49,7 @@ def _one(scene: Scene, k: int, one: EachStone) -> Stone:
     return Stone(material=one.material, radius_m=one.radius_m, place_m=(one.x_m, one.y_m),
                  velocity_m_s=velocity,  # type: ignore[arg-type]
                  seed=scene.stones.seed + k if one.seed is None else one.seed, gap_m=scene.stones.gap_m,
-                 arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT,
-                 strength_factor=one.strength_factor, shape=one.shape)
+                 arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT, shape=one.shape)
 
 
 def _volley(scene: Scene, file: str) -> list[Stone]:

@@ -13,10 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from common.files.cache import BeingFound, not_waiting
 from common.scene.scene import Scene
-from common.scene.shapes import ShapeTable
-from common.scene.stones import SPHERE
+from common.scene.stones import SPHERE, ShapeTable
 from common.tables import Refused
-from dem.shapes.mesh_container import MeshContainer
+from dem.shapes.mesh import MeshContainer
 from dem.shapes.solids import Solid, solid_of
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface

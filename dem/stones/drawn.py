@@ -17,8 +17,7 @@ from common.scene.distribution import Distribution
 from common.scene.scene import Scene
 from common.scene.stones import COAL, GANGUE, MOST_STONES, DrawnTable
 from common.tables import InputError
-from dem.stones.paths import Flying
-from dem.stones.stone import Stone
+from dem.stones.stone import Flying, Stone
 
 PLACE_TRIES = 1000
 PACKINGS = 8  # of each shape, which stones share: to find one takes longer than many an impact

@@ -12,7 +12,7 @@ import numpy as np
 
 from common.files.cache import cached, key_of
 from common.scene.scene import BondTable
-from dem.shapes.mesh_container import MeshContainer
+from dem.shapes.mesh import MeshContainer
 from dem.shapes.solids import Solid
 from dem.stones.bonds import Bonds
 from dem.stones.contact_patch import PatchCompliance, StoneSurface, is_surface, stone_surface

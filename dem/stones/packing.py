@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from dem.shapes.mesh_container import MeshContainer
+from dem.shapes.mesh import MeshContainer
 
 OVERLAP_TOLERANCE = 1e-3  # largest overlap of the result, relative to the sum of the two radii
 PRESSURES = (1e-1, 1e-2, 1e-3, 3e-4)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gamma, log_ndtr
 
-from common.scene.scatter import LEAST_RESTITUTION
+from common.scene.distribution import LEAST_RESTITUTION
 from common.scene.scene import BondTable, ContactTable, MaterialTable, Scene
 
 WAVES = 256  # of a field of flaws; with so many it is Gaussian within its statistical error

@@ -6,8 +6,9 @@ from pathlib import Path
 import matplotlib
 
 from analysis import read_sweep
-from report.drawing.style import STYLE
+from report.drawing.style import STYLE, lay_out
 from report.page import CHAPTERS
+from report.recognition.chapter import RECOGNITION_FIGURES
 from report.sweep_results import SweepResults
 
 SHOWN = ("fig-7", "fig-10", "fig-laws", "fig-area-time", "fig-18", "fig-19", "fig-hilbert", "fig-23", "fig-33",
@@ -18,14 +19,15 @@ HERE = Path(__file__).parent
 def main(runs: str) -> None:
     """Write the pictures beside this file, and print their rows of the table in docs/gallery.md."""
     results = SweepResults(read_sweep(runs))
-    for _, figures, _ in CHAPTERS:
-        for spec in figures:
-            if spec.key in SHOWN:
-                drawn = spec.draw(results)
-                figure = drawn[0] if isinstance(drawn, tuple) else drawn
-                with matplotlib.rc_context(STYLE):
-                    figure.savefig(HERE / f"{spec.key}.png", dpi=110, metadata={"Software": None})
-                print(f"| ![{spec.title}](pictures/{spec.key}.png) | **{spec.title}.** {spec.caption} |")
+    chapters = [*(figures for _, figures, _ in CHAPTERS), RECOGNITION_FIGURES]
+    specs = {spec.key: spec for figures in chapters for spec in figures}
+    for spec in map(specs.__getitem__, SHOWN):
+        drawn = spec.draw(results)
+        figure = drawn[0] if isinstance(drawn, tuple) else drawn
+        with matplotlib.rc_context(STYLE):
+            lay_out(figure)
+            figure.savefig(HERE / f"{spec.key}.png", dpi=110, facecolor="white", metadata={"Software": None})
+        print(f"| ![{spec.title}](pictures/{spec.key}.png) | **{spec.title}.** {spec.caption} |")
 
 
 if __name__ == "__main__":

@@ -27,8 +27,8 @@ from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.coupling.monitor import ENERGY_SHARE
 from dem.deck.time_step import step_limits, stone_contact_time_s, time_step
-from dem.run.errors import RunError
 from dem.run.run import run_scene
+from dem.run.simulate import RunError
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from lab.accuracy.stability_map import draw

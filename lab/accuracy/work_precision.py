@@ -27,9 +27,9 @@ from common.scene.file import scene_tables
 from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
-from dem.run.errors import RunError
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
+from dem.run.simulate import RunError
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from lab.accuracy.laws import worst_error, write_laws

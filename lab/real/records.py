@@ -29,7 +29,7 @@ from analysis import read_record
 from analysis.files.readers import read_signals
 from analysis.signals.features import sensor_features
 from lab.study import Row
-from recognition.stone_forces.law_file import load_forces
+from recognition.stone_forces.forces import load_forces
 from recognition.tapping.taps import Tap
 from recognition.tapping.window import samples_of, spectra
 

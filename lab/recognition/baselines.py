@@ -17,14 +17,12 @@ from analysis.sweep.runs import Run
 from lab.recognition.impulse import impulse
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
-from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
-from recognition.estimation.estimator import RatioEstimator
-from recognition.estimation.method import Groups, MethodEntry, Registry
+from recognition.estimation.method import Groups, MethodEntry, RatioEstimator, Registry
+from recognition.estimation.window import channels_of
 from recognition.methods import METHODS
 from recognition.physics.arrangement_likelihood import ArrangementEstimate
-from recognition.regression.conformal import GroupConformal
-from recognition.regression.feature_regression import FeatureRegression
+from recognition.regression.feature_regression import FeatureRegression, GroupConformal
 
 
 @dataclass
@@ -50,9 +48,9 @@ class EstimatorMethod(RatioEstimator):
         """Mixing ratio of each record, shape (runs,)."""
         return np.array([answer.ratio for answer in self.answer(X)])
 
-    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+    def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
         """Answers to records; none is called out of distribution."""
-        rows = self.conformal_.predict_interval(np.asarray(X), None if nuisance is None else nuisance.to_numpy(dtype=float))
+        rows = self.conformal_.predict_interval(np.asarray(X))
         return [Answer(float(ratio), float(low), float(high)) for ratio, low, high in rows]
 
     def summary(self) -> str:
@@ -82,7 +80,7 @@ class Oracle:
         self.covariances_ = [np.cov(one.T) for one in logs]
         return self
 
-    def answer(self, X: Sequence[pd.DataFrame], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+    def answer(self, X: Sequence[pd.DataFrame]) -> list[Answer]:
         """Answers to runs."""
         return [self._answer(np.log(x[["impulse_Ns", "peak_force_N"]].to_numpy())) for x in X]
 

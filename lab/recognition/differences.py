@@ -26,9 +26,8 @@ from lab.known_truth.faults import FAULTS, Fault
 from lab.study import Row
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
-from recognition.evaluation.cross_validation import RINGS
+from recognition.evaluation.cross_validation import RINGS, with_noise
 from recognition.evaluation.dataset import DataSet, read_dataset
-from recognition.evaluation.sensor_noise import with_noise
 from recognition.models import Model
 from recognition.physics.force_records import ForceRecord, force_record_of
 from recognition.plate.plate_model import PlateModel

@@ -28,8 +28,8 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from analysis import RecordError
 from recognition.estimation.arrays import Floats, Integers
-from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
+from recognition.estimation.window import channels_of
 from recognition.evaluation.cross_validation import FOLDS, LEAST_FOLDS, Noises
 from recognition.evaluation.dataset import DataSet
 from recognition.physics.arrangement_fit import PlateRecord, fit_model, force_statistics, model_on

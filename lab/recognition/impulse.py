@@ -19,8 +19,8 @@ import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
 from recognition.estimation.arrays import Floats
-from recognition.estimation.channels import channels_of
 from recognition.estimation.errors import RecognitionError
+from recognition.estimation.window import channels_of
 
 #: J_s is the mean over this time. Before it, stones still touch the plate; after it, the integral has gathered more
 #: noise.

@@ -24,8 +24,7 @@ from dem.stones.stone import Stone
 from dem.stones.substance import material_of, plate_contact
 from lab.known_truth.stone_histories import SETS, histories
 from lab.study import Row
-from recognition.plate.modal_steps import modal_steps
-from recognition.plate.plate_model import PlateModel
+from recognition.plate.plate_model import PlateModel, modal_steps
 from recognition.stone_forces.forces import History
 
 STEP_s, SAMPLE, FORCES_s = 5e-6, 30, 0.014  # SAMPLE: steps of a row of signals.parquet

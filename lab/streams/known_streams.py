@@ -19,8 +19,7 @@ from recognition.estimation.answer import warning_of
 from recognition.estimation.errors import RecognitionError
 from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
-from recognition.stone_forces.forces import History
-from recognition.stone_forces.law_file import load_forces
+from recognition.stone_forces.forces import History, load_forces
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import QUIET_S, RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of

@@ -25,8 +25,7 @@ from gangue.learn_forces import alone, history_of
 from lab.known_truth.stone_histories import SETS, histories, rock_of, stored_rock, write_histories
 from lab.rock.stone import SCENES
 from lab.study import Row
-from recognition.stone_forces.forces import History, StoneForces
-from recognition.stone_forces.law_file import SHIPPED, save_forces
+from recognition.stone_forces.forces import SHIPPED, History, StoneForces, save_forces
 
 SCENE = SCENES / "single.toml"
 #: Of each set: seed of its random numbers, and how many stones of the paper's size and of any. Seed 2 was that of a

@@ -34,8 +34,7 @@ from recognition.estimation.errors import RecognitionError
 from recognition.evaluation.dataset import DataSet, read_dataset
 from recognition.physics.force_records import ForceRecord, force_record_of
 from recognition.plate.plate_model import PlateModel
-from recognition.stone_forces.forces import History
-from recognition.stone_forces.law_file import load_forces
+from recognition.stone_forces.forces import History, load_forces
 from recognition.volley.recognise import recognise_volley
 from recognition.volley.responses import RATE_Hz, Stones
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
+
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import NotRecognised
 
 #: An interval that reaches farther than this to either side of the ratio calls for a warning.
 WIDE_points = 5.0
@@ -57,3 +61,16 @@ class Answer:
     def text(self) -> str:
         """Ratio and interval in per cent."""
         return f"{100 * self.ratio:.1f} %, 90 % interval {100 * self.low:.1f} to {100 * self.high:.1f}"
+
+
+def answers_within(width: float, ratio_of: Callable[[Floats], float], X: Sequence[Floats] | Floats) -> list[Answer]:
+    """The ratio of each record with an interval of so much to either side; none where `ratio_of` raises
+    NotRecognised."""
+    def answer(x: Floats) -> Answer:
+        try:
+            ratio = ratio_of(x)
+        except NotRecognised as reason:
+            return Answer.none(f"no answer: {reason}")
+        return Answer(ratio, ratio - width, ratio + width)
+
+    return [answer(x) for x in X]

@@ -1,4 +1,10 @@
-"""The protocol that every method of recognition keeps, and the entry by which a registry names it."""
+"""The protocol that every method of recognition keeps, and the entry by which a registry names it.
+
+Methods are estimators of scikit-learn: `clone`, `cross_val_score`, `GridSearchCV` and pipelines take them. They pass
+`sklearn.utils.estimator_checks.check_estimator`, `FusionQ` but for the checks that
+tests/recognition/test_scikit_learn.py lists. For X of three dimensions scikit-learn checks little more than that a copy
+can be made. `ArrangementLikelihood` is no estimator: its records are objects.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +14,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import pandas as pd
 from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, RegressorMixin
 
 from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer
@@ -39,8 +46,8 @@ class Method(Protocol):
         condition that varied and that a record does not tell. RecognitionError where the runs do not allow it.
         """
 
-    def answer(self, X: Sequence[Any], *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
-        """Answers to records by their features; nuisance: their conditions where these are known after all."""
+    def answer(self, X: Sequence[Any]) -> list[Answer]:
+        """Answers to records by their features."""
 
     def summary(self) -> str:
         """What was learnt, in a few words."""
@@ -71,3 +78,24 @@ class MethodEntry:
 
 #: Methods by name.
 Registry = Mapping[str, MethodEntry]
+
+
+class RatioEstimator(RegressorMixin, BaseEstimator):
+    """A method whose X is an array of numbers and whose `predict` gives mixing ratios; `score` is R^2.
+
+    Its parameters are those of its constructor, which stores them as they are given.
+    """
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True  # a law of impacts fits no made-up data
+        return tags
+
+
+class RecordEstimator(RatioEstimator):
+    """One whose X has three dimensions: runs, rows of a record, columns."""
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array, tags.input_tags.three_d_array = False, True
+        return tags

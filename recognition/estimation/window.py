@@ -1,7 +1,8 @@
-"""The part of a record that a model takes."""
+"""The part of a record that a model takes: which signals, and how much of them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ import pandas as pd
 from analysis import RecordError
 from analysis.signals.records import sample_rate_Hz
 from analysis.sweep.runs import Run
+from common.channels import ACCELEROMETERS, RODS
+from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 
 #: The window of the paper: 0..0.04 s at 1.5e-4 s.
@@ -17,6 +20,15 @@ WINDOW_S = 0.04
 
 #: Different ratios that a model needs.
 LEAST_RATIOS = 4
+#: Sets of signals by name; a name that ends in * stands for all columns that begin so, in alphabetic order, and one in
+#: brackets for columns that may be absent.
+CHANNELS = {
+    "centre": ("v_m_s", "a_m_s2"),
+    "accelerometers": (f"{ACCELEROMETERS}*",),
+    "rods": (f"{RODS}*",),
+    "plate": (f"{ACCELEROMETERS}*", f"[{RODS}*]"),  # sensors that a plate can have
+    "all": ("v_m_s", "a_m_s2", f"{ACCELEROMETERS}*", f"{RODS}*"),
+}
 
 
 @dataclass(frozen=True)
@@ -51,3 +63,26 @@ class Window:
         if len(signals) < self.n_samples:
             raise RecordError(f"{source}: {len(signals)} samples; the model needs {self.n_samples} from the impact on")
         return signals.iloc[: self.n_samples]
+
+
+def channel_names(columns: Iterable[str], kind: str) -> list[str]:
+    """Columns of a set of CHANNELS. RecognitionError where the record lacks one."""
+    columns, found = list(columns), []
+    for entry in CHANNELS[kind]:
+        name = entry.strip("[]")
+        here = sorted(c for c in columns if c.startswith(name[:-1])) if name.endswith("*") else [name]
+        if name == entry and not (here and set(here) <= set(columns)):
+            raise RecognitionError(f"no column {name!r} in the record; needs it for {kind}")
+        found += here
+    return found
+
+
+def channels_of(signals: pd.DataFrame, kind: str) -> Floats:
+    """Signals of a set of CHANNELS, shape (channels, samples). RecognitionError for a missing column or a value that is
+    not finite."""
+    names = channel_names(signals.columns, kind)
+    values = signals[names].to_numpy(dtype=float).T
+    if not np.all(np.isfinite(values)):
+        bad = names[int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])]
+        raise RecognitionError(f"column {bad!r} of the record has a value that is not finite")
+    return values

@@ -169,5 +169,5 @@ def _shapes(plate: PlateModel, half_m: Floats) -> Floats32:
     axes = [np.arange(-h, h + SHAPE_STEP_M / 2, SHAPE_STEP_M) for h in half_m]
     along_x, along_y = plate.splines
     by_x, by_y = along_x(np.clip(axes[0], -half_m[0], half_m[0])), along_y(np.clip(axes[1], -half_m[1], half_m[1]))
-    shape = np.einsum("ai,bj,ijn->abn", by_x, by_y, plate.grid_shape, optimize=True)
-    return np.asarray(shape, dtype=np.float32)
+    parts = (np.asarray(part, dtype=np.float32) for part in (by_x, by_y, plate.grid_shape))
+    return np.asarray(np.einsum("ai,bj,ijn->abn", *parts, optimize=True))

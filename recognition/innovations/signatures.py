@@ -16,8 +16,7 @@ from scipy.signal import cont2discrete, lfilter, resample_poly
 
 from analysis.signals.resampling import low_pass
 from recognition.estimation.arrays import Floats
-from recognition.plate.modal_steps import Modes
-from recognition.plate.plate_model import PlateModel
+from recognition.plate.plate_model import Modes, PlateModel
 from recognition.stone_forces.forces import StoneForces
 
 Floats32: TypeAlias = NDArray[np.float32]

@@ -1,17 +1,28 @@
-"""The four fusions of plate responses (Section V-B-2): energy, other, absolute, composite."""
+"""Responses of the plate: normalised (Eqs. 38, 39, 41), Kalman-filtered by filterpy, and fused (Section V-B): energy,
+other, absolute, composite.
+
+The paper names neither its state model nor its covariances. The model here is the plainest that does what its figures
+describe (smaller and slower fluctuation):
+
+    x_k = x_(k-1) + w,  w ~ N(0, q)          the response as a random walk
+    y_k = [1 ... 1]^T x_k + v,  v ~ N(0, r I)  m normalised responses, each measuring it
+
+With m = 1 it filters one response, with m > 1 it fuses them. Only q / r matters: the answer scales with the signal, and
+the filter needs no unit. It starts at the mean of the first samples with variance r / m, as measured.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import pandas as pd
+from scipy.stats import spearmanr
 from sklearn.base import BaseEstimator
 
-from recognition.estimation.arrays import Floats
+from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.errors import RecognitionError
-from recognition.paper.kalman import PROCESS_TO_MEASUREMENT, fuse
-from recognition.paper.standardise import ResponseRange
 
 ENERGY_RESPONSES = ("internal_J", "kinetic_J", "total_J")
 MOTIONS = ("a_m_s2", "v_m_s", "u_m")
@@ -23,6 +34,9 @@ FUSIONS = {
     "absolute": tuple(f"|{name}|" for name in MOTIONS),
     "composite": ENERGY_RESPONSES + MOTIONS,
 }
+#: q / r. The steady gain is then 0.27 for one signal (a time constant of about three
+#: samples, 0.5 ms at 6667 Hz) and 0.42 in total for three. An assumption: the paper gives none.
+PROCESS_TO_MEASUREMENT = 0.1
 
 
 def plate_response(signals: pd.DataFrame, name: str) -> Floats:
@@ -76,3 +90,106 @@ class Fusion(BaseEstimator):
     def transform(self, responses: Floats) -> Floats:
         """The fusion parameter QQ at each sample: shape (..., m, n) to (..., n)."""
         return fuse(self.normalised(responses), self.process_to_measurement)
+
+
+@lru_cache(maxsize=32)
+def gains(count: int, samples: int, process_to_measurement: float) -> Floats:
+    """Gain of each sample on each of `count` signals, shape (samples, count), by filterpy.
+
+    Gains of a linear filter do not depend on the data: they are found once for all records.
+    """
+    from filterpy.kalman import KalmanFilter  # late: it pulls matplotlib
+
+    kalman = KalmanFilter(dim_x=1, dim_z=count)
+    kalman.P = np.array([[1.0 / count]])
+    kalman.F = np.eye(1)
+    kalman.H = np.ones((count, 1))
+    kalman.Q = np.array([[process_to_measurement]])
+    kalman.R = np.eye(count)
+    found = np.empty((samples, count))
+    found[0] = 1.0 / count
+    for k in range(1, samples):
+        kalman.predict()
+        kalman.update(np.zeros((count, 1)))
+        found[k] = kalman.K[0]
+    found.flags.writeable = False
+    return found
+
+
+def fuse(signals: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
+    """Fuse m normalised responses into one estimate: shape (..., m, n) to (..., n).
+
+    >>> fuse([[1.0, 1.0, 1.0], [3.0, 3.0, 3.0]]).tolist()
+    [2.0, 2.0, 2.0]
+    """
+    signals = np.asarray(signals, dtype=float)
+    count, samples = signals.shape[-2:]
+    weights = gains(count, samples, float(process_to_measurement))
+    measured, total = np.einsum("...mk,km->...k", signals, weights), weights.sum(axis=1)
+    fused = np.empty(measured.shape)
+    fused[..., 0] = measured[..., 0]
+    for k in range(1, samples):
+        fused[..., k] = (1.0 - total[k]) * fused[..., k - 1] + measured[..., k]
+    return fused
+
+
+def kalman_filter(signal: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
+    """Filter one response, shape (..., n); same unit and shape.
+
+    >>> kalman_filter([0.0, 1.0, 1.0]).round(3).tolist()
+    [0.0, 0.524, 0.707]
+    """
+    return fuse(np.asarray(signal, dtype=float)[..., None, :], process_to_measurement)
+
+
+@dataclass
+class MinMaxByTrend:
+    """Eq. 39: (x - min) / (max - min) for rising parameters, (x - max) / (min - max) for falling ones.
+
+    With every direction +1 it is Eq. 38. Minima and maxima come from the training data
+    alone; a later sample outside them goes outside [0, 1] and is not clipped.
+    """
+
+    minimum: Floats = field(init=False, repr=False)
+    maximum: Floats = field(init=False, repr=False)
+    direction: Integers = field(init=False, repr=False)
+
+    def fit(self, x: Floats, directions: Integers) -> MinMaxByTrend:
+        """x: shape (n, p); directions: shape (p,), +1 or -1."""
+        x = np.asarray(x, dtype=float)
+        self.minimum, self.maximum = x.min(axis=0), x.max(axis=0)
+        self.direction = np.asarray(directions, dtype=int)
+        flat = np.flatnonzero(self.maximum == self.minimum)
+        if flat.size:
+            raise RecognitionError(f"parameter {flat[0]} has the same value in all {len(x)} training records")
+        return self
+
+    def transform(self, x: Floats) -> Floats:
+        """Standardised parameters, shape (n, p) as given."""
+        rising = (np.asarray(x, dtype=float) - self.minimum) / (self.maximum - self.minimum)
+        return np.where(self.direction > 0, rising, 1.0 - rising)
+
+
+def trend(x: Floats, ratios: Floats) -> Integers:
+    """Direction of each parameter with the ratio: the sign of Spearman's rank correlation.
+
+    x: shape (n, p); returns shape (p,), +1 or -1 (+1 where there is no trend at all).
+    """
+    rho = np.array([spearmanr(ratios, column).statistic for column in np.asarray(x).T])
+    return np.where(rho < 0, -1, 1)
+
+
+@dataclass(frozen=True)
+class ResponseRange:
+    """Eq. 41: each response scaled by its minimum and maximum over all training runs together."""
+
+    minimum: float
+    maximum: float
+
+    @classmethod
+    def of(cls, signals: Floats, name: str = "response") -> ResponseRange:
+        """signals: shape (n_runs, n_samples)."""
+        low, high = float(np.min(signals)), float(np.max(signals))
+        if not low < high:
+            raise RecognitionError(f"{name}: the same value {low:g} in all training runs")
+        return cls(low, high)

@@ -10,15 +10,12 @@ import pandas as pd
 from sklearn.base import clone
 
 from analysis.sweep.runs import Run
-from recognition.estimation.answer import Answer
+from recognition.estimation.answer import Answer, answers_within
 from recognition.estimation.arrays import Floats
 from recognition.estimation.calibration import held_out_width
-from recognition.estimation.errors import NotRecognised
-from recognition.estimation.estimator import RecordEstimator
-from recognition.estimation.method import Groups
-from recognition.paper.function_space import Rule
+from recognition.estimation.method import Groups, RecordEstimator
 from recognition.paper.fusion import Fusion
-from recognition.paper.strategy import Candidate, Strategy
+from recognition.paper.strategy import Candidate, Rule, Strategy
 
 
 def as_published() -> Strategy:
@@ -80,16 +77,9 @@ class FusionPipeline(RecordEstimator):
         """Of one run, shape (m, n), with how well it is supported. Raises NotRecognised."""
         return self.strategy.recognise(self.transform(responses))
 
-    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+    def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
         """Ratios, with intervals by the errors on what was held out of the training."""
-        return [self._answer(responses) for responses in X]
-
-    def _answer(self, responses: Floats) -> Answer:
-        try:
-            ratio = self.recognise(responses).ratio
-            return Answer(ratio, ratio - self.width_, ratio + self.width_)
-        except NotRecognised as reason:
-            return Answer.none(f"no answer: {reason}")
+        return answers_within(self.width_, lambda x: self.recognise(x).ratio, X)
 
     def summary(self) -> str:
         space = self.strategy.space_

@@ -6,7 +6,7 @@ the training runs and inverted for a new record.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,17 +16,19 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from analysis import as_record, base_parameters
 from analysis.signals.records import sample_rate_Hz
 from analysis.sweep.runs import Run
-from recognition.estimation.answer import Answer
-from recognition.estimation.arrays import Floats
+from recognition.estimation.answer import Answer, answers_within
+from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.calibration import held_out_width
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.estimation.estimator import RatioEstimator
-from recognition.estimation.method import Groups
-from recognition.paper.least_squares import PolynomialFit, fit_polynomial
-from recognition.paper.roots import ROOT_MARGIN, real_roots
-from recognition.paper.standardise import MinMaxByTrend, trend
+from recognition.estimation.method import Groups, RatioEstimator
+from recognition.paper.fusion import MinMaxByTrend, trend
 
 DEGREE = 2  # of Q(beta)
+#: A root counts from -margin to 1 + margin: noise puts a record of pure coal a little
+#: below 0 as often as above, and cutting there would bias the ends. Nothing is clipped.
+ROOT_MARGIN = 0.05
+_GRID = np.linspace(-ROOT_MARGIN, 1 + ROOT_MARGIN, 111)
+_BISECTIONS = 40  # 0.01 of ratio halved 40 times: 1e-14
 
 
 @dataclass
@@ -80,16 +82,9 @@ class FusionQ(RatioEstimator):
         check_is_fitted(self)
         return np.array([self.invert(q) for q in self.q_of(validate_data(self, X, dtype=float, reset=False))])
 
-    def answer(self, X: Sequence[Floats] | Floats, *, nuisance: pd.DataFrame | None = None) -> list[Answer]:
+    def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
         """Ratios, with intervals by the errors on what was held out of the training."""
-        return [self._answer(parameters) for parameters in X]
-
-    def _answer(self, parameters: Floats) -> Answer:
-        try:
-            ratio = self.invert(self.q_of(parameters[None])[0])
-            return Answer(ratio, ratio - self.width_, ratio + self.width_)
-        except NotRecognised as reason:
-            return Answer.none(f"no answer: {reason}")
+        return answers_within(self.width_, lambda x: self.invert(self.q_of(x[None])[0]), X)
 
     def invert(self, q: float) -> float:
         """The ratio beta with Q(beta) = q.
@@ -108,3 +103,62 @@ class FusionQ(RatioEstimator):
 
     def summary(self) -> str:
         return f"R^2 {self.fit_.r2:.5f}, adjusted {self.fit_.r2_adjusted:.5f}"
+
+
+def real_roots(
+    function: Callable[[Integers, Floats], Floats], values: Floats
+) -> tuple[Integers, Floats]:
+    """All real roots of f_k(beta) = values[k] in [-margin, 1 + margin], for every k at once.
+
+    function(k, beta): elementwise value of function number k at beta. Returns (k, beta) of
+    every root, both shape (r,), in order of k, then beta: none, one or several for each k.
+    Roots are bracketed on a grid of 0.01 of ratio and bisected, so that any continuous form
+    of fit will do; a pair of roots closer than the grid is no answer that one could use, and
+    is passed over.
+    """
+    values = np.asarray(values, dtype=float)
+    above = function(np.arange(values.size)[:, None], _GRID[None, :]) - values[:, None] >= 0
+    k, cell = np.nonzero(above[:, 1:] != above[:, :-1])
+    low, high, rising = _GRID[cell], _GRID[cell + 1], above[k, cell + 1]
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        root_is_below = (function(k, middle) - values[k] >= 0) == rising
+        low, high = np.where(root_is_below, low, middle), np.where(root_is_below, middle, high)
+    return k, 0.5 * (low + high)
+
+
+def r2(values: Floats, fitted: Floats) -> float:
+    """R^2 = 1 - sum (y - f)^2 / sum (y - mean y)^2."""
+    return float(1.0 - np.sum((values - fitted) ** 2) / np.sum((values - np.mean(values)) ** 2))
+
+
+def adjusted_r2(values: Floats, fitted: Floats, parameters: int) -> float:
+    """1 - (1 - R^2)(n - 1)/(n - parameters); NaN with no point to spare."""
+    spare = values.size - parameters
+    return 1.0 - (1.0 - r2(values, fitted)) * (values.size - 1) / spare if spare > 0 else float("nan")
+
+
+@dataclass(frozen=True)
+class PolynomialFit:
+    """Least-squares polynomial, lowest power first.
+
+    The paper's "R^2 = 0.99079" of Q is the adjusted one; the plain one of its Table 3 is 0.99263.
+    """
+
+    coefficients: Floats
+    r2: float
+    r2_adjusted: float
+
+    def __call__(self, ratio: Floats) -> Floats:
+        """Value at each ratio, of any shape."""
+        return np.asarray(np.polynomial.polynomial.polyval(ratio, self.coefficients))
+
+
+def fit_polynomial(ratios: Floats, values: Floats, degree: int) -> PolynomialFit:
+    """Polynomial of a given degree by least squares; needs more different ratios than the degree."""
+    ratios, values = np.asarray(ratios, dtype=float), np.asarray(values, dtype=float)
+    if np.unique(ratios).size <= degree:
+        raise RecognitionError(f"degree {degree} needs at least {degree + 1} ratios; has {np.unique(ratios).size}")
+    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree).astype(float)
+    fitted = np.asarray(np.polynomial.polynomial.polyval(ratios, coefficients))
+    return PolynomialFit(coefficients, r2(values, fitted), adjusted_r2(values, fitted, degree + 1))

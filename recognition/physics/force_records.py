@@ -13,8 +13,8 @@ from scipy.signal import fftconvolve, resample_poly
 from analysis.files.readers import read_table
 from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
+from analysis.theory.contact_states import places_of
 from analysis.theory.real_plate import flexible_plate
-from analysis.theory.setup import places_of
 from common.channels import force_column, rod_column, sensor_column
 from common.files.cache import user_cache
 from common.scene.plate import FlexiblePlate

@@ -1,4 +1,6 @@
-"""A plate as its sensors know it: its modes, what each sensor sees of them, and how sure all that is."""
+"""A plate as its sensors know it: its modes, what each sensor sees of them, and how sure all that is; and the exact
+motion of modes under forces that are constant over each sample interval.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
+from scipy.signal import lfilter
 
 from common.files.cache import user_cache
 from common.files.whole import read_sealed_json, seal, write_text
@@ -20,7 +23,6 @@ from plate_fem.elements.mesh import bending_wavenumber, choose_theory
 from plate_fem.modes import plate_modes
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
-from recognition.plate.modal_steps import modal_steps
 
 LINES_PER_WAVELENGTH = 20  # of the grid of shapes; its cubic splines then err by at most 1e-3 of the largest shape
 FORMAT = "plate model 1"
@@ -195,3 +197,44 @@ def _lines(side_m: float, wavenumber_1_m: float) -> Floats:
 def _points(x_m: Floats | Sequence[float], y_m: Floats | Sequence[float]) -> Floats:
     x, y = np.meshgrid(x_m, y_m, indexing="ij")
     return np.column_stack([x.ravel(), y.ravel()])
+
+
+class Modes(Protocol):
+    """frequency_Hz, damping_ratio (m,)."""
+
+    @property
+    def frequency_Hz(self) -> Floats: ...
+    @property
+    def damping_ratio(self) -> Floats: ...
+
+
+def modal_steps(modes: Modes, force: Floats, sample_rate_Hz: float) -> tuple[Floats, Floats, Floats]:
+    """Amplitude, rate and acceleration (m, t) under modal forces (m, t), N kg^-1/2, from rest.
+
+    Force k lasts from k to k + 1 sample intervals; results k belong to k intervals. Where the force jumps the
+    acceleration is the mean of both sides.
+    """
+    amplitude, rate = np.empty_like(force), np.empty_like(force)
+    omega = 2 * np.pi * modes.frequency_Hz
+    for k, (w, zeta) in enumerate(zip(omega, modes.damping_ratio, strict=True)):
+        step = _rigid if w == 0 else _ringing
+        amplitude[k], rate[k] = step(force[k], w, zeta, 1 / sample_rate_Hz)
+    before = np.concatenate([np.zeros((len(force), 1)), force[:, :-1]], axis=1)
+    decay = 2 * (modes.damping_ratio * omega)[:, None]
+    return amplitude, rate, (force + before) / 2 - decay * rate - omega[:, None] ** 2 * amplitude
+
+
+def _ringing(force: Floats, omega: float, zeta: float, step_s: float) -> tuple[Floats, Floats]:
+    """q'' + 2 zeta omega q' + omega^2 q = f. With p = omega (-zeta + i sqrt(1 - zeta^2)), z = q' - conj(p) q obeys
+    z' = p z + f, and q = Im z / Im p."""
+    pole = omega * complex(-zeta, np.sqrt(1 - zeta**2))
+    turn = np.exp(pole * step_s)
+    z = lfilter([0, np.expm1(pole * step_s) / pole], [1, -turn], force.astype(complex))
+    amplitude = z.imag / pole.imag
+    return amplitude, z.real + pole.real * amplitude
+
+
+def _rigid(force: Floats, _omega: float, _zeta: float, step_s: float) -> tuple[Floats, Floats]:
+    before = np.concatenate([[0.0], force[:-1]]) * step_s
+    rate = np.cumsum(before)
+    return np.cumsum(rate - before / 2) * step_s, rate

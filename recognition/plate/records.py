@@ -12,8 +12,7 @@ from analysis.files.readers import read_signals
 from analysis.files.text_tables import name_and_unit
 from analysis.signals.records import Record, RecordError, sample_rate_Hz
 from analysis.signals.resampling import resample
-from common.channels import sensor_column
-from common.units import unit_of
+from common.channels import sensor_column, unit_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel

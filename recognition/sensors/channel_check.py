@@ -1,22 +1,25 @@
-"""Check of a record's channels before anything is read from them.
+"""Check of a record's channels before anything is read from them, and the command `check`.
 
-What can be told is taken away (offset, hum) or told (gains); what cannot be explained is refused.
+What can be told is taken away (offset, hum) or told (gains); what cannot be explained is refused. Below its first
+bending mode a plate hardly accelerates: there the offset and the hum stand alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import isnan, nan
+from pathlib import Path
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from common.result import Result
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
-from recognition.plate.records import BENDS
+from recognition.plate.records import BENDS, read_accelerations
 from recognition.sensors.free_ringing import Ringing, ringing_of
-from recognition.sensors.hum import Hum, hum_of
 
 ONSET_SHARE = 0.2  # of the largest sample
 LATEST_IMPACT = 3  # sample of a record that begins with the impact; at 6667 Hz simulated ones show it in the next
@@ -31,6 +34,10 @@ MISFIT_FACTOR, LEAST_LIMIT, MOST_LIMIT = 2.5, 0.15, 0.35
 SWAP_GAIN = 0.6  # another order of sensors is believed if it leaves less than this of the misfit
 GAIN_SDS, GAIN_LIMITS = 4.0, (0.5, 2.0)
 MOST_GAIN = 0.1  # a gain farther off is told, if it is sure; nearer is within what the recognition allows for
+MAINS_Hz = (50.0, 60.0)
+HARMONICS = 5
+BELOW_MODE = 0.6  # of the first bending mode: harmonics are sought up to here in a record that is not still
+LEAST_PERIODS = 2.0  # of the mains, that a record or its silence must have
 
 
 @dataclass(frozen=True)
@@ -155,3 +162,78 @@ def _judged(ringing: Ringing, names: tuple[str, ...]) -> tuple[list[str], list[s
         elif abs(gain - 1) > MOST_GAIN and abs(gain - 1) > GAIN_SDS * sd:
             told.append(f"{name}: gain {gain:.3f} +- {sd:.3f} against the others")
     return told, refused
+
+
+@dataclass(frozen=True)
+class Hum:
+    """offset (s,), m/s^2; mains_Hz: 50 or 60; amplitude (s,), m/s^2: root of the sum of squared harmonics; sum (s, n):
+    offset and hum over the record."""
+
+    offset: Floats
+    mains_Hz: float
+    amplitude: Floats
+    sum: Floats
+
+
+def hum_of(signals: Floats, rate_Hz: float, quiet: int, first_mode_Hz: float) -> Hum:
+    """Offset and hum of signals (s, n), by least squares.
+
+    From the first `quiet` samples with all harmonics, where these last two periods of the mains; else from the whole
+    record under Hann's window, with the harmonics well below the plate's first bending mode. A record of less than two
+    periods has an offset only.
+    """
+    n = signals.shape[1]
+    still = quiet / rate_Hz >= LEAST_PERIODS / min(MAINS_Hz)
+    highest_Hz = rate_Hz / 4 if still else BELOW_MODE * first_mode_Hz
+    used = quiet if still else n
+    weight = np.ones(used) if still else np.hanning(used)
+    fits = []
+    for mains in MAINS_Hz:
+        long_enough = used / rate_Hz >= LEAST_PERIODS / mains * (1 - 1e-9)
+        orders = [k for k in range(1, HARMONICS + 1) if k * mains < highest_Hz and long_enough]
+        columns = _columns(mains, orders, n, rate_Hz)
+        found = np.linalg.lstsq(columns[:used] * weight[:, None], (signals[:, :used] * weight).T, rcond=None)[0]
+        left = float(np.sum(((signals[:, :used].T - columns[:used] @ found) * weight[:, None]) ** 2))
+        fits.append((left, mains, columns, found))
+    _, mains, columns, found = min(fits, key=lambda fit: fit[0])
+    amplitude = np.sqrt(np.sum(found[1:] ** 2, axis=0))
+    return Hum(found[0], mains, amplitude, (columns @ found).T)
+
+
+def _columns(mains_Hz: float, orders: list[int], n: int, rate_Hz: float) -> Floats:
+    phase = 2 * np.pi * mains_Hz * np.arange(n)[:, None] / rate_Hz * np.array(orders, float)
+    return np.hstack([np.ones((n, 1)), np.cos(phase), np.sin(phase)])
+
+
+@dataclass(frozen=True)
+class CheckResult(Result):
+    """told: what is worth knowing; refused: why the record cannot be used, one text each. misfit: rms of the ringing
+    that no motion of the plate explains, in shares of the record, and what is expected; NaN where no ringing was looked
+    at."""
+
+    told: tuple[str, ...]
+    refused: tuple[str, ...]
+    misfit: float = nan
+    expected_misfit: float = nan
+
+    def words(self) -> Iterator[str]:
+        yield from self.told
+        if self.refused:
+            yield f"REFUSED: {'; '.join(self.refused)}"
+        elif isnan(self.misfit):
+            yield "too short for a look at free ringing: gains and order of the sensors are not checked"
+        else:
+            yield (f"{100 * self.misfit:.1f} % of the ringing is not explained, "
+                   f"{100 * self.expected_misfit:.1f} % expected")
+
+
+def check(record: str, plate: str, scale: float = 1.0, unit: str | None = None) -> CheckResult:
+    """Look for faults in the channels of a record (see `record_table`), by a plate of `tap`. Raises RecordError,
+    RecognitionError."""
+    known = PlateModel.load(Path(plate))
+    _, signals, rate_Hz = read_accelerations(record, known, scale, unit)
+    found = check_channels(signals, rate_Hz, known)
+    ringing = found.ringing
+    if ringing is None:
+        return CheckResult(found.told, found.refused)
+    return CheckResult(found.told, found.refused, ringing.misfit, ringing.expected)

@@ -16,14 +16,19 @@ breaks depends on material and speed; a and e of broken stones are those of both
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from common.files.whole import read_sealed_json, seal, write_text
+from common.tables import InputError
 from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import RecognitionError
 
 MATERIALS = ("coal", "gangue")
 PULSE_S = 0.8e-3  # the longest contact of a stone; what fragments do later is noise
@@ -39,6 +44,16 @@ ALIKE = 0.25
 REFERENCE_m = 0.025  # radius at which a is told
 LOST = 0.05  # of log J, by which a stone that broke is below the median of its material
 LEAST_BROKEN = 4  # histories; of fewer no law is made, and no stone is taken to break
+FORMAT = "stone forces 5"
+#: Of the rock of scenes/single.toml: the stones of the set "learnt" of lab/streams/stone_forces.py.
+SHIPPED = Path(__file__).parent / "stone_forces.json"
+
+
+def refuse_limits(radius_m: tuple[float, float], speed_m_s: tuple[float, float]) -> None:
+    """Raises RecognitionError for limits of stones that are no two positive numbers, the lower first."""
+    for name, (low, high) in (("radius", radius_m), ("speed", speed_m_s)):
+        if not 0 < low <= high < 100:
+            raise RecognitionError(f"--{name} {low:g} {high:g}: must be two positive numbers, the lower first")
 
 
 @dataclass(frozen=True)
@@ -202,3 +217,21 @@ def _share(broke: NDArray[np.bool_], speed_m_s: Floats) -> Floats:
     at = np.clip(SPEEDS_M_S, speed_m_s.min(), speed_m_s.max())
     weight = np.exp(-0.5 * (np.log(at[:, None] / speed_m_s) / ALIKE) ** 2)
     return np.asarray((weight @ broke + 0.5) / (weight.sum(axis=1) + 1))
+
+
+def save_forces(forces: StoneForces, file: Path) -> None:
+    """Write a JSON file, sealed by its hash."""
+    values = {field.name: getattr(forces, field.name).tolist() for field in fields(StoneForces)}
+    write_text(file, json.dumps(seal({"format": FORMAT, **values})) + "\n")
+
+
+def load_forces(file: Path = SHIPPED) -> StoneForces:
+    """Read what `save_forces` wrote. RecognitionError, one line, for anything else."""
+    try:
+        content = read_sealed_json(file)
+    except InputError as error:
+        raise RecognitionError(str(error)) from None
+    names = {field.name for field in fields(StoneForces)}
+    if content is None or content.get("format") != FORMAT or set(content) - {"sha256", "format"} != names:
+        raise RecognitionError(f"{file}: no law of the stones' forces; `gangue learn-forces` writes one")
+    return StoneForces(**{name: np.array(content[name], float) for name in names})

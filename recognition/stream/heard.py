@@ -17,13 +17,12 @@ from recognition.estimation.answer import Answer
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import record_table
-from recognition.stone_forces.law_file import SHIPPED, load_forces
-from recognition.stream.channels import channels_of
+from recognition.stone_forces.forces import SHIPPED, load_forces, refuse_limits
 from recognition.stream.decision import CALM, Stop
 from recognition.stream.known_file import read_known
 from recognition.stream.live import Window, listen_live
 from recognition.stream.prior import StonePrior
-from recognition.stream.recognise import QUIET_S, RATE_Hz, Recognised, recognise_stream
+from recognition.stream.recognise import QUIET_S, RATE_Hz, Recognised, channels_of, recognise_stream
 from recognition.stream.source import Source, is_live
 from recognition.stream.stones import Known, ratio_of, sliding_ratio
 
@@ -100,7 +99,8 @@ def listen(record: str, plate: str, radius_m: tuple[float, float], speed_m_s: tu
     their kind; none of them is among the stones. Above a share of gangue there is an alarm, with so many false ones an
     hour. `law` is of `learn-forces`. A record that is live, or a file to `follow`, is told as it comes, without `out`.
     Raises RecordError, RecognitionError, InputError."""
-    prior = _prior(radius_m, speed_m_s, SHIPPED if law is None else Path(law))
+    refuse_limits(radius_m, speed_m_s)
+    prior = StonePrior(load_forces(SHIPPED if law is None else Path(law)), radius_m, speed_m_s)
     stop = None if stop_above_percent is None else Stop(stop_above_percent / 100, false_alarms_1_h)
     tapped = PlateModel.load(Path(plate))
     if coal_first < 0:
@@ -152,14 +152,6 @@ def _alarms(found: Recognised, stop: Stop, begin_s: float) -> Alarms:
     each_s = float(np.ptp(t_s)) / max(len(t_s), 1)
     return Alarms(stop.above, CALM * stop.above, tuple((t_s[found.stones["alarm"]] + begin_s).tolist()),
                   foreseen.delay * each_s, foreseen.longest_delay * each_s, foreseen.false_alarms_1_h, foreseen.unsafe)
-
-
-def _prior(radius_m: tuple[float, float], speed_m_s: tuple[float, float], law: Path) -> StonePrior:
-    """What the user says of the stones."""
-    for name, (low, high) in (("radius", radius_m), ("speed", speed_m_s)):
-        if not 0 < low <= high < 100:
-            raise RecognitionError(f"--{name} {low:g} {high:g}: must be two positive numbers, the lower first")
-    return StonePrior(load_forces(law), (radius_m[0], radius_m[1]), (speed_m_s[0], speed_m_s[1]))
 
 
 def _write(table: pd.DataFrame, file: Path) -> None:

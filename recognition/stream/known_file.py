@@ -13,10 +13,9 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import record_table
 from recognition.stone_forces.forces import MATERIALS
-from recognition.stream.channels import channels_of
 from recognition.stream.listen import Heard
 from recognition.stream.prior import StonePrior
-from recognition.stream.recognise import QUIET_S, hear
+from recognition.stream.recognise import QUIET_S, channels_of, hear
 
 
 class KnownTable(Table):

@@ -273,4 +273,3 @@ def _before_late(fit: Fit, window: Window) -> tuple[Fit, Window]:
     first_late = int(fit.stones[late, TIME].min())
     shorter = replace(window, values=window.values[:, :first_late - LEAD - window.first])
     return shorter.fit(fit.stones[~late]), shorter
-

@@ -20,12 +20,11 @@ from recognition.innovations.bank import TIME
 from recognition.innovations.signatures import LEAD
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import acceleration, refuse_unit
-from recognition.stream.channels import RATE_SHARE, sensors_of
 from recognition.stream.checks import Checks
 from recognition.stream.decision import Judge, Judged, Stop
 from recognition.stream.listen import PART, PARTS, Heard
 from recognition.stream.prior import StonePrior
-from recognition.stream.recognise import LEAST_DOUBT, Ear, RATE_Hz
+from recognition.stream.recognise import LEAST_DOUBT, RATE_SHARE, Ear, RATE_Hz, sensors_of
 from recognition.stream.source import Source
 from recognition.stream.stone_law import UNKNOWN
 from recognition.stream.stones import COLUMNS, Known, first_touches, ratios_of, rows_of, told_of
@@ -168,11 +167,12 @@ class Live:
                         judged.by_law[chosen], RATE_Hz).assign(stop=judged.sum[chosen])
         self.stones.append(table)
         self.count += len(table)
-        for row, alarm in zip(table[[*COLUMNS, "stop"]].to_dict("records"), judged.alarm[chosen], strict=True):
-            yield {"event": "stone", **{str(name): value for name, value in row.items()}}
+        names = [*COLUMNS, "stop"]
+        for row, alarm in zip(table[names].to_numpy().tolist(), judged.alarm[chosen], strict=True):
+            yield {"event": "stone", **dict(zip(names, row, strict=True))}
             if alarm and not self.reason:
                 self.alarms += 1
-                yield {"event": "alarm", "t_s": row["t_s"]}
+                yield {"event": "alarm", "t_s": row[0]}
 
     def _ratios(self) -> Iterator[dict[str, Any]]:
         """All that are due, none where stones do not explain what is heard."""

@@ -1,13 +1,17 @@
-"""From a record to stones: noise, the plate's ringing, innovations, stones."""
+"""From a record to stones: its channels, noise, the plate's ringing, innovations, stones."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import process_time
 
 import numpy as np
 import pandas as pd
 
+from analysis.signals.records import Record, sample_rate_Hz
+from analysis.signals.resampling import resample
+from common.channels import rod_column, sensor_column
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import Bank
@@ -16,6 +20,7 @@ from recognition.innovations.retuning import retuned
 from recognition.innovations.signatures import LEAD, Channels
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
+from recognition.plate.records import numbers
 from recognition.stream.checks import Checks, Mains, refuse_faulty, without_offset_and_hum
 from recognition.stream.decision import Followed, Stop
 from recognition.stream.listen import LOOK_BACK, Heard, Listener
@@ -23,6 +28,7 @@ from recognition.stream.prior import StonePrior
 from recognition.stream.search import Dictionary
 from recognition.stream.stones import UNKNOWN_ALL, Known, learnt_table
 
+RATE_SHARE = 1e-3  # of rates that are taken for the same
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 QUIET_S = 0.02  # at least so much at the beginning of a record tells the noise
 STRETCH_S = 0.02
@@ -71,6 +77,30 @@ class Recognised:
     def refused(self) -> str:
         """Why no ratio can be trusted, "" if it can."""
         return self.checks.reason()
+
+
+def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:
+    """Which sensors a record has, and their signals (c, samples) at RATE_Hz. RecognitionError where it has none of the
+    plate's sensors, a value that is not finite, or too low a rate."""
+    rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s") if "t_s" in table.columns else np.nan
+    channels, columns = sensors_of(list(table.columns), rate_Hz, plate, source)
+    rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < RATE_SHARE else round(rate_Hz)
+    records = [Record(numbers(table, name, source), rate_Hz, name=f"{source}: {name}") for name in columns]
+    if rate_Hz != RATE_Hz:
+        records = [resample(record, RATE_Hz) for record in records]
+    return channels, np.array([record.values for record in records])
+
+
+def sensors_of(columns: Sequence[str], rate_Hz: float, plate: PlateModel, source: str) -> tuple[Channels, list[str]]:
+    """Which of the plate's sensors have a column, and its name. RecognitionError for none or a rate that is too low."""
+    names = [sensor_column(name) for name in plate.sensor_names]
+    here = [k for k, name in enumerate(names) if name in columns]
+    rods = [k for k in range(len(plate.rod_force_N_m)) if rod_column(k + 1) in columns]
+    if np.isnan(rate_Hz) or not here:
+        raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
+    if rate_Hz < RATE_Hz * (1 - RATE_SHARE):
+        raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}")
+    return Channels(tuple(here), tuple(rods)), [names[k] for k in here] + [rod_column(k + 1) for k in rods]
 
 
 def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,

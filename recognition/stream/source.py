@@ -21,7 +21,7 @@ from recognition.estimation.arrays import Floats
 from recognition.plate.records import MOST
 
 TCP = "tcp://"
-AT_ONCE, WAITING, LONGEST_LINE = 1 << 16, 128, 1 << 16  # bytes; so many times AT_ONCE may wait
+AT_ONCE, WAITING, LONGEST_LINE = 1 << 16, 64, 1 << 16  # bytes; so many times AT_ONCE may wait
 BLOCK_S, PATIENCE_S = 0.01, 0.01  # least block of samples; before a file is looked at again
 
 

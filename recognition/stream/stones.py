@@ -17,7 +17,7 @@ from recognition.stream.listen import Heard
 from recognition.stream.prior import TRIPLE, StonePrior
 from recognition.stream.stone_law import MASS, UNKNOWN, Integers, LearntLaw, Told
 
-AT_ONCE, DRAWS, SHARES = 64, 1000, 200  # stones; of the ratio; nodes of the share of gangue in its posterior
+AT_ONCE, DRAWS, SHARES = 16, 1000, 200  # stones; of the ratio; nodes of the share of gangue in its posterior
 LEVELS = (0.05, 0.5, 0.95)
 #: Two stones within this time are heard as one (docs/listening.md); the largest share that is ever missed so.
 DEAD_S, MOST_MISSED = 0.2e-3, 0.5
@@ -120,8 +120,8 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
 
 
 def ratios_of(stones: pd.DataFrame) -> tuple[tuple[float, float, float], ...]:
-    """Low end, median and high end of the 90 % interval of the mixing ratio of some stones, NaN for none, by number and,
-    where masses are told, by mass.
+    """Low end, median and high end of the 90 % interval of the mixing ratio of some stones, NaN for none, by number
+    and, where masses are told, by mass.
 
     Each stone is gangue with a probability p that is the same for all and unknown, uniform beforehand. Its posterior
     follows from all stones; were it taken as 1/2, stones of uncertain material would pull the ratio there. The law of

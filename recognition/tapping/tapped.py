@@ -1,25 +1,32 @@
-"""The command `tap`: a plate that is learnt from taps."""
+"""The command `tap`: the file that says which records are taps, the plate that is learnt from them, and its modes for
+programs of modal analysis as a universal file, by pyuff (extra `records`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from common.files.output_directory import is_sealed_as, refuse_file
+from common.files.whole import written_whole
 from common.process.messages import told
 from common.result import Result
+from common.tables import Table, about, check, read_toml
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel
-from recognition.tapping.fit import BEYOND, fit_plate
+from recognition.plate.records import numbers, read_accelerations
+from recognition.tapping.fit import BEYOND, Prior, fit_plate
 from recognition.tapping.learnt import Learnt, learnt
-from recognition.tapping.tap_file import read_taps
-from recognition.tapping.uff_modes import is_own, write_modes
+from recognition.tapping.taps import Tap
 
 LARGEST_UNEXPLAINED = 0.3  # of a sensor's record: more, and the plate, a place or a sensor is not what it is said to be
+TITLE = "gangue: plate learnt from taps"  # in each of its datasets 55
+Deviation = Annotated[float, Field(ge=1e-9, le=1)]
 
 
 @dataclass(frozen=True)
@@ -93,3 +100,76 @@ def _sensors(found: Learnt) -> dict[str, dict[str, float]]:
     names = ("gain", "gain_sd", "misfit", "noise")
     return {sensor: {name: float(getattr(found, name)[k]) for name in names}
             for k, sensor in enumerate(found.plate.sensor_names)}
+
+
+def is_own(content: bytes) -> bool:
+    """Is this a file that `write_modes` wrote?"""
+    return TITLE.encode() in content
+
+
+def write_modes(file: Path, plate: PlateModel) -> None:
+    """Write the points of the plate's grid as nodes from 1, row by row along x (dataset 15), and each mode as their
+    vertical displacement in kg^-1/2, at a modal mass of 1 (dataset 55). Raises RecognitionError without pyuff."""
+    try:
+        import pyuff
+    except ImportError:
+        raise RecognitionError(f"{file}: UFF needs the package pyuff (pip install pyuff)") from None
+
+    x, y = (grid.ravel() for grid in np.meshgrid(plate.lines_x_m, plate.lines_y_m, indexing="ij"))
+    nodes, ones, none = np.arange(1, x.size + 1), np.ones(x.size, dtype=int), np.zeros(x.size)
+    same = {"model_type": 1, "analysis_type": 2, "data_ch": 2, "spec_data_type": 8, "data_type": 2,
+            "n_data_per_node": 3, "node_nums": nodes, "load_case": 1, "modal_m": 1.0, "modal_damp_his": 0.0,
+            "id1": TITLE, **{f"id{k}": "NONE" for k in range(2, 6)}}
+    sets = [pyuff.prepare_164(units_code=1, units_description="SI", temp_mode=1, length=1.0, force=1.0, temp=1.0,
+                              temp_offset=0.0),
+            pyuff.prepare_15(node_nums=nodes, def_cs=ones, disp_cs=ones, color=ones, x=x, y=y, z=none)]
+    for k, shape in enumerate(plate.grid_shape.reshape(x.size, -1).T):
+        sets.append(pyuff.prepare_55(r1=none, r2=none, r3=shape, mode_n=k + 1, freq=float(plate.frequency_Hz[k]),
+                                     modal_damp_vis=float(plate.damping_ratio[k]), **same))
+    with written_whole(file) as beside:
+        pyuff.UFF(str(beside)).write_sets(sets, "add")
+
+
+class TapTable(Table):
+    """One tap."""
+
+    record: Annotated[str, about("beside this file: t_s, acc_NAME_m_s2 and, where measured, force_N; or FRFs")]
+    x_m: Annotated[float, about("place along the plate's length, from its centre")]
+    y_m: Annotated[float, about("place along the plate's width, from its centre")]
+    unknown_force: Annotated[bool, about("take no notice of force_N")] = False
+
+
+class PriorTable(Table):
+    """Standard deviations of what is not known beforehand."""
+
+    frequency: Annotated[Deviation, about("of a frequency, relative")] = Prior.frequency
+    damping: Annotated[Deviation, about("of the logarithm of a damping ratio")] = Prior.damping
+    gain: Annotated[Deviation, about("of a sensor's gain, relative")] = Prior.gain
+    place_m: Annotated[Deviation, about("of the place of a sensor or a tap along x and y")] = Prior.place_m
+
+
+class TapFile(Table):
+    """The whole file."""
+
+    taps: Annotated[tuple[TapTable, ...], Field(min_length=1), about("the taps")]
+    prior: PriorTable = PriorTable()
+    scale: Annotated[float, about("factor on the samples of accelerations")] = 1.0
+    unit: Annotated[str | None, about("unit of the scaled samples, where their names do not say it")] = None
+
+
+def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
+    """The taps that a file names, with the plate's sensors in their order, and what is known beforehand.
+
+    Raises InputError for the file, RecordError or RecognitionError for a record.
+    """
+    content: TapFile = check(TapFile, read_toml(path), path)
+    taps = [_tap(Path(path).parent / table.record, table, plate, content) for table in content.taps]
+    return taps, Prior(**content.prior.model_dump())
+
+
+def _tap(file: Path, table: TapTable, plate: PlateModel, content: TapFile) -> Tap:
+    found, acceleration, rate_Hz = read_accelerations(file, plate, content.scale, content.unit)
+    force = None if table.unknown_force or "force_N" not in found.columns else numbers(found, "force_N", file)
+    place = np.array([table.x_m, table.y_m])
+    plate.shape(*place[:, None])  # refuses a place beside the plate
+    return Tap(place, acceleration, rate_Hz, force, str(file))

@@ -10,14 +10,19 @@ from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from analysis import Run
+from analysis.sweep.breakage import Network
 from common.run_summary import RecordedPlate
 from report.drawing.style import STRESS_COLOURS
+from report.film.pictures import instants, read_film
 
 SIZE_IN = (9.0, 5.6)
 #: As in templates/film_scene.js (film.VIEW, film.OPENING).
 AZIMUTH, HEIGHT, OPENING_DEG = -0.98, 0.42, 30.0
 #: Coal and gangue, as in templates/film.js.
 ROCK_COLOURS = np.array([[66, 66, 70], [214, 160, 96]]) / 255
+#: To which the plate's motion is enlarged, as in templates/film.js.
+GREATEST_DEFLECTION_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -90,3 +95,20 @@ def camera(plate: RecordedPlate, aspect: float) -> Callable[[np.ndarray], tuple[
         return at[..., :2] / depth[..., None], depth
 
     return project
+
+
+def still_scene(run: Run, network: Network) -> StillScene:
+    """Return the picture of a run that is nearest to its largest force. Raises MissingResult if there is none."""
+    table = run.fast if run.fast is not None else run.signals
+    peak_s = float(table["t_s"].iloc[int(np.argmax(table["force_N"].to_numpy()))])
+    film = read_film([min(instants(run.path), key=lambda instant: abs(instant.t_s - peak_s))], network)
+    is_gangue = np.array([name == "gangue" for name in run.materials])[network.agglomerate - 1]
+    if not film.quad.size:
+        return StillScene(film.centre_m[0], network.radius_m, is_gangue, np.empty((0, 4, 3)), np.empty(0), 1.0,
+                          run.scene.plate)
+    w_m = film.deflection_m[0]
+    enlarged = GREATEST_DEFLECTION_M / max(float(np.abs(w_m).max()), 1e-12)
+    nodes_m = np.column_stack([film.node_m, w_m * min(enlarged, 1e4)])
+    stress_Pa = film.stress_Pa[0][film.quad].mean(axis=1)
+    return StillScene(film.centre_m[0], network.radius_m, is_gangue, nodes_m[film.quad], stress_Pa,
+                      max(float(stress_Pa.max()), 1.0), run.scene.plate)

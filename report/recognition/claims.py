@@ -8,7 +8,6 @@ from common.channels import RESPONSES
 from report.missing import MissingResult
 from report.recognition.results import FUSION_Q, FUSION_WORDS, HELD_OUT
 from report.sweep_results import SweepResults
-from report.trends import fluctuation, overlap, separation, spearman, stratification, travel
 from report.verdicts import (
     HELD,
     NOT_HELD,
@@ -17,11 +16,17 @@ from report.verdicts import (
     Statement,
     all_rise,
     describe_trend,
+    fluctuation,
     graded,
     held_if,
     held_if_all,
     need_enough_ratios,
+    overlap,
     ratios_of_trend,
+    separation,
+    spearman,
+    stratification,
+    travel,
 )
 
 # --------------------------------------------------------- fused parameter Q

@@ -17,11 +17,9 @@ from recognition.estimation.errors import RecognitionError
 from recognition.estimation.window import Window
 from recognition.methods import METHODS
 from recognition.models import Model, PreparedRuns
-from recognition.paper.fusion import FUSIONS, Fusion
-from recognition.paper.kalman import kalman_filter
-from recognition.paper.least_squares import PolynomialFit, fit_polynomial
+from recognition.paper.fusion import FUSIONS, Fusion, kalman_filter
 from recognition.paper.pipeline import FusionPipeline
-from recognition.paper.q_parameter import FusionQ
+from recognition.paper.q_parameter import FusionQ, PolynomialFit, fit_polynomial
 from report.signals.results import SignalResults
 
 #: The three methods of the paper.

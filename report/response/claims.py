@@ -7,7 +7,6 @@ import numpy as np
 from analysis.sweep import breakage
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
-from report.trends import falling_steps, spearman
 from report.verdicts import (
     HELD,
     NOT_HELD,
@@ -15,10 +14,12 @@ from report.verdicts import (
     Finding,
     Statement,
     all_rise,
+    falling_steps,
     graded,
     held_if,
     need_enough_ratios,
     ratios_of_trend,
+    spearman,
     trend,
 )
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
-from report.trends import spearman
 from report.verdicts import (
     Finding,
     Statement,
@@ -18,6 +17,7 @@ from report.verdicts import (
     held_if,
     held_if_all,
     need_enough_ratios,
+    spearman,
 )
 
 

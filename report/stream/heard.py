@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from analysis import RecordError
 from analysis.files.readers import read_table
-from analysis.sweep.stream import true_ratio
+from analysis.sweep.runs import true_ratio
 from recognition.stream.stones import sliding_ratio
 from report.drawing.figure_spec import Drawn, FigureSpec
 from report.drawing.style import ACCENT, COAL, GANGUE, RATIO_LABEL, canvas, styled

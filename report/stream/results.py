@@ -11,7 +11,7 @@ import pandas as pd
 from analysis import RecordError, Run
 from analysis.files.readers import read_table
 from analysis.sweep import breakage
-from analysis.sweep.stream import By, fallen, true_ratio
+from analysis.sweep.runs import By, fallen, true_ratio
 
 WINDOWS = 100  # of the sliding mixing ratio that are drawn
 
@@ -24,7 +24,7 @@ class StreamResults:
 
     @cached_property
     def stones(self) -> pd.DataFrame:
-        """All stones, see `analysis.sweep.stream.fallen`."""
+        """All stones, see `analysis.sweep.runs.fallen`."""
         return fallen(self.run)
 
     @cached_property

@@ -7,10 +7,18 @@ from functools import cached_property
 import numpy as np
 
 from analysis import Sweep
-from analysis.theory.contact_states import STATES, State, beam_compliance, materials_in_order, peak, total_force_N
+from analysis.theory.contact_states import (
+    STATES,
+    Setup,
+    State,
+    beam_compliance,
+    materials_in_order,
+    peak,
+    setup_of,
+    total_force_N,
+)
 from analysis.theory.real_plate import static_compliance_m_N
-from analysis.theory.setup import Setup, setup_of
-from report.response.plate import PlateResults
+from report.response.results import PlateResults
 
 
 class TheoryResults:

@@ -5,7 +5,7 @@ import os
 import signal
 
 from common.tables import InputError
-from dem.batch.children import run_all
+from dem.batch.sweep import run_all
 
 
 def refused():

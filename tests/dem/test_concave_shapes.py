@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_shapes import CUBE, drawn
 
-from common.scene.shapes import ShapeTable
+from common.scene.stones import ShapeTable
 from common.tables import InputError, Refused
 from dem.run.run import run_scene
 from dem.shapes.solids import moments, solid_of

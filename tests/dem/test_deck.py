@@ -83,7 +83,7 @@ OMISSIONS = {
     # whole spheres press too little to yield, and a rigid plate does not yield at all
     "bonds": ({"stones.agglomerate": None}, {"bonds", "bond damping", "dilatation", "weak contact", "plasticity"}),
     "dilatation": ({f"materials.{name}.bond.{key}": None for name in ("coal", "gangue") for key in (
-        "volumetric_ratio", "pressure_strengthening", "pressure_threshold_Pa")}, {"dilatation"}),
+        "volumetric_ratio", "pressure_strengthening")}, {"dilatation"}),
     "damping": ({"stones.agglomerate.damping_ratio": 0.0}, {"bond damping"}),
     "friction": (SMOOTH, {"friction", "friction history"}),
     "gravity": ({"time.gravity_m_s2": None}, {"gravity"}),

@@ -77,7 +77,7 @@ def test_a_drop_height_is_a_speed():
 
 EACH = [{"material": "coal", "radius_m": 0.02, "x_m": 0.1, "y_m": 0.0, "speed_m_s": 2.0},
         {"material": "gangue", "radius_m": 0.01, "x_m": -0.1, "y_m": 0.0, "velocity_m_s": [0.5, 0.0, -1.0],
-         "spin_rad_s": [0.0, 30.0, 0.0], "arrival_s": 1e-3, "attitude": [0.6, 0.8, 0.0, 0.0], "strength_factor": 2.0},
+         "spin_rad_s": [0.0, 30.0, 0.0], "arrival_s": 1e-3, "attitude": [0.6, 0.8, 0.0, 0.0]},
         {"material": "shale", "radius_m": 0.015, "x_m": 0.0, "y_m": 0.1, "velocity_m_s": [0.0, 0.3, -3.0]}]
 
 
@@ -153,6 +153,9 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
     ("drawn", DRAWN | {"size_m": "large"}, {}, "stones.drawn.size_m = 'large': must be a number or a table"),
     ("drawn", DRAWN | {"size_m": -1.0}, {}, "stones.drawn.size_m = -1.0: must be from"),
     ("drawn", DRAWN | {"speed": 1.0}, {}, "stones.drawn.speed = 1.0: unknown key"),
+    ("each", [EACH[0] | {"strength_factor": 2.0}], {}, "unknown key; use scatter.strength_factor, or a material of its own;"),
+    ("drawn", DRAWN, {"output.impact_view_interval_s": 0.0}, "unknown key; use output.view_interval_s"),
+    ("drawn", DRAWN, {"materials.coal.bond.pressure_threshold_Pa": 1e6}, "unknown key; use pressure_strengthening"),
     ("drawn", DRAWN | {"size_m": {"rosin_rammler": {"size_m": 0.02, "exponent": 2.0, "least": 0.0, "most": 1.0}}}, {},
      "least"),
     ("drawn", DRAWN, {"stones.radius_m": 0.02}, "stones.radius_m = 0.02: must be left out where stones.drawn"),

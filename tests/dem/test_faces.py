@@ -13,12 +13,12 @@ from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.transform import Rotation
 
 from common.tables import InputError
-from dem.deck.face_contact import column_stiffness_N_m, stiffest_face_N_m
+from dem.deck.contact import column_stiffness_N_m, stiffest_face_N_m
 from dem.deck.render import write_deck
 from dem.record.energy_balance import read_ledger
-from dem.run.errors import Stopped
 from dem.run.prepare import prepare
 from dem.run.run import resume, run_scene
+from dem.run.simulate import Stopped
 from dem.stones.assembly import assemble
 from dem.stones.faces import FaceColumns
 

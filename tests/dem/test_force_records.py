@@ -12,7 +12,7 @@ from analysis.signals.resampling import resample
 from analysis.theory.real_plate import modes_of
 from common.files.cache import user_cache
 from dem.run.run import run_scene
-from recognition.estimation.channels import channels_of
+from recognition.estimation.window import channels_of
 from recognition.physics.arrangement_method import DURATION_S, ArrangementLikelihood
 from recognition.physics.force_records import force_record_of
 

@@ -15,13 +15,12 @@ import pytest
 from scenes_of_tests import SCENES, changed
 from scipy.linalg import expm
 
-import dem.coupling.watchdog
+import dem.coupling.pipes
 from common.files.cache import user_cache
 from dem.coupling.launch import ENGINE
 from dem.coupling.messages import CouplingError, FinishedMessage, ForceMessage
 from dem.coupling.participant import PlateParticipant
-from dem.coupling.pipes import PlatePipes
-from dem.coupling.watchdog import EngineWatchdog
+from dem.coupling.pipes import EngineWatchdog, PlatePipes
 from dem.deck.render import write_deck
 from dem.deck.time_step import TimeStep
 from dem.run.prepare import prepare
@@ -236,7 +235,7 @@ def test_the_engine_ends_with_a_clear_error_when_the_plate_fails(tmp_path, plate
 
 def test_an_engine_that_gets_microseconds_at_a_time_is_not_stuck(monkeypatch):
     """As ranks do that leave the processor to others: too little for a tick of the kernel."""
-    monkeypatch.setattr(dem.coupling.watchdog, "STUCK_s", 0.3)
+    monkeypatch.setattr(dem.coupling.pipes, "STUCK_s", 0.3)
     for line, stuck in (("while read -t 0.05; [ $? -gt 128 ]; do :; done", False), ("read", True)):
         with subprocess.Popen(["bash", "-c", line], stdin=subprocess.PIPE) as engine:
             time.sleep(0.3)  # bash has started

@@ -14,7 +14,7 @@ import dem.run.participants
 import dem.run.results
 from common.files.cache import user_cache
 from dem.coupling.pipes import PlatePipes
-from dem.deck.restitution import damping_ratio
+from dem.deck.contact import damping_ratio
 from dem.deck.time_step import plate_mobility_1_kg
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared

@@ -9,7 +9,7 @@ from scenes_of_tests import SCENES
 from scipy.spatial import ConvexHull
 
 from common.scene.scene import changed_scene
-from common.scene.shapes import ShapeTable
+from common.scene.stones import ShapeTable
 from common.tables import InputError
 from dem.run.run import run_scene
 from dem.shapes.solids import moments, polyhedron, solid_of

@@ -10,12 +10,12 @@ from scenes_of_tests import changed, hertz
 from scipy.integrate import solve_ivp
 
 from common.tables import Refused
+from dem.deck.contact import damping_ratio, elastic_damping_ratio
 from dem.deck.render import write_deck
-from dem.deck.restitution import damping_ratio, elastic_damping_ratio
 from dem.record.energy_balance import read_ledger
-from dem.run.errors import Stopped
 from dem.run.prepare import prepare
 from dem.run.run import resume, run_scene
+from dem.run.simulate import Stopped
 from dem.stones.bonds import bond_network
 from dem.stones.contact_patch import PATCH_RADIUS, is_surface, patch_compliance, patch_weights
 from dem.stones.packing import pack_sphere

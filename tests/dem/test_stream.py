@@ -14,7 +14,7 @@ from dem.deck.time_step import fast_per_sample
 from dem.record.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
 from dem.record.recorder import read_forces
 from dem.run.prepare import prepare
-from dem.stones.paths import Flying
+from dem.stones.stone import Flying
 
 GRAVITY = 9.8
 SPEED = 0.5

@@ -44,7 +44,7 @@ def falling(stones, name="bonded", plate="rigid", **tables):
 
 
 EACH = [{"material": "coal", "radius_m": 0.025, "x_m": 0.1, "y_m": 0.0, "velocity_m_s": [0.5, 0.0, -2.0],
-         "spin_rad_s": [0.0, 20.0, 0.0], "strength_factor": 1.2},
+         "spin_rad_s": [0.0, 20.0, 0.0]},
         {"material": "gangue", "radius_m": 0.02, "x_m": -0.1, "y_m": 0.05, "speed_m_s": 3.0, "arrival_s": 2e-4,
          "attitude": [1.0, 0.0, 0.0, 0.0], "seed": 3}]
 DRAWN = {"size_m": {"uniform": [0.03, 0.05]}, "speed_m_s": {"uniform": [2.0, 4.0]},
@@ -61,7 +61,7 @@ BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": 
                      "place_m": 0.02, "arrival_s": {"uniform": [0.0, 1e-3]}},
          "contacts": {"coal_coal": {"restitution": 0.5, "friction": 0.6}, "coal_gangue": {"restitution": 0.5, "friction": 0.6},
                       "gangue_gangue": {"restitution": 0.5, "friction": 0.6}},
-         "output": {"view_interval_s": 1e-4, "impact_view_interval_s": 0.0},
+         "output": {"view_interval_s": 1e-4},
          "ranks": 2}
 EDGES = {key: value for key, value in small_scene("sphere", "flexible")["plate"].items() if key not in ("rods", "theory")} | {
     "edges": "clamped", "mesh_size_m": 0.05, "point_supports": [{"x_m": 0.0, "y_m": 0.0}]}

@@ -6,9 +6,8 @@ import scipy.linalg
 from plates import STEEL, four_rods, plate, rod
 
 from plate_fem.elements.in_plane import first_Hz_of, in_plane
-from plate_fem.modes import plate_modes
+from plate_fem.modes import modal_surface_stress, plate_modes
 from plate_fem.solution.model import build_model
-from plate_fem.solution.stress_recovery import modal_surface_stress
 
 THICK = {"length_m": 0.3, "width_m": 0.3, "thickness_m": 0.06, "max_frequency_Hz": 10e3,
          "rods": [rod(a * 0.1, b * 0.1, diameter_m=0.03) for a in (-1, 1) for b in (-1, 1)]}

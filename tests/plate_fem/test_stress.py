@@ -8,9 +8,8 @@ from plates import four_rods, plate
 from statics import pressure_load, static_response
 
 from plate_fem.elements.mesh import bending_stiffness
-from plate_fem.modes import plate_modes
+from plate_fem.modes import modal_surface_stress, plate_modes
 from plate_fem.solution.model import build_model
-from plate_fem.solution.stress_recovery import modal_surface_stress
 from plate_fem.stress import StressPeak, surface_stress, von_mises
 
 

@@ -10,7 +10,6 @@ from math import comb
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.signal import firwin
 from scipy.stats import multivariate_normal
@@ -260,11 +259,8 @@ def test_another_plate_and_another_speed_are_out_of_distribution(method):
 def test_a_speed_that_varied():
     X, ratios = draw(90, 5, speeds=(2.0, 4.0))
     method = ArrangementLikelihood(exact_trigger=True).fit(X[:40], ratios[:40], groups=np.arange(40))
-    speeds = pd.DataFrame({"damping_ratio": 0.01, "speed_m_s": [x.force_record.speed_m_s for x in X[40:]]})
-    unknown = np.array([answer.ratio for answer in method.answer(X[40:])])
-    known = np.array([answer.ratio for answer in method.answer(X[40:], nuisance=speeds)])
-    assert np.abs(unknown - ratios[40:]).mean() < 0.06
-    assert np.abs(known - ratios[40:]).mean() < 0.02
+    found = np.array([answer.ratio for answer in method.answer(X[40:])])
+    assert np.abs(found - ratios[40:]).mean() < 0.06
 
 
 def test_where_stones_touch_scatters_records_along_both_axes():

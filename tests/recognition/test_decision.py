@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from recognition.estimation.errors import RecognitionError
-from recognition.stone_forces.law_file import load_forces
+from recognition.stone_forces.forces import load_forces
 from recognition.stream.decision import Stop, follow, foreseen, mean_stones
 from recognition.stream.prior import StonePrior
 from recognition.stream.stone_law import UNKNOWN, LearntLaw, doubted

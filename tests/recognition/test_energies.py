@@ -9,8 +9,7 @@ from analysis import RecordError
 from analysis.signals.features import log_rms
 from recognition import RecognitionError
 from recognition.model_file import decode, encode
-from recognition.regression.feature_regression import FeatureRegression
-from recognition.regression.gaussian_process import ProcessRegressor
+from recognition.regression.feature_regression import FeatureRegression, ProcessRegressor
 
 T = np.arange(267) / 6667
 
@@ -80,18 +79,6 @@ def test_the_standard_error_follows_the_slope():
     slope = (numbers.ratio(further)[0] - numbers.ratio(record)[0]) / step
     without = numbers.ratio(X[5])[1]
     assert numbers.ratio(record)[1] == pytest.approx(np.hypot(without, 0.01 * slope), rel=1e-4)
-
-
-def test_a_condition_that_is_known_is_used():
-    """One feature, the product of (1 + ratio) and a speed: worth nothing much without the speed."""
-    rng = np.random.default_rng(8)
-    y, speed = rng.uniform(0, 1, 200), rng.uniform(2, 4, 200)
-    X = np.stack([(1 + y) * speed, np.zeros(200)], axis=1)[:, :, None]
-    model = ProcessRegressor().fit(X[:120], y[:120], nuisance=speed[:120, None])
-    unknown, known = (np.abs(model.predict(X[120:], nuisance=n) - y[120:]).mean() for n in (None, speed[120:, None]))
-    assert known < 0.01 and unknown > 0.1
-    with pytest.raises(RecognitionError, match="those of the training runs were not"):
-        ProcessRegressor().fit(X[:120], y[:120]).predict(X[120:], nuisance=speed[120:, None])
 
 
 @pytest.mark.parametrize("seed", range(8))

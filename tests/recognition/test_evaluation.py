@@ -14,10 +14,10 @@ from recognition.evaluation.cross_validation import (
     evaluate,
     summary,
     table,
+    with_noise,
     write_evaluation,
 )
 from recognition.evaluation.dataset import DataSet, _kin, read_dataset
-from recognition.evaluation.sensor_noise import with_noise
 from tests.analysis import synthetic
 
 FAMILIES = {"paper": (1, 11), "clean": (44, 1), "damping": (12, 1), "speed": (12, 1), "stones": (12, 1), "natural": (4, 11),

@@ -3,8 +3,8 @@ import pytest
 
 from recognition import RecognitionError, Rule, Strategy
 from recognition.model_file import decode, encode
-from recognition.paper.function_space import fit_polynomials
-from recognition.paper.least_squares import fit_polynomial
+from recognition.paper.q_parameter import fit_polynomial
+from recognition.paper.strategy import fit_polynomials
 
 RATIOS = np.arange(11) / 10
 

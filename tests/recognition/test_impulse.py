@@ -6,7 +6,7 @@ import pytest
 
 from lab.recognition.impulse import impulse
 from recognition import RecognitionError
-from recognition.evaluation.sensor_noise import with_noise
+from recognition.evaluation.cross_validation import with_noise
 
 MASS_KG = 40.0
 DT_S = 1.5e-4

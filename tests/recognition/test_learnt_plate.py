@@ -11,8 +11,7 @@ from recognition.__main__ import main
 from recognition.estimation.window import Window
 from recognition.models import Model
 from recognition.physics.arrangement_likelihood import MISFIT
-from recognition.physics.arrangement_method import ArrangementLikelihood
-from recognition.physics.learnt_plate import on_plate
+from recognition.physics.arrangement_method import ArrangementLikelihood, on_plate
 from recognition.plate.plate_model import PlateModel
 from tests.recognition.test_arrangement_likelihood import NAMES, SAMPLES, STEP_s, draw, plate
 

@@ -10,8 +10,7 @@ from lab.known_truth.force_pulses import hertz_pulse
 from lab.known_truth.other_plates import other_theory, scattered, solid_plate
 from lab.known_truth.stone_histories import SETS, histories, rock_of, stored_rock
 from recognition.plate.plate_model import PlateModel
-from recognition.stone_forces.forces import History, StoneForces, heard_of
-from recognition.stone_forces.law_file import load_forces
+from recognition.stone_forces.forces import History, StoneForces, heard_of, load_forces
 
 SCENE = resource("scenes") / "paper.toml"
 MASS_kg = 39.15

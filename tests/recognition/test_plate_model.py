@@ -12,8 +12,7 @@ from common.resources import resource
 from common.scene.plate import read_plate
 from plate_fem.modes import plate_modes
 from recognition.estimation.errors import RecognitionError
-from recognition.plate.modal_steps import modal_steps
-from recognition.plate.plate_model import PlateModel
+from recognition.plate.plate_model import PlateModel, modal_steps
 
 SCENE = resource("scenes") / "paper.toml"
 

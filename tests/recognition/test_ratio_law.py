@@ -8,8 +8,7 @@ from sklearn.model_selection import KFold
 from recognition import RecognitionError
 from recognition.estimation.calibration import distance_limits
 from recognition.model_file import decode, encode
-from recognition.regression.conformal import GroupConformal
-from recognition.regression.gaussian_process import ProcessRegressor
+from recognition.regression.feature_regression import GroupConformal, ProcessRegressor
 from recognition.regression.ratio_law import RatioLaw, basis, fit_law, held_out_residual, monomials
 from tests.recognition.draws import draws, law, noisy
 

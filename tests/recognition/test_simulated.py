@@ -11,7 +11,7 @@ from analysis.signals.features import log_rms
 from lab.known_truth.stone_histories import rock_of
 from lab.recognition.baselines import EVALUATED
 from lab.recognition.impulse import impulse
-from recognition.estimation.channels import channels_of
+from recognition.estimation.window import channels_of
 from recognition.regression.feature_regression import FeatureRegression
 
 

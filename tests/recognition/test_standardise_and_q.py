@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from recognition import FusionQ, NotRecognised, RecognitionError
-from recognition.paper.least_squares import fit_polynomial
-from recognition.paper.standardise import MinMaxByTrend, ResponseRange, trend
+from recognition.paper.fusion import MinMaxByTrend, ResponseRange, trend
+from recognition.paper.q_parameter import fit_polynomial
 
 RATIOS = np.arange(11) / 10
 

@@ -14,7 +14,7 @@ from common.tables import InputError
 from lab.streams.stone_kinds import ERROR, hertz
 from recognition.estimation.errors import RecognitionError
 from recognition.innovations.bank import IMPULSE, TIME, X, Y
-from recognition.stone_forces.law_file import load_forces
+from recognition.stone_forces.forces import load_forces
 from recognition.stream import known_file
 from recognition.stream.posterior import drawn
 from recognition.stream.prior import TRIPLE, StonePrior

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from recognition import JUDGES, NotRecognised, RecognitionError, Rule, Strategy
-from recognition.paper.roots import real_roots
+from recognition.paper.q_parameter import real_roots
 
 RATIOS = np.arange(11) / 10
 MOMENTS = np.linspace(0, 1, 60)

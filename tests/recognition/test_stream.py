@@ -16,7 +16,7 @@ from recognition.innovations.retuning import retuned
 from recognition.innovations.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
-from recognition.stone_forces.law_file import load_forces, save_forces
+from recognition.stone_forces.forces import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
 from recognition.stream.listen import Listener

@@ -11,8 +11,7 @@ from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.signatures import FINE_S, Channels
 from recognition.plate.plate_model import PlateModel
-from recognition.stone_forces.forces import History
-from recognition.stone_forces.law_file import load_forces
+from recognition.stone_forces.forces import History, load_forces
 from recognition.volley.impulses import FAR_SHARE, Hypotheses
 from recognition.volley.moments import SPREADS_S, Moments
 from recognition.volley.recognise import SILENCE_S, RATE_Hz, recognise_volley

@@ -13,9 +13,8 @@ from analysis import read_run
 from dem.record.vtk_file import Mesh, VtuWriter
 from report.drawing.lines import envelope
 from report.film.packing import OUTSIDE, pack_moving, quantised
-from report.film.pictures import EARLY, IMPACT, WHOLE, Instant, choose, instants, read_film
+from report.film.pictures import EARLY, IMPACT, WHOLE, Instant, choose, instants, read_arrays, read_film
 from report.film.reel import QUANTUM_M, pack_run
-from report.film.vtu_file import read_arrays
 from report.missing import MissingResult
 from tests.analysis.synthetic import write_run
 from tests.report.synthetic_view import T_S, centre_m, write_view

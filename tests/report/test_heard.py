@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.sweep.stream import COLUMNS
+from analysis.sweep.runs import COLUMNS
 from report.missing import MissingResult
 from report.stream.heard import WINDOW_S, HeardStream, read_heard
 from report.stream.results import StreamResults

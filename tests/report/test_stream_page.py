@@ -10,7 +10,7 @@ import pytest
 
 from analysis import RecordError, read_run
 from analysis.sweep import breakage
-from analysis.sweep.stream import fallen, is_stream, true_ratio
+from analysis.sweep.runs import fallen, is_stream, true_ratio
 from common.files.parquet import write_parquet
 from common.scene.scene import changed_scene
 from dem.run.prepare import prepare

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from report.trends import (
+from report.verdicts import (
     falling_steps,
     fluctuation,
     overlap,

@@ -4,7 +4,7 @@
 namespace LAMMPS_NS {
 
 // Tells whether the plate's process is stuck while the engine waits for its answer; the twin of
-// dem/coupling/watchdog.py. A process is stuck when it uses no processor time, which a working one does even on a
+// dem/coupling/pipes.py. A process is stuck when it uses no processor time, which a working one does even on a
 // crowded machine.
 class PlateWatchdog {
  public:

@@ -58,7 +58,13 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
 int FixFreeFlight::setmask() { return INITIAL_INTEGRATE | PRE_EXCHANGE | PRE_NEIGHBOR | FINAL_INTEGRATE | END_OF_STEP; }
 
 void FixFreeFlight::pre_exchange() {
-  if (stream_) stream_->let_enter(*this);
+  if (!stream_) return;
+  std::vector<Vec> flying;
+  for (const StoneStream::Ball &ball : stream_->wanted())
+    for (const auto &body : bodies_)
+      if (norm(body->center_at(update->ntimestep) - ball.center) <= ball.radius + body->radius)
+        visit_parts(*body, [&](int, const double *x, const double *) { flying.emplace_back(x); });
+  stream_->let_enter(flying);
 }
 
 void FixFreeFlight::init() {
@@ -127,11 +133,6 @@ std::vector<FreeBody *> FixFreeFlight::bodies_in_flight() {
 
 void FixFreeFlight::each_in_flight(const Visit &visit) const {
   for (const auto &body : bodies_) visit_parts(*body, visit);
-}
-
-void FixFreeFlight::each_in_flight_near(const Vec &point, double range, const Visit &visit) const {
-  for (const auto &body : bodies_)
-    if (norm(body->center_at(update->ntimestep) - point) <= range + body->radius) visit_parts(*body, visit);
 }
 
 // A body integrates its attitude from one call to the next. A copy is asked, so that the body goes on as if unseen.

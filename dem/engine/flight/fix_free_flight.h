@@ -54,7 +54,6 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void restore(const CheckpointReader &) override;
 
   void each_in_flight(const Visit &) const override;
-  void each_in_flight_near(const Vec &point, double range, const Visit &) const override;
 
   void set_arrays(int i) override { atom->mask[i] |= unheld_; }
 

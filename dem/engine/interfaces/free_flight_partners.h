@@ -74,8 +74,6 @@ class FlyingSpheres {
   // Where each of them is and how it moves now, m and m/s. The flight goes on as if nobody had looked.
   using Visit = std::function<void(int tag, const double *x, const double *v)>;
   virtual void each_in_flight(const Visit &) const = 0;
-  // Of bodies that come within `range` of a point, m.
-  virtual void each_in_flight_near(const Vec &point, double range, const Visit &) const = 0;
 };
 
 // What the run loop asks of fix free_flight.

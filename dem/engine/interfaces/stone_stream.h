@@ -19,6 +19,7 @@ struct EnteringStone {
   std::vector<double> surface;       // rows as in the file of surfaces (stone_surface.h)
   std::vector<double> faces;         // rows as in the file of faces (face_columns.h)
   int count() const { return static_cast<int>(atoms.size()) / ATOM_COLUMNS; }
+  Vec place(int k) const { return Vec(&atoms[k * ATOM_COLUMNS + 3]); }
 };
 
 // Keeps something of each stone while that is near.
@@ -43,8 +44,15 @@ class StoneStream {
   virtual const std::vector<int> &near() const = 0;  // agglomerates that are there, ascending
   virtual int tags_near() const = 0;                 // sub-spheres that are there, those in free flight as well
   virtual bigint next_entry() const = 0;             // step at which the next stone enters, after the present one
-  // Those that are due enter, where neither the arrays nor what flies are in the way; before neighbour lists are built.
-  virtual void let_enter(const class FlyingSpheres &flying) = 0;
+  // A ball about each stone that is to enter now. Spheres with their centres in it could be in the way.
+  struct Ball {
+    Vec center;
+    double radius;
+  };
+  virtual std::vector<Ball> wanted() = 0;
+  // They enter, where neither the arrays nor what flies, with these centres, are in the way; next after `wanted`, before
+  // neighbour lists are built.
+  virtual void let_enter(const std::vector<Vec> &flying) = 0;
   virtual void take_out(const LeftBody &) = 0;       // it is in the arrays no more
   virtual std::vector<int> close_finished() = 0;     // stones that have gone, and are near no more from now on
   virtual double entered_kinetic_J() const = 0;      // of all that entered so far

@@ -43,6 +43,7 @@ FixStones::FixStones(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   bool are_the_same = file_->count() == agglomerates_->count();
   for (int a = 0; are_the_same && a < file_->count(); a++) are_the_same = file_->size(a) == agglomerates_->size(a);
   if (!are_the_same) input.refuse(file + " and " + agglomerates + " are of different stones");
+  for (int type = 1; type <= file_->types(); type++) range_ = std::max(range_, 2 * file_->greatest_radius(type));
   gone_.resize(file_->count());
   order_.resize(file_->count());
   std::iota(order_.begin(), order_.end(), 0);
@@ -54,7 +55,8 @@ FixStones::FixStones(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   if (std::ftell(left_) == 0)
     std::fputs("step,agglomerate,subspheres,mass_kg,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,kinetic_J,elastic_J\n", left_);
   make_room_for_tags();
-  enter_until(update->ntimestep, 0, nullptr);
+  tries_ = find_due();
+  enter_waiting(0, {});
 }
 
 FixStones::~FixStones() {
@@ -90,44 +92,54 @@ bigint FixStones::next_entry() const {
   return waiting_.empty() ? entry : std::min(entry, (update->ntimestep / TRY_STEPS + 1) * TRY_STEPS);
 }
 
-void FixStones::let_enter(const FlyingSpheres &flying) {
+std::vector<StoneStream::Ball> FixStones::wanted() {
   forget();
-  enter_until(update->ntimestep, 0.5 * update->dt, &flying);
+  tries_ = find_due();
+  std::vector<Ball> balls;
+  for (const EnteringStone &stone : waiting_)
+    if (tries_) balls.push_back(ball_of(stone));
+  return balls;
 }
 
-void FixStones::enter_until(bigint step, double half_step, const FlyingSpheres *flying) {
-  bool tries = step % TRY_STEPS == 0;
-  for (; due_ < order_.size() && file_->entry(order_[due_]) <= step; due_++, tries = true)
+void FixStones::let_enter(const std::vector<Vec> &flying) { enter_waiting(0.5 * update->dt, flying); }
+
+// Those that are due wait from now on. Is this a step at which those that wait try?
+bool FixStones::find_due() {
+  bool tries = update->ntimestep % TRY_STEPS == 0;
+  for (; due_ < order_.size() && file_->entry(order_[due_]) <= update->ntimestep; due_++, tries = true)
     waiting_.push_back(file_->read(order_[due_]));
-  if (tries) enter_waiting(half_step, flying);
-  next_reneighbor = next_entry() < NEVER ? next_entry() : -1;
+  return tries;
 }
 
 // Each by itself, in the order of their steps.
-void FixStones::enter_waiting(double half_step, const FlyingSpheres *flying) {
+void FixStones::enter_waiting(double half_step, const std::vector<Vec> &flying) {
   std::vector<EnteringStone> left;
   for (EnteringStone &stone : waiting_)
-    if (is_free(stone, flying)) enter(stone, half_step);
+    if (tries_ && is_free(stone, flying)) enter(stone, half_step);
     else left.push_back(std::move(stone));
   waiting_ = std::move(left);
+  next_reneighbor = next_entry() < NEVER ? next_entry() : -1;
 }
 
-bool FixStones::is_free(const EnteringStone &stone, const FlyingSpheres *flying) const {
+StoneStream::Ball FixStones::ball_of(const EnteringStone &stone) const {
   const int count = stone.count();
-  auto place = [&](int k) { return Vec(&stone.atoms[k * EnteringStone::ATOM_COLUMNS + 3]); };
-  Vec center;
-  for (int k = 0; k < count; k++) center += 1.0 / count * place(k);
-  double range = 0, reach = 0;  // between centres that could touch; of what could touch the stone, from its centre
-  for (int type = 1; type <= file_->types(); type++) range = std::max(range, 2 * file_->greatest_radius(type));
-  for (int k = 0; k < count; k++) reach = std::max(reach, norm(place(k) - center) + range);
-  bool is_free = true;
-  auto see = [&](int, const double *x, const double *) {
-    if (!is_free || norm(Vec(x) - center) > reach) return;
-    for (int k = 0; is_free && k < count; k++) is_free = norm(Vec(x) - place(k)) > range;
+  Ball ball{Vec(), 0};
+  for (int k = 0; k < count; k++) ball.center += 1.0 / count * stone.place(k);
+  for (int k = 0; k < count; k++) ball.radius = std::max(ball.radius, norm(stone.place(k) - ball.center) + range_);
+  return ball;
+}
+
+bool FixStones::is_free(const EnteringStone &stone, const std::vector<Vec> &flying) const {
+  const Ball ball = ball_of(stone);
+  auto is_in_the_way = [&](const Vec &x) {
+    if (norm(x - ball.center) > ball.radius) return false;
+    for (int k = 0; k < stone.count(); k++)
+      if (norm(x - stone.place(k)) <= range_) return true;
+    return false;
   };
-  for (int i = 0; i < atom->nlocal; i++) see(atom->tag[i], atom->x[i], atom->v[i]);
-  if (flying) flying->each_in_flight_near(center, reach, see);
-  return is_free;
+  for (int i = 0; i < atom->nlocal; i++)
+    if (is_in_the_way(Vec(atom->x[i]))) return false;
+  return std::none_of(flying.begin(), flying.end(), is_in_the_way);
 }
 
 // Velocities are taken `half_step` seconds earlier, as they are within a step.

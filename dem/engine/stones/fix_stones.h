@@ -42,7 +42,8 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   const std::vector<int> &near() const override { return near_; }
   int tags_near() const override { return tags_near_; }
   bigint next_entry() const override;
-  void let_enter(const FlyingSpheres &) override;
+  std::vector<Ball> wanted() override;
+  void let_enter(const std::vector<Vec> &flying) override;
   void take_out(const LeftBody &) override;
   std::vector<int> close_finished() override;
   double entered_kinetic_J() const override { return entered_kinetic_; }
@@ -65,16 +66,19 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   std::vector<EnteringStone> waiting_;  // of those, what something is in the way of
   std::vector<int> near_, to_forget_;
   std::vector<Gone> gone_;     // by agglomerate
+  double range_ = 0;           // between centres of sub-spheres that could touch, m
+  bool tries_ = false;         // do those that wait try to enter at this step?
   int tags_near_ = 0;
   double entered_kinetic_ = 0, entered_mass_height_ = 0;
   Vec weight_ = Vec(0, 0, 0), up_ = Vec(0, 0, 1);  // m/s^2; unit vector
   FILE *left_ = nullptr;
 
   void make_room_for_tags();
-  void enter_until(bigint step, double half_step, const FlyingSpheres *);
-  void enter_waiting(double half_step, const FlyingSpheres *);
+  bool find_due();
+  void enter_waiting(double half_step, const std::vector<Vec> &flying);
+  Ball ball_of(const EnteringStone &) const;
   void enter(const EnteringStone &, double half_step);
-  bool is_free(const EnteringStone &, const FlyingSpheres *) const;
+  bool is_free(const EnteringStone &, const std::vector<Vec> &flying) const;
   void add_atom(const EnteringStone &, int k, double half_step);
   void forget();
 };

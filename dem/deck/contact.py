@@ -1,0 +1,181 @@
+"""The contact of stones, with the plate and with each other: its laws, damping ratios, and the files for the engine
+(docs/contact.md).
+
+Stones touch as smooth spheres or by flat faces. A column of height h behind an area A of a face has the stiffness E A/h
+of a bar. The plate's half-space gives way under the whole face, of radius a, as under a flat punch, by F/(2 E_p* a).
+Under an even pressure an area A has the share A/(pi a^2) of F, so that its part of the plate has the stiffness
+2 E_p* A/(pi a).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import combinations_with_replacement
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from common.hertz import contact_modulus_Pa
+from common.scene.plate import Plate
+from common.scene.scene import ContactTable, MaterialTable, Scene
+from dem.stones.assembly import Assembly
+from dem.stones.contact_patch import PATCH_RADIUS
+from dem.stones.faces import FaceColumns
+from dem.stones.substance import material_of, pair_contact, plate_contact
+from plate_fem.contact_stress import YIELD_PRESSURE
+
+OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
+NUMBERS = 7  # of a column in a file
+MOST = 50.0       # a damping ratio that leaves a restitution below any that a scene may have
+PRECISION = 1e-12
+
+
+class SmoothLaw(NamedTuple):
+    """Contact of a smooth sphere with the plate or with another one (docs/contact.md).
+
+    E* and G* in Pa; the damping ratio of the dashpot that gives the restitution, and that of the one across, which is
+    LIGGGHTS' own; friction; the pressure in the middle of the contact at which one of the two gives way, Pa, 0 where
+    neither does.
+    """
+
+    modulus_Pa: float
+    shear_modulus_Pa: float
+    damping_ratio: float
+    damping_ratio_across: float
+    friction: float
+    yield_pressure_Pa: float
+
+
+def smooth_law(contact: ContactTable, first: MaterialTable, second: MaterialTable | Plate) -> SmoothLaw:
+    """The law of a stone of one material, on the plate or on a stone of another material."""
+    bodies = (first, second)
+    shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
+    limits = [limit for limit in (first.contact_strength_Pa, _strength_Pa(second)) if limit is not None]
+    return SmoothLaw(contact_modulus_Pa(first, second), 1 / shear_compliance, damping_ratio(contact.restitution),
+                     elastic_damping_ratio(contact.restitution), contact.friction, min(limits, default=0.0))
+
+
+def _strength_Pa(body: MaterialTable | Plate) -> float | None:
+    if isinstance(body, MaterialTable):
+        return body.contact_strength_Pa
+    return None if body.yield_stress_Pa is None else YIELD_PRESSURE * body.yield_stress_Pa
+
+
+def pair_laws(scene: Scene, assembly: Assembly) -> list[tuple[int | float, ...]]:
+    """Of each pair of types of stones in the deck the types and the numbers of SmoothLaw; none where no two stones can
+    touch as smooth ones."""
+    if not assembly.surfaces or len(assembly.sizes) < 2:
+        return []
+    found: list[tuple[int | float, ...]] = []
+    types = list(enumerate(assembly.substances, start=1))
+    for (i, first), (j, second) in combinations_with_replacement(types, 2):
+        contact = pair_contact(scene, first, second)
+        if contact is not None:
+            found.append((i, j, *smooth_law(contact, material_of(scene, first), material_of(scene, second))))
+    return found
+
+
+def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
+    """(stones, 12) numbers of the engine's SmoothStone, from the radius on."""
+    laws = {one: smooth_law(plate_contact(scene, one), material_of(scene, one), scene.plate)
+            for one in assembly.substances}
+    rows = []
+    for surface, stone in zip(assembly.surfaces, assembly.stones, strict=True):
+        radius = stone.radius_m
+        rows.append([radius, PATCH_RADIUS * radius, *laws[stone.substance], surface.first.normal_m_N,
+                     surface.other.normal_m_N, surface.first.tangential_m_N, surface.other.tangential_m_N])
+    return np.array(rows, dtype=float)
+
+
+def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
+    """Write the file that dem/engine/smooth/stone_surface.h describes."""
+    start, radius_m = np.cumsum([0, *assembly.sizes]), max(stone.radius_m for stone in assembly.stones)
+    with open(file, "w") as out:
+        out.write(f"{OUTSIDE * radius_m!r}\n")
+        if assembly.is_stream:  # each stone brings its own
+            out.write(f"stream {PATCH_RADIUS**2 * radius_m / 2!r}\n")
+            return
+        for k, (surface, numbers) in enumerate(zip(assembly.surfaces, contact_rows(scene, assembly), strict=True)):
+            here = slice(start[k], start[k + 1])
+            out.write(" ".join([str(assembly.sizes[k]), *(f"{number:.17g}" for number in numbers)]) + "\n")
+            rows = [surface.place_m, assembly.radius_m[here], assembly.mass_kg[here], surface.is_surface]
+            np.savetxt(out, np.column_stack(rows), fmt=["%.17g"] * 5 + ["%d"])
+
+
+def column_stiffness_N_m(columns: FaceColumns, stone_modulus_Pa: float, plate_modulus_Pa: float) -> np.ndarray:
+    """(k,) of columns in series with their share of the plate; E of the stone, E/(1 - nu^2) of the plate."""
+    stone = columns.height_m / stone_modulus_Pa
+    plate = np.pi * columns.face_radius_m / (2 * plate_modulus_Pa)
+    return np.asarray(columns.area_m2 / (stone + plate))
+
+
+def stone_columns_N_m(scene: Scene, assembly: Assembly, stone: int) -> np.ndarray:
+    """(k,) stiffness of the columns of one stone; none where it has no faces."""
+    columns = assembly.faces[stone] if assembly.faces else None
+    if columns is None:
+        return np.zeros(0)
+    plate_modulus = scene.plate.youngs_modulus_Pa / (1 - scene.plate.poisson_ratio**2)
+    modulus = material_of(scene, assembly.stones[stone].substance).youngs_modulus_Pa
+    return column_stiffness_N_m(columns, modulus, plate_modulus)
+
+
+def stiffest_face_N_m(scene: Scene, assembly: Assembly) -> float:
+    """All columns of one face together, the stiffest of all stones; 0 where there are no faces."""
+    stiffest = 0.0
+    for k, columns in enumerate(assembly.faces):
+        if columns is not None and len(columns.sub_sphere):
+            _, face = np.unique(np.round(columns.normal, 6), axis=0, return_inverse=True)
+            stiffest = max(stiffest, float(np.bincount(face.ravel(), stone_columns_N_m(scene, assembly, k)).max()))
+    return stiffest
+
+
+def face_rows(scene: Scene, assembly: Assembly, stone: int, first: int) -> np.ndarray:
+    """(k, 7) rows of dem/engine/contact/face_columns.h; `first`: number, from 0, of the stone's first sub-sphere."""
+    columns = assembly.faces[stone]
+    if columns is None:
+        return np.zeros((0, NUMBERS))
+    return np.column_stack([first + columns.sub_sphere + 1, columns.normal, columns.height_m,
+                            stone_columns_N_m(scene, assembly, stone), columns.area_m2])
+
+
+def write_faces(file: Path, scene: Scene, assembly: Assembly) -> None:
+    """Write the file that dem/engine/contact/face_columns.h describes."""
+    start = np.cumsum([0, *assembly.sizes])
+    outside = max(float((c.height_m - assembly.radius_m[start[k] + c.sub_sphere]).max(initial=0.0))
+                  for k, c in enumerate(assembly.faces) if c is not None)
+    with open(file, "w") as out:
+        out.write(f"{outside!r}\n")
+        if assembly.is_stream:  # each stone brings its own
+            out.write("stream\n")
+            return
+        for k in range(len(assembly.faces)):
+            np.savetxt(out, face_rows(scene, assembly, k, start[k]), fmt=["%d"] + ["%.17g"] * (NUMBERS - 1))
+
+
+def elastic_damping_ratio(restitution: float) -> float:
+    """-ln e / sqrt(ln^2 e + pi^2): of LIGGGHTS' Hertz contact, which ends when the overlap is zero, so that the dashpot
+    pulls at last (D. Antypov and J. A. Elliott, EPL 94 (2011) 50004)."""
+    log_e = float(np.log(restitution))
+    return -log_e / float(np.hypot(log_e, np.pi))
+
+
+def restitution_of(damping_ratio: float) -> float:
+    """Rebound over impact speed of a mass on Hertz' spring with the dashpot 2 sqrt(5/6) zeta sqrt(S m), S = dF/dd,
+    whose contact ends when the force is zero (`damping_ratio` zeta >= 0).
+
+    With u = sqrt(2 U/m), U the energy of the spring, and a time in which u' = v, the motion is that of the linear
+    oscillator, v' = -u - 2 zeta v, whatever mass, stiffness and speed. The force is zero at v' = 0, where
+    e = exp(-2 a/tan a), cos a = zeta; the linear case is Schwager and Poeschel's (2007, Granular Matter 9:465).
+    """
+    a = np.arccos(complex(damping_ratio))  # imaginary where overdamped
+    return float(np.exp(-2 * damping_ratio * (a / np.sin(a)).real)) if a != 0 else float(np.exp(-2))
+
+
+@lru_cache(maxsize=64)
+def damping_ratio(restitution: float) -> float:
+    """The zeta of `restitution_of` for a restitution above 0, up to 1."""
+    if restitution == 1:
+        return 0.0
+    return float(brentq(lambda ratio: restitution_of(ratio) - restitution, 0, MOST, xtol=PRECISION))
