@@ -11,7 +11,7 @@ import pytest
 
 from lab.known_truth.simulated import draw_stones, stream_of
 from recognition.__main__ import main
-from recognition.stone_forces.law_file import save_forces
+from recognition.stone_forces.forces import save_forces
 from recognition.stream.recognise import RATE_Hz
 from tests.recognition.elastic_stones import CHANNELS
 
