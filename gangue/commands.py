@@ -195,7 +195,7 @@ COMMANDS = {
              help="between ratios (default: %(default)g s)")), (
         "gangue listen stream.parquet --plate plate.json --radius 0.025 0.025 --speed 2 4 --out runs/heard",
         "gangue listen a.csv --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40 --out b",
-        "recorder | gangue listen - --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40")),
+        "gangue listen - --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40")),
     "learn-forces": Command("gangue.learn_forces:learn_forces", "what `listen` believes of one's own rock and plate", (
         SCENE, _arg("--out", type=Path, required=True, help="law to write (.json); runs stay in a directory beside it"),
         _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
