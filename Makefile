@@ -104,9 +104,10 @@ stability: setup  ## extreme scenes, each finished or refused by name, into runs
 mutants: setup .venv/test  ## do the tests see each mutation of the physics? hours; build/mutants/mutants.csv
 	$(PYTHON) -m lab.mutants --jobs $(JOBS)
 
-pictures: setup .venv/browser build/chromium  ## the pictures of the README and of docs/gallery.md from the runs in OUT
+pictures: setup .venv/browser build/chromium build/paraview  ## the pictures of the README and of docs/gallery.md from the runs in OUT
 	$(PYTHON) docs/pictures/gallery.py $(OUT)
 	$(PYTHON) docs/pictures/film.py $(OUT)
+	xvfb-run -a pvpython $(OUT)/ratio_050/view.py $(abspath docs/pictures/view.png) 0.012
 
 lint: setup .venv/lint  ## style and types of the Python code
 	$(PYTHON) -m ruff check .

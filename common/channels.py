@@ -20,10 +20,10 @@ SENSORS: dict[SensorKind, str] = {
 #: What the columns of all accelerometers and of all rods begin with.
 ACCELEROMETERS, RODS = "acc_", "rod_"
 
-
 #: Of a plate that stands on rods alone, upwards: the impulse that modal damping took, and the momentum of the rods.
 DAMPING_IMPULSE, RODS_MOMENTUM = "damping_impulse_N_s", "rods_momentum_kg_m_s"
-#: The longest ending that fits comes first.
+
+#: Units by the ending of a name. The longest ending that fits comes first.
 UNIT_BY_SUFFIX = {
     "_m_s2": "m/s^2",
     "_kg_m_s": "kg m/s",

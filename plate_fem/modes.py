@@ -181,11 +181,7 @@ def plate_modes(
 
     stored = cached(cache_dir, "modes", table_hash(plate, points), find)
     values: dict[str, Any] = {name: stored[name] if stored[name].shape else stored[name].item() for name in names}
-    return _damped(PlateModes(**values), plate)
-
-
-def _damped(modes: PlateModes, plate: FlexiblePlate) -> PlateModes:
-    return replace(modes, damping_ratio=np.full(len(modes.frequency_Hz), plate.damping_ratio))
+    return replace(PlateModes(**values), damping_ratio=np.full(len(values["frequency_Hz"]), plate.damping_ratio))
 
 
 def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | None = None) -> str:

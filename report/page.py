@@ -229,6 +229,7 @@ def render(sweep: Sweep, content: Content) -> str:
         content=content,
         verdicts=[(verdict, counts[verdict]) for verdict in VERDICTS],
         assumptions=assumptions(sweep),
+        warnings=dict.fromkeys(line for run in sweep.runs for line in run.summary.warnings),
         maps=[map_table(name) for name in maps],
         scales=[css_gradient(name) for name in maps],
     )

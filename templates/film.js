@@ -50,6 +50,7 @@ film.Player = class {
     const largest = 32767 * Math.max(...this.reel.packed.map((p) => p.deflectionQuantum));
     this.enlarged = this.reel.plate.quad.length ? Number((film.GREATEST_DEFLECTION_M / largest).toPrecision(1)) : 1;
     this.find("stress").hidden = this.find("factor").hidden = !this.reel.plate.quad.length;
+    this.find("breaks").hidden = !this.reel.first.length;
     this.find("stress-most").textContent = `${page.digits(Number((1e-6 * this.series.stressShown).toPrecision(2)))} MPa and more`;
     const factor = this.find("factor");
     factor.options[0].textContent = `deflection × ${this.enlarged}`;

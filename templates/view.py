@@ -66,7 +66,8 @@ def show_stones(view):
     run = json.loads((HERE.parent / "run.json").read_text())
     names = sorted(set(run["materials"]))  # the numbers of `material` count these
     colours.Annotations = [text for k, name in enumerate(names) for text in (str(k + 1), name)]
-    colours.IndexedColors = [x for name in names for x in (COAL if name == run["scene"]["stones"]["coal"] else GANGUE)]
+    kinds = [run["scene"]["materials"][name].get("kind") or name for name in names]
+    colours.IndexedColors = [x for kind in kinds for x in (GANGUE if kind == "gangue" else COAL)]
     display.SetScalarBarVisibility(view, False)
     if bonds:
         display = show(view, bonds, "CELLS", "strain", "Blue Orange (divergent)", -2e-3, 2e-3)

@@ -58,7 +58,7 @@ class Network:
 
 
 def read_network(run: Run) -> Network:
-    """Read sub-spheres and bonds from a run's deck. Raises RecordError if the run has none."""
+    """Read sub-spheres and bonds from a run's deck; spheres have no bonds. Raises RecordError if there is no deck."""
     deck = run.path / "deck"
     if (deck / "stones.bin").is_file():
         return _network_of_stream(deck / "stones.bin")
@@ -67,7 +67,9 @@ def read_network(run: Run) -> Network:
             refuse_irregular(deck / name)
         atoms = _read_atoms(deck / "atoms.data")
         sizes = np.loadtxt(deck / "agglomerates.txt", dtype=int, ndmin=1)
-        bonds = np.loadtxt(deck / "bonds.txt", usecols=(0, 1), ndmin=2).astype(int)
+        bonds = np.zeros((0, 2), dtype=int)
+        if run.summary.n_bonds != 0:
+            bonds = np.loadtxt(deck / "bonds.txt", usecols=(0, 1), ndmin=2).astype(int)
     except (OSError, ValueError) as error:
         raise RecordError(f"{deck}: no sub-spheres and bonds ({' '.join(str(error).split())})") from None
     if sizes.sum() != len(atoms):

@@ -13,6 +13,7 @@ from common.channels import SENSORS, SensorKind
 from common.scene.file import scene_tables
 from common.tables import InputError, Place, Positive, Refused, Table, about, check
 
+ContactStrength = Annotated[float, Field(ge=1e5)]  # of what is softer, no stone stays on its surface
 Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
@@ -91,7 +92,7 @@ class Plate(Table):
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
     tilt_deg: Annotated[float, Field(ge=0, lt=90), about(
         "tilt: the plate falls off towards +x")] = 0.0
-    yield_stress_Pa: Annotated[Positive | None, about(
+    yield_stress_Pa: Annotated[ContactStrength | None, about(
         "yield stress (docs/plate.md); absent: the plate stays elastic",
     )] = None
 

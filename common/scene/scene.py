@@ -18,7 +18,7 @@ from common.input_error import MOST_DEEP
 from common.scene.distribution import OF_DRAWN, ScatterTable
 from common.scene.error_laws import least_tolerance
 from common.scene.file import scene_tables
-from common.scene.plate import PlateTable, refuse_density
+from common.scene.plate import ContactStrength, PlateTable, refuse_density
 from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, ShapeTable, StonesTable
 from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
 
@@ -35,7 +35,7 @@ class TimeTable(Table):
     sample_interval_s: Annotated[Positive, about("time between two rows of signals.parquet", paper="1.5e-4, 6667 Hz")]
     anti_alias: Annotated[bool, about(
         "a low pass takes what is above half the sample rate; false: what is there folds back", paper="false")] = True
-    gravity_m_s2: Annotated[NotNegative, about("gravity, downwards", paper="9.8")] = 0.0
+    gravity_m_s2: Annotated[float, Field(ge=0, le=1e4), about("gravity, downwards", paper="9.8")] = 0.0
     time_step_s: Annotated[Positive | None, about("DEM time step; absent: the largest that every limit allows")] = None
     co_step: Annotated[Annotated[int, Field(ge=1)] | None, about(
         "DEM steps of a co-step; absent: from the shortest contact")] = None
@@ -94,7 +94,7 @@ class MaterialTable(Table):
         "Young's modulus", paper="Table 1: coal 5.12e9, gangue 9.966e9")]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about(
         "Poisson's ratio", paper="Table 1: coal 0.3, gangue 0.28")]
-    contact_strength_Pa: Annotated[Positive | None, about(
+    contact_strength_Pa: Annotated[ContactStrength | None, about(
         "contact pressure at which the stone crushes; absent: elastic",
     )] = None
     bond: Annotated[BondTable | None, about("the bonds of agglomerates")] = None

@@ -78,7 +78,7 @@ class TargetTable(Table):
     density_kg_m3: Positive | None = None
     youngs_modulus_Pa: Positive | None = None
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)] | None = None
-    elastic_source: Source = "as in the scene"  # of the density, too
+    elastic_source: Source = "laboratory sheet, or else as in the scene"  # of the density, too
     tensile_strength_Pa: Positive
     compressive_strength_Pa: Positive
     strength_source: Source = "laboratory sheet"

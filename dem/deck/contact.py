@@ -27,8 +27,8 @@ from dem.stones.substance import material_of, pair_contact, plate_contact
 from plate_fem.contact_stress import YIELD_PRESSURE
 
 OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
-NUMBERS = 7  # of a column in a file
-MOST = 50.0       # a damping ratio that leaves a restitution below any that a scene may have
+NUMBERS = 7  # of a column of a face in its file
+MOST_DAMPING = 50.0  # a damping ratio that leaves a restitution below any that a scene may have
 PRECISION = 1e-12
 
 
@@ -178,4 +178,4 @@ def damping_ratio(restitution: float) -> float:
     """The zeta of `restitution_of` for a restitution above 0, up to 1."""
     if restitution == 1:
         return 0.0
-    return float(brentq(lambda ratio: restitution_of(ratio) - restitution, 0, MOST, xtol=PRECISION))
+    return float(brentq(lambda ratio: restitution_of(ratio) - restitution, 0, MOST_DAMPING, xtol=PRECISION))

@@ -17,8 +17,8 @@ _log = logging.getLogger(__name__)
 INTERVAL_s = 0.5  # between two lines on a terminal; a log gets one a tenth
 IMPACT_s = 1.2e-3  # from the arrival of a stone until it has left the plate and rings no more
 FLIGHT_s = 1e-4  # so long nothing touches the plate: the engine asks only then again where it is
-# Until the run itself tells: speed while stones ring over that in contact, and of flights in s a simulated second.
-RINGING, FLIGHT = 0.5, 5.0
+# Until the run tells: speed while stones ring over that in contact; of flights, s a simulated s, as if for FLOWN_s.
+RINGING, FLIGHT, FLOWN_s = 0.5, 5.0, 1e-3
 
 
 @dataclass
@@ -104,7 +104,7 @@ class Progress:
             struck_s = IMPACT_s
         of_impact, lasts_s = (impacts_s / seen, struck_s / seen) if seen else (0.0, 0.0)
         wall_s, flown_s = self._lately
-        speed = wall_s / flown_s if flown_s > 1e-3 else FLIGHT
+        speed = (wall_s + FLIGHT * FLOWN_s) / (flown_s + FLOWN_s)
         rest_s = max(0.0, self._duration_s - self._t_s - to_come * lasts_s)
         return impacts_s - self._spent_s[True] + to_come * of_impact + speed * rest_s
 

@@ -12,7 +12,8 @@ patch on the axis, so that the force passes through the centre of the stone. The
 A force F on the patch compresses the bond network by C F, C = w . K^+ w, with the stiffness K of the network as a free
 body that the force accelerates. Hertz' approach of the plate and the stone's centre contains this compression, so that
 the law of the patch is Hertz' law less C F. C is found here from the static solution of the network, for any packing,
-material and axis.
+material and axis. A force across the axis acts where the plate is, a lever h_i = R - axis . x_i off each sub-sphere,
+which turns under it: so do the sub-spheres of the engine, and what slides on the plate is their surface there.
 """
 
 from __future__ import annotations
@@ -85,8 +86,9 @@ def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffnes
     found = []
     for axis in axes:
         weight = patch_weights(packing, axis)
+        lever = (_sphere_radius_m(packing) - packing.center_m @ axis)[:, None] * axis
         directions = np.linalg.svd(axis[None])[2]  # the axis (or its opposite), and two across it
-        normal, *across = (network.compliance_m_N(weight, direction) for direction in directions)
+        normal, *across = (network.compliance_m_N(weight, direction, lever) for direction in directions)
         found.append(PatchCompliance(normal, float(np.mean(across))))
     return found
 
@@ -123,20 +125,22 @@ class _FreeNetwork:
     accelerates, and displacements count from the body's mean motion."""
 
     def __init__(self, packing: Packing, matrix: csr_matrix):
-        self._share = packing.radius_m**3 / (packing.radius_m**3).sum()  # of the mass
-        self._arm = packing.center_m - self._share @ packing.center_m
-        self._inertia = ((self._share * (self._arm**2).sum(axis=1)).sum() * np.eye(3)
-                         - (self._share[:, None] * self._arm).T @ self._arm)
+        self._share = packing.radius_m[:, None] ** 3 / (packing.radius_m**3).sum()  # of the mass
+        self._arm = packing.center_m - self._share.T @ packing.center_m
+        self._own_inertia = 0.4 * self._share * packing.radius_m[:, None] ** 2
+        self._inertia = (((self._share * self._arm**2).sum() + self._own_inertia.sum()) * np.eye(3)
+                         - (self._share * self._arm).T @ self._arm)
         self._matrix = matrix
         self._scale = dof_scale(packing)
         self._factors = self._held_factors() if len(packing.radius_m) <= MOST_FACTORED else None
 
-    def compliance_m_N(self, weight: np.ndarray, direction: np.ndarray) -> float:
-        """Mean displacement of the patch along `direction` for a force of 1 N along it, shared by `weight` (n,)."""
-        load = np.zeros((len(weight), 6))
-        load[:, :3] = self._balanced(weight[:, None] * direction)
-        moved = self._solve(load.ravel()).reshape(-1, 6)[:, :3]
-        return float(weight @ (self._without_rigid_motion(moved) @ direction))
+    def compliance_m_N(self, weight: np.ndarray, direction: np.ndarray, lever: np.ndarray) -> float:
+        """Mean displacement along `direction` of what is `lever` (n, 3), m, off the centres, for 1 N along it
+        there, shared by `weight` (n,)."""
+        force = weight[:, None] * direction
+        load = self._balanced(force, np.cross(lever, force))
+        moved, turned = np.hsplit(self._without_rigid_motion(self._solve(load.ravel()).reshape(-1, 6)), 2)
+        return float(weight @ (moved + np.cross(turned, lever)) @ direction)
 
     def _held_factors(self) -> SuperLU:
         """Of the network whose first sub-sphere is held, which a balanced load does not pull at."""
@@ -149,13 +153,15 @@ class _FreeNetwork:
             return solve_static(self._matrix, load, self._scale, SOLVER_TOLERANCE)
         return self._scale * np.append(np.zeros(6), self._factors.solve((self._scale * load)[6:]))
 
-    def _balanced(self, force: np.ndarray) -> np.ndarray:
-        """`force` (n, 3) with what the acceleration of the body takes off each sub-sphere."""
-        force = force - self._share[:, None] * force.sum(axis=0)
-        spin_up = np.linalg.solve(self._inertia, np.cross(self._arm, force).sum(axis=0))
-        return force - self._share[:, None] * np.cross(spin_up, self._arm)
+    def _balanced(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """(n, 6) `force` and `torque` (n, 3) with what the acceleration of the body takes off each sub-sphere."""
+        spin_up = np.linalg.solve(self._inertia, (np.cross(self._arm, force) + torque).sum(axis=0))
+        return np.hstack([force - self._share * (force.sum(axis=0) + np.cross(spin_up, self._arm)),
+                          torque - self._own_inertia * spin_up])
 
-    def _without_rigid_motion(self, moved: np.ndarray) -> np.ndarray:
-        moved = moved - self._share @ moved
-        turn = np.linalg.solve(self._inertia, (self._share[:, None] * np.cross(self._arm, moved)).sum(axis=0))
-        return moved - np.cross(turn, self._arm)
+    def _without_rigid_motion(self, motion: np.ndarray) -> np.ndarray:
+        moved, turned = np.hsplit(motion, 2)
+        moved = moved - self._share.T @ moved
+        momentum = self._share * np.cross(self._arm, moved) + self._own_inertia * turned
+        turn = np.linalg.solve(self._inertia, momentum.sum(axis=0))
+        return np.hstack([moved - np.cross(turn, self._arm), turned - turn])

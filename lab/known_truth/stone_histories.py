@@ -4,6 +4,7 @@ tried and held out."""
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,8 @@ def rock_of(scene: str | Path) -> str:
     flaws = any(material.bond is not None and material.bond.flaw_modulus for material in materials)
     parts = [*materials, read.contacts["coal_plate"], read.contacts["gangue_plate"], read.stones.agglomerate]
     text = "".join(part.model_dump_json(exclude=None if flaws else NO_FORCE) for part in parts if part is not None)
+    # Kept records name their rock with a threshold of pressure, which is 0.
+    text = re.sub(r'"pressure_strengthening":[^,]+,', r'\g<0>"pressure_threshold_Pa":0.0,', text)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

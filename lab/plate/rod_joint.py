@@ -2,11 +2,12 @@
 
 The solid is a round plate (E = 1) with a rod (radius 1) below its middle, in rings of bicubic quadrilaterals, graded
 towards the edge where both meet, for displacements u_r, u_z ~ cos n phi and u_phi ~ sin n phi. With n = 0 the rod is
-pulled and the plate's rim bent, with n = 1 the rod is pushed sideways and bent. What the plate's theory (Reissner's, the
+pulled and the plate's rim bent, with n = 1 the rod is pushed sideways and bent, with n = 2 the rim is bent. What the plate's theory (Reissner's, the
 same finite elements along the radius) and the rod's (bar; Timoshenko with Cowper's shear coefficient) give is
 subtracted:
 
-- stub: the disc above the rod is stiffer by this factor, less one. From the turn of the bent rim.
+- stub, stub_twist: the disc above the rod is stiffer by these factors, less one, where the plate bends into a bowl and
+  into a saddle. From the turn of the bent rim.
 - offset: a rod's head moves by offset t^2 tr e more than the mid-plane, e = sym grad theta. From the rod's rise when
   the rim is bent; the lower face comes nearer to the mid-plane by Poisson's effect, but for the rod in its way.
 - axial (1/E a), side (1/E a), side_turn (1/E a^2) and turn (1/E a^3): compliances of the joint. Kirchhoff's theory has
@@ -135,6 +136,32 @@ class Solid:
         return response
 
 
+class Column(Solid):
+    """A rod alone, z from 0, where all of it is held, to its length."""
+
+    def __init__(self, length: float, nu: float, harmonic: int, fine: int = 1):
+        m = 5 * fine
+        lines_r, self.lines_z = along(0, 1, m, "end"), along(0, length, m + 5, "start")
+        i, j = (axis.ravel() for axis in np.mgrid[:m, : m + 5])
+        step, across = np.arange(DEGREE + 1), DEGREE * (m + 5) + 1
+        self.node = ((DEGREE * i[:, None, None] + step[:, None]) * across + DEGREE * j[:, None, None] + step).reshape(len(i), -1)
+        self.size = (DEGREE * m + 1) * across
+        self.r, self.z = (axis.ravel() for axis in np.meshgrid(_nodes(lines_r), _nodes(self.lines_z), indexing="ij"))
+        self.law = np.tile(_law(1.0, nu), (len(i), 1, 1))
+        self.stiffness = self._assembled(harmonic, lines_r[i], np.diff(lines_r)[i], np.diff(self.lines_z)[j])
+        self.harmonic = harmonic
+
+    def moved(self, load: np.ndarray) -> np.ndarray:
+        """Displacements (3 size,) under a load."""
+        n, axis = self.size, np.flatnonzero(self.r == 0)
+        foot = np.flatnonzero(self.z == 0)
+        held = [foot, n + foot, 2 * n + foot, *([axis, n + np.arange(n)] if self.harmonic == 0 else [2 * n + axis])]
+        free = np.setdiff1d(np.arange(3 * n), np.concatenate(held))
+        moved = np.zeros(3 * n)
+        moved[free] = splu(sp.csc_array(self.stiffness[free][:, free])).solve(load[free])
+        return moved
+
+
 def _law(modulus: float, nu: float) -> np.ndarray:
     shear = modulus / 2 / (1 + nu)
     law = np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0]) * shear
@@ -145,13 +172,16 @@ def _law(modulus: float, nu: float) -> np.ndarray:
 class Theory:
     """The plate along its radius: w, theta_r ~ cos n phi and theta_phi ~ sin n phi, and in its plane u_r and u_phi."""
 
-    def __init__(self, harmonic: int, thickness: float, rim: float, nu: float, kappa: float, stub: float, cells: int = 24):
+    def __init__(self, harmonic: int, thickness: float, rim: float, nu: float, kappa: float, stub: float,
+                 stub_twist: float = 0.0, cells: int = 24):
         lines = np.append(along(0, 1, cells // 3, "end"), along(1, rim, cells * 2 // 3, "start")[1:])
         n, self.size = harmonic, DEGREE * (len(lines) - 1) + 1
         self.bent, self.stretched = np.zeros(2 * (3 * self.size,)), np.zeros(2 * (2 * self.size,))
         self.mean_w, self.mean_e, self.mean_turn = np.zeros((3, 3 * self.size))
         bending, shear = thickness**3 / 12 / (1 - nu**2), kappa * thickness / 2 / (1 + nu)
-        plane = np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
+        bowl, saddle = np.array([[[1, 1, 0], [1, 1, 0], [0, 0, 0]], [[1, -1, 0], [-1, 1, 0], [0, 0, 1]]])
+        plane, disc = ((1 + nu) / 2 * factor * bowl + (1 - nu) / 2 * more * saddle
+                       for factor, more in ((1.0, 1.0), (1 + stub, 1 + stub_twist)))
         for k, (r0, side) in enumerate(zip(lines[:-1], np.diff(lines), strict=True)):
             w = np.arange(DEGREE * k, DEGREE * k + DEGREE + 1)
             turns, inside = np.append(w, w + self.size), r0 < 1 - 1e-9
@@ -161,11 +191,10 @@ class Theory:
                 e = np.array([np.append(by_r, none), np.append(f, n * f) / r, np.append(-n * f / r, by_r - f / r)])
                 gamma = np.array([[*by_r, *-f, *none], [*(-n * f / r), *none, *-f]])
                 weight = area * (2 * np.pi if n == 0 else np.pi)
-                stiff, every = weight * e.T @ plane @ e, np.append(w, self.size + turns)
-                self.stretched[np.ix_(turns, turns)] += thickness / (1 - nu**2) * stiff
-                stiffer = 1 + stub * inside
-                self.bent[np.ix_(self.size + turns, self.size + turns)] += stiffer * bending * stiff
-                self.bent[np.ix_(every, every)] += stiffer * shear * weight * gamma.T @ gamma
+                every, both = np.append(w, self.size + turns), np.ix_(self.size + turns, self.size + turns)
+                self.stretched[np.ix_(turns, turns)] += thickness / (1 - nu**2) * weight * e.T @ plane @ e
+                self.bent[both] += bending * weight * e.T @ (disc if inside else plane) @ e
+                self.bent[np.ix_(every, every)] += (1 + stub * inside) * shear * weight * gamma.T @ gamma
                 if inside:
                     self.mean_w[w] += 2 * area * f
                     self.mean_e[self.size + turns] += 2 * area * (e[0] + e[1])
@@ -177,6 +206,12 @@ class Theory:
         turn[2 * n - 1] = 1.0
         held = np.concatenate([[n, n - 1], 2 * n + np.arange(n)])
         return _compliance(self.bent, held, [self.mean_w, self.mean_e, turn])
+
+    def of_twist(self) -> float:
+        """Compliance of the turn of a free rim under the moments of a saddle (harmonic 2)."""
+        n, turn = self.size, np.zeros(3 * self.size)
+        turn[[2 * n - 1, 3 * n - 1]] = 1.0, -1.0
+        return float(_compliance(self.bent, np.array([0, n, 2 * n]), [turn])[0, 0])
 
     def of_push(self, thickness: float) -> np.ndarray:
         """Compliances (2, 2) of the disc's lower face sideways and of its mean turn; the rim is held."""
@@ -203,6 +238,17 @@ def pulled_and_bent(thickness: float, rim: float, nu: float, rod_modulus: float,
     found = np.array([head, turn]) @ solid.response([foot, turn], held, thickness, rim)
     found[0, 0] += look / (rod_modulus * np.pi)
     return np.asarray(found)
+
+
+def twisted(thickness: float, rim: float, nu: float, rod_modulus: float, fine: int = 1) -> float:
+    """Compliance of the solid as Theory.of_twist gives it."""
+    solid = Solid(thickness, rim, nu, rod_modulus, 2, fine)
+    turn_r, turn_phi = (solid.integral(axis, lambda z: -12 / thickness**3 * (z - thickness / 2), r=rim) for axis in (0, 1))
+    axis_or_foot = np.flatnonzero((solid.r == 0) | (solid.z == -LENGTH))
+    held = (np.arange(3)[:, None] * solid.size + axis_or_foot).ravel()
+    free = np.setdiff1d(np.arange(3 * solid.size), held)
+    turn = (turn_r - turn_phi)[free]
+    return float(turn @ splu(sp.csc_array(solid.stiffness[free][:, free])).solve(turn))
 
 
 def pushed(thickness: float, rim: float, nu: float, rod_modulus: float, fine: int = 1) -> np.ndarray:
@@ -237,14 +283,30 @@ def joint(radius_over_thickness: float, nu: float, rod_modulus: float, fine: int
         return Theory(0, t, rim, nu, REISSNER, stub).of_rise()
 
     stub = brentq(lambda stub: theory(stub)[2, 2] / rise[1, 1] - 1, -0.9, 500, xtol=1e-6)
+    twist = twisted(t, rim, nu, rod_modulus, fine)
+    stub_twist = brentq(lambda saddle: Theory(2, t, rim, nu, REISSNER, stub, saddle).of_twist() / twist - 1,
+                        -0.9, 500, xtol=1e-6)
     of = theory(stub)
     offset = (rise[0, 1] - of[0, 2]) / of[1, 2]
-    found = {"stub": stub, "offset": offset / t**2,
+    found = {"stub": stub, "stub_twist": stub_twist, "offset": offset / t**2,
              "axial": rise[0, 0] - of[0, 0] - 2 * offset * of[0, 1] - offset**2 * of[1, 1]}
     for name, kappa in (("", REISSNER), ("kirchhoff_", RIGID_IN_SHEAR)):
-        more = push - Theory(1, t, rim, nu, kappa, stub).of_push(t)
+        more = push - Theory(1, t, rim, nu, kappa, stub, stub_twist).of_push(t)
         found |= {f"{name}side": more[0, 0], f"{name}side_turn": more[0, 1], f"{name}turn": more[1, 1]}
     return found
+
+
+def foot(nu: float, fine: int = 1) -> tuple[float, float]:
+    """By how many radii a rod is as if shorter in tension, and in bending, whose foot is held at all points: it cannot
+    contract there. The rod is a plate of its own radius, held below and loaded above."""
+    shorter = []
+    for harmonic, height in ((0, lambda r: 2 * r), (1, lambda r: 4 * r**2)):
+        rod = Column(LENGTH, nu, harmonic, fine)
+        look = rod.lines_z[abs(rod.lines_z - LOOK).argmin()]
+        top, at = (rod.integral(2, height, z=z) for z in (LENGTH, look))
+        stiff = np.pi if harmonic == 0 else np.pi / 4
+        shorter.append(float(look - stiff * at @ rod.moved(top)))
+    return shorter[0], shorter[1]
 
 
 def rod_joint(out: Path) -> Iterator[Row]:

@@ -32,7 +32,6 @@ STEEL = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11, "poisson_ratio":
 SYMMETRIES = ("ss", "sa", "as", "aa")  # about x = 0 and y = 0
 IMAGES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 PULSE_s, INTERVAL_s, DAMPING = 250e-6, 2e-6, 0.01
-FINER = "thick"  # the plate of which a finer solid tells that the others are fine enough
 FIRST = 25  # modes of the second pair of figures
 ALIKE, NEAR = 0.5, 0.06  # two modes are one: squared cosine of their shapes at least, difference of frequency at most
 
@@ -72,19 +71,21 @@ PLATES = {
 }
 
 
-def solids(out: Path) -> Iterator[Row]:
-    """A row a plate. The solids stand in files of their own, which later runs take."""
+def solids(out: Path, finer: int = 0) -> Iterator[Row]:
+    """A row a plate. The solids stand in files of their own, which later runs take. With finer=1 comes by how much finer
+    solids move a mode."""
     for name in PLATES:
-        yield Row({"plate": name}, partial(_compared, out, name))
+        yield Row({"plate": name}, partial(_compared, out, name, finer))
 
 
 def _solid(out: Path, plate: Plate, symmetry: str, fine: int) -> Found:
     count = round(1.25 * len(_eigen(plate.table())[1]) / len(SYMMETRIES)) + 4
-    key = hashlib.sha256(repr((plate.part(fine), symmetry, count)).encode()).hexdigest()[:12]
+    part = plate.part(fine)
+    key = hashlib.sha256(repr((part.material, symmetry, count)).encode() + part.bricks().tobytes()).hexdigest()[:12]
     file = out / f"solid_{key}.npz"
     if not file.is_file():
         with tempfile.TemporaryDirectory() as folder:
-            found = solved(Path(folder), plate.part(fine), symmetry, count)
+            found = solved(Path(folder), part, symmetry, count)
         with written_whole(file) as beside, beside.open("wb") as stream:
             np.savez_compressed(stream, **{name: value for name, value in vars(found).items() if value is not None})
     with np.load(file) as kept:
@@ -164,7 +165,7 @@ def paired(solid: Side, plate: Side) -> tuple[np.ndarray, np.ndarray]:
     return of_solid[kept], of_plate[kept]
 
 
-def _compared(out: Path, name: str) -> dict[str, float | None]:
+def _compared(out: Path, name: str, finer: int) -> dict[str, float | None]:
     plate = PLATES[name]
     found = {symmetry: _solid(out, plate, symmetry, 1) for symmetry in SYMMETRIES}
     (solid, node_m), whole = _of_solid(plate, found), found[SYMMETRIES[0]]
@@ -187,7 +188,7 @@ def _compared(out: Path, name: str) -> dict[str, float | None]:
             "sag_percent": 100 * max(sag[0] / sag[1] - 1, key=abs),
             "accelerometers_percent": float(np.sqrt(np.mean(np.square(of_hit[:-1])))), "on_rod_percent": of_hit[-1],
             "rod_peak_percent": 100 * max((peak[1] / peak[0] - 1).ravel(), key=abs),
-            "settled_percent": _settled_percent(out, plate, whole) if name == FINER else None}
+            "settled_percent": _settled_percent(out, plate, whole) if finer else None}
 
 
 def _settled_percent(out: Path, plate: Plate, coarse: Found) -> float:

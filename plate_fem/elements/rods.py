@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from common.scene.plate import Rod
-from plate_fem.elements.joints import joint_of
+from plate_fem.elements.joints import Joint, joint_of
 from plate_fem.elements.line import integral, parabolas, smooth_cubics
 from plate_fem.elements.mesh import bending_stiffness, shear_stiffness
 from plate_fem.elements.system import PlateSystem, grown
@@ -19,6 +20,7 @@ from plate_fem.elements.system import PlateSystem, grown
 PARTS = 5  # of each rod
 CELLS_PER_WAVELENGTH = 8
 RADII, ANGLES = 6, 24  # points of the quadrature over a disc
+BAR_FOOT, BEAM_FOOT = 0.57, 0.45  # nu^2 radii: a rod is as if shorter, as its foot cannot contract (rod_joint.py)
 
 
 def disc_quadrature(x_m: float, y_m: float, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -26,10 +28,8 @@ def disc_quadrature(x_m: float, y_m: float, radius_m: float) -> tuple[np.ndarray
     s, w = np.polynomial.legendre.leggauss(RADII)
     r = radius_m * np.sqrt((s + 1) / 2)  # equal weight per area
     angle = 2 * math.pi * (np.arange(ANGLES) + 0.5) / ANGLES
-    x = x_m + np.outer(r, np.cos(angle))
-    y = y_m + np.outer(r, np.sin(angle))
-    weights = np.repeat(w / 2 / ANGLES, ANGLES)
-    return np.column_stack([x.ravel(), y.ravel()]), weights
+    x, y = x_m + np.outer(r, np.cos(angle)), y_m + np.outer(r, np.sin(angle))
+    return np.column_stack([x.ravel(), y.ravel()]), np.repeat(w / 2 / ANGLES, ANGLES)
 
 
 Matrices = tuple[sp.csr_array, sp.csr_array, np.ndarray, np.ndarray]  # stiffness, mass, unknowns at top and at base
@@ -53,8 +53,7 @@ class Part:
         """Return the sparse matrix that gives the local unknowns from those of the plate and the part's own."""
         n_local = self.stiffness.shape[0]
         own = np.setdiff1d(np.arange(n_local), [*self.top, *self.held])
-        pick_top, pick_own = _pick(n_local, self.top), _pick(n_local, own)
-        return sp.csr_array(sp.hstack([pick_top @ self.rows, pick_own]))
+        return sp.csr_array(sp.hstack([_pick(n_local, self.top) @ self.rows, _pick(n_local, own)]))
 
 
 def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]:
@@ -64,33 +63,40 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     lower surface and the plate's rotation there, but for what its joint gives way.
     """
     points, weights = disc_quadrature(rod.x_m, rod.y_m, rod.diameter_m / 2)
-    mean = sp.csr_array(weights[None, :])
+    mean, lower_m = sp.csr_array(weights[None, :]), -system.plate.thickness_m / 2
     joint = joint_of(system.plate, rod, system.theory)
-    alike = rod.model_copy(update={"x_m": 0.0, "y_m": 0.0})  # of equal rods the matrices are made once
-    x, y, twist = system.curvature(points)
-    stiffness, mass, top, base = _joined(*_bar(alike, max_frequency_Hz), np.array([[joint.axial_m_N]]))
-    head = mean @ (system.deflection(points) + joint.offset_m2 * (x + y))
-    bar = Part(stiffness, mass, tuple(top), sp.csr_array(head), tuple(base))
-    stiffness, mass, top, base = _joined(*_beam(alike, max_frequency_Hz), joint.bending)
-    lower_m = -system.plate.thickness_m / 2
-    sideways = [system.lateral(points, axis, lower_m) for axis in (0, 1)]
-    turned = [system.rotation(points, axis) for axis in (0, 1)]
-    rows = [sp.csr_array(sp.vstack([mean @ v, mean @ psi])) for v, psi in zip(sideways, turned, strict=True)]
-    beams = [Part(stiffness, mass, tuple(top), row, tuple(base)) for row in rows]
-    stiffness, mass, top, base = _shaft(alike, max_frequency_Hz)
-    shaft = Part(stiffness, mass, (top[0],), sp.csr_array(mean @ system.yaw(points)), (base[0],))
-    return [bar, *beams, shaft, _stub(system, points, weights * _area(rod) * joint.stub, (x, y, twist))]
+    x, y, _ = system.curvature(points)
+    pulled = _joined(*_bar(_alike(rod, BAR_FOOT), max_frequency_Hz), np.array([[joint.axial_m_N]]))
+    bent = _joined(*_beam(_alike(rod, BEAM_FOOT), max_frequency_Hz), joint.bending)
+    heads = [sp.vstack([mean @ system.lateral(points, axis, lower_m), mean @ system.rotation(points, axis)])
+             for axis in (0, 1)]
+    return [_tied(pulled, mean @ (system.deflection(points) + joint.offset_m2 * (x + y))),
+            *(_tied(bent, head) for head in heads),
+            _tied(_shaft(_alike(rod, 0.0), max_frequency_Hz), mean @ system.yaw(points)),
+            _stub(system, joint, points, weights * _area(rod))]
 
 
-def _stub(system: PlateSystem, points: np.ndarray, area_m2: np.ndarray, curvature: Sequence[sp.csr_array]) -> Part:
-    """Return the plate's energy once more over areas (k,) at points (k, 2)."""
-    x, y, twist = curvature
-    bending, nu = bending_stiffness(system.plate), system.plate.poisson_ratio
-    rows, stiff = [x + y, x - y, twist], [bending * (1 + nu) / 2, bending * (1 - nu) / 2, bending * (1 - nu) / 2]
+def _tied(matrices: Matrices, rows: Any) -> Part:
+    stiffness, mass, top, base = matrices
+    return Part(stiffness, mass, tuple(top), sp.csr_array(rows), tuple(base))
+
+
+def _alike(rod: Rod, foot: float) -> Rod:
+    """Return a rod at the origin, whose matrices equal rods share, shorter by about `foot` nu^2 radii."""
+    shorter = foot * rod.poisson_ratio**2 * rod.diameter_m / 2 / rod.length_m
+    return rod.model_copy(update={"x_m": 0.0, "y_m": 0.0, "length_m": rod.length_m / (1 + shorter)})
+
+
+def _stub(system: PlateSystem, joint: Joint, points: np.ndarray, area_m2: np.ndarray) -> Part:
+    """Return what the joint adds to the plate's energy over areas (k,) at points (k, 2)."""
+    (x, y, twist), plate = system.curvature(points), system.plate
+    nu, bending = plate.poisson_ratio, bending_stiffness(plate) / 2
+    saddle = joint.stub_twist * bending * (1 - nu)
+    rows, stiff = [x + y, x - y, twist], [joint.stub * bending * (1 + nu), saddle, saddle]
     if system.theory == "mindlin":
         slopes = zip(((1, 0), (0, 1)), (0, 1), strict=True)
         rows += [system.deflection(points, by) - system.rotation(points, axis) for by, axis in slopes]
-        stiff += 2 * [shear_stiffness(system.plate)]
+        stiff += 2 * [joint.stub * shear_stiffness(plate)]
     diagonal = sp.diags_array(np.outer(stiff, area_m2).ravel(), format="csr")
     size = diagonal.shape[0]
     return Part(diagonal, sp.csr_array((size, size)), tuple(range(size)), sp.csr_array(sp.vstack(rows)), ())
@@ -100,9 +106,8 @@ def _joined(stiffness: sp.csr_array, mass: sp.csr_array, top: np.ndarray, base: 
             compliance: np.ndarray) -> Matrices:
     """Return a bar or beam whose k unknowns at the top give way against the plate's by a compliance (k, k)."""
     size, k = stiffness.shape[0], len(top)
-    spring = np.linalg.inv(compliance)
     ends = np.append(top, size + np.arange(k))
-    joint = np.block([[spring, -spring], [-spring, spring]])
+    joint = np.kron([[1, -1], [-1, 1]], np.linalg.inv(compliance))
     entries = joint.ravel(), (np.repeat(ends, 2 * k), np.tile(ends, 2 * k))
     joined = grown(stiffness, size + k) + sp.csr_array(entries, shape=(size + k, size + k))
     return sp.csr_array(joined), grown(mass, size + k), size + np.arange(k), base

@@ -36,10 +36,6 @@ class PlateModel:
         """The parts of the model that have nothing to do with each other; each keeps its factors once it has them."""
         return independent_parts(self.stiffness, self.mass, highest_frequency_Hz(self.system.plate))
 
-    def deflection(self, points_m: np.ndarray) -> sp.csr_array:
-        """Return the sparse matrix (k, n) that gives the deflection at points (k, 2)."""
-        return self.system.deflection(points_m) @ self.expansion
-
 
 def build_model(plate: FlexiblePlate) -> PlateModel:
     """Assemble plate, rods and supports. Raises Refused for a mesh that is too large."""

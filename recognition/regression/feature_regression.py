@@ -228,7 +228,7 @@ class ProcessRegressor(RecordEstimator):
         X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         mean, scale = X[:, 0].mean(axis=0), X[:, 0].std(axis=0)
         z = (X[:, 0] - mean) / scale
-        process = _process(z, y)
+        self.process_ = process = _process(z, y)
         smooth = process.kernel_.k1
         law = fit_law(z[:, None, :], y, nuisance, groups, components=z.shape[1])
         self.model_ = ProcessModel(

@@ -35,9 +35,12 @@ def stages(results: SweepResults) -> Drawn:
     index = results.index_nearest(0.5)
     run, first_end_s = results.runs[index], results.breakage.first_collision_end_s[index]
     times_s = {"after its first collision": first_end_s, "end": np.inf}
-    rows = [(label, results.breakage.sections(index, t)[:MOST_SECTIONS], run.materials[:MOST_SECTIONS])
+    shown = sorted(np.argsort(-results.breakage.area_end_m2[index], kind="stable")[:MOST_SECTIONS])
+    materials = [run.materials[k] for k in shown]
+    rows = [(label, [one for k, one in enumerate(results.breakage.sections(index, t)) if k in shown], materials)
             for label, t in times_s.items()]
-    return figures.sections(rows), f"Run of {100 * run.gangue_ratio:.0f} %."
+    few = f", the {MOST_SECTIONS} that broke most" if len(run.materials) > MOST_SECTIONS else ""
+    return figures.sections(rows), f"Run of {100 * run.gangue_ratio:.0f} %{few}."
 
 
 @of_draws
@@ -60,10 +63,8 @@ def sections(results: SweepResults) -> Drawn:
 def broken_areas(results: SweepResults) -> Drawn:
     first_m2, end_m2 = results.breakage.area_first_m2, results.breakage.area_end_m2
     ends_s = results.breakage.first_collision_end_s
-    in_sections_m2 = np.array([
-        sum(section.broken_area_m2 for section in results.breakage.sections(i, ends_s[i]))
-        for i in range(len(results.runs))
-    ])  # fmt: skip
+    in_sections_m2 = np.array([sum(section.broken_area_m2 for section in results.breakage.sections(i, ends_s[i]))
+                               for i in range(len(results.runs))])
     volume = results.mean_by_material(results.breakage.damaged_volume_share)
     of_all = {"first collision": 1e4 * first_m2.sum(axis=1), "end": 1e4 * end_m2.sum(axis=1)}
     panels = [

@@ -63,8 +63,7 @@ def _discs(axis: Axes, placed: list[tuple[Section, np.ndarray]]) -> EllipseColle
         diameters, diameters, np.zeros_like(diameters), units="xy",
         offsets=np.concatenate([section.centre_m + place for section, place in placed]), transOffset=axis.transData,
         array=np.concatenate([section.damage for section, _ in placed]), cmap=DAMAGE_COLOURS, norm=Normalize(0, 1),
-        edgecolor="none", rasterized=True,
-    )  # fmt: skip
+        edgecolor="none", rasterized=True)
     axis.add_collection(discs)
     return discs
 

@@ -34,7 +34,7 @@ STYLE: Any = {
     "legend.frameon": False,
     "legend.fontsize": 9,
     "legend.labelspacing": 0.3,
-    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.limits": (-5, 5),  # beyond, a power of ten stands above, where there is no room
 }
 WIDTH_IN = 5.0  # about the width of a phone, so that text keeps its size there
 COAL, GANGUE, ACCENT, PALE = "#333333", "#b5651d", "#0b6e99", "#999999"

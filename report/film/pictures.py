@@ -74,11 +74,8 @@ def instants(run: Path) -> list[Instant]:
     for entry in ElementTree.parse(file).iter("DataSet"):
         picture = run / entry.attrib["file"]
         by_time.setdefault(float(entry.attrib["timestep"]), {})[picture.name.split("_")[0]] = picture
-    return [
-        Instant(t_s, files["particles"], files.get("plate"))
-        for t_s, files in sorted(by_time.items())
-        if "particles" in files
-    ]
+    return [Instant(t_s, files["particles"], files.get("plate")) for t_s, files in sorted(by_time.items())
+            if "particles" in files]
 
 
 def choose(found: list[Instant], series: Series) -> list[Instant]:

@@ -15,7 +15,8 @@ from common.run_summary import RecordedPlate
 from common.scene.plate import wall_box_m
 from report.drawing.lines import envelope
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
-from report.film.pictures import IMPACT, WHOLE, Film, Series, choose, instants, read_film
+from report.film.pictures import EARLY, IMPACT, WHOLE, Film, Series, choose, instants, read_film
+from report.film.still import largest_force_s
 from report.missing import MissingResult
 
 QUANTUM_M = (2e-5, 5e-5)  # of positions, at most a fiftieth of a sub-sphere; finer where stones stay near
@@ -66,7 +67,9 @@ def films_of(labels: Sequence[str], packed: Sequence[tuple[str, str] | Exception
 
 def pack_run(run: Run, network: Network, wanted: tuple[Series, ...]) -> str:
     """Pack one run: bodies, bonds, and each series that has pictures. Raises MissingResult if none has two."""
-    found = instants(run.path)
+    found, peak_s = instants(run.path), largest_force_s(run)
+    if IMPACT.until_s < peak_s < EARLY.until_s:  # of stones that come one after the other
+        wanted = tuple(replace(s, until_s=peak_s + IMPACT.until_s) if s.key == IMPACT.key else s for s in wanted)
     series = {s: choose(found, s) for s in wanted}
     if found and IMPACT.until_s > found[-1].t_s:  # the whole run is no longer than its impact
         series = {WHOLE: series[WHOLE]}

@@ -63,8 +63,7 @@ def still(scene: StillScene) -> Figure:
     diameter = 2 * scene.radius_m[order] / depth[order]
     axis.add_collection(EllipseCollection(
         diameter, diameter, np.zeros_like(diameter), units="xy", offsets=plane[order], transOffset=axis.transData,
-        facecolor=ROCK_COLOURS[scene.is_gangue[order].astype(int)], edgecolor=(0, 0, 0, 0.35),
-        linewidth=0.3))  # fmt: skip
+        facecolor=ROCK_COLOURS[scene.is_gangue[order].astype(int)], edgecolor=(0, 0, 0, 0.35), linewidth=0.3))
     return figure
 
 
@@ -97,10 +96,15 @@ def camera(plate: RecordedPlate, aspect: float) -> Callable[[np.ndarray], tuple[
     return project
 
 
+def largest_force_s(run: Run) -> float:
+    """When the force on the plate is largest."""
+    table = run.fast if run.fast is not None else run.signals
+    return float(table["t_s"].iloc[int(np.argmax(table["force_N"].to_numpy()))])
+
+
 def still_scene(run: Run, network: Network) -> StillScene:
     """Return the picture of a run that is nearest to its largest force. Raises MissingResult if there is none."""
-    table = run.fast if run.fast is not None else run.signals
-    peak_s = float(table["t_s"].iloc[int(np.argmax(table["force_N"].to_numpy()))])
+    peak_s = largest_force_s(run)
     film = read_film([min(instants(run.path), key=lambda instant: abs(instant.t_s - peak_s))], network)
     is_gangue = np.array([name == "gangue" for name in run.materials])[network.agglomerate - 1]
     if not film.quad.size:

@@ -104,8 +104,7 @@ def stress_against_ratio(results: SweepResults) -> Drawn:
     panels = [
         ("Hertz pressure of one stone, MPa",
          {name: 1e-6 * p for name, p in results.mean_by_material(pressure_Pa).items()}),
-        ("mean Hertz pressure, MPa", {"all": 1e-6 * pressure_Pa.mean(axis=1)}),
-    ]  # fmt: skip
+        ("mean Hertz pressure, MPa", {"all": 1e-6 * pressure_Pa.mean(axis=1)})]
     try:
         panels += [
             ("bending stress below stones, MPa", {"mean": 1e-6 * plate.mean_stress_below_stones_Pa}),

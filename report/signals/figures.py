@@ -31,16 +31,13 @@ def hilbert_map(spectrum: HilbertSpectrum, marginal: dict[float, MarginalSpectru
     figure, axes = canvas(2, height_in=4.6, bar="right")
     upper, lower = axes[:, 0]
     field = np.ma.masked_equal(spectrum.amplitude, 0)
-    image = upper.pcolormesh(
-        1e3 * spectrum.edges_s, 1e-3 * spectrum.edges_Hz, field, cmap="viridis", rasterized=True
-    )
+    image = upper.pcolormesh(1e3 * spectrum.edges_s, 1e-3 * spectrum.edges_Hz, field, cmap="viridis", rasterized=True)
     figure.colorbar(image, cax=bar_axes(figure), label="amplitude in the map, m/s²")
     upper.set_xlabel("time, ms")
     upper.set_title("frequency, kHz")
     upper.grid(False)
     for (ratio, found), colour in zip(marginal.items(), ratio_colours(marginal), strict=True):
-        lower.plot(1e-3 * found.centres_Hz, found.density, color=colour, linewidth=0.8,
-                   label=f"_{100 * ratio:.0f} %")  # fmt: skip
+        lower.plot(1e-3 * found.centres_Hz, found.density, color=colour, linewidth=0.8, label=f"_{100 * ratio:.0f} %")
     lower.set_xlabel("frequency, kHz")
     lower.set_title("marginal spectrum, m/s² s/Hz")
     return figure

@@ -129,7 +129,7 @@ def _cells(results: StreamResults, here: pd.DataFrame) -> tuple[list[str], list[
         size = own["radius_m"].mean() if len(own) else 0.0
         rows.append([name, str(len(own)), f"{mass:.4g}", f"{2e3 * size:.1f}", f"{1e-3 * most:.2f}",
                      f"{1e4 * own['broken_area_m2'].sum():.3g}", f"{left:.4g}", f"{mass - left:.4g}"])
-    chips = results.left["is_chip"]
-    of_chips = f"{results.left['mass_kg'][chips].sum():.4g}"
-    rows.append(["of it small fragments", str(chips.sum()), "", "", "", "", of_chips, ""])
+    table = results.left
+    chips = table["mass_kg"][table["is_chip"] & table["agglomerate"].isin(here["stone"])]
+    rows.append(["of it small fragments", str(len(chips)), "", "", "", "", f"{chips.sum():.4g}", ""])
     return header, rows

@@ -58,7 +58,7 @@ def force_histories(results: SweepResults) -> Drawn:
 
 THEORY_FIGURES = [
     FigureSpec("fig-7", "Arrangement",
-               "Stones with their number and the turn in which gangue replaces coal; grey: rods.", arrangement),
+               "Stones with their number and, given room, when gangue replaces coal; grey: rods.", arrangement),
     FigureSpec("fig-8", "Mixing order", "The order of the scene.", mixing_order, ratios=2),
     FigureSpec("fig-9", "Largest force against position",
                "Eqs. 8, 9, 19, 20, 26-30 with the scene's values, restitution included.", peak_against_position),

@@ -20,13 +20,8 @@ STATE_COLOURS = {"PH": COAL, "HN": PALE, "PF": ACCENT, "FN": GANGUE}
 
 
 @styled
-def arrangement(
-    places_m: np.ndarray,
-    radius_m: float,
-    order: list[int],
-    plate_m: tuple[float, float],
-    rods_m: list[tuple[float, float]],
-) -> Figure:
+def arrangement(places_m: np.ndarray, radius_m: float, order: list[int], plate_m: tuple[float, float],
+                rods_m: list[tuple[float, float]]) -> Figure:
     """Draw the ring of stones on the plate, with numbers and the order in which gangue replaces coal (Figures 7, 8).
 
     places_m: shape (stones, 2). order: numbers of the places, from 1. plate_m: length and width. rods_m: (x, y) each.
@@ -38,9 +33,11 @@ def arrangement(
     for x, y in rods_m:
         axis.add_patch(Circle((x, y), 0.01, facecolor=PALE))
     rank = {place: k for k, place in enumerate(order, 1)}
+    roomy = 2 * radius_m > 0.08 * max(plate_m)  # of two lines of text
     for number, (x, y) in enumerate(places_m, 1):
         axis.add_patch(Circle((x, y), radius_m, facecolor="#d9b58f", edgecolor=GANGUE))
-        axis.text(x, y, f"#{number}\n{rank[number]}.", ha="center", va="center", color="#221a10")  # on dark too
+        label = f"#{number}\n{rank[number]}." if roomy else str(number)
+        axis.text(x, y, label, ha="center", va="center", color="#221a10")  # on dark too
     axis.set_xlim(-0.52 * plate_m[0], 0.52 * plate_m[0])
     axis.set_ylim(-0.52 * plate_m[1], 0.52 * plate_m[1])
     axis.set_aspect("equal")

@@ -49,10 +49,16 @@ def strike_aslant(monkeypatch, directory, scene, velocity_m_s, modes=None):
     return run_prepared(model, directory)
 
 
-def naive(friction, velocity_m_s, duration_s, is_smooth, dt_s=2e-8):
-    """Sphere on Hertz' spring with Mindlin's spring across it, 8 G* sqrt(R d), up to Coulomb's limit; the plate is an
-    oscillator. The spring of a smooth stone keeps its force as it stiffens, that of LIGGGHTS' sphere its stretch.
-    Returns the plate's energy, and the sphere's, J."""
+def inertia_about_y(body):
+    """Over m R^2: 0.4 of a solid sphere, less of a packing whose sub-spheres fill it unevenly."""
+    mass, x = body.mass_kg, body.center_m - body.mass_kg @ body.center_m / body.mass_kg.sum()
+    return (mass * (x[:, 0]**2 + x[:, 2]**2 + 0.4 * body.radius_m**2)).sum() / (mass.sum() * 0.025**2)
+
+
+def naive(friction, velocity_m_s, duration_s, is_smooth, inertia=0.4, dt_s=2e-8):
+    """Sphere of the `inertia` m R^2 on Hertz' spring with Mindlin's spring across it, 8 G* sqrt(R d), up to Coulomb's
+    limit; the plate is an oscillator. The spring of a smooth stone keeps its force as it stiffens, that of LIGGGHTS'
+    sphere its stretch. Returns the plate's energy, and the sphere's, J."""
     sphere, radius = hertz("coal"), 0.025
     bodies = changed("hertz_coal", {})
     shear = 1 / sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa
@@ -71,38 +77,46 @@ def naive(friction, velocity_m_s, duration_s, is_smooth, dt_s=2e-8):
             stretch += dt_s * (v_x - spin * arm - rate)
             stretch = np.clip(stretch, -friction * push / spring, friction * push / spring)
             drag = -spring * stretch
-            spin -= dt_s * drag * arm / (0.4 * mass * radius**2)
+            spin -= dt_s * drag * arm / (inertia * mass * radius**2)
         v_z += dt_s * push / mass
         v_x += dt_s * drag / mass
         rate -= dt_s * (drag / SWAYING_kg + omega**2 * sway)
     return (0.5 * SWAYING_kg * (rate**2 + (omega * sway) ** 2),
-            0.5 * mass * (v_x**2 + v_z**2) + 0.2 * mass * (radius * spin) ** 2)
+            0.5 * mass * (v_x**2 + v_z**2) + 0.5 * inertia * mass * (radius * spin) ** 2)
 
 
-@pytest.mark.parametrize(("friction", "velocity_m_s", "seeds"), [
-    (0.1, (3.0, -3.0), ()), (0.5, (0.4, -3.0), ()), (0.1, (3.0, -3.0), (100,)),
-    pytest.param(0.5, (0.4, -3.0), range(100, 112), marks=pytest.mark.validate)],
-    ids=["slides", "sticks", "bonded stone slides", "bonded stone sticks"])
-def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velocity_m_s, seeds):
+@pytest.mark.parametrize(("friction", "velocity_m_s", "seeds", "within"), [
+    (0.1, (3.0, -3.0), (), 0.003), (0.5, (0.4, -3.0), (), 0.003), (0.1, (3.0, -3.0), (100,), 0.02),
+    (0.5, (1.0, -3.0), (100, 101), 0.15),
+    pytest.param(0.5, (1.0, -3.0), range(100, 124), 0.05, marks=pytest.mark.validate)],
+    ids=["slides", "sticks", "bonded stone slides", "bonded stone sticks", "bonded stones stick"])
+def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velocity_m_s, seeds, within):
     """A bonded stone that sticks does so on average: what drags then is the square of an impulse that changes sign, and
-    hangs on the packing by some ten per cent."""
+    hangs on how far beside the middle of the packing its mass lies, by some ten per cent."""
     plate = changed("single", {}).plate.model_copy(update={"max_frequency_Hz": 2000.0}).model_dump(mode="json")
     spheres = {} if seeds else {"stones.agglomerate": None}
-    of_plate, of_sphere = naive(friction, velocity_m_s, 4e-4, bool(seeds))
     found = []
     for seed in seeds or (1,):
         scene = stone(speed_m_s=float(np.hypot(*velocity_m_s)), friction=friction, plate=plate,
                       **{"time.duration_s": 4e-4, "time.sample_interval_s": 4e-5, "stones.seed": seed} | spheres)
+        body = prepare(scene, "aslant", user_cache()).assembly
+        of_plate, of_sphere = naive(friction, velocity_m_s, 4e-4, bool(seeds), inertia_about_y(body))
         with monkeypatch.context() as patched:
             energy = strike_aslant(patched, tmp_path / f"run_{seed}", scene, velocity_m_s, swaying())["energy"]
         assert energy["given_to_plate_J"] == pytest.approx(energy["plate_work_J"], rel=1e-3)
         assert abs(energy["closure"]) < 1e-4
         assert energy["kinetic_J"] == pytest.approx(of_sphere, rel=6e-3 if seeds else 1e-4)
         found.append(energy["plate_work_J"] / of_plate)
-    if len(found) > 1:
-        assert abs(np.mean(found) - 1) < 2 * np.std(found, ddof=1) / np.sqrt(len(found)) < 0.1
-    else:
-        assert found[0] == pytest.approx(1, rel=0.02 if seeds else 0.003)
+    assert np.mean(found) == pytest.approx(1, abs=within)
+    if len(found) > 2:
+        assert 2 * np.std(found, ddof=1) / np.sqrt(len(found)) < within
+
+
+def test_a_stone_whose_bonds_give_more_than_its_contact_keeps_its_energy(tmp_path, monkeypatch):
+    """At 60 m/s Mindlin's spring is stiffer than the bonds beneath it."""
+    scene = stone(200, speed_m_s=float(np.hypot(60, 60)), friction=1.0, **{"time.duration_s": 1.5e-4})
+    energy = strike_aslant(monkeypatch, tmp_path / "run", scene, (60.0, -60.0))["energy"]
+    assert abs(energy["closure"]) < 2e-3 and energy["friction_J"] > 0.1 * energy["impact_J"]
 
 
 def test_a_strong_dashpot_across_the_contact_makes_the_stone_roll(tmp_path, monkeypatch):
@@ -189,19 +203,21 @@ def test_all_that_the_patch_of_a_stone_holds_and_takes_adds_up_at_every_instant(
     assert parts.to_numpy() == pytest.approx(parts.iloc[0], abs=within * parts.iloc[0])
 
 
-def test_a_sliding_stone_is_rubbed_by_all_that_it_pushes_with(tmp_path, monkeypatch):
-    """Coulomb's law counts the dashpot's push: friction takes mu F v_slip, and v_slip falls by 7/2 mu F/m, F being the
-    push in the record. So goes its share over time; in all it takes less by what the bonds give way under the patch."""
+@pytest.mark.parametrize(("restitution", "least"), [(1.0, 0.98), (0.3, 0.8)])
+def test_a_sliding_stone_is_rubbed_by_all_that_it_pushes_with(tmp_path, monkeypatch, restitution, least):
+    """Coulomb's law counts the dashpot's push: friction takes mu F v_slip, and v_slip falls by mu F (1/m + R^2/I), F being
+    the push in the record. So goes its share over time. A dashpot presses at once, and shakes the bonds, which take some."""
     friction, along, mass = 0.05, 3.0, hertz("coal")["mass_kg"]
-    scene = stone(200, speed_m_s=float(np.hypot(along, 3.0)), restitution=0.3, friction=friction,
+    scene = stone(200, speed_m_s=float(np.hypot(along, 3.0)), restitution=restitution, friction=friction,
                   **{"time.duration_s": 4e-4, "time.sample_interval_s": 1e-5})
     strike_aslant(monkeypatch, tmp_path / "run", scene, (along, -3.0))
+    inertia = inertia_about_y(prepare(scene, "aslant", user_cache()).assembly)
     fast = pd.read_parquet(tmp_path / "run" / "fast.parquet")
     impulse = np.cumsum(fast["force_N"].to_numpy()) * (fast["t_s"][1] - fast["t_s"][0])
-    slip = along - 3.5 * friction * impulse / mass
+    slip = along - (1 + 1 / inertia) * friction * impulse / mass
     taken = np.cumsum(friction * np.diff(impulse, prepend=0) * slip)
     table = pd.read_parquet(tmp_path / "run" / "energy.parquet")
     found, expected = table["friction_J"].to_numpy(), np.interp(table["t_s"], fast["t_s"], taken)
     slides = table["t_s"] > 2.5e-5  # before, the spring was stretched
     assert (found / found[-1])[slides] == pytest.approx((expected / expected[-1])[slides], abs=0.05)
-    assert 0.8 * expected[-1] < found[-1] < expected[-1]
+    assert least * expected[-1] < found[-1] < 1.02 * expected[-1]

@@ -14,7 +14,7 @@ from dem.record.energy_balance import read_ledger
 from dem.run.prepare import prepare
 
 STRENGTH_Pa = 200e6
-SOFTER = 3  # the bonds under the patch that presses, so that no other compliance, nor none, is mistaken for theirs
+SOFTER = 2  # the bonds under the patch that presses, so that no other compliance, nor none, is mistaken for theirs
 
 
 class Surface:

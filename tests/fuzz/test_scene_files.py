@@ -42,7 +42,7 @@ def check(scene):
             assert np.isfinite(pd.read_parquet(out / "signals.parquet").to_numpy()).all()
         else:
             said = errors.splitlines()[-1:]  # after what a terminal shows of a run's progress
-            assert code == 2 and len(said) == 1 and names_its_file(said[0], here), (code, errors)
+            assert code == 2 and len(said) == 1 and names_its_file(said[0], here, scene), (code, errors)
             assert not out.exists()
             assert {p.name for p in here.iterdir()} <= {"scene.toml", "cube.stl"}
     finally:
@@ -57,16 +57,17 @@ def check_deck(scene):
         (here / "scene.toml").write_text(as_toml(scene), encoding="utf-8")
         code, errors = outcome(main, ["deck", str(here / "scene.toml"), "--out", str(here / "out")])
         said = [line for line in errors.splitlines() if not line.startswith("warning: ")]
-        assert code == 0 and not said or code == 2 and len(said) == 1 and names_its_file(said[0], here), (code, errors)
+        assert code == 0 and not said or code == 2 and len(said) == 1 and names_its_file(said[0], here, scene), (code, errors)
         assert {p.name for p in here.iterdir()} == {"scene.toml", "cube.stl", *(["out"] if code == 0 else [])}
         return code == 0
     finally:
         shutil.rmtree(here)
 
 
-def names_its_file(line, here):
-    """The scene, or one that it takes something from: beside it, or shipped."""
-    return any(place in line for place in (str(here), "hertz_coal.toml", "materials/"))
+def names_its_file(line, here, scene):
+    """The scene, or one that it takes something from: beside it, shipped, or where its base says."""
+    base = scene["base"] if str(scene.get("base")).startswith("/") else str(here)
+    return any(place in line for place in (str(here), base, "hertz_coal.toml", "materials/"))
 
 
 each_volley = pytest.mark.parametrize("valid", VOLLEYS.values(), ids=VOLLEYS)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-TO_CIRCLE, FROM_CIRCLE = np.array([0, 0.5, 0.8, 0.94, 1]), np.array([0, 0.12, 0.4, 1])  # from square to core
-PLATE_LAYERS = np.array([0, 0.5, 0.8, 0.94, 1])  # in thicknesses, from the top
-ROD_LAYERS = np.array([0, 0.06, 0.2, 0.5, 1])  # in radii, from the plate
+TO_CIRCLE, FROM_CIRCLE = np.array([0, 0.5, 0.8, 0.94, 0.985, 1]), np.array([0, 0.03, 0.12, 0.4, 1])  # square to core
+PLATE_LAYERS = np.array([0, 0.5, 0.8, 0.94, 0.985, 1])  # in thicknesses, from the top
+ROD_LAYERS = np.array([0, 0.015, 0.06, 0.2, 0.5, 1])  # in radii, from the plate
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Part:
         found = [_extrude(np.concatenate(plate), top)]
         for disc, (_, _, diameter) in zip(discs, self.rods, strict=True):
             steep = diameter / 2 * ROD_LAYERS
-            even = np.linspace(steep[-1], self.length_m, 1 + math.ceil((self.length_m - steep[-1]) / diameter))[1:]
+            even = np.linspace(steep[-1], self.length_m, 1 + math.ceil((self.length_m - steep[-1]) / steep[-1]))[1:]
             found.append(_extrude(disc, -self.thickness_m - _finer(np.append(steep, even), self.fine)))
         return np.concatenate(found)
 

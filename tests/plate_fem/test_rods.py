@@ -8,7 +8,7 @@ from plates import STEEL, four_rods, plate, rod
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from lab.plate.rod_joint import joint
+from lab.plate.rod_joint import foot, joint
 from plate_fem.elements.joints import joint_of
 from plate_fem.elements.mesh import bending_stiffness, default_mesh_size, shear_stiffness
 from plate_fem.elements.rods import attach
@@ -19,14 +19,17 @@ from plate_fem.modes import plate_modes
 STIFF = {"youngs_modulus_Pa": 2e17, "theory": "mindlin", "mesh_size_m": 0.125}
 
 
-def bar_stiffness(omega, length_m=0.1, diameter_m=0.02):
+BAR_m, BEAM_m = (0.1 - 0.01 * shorter for shorter in foot(STEEL["poisson_ratio"]))  # with a foot that holds
+
+
+def bar_stiffness(omega, length_m=BAR_m, diameter_m=0.02):
     """Dynamic stiffness at the top of a clamped bar, inertia included: E A (omega/c) cot(omega l / c)."""
     E, rho = STEEL["youngs_modulus_Pa"], STEEL["density_kg_m3"]
     k = omega * math.sqrt(rho / E)
     return E * math.pi * diameter_m**2 / 4 * k / math.tan(k * length_m)
 
 
-def beam_stiffness(omega, length_m=0.1, diameter_m=0.02):
+def beam_stiffness(omega, length_m=BEAM_m, diameter_m=0.02):
     """Dynamic stiffness (2, 2) of lateral displacement and rotation at the top of a clamped Timoshenko beam.
 
     The equations of the beam are carried from its base to its top by a matrix exponential.
@@ -51,24 +54,26 @@ def shaft_stiffness(omega, length_m=0.1, diameter_m=0.02):
 def test_beam_stiffness_of_this_test_at_rest():
     """A slender beam that is clamped at its base: 12EI/l^3, 6EI/l^2, 4EI/l."""
     bending, shear = 207e9 * math.pi * 0.02**4 / 64, 1.3 * 6 / 8.8 * 207e9 / 2.6 * math.pi * 0.01**2
-    flexibility = np.linalg.inv(beam_stiffness(1.0))
+    flexibility = np.linalg.inv(beam_stiffness(1.0, 0.1))
     assert flexibility[0, 0] == pytest.approx(0.1**3 / (3 * bending) + 0.1 / shear, rel=1e-5)
     assert flexibility[0, 1] == pytest.approx(0.1**2 / (2 * bending), rel=1e-5)
     assert flexibility[1, 1] == pytest.approx(0.1 / bending, rel=1e-5)
 
 
-def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says():
-    """Side and turn of a beam's head under a push and a moment there: those of the rod below, and of its joint by the
-    solid, which is solved anew; and so a bar under a pull."""
-    rods = [rod(0.1, 0.05, diameter_m=0.014)]
-    table = plate(rods=rods, theory="mindlin", youngs_modulus_Pa=69e9, max_frequency_Hz=2e3)
-    parts, found = attach(assemble(table), table.rods[0], 2e3), joint(0.35, 0.3, 3.0)
+@pytest.mark.parametrize("nu", [0.15, 0.3])
+def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says(nu):
+    """Side and turn of a beam's head under a push and a moment there: those of the rod below, as if shorter since its
+    foot cannot contract, and of its joint by the solid, which is solved anew; and so a bar under a pull."""
+    rods = [rod(0.1, 0.05, diameter_m=0.014, poisson_ratio=nu)]
+    table = plate(rods=rods, theory="mindlin", youngs_modulus_Pa=69e9, poisson_ratio=nu, max_frequency_Hz=2e3)
+    parts, found = attach(assemble(table), table.rods[0], 2e3), joint(0.35, nu, 3.0)
     a, area, bending = 0.007, math.pi * 0.007**2, 207e9 * math.pi * 0.014**4 / 64
-    shear = 1.3 * 6 / 8.8 * 207e9 / 2.6 * area
-    across, along = 0.1**3 / 3 / bending + 0.1 / shear, -(0.1**2) / 2 / bending
+    shear = 6 * (1 + nu) / (7 + 6 * nu) * 207e9 / 2 / (1 + nu) * area
+    bar_m, beam_m = (0.1 - a * shorter for shorter in foot(nu))
+    across, along = beam_m**3 / 3 / bending + beam_m / shear, -(beam_m**2) / 2 / bending
     for part, of_rod, of_joint in (
-            (parts[0], [[0.1 / 207e9 / area]], [[found["axial"]]]),
-            (parts[1], [[across, along], [along, 0.1 / bending]],
+            (parts[0], [[bar_m / 207e9 / area]], [[found["axial"]]]),
+            (parts[1], [[across, along], [along, beam_m / bending]],
              [[found["side"], found["side_turn"] / a], [found["side_turn"] / a, found["turn"] / a**2]])):
         free = np.setdiff1d(np.arange(part.stiffness.shape[0]), part.held)
         loads = (free[:, None] == np.array(part.top)).astype(float)
@@ -78,29 +83,31 @@ def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says():
 
 @pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
 def test_stub_and_head_of_a_rod_where_the_plate_bends_or_shears(theory):
-    """Energy over the disc, of w = x^2/2 bent and, with shear, of w = x: the plate's own times stub and area. The bent
-    plate lifts the head by the mean of w, (x0^2 + a^2/4)/2, and by the offset."""
+    """Energy over the disc, of w = x^2/2 + xy bent and, with shear, of w = x: the plate's own, bowl and saddle apart,
+    times stubs and area. The bent plate lifts the head by the mean of w and by the offset."""
     table = plate(rods=[rod(0.1, 0.05)], theory=theory, max_frequency_Hz=2e3)
     system, joint = assemble(table), joint_of(table, table.rods[0], theory)
     bar, *_, stub = attach(system, table.rods[0], 2e3)
-    x = np.repeat(system.lines_x_m, len(system.lines_y_m))
+    x, y = (axis.ravel() for axis in np.meshgrid(system.lines_x_m, system.lines_y_m, indexing="ij"))
     u = np.zeros(system.size)
     if theory == "kirchhoff":
-        u[: len(x)], u[len(x) : 2 * len(x)] = x**2 / 2, x
-        stiffness = bending_stiffness(table)
-        assert bar.rows @ u == pytest.approx((0.1**2 + 0.01**2 / 4) / 2 + joint.offset_m2, rel=1e-9)
+        u[: 4 * len(x)] = np.concatenate([x**2 / 2 + x * y, x + y, x, np.ones(len(x))])
+        energy = bending_stiffness(table) * (1.3 / 2 * joint.stub + 0.7 / 2 * (1 + 4) * joint.stub_twist)
+        head = (0.1**2 + 0.01**2 / 4) / 2 + 0.1 * 0.05
+        assert bar.rows @ u == pytest.approx(head + joint.offset_m2, rel=1e-9)
     else:
         u[: len(x)], u[len(x) : 2 * len(x)] = x, 1.0
-        stiffness = shear_stiffness(table)
+        energy = shear_stiffness(table) * joint.stub
     strain = stub.rows @ u
-    assert strain @ (stub.stiffness @ strain) == pytest.approx(stiffness * joint.stub * math.pi * 0.01**2, rel=1e-9)
+    assert strain @ (stub.stiffness @ strain) == pytest.approx(energy * math.pi * 0.01**2, rel=1e-9)
 
 
 def test_solid_of_revolution_in_limits_that_are_known():
     """A rod almost without stiffness leaves the plate alone, whose lower face follows the mid-plane where Poisson's
-    ratio is zero. A stiff disc on a half-space turns by 3/4 (1 - nu^2)."""
+    ratio is zero; so does the foot of any rod its theories. A stiff disc on a half-space turns by 3/4 (1 - nu^2)."""
     soft, stiff = joint(0.6, 0.0, 1e-6), joint(0.1, 0.3, 1e3, fine=2)
-    assert abs(soft["stub"]) < 1e-5 and abs(soft["offset"]) < 1e-3
+    assert max(abs(soft["stub"]), abs(soft["stub_twist"])) < 1e-5 and abs(soft["offset"]) < 1e-3
+    assert np.abs(foot(0.0)).max() < 1e-6
     assert stiff["turn"] == pytest.approx(0.75 * 0.91, rel=0.05)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import meshio
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis import read_run
@@ -57,6 +58,25 @@ def test_positions_are_within_half_a_quantum_and_what_leaves_the_box_is_marked(r
     true = np.stack([centre_m(network, t) for t in t_s])
     assert np.abs(shown * quantum_m - true).max() <= 0.5 * quantum_m * (1 + 1e-3)
     assert quantised(np.array([0.6, 0.7, -2.0, np.inf]), 2e-5).tolist() == [30000, OUTSIDE, OUTSIDE, OUTSIDE]
+
+
+def test_the_impact_of_stones_that_come_one_by_one_holds_the_largest_force(tmp_path):
+    network = write_view(directory := write_run(tmp_path / "ratio_050", 0.5))
+    fast = pd.read_parquet(directory / "fast.parquet")
+    fast.loc[(fast["t_s"] - 9e-3).abs().idxmin(), "force_N"] = 1e6
+    fast.to_parquet(directory / "fast.parquet")
+    (series,) = json.loads(pack_run(read_run(directory), network, (IMPACT,)))["series"]
+    assert series["end"] == pytest.approx(10e-3)
+
+
+def test_spheres_without_bonds_move_too(tmp_path):
+    directory = write_run(tmp_path / "ratio_050", 0.5)
+    (directory / "deck" / "bonds.txt").unlink()
+    (directory / "run.json").write_text(json.dumps(json.loads((directory / "run.json").read_text()) | {"n_bonds": 0}))
+    pd.read_parquet(directory / "breakage.parquet").iloc[:0].to_parquet(directory / "breakage.parquet")
+    reel = json.loads(pack_run(read_run(directory), write_view(directory), (IMPACT,)))
+    assert gzip.decompress(base64.b64decode(reel["bodies"]["first"])) == b""
+    assert len(reel["series"]) == 1
 
 
 def test_each_series_takes_the_pictures_of_its_stretch(run):

@@ -56,8 +56,11 @@ def test_a_run_alone_has_its_page_whatever_its_name_is(tmp_path, monkeypatch, pa
     """What needs several ratios is left out; nothing is missing, and no range is of one value."""
     monkeypatch.setattr(report.page, "are_papers", lambda runs: paper)
     run = write_run(tmp_path / "mine", 0.5)
+    summary = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps(summary | {"warnings": ["plate.thickness_m = 0.05: too thick"]}))
     page = write_report(run)
     html, words = page.read_text(), words_of(page)
+    assert "Warning plate.thickness_m = 0.05: too thick" in words
     assert page == run / "report.html" and 'id="fig-felt"' in html and 'id="fig-16"' in html
     assert not {"fig-19", "fig-15", "fig-24", "fig-answer"} & set(re.findall(r'id="([^"]+)"', html))
     peak_kN = 1e-3 * read_run(run).peak("force_N")

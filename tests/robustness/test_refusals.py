@@ -26,7 +26,7 @@ from plate_fem.__main__ import main as modes_of
 from plate_fem.elements.mesh import default_mesh_size, mesh_lines
 from recognition.plate.plate_model import PlateModel
 from report.film.pictures import instants, read_arrays
-from report.tables import MissingResult
+from report.missing import MissingResult
 from tests.analysis.synthetic import write_run, write_sweep
 from tests.fuzz.mutations import outcome
 from tests.report.synthetic_view import write_view

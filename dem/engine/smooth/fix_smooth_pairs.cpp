@@ -237,15 +237,16 @@ void FixSmoothPairs::rub(Pair &p) {
   if (l.friction == 0) return;
   const double m0 = p.side[0].n.mass, m1 = p.side[1].n.mass;
   const double mindlin = mindlin_stiffness(l.shear_modulus, l.modulus, p.n.state.stiffness);
-  const double spring = spring_before_bonds(p.share(), mindlin,
-                                            p.side[0].n.compliance_across + p.side[1].n.compliance_across);
+  const double stops = 1 / ((p.side[0].n.mobility + p.side[1].n.mobility) * update->dt);
+  const double spring = spring_before_bonds(p.share(), mindlin, p.side[0].n.compliance_across + p.side[1].n.compliance_across,
+                                            stops / update->dt);
   const Vec kept = kept_stretch(p.n.spring, p.n.slip, spring), turned = kept + update->dt * p.n.sliding;
   const Vec tried = turned - dot(turned, p.n.line) * p.n.line;
   const double sticks = share_that_sticks(spring * norm(tried), l.friction, p.n.elastic + p.n.dashpot);
   stretch(p, spring, sticks * tried, tried - kept);
   if (sticks == 1) {
     const double dashpot = p.share() * 2 * std::sqrt(5. / 6.) * l.damping_ratio_across * std::sqrt(mindlin * m0 * m1 / (m0 + m1));
-    p.n.rubbing = std::min(dashpot, 1 / ((p.side[0].n.mobility + p.side[1].n.mobility) * update->dt));
+    p.n.rubbing = std::min(dashpot, stops);
   }
   p.n.across = -spring * p.n.slip - p.n.rubbing * p.n.sliding;
 }

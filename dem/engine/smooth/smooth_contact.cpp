@@ -245,13 +245,14 @@ void SmoothContact::press_to_q(Patch &p) {
 void SmoothContact::rub(Patch &p) {
   const SmoothStone &s = stone(p);
   const double mindlin = mindlin_stiffness(s.shear_modulus, s.modulus, p.state.stiffness);
-  const double spring = spring_before_bonds(p.share, mindlin, p.compliance_across);
+  const double stops = MOST_STOPPED / (p.mobility * lmp_->update->dt);  // the members as free spheres, in one step
+  const double spring = spring_before_bonds(p.share, mindlin, p.compliance_across, stops / lmp_->update->dt);
   const Vec slip = kept_stretch(p.spring, p.slip, spring) + lmp_->update->dt * p.sliding;
   const double sticks = share_that_sticks(spring * norm(slip), s.friction, p.force());
   stretch(p, spring, sticks * slip);
   if (sticks == 1) {
     const double dashpot = p.share * 2 * std::sqrt(5. / 6.) * s.damping_ratio_across * std::sqrt(mindlin * p.mass);
-    p.rubbing = std::min(dashpot, MOST_STOPPED / (p.mobility * lmp_->update->dt));
+    p.rubbing = std::min(dashpot, stops);
   }
   const Vec across = -spring * p.slip - p.rubbing * p.sliding;
   p.across[0] = across.x, p.across[1] = across.y;
