@@ -173,7 +173,9 @@ COMMANDS = {
         "gangue check measured.csv --plate plate.json",)),
     "listen": Command("recognition.stream.heard:listen",
                       "stones one by one, and the mixing ratio over time, from a stream", (
-        RECORD, PLATE, SCALE, UNIT, _arg("--out", required=True, help="directory for stones.parquet and ratio.parquet"),
+        _arg("record", help="run directory or record, at least 20 kHz; live: -, tcp://HOST:PORT (docs/listening.md)"),
+        PLATE, SCALE, UNIT, _arg("--out", help="directory for stones.parquet and ratio.parquet; not for what is live"),
+        _arg("--follow", action="store_true", help="the record is a file of live samples, which may grow"),
         _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
              help="between which the stones' radii lie, more or less, in m"),
         _arg("--speed", dest="speed_m_s", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
@@ -192,7 +194,8 @@ COMMANDS = {
         _arg("--step", dest="step_s", type=float, default=0.1, metavar="S",
              help="between ratios (default: %(default)g s)")), (
         "gangue listen stream.parquet --plate plate.json --radius 0.025 0.025 --speed 2 4 --out runs/heard",
-        "gangue listen a.csv --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40 --out b")),
+        "gangue listen a.csv --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40 --out b",
+        "gangue listen - --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40")),
     "learn-forces": Command("gangue.learn_forces:learn_forces", "what `listen` believes of one's own rock and plate", (
         SCENE, _arg("--out", type=Path, required=True, help="law to write (.json); runs stay in a directory beside it"),
         _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),

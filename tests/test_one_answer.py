@@ -30,6 +30,7 @@ from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import CheckResult
 from recognition.stream.heard import UNTAPPED, Alarms, ListenResult
+from recognition.stream.live import LiveResult
 from recognition.tapping.tapped import TapResult
 from recognition.volley.recognise import VolleyResult
 from report.commands import ComparisonResult, ReportResult
@@ -243,6 +244,8 @@ CANNED = [
     ("listen", ListenResult(HERE, HERE, 12, {"number": ANSWER}, stop=Alarms(0.4, 0.2, (), 3.9, 64.0, 20.0, True))),
     ("listen", ListenResult(HERE, HERE, 12, not_explained="the plate is another")),
     ("listen", ListenResult(refused="north: dead: it hardly moves")),
+    ("listen", LiveResult(120, 1, 6.25)), ("listen", LiveResult(t_s=1.5, refused="north: dead: it hardly moves")),
+    ("listen", LiveResult(12, 0, 1.5, not_explained="the plate is another")),
     ("learn-forces", LearntForces(HERE, 24, 23, {"stone_0007": "no memory"})),
     ("volley", VolleyResult(0.0512, 1.04, {"number": ANSWER, "mass": WIDE}, {"with one stone more": 0.52})),
     ("volley", VolleyResult(refused="nothing is heard")), ("volley", VolleyResult(not_explained="misfit 3.2, limit 2")),

@@ -52,6 +52,40 @@ def resample(record: Record, rate_Hz: float, *, anti_alias: bool = True) -> Reco
     return replace(record, values=np.array(values), rate_Hz=record.rate_Hz * float(ratio))
 
 
+class Resampler:
+    """As `resample` with the filter, of channels (c, samples) as they come. RecordError as there."""
+
+    def __init__(self, from_Hz: float, to_Hz: float, channels: int, name: str) -> None:
+        resample(Record(np.zeros(2 * MAX_FACTOR), from_Hz, name=name), to_Hz)  # which refuses what it cannot do
+        ratio = Fraction(to_Hz / from_Hz).limit_denominator(MAX_FACTOR)
+        self.up, self.down = ratio.numerator, ratio.denominator
+        self.about = 0 if ratio == 1 else -(-10 * max(self.up, self.down) // self.up)  # samples that the filter sees
+        self.before = -(-self.about // self.down) * self.down  # the same, in whole periods
+        self.values = np.zeros((channels, 0))  # from `before` samples ahead of what comes next
+
+    def more(self, values: np.ndarray) -> np.ndarray:
+        """What is certain with further samples."""
+        begins = not self.values.shape[1]
+        self.values = np.hstack([np.repeat(values[:, :1], self.before, axis=1) if begins else self.values, values])
+        periods = max(self.values.shape[1] - self.before - self.about, 0) // self.down
+        return self._taken(periods * self.down, periods * self.up)
+
+    def end(self) -> np.ndarray:
+        """The rest."""
+        left = self.values.shape[1] - self.before
+        if left <= 0 or not self.before:
+            return self.values[:, :0]
+        self.values = np.hstack([self.values, np.repeat(self.values[:, -1:], self.about, axis=1)])
+        return self._taken(left, -(-left * self.up // self.down))
+
+    def _taken(self, samples: int, count: int) -> np.ndarray:
+        part, self.values = self.values[:, :self.before + samples + self.about], self.values[:, samples:]
+        if self.up == self.down:
+            return np.array(part)
+        first = self.before * self.up // self.down
+        return np.array(resample_poly(part, self.up, self.down, axis=1)[:, first:first + count])
+
+
 def low_pass(factor: int) -> tuple[np.ndarray, int]:
     """The filter before every factor-th sample is taken, (2 k + 1,), and k, the samples that it looks ahead."""
     ahead = 10 * factor if factor > 1 else 0

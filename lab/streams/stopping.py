@@ -45,9 +45,9 @@ def stopping(out: Path, seeds: int = SEEDS, hours: float = HOURS) -> Iterator[Ro
 def drawn(name: str, reference: str, share: Floats, seed: int) -> dict[str, object]:
     """The first alarm, how many there are in an hour, and what was foreseen."""
     kind, of = next(k for k in kinds() if k.name == name), REFERENCES[reference]
-    found = follow(_told(kind, of, share, np.random.default_rng([31, seed])),
-                   StonePrior(load_forces(), kind.told_m or kind.radius_m, kind.told_m_s or kind.speed_m_s), STOP, RATE_1_s,
-                   LEAST_DOUBT)
+    told = _told(kind, of, share, np.random.default_rng([31, seed]))
+    found = follow(told, np.arange(len(told.x)) / RATE_1_s,
+                   StonePrior(load_forces(), kind.told_m or kind.radius_m, kind.told_m_s or kind.speed_m_s), STOP, LEAST_DOUBT)
     at = np.flatnonzero(found.alarm)
     return {"alarm_s": at[0] / RATE_1_s if len(at) else np.inf, "alarms_1_h": 3600 * RATE_1_s * len(at) / len(share),
             "unsafe": found.foreseen.unsafe, "foreseen_delay_s": found.foreseen.delay / RATE_1_s,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
 from recognition.innovations.signatures import DURATIONS_S, LEAD, Channels, Floats32, modal_table
@@ -25,14 +26,17 @@ PARAMETERS = 6
 
 @dataclass(frozen=True)
 class Bank:
-    """Innovations of unit impulses on the modes, channel fastest.
+    """Innovations of unit impulses on the modes, channel fastest; forms, durations, and phases of which the first and
+    the last lie outside the sample.
 
-    table (form, duration, phase, n, LAGS c); fitted (duration, phase, 4, n, FIT_LAGS c): of the first form with its
-    slopes by time (samples) and log duration, and of the second form.
-    shapes (nx, ny, 3, n): shapes and their slopes along x and y on a grid from -half_m (2,) on.
+    responses: for accelerations, and amplitudes where rods are heard, channels (c, n) of the modes, and the modes'
+    responses (form, duration, phase, n, LAGS). filter: spectrum (c, c, bins) of what makes LAGS samples of channels
+    innovations. fitted (form, duration, phase, n, FIT_LAGS c): innovations.
+    shapes (nx, ny, n): of the modes on a grid from -half_m (2,) on.
     """
 
-    table: Floats32
+    responses: tuple[tuple[Floats, Floats32], ...]
+    filter: NDArray[np.complex128]
     fitted: Floats32
     shapes: Floats32
     half_m: Floats
@@ -43,24 +47,30 @@ class Bank:
     def of(cls, plate: PlateModel, channels: Channels, forces: StoneForces, whitening: Whitening,
            rate_Hz: float) -> Bank:
         plate = plate.below(HIGHEST_SHARE * rate_Hz)
-        acceleration, amplitude = channels.observed(plate)
-        table = _whitened(modal_table(plate, forces, rate_Hz, LAGS), acceleration, whitening)
-        if channels.rods:
-            table += _whitened(modal_table(plate, forces, rate_Hz, LAGS, amplitude=True), amplitude, whitening)
+        observed = channels.observed(plate)[:2 if channels.rods else 1]
+        responses = tuple((of, modal_table(plate, forces, rate_Hz, LAGS, amplitude=k == 1))
+                          for k, of in enumerate(observed))
+        fitted = _whitened(*responses[0], whitening)
+        for further in responses[1:]:
+            fitted += _whitened(*further, whitening)
         half = np.array([plate.lines_x_m[-1], plate.lines_y_m[-1]])
-        fitted = _with_slopes(table[..., :FIT_LAGS * len(acceleration)])
-        return cls(table[:, :, 1:-1], fitted, _shapes(plate, half), half, rate_Hz, len(acceleration))
+        spectrum = np.fft.rfft(whitening.response[:, :, :LAGS], 2 * LAGS)
+        return cls(responses, spectrum, fitted, _shapes(plate, half), half, rate_Hz, len(observed[0]))
 
     @property
     def phases(self) -> int:
-        return self.table.shape[2] - 1
+        return self.fitted.shape[2] - 3
 
     def shape_at(self, x_m: float, y_m: float) -> Floats32:
-        """(3, n): shapes at a place, and their slopes."""
+        """(n,): shapes at a place."""
         (i, x_off_m), (j, y_off_m) = self._grid_node(0, x_m), self._grid_node(1, y_m)
-        found: Floats32 = self.shapes[i, j].copy()
-        found[0] += x_off_m * found[1] + y_off_m * found[2]
-        return found
+        shape, by_x, by_y = self._shape_about(i, j)
+        return np.asarray(shape + x_off_m * by_x + y_off_m * by_y)
+
+    def _shape_about(self, i: int, j: int) -> Floats32:
+        """(3, n): shapes at a node, and their slopes."""
+        by_x, by_y = _slope(self.shapes[:, j], i, SHAPE_STEP_M), _slope(self.shapes[i], j, SHAPE_STEP_M)
+        return np.array([self.shapes[i, j], by_x, by_y])
 
     def _grid_node(self, axis: int, at_m: float) -> tuple[int, float]:
         """Node of the grid of shapes that is nearest, and how far it is."""
@@ -79,8 +89,16 @@ class Bank:
 
     @cached_property
     def _about(self) -> Callable[[int, int, int, int], Floats32]:
-        """Rows (12, FIT_LAGS c) of `fitted` x (shape, slopes) at a node; a fit stays near one, so the last are kept."""
-        return lru_cache(KEPT)(lambda k, p, i, j: (self.shapes[i, j] @ self.fitted[k, p]).reshape(12, -1))
+        """Rows (12, FIT_LAGS c) of (innovations, slopes by time and log duration, second form) x (shape, slopes) at a
+        node; a fit stays near one, so the last are kept."""
+        return lru_cache(KEPT)(self._rows_about)
+
+    def _rows_about(self, k: int, p: int, i: int, j: int) -> Floats32:
+        shape, whole = self._shape_about(i, j), self.fitted[0]
+        by_time = shape @ (whole[k, p + 2] - whole[k, p]) * (self.phases / 2)
+        by_duration = shape @ _slope(whole[:, p + 1], k, _LOG_STEP)
+        rows = np.array([shape @ whole[k, p + 1], by_time, by_duration, shape @ self.fitted[1, k, p + 1]])
+        return rows.reshape(12, -1)
 
     def _signature(self, time: float, log_duration: float, x_m: float, y_m: float, breaking: float,
                    log_impulse: float) -> tuple[int, Floats32]:
@@ -95,17 +113,20 @@ class Bank:
         rows: Floats32 = weights.reshape(-1, 12).astype(np.float32) @ self._about(k, p, i, j)
         return first - LEAD, rows
 
-    def whole(self, stone: Floats) -> tuple[int, Floats32]:
-        """First sample, and the signature over LAGS (LAGS c,)."""
+    def whole(self, stone: Floats) -> tuple[int, Floats]:
+        """First sample, and the signature over LAGS (c, LAGS)."""
         time, log_duration, x_m, y_m, breaking, log_impulse = stone.tolist()
         first, (k, b), (p, a) = self._nodes(time, log_duration)
         i, j = k + (1 if b > 0 else -1), p + (1 if a > 0 else -1)
-        at = math.exp(log_impulse) * self.shape_at(x_m, y_m)[0]
-        out = (1 - abs(a) - abs(b)) * (at @ self.table[0, k, p]) + breaking * (at @ self.table[1, k, p])
-        for share, node in ((abs(b), (i, p)), (abs(a), (k, j))):
-            if share > 0:
-                out += share * (at @ self.table[0, node[0], node[1]])
-        return first - LEAD, out
+        shape, seen = math.exp(log_impulse) * self.shape_at(x_m, y_m), np.zeros((self.channels, LAGS))
+        for observed, modal in self.responses:
+            of = (1 - abs(a) - abs(b)) * modal[0, k, p + 1] + breaking * modal[1, k, p + 1]
+            for share, node in ((abs(b), (i, p + 1)), (abs(a), (k, j + 1))):
+                if share > 0:
+                    of += share * modal[0, node[0], node[1]]
+            seen -= (observed * shape) @ of
+        white = np.einsum("dck,ck->dk", self.filter, np.fft.rfft(seen, 2 * LAGS))
+        return first - LEAD, np.fft.irfft(white, 2 * LAGS)[:, :LAGS]
 
     def _nodes(self, time: float, log_duration: float) -> tuple[int, tuple[int, float], tuple[int, float]]:
         """Whole sample, then the nearest node of durations and of phases, with how far it is in their steps."""
@@ -125,22 +146,21 @@ def _nearest(position: float, count: int) -> tuple[int, float]:
     return k, position - k
 
 
-def _with_slopes(table: Floats32) -> Floats32:
-    """(duration, phase, 4, n, columns) of a table whose first and last phase are outside the sample."""
-    value, phases = table[0], table.shape[2] - 3
-    by_time = (value[:, 2:] - value[:, :-2]) * (phases / 2)
-    by_duration = np.gradient(value, _LOG_STEP, axis=0)[:, 1:-1]
-    return np.stack([value[:, 1:-1], by_time, by_duration, table[1, :, 1:-1]], axis=2)
+def _slope(values: Floats32, k: int, step: float) -> Floats32:
+    """Of values at node k of the first axis, by its neighbours."""
+    low, high = max(k - 1, 0), min(k + 1, len(values) - 1)
+    return np.asarray((values[high] - values[low]) / np.float32((high - low) * step))
 
 
-def _whitened(modal: Floats32, observed: Floats, whitening: Whitening) -> Floats32:
-    """Innovations (..., n, LAGS c) of the modes' responses (form, duration, phase, n, LAGS), downwards."""
-    by_mode = -np.einsum("dcl,cn->ndl", whitening.response[:, :, :LAGS], observed)
-    spectrum = np.fft.rfft(by_mode, 2 * LAGS)
+def _whitened(observed: Floats, modal: Floats32, whitening: Whitening) -> Floats32:
+    """Innovations (..., n, FIT_LAGS c) of the modes' responses (form, duration, phase, n, lags), downwards."""
+    by_mode = -np.einsum("dcl,cn->ndl", whitening.response[:, :, :FIT_LAGS], observed)
+    spectrum = np.fft.rfft(by_mode, 2 * FIT_LAGS)
     m, k, p, n, _ = modal.shape
-    out = np.empty((m, k, p, n, LAGS * len(observed)), dtype=np.float32)
+    out = np.empty((m, k, p, n, FIT_LAGS * len(observed)), dtype=np.float32)
     for index in np.ndindex(m, k):
-        full = np.fft.irfft(np.fft.rfft(modal[index], 2 * LAGS)[:, :, None] * spectrum, 2 * LAGS)[..., :LAGS]
+        parts = np.fft.rfft(modal[index][..., :FIT_LAGS], 2 * FIT_LAGS)[:, :, None] * spectrum
+        full = np.fft.irfft(parts, 2 * FIT_LAGS)[..., :FIT_LAGS]
         out[index] = full.swapaxes(-1, -2).reshape(p, n, -1)
     return out
 
@@ -149,6 +169,5 @@ def _shapes(plate: PlateModel, half_m: Floats) -> Floats32:
     axes = [np.arange(-h, h + SHAPE_STEP_M / 2, SHAPE_STEP_M) for h in half_m]
     along_x, along_y = plate.splines
     by_x, by_y = along_x(np.clip(axes[0], -half_m[0], half_m[0])), along_y(np.clip(axes[1], -half_m[1], half_m[1]))
-    shape = np.einsum("ai,bj,ijn->abn", by_x, by_y, plate.grid_shape, optimize=True)
-    slopes = np.gradient(shape, SHAPE_STEP_M, axis=(0, 1))
-    return np.asarray(np.stack([shape, *slopes], axis=2), dtype=np.float32)
+    parts = (np.asarray(part, dtype=np.float32) for part in (by_x, by_y, plate.grid_shape))
+    return np.asarray(np.einsum("ai,bj,ijn->abn", *parts, optimize=True))

@@ -12,10 +12,11 @@ that moves freely, x[t] = F x[t - 1], is seen in z by C' = sum_k W_k C F^-k: the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_discrete_are, solve_triangular
-from scipy.signal import fftconvolve
 
 from recognition.estimation.arrays import Floats
 from recognition.innovations.coloured_noise import SensorNoise
@@ -54,9 +55,23 @@ class Whitening:
         return cls(np.fft.irfft(np.einsum("dek,kec->dck", *spectrum), 2 * taps)[..., :taps])
 
     def __call__(self, values: Floats) -> Floats:
-        """Innovations (c, samples) of channels (c, samples)."""
-        n = values.shape[-1]
-        return np.array([fftconvolve(row, values, axes=-1)[:, :n].sum(axis=0) for row in self.response])
+        """Innovations (c, samples) of channels (c, samples) from rest on."""
+        return self.after(np.zeros((len(values), 0)), values)
+
+    def after(self, before: Floats, values: Floats) -> Floats:
+        """Innovations (c, samples) of channels (c, samples) that go on from others (c, any), of which those of the last
+        MEMORY_S count."""
+        taps, n, out = self.response.shape[-1], values.shape[-1], np.empty_like(values)
+        rows = np.hstack([np.zeros((len(values), taps)), before, values])[:, -taps - n:]
+        for first in range(0, n, taps):
+            spectrum = np.fft.rfft(rows[:, first:first + 2 * taps], 2 * taps)
+            part = np.fft.irfft(np.einsum("dck,ck->dk", self._spectrum, spectrum), 2 * taps)
+            out[:, first:first + taps] = part[:, taps:taps + n - first]
+        return out
+
+    @cached_property
+    def _spectrum(self) -> NDArray[np.complex128]:
+        return np.asarray(np.fft.rfft(self.response, 2 * self.response.shape[-1]))
 
 
 def _free_motion(w: Floats, zeta: Floats, step_s: float) -> Floats:

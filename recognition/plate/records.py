@@ -32,17 +32,22 @@ def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) 
     read."""
     path = Path(path)
     source = str(path / "signals.parquet" if path.is_dir() else path)
+    refuse_unit(source, scale, unit)
+    table = read_signals(path)
+    if unit is None and scale == 1.0 and not any(name_and_unit(str(name))[1] in M_S2 for name in table):
+        return table, source
+    return pd.concat([acceleration(table[name], scale, unit) for name in table], axis=1), source
+
+
+def refuse_unit(source: str, scale: float, unit: str | None) -> None:
+    """RecordError for a unit that is none of accelerations, and a scale that is no factor."""
     if unit is not None and unit not in M_S2:
         raise RecordError(f"{source}: unit = {unit!r}; must be one of {', '.join(M_S2)}")
     if not (np.isfinite(scale) and scale != 0):
         raise RecordError(f"{source}: scale = {scale}; must be finite and not 0")
-    table = read_signals(path)
-    if unit is None and scale == 1.0 and not any(name_and_unit(str(name))[1] in M_S2 for name in table):
-        return table, source
-    return pd.concat([_acceleration(table[name], scale, unit) for name in table], axis=1), source
 
 
-def _acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
+def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
     """A column of accelerations in m/s^2 under its name; any other as it is."""
     name, own = name_and_unit(str(column.name))
     if ACCELERATION.fullmatch(name):

@@ -11,7 +11,7 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised
 from recognition.innovations.bank import TIME
 from recognition.sensors.channel_check import channel_faults
-from recognition.stream.listen import Heard, Listener
+from recognition.stream.listen import Heard, Sums
 
 HUM_Hz = (50.0, 60.0)
 TOGETHER_S = 0.2e-3  # stones that arrive within it of each other are not told apart well
@@ -48,13 +48,10 @@ class Checks:
     misplaced: float = 0.0
 
     @classmethod
-    def of(cls, listener: Listener, heard: Sequence[Heard], change: float) -> Checks:
-        """Before a law is learnt."""
-        whole, left = (values[:, listener.begin:listener.end] for values in (listener.whole, listener.left))
-        explained = whole - left
-        gain = np.sum(whole * explained, axis=1) / np.maximum(np.sum(explained**2, axis=1), 1e-300)
-        at_s = np.array([h.stone[TIME] for h in heard]) / listener.bank.rate_Hz
-        return cls(listener.unexplained(listener.end), gain, together(at_s), change)
+    def of(cls, sums: Sums, heard: Sequence[Heard], change: float, rate_Hz: float) -> Checks:
+        """Before a law is learnt, of what was heard in a part of a record."""
+        at_s = np.array([h.stone[TIME] for h in heard]) / rate_Hz
+        return cls(sums.unexplained, sums.gain, together(at_s), change)
 
     def reason(self, limits: Limits = Limits()) -> str:
         """Which limits are exceeded, "" if none is."""
@@ -84,10 +81,29 @@ def refuse_faulty(accelerations: Floats, names: Sequence[str]) -> None:
 
 def without_offset_and_hum(values: Floats, rate_Hz: float) -> Floats:
     """Channels (c, samples) less a constant and the mains' hum: no mode of a plate is as low."""
-    t = np.arange(values.shape[1]) / rate_Hz
-    columns = [np.ones_like(t)]
-    for f in HUM_Hz:
-        columns += [np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)]
-    basis = np.array(columns)
-    factors = np.linalg.lstsq(basis @ basis.T, basis @ values.T, rcond=None)[0]
-    return np.asarray(values - factors.T @ basis)
+    mains = Mains(len(values), rate_Hz)
+    mains.learn(values, 0)
+    return np.asarray(values - mains.at(0, values.shape[1]))
+
+
+class Mains:
+    """Offset and hum of channels, by least squares over what was learnt."""
+
+    def __init__(self, channels: int, rate_Hz: float) -> None:
+        self.rate_Hz, size = rate_Hz, 1 + 2 * len(HUM_Hz)
+        self.squares, self.products = np.zeros((size, size)), np.zeros((size, channels))
+
+    def learn(self, values: Floats, first: int, memory: float = 1.0) -> None:
+        """From channels (c, samples) from sample `first` on; what was learnt counts by `memory` of what it did."""
+        basis = self._basis(first, values.shape[1])
+        self.squares = memory * self.squares + basis @ basis.T
+        self.products = memory * self.products + basis @ values.T
+
+    def at(self, first: int, count: int) -> Floats:
+        """(c, count): their sum from sample `first` on."""
+        factors = np.linalg.lstsq(self.squares, self.products, rcond=None)[0]
+        return np.asarray(factors.T @ self._basis(first, count))
+
+    def _basis(self, first: int, count: int) -> Floats:
+        turn = 2 * np.pi * np.outer(HUM_Hz, np.arange(first, first + count) / self.rate_Hz)
+        return np.vstack([np.ones(count), np.cos(turn), np.sin(turn)])

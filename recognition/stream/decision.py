@@ -13,11 +13,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.stream.prior import StonePrior
-from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told, doubted
+from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told
 
 CALM = 0.5  # of the share from which drawing shall stop: at it alarms are false ones
 LIKELY = 0.9  # of the laws have no more false alarms than are allowed
@@ -63,42 +64,92 @@ class Foreseen:
 
 
 @dataclass(frozen=True)
+class Judged:
+    """Stones by one law: probabilities of gangue by each draw of it (n, laws), and of none (n,); the sum of the test
+    after each, and at which of them there was an alarm; what was foreseen."""
+
+    law: LearntLaw
+    told: Told
+    by_law: Floats
+    none: Floats
+    sum: Floats
+    alarm: NDArray[np.bool_]
+    foreseen: Foreseen | None
+    rate_1_s: float
+
+
+class Judge:
+    """Judges stones in their order, each by the law that known stones and those before it teach."""
+
+    def __init__(self, known: Told, prior: StonePrior, stop: Stop | None, least_doubt: float) -> None:
+        self.known = self.taught = known
+        self.prior, self.stop, self.least_doubt = prior, stop, least_doubt
+        self.waiting, self.t_s = known.only(np.zeros(0, dtype=int)), np.zeros(0)
+        self.count, self.due, self.rate_1_s, self.total = 0, 0, 1.0, 0.0
+        self.began_s = self.latest_s = 0.0
+        self.law: LearntLaw | None = None
+        self.foreseen: Foreseen | None = None
+
+    def judge(self, told: Told, t_s: Floats, ended: bool = False) -> Iterator[Judged]:
+        """Further unknown stones, which arrived at t_s (n,); the first FIRST wait for each other, unless all ended."""
+        self.waiting, self.t_s = self.waiting.and_(told), np.append(self.t_s, t_s)
+        while len(self.t_s) and (self.law is not None or ended or len(self.t_s) >= FIRST):
+            if self.count == self.due:
+                self._learn()
+            now, later = np.split(np.arange(len(self.t_s)), [max(self.due - self.count, 0) or len(self.t_s)])
+            found = self._judged(self.waiting.only(now))
+            if self.count < LAST:
+                self.taught, self.latest_s = self.taught.and_(found.told), float(self.t_s[now[-1]])
+            self.count, self.waiting, self.t_s = self.count + len(now), self.waiting.only(later), self.t_s[later]
+            yield found
+
+    def _learn(self) -> None:
+        """The law and what it foresees, and when it is due again."""
+        first = np.arange(min(FIRST, len(self.t_s)))
+        if self.law is None:
+            self.began_s, self.latest_s = float(self.t_s[0]), float(self.t_s[first[-1]])
+        self.rate_1_s = max(self.count or len(first), 2) / max(self.latest_s - self.began_s, 1e-3)
+        heard = self.taught if len(self.taught.x) else self.waiting.only(first)
+        self.law = LearntLaw.of(heard, self.prior)
+        self.due = round(LONGER * self.count) if self.count else FIRST
+        self.due = self.due if self.due <= LAST else 0
+        if self.stop is not None:
+            self.foreseen = foreseen(self.law, heard, self.stop, self.rate_1_s, self.least_doubt)
+
+    def _judged(self, told: Told) -> Judged:
+        assert self.law is not None
+        by_law, none = self.law.probabilities(told, self.least_doubt)
+        sums, alarms = np.zeros(len(none)), np.zeros(len(none), dtype=bool)
+        if self.stop is not None and self.foreseen is not None:
+            for k, gain in enumerate(self.stop.gain(_any_stone(by_law, none))):
+                self.total = max(0.0, self.total + gain)
+                sums[k], alarms[k] = self.total, self.total > self.foreseen.threshold and not self.foreseen.unsafe
+                self.total = 0.0 if alarms[k] else self.total
+        return Judged(self.law, told, by_law, none, sums, alarms, self.foreseen, self.rate_1_s)
+
+
+@dataclass(frozen=True)
 class Followed:
     """The sum after each stone that is not known, at which of them there was an alarm, and what was foreseen last."""
 
     sum: Floats
-    alarm: np.ndarray
+    alarm: NDArray[np.bool_]
     foreseen: Foreseen
 
 
-def follow(told: Told, prior: StonePrior, stop: Stop, rate_1_s: float, least_doubt: float) -> Followed:
-    """The test on stones in their order, each by the law that known stones and those before it teach."""
-    known, unknown = np.flatnonzero(told.known != UNKNOWN), np.flatnonzero(told.known == UNKNOWN)
-    total, sums, alarms, last = 0.0, [], [], None
-    for begin, end in _stretches(len(unknown)):
-        heard = np.r_[known, unknown[:begin]] if len(known) or begin else unknown[:FIRST]
-        law = LearntLaw.of(told.only(heard), prior)
-        last = foreseen(law, told.only(heard), stop, rate_1_s, least_doubt)
-        for gain in stop.gain(_probability(law, told.only(unknown[begin:end]), least_doubt)):
-            total = max(0.0, total + gain)
-            alarms.append(total > last.threshold and not last.unsafe)
-            sums.append(total)
-            total = 0.0 if alarms[-1] else total
-    assert last is not None
-    return Followed(np.array(sums), np.array(alarms, dtype=bool), last)
-
-
-def _stretches(count: int) -> Iterator[tuple[int, int]]:
-    begin, end = 0, FIRST
-    while begin < max(count, 1):
-        end = count if end > LAST else min(end, count)
-        yield begin, end
-        begin, end = max(end, 1), round(LONGER * max(end, 1))
+def follow(told: Told, t_s: Floats, prior: StonePrior, stop: Stop, least_doubt: float) -> Followed:
+    """The test on stones that arrived at t_s (n,), of known ones anything."""
+    known = told.known != UNKNOWN
+    judge = Judge(told.only(np.flatnonzero(known)), prior, stop, least_doubt)
+    found = list(judge.judge(told.only(np.flatnonzero(~known)), t_s[~known], ended=True))
+    assert judge.foreseen is not None
+    return Followed(np.concatenate([one.sum for one in found]), np.concatenate([one.alarm for one in found]),
+                    judge.foreseen)
 
 
 def foreseen(law: LearntLaw, told: Told, stop: Stop, rate_1_s: float, least_doubt: float) -> Foreseen:
     """The least threshold with no more false alarms than are allowed by LIKELY of the laws, and its delay."""
-    gains = [[stop.gain(_probability(law, law.drawn(k, m, DRAWN, told), least_doubt)) for m in (0, 1)]
+    gains = [[stop.gain(_any_stone(*law.probabilities(law.drawn(k, m, DRAWN, told), least_doubt))) for m in (0, 1)]
              for k in np.linspace(0, len(law.laws) - 1, LAWS).astype(int)]
 
     def stones(threshold: float, share: float) -> Floats:
@@ -131,7 +182,6 @@ def mean_stones(coal: Floats, gangue: Floats, share: float, threshold: float) ->
     return float(np.linalg.solve(np.eye(STATES) - total[:, :STATES], np.ones(STATES))[0])
 
 
-def _probability(law: LearntLaw, told: Told, least_doubt: float) -> Floats:
+def _any_stone(by_law: Floats, none: Floats) -> Floats:
     """(n,): of gangue, the mean of all laws; of what is no stone one half, which changes no sum by much."""
-    odds, none = law.materials(told)
-    return np.asarray(none / 2 + (1 - none) * doubted(odds, least_doubt).mean(axis=1))
+    return np.asarray(none / 2 + (1 - none) * by_law.mean(axis=1))

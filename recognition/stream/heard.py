@@ -20,12 +20,15 @@ from recognition.plate.records import record_table
 from recognition.stone_forces.forces import SHIPPED, load_forces, refuse_limits
 from recognition.stream.decision import CALM, Stop
 from recognition.stream.known_file import read_known
+from recognition.stream.live import Window, listen_live
 from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import QUIET_S, RATE_Hz, Recognised, channels_of, recognise_stream
+from recognition.stream.source import Source, is_live
 from recognition.stream.stones import Known, ratio_of, sliding_ratio
 
 KIND = "stones heard"
 MOST_RATIOS = 100_000
+LEAST_STEP_S = 1e-3
 UNTAPPED = "WARNING: no mode of the plate was tapped; the ratio may be 10 points off, outside its interval"
 
 
@@ -85,38 +88,52 @@ class ListenResult(Result):
             yield from self.stop.words()
 
 
-def listen(record: str, plate: str, out: str, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
-           coal_first: int = 0, known_file: str | None = None, stop_above_percent: float | None = None,
-           false_alarms_1_h: float = 1.0, law: str | None = None, window_s: float = 1.0, step_s: float = 0.1,
-           quiet_s: float = QUIET_S, scale: float = 1.0, unit: str | None = None) -> ListenResult:
+def listen(record: str, plate: str, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
+           out: str | None = None, follow: bool = False, coal_first: int = 0, known_file: str | None = None,
+           stop_above_percent: float | None = None, false_alarms_1_h: float = 1.0, law: str | None = None,
+           window_s: float = 1.0, step_s: float = 0.1, quiet_s: float = QUIET_S, scale: float = 1.0,
+           unit: str | None = None) -> Result:
     """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits, more or less; write
     them and the ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing
     falls. The first `coal_first` stones are known to be coal, those of the records that `known_file` names to be of
     their kind; none of them is among the stones. Above a share of gangue there is an alarm, with so many false ones an
-    hour. `law` is of `learn-forces`. Raises RecordError, RecognitionError, InputError."""
+    hour. `law` is of `learn-forces`. A record that is live, or a file to `follow`, is told as it comes, without `out`.
+    Raises RecordError, RecognitionError, InputError."""
     refuse_limits(radius_m, speed_m_s)
     prior = StonePrior(load_forces(SHIPPED if law is None else Path(law)), radius_m, speed_m_s)
     stop = None if stop_above_percent is None else Stop(stop_above_percent / 100, false_alarms_1_h)
-    known = PlateModel.load(Path(plate))
-    table, source = record_table(record, scale, unit)
-    channels, values = channels_of(table, known, source)
+    tapped = PlateModel.load(Path(plate))
     if coal_first < 0:
         raise RecognitionError(f"--coal-first {coal_first}: must be a number of stones")
     for name, value in (("window", window_s), ("step", step_s)):
-        if not 0 < value < 1e6:
-            raise RecognitionError(f"--{name} {value:g}: must be a time above 0 s")
-    if values.shape[1] / RATE_Hz > MOST_RATIOS * step_s:
-        raise RecognitionError(f"--step {step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
+        if not LEAST_STEP_S <= value < 1e6:
+            raise RecognitionError(f"--{name} {value:g}: must be a time, at least {LEAST_STEP_S:g} s")
+    live = follow or is_live(record)
+    if live != (out is None):
+        raise RecognitionError("--out: must be a directory for a record, and not be given for what comes live")
     try:
-        drops = () if known_file is None else read_known(known_file, known, prior, scale, unit)
-        found = recognise_stream(known, channels, prior, values, quiet_s, Known(coal_first, drops), stop)
+        drops = () if known_file is None else read_known(known_file, tapped, prior, scale, unit)
+        known = Known(coal_first, drops)
+        if out is None:
+            source = Source(record, follow)
+            return listen_live(source, tapped, prior, known, stop, Window(window_s, step_s), quiet_s, scale, unit)
+        return _of_record(record, Path(out), tapped, prior, known, stop, Window(window_s, step_s), quiet_s, scale, unit)
     except NotRecognised as error:
         return ListenResult(refused=str(error))
+
+
+def _of_record(record: str, out: Path, tapped: PlateModel, prior: StonePrior, known: Known, stop: Stop | None,
+               window: Window, quiet_s: float, scale: float, unit: str | None) -> ListenResult:
+    table, source = record_table(record, scale, unit)
+    channels, values = channels_of(table, tapped, source)
+    if values.shape[1] / RATE_Hz > MOST_RATIOS * window.step_s:
+        raise RecognitionError(f"--step {window.step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
+    found = recognise_stream(tapped, channels, prior, values, quiet_s, known, stop)
     begin_s = float(table["t_s"].iloc[0])
-    files = Path(out) / "stones.parquet", Path(out) / "ratio.parquet"
-    with at_work_in(Path(out), KIND):
+    files = out / "stones.parquet", out / "ratio.parquet"
+    with at_work_in(out, KIND):
         _write(found.stones.assign(t_s=found.stones["t_s"] + begin_s), files[0])
-        ratio = sliding_ratio(found.stones, window_s, step_s, values.shape[1] / RATE_Hz)
+        ratio = sliding_ratio(found.stones, window.window_s, window.step_s, values.shape[1] / RATE_Hz)
         ratio["t_s"] += begin_s
         if found.refused:
             ratio.iloc[:, 2:] = np.nan

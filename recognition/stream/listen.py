@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import count
 
 import numpy as np
 
@@ -23,7 +23,9 @@ LEAST_GAIN = 15.0  # of the log posterior, for a stone to be believed
 BAD_MISFIT = 4.0  # of a window, from which its stones are sought anew one by one
 LEAST_EVIDENCE = 20.0  # of the log, with the misfit as noise, for a stone to be believed
 LEAST_SHARE = 0.05  # of a window's chi-square that a further stone must explain: a plate's model is never exact
-CHECKED, HOPELESS = 40, 0.4  # after so many windows each: the share unexplained with which it is given up
+CHECKED, HOPELESS = 40, 0.4  # after so many windows each: the share unexplained with which a part is passed over
+PART, PARTS = 10_000, 6  # samples of a part of a record, and how many of the last are looked at together
+KEPT = 300  # samples before those that are listened to: no stone is sought there again
 WINDOW = LEAD + LOOK_BACK + FIT_LAGS + 30  # samples in which stones are fitted together
 SURE = WINDOW - 50  # a stone that is found later in a window may be the beginning of another, which is not yet in it
 LEAST_IMPULSE = 0.8  # of the smallest that a stone is expected to have
@@ -47,63 +49,129 @@ class Heard:
 
 
 @dataclass
-class Listener:
-    """Follows innovations (c, samples) from their beginning; `hear` gives all stones of a record.
+class Sums:
+    """Over samples, of innovations (c, samples): noise that is expected of them, their energy, that of what no stone
+    explains, and of each channel the products with what stones explain, and the energy of that."""
 
-    `hear` leaves behind the innovations (`whole`), what no stone explains of them (`left`), both with `end` samples and
-    more of zeros.
+    noise: float
+    energy: float
+    left: float
+    product: Floats
+    explained: Floats
+
+    @classmethod
+    def of(cls, whole: Floats, left: Floats) -> Sums:
+        explained = whole - left
+        return cls(whole.size, float(np.sum(whole**2)), float(np.sum(left**2)), np.sum(whole * explained, axis=1),
+                   np.sum(explained**2, axis=1))
+
+    def __add__(self, other: Sums) -> Sums:
+        return Sums(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+    @property
+    def unexplained(self) -> float:
+        """Share of the energy above that of noise that no stone explains."""
+        return max(self.left - self.noise, 0.0) / max(self.energy - self.noise, 1.0)
+
+    @property
+    def gain(self) -> Floats:
+        """(c,): of each channel, relative to what the stones make of all channels."""
+        return np.asarray(self.product / np.maximum(self.explained, 1e-300))
+
+
+class Listener:
+    """Follows innovations as they come, from sample `begin` on.
+
+    It keeps those of the last PART, counted from sample `first`: the innovations (`whole`), and what no stone explains
+    of them (`left`), which is followed by what later ones are to be less. past: sums of all before; lately: of its
+    last PARTS. A stone is final WINDOW samples after its arrival.
     """
 
-    bank: Bank
-    prior: StonePrior
-    dictionary: Dictionary
+    def __init__(self, bank: Bank, prior: StonePrior, dictionary: Dictionary, begin: int = 0) -> None:
+        self.bank, self.prior, self.dictionary = bank, prior, dictionary
+        self.first = self.end = begin
+        self.at = begin + LEAD + LOOK_BACK
+        self.whole: Floats = np.zeros((bank.channels, 0))
+        self.left: Floats = np.zeros((bank.channels, LAGS + FIT_LAGS))
+        self.waiting, self.windows, self.checked = NO_STONES, 0, begin
+        self.past = self.sums(begin, begin)
+        self.lately: deque[Sums] = deque(maxlen=PARTS)
 
-    def hear(self, innovations: Floats, begin: int = 0) -> list[Heard]:
-        """All stones from a sample on, in the order of arrival, or those up to where it is hopeless: this is not the
-        plate.
-
-        A stone is final WINDOW samples after its arrival.
-        """
-        self.left = np.pad(innovations, ((0, 0), (0, LAGS + FIT_LAGS)))
-        self.whole, self.begin, self.end = self.left.copy(), begin, innovations.shape[1]
-        before = np.cumsum(np.pad(np.sum(self.whole**2, axis=0), (FIT_LAGS, 0)))
-        self.around = LEAST_SHARE / 2 * (before[FIT_LAGS:] - before[:-FIT_LAGS])
+    def hear(self, innovations: Floats, ended: bool = False) -> list[Heard]:
+        """The stones that are final with further innovations (c, samples), in the order of arrival; all of them where
+        the record has ended. Where windows are hopeless, since this is not the plate, PART is passed over."""
+        n = innovations.shape[1]
+        self.whole = np.hstack([self.whole, innovations])
+        self.left = np.hstack([self.left, np.zeros((self.bank.channels, n))])
+        self.left[:, self.end - self.first:self.end - self.first + n] += innovations
+        self.end += n
         heard: list[Heard] = []
-        waiting = NO_STONES
-        at = max(LEAD + LOOK_BACK, begin)
-        for window_number in count(1):
-            if window_number % CHECKED == 0 and self.unexplained(at) > HOPELESS:
-                break
-            trigger = self._trigger(at)
-            if len(waiting):
-                trigger = max(at, min(trigger, int(waiting[0, TIME]) - LEAD // 2))  # never back to what was rejected
-            if trigger >= self.end - BLOCK:
-                break
-            first = max(trigger - LEAD - LOOK_BACK, 0)
-            fit, window = self._window(first, waiting)
-            if not len(fit.stones):
-                at, waiting = trigger + BLOCK, NO_STONES
-                continue
-            if fit.stones[0, TIME] >= first + SURE:
-                at, waiting = max(trigger + BLOCK // 2, int(fit.stones[0, TIME]) - LEAD - BLOCK), NO_STONES
-                continue
+        while self._one_window(heard, ended):
+            pass
+        return heard
+
+    def _one_window(self, heard: list[Heard], ended: bool) -> bool:
+        """Whether there was one; a stone in it is added to those that were heard."""
+        trigger = max(self.at, self._trigger(self.at))
+        if len(self.waiting):  # never back to what was rejected
+            trigger = max(self.at, min(trigger, int(self.waiting[0, TIME]) - LEAD // 2))
+        else:
+            self.at = trigger  # nothing is before it
+        self._forget()
+        first = trigger - LEAD - LOOK_BACK
+        if trigger >= self.end - BLOCK or not ended and first + WINDOW > self.end:
+            return False
+        self.windows += 1
+        if self.windows % CHECKED == 0 and self._hopeless(trigger):
+            return True
+        fit, window = self._window(first, self.waiting)
+        if not len(fit.stones):
+            self.at, self.waiting = trigger + BLOCK, NO_STONES
+        elif fit.stones[0, TIME] >= first + SURE:
+            self.at = max(trigger + BLOCK // 2, int(fit.stones[0, TIME]) - LEAD - BLOCK)
+            self.waiting = NO_STONES
+        else:
             fit, window = _before_late(fit, window)
             fit, stone = self._judged(window, fit)
-            centre = int(fit.stones[0, TIME])
-            waiting = fit.stones[1:]
+            centre, self.waiting = int(fit.stones[0, TIME]), fit.stones[1:]
             if stone.evidence > LEAST_EVIDENCE and stone.gain > self._needed(window):
                 heard.append(stone)
                 self._subtract(stone.stone)
-                at = max(at, centre - LOOK_BACK)
+                self.at = max(self.at, centre - LOOK_BACK)
             else:
-                at = max(at, centre) + LOOK_BACK
-        return heard
+                self.at = max(self.at, centre) + LOOK_BACK
+        return True
 
-    def unexplained(self, until: int) -> float:
-        """Share of the innovations' energy before a sample, above that of noise, that no stone explains."""
-        noise = self.bank.channels * (until - self.begin)
-        energy, left = (float(np.sum(values[:, self.begin:until] ** 2)) - noise for values in (self.whole, self.left))
-        return max(left, 0.0) / max(energy, 1.0)
+    def _hopeless(self, at: int) -> bool:
+        """Whether stones explain too little since this was asked last; the next PART is then passed over."""
+        since, self.checked = self.checked, at
+        if self.sums(since, at).unexplained <= HOPELESS:
+            return False
+        self.at = self.checked = at + PART
+        self.waiting = NO_STONES
+        return True
+
+    def _forget(self) -> None:
+        """What is older than PART becomes sums."""
+        while min(self.at, self.end) - KEPT > self.first + PART:
+            self.lately.append(self.sums(self.first, self.first + PART))
+            self.past += self.lately[-1]
+            self.whole, self.left, self.first = self.whole[:, PART:], self.left[:, PART:], self.first + PART
+
+    @property
+    def recent(self) -> Sums:
+        """Of what was listened to, the last PARTS."""
+        return sum(self.lately, self.sums(self.first, self.at - LEAD - LOOK_BACK))
+
+    @property
+    def total(self) -> Sums:
+        """Of all."""
+        return self.past + self.sums(self.first, self.end)
+
+    def sums(self, since: int, until: int) -> Sums:
+        """From a sample to another, of those that are kept."""
+        part = slice(max(since - self.first, 0), max(until - self.first, 0))
+        return Sums.of(self.whole[:, part], self.left[:, :self.whole.shape[1]][:, part])
 
     @cached_property
     def least_impulse(self) -> float:
@@ -120,19 +188,23 @@ class Listener:
         return float(max(noise, HEARD_SHARE * np.quantile(block, 0.1) * np.exp(2 * self.least_impulse)))
 
     def _trigger(self, at: int) -> int:
-        """First sample from `at` on where the energy of a block passes the limit; the end if it does nowhere."""
-        while at < self.end:
-            part = (self.left[:, at:at + SCANNED + BLOCK] ** 2).sum(axis=0)
-            energy = np.convolve(part, np.ones(BLOCK), "valid")
-            over = np.flatnonzero(energy > np.maximum(self.limit, self.around[at:at + len(energy)]))
+        """First sample from `at` on where the energy of a block passes the limit; the last block if it does nowhere."""
+        last = self.end - BLOCK
+        while at < last:
+            now, until = at - self.first, min(at + SCANNED, last) - self.first
+            energy = np.convolve((self.left[:, now:until + BLOCK - 1] ** 2).sum(axis=0), np.ones(BLOCK), "valid")
+            before = (self.whole[:, max(now - FIT_LAGS + 1, 0):until] ** 2).sum(axis=0)
+            around = np.convolve(before, np.ones(FIT_LAGS))[:len(before)][-len(energy):]
+            over = np.flatnonzero(energy > np.maximum(self.limit, LEAST_SHARE / 2 * around))
             if len(over):
                 return at + int(over[0])
             at += SCANNED
-        return self.end
+        return last
 
     def _window(self, first: int, waiting: Floats) -> tuple[Fit, Window]:
         """The stones of the window that begins at `first`, by adding one after the other."""
-        window = Window(self.bank, self.prior, self.left[:, first:first + WINDOW], first)
+        values = self.left[:, first - self.first:first - self.first + WINDOW]
+        window = Window(self.bank, self.prior, values, first)
         fit = window.fit(waiting) if len(waiting) else window.at(NO_STONES)
         tried = first + LEAD
         while len(fit.stones) < MOST_AT_ONCE:
@@ -173,7 +245,8 @@ class Listener:
 
     def _needed(self, window: Window) -> float:
         """Gain that a stone must bring: some of the energy about it, also of what was heard and taken away before."""
-        energy = np.sum(self.whole[:, window.first:window.first + window.values.shape[1]] ** 2)
+        first = window.first - self.first
+        energy = np.sum(self.whole[:, first:first + window.values.shape[1]] ** 2)
         return max(LEAST_GAIN, LEAST_SHARE * float(energy) / 2)
 
     def _judged(self, window: Window, fit: Fit) -> tuple[Fit, Heard]:
@@ -187,10 +260,9 @@ class Listener:
         return fit, Heard(fit.stones[0], covariance, misfit, gain * window.temper, gain)
 
     def _subtract(self, stone: Floats) -> None:
-        start, flat = self.bank.whole(stone)
-        signature = flat.reshape(-1, self.bank.channels).T
-        low = max(start, 0)
-        self.left[:, low:start + LAGS] -= signature[:, low - start:]
+        start, signature = self.bank.whole(stone)
+        low = max(start, self.first)
+        self.left[:, low - self.first:start + LAGS - self.first] -= signature[:, low - start:]
 
 
 def _before_late(fit: Fit, window: Window) -> tuple[Fit, Window]:

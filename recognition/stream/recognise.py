@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import process_time
 
@@ -16,20 +17,26 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import Bank
 from recognition.innovations.coloured_noise import SensorNoise
 from recognition.innovations.retuning import retuned
-from recognition.innovations.signatures import Channels
+from recognition.innovations.signatures import LEAD, Channels
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import numbers
-from recognition.stream.checks import Checks, refuse_faulty, without_offset_and_hum
+from recognition.stream.checks import Checks, Mains, refuse_faulty, without_offset_and_hum
 from recognition.stream.decision import Followed, Stop
-from recognition.stream.listen import Heard, Listener
+from recognition.stream.listen import LOOK_BACK, Heard, Listener
 from recognition.stream.prior import StonePrior
 from recognition.stream.search import Dictionary
 from recognition.stream.stones import UNKNOWN_ALL, Known, learnt_table
 
+RATE_SHARE = 1e-3  # of rates that are taken for the same
 RATE_Hz = 20_000.0  # at which records are worked on; those at a higher rate are brought to it
 QUIET_S = 0.02  # at least so much at the beginning of a record tells the noise
 STRETCH_S = 0.02
+LOUDER = 2.0  # power over that of the quiet, in a stretch in which something falls
+#: What is heard from then on tells how loud stones are, and for a plate that is not tapped its modes; a wait that is
+#: longer begins anew.
+FIRST_S, UNTAPPED_S, WAIT_S = 1.0, 20.0, 10.0
+FOLLOWED_S, HUM_MEMORY = 1.0, 0.7  # offset and hum are learnt anew so often, and what was learnt then counts so much
 LOUD = 0.01  # of the power of a record's loudest stretch, in one that counts for its rms
 #: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
 LEAST_DOUBT = 0.005
@@ -75,20 +82,25 @@ class Recognised:
 def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:
     """Which sensors a record has, and their signals (c, samples) at RATE_Hz. RecognitionError where it has none of the
     plate's sensors, a value that is not finite, or too low a rate."""
-    names = [sensor_column(name) for name in plate.sensor_names]
-    here = [k for k, name in enumerate(names) if name in table.columns]
-    rods = [k for k in range(len(plate.rod_force_N_m)) if rod_column(k + 1) in table.columns]
-    if "t_s" not in table.columns or not here:
-        raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
-    rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s")
-    if rate_Hz < RATE_Hz * (1 - 1e-3):
-        raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}")
-    columns = [names[k] for k in here] + [rod_column(k + 1) for k in rods]
-    rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < 1e-3 else round(rate_Hz)
+    rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s") if "t_s" in table.columns else np.nan
+    channels, columns = sensors_of(list(table.columns), rate_Hz, plate, source)
+    rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < RATE_SHARE else round(rate_Hz)
     records = [Record(numbers(table, name, source), rate_Hz, name=f"{source}: {name}") for name in columns]
     if rate_Hz != RATE_Hz:
         records = [resample(record, RATE_Hz) for record in records]
-    return Channels(tuple(here), tuple(rods)), np.array([record.values for record in records])
+    return channels, np.array([record.values for record in records])
+
+
+def sensors_of(columns: Sequence[str], rate_Hz: float, plate: PlateModel, source: str) -> tuple[Channels, list[str]]:
+    """Which of the plate's sensors have a column, and its name. RecognitionError for none or a rate that is too low."""
+    names = [sensor_column(name) for name in plate.sensor_names]
+    here = [k for k, name in enumerate(names) if name in columns]
+    rods = [k for k in range(len(plate.rod_force_N_m)) if rod_column(k + 1) in columns]
+    if np.isnan(rate_Hz) or not here:
+        raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
+    if rate_Hz < RATE_Hz * (1 - RATE_SHARE):
+        raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}")
+    return Channels(tuple(here), tuple(rods)), [names[k] for k in here] + [rod_column(k + 1) for k in rods]
 
 
 def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats,
@@ -100,39 +112,124 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
 
 
 def hear(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats, quiet_s: float) -> Hearing:
-    """The stones of channels (c, samples) at RATE_Hz, accelerometers before rods, which begin with quiet_s without any.
-
-    NotRecognised for a channel that is dead, clipped or without noise, or a record without stones; RecognitionError for
-    a plate that is known too low, or a quiet beginning that is shorter than QUIET_S or longer than the record.
-    """
-    names = [plate.sensor_names[k] for k in channels.accelerometers]
-    refuse_faulty(values[:len(names)], names)
-    values = without_offset_and_hum(values, RATE_Hz)
-    if plate.max_frequency_Hz < RATE_Hz / 2:
-        raise RecognitionError(f"the plate has modes up to {plate.max_frequency_Hz:g} Hz; needs {RATE_Hz / 2:g}")
-    if not QUIET_S <= quiet_s < values.shape[1] / RATE_Hz:
+    """The stones of channels (c, samples), as `Ear` hears them. RecognitionError for a quiet beginning that is longer
+    than they are."""
+    ear = Ear(plate, channels, prior, quiet_s)
+    if ear.quiet >= values.shape[1]:
         raise RecognitionError(f"--silence {quiet_s:g}: must be from {QUIET_S:g} s to the length of the record")
-    quiet = round(quiet_s * RATE_Hz)
-    noise = _noise_of(values[:, :quiet])
-    white = noise.whitened(values)
-    tapped = bool(plate.frequency_sd.min() <= LEAST_FREQUENCY_SD)  # taps teach some modes, and others stay unknown
-    if np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD:
-        plate = retuned(plate, channels, values[:, quiet:], RATE_Hz, noise)
-    plate = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
-    prior = prior.widened()
-    listener, whitening = listener_of(plate, channels, prior, noise, _loud_rms(white))
-    began_s = process_time()
-    heard = listener.hear(whitening(values), quiet)
-    hearing_s = process_time() - began_s
-    return Hearing(heard, prior, plate, noise, Checks.of(listener, heard, noise.change), tapped, hearing_s)
+    heard = [h for k in range(0, values.shape[1], ear.followed) for h in ear.hear(values[:, k:k + ear.followed])]
+    heard += ear.end()
+    checks = Checks.of(ear.listener.total, heard, ear.noise.change, RATE_Hz)
+    return Hearing(heard, ear.prior, ear.plate, ear.noise, checks, ear.tapped, ear.hearing_s)
 
 
-def listener_of(plate: PlateModel, channels: Channels, prior: StonePrior, noise: SensorNoise,
-                rms: Floats) -> tuple[Listener, Whitening]:
-    """What hears the stones, and what whitens the record for it."""
-    whitening = Whitening.of(plate, channels, RATE_Hz, noise, rms, PHASE_LOSS)
-    bank = Bank.of(plate, channels, prior.forces, whitening, RATE_Hz)
-    return Listener(bank, prior, Dictionary.of(bank, prior)), whitening
+class Ear:
+    """Hears the stones of channels (c, samples) at RATE_Hz, accelerometers before rods, as they come, the same stones
+    in blocks of any length.
+
+    They begin with quiet_s without any, which teaches the noise. It then waits for stones, and listens once it knows
+    how loud these are. NotRecognised for a channel that is dead, clipped or without noise, or a record without stones;
+    RecognitionError for a plate that is known too low, or less than QUIET_S.
+    """
+
+    listener: Listener
+    noise: SensorNoise
+
+    def __init__(self, plate: PlateModel, channels: Channels, prior: StonePrior, quiet_s: float) -> None:
+        if plate.max_frequency_Hz < RATE_Hz / 2:
+            raise RecognitionError(f"the plate has modes up to {plate.max_frequency_Hz:g} Hz; needs {RATE_Hz / 2:g}")
+        if not QUIET_S <= quiet_s < WAIT_S:
+            raise RecognitionError(f"--silence {quiet_s:g}: must be from {QUIET_S:g} s to the length of the record, "
+                                   f"less than {WAIT_S:g}")
+        self.tapped = bool(plate.frequency_sd.min() <= LEAST_FREQUENCY_SD)  # some modes; others stay unknown
+        self.retunes = bool(np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD)
+        self.plate, self.channels, self.prior = plate, channels, prior.widened()
+        self.names = [plate.sensor_names[k] for k in channels.accelerometers]
+        self.quiet, self.followed = round(quiet_s * RATE_Hz), round(FOLLOWED_S * RATE_Hz)
+        self.values = np.zeros((len(self.names) + len(channels.rods), 0))  # which wait, from sample `first` on
+        self.first, self.looked = 0, self.quiet
+        self.begins: int | None = None  # samples by which it is known how loud stones are
+        self.mains, self.hearing_s = Mains(len(self.values), RATE_Hz), 0.0
+
+    @property
+    def listens(self) -> bool:
+        """Whether it knows how loud stones are."""
+        return hasattr(self, "listener")
+
+    def hear(self, values: Floats) -> list[Heard]:
+        """The stones that are final with further samples of the channels."""
+        self.values = np.hstack([self.values, values])
+        if self.begins is None:
+            self._wait()
+        if not self.listens and self.begins is not None and self.values.shape[1] >= self.begins:
+            self._begin()
+        return self._listened() if self.listens else []
+
+    def end(self) -> list[Heard]:
+        """Those that are left when no more will come."""
+        if not self.listens:
+            self.begins = self.values.shape[1]
+            self._begin()
+        return self._listened(ended=True)
+
+    def _wait(self) -> None:
+        """For a stretch that is louder than the quiet. After WAIT_S the quiet is that before the last stretch."""
+        size = round(STRETCH_S * RATE_Hz)
+        while self.begins is None and self.looked + size <= self.values.shape[1]:
+            quiet = self.values[:, :self.quiet]
+            if self.looked == self.quiet:
+                self.noise = _noise_of(without_offset_and_hum(quiet, RATE_Hz))
+            lags = len(self.noise.filter)
+            part = self.values[:, self.looked - lags:self.looked + size] - quiet.mean(axis=1, keepdims=True)
+            self.looked += size
+            if np.mean(self.noise.whitened(part)[:, lags:] ** 2) > LOUDER:
+                self.begins = self.looked - size + round((UNTAPPED_S if self.retunes else FIRST_S) * RATE_Hz)
+            elif self.looked > WAIT_S * RATE_Hz:
+                over = self.looked - self.quiet
+                self.first, self.values, self.looked = self.first + over, self.values[:, over:], self.quiet
+
+    def _begin(self) -> None:
+        """Learns noise, how loud stones are, and the filter."""
+        known = self.values[:, :self.begins]
+        refuse_faulty(known[:len(self.names)], self.names)
+        self.mains.learn(known, self.first)
+        known = known - self.mains.at(self.first, known.shape[1])
+        self.noise = _noise_of(known[:, :self.quiet])
+        rms = _loud_rms(self.noise.whitened(known))
+        if self.retunes:
+            self.plate = retuned(self.plate, self.channels, known[:, self.quiet:], RATE_Hz, self.noise)
+        self.plate = replace(self.plate, frequency_sd=np.full(len(self.plate.frequency_Hz), LEAST_FREQUENCY_SD))
+        self.whitening = Whitening.of(self.plate, self.channels, RATE_Hz, self.noise, rms, PHASE_LOSS)
+        bank = Bank.of(self.plate, self.channels, self.prior.forces, self.whitening, RATE_Hz)
+        begin = self.quiet - LEAD - LOOK_BACK
+        self.listener = Listener(bank, self.prior, Dictionary.of(bank, self.prior), self.first + begin)
+        self.before, self.values, self.first = known[:, :begin], self.values[:, begin:], self.first + begin
+        self.follows, self.loudest, self.lately = known.shape[1] - begin, abs(known).max(), list[Floats]()
+
+    def _listened(self, ended: bool = False) -> list[Heard]:
+        """The stones of what is there. After each second, faults are looked for, and offset and hum are followed."""
+        began_s, heard, more = process_time(), list[Heard](), True
+        while more:
+            now, self.values = self.values[:, :self.follows], self.values[:, self.follows:]
+            more = self.values.shape[1] > 0
+            clean = now - self.mains.at(self.first, now.shape[1])
+            heard += self.listener.hear(self.whitening.after(self.before, clean), ended and not more)
+            self.before = np.hstack([self.before, clean])[:, -self.whitening.response.shape[2]:]
+            self.first, self.follows = self.first + now.shape[1], self.follows - now.shape[1]
+            self.lately.append(now)
+            if not self.follows or ended and not more:
+                self._follow(np.hstack(self.lately))
+        self.hearing_s += process_time() - began_s
+        return heard
+
+    def _follow(self, second: Floats) -> None:
+        """Faults show where it is loud."""
+        loud = abs(second).max(initial=0.0)
+        if loud > self.loudest / 2:
+            refuse_faulty(second[:len(self.names)], self.names)
+            self.loudest = max(self.loudest, loud)
+        self.mains.learn(second, self.first - second.shape[1], HUM_MEMORY)
+        self.follows, self.lately = self.followed, []
 
 
 def _noise_of(quiet: Floats) -> SensorNoise:

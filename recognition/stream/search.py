@@ -34,11 +34,11 @@ class Dictionary:
         """All places, two phases of a sample, and the durations that are to be expected."""
         axes = [np.arange(-h + spacing_m / 2, h, spacing_m) for h in bank.half_m]
         places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        shape = np.array([bank.shape_at(x, y)[0] for x, y in places], dtype=np.float32)
+        shape = np.array([bank.shape_at(x, y) for x, y in places], dtype=np.float32)
         parts, labels = [], []
         for k in _durations(prior):
             for p in (0, bank.phases // 2):
-                parts.append(shape @ bank.fitted[k, p, 0])
+                parts.append(shape @ bank.fitted[0, k, p + 1])
                 labels.append(np.column_stack([places, np.full(len(places), p / bank.phases),
                                                np.full(len(places), np.log(DURATIONS_S[k]))]))
         rows, label = np.vstack(parts), np.vstack(labels)

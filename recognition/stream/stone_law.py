@@ -90,6 +90,10 @@ class Told:
         """Some of the stones."""
         return Told(self.x[chosen], self.error[chosen], self.known[chosen], self.dropped[chosen])
 
+    def and_(self, more: Told) -> Told:
+        """These stones and more."""
+        return Told(*(np.concatenate(pair) for pair in zip(vars(self).values(), vars(more).values(), strict=True)))
+
 
 def _spread(there: int, count: int) -> Integers:
     return np.arange(there) if there <= count else np.linspace(0, there - 1, count).astype(int)
@@ -214,6 +218,11 @@ class LearntLaw:
         odds -= np.where(told.known == UNKNOWN, self.laws[:, GANGUE, None], 0)
         none = np.exp(by_class[..., 2] - log_sum(by_class)).mean(axis=0)
         return odds.T, none
+
+    def probabilities(self, told: Told, least_doubt: float) -> tuple[Floats, Floats]:
+        """Of stones to be gangue, by each law (n, DRAWN), and to be none (n,)."""
+        odds, none = self.materials(told)
+        return doubted(odds, least_doubt), none
 
     def drawn(self, number: int, material: int, count: int, told: Told) -> Told:
         """So many stones of a material by one of the laws, heard as well as those that are told; always the same."""

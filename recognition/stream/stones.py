@@ -15,9 +15,9 @@ from recognition.innovations.bank import DURATION, IMPULSE, PARAMETERS, TIME, X,
 from recognition.stream.decision import Followed, Stop, follow
 from recognition.stream.listen import Heard
 from recognition.stream.prior import TRIPLE, StonePrior
-from recognition.stream.stone_law import MASS, UNKNOWN, Integers, LearntLaw, Told, doubted
+from recognition.stream.stone_law import MASS, UNKNOWN, Integers, LearntLaw, Told
 
-DRAWS, SHARES = 1000, 200  # of the ratio; nodes of the share of gangue in its posterior
+AT_ONCE, DRAWS, SHARES = 16, 1000, 200  # stones; of the ratio; nodes of the share of gangue in its posterior
 LEVELS = (0.05, 0.5, 0.95)
 #: Two stones within this time are heard as one (docs/listening.md); the largest share that is ever missed so.
 DEAD_S, MOST_MISSED = 0.2e-3, 0.5
@@ -51,34 +51,38 @@ def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior,
     every = [*own, *(h for h, _ in drops)]
     if not own:
         return pd.DataFrame(columns=COLUMNS), {}, None
-    triples = np.array([h.stone[TRIPLE] for h in every])
-    errors = np.array([h.covariance[np.ix_(TRIPLE, TRIPLE)] for h in every])
-    told = Told.of(triples, errors, hearing, material, np.arange(len(every)) >= len(own))
+    told = told_of(every, hearing, material, np.arange(len(every)) >= len(own))
     law = LearntLaw.of(told, prior)
-    odds, none = law.materials(told)
+    by_law, none = law.probabilities(told, least_doubt)
     chosen = np.flatnonzero((material == UNKNOWN) & (none < 0.5))
-    by_law = doubted(odds, least_doubt)
-    table = _rows([every[k] for k in chosen], told.only(chosen), law, prior, by_law[chosen].mean(axis=1), rate_Hz)
+    table = rows_of([every[k] for k in chosen], told.only(chosen), law, prior, by_law[chosen], rate_Hz)
     unknown = material == UNKNOWN
     checks = {"none": 1 - len(chosen) / max(len(heard) - known.coal_first, 1), "beyond": law.beyond,
               "misplaced": law.misplaced(told) / max(np.sum(~unknown), 1)}
     followed = None
     if stop is not None and unknown.any():
-        rate_1_s = rate_Hz * len(own) / max(float(own[-1].stone[TIME] - own[0].stone[TIME]), 1.0)
-        followed = follow(told, prior, stop, rate_1_s, least_doubt)
+        followed = follow(told, np.array([h.stone[TIME] for h in every]) / rate_Hz, prior, stop, least_doubt)
         at = np.cumsum(unknown)[chosen] - 1
         table = table.assign(stop=followed.sum[at], alarm=followed.alarm[at])
-    return pd.concat([table, pd.DataFrame(by_law[chosen]).add_prefix(BY_LAW)], axis=1), checks, followed
+    return table, checks, followed
 
 
-def first_touches(heard: Sequence[Heard]) -> list[Heard]:
-    """Stones in order of arrival without those that touch again: a stone that turns strikes the plate twice."""
-    found: list[Heard] = []
+def told_of(heard: Sequence[Heard], hearing: StonePrior, material: Integers, dropped: NDArray[np.bool_]) -> Told:
+    """What was heard of the forces of stones, of which materials are known or not."""
+    triples = np.array([h.stone[TRIPLE] for h in heard]).reshape(-1, 3)
+    errors = np.array([h.covariance[np.ix_(TRIPLE, TRIPLE)] for h in heard]).reshape(-1, 3, 3)
+    return Told.of(triples, errors, hearing, material, dropped)
+
+
+def first_touches(heard: Sequence[Heard], before: Sequence[Heard] = ()) -> list[Heard]:
+    """Stones in order of arrival without those that touch again: a stone that turns strikes the plate twice. before:
+    those that came last."""
+    found = list(before)
     for h in heard:
         again = any(h.stone[TIME] - one.stone[TIME] < AGAIN_SAMPLES and h.stone[IMPULSE] < one.stone[IMPULSE]
                     and np.hypot(*(h.stone[X:Y + 1] - one.stone[X:Y + 1])) < AGAIN_M for one in found[-4:])
         found += [] if again else [h]
-    return found
+    return found[len(before):]
 
 
 COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s", "duration_s", "radius_m",
@@ -87,8 +91,10 @@ COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s",
 BY_LAW = "gangue_by_law_"  # of the columns after these, one for each law
 
 
-def _rows(heard: Sequence[Heard], told: Told, law: LearntLaw, prior: StonePrior, gangue: Floats,
-          rate_Hz: float) -> pd.DataFrame:
+def rows_of(heard: Sequence[Heard], told: Told, law: LearntLaw, prior: StonePrior, by_law: Floats,
+            rate_Hz: float) -> pd.DataFrame:
+    """A row of COLUMNS for each stone, and by_law (n, laws)."""
+    gangue = by_law.mean(axis=1)
     radius, speed = np.exp(np.log(prior.grid).mean(axis=0))
     stone, covariance = np.array([h.stone for h in heard]), np.array([h.covariance for h in heard])
     stone, covariance = stone.reshape(-1, PARAMETERS), covariance.reshape(-1, PARAMETERS, PARAMETERS)
@@ -100,15 +106,22 @@ def _rows(heard: Sequence[Heard], told: Told, law: LearntLaw, prior: StonePrior,
             zip(prior.forces.density_kg_m3, of, strict=True)]
     mass_sd = [m * np.sqrt(MASS @ c @ MASS) for m, (_, c) in zip(mass, of, strict=True)]
     duration = np.exp(stone[:, DURATION])
-    return pd.DataFrame(dict(zip(COLUMNS, (
+    table = pd.DataFrame(dict(zip(COLUMNS, (
         stone[:, TIME] / rate_Hz - prior.forces.start[likely] * duration, np.sqrt(covariance[:, TIME, TIME]) / rate_Hz,
         stone[:, X], stone[:, Y], np.sqrt((covariance[:, X, X] + covariance[:, Y, Y]) / 2), gangue,
         np.exp(stone[:, IMPULSE]), duration, r, r * np.sqrt(cov[:, 0, 0]), v, v * np.sqrt(cov[:, 1, 1]), *mass,
         *mass_sd, [h.misfit for h in heard]), strict=True)))
+    return pd.concat([table, pd.DataFrame(by_law).add_prefix(BY_LAW)], axis=1)
 
 
 def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float, float]:
-    """Low end, median and high end of the 90 % interval of the mixing ratio of some stones, NaN for none.
+    """One of `ratios_of`."""
+    return ratios_of(stones)[by_mass]
+
+
+def ratios_of(stones: pd.DataFrame) -> tuple[tuple[float, float, float], ...]:
+    """Low end, median and high end of the 90 % interval of the mixing ratio of some stones, NaN for none, by number
+    and, where masses are told, by mass.
 
     Each stone is gangue with a probability p that is the same for all and unknown, uniform beforehand. Its posterior
     follows from all stones; were it taken as 1/2, stones of uncertain material would pull the ratio there. The law of
@@ -117,37 +130,42 @@ def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float,
     same seed.
     """
     if len(stones) == 0:
-        return (np.nan, np.nan, np.nan)
+        return ((np.nan, np.nan, np.nan),) * 2
     rng = np.random.default_rng(1)
     by_law = [name for name in stones.columns if name.startswith(BY_LAW)]
     one = stones[by_law or ["gangue"]].to_numpy()
     law = np.arange(DRAWS) % one.shape[1]
-    p = _drawn_share(one, rng)[law, np.arange(DRAWS)]
+    p = _drawn_share(one, law, rng)
     one = one.T[law]  # (DRAWS, n)
     of_gangue, of_coal = p[:, None] * one, (1 - p[:, None]) * (1 - one)
     gangue = rng.random(of_gangue.shape) * (of_gangue + of_coal) < of_gangue
-    weight = np.ones_like(gangue, dtype=float)
-    if by_mass:
+    missed = rng.poisson(missed_of(stones), DRAWS)
+    missed_gangue = rng.binomial(missed, p)
+    weights = [np.ones(gangue.shape)]
+    if "mass_coal_kg" in stones:
         mean = np.where(gangue, stones["mass_gangue_kg"].to_numpy(), stones["mass_coal_kg"].to_numpy())
         sd = np.where(gangue, stones["mass_gangue_sd_kg"].to_numpy(), stones["mass_coal_sd_kg"].to_numpy())
         shape = np.log1p((sd / mean) ** 2)  # log-normal of that mean and deviation
-        weight = mean * np.exp(np.sqrt(shape) * rng.standard_normal(mean.shape) - shape / 2)
-    missed = rng.poisson(missed_of(stones), DRAWS)
-    missed_gangue = rng.binomial(missed, p)
-    gangue_weight = _with_missed(weight, gangue, missed_gangue)
-    share = gangue_weight / (gangue_weight + _with_missed(weight, ~gangue, missed - missed_gangue))
-    low, middle, high = np.quantile(share, LEVELS)
-    return float(low), float(middle), float(high)
+        weights.append(mean * np.exp(np.sqrt(shape) * rng.standard_normal(mean.shape) - shape / 2))
+    found = []
+    for weight in weights:
+        gangue_weight = _with_missed(weight, gangue, missed_gangue)
+        share = gangue_weight / (gangue_weight + _with_missed(weight, ~gangue, missed - missed_gangue))
+        low, middle, high = np.quantile(share, LEVELS)
+        found.append((float(low), float(middle), float(high)))
+    return tuple(found)
 
 
-def _drawn_share(one: Floats, rng: np.random.Generator) -> Floats:
-    """(laws, DRAWS): shares p of gangue, from their posterior by stones whose probabilities are `one` (n, laws) with
-    p = 1/2."""
+def _drawn_share(one: Floats, law: Integers, rng: np.random.Generator) -> Floats:
+    """(draws,): of each law (draws,) a share p of gangue, from its posterior by stones whose probabilities are `one`
+    (n, laws) with p = 1/2."""
     p = (np.arange(SHARES) + 0.5) / SHARES
-    log = np.array([np.log(share * one + (1 - share) * (1 - one)).sum(axis=0) for share in p])
-    weight = np.exp(log - log.max(axis=0))
-    drawn = [rng.choice(p, DRAWS, p=w / w.sum()) for w in weight.T]
-    return np.asarray(drawn) + (rng.random((one.shape[1], DRAWS)) - 0.5) / SHARES
+    log = np.zeros((SHARES, one.shape[1]))
+    for k in range(0, len(one), AT_ONCE):  # whose product is a number
+        log += np.log(np.prod(p[:, None, None] * (2 * one[k:k + AT_ONCE] - 1) + 1 - one[k:k + AT_ONCE], axis=1))
+    below = np.cumsum(np.exp(log - log.max(axis=0)), axis=0)
+    drawn = np.sum((below / below[-1])[:, law] < rng.random(len(law)), axis=0)
+    return np.asarray((drawn + rng.random(len(law))) / SHARES)
 
 
 def _with_missed(weight: Floats, chosen: NDArray[np.bool_], missed: NDArray[np.int64]) -> Floats:
@@ -168,9 +186,10 @@ def missed_of(stones: pd.DataFrame) -> float:
 
 def sliding_ratio(stones: pd.DataFrame, window_s: float, step_s: float, end_s: float) -> pd.DataFrame:
     """The ratio by number and by mass of the stones of the last window_s, every step_s up to end_s."""
-    rows = []
+    rows: list[list[float]] = []
     for t_s in np.arange(step_s, end_s + step_s / 2, step_s):
         inside = stones[(stones["t_s"] > t_s - window_s) & (stones["t_s"] <= t_s)]
-        rows.append([t_s, len(inside), *ratio_of(inside), *ratio_of(inside, by_mass=True)])
+        by_number, by_mass = ratios_of(inside)
+        rows.append([t_s, len(inside), *by_number, *by_mass])
     names = ["t_s", "stones", "low", "ratio", "high", "mass_low", "mass_ratio", "mass_high"]
     return pd.DataFrame(np.reshape(rows, (-1, len(names))), columns=names).astype({"stones": int})  # numbers, if no row

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from analysis import RecordError, as_record
-from analysis.signals.resampling import resample
+from analysis.signals.resampling import Resampler, resample
 
 RATE_HZ = 100_000.0
 
@@ -55,3 +55,16 @@ def test_without_filter_any_rate_takes_the_tone_where_it_is(rate_Hz):
     found = resample(tone(tone_Hz), rate_Hz, anti_alias=False)
     inner = slice(100, -100)
     np.testing.assert_allclose(found.values[inner], np.cos(2 * np.pi * tone_Hz * found.t_s)[inner], atol=2e-3)
+
+
+@pytest.mark.parametrize("from_Hz", [20_000.0, 40_000.0, 44_100.0, 51_200.0])
+def test_samples_as_they_come_give_what_the_whole_record_gives(from_Hz):
+    rng = np.random.default_rng(4)
+    values = 3.0 + rng.standard_normal((2, 3001))
+    resampler, parts = Resampler(from_Hz, 20_000.0, 2, "x"), []
+    ends = np.sort(rng.integers(0, 3001, 20))
+    for part in np.split(values, ends, axis=1):
+        parts.append(resampler.more(part))
+    found = np.hstack([*parts, resampler.end()])
+    whole = np.array([resample(as_record(row, from_Hz), 20_000.0).values for row in values])
+    assert found.shape == whole.shape and found == pytest.approx(whole, abs=1e-12)

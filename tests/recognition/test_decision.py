@@ -40,7 +40,7 @@ def drawing(coal_first, shares, seed):
 def test_an_alarm_comes_soon_after_the_share_is_passed():
     """A share of 10 % that becomes 60 % after 60 stones."""
     shares = np.r_[np.full(60, 0.1), np.full(40, 0.6)]
-    found = follow(drawing(30, shares, 1), PRIOR, STOP, 20.0, 0.005)
+    found = follow(told := drawing(30, shares, 1), np.arange(len(told.x)) / 20, PRIOR, STOP, 0.005)
     alarms = np.flatnonzero(found.alarm)
     assert not found.foreseen.unsafe and found.foreseen.false_alarms_1_h <= 1.0
     assert 60 < alarms[0] < 60 + found.foreseen.delay
@@ -50,7 +50,7 @@ def test_an_alarm_comes_soon_after_the_share_is_passed():
 def test_too_few_known_stones_are_unsafe():
     """Coal alone that one does not know may be gangue: no threshold is safe, and there is no alarm."""
     rng = np.random.default_rng(3)
-    found = follow(told_of(fallen(np.zeros(40) > 0, rng)), PRIOR, STOP, 20.0, 0.005)
+    found = follow(told_of(fallen(np.zeros(40) > 0, rng)), np.arange(40) / 20, PRIOR, STOP, 0.005)
     assert found.foreseen.unsafe and not found.alarm.any()
 
 

@@ -1,0 +1,200 @@
+"""The command `listen` on samples as they come: what is heard is told at once, a line of JSON each."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import logging
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.signals.resampling import Resampler
+from common.result import Result, plain
+from recognition.estimation.arrays import Floats
+from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.innovations.bank import TIME
+from recognition.innovations.signatures import LEAD
+from recognition.plate.plate_model import PlateModel
+from recognition.plate.records import acceleration, refuse_unit
+from recognition.stream.checks import Checks
+from recognition.stream.decision import Judge, Judged, Stop
+from recognition.stream.listen import PART, PARTS, Heard
+from recognition.stream.prior import StonePrior
+from recognition.stream.recognise import LEAST_DOUBT, RATE_SHARE, Ear, RATE_Hz, sensors_of
+from recognition.stream.source import Source
+from recognition.stream.stone_law import UNKNOWN
+from recognition.stream.stones import COLUMNS, Known, first_touches, ratios_of, rows_of, told_of
+
+_log = logging.getLogger(__name__)
+LAST_STONES = 100  # of which the share that is no stone is told
+NAMES = ("low", "ratio", "high", "mass_low", "mass_ratio", "mass_high")
+
+
+@dataclass(frozen=True)
+class LiveResult(Result):
+    """How many stones were heard and how many alarms there were, until which time. refused: why it ended early;
+    not_explained: why no ratio was given in the end."""
+
+    heard: int = 0
+    alarms: int = 0
+    t_s: float = 0.0
+    refused: str = ""
+    not_explained: str = ""
+
+    def words(self) -> Iterator[str]:
+        event = "REFUSED" if self.refused else "NOT EXPLAINED" if self.not_explained else "end"
+        yield json.dumps({"event": event, **self.as_json()}, ensure_ascii=False)
+
+
+@dataclass(frozen=True)
+class Window:
+    """Of the ratio, and between ratios."""
+
+    window_s: float
+    step_s: float
+
+
+def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Known, stop: Stop | None, window: Window,
+                quiet_s: float, scale: float, unit: str | None) -> LiveResult:
+    """Tell what is heard until no more comes. Raises RecordError, RecognitionError."""
+    unit = source.unit if unit is None else unit
+    refuse_unit(source.name, scale, unit)
+    ones = [acceleration(pd.Series([1.0], name=name), scale, unit) for name in source.channels]
+    names = [str(one.name) for one in ones]
+    channels, columns = sensors_of(names, source.rate_Hz, plate, source.name)
+    order = [names.index(name) for name in columns]
+    factor = np.array([[float(ones[k].iloc[0])] for k in order])
+    same = abs(source.rate_Hz / RATE_Hz - 1) < RATE_SHARE
+    resampler = Resampler(RATE_Hz if same else round(source.rate_Hz), RATE_Hz, len(order), source.name)
+    live = Live(Ear(plate, channels, prior, quiet_s), prior, known, stop, window)
+    if not live.ear.tapped:
+        raise RecognitionError("--plate: no mode was tapped; what comes live needs a plate of `tap`")
+    try:
+        for values in source.blocks():
+            _tell(live.hear(resampler.more(factor * values[order])))
+        _tell(live.hear(resampler.end(), ended=True))
+    except NotRecognised as error:
+        return LiveResult(live.count, live.alarms, live.t_s, refused=str(error))
+    return LiveResult(live.count, live.alarms, live.t_s, not_explained=live.reason)
+
+
+def _tell(events: Iterator[dict[str, Any]]) -> None:
+    for event in events:
+        _log.info(json.dumps(plain(event), ensure_ascii=False))
+        if event["event"] in ("calibrated", "law"):
+            ctypes.CDLL(None).malloc_trim(0)  # glibc would keep what a filter and a law are made with
+
+
+class Live:
+    """What there is to tell of channels (c, samples) at RATE_Hz, as they come. Memory is that of some seconds."""
+
+    def __init__(self, ear: Ear, prior: StonePrior, known: Known, stop: Stop | None, window: Window) -> None:
+        self.ear, self.prior, self.known, self.stop, self.window = ear, prior, known, stop, window
+        self.coal: list[Heard] = []
+        self.before: list[Heard] = []
+        self.waiting: list[Heard] = []  # for a law
+        self.lately: deque[Heard] = deque()
+        self.judge: Judge | None = None
+        self.judged: Judged | None = None
+        self.none: deque[bool] = deque(maxlen=LAST_STONES)
+        self.stones: deque[pd.DataFrame] = deque()  # of the window
+        self.count, self.alarms, self.misplaced, self.reason, self.steps = 0, 0, 0.0, "", 0
+
+    @property
+    def t_s(self) -> float:
+        """Until when all stones are known."""
+        return (self.ear.listener.at - LEAD) / RATE_Hz if self.ear.listens else 0.0
+
+    def hear(self, values: Floats, ended: bool = False) -> Iterator[dict[str, Any]]:
+        """What further samples tell."""
+        listened = self.ear.listens
+        heard = self.ear.hear(values) + (self.ear.end() if ended else [])
+        if self.ear.listens and not listened:
+            self.steps = int(self.t_s / self.window.step_s)
+            yield {"event": "calibrated", "t_s": self.ear.listener.end / RATE_Hz, "noise_change": self.ear.noise.change}
+        if self.ear.listens:
+            self.lately += heard
+            yield from self._checked()
+            yield from self._stones(heard, ended)
+            yield from self._ratios()
+
+    def _checked(self) -> Iterator[dict[str, Any]]:
+        """Whether stones explain what was heard lately."""
+        while self.lately and self.lately[0].stone[TIME] < self.ear.listener.at - PART * PARTS:
+            self.lately.popleft()
+        found = Checks.of(self.ear.listener.recent, self.lately, self.ear.noise.change, RATE_Hz)
+        if self.judged is not None:
+            found = replace(found, none=float(np.mean(self.none)), beyond=self.judged.law.beyond,
+                            misplaced=self.misplaced)
+        before, self.reason = self.reason, found.reason()
+        if self.reason and not before:
+            yield {"event": "refused", "t_s": self.t_s, "not_explained": self.reason}
+        elif before and not self.reason:
+            yield {"event": "explained", "t_s": self.t_s}
+
+    def _stones(self, heard: Sequence[Heard], ended: bool) -> Iterator[dict[str, Any]]:
+        own = first_touches(heard, self.before)
+        self.before = (self.before + own)[-4:]
+        coal = self.known.coal_first - len(self.coal) if self.judge is None else 0
+        self.coal, unknown = self.coal + own[:coal], own[coal:]
+        if self.judge is None and (unknown or ended):
+            drops = [(h, m) for stones, m in self.known.dropped for h in first_touches(stones)]
+            every = [*self.coal, *(h for h, _ in drops)]
+            material = np.r_[np.zeros(len(self.coal), dtype=int), np.array([m for _, m in drops], dtype=int)]
+            told = told_of(every, self.ear.prior, material, np.arange(len(every)) >= len(self.coal))
+            self.judge = Judge(told, self.prior, self.stop, LEAST_DOUBT)
+        if self.judge is None:
+            return
+        self.waiting += unknown
+        at_s = np.array([h.stone[TIME] for h in unknown]) / RATE_Hz
+        told = told_of(unknown, self.ear.prior, np.full(len(unknown), UNKNOWN), np.zeros(len(unknown), dtype=bool))
+        for judged in self.judge.judge(told, at_s, ended):
+            yield from self._judged(judged, self.waiting[:len(judged.none)])
+            del self.waiting[:len(judged.none)]
+
+    def _judged(self, judged: Judged, heard: Sequence[Heard]) -> Iterator[dict[str, Any]]:
+        """Stones, and alarms unless stones do not explain what is heard."""
+        if self.judged is None or judged.law is not self.judged.law:
+            known = self.judge.known if self.judge is not None else judged.told
+            self.misplaced = judged.law.misplaced(known) / max(len(known.x), 1)
+            yield {"event": "law", "t_s": self.t_s, "stones": self.count, **_foreseen(judged)}
+        self.judged = judged
+        self.none += (judged.none >= 0.5).tolist()
+        chosen = np.flatnonzero(judged.none < 0.5)
+        table = rows_of([heard[k] for k in chosen.tolist()], judged.told.only(chosen), judged.law, self.prior,
+                        judged.by_law[chosen], RATE_Hz).assign(stop=judged.sum[chosen])
+        self.stones.append(table)
+        self.count += len(table)
+        names = [*COLUMNS, "stop"]
+        for row, alarm in zip(table[names].to_numpy().tolist(), judged.alarm[chosen], strict=True):
+            yield {"event": "stone", **dict(zip(names, row, strict=True))}
+            if alarm and not self.reason:
+                self.alarms += 1
+                yield {"event": "alarm", "t_s": row[0]}
+
+    def _ratios(self) -> Iterator[dict[str, Any]]:
+        """All that are due, none where stones do not explain what is heard."""
+        while (t_s := (self.steps + 1) * self.window.step_s) <= self.t_s:
+            self.steps += 1
+            if self.reason or not self.stones:
+                continue
+            while self.stones and self.stones[0]["t_s"].max() <= t_s - self.window.window_s:
+                self.stones.popleft()
+            stones = pd.concat(self.stones) if self.stones else pd.DataFrame({"t_s": []})
+            inside = stones[(stones["t_s"] > t_s - self.window.window_s) & (stones["t_s"] <= t_s)]
+            values = [value for one in ratios_of(inside) for value in one]
+            yield {"event": "ratio", "t_s": t_s, "stones": len(inside), **dict(zip(NAMES, values, strict=True))}
+
+
+def _foreseen(judged: Judged) -> dict[str, Any]:
+    """Of an alarm."""
+    if judged.foreseen is None:
+        return {}
+    found = judged.foreseen
+    return {"delay_s": found.delay / judged.rate_1_s, "longest_delay_s": found.longest_delay / judged.rate_1_s,
+            "false_alarms_1_h": found.false_alarms_1_h, "unsafe": bool(found.unsafe)}

@@ -1,0 +1,138 @@
+"""What is heard live, against the same samples in a file; and what cannot be samples."""
+
+import json
+import os
+import socket
+import threading
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lab.known_truth.simulated import draw_stones, stream_of
+from recognition.__main__ import main
+from recognition.stone_forces.forces import save_forces
+from recognition.stream.recognise import RATE_Hz
+from tests.recognition.elastic_stones import CHANNELS
+
+RATE_2_Hz = 2 * RATE_Hz
+COMPARED = ["t_s", "x_m", "y_m", "place_sd_m", "impulse_N_s", "duration_s"]
+
+
+@pytest.fixture(scope="module")
+def drawing(plate, histories, forces, tmp_path_factory):
+    """Forty stones in two seconds at 40 kHz, and the directory with what `listen` is told."""
+    here, rng = tmp_path_factory.mktemp("live"), np.random.default_rng(8)
+    truth = draw_stones(histories, 40, 20.0, 0.2, 0.5, rng)
+    plate.save(here / "plate.json")
+    save_forces(forces, here / "law.json")
+    return here, stream_of(plate, CHANNELS, histories, truth, RATE_2_Hz, 20.0, rng).values.astype("<f4"), truth
+
+
+@pytest.fixture(scope="module")
+def few_modes(plate, forces, tmp_path_factory):
+    here = tmp_path_factory.mktemp("few")
+    plate.below(400.0).save(here / "plate.json")
+    save_forces(forces, here / "law.json")
+    return here
+
+
+@pytest.fixture(scope="module")
+def names(plate):
+    return [f"acc_{name}_m_s2" for name in plate.sensor_names]
+
+
+def sent(values, header):
+    return (json.dumps(header) + "\n").encode() + np.ascontiguousarray(values.T, dtype="<f4").tobytes()
+
+
+def listened(capsys, here, record, *options):
+    """Exit code, the lines of JSON, and what went wrong."""
+    capsys.readouterr()
+    code = main(["listen", record, "--plate", str(here / "plate.json"), "--law", str(here / "law.json"), "--radius", "0.025",
+                 "0.025", "--speed", "2", "4", "--silence", "0.04", *options])
+    said = capsys.readouterr()
+    return code, [json.loads(line) for line in said.out.splitlines() if line.startswith("{")], said.err
+
+
+def piped(capsys, here, content, *options):
+    """The same of bytes on the standard input."""
+    (here / "bytes").write_bytes(content)
+    kept = os.dup(0)
+    try:
+        with (here / "bytes").open("rb") as file:
+            os.dup2(file.fileno(), 0)
+        return listened(capsys, here, "-", *options)
+    finally:
+        os.dup2(kept, 0)
+        os.close(kept)
+
+
+def test_live_stones_are_those_of_the_file(drawing, names, capsys):
+    """Over a socket, in pieces that cut frames; and the ratio over time holds the truth."""
+    here, values, truth = drawing
+    table = pd.DataFrame(values.T.astype(float), columns=names)
+    table.insert(0, "t_s", np.arange(len(table)) / RATE_2_Hz)
+    table.to_parquet(here / "record.parquet")
+    assert listened(capsys, here, str(here / "record.parquet"), "--out", str(here / "out"))[0] == 0
+    stones = pd.read_parquet(here / "out" / "stones.parquet")
+    server = socket.create_server(("localhost", 0))
+    content = sent(values / 9.80665, {"rate_Hz": RATE_2_Hz, "channels": names, "unit": "m/s^2"})
+
+    def send():
+        with server.accept()[0] as connection:
+            for k in range(0, len(content), 4099):
+                connection.sendall(content[k:k + 4099])
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    code, events, _ = listened(capsys, here, f"tcp://localhost:{server.getsockname()[1]}", "--scale", "9.80665")
+    thread.join()
+    assert code == 0 and events[0]["event"] == "calibrated" and events[-1]["event"] == "end"
+    live = pd.DataFrame([event for event in events if event["event"] == "stone"])
+    assert len(live) == len(stones) >= len(truth) - 1
+    assert live[COMPARED].to_numpy() == pytest.approx(stones[COMPARED].to_numpy(), rel=1e-5, abs=1e-7)
+    ratios = [event for event in events if event["event"] == "ratio"]
+    assert [one["t_s"] for one in ratios] == pytest.approx(np.arange(len(ratios)) / 10 + ratios[0]["t_s"])
+    last = ratios[-1]
+    inside = truth["t_s"].between(last["t_s"] - 1, last["t_s"])
+    assert last["stones"] == stones["t_s"].between(last["t_s"] - 1, last["t_s"]).sum() >= inside.sum() - 1
+    assert last["low"] <= truth["gangue"][inside].mean() <= last["high"]
+    heard_s = {one["t_s"]: k for k, one in enumerate(events) if one["event"] == "stone"}
+    assert all(heard_s[t_s] < events.index(last) for t_s in heard_s if t_s < last["t_s"])
+
+
+def test_another_plate_is_said_within_three_seconds(drawing, names, capsys):
+    here, values, _ = drawing
+    content = sent(values, {"rate_Hz": RATE_2_Hz, "channels": names[2:] + names[:2]})
+    code, events, _ = piped(capsys, here, content)
+    assert code == 3 and events[-1]["event"] == "NOT EXPLAINED"
+    assert next(one for one in events if one["event"] == "refused")["t_s"] < 3
+    assert "ratio" not in {one["event"] for one in events}
+
+
+HEADER = {"rate_Hz": 20000, "channels": ["acc_north_m_s2"]}
+
+
+@pytest.mark.parametrize(("content", "options", "said"), [
+    (b"", (), "must begin with a line of JSON"),
+    (b"\x00" * 200_000, (), "must begin with a line of JSON"),
+    (b"[1, 2]\n", (), "must begin with a line of JSON"),
+    (sent(np.zeros((1, 9)), HEADER | {"rate_Hz": "fast"}), (), "rate_Hz = 'fast'; must be a number"),
+    (sent(np.zeros((1, 9)), HEADER | {"rate_Hz": 100}), (), "needs at least 20000"),
+    (sent(np.zeros((1, 9)), HEADER | {"channels": ["x", "x"]}), (), "must be a list of different names"),
+    (sent(np.zeros((1, 9)), HEADER | {"channels": ["attic"]}), (), "at least one of acc_north_m_s2"),
+    (sent(np.zeros((1, 9)), HEADER | {"unit": "volt"}), (), "unit = 'volt'; must be one of"),
+    (sent(np.r_[np.zeros(500), np.nan][None], HEADER), (), "acc_north_m_s2 at 0.025 s: every sample must be finite"),
+    (sent(np.zeros((1, 9)), HEADER)[:-1], (), "ends within a frame, 3 of 4 bytes"),
+    (sent(np.zeros((1, 9)), HEADER), ("--out", "nowhere"), "--out: must be a directory for a record"),
+])
+def test_what_cannot_be_samples_ends_in_one_line(few_modes, capsys, content, options, said):
+    code, events, told = piped(capsys, few_modes, content, *options)
+    assert code == 2 and said in told and told.count("\n") == 1 and not events
+
+
+def test_a_socket_that_nobody_opened_ends_in_one_line(few_modes, capsys):
+    for address in ("tcp://localhost:1", "tcp://localhost", "tcp://localhost:port"):
+        code, events, told = listened(capsys, few_modes, address)
+        assert code == 2 and "cannot be read" in told and told.count("\n") == 1 and not events
