@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import json
 import logging
+import platform
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -86,7 +87,7 @@ def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Kno
 def _tell(events: Iterator[dict[str, Any]]) -> None:
     for event in events:
         _log.info(json.dumps(plain(event), ensure_ascii=False))
-        if event["event"] in ("calibrated", "law"):
+        if event["event"] in ("calibrated", "law") and platform.libc_ver()[0] == "glibc":
             ctypes.CDLL(None).malloc_trim(0)  # glibc would keep what a filter and a law are made with
 
 
@@ -168,7 +169,8 @@ class Live:
         chosen = np.flatnonzero(judged.none < 0.5)
         table = rows_of([heard[k] for k in chosen.tolist()], judged.told.only(chosen), judged.law, self.prior,
                         judged.by_law[chosen], RATE_Hz).assign(stop=judged.sum[chosen])
-        self.stones.append(table)
+        if len(table):
+            self.stones.append(table)
         self.count += len(table)
         names = [*COLUMNS, "stop"]
         for row, alarm in zip(table[names].to_numpy().tolist(), judged.alarm[chosen], strict=True):
