@@ -150,7 +150,10 @@ def measured(tmp_path_factory):
         lines.append(f'[[taps]]\nrecord = "tap_{k}.csv"\nx_m = {tap.place_m[0]}\ny_m = {tap.place_m[1]}\n')
     (directory / "taps.toml").write_text("".join(lines))
     stones = [stone(gangue) for gangue in (False, True)]
-    heard = stream_of(plate, sensors, stones, draw_stones(stones, 12, 60.0, 0.2, 0.5, rng), 40e3, 20.0, rng)
+    coal, mixed = (draw_stones(stones, count, 40.0, 0.2, share, rng) for count, share in ((55, 0.0), (25, 0.5)))
+    mixed[["t_s", "centre_s"]] += coal["t_s"].iloc[-1]
+    drawn = pd.concat([coal, mixed], ignore_index=True)
+    heard = stream_of(plate, sensors, stones, drawn, 40e3, 20.0, rng)
     write_record(directory / "stream.parquet", plate, heard.values, heard.rate_Hz)
     at_once = record(plate, 4, rng)
     for name in ("record.parquet", "measured.csv"):
