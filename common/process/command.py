@@ -23,6 +23,7 @@ INTERRUPTED = 130  # as a shell has it for a program that SIGINT ended
 PIPE_CLOSED = 141  # and SIGPIPE
 _LINE = "interrupted; what is finished stays, the same command goes on"
 _running: list[str] = []  # commands of `run_command`, which catch a KeyboardInterrupt
+_told: list[str] = []  # the line with which a command ended, until the next one begins
 
 
 class Parser(argparse.ArgumentParser):
@@ -67,7 +68,10 @@ def one_thread() -> None:
 
 def _interrupt(_number: int, frame: FrameType | None) -> None:
     """An import cannot be interrupted by an exception, since extension modules turn it into another or lose it. While
-    one is under way nothing is half written that matters, so the program ends at once."""
+    one is under way nothing is half written that matters, so the program ends at once. One that says why it ended does
+    so in one line."""
+    if _told:
+        return
     if _running and not _within_import(frame):
         raise KeyboardInterrupt
     os.write(2, f"{_LINE}\n".encode())
@@ -87,6 +91,7 @@ def run_command(program: str, command: Callable[[], int], as_json: bool = False)
     and `as_json` in an object on the output as well."""
     code, line = end_of(program, command)
     if line:
+        _told.append(line)
         say(line)
         if as_json:
             _print_refusal(line, code)
@@ -98,6 +103,7 @@ def end_of(program: str, command: Callable[[], int]) -> tuple[int, str]:
     raises as a CommandError, and what any command may meet: Ctrl-C (130), a reader that closed the pipe (141, without a
     line), a disk that is full or cannot be read or written (1), too little memory (1)."""
     one_thread()
+    _told.clear()
     _running.append(program)
     try:
         return _ended(program, command)
