@@ -83,8 +83,8 @@ def _behind(packing: Packing, normal: np.ndarray, corners: np.ndarray) -> tuple[
 
 def _owner(packing: Packing, behind: np.ndarray, point: np.ndarray) -> np.ndarray:
     """(n,) which of the sub-spheres has each point, by the power distance: the distance in four dimensions."""
-    radius = packing.radius_m[behind]
-    above = np.sqrt(radius.max() ** 2 - radius**2)
+    square = packing.radius_m[behind] ** 2
+    above = np.sqrt(square.max() - square)  # of the largest exactly nothing
     tree = cKDTree(np.column_stack([packing.center_m[behind], above]))
     return np.asarray(tree.query(np.column_stack([point, np.zeros(len(point))]))[1])
 

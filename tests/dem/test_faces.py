@@ -20,7 +20,8 @@ from dem.run.prepare import prepare
 from dem.run.run import resume, run_scene
 from dem.run.simulate import Stopped
 from dem.stones.assembly import assemble
-from dem.stones.faces import FaceColumns
+from dem.stones.faces import FaceColumns, _owner
+from dem.stones.packing import Packing, SphereContainer
 
 SIDE_m, SPEED_m_s = 0.04, 0.5
 ALL = "stones.count stones.radius_m stones.positions_m stones.speed_m_s stones.gangue_order stones.gangue_ratio".split()
@@ -219,3 +220,11 @@ def test_sub_spheres_that_broke_off_press_by_themselves(tmp_path, cube_file):
     with_faces, without = column_of(tmp_path / "faces", "faces faces.txt"), column_of(tmp_path / "without", "")
     assert with_faces["broken"][-1] > 100 and without["wall_work_J"].min() < -1e-3 * without["kinetic_J"][0]
     assert with_faces["wall_work_J"] == pytest.approx(without["wall_work_J"], rel=1e-9)
+
+
+def test_points_belong_to_the_nearest_of_equal_sub_spheres_whatever_their_radius():
+    """The largest is at height 0 of the power distance, where rounding must not make it less."""
+    center = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    for radius_m in np.random.default_rng(1).uniform(1e-3, 3e-3, 500):
+        packing = Packing(center, np.full(3, radius_m), SphereContainer(1.0))
+        assert _owner(packing, np.arange(3), center + 0.1).tolist() == [0, 1, 2]
