@@ -101,6 +101,8 @@ def clone(tmp_path):
     (tmp_path / "build").mkdir()
     (tmp_path / "build" / "engine").symlink_to(ROOT / "build" / "engine")
     (tmp_path / ".venv").symlink_to(Path(sys.prefix))
+    for words in (["init", "-q"], ["add", "."], ["-c", "user.name=T", "-c", "user.email=t@t", "commit", "-qm", "copy"]):
+        subprocess.run(["git", *words], cwd=tmp_path, check=True)  # results name the commit of their code
     for sweep in ("paper", "before", "after"):
         write_sweep(tmp_path / "runs" / sweep)
     wave = np.sin(np.arange(4000) / 7)

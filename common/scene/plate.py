@@ -13,7 +13,7 @@ from common.channels import SENSORS, SensorKind
 from common.scene.file import scene_tables
 from common.tables import InputError, Place, Positive, Refused, Table, about, check
 
-ContactStrength = Annotated[float, Field(ge=1e5)]  # of what is softer, no stone stays on its surface
+ContactStrength = Annotated[float, Field(ge=1e5)]  # Pa: into a softer body a stone sinks whole
 Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 

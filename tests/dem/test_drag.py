@@ -203,8 +203,8 @@ def test_all_that_the_patch_of_a_stone_holds_and_takes_adds_up_at_every_instant(
     assert parts.to_numpy() == pytest.approx(parts.iloc[0], abs=within * parts.iloc[0])
 
 
-@pytest.mark.parametrize(("restitution", "least"), [(1.0, 0.98), (0.3, 0.8)])
-def test_a_sliding_stone_is_rubbed_by_all_that_it_pushes_with(tmp_path, monkeypatch, restitution, least):
+@pytest.mark.parametrize(("restitution", "least", "most"), [(1.0, 0.98, 1.02), (0.3, 0.8, 1.0)])
+def test_a_sliding_stone_is_rubbed_by_all_that_it_pushes_with(tmp_path, monkeypatch, restitution, least, most):
     """Coulomb's law counts the dashpot's push: friction takes mu F v_slip, and v_slip falls by mu F (1/m + R^2/I), F being
     the push in the record. So goes its share over time. A dashpot presses at once, and shakes the bonds, which take some."""
     friction, along, mass = 0.05, 3.0, hertz("coal")["mass_kg"]
@@ -220,4 +220,4 @@ def test_a_sliding_stone_is_rubbed_by_all_that_it_pushes_with(tmp_path, monkeypa
     found, expected = table["friction_J"].to_numpy(), np.interp(table["t_s"], fast["t_s"], taken)
     slides = table["t_s"] > 2.5e-5  # before, the spring was stretched
     assert (found / found[-1])[slides] == pytest.approx((expected / expected[-1])[slides], abs=0.05)
-    assert least * expected[-1] < found[-1] < 1.02 * expected[-1]
+    assert least * expected[-1] < found[-1] < most * expected[-1]

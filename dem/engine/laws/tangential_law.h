@@ -12,7 +12,7 @@ inline double mindlin_stiffness(double shear_modulus, double modulus, double nor
 }
 
 // Of the `share` of a contact whose bonds, of the compliance C, are simulated themselves: 1/k = 1/k_M - C. Where they
-// alone give as much, above ten times the speeds of drawing, the patch is as stiff as the integration bears.
+// alone give as much, the patch is as stiff as the integration bears.
 inline double spring_before_bonds(double share, double mindlin, double compliance, double stiffest) {
   const double left = 1 - compliance * mindlin;
   return share * mindlin < stiffest * left ? share * mindlin / left : stiffest;
