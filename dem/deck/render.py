@@ -261,6 +261,7 @@ def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
         shapes.extend(modes.lateral_grid(x, y).transpose(2, 0, 1, 3))
     packer = zlib.compressobj(1)
     with open(file, "wb") as out:
+        out.write(b"shapes 2")
         np.array([len(x), len(y), len(shapes), upwards.shape[2]], dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
         for shape in shapes:

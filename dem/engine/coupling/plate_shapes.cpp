@@ -13,6 +13,7 @@
 namespace LAMMPS_NS {
 
 namespace {
+const char FORMAT[] = "shapes 2";  // another one where the same numbers mean something else
 const double MOST_PACKED = 1100;  // bytes in one of zlib, of which it says 1032
 
 // The rest of a file that zlib packed, piece by piece.
@@ -58,9 +59,17 @@ class Unpacker {
 
 PlateShapes::PlateShapes(LAMMPS *lmp, const std::string &file) {
   FILE *in = std::fopen(file.c_str(), "rb");
+  if (in && !is_of_this_format(in))
+    lmp->error->all(FLERR, ("Fix wall/plate: " + file + " is not of the format '" + FORMAT + "': this engine and the program that wrote the "
+                            "deck are of different versions").c_str());
   const bool whole = in && read(in);
   if (in) std::fclose(in);
   if (!whole) lmp->error->all(FLERR, ("Cannot read the mode shapes from " + file).c_str());
+}
+
+bool PlateShapes::is_of_this_format(FILE *in) {
+  char format[sizeof FORMAT] = {};
+  return std::fread(format, 1, sizeof format - 1, in) == sizeof format - 1 && !std::strcmp(format, FORMAT);
 }
 
 bool PlateShapes::read(FILE *in) {
