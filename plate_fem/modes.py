@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from plate_fem.solution.model import PlateModel
 
 MOST_RESIDUAL_POINTS = 32  # each adds a mode
+AT_ONCE = 48  # modes, whose unknowns are many more than what is kept of them
 NOWHERE = np.empty((0, 2))  # for residual modes of the rods alone
 
 
@@ -208,38 +209,47 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
 
 
 def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_dir: Path | None) -> PlateModes:
-    from plate_fem.elements.in_plane import sways
     from plate_fem.solution.model import build_model  # late: most modes are in the cache
     from plate_fem.solution.residual import load_rows, residual_modes
 
     model = build_model(plate)
     omega_squared, kept = _kept_modes(plate, model, cache_dir)
-    vectors, n_residual = kept.toarray(), 0
+    vectors = (kept[:, k : k + AT_ONCE].toarray() for k in range(0, kept.shape[1], AT_ONCE))
+    residual = np.empty((kept.shape[0], 0))
     loads = [] if residual_points_m is None else [load_rows(model.system, residual_points_m) @ model.expansion,
                                                   model.rod_force]
     if any(rows.shape[0] for rows in loads):
-        more_omega_squared, more = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
-        omega_squared, vectors = np.append(omega_squared, more_omega_squared), np.hstack([vectors, more])
-        n_residual = len(more_omega_squared)
-    system = model.system
-    u = model.expansion @ vectors
-    u *= (sign := _sign(u[: system.n_nodes]))
-    nodal = u[: 4 * system.n_nodes].reshape(4, system.n_nodes, -1)
-    area = plate.length_m * plate.width_m
+        more_omega_squared, residual = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
+        omega_squared = np.append(omega_squared, more_omega_squared)
+    of_columns = zip(*(_shapes_of(model, columns) for columns in (*vectors, residual)), strict=True)
+    nodal, rod_force, surface_stress, lateral = (np.concatenate(of_all, axis=-1) for of_all in of_columns)
+    system, area = model.system, plate.length_m * plate.width_m
     return PlateModes(
         frequency_Hz=np.sqrt(omega_squared) / (2 * np.pi),
         damping_ratio=np.full(len(omega_squared), plate.damping_ratio),
         lines_x_m=system.lines_x_m,
         lines_y_m=system.lines_y_m,
         nodal=nodal,
-        mean_shape=system.deflections.integrals @ u[: 4 * system.n_nodes] / area,
-        rod_force=model.rod_force @ vectors * sign,
-        surface_stress=modal_surface_stress(system, u),
+        mean_shape=system.deflections.integrals @ nodal.reshape(4 * system.n_nodes, -1) / area,
+        rod_force=rod_force,
+        surface_stress=surface_stress,
         mass_kg=plate.density_kg_m3 * plate.thickness_m * area,
         theory=system.theory,
-        n_residual=n_residual,
-        lateral=_of_top_surface(system, u) if sways(plate) else np.empty((0, 2, u.shape[1])),
+        n_residual=residual.shape[1],
+        lateral=lateral,
     )
+
+
+def _shapes_of(model: PlateModel, vectors: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return `nodal`, `rod_force`, `surface_stress` and `lateral` of PlateModes for some of its vectors (size, n)."""
+    from plate_fem.elements.in_plane import sways
+
+    system = model.system
+    u = model.expansion @ vectors
+    u *= (sign := _sign(u[: system.n_nodes]))
+    return (u[: 4 * system.n_nodes].reshape(4, system.n_nodes, -1).copy(), model.rod_force @ vectors * sign,
+            modal_surface_stress(system, u),
+            _of_top_surface(system, u) if sways(system.plate) else np.empty((0, 2, u.shape[1])))
 
 
 def _of_top_surface(system: PlateSystem, u: np.ndarray) -> np.ndarray:

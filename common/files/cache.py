@@ -123,7 +123,7 @@ def not_waiting() -> Iterator[None]:
 
 def _as_arrays(found: Mapping[str, Any]) -> Arrays:
     """In the order in memory that they will have when they are read, on which round-off depends."""
-    return {name: np.array(value, order="A") for name, value in found.items()}
+    return {name: np.asarray(value, order="A") for name, value in found.items()}
 
 
 @contextmanager
@@ -161,13 +161,14 @@ def _digest(name: str, content: bytes | memoryview) -> bytes:
 def _read(file: Path) -> Arrays | None:
     """Return what is kept in a file, or None if there is no file or not what `_write` wrote."""
     try:
-        data = file.read_bytes()
-        if data[:HASH_BYTES] != _digest(file.name, memoryview(data)[HASH_BYTES:]):
+        with open(file, "rb") as opened:
+            digest, content = opened.read(HASH_BYTES), opened.read()
+        if digest != _digest(file.name, content):
             return None
         os.utime(file)  # used now
     except OSError:  # gone, or not ours to read
         return None
-    with np.load(io.BytesIO(data[HASH_BYTES:]), allow_pickle=False) as stored:
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         return {name: stored[name] for name in stored.files}
 
 
@@ -175,8 +176,9 @@ def _write(file: Path, arrays: Arrays) -> None:
     content = io.BytesIO()
     np.savez(content, **arrays)  # type: ignore[arg-type]  # of the stubs, which take a name for allow_pickle
     try:
-        with written_whole(file) as beside:
-            beside.write_bytes(_digest(file.name, content.getbuffer()) + content.getbuffer())
+        with written_whole(file) as beside, open(beside, "wb") as out:
+            out.write(_digest(file.name, content.getbuffer()))
+            out.write(content.getbuffer())
     except OSError as error:  # a full disk, too: the arrays are there, only not kept
         warnings.warn(f"{file}: {error.strerror}; not kept for later runs", stacklevel=2)
 
