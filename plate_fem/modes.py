@@ -221,6 +221,7 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     if any(rows.shape[0] for rows in loads):
         more_omega_squared, residual = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
         omega_squared = np.append(omega_squared, more_omega_squared)
+    model = replace(model)  # without the factors of its parts, which nothing needs any more
     of_columns = zip(*(_shapes_of(model, columns) for columns in (*vectors, residual)), strict=True)
     nodal, rod_force, surface_stress, lateral = (np.concatenate(of_all, axis=-1) for of_all in of_columns)
     system, area = model.system, plate.length_m * plate.width_m

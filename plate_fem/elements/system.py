@@ -26,10 +26,10 @@ HELD_BY_EDGES: dict[str, tuple[list[int], list[int]]] = {
 
 @dataclass(frozen=True)
 class PlateSystem:
-    """Matrices over all unknowns: w, w_x, w_y, w_xy at the nodes, block by block, then Mindlin's theta_x and theta_y,
-    and last those of the motion in the plane.
+    """All unknowns: w, w_x, w_y, w_xy at the nodes, block by block, then Mindlin's theta_x and theta_y, and last those
+    of the motion in the plane.
 
-    `stiffness` and `mass` are sparse (size, size); `fixed` holds the numbers of the unknowns that are held at zero: by
+    `fixed` holds the numbers of the unknowns that are held at zero: by
     the edges, and those of the motion in the plane unless the plate stands on rods alone.
     """
 
@@ -37,8 +37,6 @@ class PlateSystem:
     theory: str
     lines_x_m: np.ndarray
     lines_y_m: np.ndarray
-    stiffness: sp.csr_array
-    mass: sp.csr_array
     fixed: np.ndarray
     deflections: Products
     rotations: Products | None  # of one rotation (Mindlin)
@@ -50,7 +48,8 @@ class PlateSystem:
 
     @property
     def size(self) -> int:
-        return self.stiffness.shape[0]
+        turns = 0 if self.rotations is None else 2 * self.rotations.size
+        return self.deflections.size + turns + self.in_plane.size
 
     def _placed(self, rows: sp.csr_array, start: int) -> sp.csr_array:
         """Return rows (k, n) over n unknowns from number `start` on as rows over all, (k, size)."""
@@ -85,8 +84,9 @@ class PlateSystem:
         return self._placed(self.in_plane.turn(points_m), self.size - self.in_plane.size)
 
 
-def assemble(plate: FlexiblePlate) -> PlateSystem:
-    """Assemble the matrices of a plate without rods and supports. Raises Refused for a mesh that is too large."""
+def assemble(plate: FlexiblePlate) -> tuple[PlateSystem, sp.csr_array, sp.csr_array]:
+    """Return the unknowns of a plate without rods and supports, and its stiffness and mass, sparse (size, size). Raises
+    Refused for a mesh that is too large."""
     theory = mesh.choose_theory(plate)
     lines_x, lines_y = mesh.mesh_lines(plate)
     w = products.deflections(lines_x, lines_y)
@@ -98,7 +98,7 @@ def assemble(plate: FlexiblePlate) -> PlateSystem:
                        zip((stiffness, mass), inside.matrices(), strict=True))
     if not sways(plate):
         held.append(stiffness.shape[0] - inside.size + np.arange(inside.size))
-    return PlateSystem(plate, theory, lines_x, lines_y, stiffness, mass, np.concatenate(held), w, theta, inside)
+    return PlateSystem(plate, theory, lines_x, lines_y, np.concatenate(held), w, theta, inside), stiffness, mass
 
 
 def grown(matrix: sp.csr_array, size: int) -> sp.csr_array:

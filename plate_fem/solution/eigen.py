@@ -36,7 +36,7 @@ def independent_parts(stiffness: sp.csc_array, mass: sp.csc_array, max_frequency
     """Return the parts that neither stiffness nor mass connects."""
     shift = 1e-4 * (2 * np.pi * max_frequency_Hz) ** 2
     count, part = sp.csgraph.connected_components(stiffness + shift * mass, directed=False)
-    numbers = [np.flatnonzero(part == k) for k in range(count)]
+    numbers = [np.flatnonzero(part == k).astype(np.int32) for k in range(count)]
     return [Part(k, stiffness[k][:, k], mass[k][:, k], shift) for k in numbers]
 
 
@@ -79,7 +79,8 @@ def eigenmodes(parts: list[Part], max_frequency_Hz: float) -> tuple[np.ndarray, 
 def _placed(vectors: np.ndarray, number: np.ndarray, size: int) -> sp.csc_array:
     """Return columns (size, n) that have the numbers of vectors (k, n) at the rows `number` (k,)."""
     k, n = vectors.shape
-    return sp.csc_array((vectors.T.ravel(), np.tile(number, n), k * np.arange(n + 1)), shape=(size, n))
+    start = k * np.arange(n + 1, dtype=np.int32)
+    return sp.csc_array((vectors.T.ravel(), np.tile(number, n), start), shape=(size, n))
 
 
 def _count_below(part: Part, limit: float) -> int:
