@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -215,14 +216,14 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     model = build_model(plate)
     omega_squared, kept = _kept_modes(plate, model, cache_dir)
     vectors = (kept[:, k : k + AT_ONCE].toarray() for k in range(0, kept.shape[1], AT_ONCE))
-    residual = np.empty((kept.shape[0], 0))
+    residual: list[np.ndarray] = []
     loads = [] if residual_points_m is None else [load_rows(model.system, residual_points_m) @ model.expansion,
                                                   model.rod_force]
     if any(rows.shape[0] for rows in loads):
-        more_omega_squared, residual = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
-        omega_squared = np.append(omega_squared, more_omega_squared)
+        more_omega_squared, more = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
+        omega_squared, residual = np.append(omega_squared, more_omega_squared), [more]
     model = replace(model)  # without the factors of its parts, which nothing needs any more
-    of_columns = zip(*(_shapes_of(model, columns) for columns in (*vectors, residual)), strict=True)
+    of_columns = zip(*(_shapes_of(model, columns) for columns in chain(vectors, residual)), strict=True)
     nodal, rod_force, surface_stress, lateral = (np.concatenate(of_all, axis=-1) for of_all in of_columns)
     system, area = model.system, plate.length_m * plate.width_m
     return PlateModes(
@@ -236,7 +237,7 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
         surface_stress=surface_stress,
         mass_kg=plate.density_kg_m3 * plate.thickness_m * area,
         theory=system.theory,
-        n_residual=residual.shape[1],
+        n_residual=len(omega_squared) - kept.shape[1],
         lateral=lateral,
     )
 

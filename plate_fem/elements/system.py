@@ -29,8 +29,8 @@ class PlateSystem:
     """All unknowns: w, w_x, w_y, w_xy at the nodes, block by block, then Mindlin's theta_x and theta_y, and last those
     of the motion in the plane.
 
-    `fixed` holds the numbers of the unknowns that are held at zero: by
-    the edges, and those of the motion in the plane unless the plate stands on rods alone.
+    `fixed` holds the numbers of the unknowns that are held at zero: by the edges, and those of the motion in the plane
+    unless the plate stands on rods alone.
     """
 
     plate: FlexiblePlate
