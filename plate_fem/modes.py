@@ -19,13 +19,13 @@ from common.files.cache import cached, key_of
 from common.scene.plate import FlexiblePlate
 from common.tables import Refused
 from plate_fem.elements import line, products
+from plate_fem.elements.in_plane import sways
 from plate_fem.elements.mesh import highest_frequency_Hz
 from plate_fem.elements.products import Products
 from plate_fem.elements.system import PlateSystem
 from plate_fem.solution.mode_count import MODES_AT_MOST, refuse_too_many_modes
 
 if TYPE_CHECKING:
-    from plate_fem.elements.system import PlateSystem
     from plate_fem.solution.model import PlateModel
 
 MOST_RESIDUAL_POINTS = 32  # each adds a mode
@@ -220,8 +220,8 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     loads = [] if residual_points_m is None else [load_rows(model.system, residual_points_m) @ model.expansion,
                                                   model.rod_force]
     if any(rows.shape[0] for rows in loads):
-        more_omega_squared, more = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
-        omega_squared, residual = np.append(omega_squared, more_omega_squared), [more]
+        more_omega_squared, *residual = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
+        omega_squared = np.append(omega_squared, more_omega_squared)
     model = replace(model)  # without the factors of its parts, which nothing needs any more
     of_columns = zip(*(_shapes_of(model, columns) for columns in chain(vectors, residual)), strict=True)
     nodal, rod_force, surface_stress, lateral = (np.concatenate(of_all, axis=-1) for of_all in of_columns)
@@ -229,23 +229,15 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     return PlateModes(
         frequency_Hz=np.sqrt(omega_squared) / (2 * np.pi),
         damping_ratio=np.full(len(omega_squared), plate.damping_ratio),
-        lines_x_m=system.lines_x_m,
-        lines_y_m=system.lines_y_m,
-        nodal=nodal,
+        lines_x_m=system.lines_x_m, lines_y_m=system.lines_y_m, theory=system.theory,
+        nodal=nodal, rod_force=rod_force, surface_stress=surface_stress, lateral=lateral,
         mean_shape=system.deflections.integrals @ nodal.reshape(4 * system.n_nodes, -1) / area,
-        rod_force=rod_force,
-        surface_stress=surface_stress,
         mass_kg=plate.density_kg_m3 * plate.thickness_m * area,
-        theory=system.theory,
-        n_residual=len(omega_squared) - kept.shape[1],
-        lateral=lateral,
-    )
+        n_residual=len(omega_squared) - kept.shape[1])
 
 
 def _shapes_of(model: PlateModel, vectors: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return `nodal`, `rod_force`, `surface_stress` and `lateral` of PlateModes for some of its vectors (size, n)."""
-    from plate_fem.elements.in_plane import sways
-
     system = model.system
     u = model.expansion @ vectors
     u *= (sign := _sign(u[: system.n_nodes]))
@@ -263,8 +255,7 @@ def _of_top_surface(system: PlateSystem, u: np.ndarray) -> np.ndarray:
 
 def _sign(shape: np.ndarray) -> np.ndarray:
     """Return +1 or -1 for each mode, so that the first node near the largest deflection moves up."""
-    size = abs(shape).max(axis=0)
-    first = (abs(shape) > 0.9 * size).argmax(axis=0)
+    first = (abs(shape) > 0.9 * abs(shape).max(axis=0)).argmax(axis=0)
     return np.where(shape[first, np.arange(shape.shape[1])] < 0, -1.0, 1.0)
 
 
@@ -319,8 +310,7 @@ def modal_surface_stress(system: PlateSystem, u: np.ndarray) -> np.ndarray:
 
     It is in Pa for unknowns in m and rad.
     """
-    plate = system.plate
-    nu = plate.poisson_ratio
+    plate, nu = system.plate, system.plate.poisson_ratio
     xx, yy, xy = surface_strain(system, u)
     scale = plate.youngs_modulus_Pa / (1 - nu**2)
     return scale * np.stack([xx + nu * yy, yy + nu * xx, (1 - nu) / 2 * xy], axis=1)

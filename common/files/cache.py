@@ -177,8 +177,7 @@ def _write(file: Path, arrays: Arrays) -> None:
     np.savez(content, **arrays)  # type: ignore[arg-type]  # of the stubs, which take a name for allow_pickle
     try:
         with written_whole(file) as beside, open(beside, "wb") as out:
-            out.write(_digest(file.name, content.getbuffer()))
-            out.write(content.getbuffer())
+            out.writelines([_digest(file.name, content.getbuffer()), content.getbuffer()])
     except OSError as error:  # a full disk, too: the arrays are there, only not kept
         warnings.warn(f"{file}: {error.strerror}; not kept for later runs", stacklevel=2)
 

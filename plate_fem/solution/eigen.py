@@ -79,8 +79,7 @@ def eigenmodes(parts: list[Part], max_frequency_Hz: float) -> tuple[np.ndarray, 
 def _placed(vectors: np.ndarray, number: np.ndarray, size: int) -> sp.csc_array:
     """Return columns (size, n) that have the numbers of vectors (k, n) at the rows `number` (k,)."""
     k, n = vectors.shape
-    start = k * np.arange(n + 1, dtype=np.int32)
-    return sp.csc_array((vectors.T.ravel(), np.tile(number, n), start), shape=(size, n))
+    return sp.csc_array((vectors.T.ravel(), np.tile(number, n), k * np.arange(n + 1, dtype=np.int32)), shape=(size, n))
 
 
 def _count_below(part: Part, limit: float) -> int:

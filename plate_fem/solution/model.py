@@ -55,13 +55,8 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
     own = [np.unique(tie.indices[tie.indices >= system.size]) for tie in ties]
     blocks = [_free(system, basis) for basis in mirror.blocks(system, own, size)]
     expansion = sp.csr_array(sp.hstack([basis for _, basis in blocks]))
-    return PlateModel(
-        system,
-        _in_blocks(stiffness, blocks),
-        _in_blocks(mass, blocks),
-        sp.csr_array(expansion[: system.size]),
-        sp.csr_array(rod_force @ expansion),
-    )
+    return PlateModel(system, _in_blocks(stiffness, blocks), _in_blocks(mass, blocks),
+                      sp.csr_array(expansion[: system.size]), sp.csr_array(rod_force @ expansion))
 
 
 def _in_blocks(matrix: sp.csr_array, blocks: list[tuple[sp.csr_array, sp.csr_array]]) -> sp.csc_array:
