@@ -84,11 +84,9 @@ class Progress:
             return
         self._last, self._tenth = now, tenth
         start, end = ("\r", "  ") if self._on_terminal else ("", "\n")
-        self._write(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  {self._left()}{end}")
-
-    def _left(self) -> str:
         least_s, most_s = self.left_s()
-        return f"left {least_s:.0f} to {most_s:.0f} s" if most_s < inf else f"left over {least_s:.0f} s"
+        left = f"{least_s:.0f} to {most_s:.0f} s" if most_s < inf else f"over {least_s:.0f} s"
+        self._write(f"{start}{self._name}  {t_s:.4f} of {self._duration_s:g} s  left {left}{end}")
 
     def left_s(self) -> tuple[float, float]:
         """The least and the most that the rest will take; the most is infinite until a stone has told of the others."""
