@@ -258,13 +258,18 @@ def numbers(results: SweepResults, recognises: bool) -> list[Number]:
         return Number(f"{' to '.join(values)} {unit}".strip(), f"{words}, at {at} gangue" if at else words)
 
     found = [_held_out(results)] if recognises else []
-    found.append(span([f"{1e-3 * runs[i].peak('force_N'):.3g}" for i in ends], "kN", "largest force on the plate"))
+    found.append(span([digits(1e-3 * runs[i].peak("force_N")) for i in ends], "kN", "largest force on the plate"))
     if results.plate_moves and len(found) < 2:
-        found.append(span([f"{runs[i].peak('a_m_s2'):.3g}" for i in ends], "m/s²", "largest acceleration of the plate"))
+        found.append(span([digits(runs[i].peak("a_m_s2")) for i in ends], "m/s²", "largest acceleration of the plate"))
     if all(run.summary.n_bonds for run in runs):
         found.append(span([f"{runs[i].summary.n_bonds_broken}" for i in ends], "",
                           f"bonds broken of {runs[0].summary.n_bonds} ({results.breakage.draws_in_words})"))
     return found
+
+
+def digits(value: float) -> str:
+    """Three digits, without an exponent where a reader needs none."""
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def _held_out(results: SweepResults) -> Number:
@@ -292,7 +297,7 @@ def rises(results: SweepResults) -> list[Rise]:
         quantities += [("largest kinetic energy of the plate", lambda: results.response.peaks["kinetic_J"], "J"),
                        ("RMS of the plate's acceleration", lambda: results.rms_m_s2, "m/s²")]
     return [Rise(name, spearman(results.ratios, values := values_of()), falling_steps(results.ratios, values),
-                 f"{values[0]:.3g}", f"{values[-1]:.3g} {unit}") for name, values_of, unit in quantities]
+                 digits(values[0]), f"{digits(values[-1])} {unit}") for name, values_of, unit in quantities]
 
 
 def assumptions(sweep: Sweep) -> list[str]:

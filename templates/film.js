@@ -3,7 +3,8 @@
 
 film.PLAY_SECONDS = { impact: 9, early: 12, whole: 15 }; // a stretch of time lasts so long on the screen
 film.PIECES = [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [0, 114, 178], [213, 94, 0], [204, 121, 167]];
-film.MATERIALS = [[66, 66, 70], [214, 160, 96]]; // coal, gangue
+film.DARK = matchMedia("(prefers-color-scheme: dark)").matches;
+film.MATERIALS = [film.DARK ? [150, 155, 162] : [66, 66, 70], [214, 160, 96]]; // coal, gangue; as --coal has it
 film.MODES = [[213, 94, 0], [86, 180, 233]]; // tension, shear
 film.GREATEST_DEFLECTION_M = 0.01; // to which the plate's motion is enlarged on the screen
 

@@ -22,7 +22,6 @@ from dem.coupling.launch import ENGINE, check_engine
 from dem.coupling.messages import CouplingError
 from dem.coupling.monitor import Unstable
 from dem.deck.render import streams, write_deck
-from dem.deck.time_step import stone_contact_time_s
 from dem.run.directory import STARTED, SUFFIX, Identity, RunDirectory, name_of
 from dem.run.participants import participant_of
 from dem.run.prepare import PreparedRun, prepare
@@ -167,8 +166,7 @@ def _run_in(work: RunDirectory, deck_hash: str, start: EngineStart, prepared: Pr
         resumed_at_s = work.note_resumed(start.resume_step * prepared.step.dt_s)
         plate.restore(start.deck, start.resume_step, start.identity)
     progress = Progress(f"{scene.name} {_ratio(prepared):4.0%}", scene.time.duration_s, show_progress,
-                        [stone.arrival_s for stone in prepared.assembly.stones],
-                        stone_contact_time_s(scene, prepared.assembly))
+                        [stone.arrival_s for stone in prepared.assembly.stones])
     with stages("engine and plate"):
         simulate(prepared, start, plate, progress)
     with stages("output"):

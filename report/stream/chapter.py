@@ -98,7 +98,8 @@ class StreamRun:
         """Value and words of each number of the first screen."""
         stones, run = self.results.stones, self.results.run
         here = stones[stones["first_contact_s"].notna()]
-        found = [(f"{len(here)} stones", f"{here['mass_kg'].sum():.3g} kg, in {self.results.end_s:.3g} s")]
+        found = [(f"{len(here)} stone{'s' * (len(here) != 1)}",
+                  f"{here['mass_kg'].sum():.3g} kg, in {self.results.end_s:.3g} s")]
         try:
             by_mass, by_number = (true_ratio(stones, -np.inf, np.inf, by) for by in get_args(By))
             found.append((f"{100 * by_mass:.1f} %", f"gangue by mass; {100 * by_number:.1f} % by number"))

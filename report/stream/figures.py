@@ -38,7 +38,8 @@ def fell(touched: pd.DataFrame, ends_s: np.ndarray, ratios: dict[str, np.ndarray
     for name in KINDS:
         own = touched[touched["is_gangue"] == (name == "gangue")]
         colour, t_s = material_colour(name), own["first_contact_s"].to_numpy()
-        mass.step(t_s, own["mass_kg"].cumsum(), where="post", color=colour, label=name)
+        come_kg = np.r_[0.0, own["mass_kg"].cumsum(), own["mass_kg"].sum()]  # a line also of one stone
+        mass.step(np.r_[0.0, t_s, ends_s[-1]], come_kg, where="post", color=colour, label=name)
         size.plot(t_s, 2e3 * own["radius_m"], "o", color=colour, markersize=3, label=name)
     for (name, values), colour in zip(ratios.items(), (ACCENT, PALE), strict=True):
         ratio.plot(ends_s, 100 * values, color=colour, label=f"by {name}")

@@ -295,6 +295,10 @@ def test_text_is_large_enough_on_a_phone_and_the_page_is_dark_where_the_system_i
     assert smallest >= 9
     ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (sum(map(int, re.findall(r"\d+", ground)[:3])) < 200) == (scheme == "dark")
+    coal, view = page.evaluate("""() => [document.querySelector("[data-key=material] .swatch"),
+      document.querySelector(".view")].map((e) => getComputedStyle(e).backgroundColor.match(/\\d+/g).map(Number))""")
+    assert coal == page.evaluate("film.MATERIALS[0]")
+    assert abs(sum(coal) - sum(view)) > 3 * 100  # of 255: coal is seen before what is behind it
     page.screenshot(path=SCREENSHOTS / f"report_390_{scheme}.png", full_page=True)
 
 

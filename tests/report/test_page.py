@@ -11,7 +11,7 @@ from analysis import read_run, read_sweep
 from common.files.output_directory import files_in, hash_of, refuse_replacing, write_contents
 from common.resources import resource
 from common.scene.scene import changed_scene
-from report.page import are_papers, write_report
+from report.page import are_papers, digits, write_report
 from tests.analysis import synthetic
 from tests.analysis.synthetic import write_run, write_sweep
 
@@ -128,3 +128,8 @@ def test_claims_table_is_beside_the_report(papers):
     assert verdict["The broken area of a single coal or gangue does not change with the ratio"] == "held"
     assert verdict["The total broken area rises as the ratio falls (Conclusion 1 says the reverse)"] == "held"
     assert verdict["The overall stress under the particles rises with the ratio"] == "not tested"
+
+
+@pytest.mark.parametrize(("value", "said"), [(1326.4, "1330"), (85.12, "85.1"), (0.0321, "0.0321"), (51234.0, "51200")])
+def test_a_number_of_the_first_screen_has_no_exponent(value, said):
+    assert digits(value) == said

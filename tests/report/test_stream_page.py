@@ -17,7 +17,7 @@ from dem.run.prepare import prepare
 from dem.run.run import run_scene
 from recognition.stream.stones import COLUMNS
 from report.page import write_report
-from report.stream.figures import hits
+from report.stream.figures import fell, hits
 from report.stream.heard import WINDOW_S, read_heard
 from report.stream.results import StreamResults
 
@@ -109,3 +109,12 @@ def test_stones_of_which_none_broke_are_drawn(force_N):
     figure = hits(touched)
     figure.draw_without_rendering()
     assert figure.axes[1].get_title(loc="left") == "broken area, cm²: none"
+
+
+def test_what_fell_is_drawn_from_the_beginning_to_the_end_also_of_one_stone():
+    touched = pd.DataFrame({"first_contact_s": [0.2], "mass_kg": [0.1], "radius_m": [0.02], "is_gangue": [True]})
+    ends_s = np.array([0.1, 0.3])
+    figure = fell(touched, ends_s, {"mass": ends_s, "number": ends_s}, 1.0)
+    coal, gangue = figure.axes[0].get_lines()
+    assert np.array_equal(gangue.get_xydata(), [[0.0, 0.0], [0.2, 0.1], [0.3, 0.1]])
+    assert np.array_equal(coal.get_xydata(), [[0.0, 0.0], [0.3, 0.0]])
