@@ -16,7 +16,7 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import Bank
 from recognition.innovations.coloured_noise import SensorNoise
-from recognition.innovations.retuning import retuned
+from recognition.innovations.retuning import retuned, shifted
 from recognition.innovations.signatures import LEAD, Channels
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
@@ -196,8 +196,9 @@ class Ear:
         known = known - self.mains.at(self.first, known.shape[1])
         self.noise = _noise_of(known[:, :self.quiet])
         rms = _loud_rms(self.noise.whitened(known))
-        if self.retunes:
-            self.plate = retuned(self.plate, self.channels, known[:, self.quiet:], RATE_Hz, self.noise)
+        for needed, tune in ((self.tapped, shifted), (self.retunes, retuned)):
+            if needed:
+                self.plate = tune(self.plate, self.channels, known[:, self.quiet:], RATE_Hz, self.noise)
         self.plate = replace(self.plate, frequency_sd=np.full(len(self.plate.frequency_Hz), LEAST_FREQUENCY_SD))
         self.whitening = Whitening.of(self.plate, self.channels, RATE_Hz, self.noise, rms, PHASE_LOSS)
         bank = Bank.of(self.plate, self.channels, self.prior.forces, self.whitening, RATE_Hz)
