@@ -29,8 +29,7 @@ SEGMENT_S = 1.0
 FORCE_DEGREE = 6  # of log g in the frequency
 DAMPING_SD = 0.05  # of log zeta, where the plate model is sure of it
 SHIFTS = np.linspace(-0.02, 0.02, 17)  # of all log frequencies alike
-SHIFT_HIGHEST_Hz = 3000.0  # of the modes by which such a shift is found
-LEAST_SHIFT = 2e-3  # one that is less does no harm
+SHIFT_HIGHEST_Hz, LEAST_SHIFT = 3000.0, 2e-3  # of the modes by which it is found; one that is less does no harm
 BINS = 256  # of the spectrum that are worked on at once: more do not fit into a processor's cache, and take longer
 
 

@@ -105,9 +105,7 @@ class FusionQ(RatioEstimator):
         return f"R^2 {self.fit_.r2:.5f}, adjusted {self.fit_.r2_adjusted:.5f}"
 
 
-def real_roots(
-    function: Callable[[Integers, Floats], Floats], values: Floats
-) -> tuple[Integers, Floats]:
+def real_roots(function: Callable[[Integers, Floats], Floats], values: Floats) -> tuple[Integers, Floats]:
     """All real roots of f_k(beta) = values[k] in [-margin, 1 + margin], for every k at once.
 
     function(k, beta): elementwise value of function number k at beta. Returns (k, beta) of
