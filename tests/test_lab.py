@@ -170,8 +170,8 @@ def test_list_names_every_case_and_a_wrong_word_is_refused(capsys):
     assert main(["list"]) == 0
     said = capsys.readouterr().out
     assert all(f"{name} " in said and age(case) in said for name, case in CASES.items())
-    for words, reason in ((["none"], "case 'none'"), (["criteria", "x=1"], "option 'x'"),
-                          (["fragments", "packings=1"], "options need --out")):
+    for words, reason in ((["none"], "case 'none'"), (["tolerance", "x=1"], "option 'x'"),
+                          (["two_stones", "packings=1"], "options need --out")):
         with pytest.raises(SystemExit) as ended:
             main(["run", *words])
         assert ended.value.code == 2 and reason in capsys.readouterr().err

@@ -15,25 +15,10 @@ from lab.recognition.baselines import EVALUATED
 from lab.recognition.error_bounds import bounds
 from lab.recognition.superposed import superposed
 from lab.study import Row
-from recognition.evaluation.cross_validation import CASES, NOISES_DB, Case, Evaluation, summary
+from recognition.evaluation.cross_validation import CASES, Case, Evaluation, summary
 from recognition.evaluation.dataset import read_dataset
 
 FAMILIES, NOISE_db = ("clean", "stones", "natural", "wide"), 20.0
-
-
-def recognise_evaluation(out: Path, dataset: str = "runs/dataset") -> Iterator[Row]:
-    """Every case and method at every noise."""
-    evaluation = cache(lambda: Evaluation(read_dataset(dataset)))
-
-    @cache
-    def results(case: Case, name: str) -> dict[float | None, dict[str, Any]]:
-        return {one.noise_db: summary(one) for one in evaluation().run(case, name, EVALUATED[name])}
-
-    for case in CASES:
-        for name in EVALUATED:
-            for noise_db in NOISES_DB:
-                yield Row({"case": case.name, "method": name, "noise_db": noise_db},
-                          partial(lambda case, name, noise_db: results(case, name)[noise_db], case, name, noise_db))
 
 
 def recognise_families(out: Path, runs: int = 44) -> Iterator[Row]:

@@ -1,9 +1,8 @@
-"""Studies of one bonded stone that falls on a rigid plate: of criteria, time step, number of sub-spheres, energy ledger and
-speed. Every row is an impact (`impact`); tables have means and standard errors over the packings."""
+"""Studies of one bonded stone that falls on a rigid plate, by its number of sub-spheres and its speed. Every row is an
+impact (`impact`); tables have means and standard errors over the packings."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -15,30 +14,21 @@ import pandas as pd
 from common.scene.file import OF_A_MATERIAL
 from common.tables import read_toml
 from dem.deck.plausible import CRITICAL_SPEED
-from lab.constants import time_step_constants
-from lab.rock.stone import SCENES, SEEDS, strike
+from lab.rock.stone import SCENES, strike
 from lab.study import Row
 
 FIRST_SEED = 40011
 SHORT_s = 9e-4  # all that breaks but what comes later
-NEVER_Pa = 1e30
 
 
-def impact(material: str, changes: dict[str, Any], duration_s: float = SHORT_s,
-           constants: dict[str, float] | None = None) -> dict[str, Any]:
-    """Figures of one impact; `shares` are the fragments' masses over the stone's, as JSON."""
-    with time_step_constants(constants or {}):
-        found = strike(material, changes, duration_s)
-    energy, over_critical = found["energy"], found["speed_over_critical"][0]
-    return {"dt_s": found["dt_s"], "broken_bonds": found["n_bonds_broken"],
-            "broken_share": float(found["stone"].broken.mean()), "broken_area_cm2": 1e4 * found["broken_area_m2"],
-            "peak_force_N": found["peak_force_N"], "rebound_m_s": found["rebound_speed_m_s"][0],
-            "released_mJ": 1e3 * energy["released_by_breakage_J"], "closure": energy["closure"],
-            "unexplained": energy["contacts_unexplained_J"] / energy["impact_J"],
-            "largest_fragment": found["largest_fragment"], "fragments": len(found["fragments"]), "hoop": found["hoop"],
+def impact(material: str, changes: dict[str, Any], duration_s: float = SHORT_s) -> dict[str, Any]:
+    """Figures of one impact."""
+    found = strike(material, changes, duration_s)
+    over_critical = found["speed_over_critical"][0]
+    return {"broken_share": float(found["stone"].broken.mean()), "broken_area_cm2": 1e4 * found["broken_area_m2"],
+            "released_mJ": 1e3 * found["energy"]["released_by_breakage_J"], "largest_fragment": found["largest_fragment"],
             "resolution": (found["fragment_size_over_subsphere"] or [None])[0],
-            "formula_m_s": over_critical and found["scene"]["stones"]["speed_m_s"] / over_critical,
-            "shares": json.dumps(np.round(found["fragments"], 6).tolist())}
+            "formula_m_s": over_critical and found["scene"]["stones"]["speed_m_s"] / over_critical}
 
 
 def means(rows: pd.DataFrame, by: Sequence[str], columns: Sequence[str]) -> pd.DataFrame:
@@ -48,40 +38,6 @@ def means(rows: pd.DataFrame, by: Sequence[str], columns: Sequence[str]) -> pd.D
     for name in columns:
         table[name], table[f"{name}_sem"] = groups[name].mean(), groups[name].sem()
     return table.reset_index()
-
-
-CRITERIA: dict[str, dict[str, float]] = {
-    "tension and shear, Mohr-Coulomb": {},
-    "tension and shear, constant": {"friction_angle_deg": 0.0},
-    "tension alone": {"shear_strength_Pa": NEVER_Pa},
-    "shear alone, Mohr-Coulomb": {"tensile_strength_Pa": NEVER_Pa},
-    "shear alone, constant": {"tensile_strength_Pa": NEVER_Pa, "friction_angle_deg": 0.0},
-    "none": {"tensile_strength_Pa": NEVER_Pa, "shear_strength_Pa": NEVER_Pa},
-}
-
-
-def criteria(out: Path) -> Iterator[Row]:
-    """The same stone with each breaking criterion."""
-    for name, bond in CRITERIA.items():
-        changes = {f"materials.coal.bond.{key}": value for key, value in bond.items()}
-        yield Row({"criterion": name}, partial(impact, "coal", changes, 2.4e-3))
-
-
-def criteria_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
-    return rows[["criterion", "broken_bonds", "broken_area_cm2", "peak_force_N", "rebound_m_s", "closure"]]
-
-
-def bond_time_step(out: Path) -> Iterator[Row]:
-    """Steps over t0, the last beyond what a scene may ask for."""
-    for fraction in (0.05, 0.1, 0.2, 0.3, 0.36):
-        constants = {"BOND_FRACTION": fraction, "DAMPED_SHARE": 9.0}
-        for seed in SEEDS:
-            yield Row({"step_over_t0": fraction, "seed": seed},
-                      partial(impact, "coal", {"stones.seed": seed}, 2.4e-3, constants))
-
-
-def bond_time_step_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
-    return means(rows, ["step_over_t0"], ["broken_bonds", "broken_area_cm2", "peak_force_N", "closure"])
 
 
 def breakage_size(out: Path, packings: int = 24, counts: tuple[int, ...] = (500, 1000, 2000),
@@ -190,65 +146,3 @@ def critical_speed_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
         if len(own) > 1:
             table.loc[own.index, "energy_exponent"] = 2 * np.polyfit(np.log(own["radius_mm"]), np.log(own["speed_m_s"]), 1)[0]
     return table
-
-
-CLOSED_STONES = {"coal": ((3.5, 4.5, 5.5, 6.5, 8.0), 16), "gangue": ((8.0, 10.0, 12.0), 7)}  # speeds in m/s, packings
-
-
-def closure(out: Path) -> Iterator[Row]:
-    """Stones that break, with friction, at restitutions of 0.9 and 1."""
-    for material, (speeds, packings) in CLOSED_STONES.items():
-        friction = 0.45 if material == "gangue" else 0.4
-        for seed in range(50011, 50011 + 10 * packings, 10):
-            for speed in speeds:
-                for restitution in (0.9, 1.0):
-                    changes = {"stones.seed": seed, "stones.speed_m_s": speed,
-                               f"contacts.{material}_plate": {"restitution": restitution, "friction": friction}}
-                    yield Row({"material": material, "speed_m_s": speed, "restitution": restitution, "seed": seed},
-                              partial(impact, material, changes))
-
-
-def closure_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
-    """Sizes of the closure over the impact's energy."""
-    size = rows.assign(size=rows["closure"].abs()).groupby(["material", "speed_m_s", "restitution"], sort=False)
-    return size.agg(stones=("size", "size"), closure_median=("size", "median"), closure_largest=("size", "max"),
-                    broken_bonds=("broken_bonds", "mean")).reset_index()
-
-
-SUBSPHERES = 1000
-LEAST_SUBSPHERES = 3  # of a fragment that the exponent counts: below, it is the resolution that shows
-LARGEST_SHARE = 0.1   # of the stone's mass, likewise: above, there are too few
-
-
-def fragments(out: Path, packings: int = 8, speeds: tuple[float, ...] = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0)) -> Iterator[Row]:
-    """Each rock of scenes/materials at each speed."""
-    for rock in ROCKS:
-        for speed in speeds:
-            for k in range(packings):
-                changes = of_rock(rock) | {"stones.agglomerate.subspheres": SUBSPHERES, "stones.speed_m_s": speed,
-                                           "stones.seed": FIRST_SEED + 10 * k}
-                yield Row({"rock": rock, "speed_m_s": speed, "packing": k}, partial(impact, ROCKS[rock], changes))
-
-
-def fragments_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
-    """tau: of n(m) ~ m^-tau, over all packings, with the error of leaving out one after the other."""
-    table = means(rows, ["rock", "speed_m_s"], ["broken_area_cm2", "largest_fragment", "fragments", "released_mJ", "hoop"])
-    for k, (_, own) in enumerate(rows.groupby(["rock", "speed_m_s"], sort=False)):
-        shares = [np.array(json.loads(text)) for text in own["shares"]]
-        table.loc[k, "tau"] = mass_exponent(np.concatenate(shares), SUBSPHERES)
-        without = [mass_exponent(np.concatenate(shares[:j] + shares[j + 1:]), SUBSPHERES) for j in range(len(shares))] \
-            if len(shares) > 1 else [np.nan]
-        table.loc[k, "tau_sem"] = np.sqrt((len(without) - 1) * np.var(without))
-    return table
-
-
-def mass_exponent(shares: np.ndarray, subspheres: int) -> float:
-    """Of a number of fragments n(m) ~ m^-tau, by maximum likelihood between both bounds (Newman 2005, Contemp. Phys.
-    46:323, with an upper bound); NaN for fewer than 20."""
-    low, high = LEAST_SUBSPHERES / subspheres, LARGEST_SHARE
-    inside = shares[(shares >= low) & (shares <= high)]
-    if len(inside) < 20:
-        return np.nan
-    taus = np.linspace(1.001, 4.0, 600)
-    norm = (low ** (1 - taus) - high ** (1 - taus)) / (taus - 1)
-    return float(taus[np.argmax(-taus * np.log(inside).mean() - np.log(norm))])

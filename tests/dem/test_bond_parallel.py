@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from dem.record.recorder import read_forces
 from dem.stones.bonds import Bonds
-from lab.rock.bond_limit import highest_frequency_rad_s
+from tests.dem.highest_frequency import highest_frequency_rad_s
 
 E, RATIO = 5e9, 2.0
 LENGTH, RADIUS = 2e-3, 1e-3

@@ -20,7 +20,7 @@ from dem.stones.bonds import (
     stiffness_matrix,
 )
 from dem.stones.packing import Packing, pack_cylinder, pack_sphere
-from lab.rock.bond_limit import highest_frequency_rad_s
+from tests.dem.highest_frequency import highest_frequency_rad_s
 
 E = 5e9
 

@@ -32,7 +32,6 @@ from dem.calibration.virtual_tests import (
 )
 from dem.stones.bonds import network_stiffness
 from lab.rock.dump import read_dump
-from lab.rock.impacts import LARGEST_SHARE, LEAST_SUBSPHERES, mass_exponent
 
 ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=0.3, restitution=0.5, friction=0.6,
             bond_modulus_Pa=6e9, stiffness_ratio=3.0, tensile_strength_Pa=3e6, shear_strength_Pa=6e6,
@@ -293,12 +292,3 @@ def test_fracture_energy_of_the_shipped_coal():
     target = target_of("coal")
     assert fracture_energy(target, 5.12e9, 0.3) == pytest.approx(2.56 / 2.1, rel=1e-3)
     assert fracture_energy(target_of("soft_coal"), 2.96e9, 0.3) == pytest.approx(13 / 2.1, rel=1e-3)
-
-
-@pytest.mark.parametrize("tau", [1.5, 2.2])
-def test_the_exponent_of_fragment_masses_is_found(tau):
-    """Of masses drawn from n(m) ~ m^-tau between the bounds, by the inverse of their distribution."""
-    low, high = LEAST_SUBSPHERES / 1000, LARGEST_SHARE
-    share = np.random.default_rng(3).random(20000)
-    masses = (low ** (1 - tau) - share * (low ** (1 - tau) - high ** (1 - tau))) ** (1 / (1 - tau))
-    assert mass_exponent(masses, 1000) == pytest.approx(tau, abs=0.03)

@@ -15,7 +15,7 @@ from dem.stones.bonds import (
     stiffness_matrix,
 )
 from dem.stones.packing import pack_sphere
-from lab.rock.bond_limit import highest_frequency_rad_s
+from tests.dem.highest_frequency import highest_frequency_rad_s
 
 E, RATIO, KAPPA = 5e9, 2.0, 1.5e9
 LENGTH, RADIUS = 2e-3, 1e-3
