@@ -28,8 +28,8 @@ HIGHEST_SHARE = 0.42  # of the sample rate: above it the low pass of the record 
 SEGMENT_S = 1.0
 FORCE_DEGREE = 6  # of log g in the frequency
 DAMPING_SD = 0.05  # of log zeta, where the plate model is sure of it
-SHIFTS = np.linspace(-0.02, 0.02, 17)  # of all log frequencies alike
-SHIFT_HIGHEST_Hz, LEAST_SHIFT = 3000.0, 2e-3  # of the modes by which it is found; one that is less does no harm
+SHIFTS, LEAST_SHIFT = np.linspace(-0.02, 0.02, 17), 2e-3  # of all log frequencies alike; one that is less does no harm
+SHIFT_HIGHEST_Hz, LEAST_PERIODS = 3000.0, 5.0  # of the modes by which it is found; of the lowest mode in a record
 BINS = 256  # of the spectrum that are worked on at once: more do not fit into a processor's cache, and take longer
 
 
@@ -101,8 +101,9 @@ def retuned(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: floa
 def shifted(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: float, noise: SensorNoise) -> PlateModel:
     """The plate with all frequencies moved by the factor that a record (c, samples) shows: since it was tapped it may
     have become warmer, or be held otherwise. It stays as it is below LEAST_SHIFT, and at the ends of SHIFTS."""
-    low = plate.below(SHIFT_HIGHEST_Hz)
-    kept = np.flatnonzero(low.frequency_Hz > 0)
+    kept = np.flatnonzero((low := plate.below(SHIFT_HIGHEST_Hz)).frequency_Hz > 0)
+    if not kept.size or values.shape[1] < LEAST_PERIODS * rate_Hz / low.frequency_Hz[kept[0]]:
+        return plate
     problem = _problem(low, channels, kept, values, rate_Hz, noise, SHIFT_HIGHEST_Hz)
     every = [replace(problem, start=(problem.start[0] * np.exp(shift), problem.start[1])) for shift in SHIFTS]
     costs = [one.cost(np.r_[np.zeros(2 * len(kept)), _first_level(one)])[0] for one in every]

@@ -38,8 +38,7 @@ LOUDER = 2.0  # power over that of the quiet, in a stretch in which something fa
 FIRST_S, UNTAPPED_S, WAIT_S = 1.0, 20.0, 10.0
 FOLLOWED_S, HUM_MEMORY = 1.0, 0.7  # offset and hum are learnt anew so often, and what was learnt then counts so much
 LOUD = 0.01  # of the power of a record's loudest stretch, in one that counts for its rms
-#: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
-LEAST_DOUBT = 0.005
+LEAST_DOUBT = 0.005  # share of stones whose material is wrong in streams of known truth
 #: Of the rate at which a mode loses its phase if its frequency is off by a standard deviation: an error that stays is
 #: less harmful than a phase that walks.
 PHASE_LOSS = 0.1
