@@ -28,9 +28,10 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 BLOCKS = {f"{page.relative_to(ROOT)} {number}": block for page in PAGES
           for number, block in enumerate(re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL))}
-#: The user's own runs and files, made before a block.
+#: The user's own runs and files, made before a block; "rm": a page begins without runs.
 MADE_BEFORE = {
-    "docs/recognition.md 0": """
+    "README.md 0": "rm -r runs", "docs/recognition.md 0": """
+rm -r runs
 gangue sweep scenes/paper.toml --set time.duration_s=0.04 --out runs/paper
 gangue run scenes/paper.toml --gangue 0.4 --set stones.seed=7 --set time.duration_s=0.04 --out runs/other/ratio_040
 gangue dataset scenes/dataset.toml --runs 1 --out runs/dataset
