@@ -137,7 +137,7 @@ def _by_law(data: DataSet, chosen: Integers, conditions: tuple[str, ...],
     nuisance = data.table[list(conditions)].to_numpy()[chosen] if conditions else None
 
     def rows(kind: str) -> Rows:
-        X = np.stack([channels_of(data.signals()[k], kind) for k in chosen])
+        X = np.stack([channels_of(data.signals[k], kind) for k in chosen])
         law = fit_law(X, data.ratios[chosen], nuisance)
         return [{"noise_db": noise_db, "noise_points": least_error_points(law, noise_db, False),
                  "least_points": least_error_points(law, noise_db, True)} for noise_db in noises_db]
@@ -148,7 +148,7 @@ def _by_law(data: DataSet, chosen: Integers, conditions: tuple[str, ...],
 
 def _by_arrangements(data: DataSet, chosen: Integers, noises_db: Noises) -> Iterator[dict[str, Any]]:
     def rows() -> Rows:
-        signals = [data.signals()[k] for k in chosen]
+        signals = [data.signals[k] for k in chosen]
         model = fit_model(_plate_records(data, chosen), data.table["kin"].to_numpy()[chosen])
         return [{"noise_db": db, "least_points": arrangement_error_points(model, noise)}
                 for db, noise in _noises(signals, noises_db).items()]
@@ -166,7 +166,7 @@ def _by_known_places(data: DataSet, noises_db: Noises) -> Rows:
 
     def rows() -> Rows:
         statistics, _ = force_statistics(_plate_records(data, circle), data.table["kin"].to_numpy()[circle])
-        noises = _noises([data.signals()[k] for k in circle], noises_db)
+        noises = _noises([data.signals[k] for k in circle], noises_db)
         forces = [one.force_record for one in _plate_records(data, free) if one.force_record is not None]
         found = []
         for deviation_m in PLACE_DEVIATIONS_M:
@@ -182,7 +182,7 @@ def _by_known_places(data: DataSet, noises_db: Noises) -> Rows:
 
 def _plate_records(data: DataSet, chosen: Integers) -> list[PlateRecord]:
     """Raises RecordError, RecognitionError."""
-    return [ArrangementLikelihood().prepare(data.signals()[k], data.runs[k]) for k in chosen]
+    return [ArrangementLikelihood().prepare(data.signals[k], data.runs[k]) for k in chosen]
 
 
 def _noises(records: list[pd.DataFrame], noises_db: Noises) -> dict[float | None, Floats]:

@@ -80,6 +80,8 @@ def differences() -> list[Difference]:
         Difference("a sensor 20 mm off", lambda: _moved_sensor(first())),
         Difference("five stones at once", case=Case(at_once=5)),
         Difference("speed 1 to 1.5 m/s", stones=lambda pool: [scaled(h, 1.0, 0.5) for h in pool if h.speed_m_s < 2.9]),
+        Difference("all modes 1 % higher than tapped",
+                   lambda: replace(first(), frequency_Hz=1.01 * first().frequency_Hz)),
         Difference("another plate's taps", lambda: true_plate("2")),
         *(Difference(name, record=with_fault(fault)) for name, fault in FAULTS.items()),
         Difference("record begins amid the stream", record=_late),

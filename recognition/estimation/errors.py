@@ -15,8 +15,4 @@ class RecognitionError(CommandError, ValueError):
 
 
 class NotRecognised(RecognitionError):
-    """A record has no answer under the rules of the method; the message says which rule.
-
-    >>> issubclass(NotRecognised, RecognitionError)
-    True
-    """
+    """A record has no answer under the rules of the method; the message says which rule."""

@@ -80,7 +80,7 @@ class Evaluation:
         for number in map(int, numbers):
             if (name, noise_db, number) not in self._features:
                 run, rng = self.data.runs[number], np.random.default_rng([number, int(noise_db or 0)])
-                noisy = with_noise(self.data.signals()[number], noise_db, rng)
+                noisy = with_noise(self.data.signals[number], noise_db, rng)
                 told = run if noise_db is None or entry.told else None
                 self._features[name, noise_db, number] = entry.make().prepare(noisy, told)
         return [self._features[name, noise_db, int(number)] for number in numbers]

@@ -40,12 +40,9 @@ class DataSet:
     def window(self) -> Window:
         return Window.of(self.runs)
 
+    @cached_property
     def signals(self) -> list[pd.DataFrame]:
         """Records of all runs in the window."""
-        return self._signals
-
-    @cached_property
-    def _signals(self) -> list[pd.DataFrame]:
         return [self.window.cut(run.signals, str(run.path)) for run in self.runs]
 
     @property

@@ -28,6 +28,8 @@ HIGHEST_SHARE = 0.42  # of the sample rate: above it the low pass of the record 
 SEGMENT_S = 1.0
 FORCE_DEGREE = 6  # of log g in the frequency
 DAMPING_SD = 0.05  # of log zeta, where the plate model is sure of it
+SHIFTS, LEAST_SHIFT = np.linspace(-0.02, 0.02, 17), 2e-3  # of all log frequencies alike; one that is less does no harm
+SHIFT_HIGHEST_Hz, LEAST_PERIODS = 3000.0, 5.0  # of the modes by which it is found; of the lowest mode in a record
 BINS = 256  # of the spectrum that are worked on at once: more do not fit into a processor's cache, and take longer
 
 
@@ -96,10 +98,26 @@ def retuned(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: floa
     return replace(plate, frequency_Hz=frequency, damping_ratio=damping)
 
 
+def shifted(plate: PlateModel, channels: Channels, values: Floats, rate_Hz: float, noise: SensorNoise) -> PlateModel:
+    """The plate with all frequencies moved by the factor that a record (c, samples) shows: since it was tapped it may
+    have become warmer, or be held otherwise. It stays as it is below LEAST_SHIFT, and at the ends of SHIFTS."""
+    kept = np.flatnonzero((low := plate.below(SHIFT_HIGHEST_Hz)).frequency_Hz > 0)
+    if not kept.size or values.shape[1] < LEAST_PERIODS * rate_Hz / low.frequency_Hz[kept[0]]:
+        return plate
+    problem = _problem(low, channels, kept, values, rate_Hz, noise, SHIFT_HIGHEST_Hz)
+    every = [replace(problem, start=(problem.start[0] * np.exp(shift), problem.start[1])) for shift in SHIFTS]
+    costs = [one.cost(np.r_[np.zeros(2 * len(kept)), _first_level(one)])[0] for one in every]
+    best = int(np.argmin(costs))
+    before, least, after = costs[max(best - 1, 0):][:3] if 0 < best < len(SHIFTS) - 1 else (1.0, 0.0, 1.0)
+    shift = SHIFTS[best] + (SHIFTS[1] - SHIFTS[0]) * (before - after) / (before - 2 * least + after) / 2
+    inside = LEAST_SHIFT < abs(shift) < SHIFTS[-2]
+    return replace(plate, frequency_Hz=plate.frequency_Hz * np.exp(shift)) if inside else plate
+
+
 def _problem(plate: PlateModel, channels: Channels, kept: np.ndarray, values: Floats, rate_Hz: float,
-             noise: SensorNoise) -> _Spectrum:
+             noise: SensorNoise, highest_Hz: float = np.inf) -> _Spectrum:
     f_Hz, spectrum, count = _spectrum(values[: len(channels.accelerometers)], rate_Hz)
-    inside = (f_Hz > 60) & (f_Hz < HIGHEST_SHARE * rate_Hz)
+    inside = (f_Hz > 60) & (f_Hz < min(HIGHEST_SHARE * rate_Hz, highest_Hz))
     f_Hz, spectrum = f_Hz[inside], spectrum[inside]
     shape = plate.sensor_shape[list(channels.accelerometers)][:, kept]
     smooth = legvander(2 * f_Hz / f_Hz[-1] - 1, FORCE_DEGREE)

@@ -34,8 +34,8 @@ FUSIONS = {
     "absolute": tuple(f"|{name}|" for name in MOTIONS),
     "composite": ENERGY_RESPONSES + MOTIONS,
 }
-#: q / r. The steady gain is then 0.27 for one signal (a time constant of about three
-#: samples, 0.5 ms at 6667 Hz) and 0.42 in total for three. An assumption: the paper gives none.
+#: q / r. The steady gain is then 0.27 for one signal (a time constant of about three samples, 0.5 ms at 6667 Hz) and
+#: 0.42 in total for three. An assumption: the paper gives none.
 PROCESS_TO_MEASUREMENT = 0.1
 
 

@@ -105,16 +105,13 @@ class FusionQ(RatioEstimator):
         return f"R^2 {self.fit_.r2:.5f}, adjusted {self.fit_.r2_adjusted:.5f}"
 
 
-def real_roots(
-    function: Callable[[Integers, Floats], Floats], values: Floats
-) -> tuple[Integers, Floats]:
+def real_roots(function: Callable[[Integers, Floats], Floats], values: Floats) -> tuple[Integers, Floats]:
     """All real roots of f_k(beta) = values[k] in [-margin, 1 + margin], for every k at once.
 
-    function(k, beta): elementwise value of function number k at beta. Returns (k, beta) of
-    every root, both shape (r,), in order of k, then beta: none, one or several for each k.
-    Roots are bracketed on a grid of 0.01 of ratio and bisected, so that any continuous form
-    of fit will do; a pair of roots closer than the grid is no answer that one could use, and
-    is passed over.
+    function(k, beta): elementwise value of function number k at beta. Returns (k, beta) of every root, both shape (r,),
+    in order of k, then beta: none, one or several for each k. Roots are bracketed on a grid of 0.01 of ratio and
+    bisected, so that any continuous form of fit will do; a pair of roots closer than the grid is no answer that one
+    could use, and is passed over.
     """
     values = np.asarray(values, dtype=float)
     above = function(np.arange(values.size)[:, None], _GRID[None, :]) - values[:, None] >= 0

@@ -1,9 +1,8 @@
 """The recognition strategy on fusion curves (Section V-B-3, Figures 37 and 38).
 
-A fusion curve QQ has one value at each of K moments (267 in 0.04 s). At every moment a
-function QQ_k(beta) is fitted to the training runs: the function space. A record is
-recognised so: each moment's QQ is solved for beta; each such candidate is put into the
-functions of all other moments; differences above the available coefficient xi are singular
+A fusion curve QQ has one value at each of K moments (267 in 0.04 s). At every moment a function QQ_k(beta) is fitted to
+the training runs: the function space. A record is recognised so: each moment's QQ is solved for beta; each such
+candidate is put into the functions of all other moments; differences above the available coefficient xi are singular
 points and left out; the candidate with the smallest mean difference is the answer.
 
 Where the paper is silent, these rules hold:
@@ -29,9 +28,9 @@ from recognition.estimation.arrays import Booleans, Floats, Integers
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.paper.q_parameter import real_roots
 
-#: Judging standards. "mean", as published, is over the usable points only, so that a wrong
-#: candidate may win by having its worst points deleted; "truncated" is the mean of
-#: min(difference, xi) over all points, in which a singular point costs xi.
+#: Judging standards. "mean", as published, is over the usable points only, so that a wrong candidate may win by having
+#: its worst points deleted; "truncated" is the mean of min(difference, xi) over all points, in which a singular point
+#: costs xi.
 JUDGES = ("mean", "truncated")
 FLAT = 1e-9  # QQ runs from 0 to 1; moments at which the training runs differ by less carry nothing
 
@@ -169,17 +168,10 @@ class Strategy(BaseEstimator):
         if found.ratio.size == 0:
             raise NotRecognised("no moment has a mixing ratio between -0.05 and 1.05 that explains it")
         if not np.any(found.allowed):
-            raise NotRecognised(
-                f"the best of {found.ratio.size} candidates explains {found.usable_share.max():.0%} of the moments"
-                f" within xi = {self.xi:g}; needs {self.least_share:.0%}"
-            )
+            raise NotRecognised(f"the best of {found.ratio.size} candidates explains {found.usable_share.max():.0%} of "
+                                f"the moments within xi = {self.xi:g}; needs {self.least_share:.0%}")
         best = int(np.argmin(np.where(found.allowed, found.score, np.inf)))
-        return Candidate(
-            float(found.ratio[best]),
-            float(found.score[best]),
-            float(found.usable_share[best]),
-            int(found.moment[best]),
-        )
+        return Candidate(*(getattr(found, name)[best].item() for name in ("ratio", "score", "usable_share", "moment")))
 
     def candidates(self, curve: Floats) -> Candidates:
         """Every candidate ratio of a curve, shape (K,), held against all other moments."""

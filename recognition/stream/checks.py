@@ -98,11 +98,11 @@ class Mains:
         basis = self._basis(first, values.shape[1])
         self.squares = memory * self.squares + basis @ basis.T
         self.products = memory * self.products + basis @ values.T
+        self.factors = np.linalg.lstsq(self.squares, self.products, rcond=None)[0]
 
     def at(self, first: int, count: int) -> Floats:
         """(c, count): their sum from sample `first` on."""
-        factors = np.linalg.lstsq(self.squares, self.products, rcond=None)[0]
-        return np.asarray(factors.T @ self._basis(first, count))
+        return np.asarray(self.factors.T @ self._basis(first, count))
 
     def _basis(self, first: int, count: int) -> Floats:
         turn = 2 * np.pi * np.outer(HUM_Hz, np.arange(first, first + count) / self.rate_Hz)

@@ -16,7 +16,7 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import Bank
 from recognition.innovations.coloured_noise import SensorNoise
-from recognition.innovations.retuning import retuned
+from recognition.innovations.retuning import retuned, shifted
 from recognition.innovations.signatures import LEAD, Channels
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
@@ -38,8 +38,7 @@ LOUDER = 2.0  # power over that of the quiet, in a stretch in which something fa
 FIRST_S, UNTAPPED_S, WAIT_S = 1.0, 20.0, 10.0
 FOLLOWED_S, HUM_MEMORY = 1.0, 0.7  # offset and hum are learnt anew so often, and what was learnt then counts so much
 LOUD = 0.01  # of the power of a record's loudest stretch, in one that counts for its rms
-#: Share of stones whose material is wrong in streams of known truth, docs/listening.md.
-LEAST_DOUBT = 0.005
+LEAST_DOUBT = 0.005  # share of stones whose material is wrong in streams of known truth
 #: Of the rate at which a mode loses its phase if its frequency is off by a standard deviation: an error that stays is
 #: less harmful than a phase that walks.
 PHASE_LOSS = 0.1
@@ -196,8 +195,9 @@ class Ear:
         known = known - self.mains.at(self.first, known.shape[1])
         self.noise = _noise_of(known[:, :self.quiet])
         rms = _loud_rms(self.noise.whitened(known))
-        if self.retunes:
-            self.plate = retuned(self.plate, self.channels, known[:, self.quiet:], RATE_Hz, self.noise)
+        for needed, tune in ((self.tapped, shifted), (self.retunes, retuned)):
+            if needed:
+                self.plate = tune(self.plate, self.channels, known[:, self.quiet:], RATE_Hz, self.noise)
         self.plate = replace(self.plate, frequency_sd=np.full(len(self.plate.frequency_Hz), LEAST_FREQUENCY_SD))
         self.whitening = Whitening.of(self.plate, self.channels, RATE_Hz, self.noise, rms, PHASE_LOSS)
         bank = Bank.of(self.plate, self.channels, self.prior.forces, self.whitening, RATE_Hz)

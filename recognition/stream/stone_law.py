@@ -129,7 +129,7 @@ class Beliefs:
         share = np.array([forces.share_at(m, speed) for m in (0, 1)]).clip(0.02, 0.98)
         precisions = np.asarray(np.linalg.inv([centre, apart]), float)
         return cls(coal, gangue - coal, precisions, limits, shift,
-                   np.mean(forces.scatter, axis=0), forces.broken_scatter,
+                   _FORM * np.mean(forces.scatter, axis=0), forces.broken_scatter,
                    np.log(np.maximum(SCATTER, np.sqrt(limits[:4]))), np.log(share / (1 - share)))
 
     def starts(self, told: Told, rng: np.random.Generator) -> Floats:

@@ -128,6 +128,17 @@ def test_stones_that_differ_from_what_is_told(prior, size, faster_coal, share):
     assert high - low < 0.2 and law.beyond < 3.5
 
 
+def test_stones_that_scatter_less_than_others_are_told_apart(prior):
+    """Clones from 2 to 4 m/s: duration and impulse follow from the speed, and the law finds that nothing else varies."""
+    rng, gangue = np.random.default_rng(9), np.arange(60) < 40
+    law = load_forces()
+    base = np.array([law.mean(int(g), np.array(0.025), np.array(1.0)) for g in gangue])
+    x = base + hertz(1.0, rng.uniform(2, 4, 60)) + ERROR / 2 * rng.standard_normal((60, 3))
+    told = replace(told_of(x), error=np.tile(COVARIANCE / 4, (60, 1, 1)))
+    p = LearntLaw.of(told, prior).probabilities(told, 0.0)[0].mean(axis=1)
+    assert np.where(gangue, 1 - p, p).mean() < 0.03
+
+
 @pytest.mark.parametrize("material", [0, 1])
 def test_one_material_alone_is_told_where_one_knows_some(prior, material):
     """Without a reference it may be either: the interval holds both answers."""

@@ -1,5 +1,7 @@
 """Stones one by one from a stream: the parts against independent references, and the whole on a plate known exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,7 +14,7 @@ from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import FIT_LAGS, LAGS, SHAPE_STEP_M, TIME, Bank
 from recognition.innovations.coloured_noise import SensorNoise
-from recognition.innovations.retuning import retuned
+from recognition.innovations.retuning import retuned, shifted
 from recognition.innovations.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
@@ -168,6 +170,22 @@ def test_frequencies_from_the_ringing(plate, histories, kind):
     assert after < 0.6 * before
     damping = np.log(right.damping_ratio / plate.damping_ratio)[kept & (plate.frequency_Hz > 60)]  # was known, and is kept
     assert abs(damping.mean()) < 4 * damping.std() / np.sqrt(len(damping))
+
+
+def test_a_plate_that_is_warmer_than_when_it_was_tapped(plate, histories, forces):
+    """All frequencies are 1 % off; a plate that is as it was, or is farther off, stays as it was thought to be."""
+    rng = np.random.default_rng(5)
+    truth = draw_stones(histories, 12, 60.0, 0.2, 0.5, rng)
+    quiet = round(0.02 * RATE_Hz)
+    for factor, followed in ((0.99, 0.99), (1.0, 1.0), (1.04, 1.0)):
+        true = replace(plate, frequency_Hz=factor * plate.frequency_Hz)
+        values = stream_of(true, CHANNELS, histories, truth, RATE_Hz, 20.0, rng).values
+        found = shifted(plate, CHANNELS, values[:, quiet:], RATE_Hz, SensorNoise.of(values[:, :quiet]))
+        assert found.frequency_Hz == pytest.approx(followed * plate.frequency_Hz, rel=2e-3)
+        if factor < 1:
+            heard = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), values)
+            assert heard.refused == "" and len(heard.stones) == len(truth)
+    assert found is plate
 
 
 def test_interval_of_stones_that_tell_nothing():

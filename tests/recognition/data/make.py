@@ -19,7 +19,7 @@ GROUPS = ("paper/000", "ring/000", "ring/001", "ring/002", "ring/003", "packing/
 data = read_dataset(sys.argv[1])
 today = read_scene(SCENE).model_dump(mode="json")
 parts = []
-for run, signals, row in zip(data.runs, data.signals(), data.table.to_dict("records"), strict=True):
+for run, signals, row in zip(data.runs, data.signals, data.table.to_dict("records"), strict=True):
     if row["group"] in GROUPS or row["family"] == "thin_plate":
         scene = run.scene.as_json()
         assert scene["materials"] == today["materials"] and scene["contacts"] == today["contacts"], run.path
