@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
+from scipy.integrate import cumulative_simpson
 
 from common.channels import DAMPING_IMPULSE, RODS_MOMENTUM, rod_column
 from common.files.parquet import Columns, write_parquet
@@ -176,7 +176,7 @@ def plate_momentum(prepared: PreparedRun, fast: Columns) -> dict[str, list[float
         return {}
     t_s, plate = fast["t_s"], modes.mass_kg * fast["v_m_s"]
     rods = -np.array([fast[rod_column(k + 1)] for k in range(len(modes.rod_force))]).reshape(-1, len(t_s)).T
-    impulse = cumulative_trapezoid(rods, t_s, axis=0, initial=0)
+    impulse = cumulative_simpson(rods, x=t_s, axis=0, initial=0)
     given = np.cumsum(fast["force_N"]) * (t_s[1] - t_s[0])
     missing = abs(given - impulse.sum(axis=1) + plate + fast[RODS_MOMENTUM] + fast[DAMPING_IMPULSE]).max()
     return {"rod_impulse_N_s": impulse[-1].tolist(), "plate_momentum_kg_m_s": float(plate[-1]),
