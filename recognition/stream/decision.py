@@ -25,6 +25,7 @@ LIKELY = 0.9  # of the laws have no more false alarms than are allowed
 DRAWN, LAWS = 150, 12  # stones of a material of each law, and laws, by which an alarm is foreseen
 STATES, HIGHEST, HALVINGS = 80, 16.0, 7  # of the sum; thresholds are sought up to HIGHEST
 FIRST, LONGER, LAST = 25, 2.0, 800  # stones heard at which the law is learnt, how many times as many again, the last
+NEVER = 1e12  # stones: the linear system has no digits left for a mean time beyond
 SLOW = 4.0  # times the delay by the median law: where one law in ten is slower, references are too few
 
 
@@ -167,8 +168,8 @@ def foreseen(law: LearntLaw, told: Told, stop: Stop, rate_1_s: float, least_doub
 
 
 def mean_stones(coal: Floats, gangue: Floats, share: float, threshold: float) -> float:
-    """Mean number of stones to an alarm, where a share of them is gangue: gains (n,) of coal and of gangue are as
-    frequent as each other."""
+    """Mean number of stones to an alarm, at most NEVER, where a share of them is gangue: gains (n,) of coal and of
+    gangue are as frequent as each other."""
     at = threshold * np.arange(STATES) / STATES
     step = threshold / STATES
     total = np.zeros((STATES, STATES + 1))
@@ -179,7 +180,8 @@ def mean_stones(coal: Floats, gangue: Floats, share: float, threshold: float) ->
         row = np.repeat(np.arange(STATES), len(gains)).reshape(low.shape)
         np.add.at(total, (row, low), weight / len(gains) * (1 - part))
         np.add.at(total, (row, low + 1), weight / len(gains) * part)
-    return float(np.linalg.solve(np.eye(STATES) - total[:, :STATES], np.ones(STATES))[0])
+    left = np.eye(STATES) - total[:, :STATES]
+    return 1 / max(1 / float(np.linalg.solve(left, np.ones(STATES))[0]), 1 / NEVER)  # rounding may make it negative
 
 
 def _any_stone(by_law: Floats, none: Floats) -> Floats:
