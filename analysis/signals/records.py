@@ -85,7 +85,9 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
     anything is sampled."""
     t_s = np.asarray(t_s, dtype=float)
     steps = np.diff(t_s)
-    if steps.size == 0 or not np.all(np.isfinite(t_s)) or np.any(steps <= 0):
+    if steps.size == 0:
+        raise RecordError(f"{source}: has {t_s.size} samples; must have at least 2")
+    if not np.all(np.isfinite(t_s)) or np.any(steps <= 0):
         raise RecordError(f"{source}: times must be finite and rise from sample to sample")
     dt_s = (t_s[-1] - t_s[0]) / steps.size
     worst = int(np.argmax(np.abs(steps - dt_s)))

@@ -62,11 +62,13 @@ def test_missing_rate_column_and_file_are_named(tmp_path):
     np.savetxt(tmp_path / "bare.csv", np.arange(5.0))
     pd.DataFrame({"t_s": np.arange(5.0), "p": 1.0, "q": 2.0}).to_csv(tmp_path / "two.csv", index=False)
     (tmp_path / "text.parquet").write_text("no table")
+    (tmp_path / "header.csv").write_text("t_s,a_m_s2\n")
     for path, words in (
         ("bare.csv", "rate"),
         ("two.csv", "p, q"),
         ("none.csv", "no such"),
         ("text.parquet", "table"),
+        ("header.csv", "has 0 samples"),
     ):
         with pytest.raises(RecordError, match=words) as error:
             read_record(tmp_path / path)
