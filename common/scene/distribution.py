@@ -37,7 +37,7 @@ class Distribution(Table):
     value: Annotated[float | None, about("one value, as a number in place of the table")] = None
     uniform: Annotated[tuple[float, float] | None, about("least and most, by number")] = None
     rosin_rammler: Annotated[RosinRammler | None, about("a law of sizes by mass, cut off")] = None
-    lognormal_cv: Annotated[Annotated[float, Field(gt=0, le=0.5)] | None, about(
+    lognormal_cv: Annotated[Annotated[float, Field(ge=1e-6, le=0.5)] | None, about(
         "a factor: coefficient of variation of a lognormal law of mean 1, cut off at three standard deviations")] = None
 
     @model_validator(mode="after")

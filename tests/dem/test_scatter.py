@@ -148,6 +148,7 @@ def test_drawn_stones_take_what_their_own_table_does_not_say(tmp_path):
 
 @pytest.mark.parametrize("key, value, said", [
     ("radius_factor", {"lognormal_cv": 0.9}, "scatter.radius_factor.lognormal_cv = 0.9"),
+    ("radius_factor", {"lognormal_cv": 1e-200}, "scatter.radius_factor.lognormal_cv = 1e-200"),
     ("radius_factor", {"uniform": [-1.0, 1.0]}, "scatter.radius_factor = .*must be from 0.05 to 20"),
     ("restitution", {"uniform": [0.5, 1.1]}, "scatter.restitution = .*must be from 0.051 to 1"),
     ("density", 2.0, "scatter.density = 2.0: unknown key"),
