@@ -34,7 +34,7 @@ def rigid(plate: FlexiblePlate, rod: Rod, theory: str) -> Joint:
     """As a joint that is as good as rigid."""
     a = rod.diameter_m / 2
     least = LEAST_COMPLIANCE / (plate.youngs_modulus_Pa * a)
-    return Joint(0.0, 0.0, 0.0, least, np.diag([least, least / a**2]))
+    return Joint(0.0, 0.0, 0.0, (0.0, 0.0), least, np.diag([least, least / a**2]))
 
 
 def joints(out: Path, duration_s: float = 0.04) -> Iterator[Row]:

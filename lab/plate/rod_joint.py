@@ -10,6 +10,9 @@ subtracted:
   into a saddle. From the turn of the bent rim.
 - offset: a rod's head moves by offset t^2 tr e more than the mid-plane, e = sym grad theta. From the rod's rise when
   the rim is bent; the lower face comes nearer to the mid-plane by Poisson's effect, but for the rod in its way.
+- sheared_side t, sheared_turn: by these factors of the mean of grad w - theta over the disc the head moves sideways and
+  turns more than the normals of the plate do. From the motion of the head when the rim is lifted on one side and
+  lowered on the other, but not turned. None of a disc wider than twice the thickness: its mean shear is too small.
 - axial (1/E a), side (1/E a), side_turn (1/E a^2) and turn (1/E a^3): compliances of the joint. Kirchhoff's theory has
   others of its own, since its discs turn less.
 """
@@ -124,16 +127,21 @@ class Solid:
             row[axis * self.size + on[k : k + DEGREE + 1]] += moments
         return row
 
-    def response(self, loads: list[np.ndarray], held: np.ndarray, thickness: float, rim: float) -> np.ndarray:
-        """Return displacements (3 size, loads); the rim's mean u_z, weighted by the shear stress, is held too."""
+    def response(self, loads: list[np.ndarray], held: np.ndarray, thickness: float, rim: float,
+                 clamped: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Return displacements (3 size, loads), and the force (loads,) of the rim, whose mean u_z, weighted by the shear
+        stress, is held too; of a clamped rim also the mean and the turn of u_r and u_phi, as in a plate's theory."""
         free = np.setdiff1d(np.arange(3 * self.size), held)
-        mean = self.integral(2, lambda z: 1.5 / thickness * (1 - 4 * (z / thickness - 0.5) ** 2), r=rim)
-        row = sp.csc_array(mean[None, free])
+        means = [self.integral(2, lambda z: 1.5 / thickness * (1 - 4 * (z / thickness - 0.5) ** 2), r=rim)]
+        if clamped:
+            means += [self.integral(axis, weight, r=rim) for axis in (0, 1)
+                      for weight in (np.ones_like, lambda z: z / thickness - 0.5)]
+        row = sp.csc_array(np.array(means)[:, free])
         bordered = sp.block_array([[self.stiffness[free][:, free], row.T], [row, None]], format="csc")
         response = np.zeros((3 * self.size, len(loads)))
-        pushed = np.vstack([np.array(loads).T[free], np.zeros((1, len(loads)))])
-        response[free] = splu(bordered).solve(pushed)[:-1]
-        return response
+        found = splu(bordered).solve(np.vstack([np.array(loads).T[free], np.zeros((len(means), len(loads)))]))
+        response[free] = found[: len(free)]
+        return response, found[len(free)]
 
 
 class Column(Solid):
@@ -177,7 +185,7 @@ class Theory:
         lines = np.append(along(0, 1, cells // 3, "end"), along(1, rim, cells * 2 // 3, "start")[1:])
         n, self.size = harmonic, DEGREE * (len(lines) - 1) + 1
         self.bent, self.stretched = np.zeros(2 * (3 * self.size,)), np.zeros(2 * (2 * self.size,))
-        self.mean_w, self.mean_e, self.mean_turn = np.zeros((3, 3 * self.size))
+        self.mean_w, self.mean_e, self.mean_turn, self.mean_shear = np.zeros((4, 3 * self.size))
         bending, shear = thickness**3 / 12 / (1 - nu**2), kappa * thickness / 2 / (1 + nu)
         bowl, saddle = np.array([[[1, 1, 0], [1, 1, 0], [0, 0, 0]], [[1, -1, 0], [-1, 1, 0], [0, 0, 1]]])
         plane, disc = ((1 + nu) / 2 * factor * bowl + (1 - nu) / 2 * more * saddle
@@ -199,6 +207,8 @@ class Theory:
                     self.mean_w[w] += 2 * area * f
                     self.mean_e[self.size + turns] += 2 * area * (e[0] + e[1])
                     self.mean_turn[self.size + turns] += area * np.append(f, -f)
+                    self.mean_shear[w] += area * (by_r + f / r)
+        self.mean_shear -= self.mean_turn
 
     def of_rise(self) -> np.ndarray:
         """Compliances (3, 3) of the disc's mean w, its mean tr e, and the turn of the rim, where w is held."""
@@ -213,13 +223,23 @@ class Theory:
         turn[[2 * n - 1, 3 * n - 1]] = 1.0, -1.0
         return float(_compliance(self.bent, np.array([0, n, 2 * n]), [turn])[0, 0])
 
-    def of_push(self, thickness: float) -> np.ndarray:
-        """Compliances (2, 2) of the disc's lower face sideways and of its mean turn; the rim is held."""
+    def of_lift(self) -> np.ndarray:
+        """The disc's mean turn and mean shear where the rim is lifted by cos phi, and not turned."""
         n = self.size
-        turn = _compliance(self.bent, np.array([0, n - 1, 2 * n - 1, 3 * n - 1]), [self.mean_turn])[0, 0]
-        stretch = _compliance(self.stretched, np.array([n - 1, 2 * n - 1]), [self.mean_turn[n:]])[0, 0]
-        arm = thickness / 2
-        return np.array([[stretch + arm**2 * turn, arm * turn], [arm * turn, turn]])
+        held, free = np.array([0, n - 1, 2 * n - 1, 3 * n - 1]), np.ones(3 * n, bool)
+        free[held] = False
+        moved = np.zeros(3 * n)
+        moved[n - 1] = 1.0
+        moved[free] = -np.linalg.solve(self.bent[np.ix_(free, free)], self.bent[free, n - 1])
+        return np.array([self.mean_turn, self.mean_shear]) @ moved
+
+    def of_push(self, thickness: float, sheared: np.ndarray) -> np.ndarray:
+        """Compliances (2, 2) of the head sideways and of its turn; the rim is held."""
+        n = self.size
+        head = np.outer([thickness / 2, 1], self.mean_turn) + np.outer(sheared, self.mean_shear)
+        found = _compliance(self.bent, np.array([0, n - 1, 2 * n - 1, 3 * n - 1]), list(head))
+        found[0, 0] += _compliance(self.stretched, np.array([n - 1, 2 * n - 1]), [self.mean_turn[n:]])[0, 0]
+        return found
 
 
 def _compliance(stiffness: np.ndarray, held: np.ndarray, rows: list[np.ndarray]) -> np.ndarray:
@@ -235,7 +255,7 @@ def pulled_and_bent(thickness: float, rim: float, nu: float, rod_modulus: float,
     look = solid.lines_z[abs(solid.lines_z + LOOK).argmin()]
     head, foot = (solid.integral(2, lambda r: 2 * r, z=z) for z in (look, -LENGTH))
     turn = solid.integral(0, lambda z: -12 / thickness**3 * (z - thickness / 2), r=rim)
-    found = np.array([head, turn]) @ solid.response([foot, turn], held, thickness, rim)
+    found = np.array([head, turn]) @ solid.response([foot, turn], held, thickness, rim)[0]
     found[0, 0] += look / (rod_modulus * np.pi)
     return np.asarray(found)
 
@@ -251,25 +271,26 @@ def twisted(thickness: float, rim: float, nu: float, rod_modulus: float, fine: i
     return float(turn @ splu(sp.csc_array(solid.stiffness[free][:, free])).solve(turn))
 
 
-def pushed(thickness: float, rim: float, nu: float, rod_modulus: float, fine: int = 1) -> np.ndarray:
-    """Compliances (2, 2) of the solid: side and turn of the rod's head, from forces there; the rim is held."""
+def pushed(thickness: float, rim: float, nu: float, rod_modulus: float, fine: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Compliances (2, 2) of the solid: side and turn of the rod's head, from forces there; the rim is held. And both
+    motions where the rim is lifted by cos phi instead: by Betti's theorem less the force on it."""
     solid = Solid(thickness, rim, nu, rod_modulus, 1, fine)
-    n, edge = solid.size, np.flatnonzero(np.isclose(solid.r, rim))
     look = solid.lines_z[abs(solid.lines_z + LOOK).argmin()]
 
     def motion(z: float) -> list[np.ndarray]:
         side = solid.integral(0, lambda r: r, z=z) - solid.integral(1, lambda r: r, z=z)
         return [side, solid.integral(2, lambda r: 4 * r**2, z=z)]
 
-    held = np.concatenate([2 * n + np.flatnonzero(solid.r == 0), edge, n + edge])
-    found = np.array(motion(look)) @ solid.response(motion(-LENGTH), held, thickness, rim)
+    held = 2 * solid.size + np.flatnonzero(solid.r == 0)
+    response, lifted = solid.response(motion(-LENGTH), held, thickness, rim, clamped=True)
+    found = np.array(motion(look)) @ response
     found[:, 0] -= (LENGTH + look) * found[:, 1]  # from force and moment at the foot to those at the section
     s, bending = -look, rod_modulus * np.pi / 4
     shear = 6 * (1 + nu) / (7 + 6 * nu) * rod_modulus / 2 / (1 + nu) * np.pi
     found -= np.array([[s**3 / 3 / bending + s / shear, s**2 / 2 / bending], [s**2 / 2 / bending, s / bending]])
     to_head = np.array([[1, -s], [0, 1]])
     found = to_head @ found @ to_head.T
-    return np.asarray((found + found.T) / 2)
+    return (found + found.T) / 2, lifted - np.array([LENGTH * lifted[1], 0.0])  # the rod itself is not bent then
 
 
 def joint(radius_over_thickness: float, nu: float, rod_modulus: float, fine: int = 1, rim: float = 4.0) -> dict[str, float]:
@@ -277,7 +298,8 @@ def joint(radius_over_thickness: float, nu: float, rod_modulus: float, fine: int
     thickness is the radius of the plate."""
     t = 1 / radius_over_thickness
     rim *= 1 + t
-    rise, push = (solid(t, rim, nu, rod_modulus, fine) for solid in (pulled_and_bent, pushed))
+    rise = pulled_and_bent(t, rim, nu, rod_modulus, fine)
+    push, lifted = pushed(t, rim, nu, rod_modulus, fine)
 
     def theory(stub: float) -> np.ndarray:
         return Theory(0, t, rim, nu, REISSNER, stub).of_rise()
@@ -290,10 +312,12 @@ def joint(radius_over_thickness: float, nu: float, rod_modulus: float, fine: int
     offset = (rise[0, 1] - of[0, 2]) / of[1, 2]
     found = {"stub": stub, "stub_twist": stub_twist, "offset": offset / t**2,
              "axial": rise[0, 0] - of[0, 0] - 2 * offset * of[0, 1] - offset**2 * of[1, 1]}
+    turn, shear = Theory(1, t, rim, nu, REISSNER, stub, stub_twist).of_lift()
+    sheared = (lifted - turn * np.array([t / 2, 1])) / shear if t >= 1 else np.zeros(2)
     for name, kappa in (("", REISSNER), ("kirchhoff_", RIGID_IN_SHEAR)):
-        more = push - Theory(1, t, rim, nu, kappa, stub, stub_twist).of_push(t)
+        more = push - Theory(1, t, rim, nu, kappa, stub, stub_twist).of_push(t, sheared)
         found |= {f"{name}side": more[0, 0], f"{name}side_turn": more[0, 1], f"{name}turn": more[1, 1]}
-    return found
+    return found | {"sheared_side": sheared[0] / t, "sheared_turn": sheared[1]}
 
 
 def foot(nu: float, fine: int = 1) -> tuple[float, float]:

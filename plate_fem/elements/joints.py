@@ -21,13 +21,15 @@ class Joint:
     """What the material about a rod's head does beyond the theories of plate and rod (lab/plate/rod_joint.py).
 
     The disc of the plate above the rod is stiffer by 1 + `stub`, and by 1 + `stub_twist` where it bends into a saddle.
-    The head moves by `offset_m2` tr e more than the mid-plane, e = sym grad theta. `axial_m_N` and `bending` (2, 2), in
-    m/N, 1/N and 1/(N m), are compliances under a pull, and under a push sideways and a moment.
+    The head moves by `offset_m2` tr e more than the mid-plane, e = sym grad theta, and by `sheared`, in m and in 1,
+    times grad w - theta more sideways and in turn than the normals. `axial_m_N` and `bending` (2, 2), in m/N, 1/N
+    and 1/(N m), are compliances under a pull, and under a push sideways and a moment.
     """
 
     stub: float
     stub_twist: float
     offset_m2: float
+    sheared: tuple[float, float]
     axial_m_N: float
     bending: np.ndarray
 
@@ -43,15 +45,14 @@ def joint_of(plate: FlexiblePlate, rod: Rod, theory: str) -> Joint:
     of = "kirchhoff_" if theory == "kirchhoff" else ""
     scaled = np.array([[found[f"{of}side"], found[f"{of}side_turn"]], [found[f"{of}side_turn"], found[f"{of}turn"]]])
     size, directions = np.linalg.eigh(scaled)
-    per_length = np.array([1, 1 / a])
-    bending = (directions * np.maximum(size, LEAST_COMPLIANCE)) @ directions.T * np.outer(per_length, per_length)
+    bending = (directions * np.maximum(size, LEAST_COMPLIANCE)) @ directions.T * np.outer([1, 1 / a], [1, 1 / a])
     return Joint(found["stub"], found["stub_twist"], found["offset"] * plate.thickness_m**2,
+                 (found["sheared_side"] * plate.thickness_m, found["sheared_turn"]),
                  max(found["axial"], LEAST_COMPLIANCE) / (modulus * a), bending / (modulus * a))
 
 
 def joint_range() -> list[tuple[float, float]]:
-    """Return least and most of a rod's radius over the plate's thickness, and of its modulus over the plate's, of which
-    joints are known."""
+    """Return least and most of radius over the plate's thickness, and of moduli's ratio, of which joints are known."""
     return [(float(np.exp(axis[0])), float(np.exp(axis[-1]))) for axis in _joints()[1][::2]]
 
 

@@ -60,7 +60,7 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     """Return the PARTS that a rod adds to a plate: the bar, the beams in the planes xz and yz, the shaft and the stub.
 
     The head of the rod has the mean deflection of the plate over its disc, the lateral displacement of the plate's
-    lower surface and the plate's rotation there, but for what its joint gives way.
+    lower surface and a turn by its rotation and share of shear, but for what its joint gives way.
     """
     points, weights = disc_quadrature(rod.x_m, rod.y_m, rod.diameter_m / 2)
     mean, lower_m = sp.csr_array(weights[None, :]), -system.plate.thickness_m / 2
@@ -68,8 +68,9 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     x, y, _ = system.curvature(points)
     pulled = _joined(*_bar(_alike(rod, BAR_FOOT), max_frequency_Hz), np.array([[joint.axial_m_N]]))
     bent = _joined(*_beam(_alike(rod, BEAM_FOOT), max_frequency_Hz), joint.bending)
-    heads = [sp.vstack([mean @ system.lateral(points, axis, lower_m), mean @ system.rotation(points, axis)])
-             for axis in (0, 1)]
+    heads = [sp.vstack([mean @ (system.lateral(points, axis, lower_m) + joint.sheared[0] * shear),
+                        mean @ (system.rotation(points, axis) + joint.sheared[1] * shear)])
+             for axis, shear in enumerate(_shears(system, points))]
     return [_tied(pulled, mean @ (system.deflection(points) + joint.offset_m2 * (x + y))),
             *(_tied(bent, head) for head in heads),
             _tied(_shaft(_alike(rod, 0.0), max_frequency_Hz), mean @ system.yaw(points)),
@@ -87,6 +88,11 @@ def _alike(rod: Rod, foot: float) -> Rod:
     return rod.model_copy(update={"x_m": 0.0, "y_m": 0.0, "length_m": rod.length_m / (1 + shorter)})
 
 
+def _shears(system: PlateSystem, points: np.ndarray) -> list[sp.csr_array]:
+    """Return the rows of grad w - theta, along x and y."""
+    return [system.deflection(points, by) - system.rotation(points, axis) for axis, by in enumerate(((1, 0), (0, 1)))]
+
+
 def _stub(system: PlateSystem, joint: Joint, points: np.ndarray, area_m2: np.ndarray) -> Part:
     """Return what the joint adds to the plate's energy over areas (k,) at points (k, 2)."""
     (x, y, twist), plate = system.curvature(points), system.plate
@@ -94,8 +100,7 @@ def _stub(system: PlateSystem, joint: Joint, points: np.ndarray, area_m2: np.nda
     saddle = joint.stub_twist * bending * (1 - nu)
     rows, stiff = [x + y, x - y, twist], [joint.stub * bending * (1 + nu), saddle, saddle]
     if system.theory == "mindlin":
-        slopes = zip(((1, 0), (0, 1)), (0, 1), strict=True)
-        rows += [system.deflection(points, by) - system.rotation(points, axis) for by, axis in slopes]
+        rows += _shears(system, points)
         stiff += 2 * [joint.stub * shear_stiffness(plate)]
     diagonal = sp.diags_array(np.outer(stiff, area_m2).ravel(), format="csr")
     size = diagonal.shape[0]
@@ -116,11 +121,6 @@ def _joined(stiffness: sp.csr_array, mass: sp.csr_array, top: np.ndarray, base: 
 def _pick(size: int, chosen: Sequence[int] | np.ndarray) -> sp.csr_array:
     """Return the sparse matrix (size, k) that places k numbers at the chosen rows."""
     return sp.csr_array((np.ones(len(chosen)), (chosen, np.arange(len(chosen)))), shape=(size, len(chosen)))
-
-
-def base_force_row(bar: Part) -> sp.csr_array:
-    """Return the sparse row (1, n_local) that gives the axial force (N, tension positive) at the base of a bar."""
-    return -sp.csr_array(bar.stiffness)[list(bar.held)]
 
 
 def _lines_m(rod: Rod, wavelength_m: float) -> np.ndarray:

@@ -50,7 +50,7 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
         stiffness = stiffness + tie.T @ sp.block_diag([part.stiffness for part in parts], format="csr") @ tie
         mass = mass + tie.T @ sp.block_diag([part.mass for part in parts], format="csr") @ tie
     bars = zip(parts[:: rods.PARTS], ties[:: rods.PARTS], strict=True)
-    forces = [rods.base_force_row(bar) @ tie for bar, tie in bars]
+    forces = [-bar.stiffness[list(bar.held)] @ tie for bar, tie in bars]  # axial, at the base, tension positive
     rod_force = sp.vstack(forces) if forces else sp.csr_array((0, size))
     own = [np.unique(tie.indices[tie.indices >= system.size]) for tie in ties]
     blocks = [_free(system, basis) for basis in mirror.blocks(system, own, size)]

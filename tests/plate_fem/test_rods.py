@@ -84,10 +84,10 @@ def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says(nu):
 @pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
 def test_stub_and_head_of_a_rod_where_the_plate_bends_or_shears(theory):
     """Energy over the disc, of w = x^2/2 + xy bent and, with shear, of w = x: the plate's own, bowl and saddle apart,
-    times stubs and area. The bent plate lifts the head by the mean of w and by the offset."""
+    times stubs and area. The bent plate lifts the head by the mean of w and by the offset, the sheared one turns it."""
     table = plate(rods=[rod(0.1, 0.05)], theory=theory, max_frequency_Hz=2e3)
     system, joint = assemble(table)[0], joint_of(table, table.rods[0], theory)
-    bar, *_, stub = attach(system, table.rods[0], 2e3)
+    bar, beam, *_, stub = attach(system, table.rods[0], 2e3)
     x, y = (axis.ravel() for axis in np.meshgrid(system.lines_x_m, system.lines_y_m, indexing="ij"))
     u = np.zeros(system.size)
     if theory == "kirchhoff":
@@ -98,17 +98,22 @@ def test_stub_and_head_of_a_rod_where_the_plate_bends_or_shears(theory):
     else:
         u[: len(x)], u[len(x) : 2 * len(x)] = x, 1.0
         energy = shear_stiffness(table) * joint.stub
+        assert beam.rows @ u == pytest.approx(joint.sheared, rel=1e-9) and joint.sheared[1] > 0.8
     strain = stub.rows @ u
     assert strain @ (stub.stiffness @ strain) == pytest.approx(energy * math.pi * 0.01**2, rel=1e-9)
 
 
 def test_solid_of_revolution_in_limits_that_are_known():
     """A rod almost without stiffness leaves the plate alone, whose lower face follows the mid-plane where Poisson's
-    ratio is zero; so does the foot of any rod its theories. A stiff disc on a half-space turns by 3/4 (1 - nu^2)."""
+    ratio is zero; so does the foot of any rod its theories. That face is normal to the rod, where shear stress is a
+    parabola: it turns by all of the shear and moves sideways by t/12 of it. A stiff disc on a half-space turns by
+    3/4 (1 - nu^2)."""
     soft, stiff = joint(0.6, 0.0, 1e-6), joint(0.1, 0.3, 1e3, fine=2)
     assert max(abs(soft["stub"]), abs(soft["stub_twist"])) < 1e-5 and abs(soft["offset"]) < 1e-3
     assert np.abs(foot(0.0)).max() < 1e-6
-    assert stiff["turn"] == pytest.approx(0.75 * 0.91, rel=0.05)
+    thin = joint(0.1, 0.0, 1e-6)
+    assert [thin["sheared_side"], thin["sheared_turn"]] == pytest.approx([1 / 12, 1], rel=2e-3)
+    assert stiff["kirchhoff_turn"] == pytest.approx(0.75 * 0.91, rel=0.05)
 
 
 @pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
