@@ -127,11 +127,14 @@ def test_numbers_that_are_told_as_a_range(volleys, true, known):
 
 
 def test_a_gain_is_refused(volleys, known):
-    """One channel 0.8 of what it was; with all channels alike only the stones seem smaller."""
-    values = volleys[2][1] * np.array([[1.0], [0.8], [1.0], [1.0]])
-    found = recognise_volley(known, SENSORS, TEN, load_forces(), values)
-    assert "gain of a channel" in found.refused
-    assert found.likelihood.gain[1] == pytest.approx(0.8, abs=0.05)
+    """One channel 0.8 of what it was; with all channels alike only the stones seem smaller. Of one record the gain is
+    known within some 3 %."""
+    gains = []
+    for _, values in volleys:
+        found = recognise_volley(known, SENSORS, TEN, load_forces(), values * np.array([[1.0], [0.8], [1.0], [1.0]]))
+        assert found.refused
+        gains.append(found.likelihood.gain[1])
+    assert np.mean(gains) == pytest.approx(0.8, abs=0.03)
 
 
 def test_stones_that_push_too_little_are_refused(true, known):
