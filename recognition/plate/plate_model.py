@@ -156,22 +156,22 @@ class PlateModel:
             raise RecognitionError(f"{len(force)} forces for {len(places)} places; needs one each")
         return np.asarray(-self.shape(places[:, 0], places[:, 1]).T @ force, float)
 
-    def save(self, file: Path) -> None:
+    def save(self, file: str | Path) -> None:
         """Write a JSON file, sealed by its hash."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         lists = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
-        write_text(file, json.dumps(seal({"format": FORMAT, **lists, "sensor_names": list(self.sensor_names)})))
+        write_text(Path(file), json.dumps(seal({"format": FORMAT, **lists, "sensor_names": list(self.sensor_names)})))
 
     @classmethod
-    def load(cls, file: Path) -> Self:
+    def load(cls, file: str | Path) -> Self:
         """Read what `save` wrote. RecognitionError, one line, for anything else."""
         try:
-            content = read_sealed_json(file)
+            content = read_sealed_json(Path(file))
         except InputError as error:
             raise RecognitionError(str(error)) from None
         if content is None:
             raise RecognitionError(f"{file}: no such file")
-        return _decoded(cls, content, file)
+        return _decoded(cls, content, Path(file))
 
 
 def _decoded(cls: Any, content: dict[str, Any], file: Path) -> Any:

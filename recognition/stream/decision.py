@@ -1,7 +1,7 @@
 """When to stop drawing: a sequential test (CUSUM) on the stones as they are heard.
 
-A stone's odds of gangue give the likelihood of two shares of gangue, the one above which drawing shall stop and half of
-it. The logarithm of their ratio is summed up over the stones, from zero, and never below zero; past a threshold it is
+A stone's odds of gangue give the likelihood of two shares of gangue, one below that above which drawing shall stop, as
+the share rises meanwhile, and one at which it must not. The logarithm of their ratio is summed up over the stones, from zero, and never below zero; past a threshold it is
 an alarm, and the sum begins anew. What a threshold costs is known beforehand: stones are drawn from the laws that known
 stones and those heard so far teach, and the sum is a Markov chain (Brook and Evans, Biometrika 59, 539) whose mean time
 to an alarm is that of a linear system. As laws are uncertain, so are delay and false alarms.
@@ -20,7 +20,7 @@ from recognition.estimation.errors import RecognitionError
 from recognition.stream.prior import StonePrior
 from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told
 
-CALM = 0.5  # of the share from which drawing shall stop: at it alarms are false ones
+RAISED, CALM = 0.75, 0.5  # of the share above which drawing shall stop: tested for; where alarms are false ones
 LIKELY = 0.9  # of the laws have no more false alarms than are allowed
 DRAWN, LAWS = 150, 12  # stones of a material of each law, and laws, by which an alarm is foreseen
 STATES, HIGHEST, HALVINGS = 80, 16.0, 7  # of the sum; thresholds are sought up to HIGHEST
@@ -44,7 +44,7 @@ class Stop:
 
     def gain(self, gangue: Floats) -> Floats:
         """Log likelihood ratio of stones of a probability of gangue."""
-        high, low = (p * gangue + (1 - p) * (1 - gangue) for p in (self.above, CALM * self.above))
+        high, low = (p * gangue + (1 - p) * (1 - gangue) for p in (RAISED * self.above, CALM * self.above))
         return np.asarray(np.log(high / low))
 
 

@@ -100,7 +100,8 @@ class Source:
 def _opened(record: str) -> Callable[[], bytes]:
     """What gives the bytes that are there, and none at the end."""
     if record == "-":
-        return lambda: os.read(0, AT_ONCE)
+        standard_input = os.dup(0)  # an earlier reader, which still waits, takes no bytes of what replaces it
+        return lambda: os.read(standard_input, AT_ONCE)
     try:
         if record.startswith(TCP):
             host, _, port = record.removeprefix(TCP).rpartition(":")

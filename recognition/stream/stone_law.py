@@ -39,6 +39,7 @@ DROPPED_SD = np.array([0.05, 0.12])  # of known stones' size and speed, by those
 #: stiffness.
 SCATTER, SCATTER_SD, WIDEST = np.array([0.05, 0.05, 0.03, 0.03]), 1.0, 1.0
 BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
+HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: where one breaks more easily, so does the other
 LUMPS, LUMP_SD = 0.03, 0.8  # share of stones of far another size, and the deviation of its logarithm
 OTHER_DENSITY = 1 / (3.0 * 12.0 * 6.0)  # of what is no such stone: log s, b and log J are anything
 FREEDOM = 6.0  # of the t distribution about a centre
@@ -53,6 +54,7 @@ UNKNOWN = -1
 MASS = np.array([3.0, 0, 0, 0, 1])  # of its logarithm along DIRECTIONS
 Integers = NDArray[np.int64]
 _FORM = np.diag([0.0, 1.0, 0.0])
+_BREAKS = np.linalg.inv(BREAKS_SD**2 - HARDER_SD**2 / 2 * (1 - np.eye(2)))
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,8 @@ class Beliefs:
         limits = np.r_[logs.var(axis=0), 0, 0, 0]
         centre = _along(CENTRE_SD**2 + limits) + CENTRE_FORM_SD**2 * _FORM
         apart = _along(APART_SD**2) + APART_FORM_SD**2 * _FORM
-        shift = np.array([forces.broken_mean(m, radius, speed) - mean for m, mean in enumerate((coal, gangue))])
+        shift = np.array([forces.broken_mean(m, radius, speed) - mean + _faster(prior, m) * DIRECTIONS[1]
+                          for m, mean in enumerate((coal, gangue))])
         share = np.array([forces.share_at(m, speed) for m in (0, 1)]).clip(0.02, 0.98)
         precisions = np.asarray(np.linalg.inv([centre, apart]), float)
         return cls(coal, gangue - coal, precisions, limits, shift,
@@ -147,11 +150,11 @@ class Beliefs:
 
     def log_prior(self, z: Floats) -> Floats:
         """(k,): of laws (k, NUMBERS), but for a constant; any share of gangue is as likely."""
-        off, apart = z[:, CENTRE] - self.centre, z[:, APART] - self.apart
+        off, apart, breaks = z[:, CENTRE] - self.centre, z[:, APART] - self.apart, z[:, BROKEN] - self.breaks
         total = -0.5 * (np.einsum("ki,ij,kj->k", off, self.precisions[0], off)
                         + np.einsum("ki,ij,kj->k", apart, self.precisions[1], apart)
                         + np.sum(((z[:, SCATTERS] - self.scatter) / SCATTER_SD) ** 2, axis=1)
-                        + np.sum(((z[:, BROKEN] - self.breaks) / BREAKS_SD) ** 2, axis=1)
+                        + np.einsum("ki,ij,kj->k", breaks, _BREAKS, breaks)
                         + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1))
         s, _, j = z[:, APART].T
         too_light = np.minimum(np.minimum(j - LEAST_APART[0], j - 3 * s - LEAST_APART[1]), 0)
@@ -160,9 +163,9 @@ class Beliefs:
     @property
     def curvature(self) -> Floats:
         """(NUMBERS, NUMBERS): about that of minus the log prior."""
-        out = np.diag(np.r_[np.zeros(6), np.full(4, SCATTER_SD**-2), 0.25, np.full(2, BREAKS_SD**-2), OTHER_SD**-2,
-                            DROPPED_SD**-2])
+        out = np.diag(np.r_[np.zeros(6), np.full(4, SCATTER_SD**-2), 0.25, np.zeros(2), OTHER_SD**-2, DROPPED_SD**-2])
         out[CENTRE, CENTRE], out[APART, APART] = self.precisions
+        out[BROKEN, BROKEN] = _BREAKS
         return out
 
     def log_classes(self, z: Floats, told: Told) -> Floats:
@@ -256,6 +259,13 @@ class LearntLaw:
         seen = DIRECTIONS.T @ v @ DIRECTIONS + b.whole + CENTRE_FORM_SD**2 * _FORM + told.error
         gain = np.linalg.solve(seen, DIRECTIONS.T @ v).swapaxes(1, 2)
         return np.einsum("nij,nj->ni", gain, off), v - gain @ DIRECTIONS.T @ v
+
+
+def _faster(prior: StonePrior, material: int) -> float:
+    """Logarithm of the speed of stones that break, in the mean, less that of all."""
+    speed = prior.grid[:, 1]
+    share = prior.forces.share_at(material, speed).clip(1e-3)
+    return float(np.average(np.log(speed), weights=share) - np.log(speed).mean())
 
 
 def doubted(log_odds: Floats, least_doubt: float) -> Floats:
