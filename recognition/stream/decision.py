@@ -1,10 +1,11 @@
 """When to stop drawing: a sequential test (CUSUM) on the stones as they are heard.
 
 A stone's odds of gangue give the likelihood of two shares of gangue, one below that above which drawing shall stop, as
-the share rises meanwhile, and one at which it must not. The logarithm of their ratio is summed up over the stones, from zero, and never below zero; past a threshold it is
-an alarm, and the sum begins anew. What a threshold costs is known beforehand: stones are drawn from the laws that known
-stones and those heard so far teach, and the sum is a Markov chain (Brook and Evans, Biometrika 59, 539) whose mean time
-to an alarm is that of a linear system. As laws are uncertain, so are delay and false alarms.
+the share rises meanwhile, and one at which it must not. The logarithm of their ratio is summed up over the stones, from
+zero, and never below zero; past a threshold it is an alarm, and the sum begins anew. What a threshold costs is known
+beforehand: stones are drawn from the laws that known stones and those heard so far teach, and the sum is a Markov chain
+(Brook and Evans, Biometrika 59, 539) whose mean time to an alarm is that of a linear system. As laws are uncertain, so
+are delay and false alarms.
 """
 
 from __future__ import annotations

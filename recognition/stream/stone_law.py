@@ -39,7 +39,7 @@ DROPPED_SD = np.array([0.05, 0.12])  # of known stones' size and speed, by those
 #: stiffness.
 SCATTER, SCATTER_SD, WIDEST = np.array([0.05, 0.05, 0.03, 0.03]), 1.0, 1.0
 BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
-HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: where one breaks more easily, so does the other
+HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
 LUMPS, LUMP_SD = 0.03, 0.8  # share of stones of far another size, and the deviation of its logarithm
 OTHER_DENSITY = 1 / (3.0 * 12.0 * 6.0)  # of what is no such stone: log s, b and log J are anything
 FREEDOM = 6.0  # of the t distribution about a centre
