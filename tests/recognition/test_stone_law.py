@@ -222,3 +222,13 @@ def replace_place(heard, x_m):
 def test_a_wider_prior_holds_what_is_told(prior):
     wide = replace(prior, speed_m_s=(3.0, 3.0)).widened()
     assert wide.radius_m == pytest.approx((0.02, 0.03125)) and wide.speed_m_s == pytest.approx((3 / 1.15, 3.45))
+
+
+def test_odds_are_those_of_a_share_of_one_half(prior):
+    """Whatever share of gangue a law has; a known stone keeps what is known of it."""
+    rng = np.random.default_rng(5)
+    told = told_of(fallen(rng.random(40) < 0.3, rng), np.r_[np.zeros(10, int), np.full(30, UNKNOWN)])
+    law = LearntLaw.of(told, prior)
+    moved = law.laws.copy()
+    moved[:, GANGUE] += 2.0
+    np.testing.assert_allclose(replace(law, laws=moved).materials(told)[0], law.materials(told)[0], atol=1e-9)
