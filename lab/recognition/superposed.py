@@ -64,6 +64,10 @@ def force_of(scene: Scene, stone: Stone, steps: int) -> np.ndarray:
     return more * np.diff(np.interp(ends_s / longer, np.arange(total.size) * one.step_s, total)) / STEP_s
 
 
+def mass_kg(scene: Scene, stone: Stone) -> float:
+    return 4 / 3 * np.pi * stone.radius_m**3 * stone.density_factor * scene.materials[stone.material].density_kg_m3
+
+
 @dataclass(frozen=True)
 class Plate:
     """A plate of a scene, and the share of each mode in the motion of its centre of mass."""
@@ -116,7 +120,7 @@ def write(planned: DatasetRun, directory: Path) -> dict[str, object]:
         velocity = np.array([stone.velocity_m_s for stone in stones])
         pd.DataFrame({
             "stone": np.arange(1, len(stones) + 1), "kind": [scene.kind_of(stone.material) for stone in stones],
-            "radius_m": [stone.radius_m for stone in stones], "arrival_s": [stone.arrival_s for stone in stones],
+            "radius_m": [stone.radius_m for stone in stones], "mass_kg": [mass_kg(scene, stone) for stone in stones], "arrival_s": [stone.arrival_s for stone in stones],
             "impulse_Ns": force.sum(axis=1) * STEP_s, "peak_force_N": force.max(axis=1),
             **{f"{name}_{axis}_m{unit}": values[:, k] for name, values, unit in (
                 ("place", place, ""), ("first", place, ""), ("velocity", velocity, "_s"))

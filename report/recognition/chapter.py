@@ -7,7 +7,7 @@ import numpy as np
 from report.drawing.figure_spec import Drawn, FigureSpec
 from report.drawing.lines import curves
 from report.recognition import figures
-from report.recognition.results import FUSION_Q, HELD_OUT, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
+from report.recognition.results import FUSION_Q, HELD_OUT, LEADING_METHODS, MODEL_METHODS
 from report.recognition.tables import DEVIATIONS, ERRORS, RECOGNISED, STANDARDISED
 from report.sweep_results import SweepResults
 
@@ -77,8 +77,8 @@ def worked_example(results: SweepResults) -> Drawn:
 
 
 def recognised_against_true(results: SweepResults) -> Drawn:
-    rows, leading = results.recognition.answers[HELD_OUT], results.recognition.leading_of(MODEL_METHODS_WITH_INTERVAL)
-    second = next(name for name in MODEL_METHODS_WITH_INTERVAL if name != leading)
+    rows, leading = results.recognition.answers[HELD_OUT], results.recognition.leading_of(LEADING_METHODS)
+    second = next(name for name in LEADING_METHODS if name != leading)
     with_interval = {
         MODEL_METHODS[name]: np.array([(row[name].ratio, row[name].low, row[name].high) for row in rows])
         for name in (leading, second)

@@ -19,6 +19,7 @@ from lab.recognition.error_bounds import arrangement_error_points
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 from recognition import RecognitionError
+from recognition.estimation.noise import noise_of
 from recognition.model_file import decode, encode
 from recognition.physics.arrangement_fit import PlateRecord, force_laws, force_statistics, model_on
 from recognition.physics.arrangement_likelihood import (
@@ -28,7 +29,7 @@ from recognition.physics.arrangement_likelihood import (
     ArrangementModel,
     ExpectedMisfit,
 )
-from recognition.physics.arrangement_method import ArrangementLikelihood, noise_of
+from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.physics.force_records import Fall, ForceRecord
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
