@@ -85,6 +85,7 @@ class Oracle:
         ways = np.ones(1)
         for odds in np.exp(np.clip(gangue - coal, -30, 30)):
             ways = np.append(ways, 0.0) + odds * np.append(0.0, ways)
+            ways /= ways.max()
         return answer_of(ways / comb(len(logs), np.arange(len(logs) + 1)))
 
     def summary(self) -> str:

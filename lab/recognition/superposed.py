@@ -29,25 +29,25 @@ from recognition.stone_forces.forces import History
 
 STEP_s, SAMPLE, FORCES_s = 5e-6, 30, 0.014  # SAMPLE: steps of a row of signals.parquet
 NEAR = 12  # histories among which one is drawn
-OTHER_ROCK = "other_rock"
+OF_THE_ROCK = tuple(name for name in SETS if name != "other_rock")
 
 
 @cache
-def known(gangue: bool) -> list[History]:
-    return [one for name in SETS if name != OTHER_ROCK for one in histories(name) if one.gangue == gangue]
+def known(gangue: bool, sets: tuple[str, ...]) -> list[History]:
+    return [one for name in sets for one in histories(name) if one.gangue == gangue]
 
 
-def near(gangue: bool, radius_m: float, speed_m_s: float, seed: int) -> History:
+def near(gangue: bool, radius_m: float, speed_m_s: float, seed: int, sets: tuple[str, ...]) -> History:
     """A stone of the engine whose size and speed are near."""
-    every = known(gangue)
+    every = known(gangue, sets)
     far = [np.log(one.radius_m / radius_m) ** 2 + np.log(one.speed_m_s / speed_m_s) ** 2 for one in every]
     return every[int(np.random.default_rng([seed, gangue]).choice(np.argsort(far)[:NEAR]))]
 
 
-def force_of(scene: Scene, stone: Stone, steps: int) -> np.ndarray:
-    """(steps,) in N. Hertz: duration ~ R (rho/E*)^(2/5) v^(-1/5), impulse ~ rho R^3 v (1 + e)."""
+def force_of(scene: Scene, stone: Stone, steps: int, sets: tuple[str, ...] = OF_THE_ROCK) -> np.ndarray:
+    """(steps,) in N, by a history of one of the sets. Hertz: duration ~ R (rho/E*)^(2/5) v^(-1/5), impulse ~ rho R^3 v (1 + e)."""
     gangue = scene.kind_of(stone.material) == "gangue"
-    one = near(gangue, stone.radius_m, stone.speed_m_s, stone.seed)
+    one = near(gangue, stone.radius_m, stone.speed_m_s, stone.seed, sets)
     material, plate = scene.materials[stone.material], scene.plate
 
     def modulus(youngs_modulus_Pa: float) -> float:
