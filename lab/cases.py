@@ -88,8 +88,6 @@ CASES = {case.name: case for case in (
     Case("stone_kinds", "lab.streams.stone_kinds", "stones of a stream, and what one knows of them", "the true ratio",
          ("recognition/stone_forces", "recognition/stream", "lab/known_truth/data")),
     Case("volleys", "lab.streams.volleys", "runs, on tapped plates", "the true ratio", (*HEARD, "recognition/volley")),
-    Case("volley_differences", "lab.streams.volleys", "what `volley` is not told", "the true ratio",
-         (*HEARD, "recognition/volley")),
     Case("volley_shares", "lab.streams.volleys", "impulse of stones in m v", "one another", STONE),
     Case("anti_alias", "lab.recognition.anti_alias", "filter before the samples of the paper's runs", "samples without it",
          (*METHODS, "analysis/signals", "report")),
