@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis import Run
+from report.drawing.pages import to_csv
 from report.film.packing import pack_text
 from report.missing import MISSING_RESULT
 from report.sweep_results import SweepResults
@@ -43,9 +42,7 @@ class FinishedTable:
     @property
     def csv(self) -> str:
         """The packed CSV of the table."""
-        buffer = io.StringIO()
-        csv.writer(buffer, lineterminator="\n").writerows([self.header, *self.rows])
-        return pack_text(buffer.getvalue())
+        return pack_text(to_csv([self.header, *self.rows]))
 
 
 def finish_table(spec: TableSpec, results: SweepResults) -> FinishedTable:

@@ -20,6 +20,7 @@ from recognition.models import Model, PreparedRuns
 from recognition.paper.fusion import FUSIONS, Fusion, kalman_filter
 from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.q_parameter import FusionQ, PolynomialFit, fit_polynomial
+from recognition.paper.strategy import Candidates
 from report.signals.results import SignalResults
 
 #: The three methods of the paper.
@@ -51,15 +52,6 @@ class MomentFits:
     measured: np.ndarray
     fine_ratios: np.ndarray
     fitted: np.ndarray
-
-
-@dataclass(frozen=True)
-class ScoredCandidates:
-    """Candidate ratios of one record, shape (c,) each: ratio, mean difference, and whether enough points support it."""
-
-    ratio: np.ndarray
-    difference: np.ndarray
-    allowed: np.ndarray
 
 
 class RecognitionResults:
@@ -191,7 +183,7 @@ class RecognitionResults:
         fitted = np.stack([space(np.full(fine.size, k), fine) for k in chosen])
         return MomentFits(self._runs[0].t_s[moments], curves[:, moments].T, fine, fitted)
 
-    def candidates(self, index: int) -> dict[str, ScoredCandidates]:
+    def candidates(self, index: int) -> dict[str, Candidates]:
         """Return the candidates for run `index` by the paper's strategies, fitted to all other ratios.
 
         The keys are the methods as a reader sees them. Raises RecognitionError where none can be fitted.
@@ -207,11 +199,9 @@ class RecognitionResults:
                 continue
             *known, responses = [method.prepare(table) for table in tables]
             try:
-                found = method.fit(known, ratios).strategy.candidates(method.transform(responses))
+                scored[label] = method.fit(known, ratios).strategy.candidates(method.transform(responses))
             except RecognitionError as reason:
                 reasons.append(str(reason))
-                continue
-            scored[label] = ScoredCandidates(found.ratio, found.score, found.allowed)
         if not scored:
             raise RecognitionError("; ".join(dict.fromkeys(reasons)))
         return scored

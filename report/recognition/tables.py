@@ -74,3 +74,4 @@ RECOGNISED = TableSpec("table-recognised", "Recognised mixing ratio of each run"
 ERRORS = TableSpec("table-errors", "Errors of recognition", (
     "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method"
     " describes its own data. That ratio held out: trained on the other ratios."), errors, ratios=4)
+RECOGNITION_TABLES = [STANDARDISED, DEVIATIONS, ERRORS, RECOGNISED]

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from analysis import read_run, read_sweep
-from report.breakage.chapter import BREAKAGE_FIGURES, broken_areas
 from report.breakage.claims import BREAKAGE_STATEMENTS
+from report.breakage.figures import BREAKAGE_FIGURES, broken_areas
 from report.drawing.data import to_csv
 from report.drawing.figure_spec import finish_figure
 from report.missing import MissingResult
@@ -84,7 +84,7 @@ def test_breakage_of_several_draws_has_their_deviation(paper):
         table.assign(area_m2=table["area_m2"] / 2).to_parquet(other / "breakage.parquet")
     results = SweepResults(read_sweep(paper))
     assert all(finish_figure(spec, results).caption.endswith("2 draws a ratio.") for spec in BREAKAGE_FIGURES)
-    table = pd.read_csv(io.StringIO(to_csv(broken_areas(results)[0])), comment="#")
+    table = pd.read_csv(io.StringIO(to_csv(broken_areas.drawn(results)[0])), comment="#")
     area = table[(table["panel"] == "crack area of one stone, cm²") & (table["x"] == 50)].set_index("series")["y"]
     first, second = (1e4 * 3e-6 * round(0.9 * BROKEN_BONDS["coal"]) * share for share in (1, 0.5))
     assert area["coal"] == pytest.approx((first + second) / 2, rel=1e-3)
