@@ -16,9 +16,8 @@ from common.result import Result
 from dem.batch.sweep import SweepResult
 from dem.commands import BatchResult, CalibrationResult, DeckResult, EngineResult, PlateEnergy, RunResult
 from gangue.__main__ import main
-from gangue.commands import COMMANDS
+from gangue.commands import COMMANDS, commands_of, parser_of
 from gangue.learn_forces import LearntForces
-from gangue.parser import commands_of, parser_of
 from gangue.scenes import ScenesResult
 from lab.known_truth.faulty_records import volley, with_fault
 from plate_fem.commands import ModesResult, MotionResult
@@ -33,7 +32,8 @@ from recognition.stream.heard import UNTAPPED, Alarms, ListenResult
 from recognition.stream.live import LiveResult
 from recognition.tapping.tapped import TapResult
 from recognition.volley.recognise import VolleyResult
-from report.commands import ComparisonResult, ReportResult
+from report.comparison import ComparisonResult
+from report.page import ReportResult
 from tests.analysis.synthetic import write_sweep
 from tests.recognition.test_arrangement_likelihood import NAMES, SAMPLES, SAMPLE_s, draw, plate
 
