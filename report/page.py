@@ -52,9 +52,9 @@ from report.verdicts import LEAST_TREND, VERDICTS, Claim, Statement, claims_csv,
 #: Title, figures and tables of each chapter, in order; that of recognition follows where it has runs enough.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Response of the plate", RESPONSE_FIGURES, []),
-    ("Breakage", BREAKAGE_FIGURES, [variation.ONE_STONE]),
+    ("Breakage", BREAKAGE_FIGURES, [variation.one_stone]),
     ("Signals", SIGNAL_FIGURES, []),
-    ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
+    ("Theory", THEORY_FIGURES, [tables.materials]),
 ]
 
 #: What is no physics of a scene: the paper's statements hold for it with any of these.
@@ -164,7 +164,7 @@ def _of_impacts(results: SweepResults) -> Content:
         chapters.append(("Recognition", RECOGNITION_FIGURES, RECOGNITION_TABLES))
     if ratios >= LEAST_TREND and are_papers(runs):
         from report.statements import STATEMENTS as statements
-        chapters.append(("With stones that vary", [], [variation.VARYING]))
+        chapters.append(("With stones that vary", [], [variation.varying]))
     of_chapters: list[FigureSpec | TableSpec] = []
     for _, figures, of_chapter in chapters:
         of_chapters += [*of_chapter, *figures]
@@ -182,7 +182,7 @@ def _of_impacts(results: SweepResults) -> Content:
         [Chapter(title, [finished[spec.key] for spec in figures if spec.key in finished and spec is not first],
                  [finished[spec.key] for spec in of_chapter if spec.key in finished])
          for title, figures, of_chapter in chapters],
-        finish_table(tables.RUNS, results), rises(results), claims)
+        finish_table(tables.runs, results), rises(results), claims)
 
 
 def _of_streams(sweep: Sweep) -> Content:
