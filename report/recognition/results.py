@@ -72,40 +72,30 @@ class RecognitionResults:
         return PreparedRuns.of(self._runs)
 
     @cached_property
-    def _model(self) -> Model:
+    def model(self) -> Model:
+        """Of all runs."""
         return self.prepared.fit(range(len(self._runs)))
 
     @cached_property
     def _fusion_q(self) -> FusionQ:
-        method = self._model.methods[FUSION_Q]
+        method = self.model.methods[FUSION_Q]
         assert isinstance(method, FusionQ)
         return method
 
     @cached_property
     def answers(self) -> dict[str, list[dict[str, Answer]]]:
         """Answers of all methods to each run, by the training."""
-        return {TRAINED_ON_ALL: self._by_all, HELD_OUT: self._held_out}
+        return {TRAINED_ON_ALL: self.by_all, HELD_OUT: self.held_out}
 
     @cached_property
-    def _by_all(self) -> list[dict[str, Answer]]:
-        return [self.prepared.answers_by(self._model, k) for k in range(len(self._runs))]
+    def by_all(self) -> list[dict[str, Answer]]:
+        """Answers of `model` to each run."""
+        return [self.prepared.answers_by(self.model, k) for k in range(len(self._runs))]
 
     @cached_property
-    def _held_out(self) -> list[dict[str, Answer]]:
+    def held_out(self) -> list[dict[str, Answer]]:
+        """Answers to each run by the other ratios."""
         return side_by_side(self.prepared.answers_without, len(self._runs))
-
-    def of_model(self) -> tuple[Model, list[dict[str, Answer]]]:
-        """The model of all runs and its answers, for `take`."""
-        return self._model, self._by_all
-
-    def held_out(self, index: int) -> dict[str, Answer]:
-        """Answers to run `index` by the other ratios, for `take`."""
-        return self.prepared.answers_without(index)
-
-    def take(self, of_model: tuple[Model, list[dict[str, Answer]]], held_out: list[dict[str, Answer]]) -> None:
-        """Take what other processes found by `of_model` and by `held_out` of each run."""
-        self._model, self._by_all = of_model
-        self._held_out = held_out
 
     def errors_points(self, training: str, method: str) -> np.ndarray:
         """Return recognised less true ratio, in points, of the runs that a method answered, shape (answered,)."""
@@ -174,9 +164,9 @@ class RecognitionResults:
 
     def moment_fits(self, count: int) -> MomentFits:
         """Return `count` moments of the function space of the modified energy fusion, evenly chosen."""
-        method = self._model.methods[FUSION_MODIFIED]
+        method = self.model.methods[FUSION_MODIFIED]
         assert isinstance(method, FusionPipeline)
-        curves = method.transform(self.fusion_inputs("energy")[:, :, : self._model.window.n_samples])
+        curves = method.transform(self.fusion_inputs("energy")[:, :, : self.model.window.n_samples])
         space, fine = method.strategy.space_, np.linspace(0, 1, 51)
         chosen = np.linspace(0, space.moments.size - 1, count + 1).astype(int)[1:]
         moments = space.moments[chosen]
