@@ -95,8 +95,6 @@ CASES = {case.name: case for case in (
          (*METHODS, "recognition/evaluation", "scenes/dataset.toml", "lab/recognition/superposed.py")),
     Case("model_errors", "lab.recognition.model_errors", "what the plate's model leaves of a blow", "the true ratio",
          (*METHODS, *TAPPED, "lab/recognition/superposed.py")),
-    Case("error_bounds", "lab.recognition.evaluation", "noise and scatter", "the least error of any method",
-         (*METHODS, "lab/recognition/error_bounds.py")),
     Case("real_records", "lab.real.records", "balls, hammer hits, a ramp that others measured", "what was struck",
          ("analysis/signals/features.py", "recognition/stone_forces", "recognition/tapping")),
     Case("stone_forces", "lab.streams.stone_forces", "rock, size, speed and place of a stone",

@@ -1,9 +1,7 @@
-"""Every method, those of a model and the baselines, on runs of a data set that it was not trained on; and the least error
-that noise and scatter leave to any (error_bounds.py)."""
+"""Every method, those of a model and the baselines, on runs of a data set that it was not trained on."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, partial
@@ -15,7 +13,6 @@ import pandas as pd
 
 from analysis.sweep.runs import Run
 from lab.recognition.baselines import EVALUATED
-from lab.recognition.error_bounds import bounds
 from lab.recognition.superposed import superposed
 from lab.study import Row
 from recognition.evaluation.cross_validation import CASES, Case, Evaluation, summary
@@ -66,12 +63,3 @@ def recognise_families_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     wide = rows.pivot(index="method", columns="family", values=list(names)).reindex(list(EVALUATED))
     wide.columns = pd.Index([f"{column[1]}_{names[column[0]]}" for column in wide.columns.tolist()])
     return wide.reset_index()
-
-
-def error_bounds(out: Path, dataset: str = "runs/dataset") -> Iterator[Row]:
-    """All bounds at once, as JSON."""
-    yield Row({"dataset": dataset}, lambda: {"bounds": bounds(read_dataset(dataset)).to_json(orient="records")})
-
-
-def error_bounds_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
-    return pd.DataFrame(json.loads(rows["bounds"].iloc[0]))

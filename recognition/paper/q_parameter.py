@@ -108,22 +108,20 @@ def real_roots(function: Callable[[Integers, Floats], Floats], values: Floats) -
     return k, 0.5 * (low + high)
 
 
-def r2(values: Floats, fitted: Floats) -> float:
-    """R^2 = 1 - sum (y - f)^2 / sum (y - mean y)^2."""
-    return float(1.0 - np.sum((values - fitted) ** 2) / np.sum((values - np.mean(values)) ** 2))
-
-
-def adjusted_r2(values: Floats, fitted: Floats, parameters: int) -> float:
-    """1 - (1 - R^2)(n - 1)/(n - parameters); NaN with no point to spare."""
-    spare = values.size - parameters
-    return 1.0 - (1.0 - r2(values, fitted)) * (values.size - 1) / spare if spare > 0 else float("nan")
+def fit_polynomials(degree: int, ratios: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Coefficients (k, degree + 1), lowest power first, of a polynomial for every column of values (n, k), by least
+    squares, and R^2 = 1 - sum (y - f)^2 / sum (y - mean y)^2 (k,)."""
+    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree).astype(float)
+    left = values - np.polynomial.polynomial.polyval(ratios, coefficients).T
+    return coefficients.T, 1.0 - np.sum(left**2, axis=0) / np.sum((values - values.mean(axis=0)) ** 2, axis=0)
 
 
 @dataclass(frozen=True)
 class PolynomialFit:
     """Least-squares polynomial, lowest power first.
 
-    The paper's "R^2 = 0.99079" of Q is the adjusted one; the plain one of its Table 3 is 0.99263.
+    The paper's "R^2 = 0.99079" of Q is the adjusted one, 1 - (1 - R^2)(n - 1)/(n - parameters), NaN with no point to
+    spare; the plain one of its Table 3 is 0.99263.
     """
 
     coefficients: Floats
@@ -140,6 +138,7 @@ def fit_polynomial(ratios: Floats, values: Floats, degree: int) -> PolynomialFit
     ratios, values = np.asarray(ratios, dtype=float), np.asarray(values, dtype=float)
     if np.unique(ratios).size <= degree:
         raise RecognitionError(f"degree {degree} needs at least {degree + 1} ratios; has {np.unique(ratios).size}")
-    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree).astype(float)
-    fitted = np.asarray(np.polynomial.polynomial.polyval(ratios, coefficients))
-    return PolynomialFit(coefficients, r2(values, fitted), adjusted_r2(values, fitted, degree + 1))
+    coefficients, (r2,) = fit_polynomials(degree, ratios, values[:, None])
+    spare = values.size - degree - 1
+    adjusted = 1.0 - (1.0 - r2) * (values.size - 1) / spare if spare > 0 else float("nan")
+    return PolynomialFit(coefficients[0], float(r2), float(adjusted))

@@ -139,10 +139,9 @@ def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
     return model_on(*force_statistics(X, groups))
 
 
-def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m: float = 0.0) -> ArrangementModel:
-    """On the plate and places of a force record; place_deviation_m: standard deviation of each stone's place along x
-    and y, besides that of where it touches."""
-    deviation_m = float(np.hypot(place_deviation_m, statistics.place_deviation_m))
+def model_on(statistics: ForceStatistics, record: ForceRecord) -> ArrangementModel:
+    """On the plate and places of a force record."""
+    deviation_m = statistics.place_deviation_m
     plate = record.plate.model_copy(update={"damping_ratio": statistics.damping_ratio[0]})
     hat = _hat_response(statistics, record)
     scatter = []
