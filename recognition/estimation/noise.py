@@ -27,19 +27,23 @@ def with_noise(signals: pd.DataFrame, noise_db: float | None, rng: np.random.Gen
     """
     if noise_db is None:
         return signals
-    values = signals.drop(columns="t_s")
-    rms = np.sqrt(np.mean(np.square(values.to_numpy(dtype=float)), axis=0))
+    rms = np.sqrt(np.mean(np.square(_values(signals).to_numpy(dtype=float)), axis=0))
     return _plus(signals, rms * 10 ** (-noise_db / 20), rng)
 
 
 def noisy_copies(signals: pd.DataFrame) -> list[pd.DataFrame]:
     """The record, and COPIES of it in which every signal has its noise once more: they change an answer by about as
     much as the noise has changed it already."""
-    values = signals.drop(columns="t_s", errors="ignore").to_numpy(dtype=float)
+    values = _values(signals).to_numpy(dtype=float)
     rng = np.random.default_rng(crc32(values.tobytes()))
     return [signals, *(_plus(signals, noise_of(values.T), rng) for _ in range(COPIES))]
 
 
 def _plus(signals: pd.DataFrame, noise: Floats, rng: np.random.Generator) -> pd.DataFrame:
-    values = signals.drop(columns="t_s", errors="ignore")
+    values = _values(signals)
     return signals.assign(**values + noise * rng.standard_normal(values.shape))
+
+
+def _values(signals: pd.DataFrame) -> pd.DataFrame:
+    """All but the time, and what is no number."""
+    return signals.select_dtypes("number").drop(columns="t_s", errors="ignore")
