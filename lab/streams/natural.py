@@ -19,8 +19,8 @@ from lab.recognition.baselines import Oracle
 from lab.recognition.superposed import STEP_s, force_of
 from lab.streams.known_streams import ALL, REACH_m, SIZES_m, SPEEDS_m_s, tapped, true_plate, true_ratio
 from lab.study import Row
+from recognition.innovations.prior import StonePrior
 from recognition.stone_forces.forces import History, load_forces
-from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
 from recognition.stream.stones import Known, ratio_of
 
