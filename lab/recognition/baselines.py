@@ -26,6 +26,8 @@ from recognition.methods import METHODS
 from recognition.physics.arrangement_likelihood import ArrangementEstimate
 from recognition.regression.feature_regression import FeatureRegression
 
+DRAWS = 4000
+
 
 @dataclass
 class EstimatorMethod(RecordEstimator):
@@ -93,30 +95,36 @@ class Oracle:
 
 
 @dataclass
-class OracleOfSum(Oracle):
-    """The true impulse of all stones together, which is what a plate tells of stones that it cannot tell apart: a normal
-    law of its logarithm for each number of gangue, by the means and variances of the stones."""
+class OracleOfSum:
+    """The true impulse and peak force of all stones together, which is what a plate tells of stones that it cannot tell
+    apart: normal laws of their logarithms for each number of gangue, by DRAWS of as many stones of the training."""
+
+    stones_: list[Floats] = field(init=False, repr=False)
+    prepare = Oracle.prepare
 
     def fit(self, X: Sequence[pd.DataFrame], y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> OracleOfSum:
+        """From stones of known kind."""
         every = pd.concat(X)
-        of = [every.loc[every["kind"] == kind, "impulse_Ns"].to_numpy() for kind in ("coal", "gangue")]
-        self.means_, self.covariances_ = [one.mean() for one in of], [one.var() for one in of]
+        self.stones_ = [every.loc[every["kind"] == kind, ["impulse_Ns", "peak_force_N"]].to_numpy()
+                        for kind in ("coal", "gangue")]
         return self
 
     def answer(self, X: Sequence[pd.DataFrame]) -> list[Answer]:
-        return [self._answer(x["impulse_Ns"].to_numpy()) for x in X]
-
-    def _answer(self, impulse_Ns: Floats) -> Answer:
-        gangue = np.arange(impulse_Ns.size + 1)
-        mean, variance = (coal * gangue[::-1] + rock * gangue for coal, rock in (self.means_, self.covariances_))
-        spread = np.log1p(variance / mean**2)
-        off = np.log(impulse_Ns.sum()) - np.log(mean) + spread / 2
-        log = -off**2 / (2 * spread) - np.log(spread) / 2
-        return answer_of(np.exp(log - log.max()))
+        """Answers to runs of one number of stones."""
+        rng, count = np.random.default_rng(0), len(X[0])
+        coal, gangue = (np.cumsum(rng.choice(of, (DRAWS, count)), axis=1) for of in self.stones_)
+        both = [np.pad(of, ((0, 0), (1, 0), (0, 0))) for of in (coal, gangue)]  # of the first 0, 1, 2 ... stones
+        drawn = [np.log(both[0][:, count - k] + both[1][:, k]) for k in range(count + 1)]
+        laws = [multivariate_normal(one.mean(axis=0), np.cov(one.T)) for one in drawn]
+        answers = []
+        for x in X:
+            log = np.array([law.logpdf(np.log(x[["impulse_Ns", "peak_force_N"]].to_numpy().sum(axis=0))) for law in laws])
+            answers.append(answer_of(np.exp(log - log.max())))
+        return answers
 
     def summary(self) -> str:
-        return "knows the impulse of all stones together"
+        return "knows the truth of all stones together"
 
 
 def answer_of(weight: Floats) -> Answer:
@@ -147,7 +155,7 @@ def _line() -> EstimatorMethod:
 BASELINES: Registry = {
     "impulse": MethodEntry("impulse from plate and rods", ImpulseRegression),
     "rms_line": MethodEntry("RMS and a straight line", _line),
-    "oracle_of_sum": MethodEntry("true impulse of all stones", OracleOfSum, told=True),
+    "oracle_of_sum": MethodEntry("true impulse and peak of all stones", OracleOfSum, told=True),
     "oracle": MethodEntry("true impulse and peak of each stone", Oracle, told=True),
 }
 EVALUATED: Registry = {**METHODS, **BASELINES}
