@@ -15,6 +15,8 @@ import numpy as np
 
 from plate_fem.modes import PlateModes
 
+ANYWHERE_m = 1e9
+
 
 @dataclass(frozen=True)
 class _Turn:
@@ -108,12 +110,16 @@ class ModalMotion:
     def advance(self, force: np.ndarray, intervals: int = 1) -> None:
         """Move over `intervals` * interval_s under a constant modal force (n,)."""
         before = self.amplitude
-        self._move_to(self._after(force, intervals))
+        self._move_to(self.predict(force, intervals))
         self.work_J += float(force @ (self.amplitude - before))
 
     def predict(self, force: np.ndarray, intervals: int = 1) -> np.ndarray:
-        """Return amplitude and rate (2, n) `intervals` later under a constant modal force (n,); the state stays."""
-        return self._after(force, intervals)
+        """Return amplitude and rate (2, n) `intervals` later under a constant modal force (n,): free motion and what the
+        force adds. The state stays."""
+        turn = self._turn(intervals)
+        if self._free_end is None or self._free_end[0] != intervals:
+            self._free_end = (intervals, turn.free(self._state))
+        return self._free_end[1] + turn.unit_response * force
 
     def advance_rows(self, force: np.ndarray, intervals: int, count: int) -> np.ndarray:
         """Return amplitude and rate (count, 2, n) after 1, 2, ... `count` times `intervals`, under a constant force.
@@ -151,10 +157,10 @@ class ModalMotion:
         """Return an upper bound for |w| anywhere on the plate, at any later time of free motion from (amplitude, rate).
 
         It is the sum over the modes of the largest deflection times the envelope of the decaying oscillation, and
-        infinite if a rigid-body mode moves.
+        ANYWHERE_m if a rigid-body mode moves.
         """
         if len(self._rigid) and rate[self._rigid].any():
-            return np.inf
+            return ANYWHERE_m
         other = (rate + self._decay_rate * amplitude) * self._period_s
         return float(self._modes.largest_shape @ np.sqrt(amplitude * amplitude + other * other))
 
@@ -196,13 +202,6 @@ class ModalMotion:
             duration_s = intervals * self.interval_s
             self._turns[intervals] = _turn(self._omega, self._omega_d, self._decay_rate, duration_s)
         return self._turns[intervals]
-
-    def _after(self, force: np.ndarray, intervals: int) -> np.ndarray:
-        """Return the state (2, n) after `intervals` under a constant force: free motion and what the force adds."""
-        turn = self._turn(intervals)
-        if self._free_end is None or self._free_end[0] != intervals:
-            self._free_end = (intervals, turn.free(self._state))
-        return self._free_end[1] + turn.unit_response * force
 
     def _move_to(self, state: np.ndarray) -> None:
         self._state, self._free_end = state, None
