@@ -15,7 +15,7 @@ import numpy as np
 
 from plate_fem.modes import PlateModes
 
-ANYWHERE_m = 1e9
+ANYWHERE_m = 1e9  # reach of a plate that nothing holds
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class ModalMotion:
         self._turns: dict[int, _Turn] = {}
         self._powers: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._state = np.zeros((2, len(self._omega)))
-        # Number of intervals, and the state after as long a free motion: found by `predict`, used again by `advance`.
+        # Number of intervals, and the state after as long a free motion: `predict` finds it, `advance` uses it again.
         self._free_end: tuple[int, np.ndarray] | None = None
         self.work_J, self._start_J = 0.0, 0.0
 
@@ -114,8 +114,7 @@ class ModalMotion:
         self.work_J += float(force @ (self.amplitude - before))
 
     def predict(self, force: np.ndarray, intervals: int = 1) -> np.ndarray:
-        """Return amplitude and rate (2, n) `intervals` later under a constant modal force (n,): free motion and what the
-        force adds. The state stays."""
+        """Return amplitude and rate (2, n) `intervals` later under a constant modal force (n,); the state stays."""
         turn = self._turn(intervals)
         if self._free_end is None or self._free_end[0] != intervals:
             self._free_end = (intervals, turn.free(self._state))
