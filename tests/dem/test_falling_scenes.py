@@ -11,7 +11,7 @@ from dem.run.run import run_scene
 from dem.stones.arrangement import gangue_ratio, stones_of
 
 COARSE = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "sub_spheres",
-          "plate.max_frequency_Hz": 800.0, "output": None, "plate.sensors": []}
+          "plate.max_frequency_Hz": 800.0, "time.view_interval_s": None, "plate.sensors": []}
 SMALL = {
     "sizes": {"time.duration_s": 0.023},
     "polyhedra": {"time.duration_s": 2e-3, "stones.drawn.count": 4, "stones.agglomerate.subspheres": 100},
@@ -65,7 +65,7 @@ def test_a_stone_on_a_rod_pushes_as_much_as_rods_plate_and_damping_have(tmp_path
     scene = changed_scene(SCENES / "small.toml", {
         "stones.agglomerate": None, "stones.count": 1, "stones.gangue_ratio": 0.0, "stones.gangue_order": [1],
         "stones.circle_radius_m": None, "stones.positions_m": [[0.2, 0.2]], "plate.max_frequency_Hz": 4000.0,
-        "plate.damping_ratio": damping_ratio, "time.duration_s": 4e-3, "output": None})
+        "plate.damping_ratio": damping_ratio, "time.duration_s": 4e-3, "time.view_interval_s": None})
     run = run_scene(scene, "small", tmp_path / "run")
     fast = pd.read_parquet(tmp_path / "run" / "fast.parquet")
     rods_N, dt_s = fast[[f"rod_{k}_N" for k in range(1, 5)]].sum(axis=1), fast["t_s"][1]
@@ -79,7 +79,7 @@ def test_a_stone_on_a_rod_pushes_as_much_as_rods_plate_and_damping_have(tmp_path
 def test_a_plate_that_nothing_holds_takes_the_whole_impulse(tmp_path):
     scene = changed_scene(SCENES / "small.toml", {
         "stones.agglomerate": None, "plate.rods": None, "plate.max_frequency_Hz": 3000.0, "time.duration_s": 2e-3,
-        "output": None})
+        "time.view_interval_s": None})
     run = run_scene(scene, "small", tmp_path / "run")
     last = pd.read_parquet(tmp_path / "run" / "fast.parquet").iloc[-1]
     assert -0.5 * 0.5 * 0.02 * 7830.0 * last["v_m_s"] == pytest.approx(run["impulse_N_s"], rel=1e-9)
@@ -92,7 +92,7 @@ def test_the_rods_push_of_a_tiny_stone_needs_more_rows_and_says_so(tmp_path, sam
     scene = changed_scene(SCENES / "small.toml", {
         "stones.agglomerate": None, "stones.count": 1, "stones.gangue_ratio": 0.0, "stones.gangue_order": [1],
         "stones.positions_m": [[0.2, 0.2]], "stones.radius_m": 1e-3, "plate.max_frequency_Hz": 20e3,
-        "time.duration_s": 3e-4, "time.sample_interval_s": sample_s, "output": None})
+        "time.duration_s": 3e-4, "time.sample_interval_s": sample_s, "time.view_interval_s": None})
     run = run_scene(scene, "small", tmp_path / "run")
     assert missing[0] < run["momentum_missing"] < missing[1]
     assert any("time.sample_interval_s" in line for line in run["warnings"]) == (missing[0] == 0.01)
