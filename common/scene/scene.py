@@ -128,7 +128,7 @@ class Scene(Table):
     # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64), about("name of the scene")]
     base: Annotated[str | None, about(
-        "scene file, beside this one or shipped, whose keys count where this one has none")] = None
+        "scene file, beside this one or shipped, whose keys count where this one has none, in all tables")] = None
     without: Annotated[tuple[str, ...], about("dotted keys of the base to leave out")] = ()
     assumptions: Annotated[tuple[str, ...], about(
         "keys whose values are assumed; run.json repeats them")] = ()
@@ -320,7 +320,11 @@ def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
 
 def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
     """The scene of a file with dotted keys changed ("stones.speed_m_s": 2.0; None leaves the key out), for studies that
-    vary one. Raises InputError as `read_scene` does."""
+    vary one. Raises InputError as `read_scene` does.
+
+    >>> changed_scene("scenes/small.toml", {"stones.speed_m_s": 2.0}).stones.speed_m_s
+    2.0
+    """
     data = scene_tables(path)
     for key, value in changes.items():
         if key in ("base", "without"):
