@@ -5,26 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from common.scene.plate import FlexiblePlate, read_plate
 from lab.known_truth.faults import FAULTS, Fault
 from lab.known_truth.simulated import Stream
 from lab.known_truth.stone_histories import histories
-from lab.streams.known_streams import SCENE, Case, TRUE_Hz, true_plate
+from lab.streams.known_streams import SCENE, Case, TRUE_Hz, scaled, true_plate
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import History
 from recognition.stream.recognise import RATE_Hz
-
-
-def scaled(h: History, size: float, speed: float = 1.0) -> History:
-    """A stone `size` times as large and `speed` times as fast as another, by Hertz: a larger stone of the same speed has
-    the same stresses, and so breaks alike; another speed is for stones that stay whole."""
-    stretch, push = size * speed**-0.2, size**2 * speed**1.2
-    at = (np.arange(len(h.force_N)) + 0.5) / stretch - 0.5
-    return replace(h, force_N=push * np.interp(at, np.arange(len(h.force_N)), h.force_N, right=0.0),
-                   radius_m=size * h.radius_m, speed_m_s=speed * h.speed_m_s)
-
 
 Changed = Callable[[Stream], Stream]
 

@@ -49,6 +49,7 @@ GOALS: list[tuple[str, Case, str, int]] = [
     ("all sizes, any speed", Case(50, 100, all_sizes=True), "any_fall", 40),
     ("all sizes, 41 stones", Case(50, 100, all_sizes=True), "held_out", 20),
     ("all sizes, one fall", Case(50, 100, all_sizes=True), "one_fall", 20),
+    ("5 to 30 mm, one fall", Case(50, 100, all_sizes=True, brought_to_m=(0.005, 0.03)), "one_fall", 20),
     ("20 a second", Case(20, 100), "held_out", 20),
     ("400 stones", Case(100, 400), "held_out", 10),
     ("one accelerometer", Case(20, 60, ONE), "held_out", 20),

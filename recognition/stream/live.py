@@ -22,7 +22,6 @@ from recognition.innovations.bank import TIME
 from recognition.innovations.signatures import LEAD
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import acceleration, refuse_unit
-from recognition.stream.checks import Checks
 from recognition.stream.decision import Judge, Judged, Stop
 from recognition.stream.listen import PART, PARTS, Heard
 from recognition.stream.prior import StonePrior
@@ -128,7 +127,7 @@ class Live:
         """Whether stones explain what was heard lately."""
         while self.lately and self.lately[0].stone[TIME] < self.ear.listener.at - PART * PARTS:
             self.lately.popleft()
-        found = Checks.of(self.ear.listener.recent, self.lately, self.ear.noise.change, RATE_Hz)
+        found = self.ear.checks(self.ear.listener.recent, self.lately)
         if self.judged is not None:
             found = replace(found, none=float(np.mean(self.none)), beyond=self.judged.law.beyond,
                             misplaced=self.misplaced)
