@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.scene.distribution import Distribution
+from common.scene.distribution import Distribution, one_value
 from common.scene.scene import Scene
 from common.scene.stones import COAL, GANGUE, MOST_STONES, DrawnTable
 from common.tables import InputError
@@ -22,7 +22,7 @@ from dem.stones.stone import Flying, Stone
 PLACE_TRIES = 1000
 PACKINGS = 8  # of each shape, which stones share: to find one takes longer than many an impact
 MOST_SUBSTANCES = 500  # the deck has a number for each pair of them
-ONE, NOTHING = Distribution(value=1.0), Distribution(value=0.0)
+ONE, NOTHING = one_value(1.0), one_value(0.0)
 
 
 def drawn_stones(scene: Scene, file: str) -> list[Stone]:
@@ -35,14 +35,26 @@ def drawn_stones(scene: Scene, file: str) -> list[Stone]:
     gangue = draw.gangue(size_m)
     count = len(size_m)
     arrival_s, speed, spin = draw.arrivals_s(count), draw.speeds_m_s(count), draw.spins_rad_s(count)
-    attitude, shape, packing = draw.attitudes(count), draw.shapes(count), draw.packings(count)
+    (seed, attitude), shape = shared_packings(scene, count), draw.shapes(count)
     down = scene.down
     stones = [Stone(material=GANGUE if gangue[k] else COAL, radius_m=float(size_m[k]) / 2,
                     place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in down),  # type: ignore[arg-type]
-                    seed=scene.stones.seed + int(packing[k]), gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
-                    spin_rad_s=tuple(spin[k].tolist()), attitude=tuple(attitude[k].tolist()),
+                    seed=seed[k], gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
+                    spin_rad_s=tuple(spin[k].tolist()), attitude=attitude[k],
                     shape=shape[k]) for k in range(count)]
-    return _placed(scene, stones, table, draw.rng("place"), file)
+    return _placed(scene, stones, table, _rng(scene, "place"), file)
+
+
+def shared_packings(scene: Scene, count: int) -> tuple[list[int], list[tuple[float, float, float, float]]]:
+    """Seeds and attitudes of so many stones that share PACKINGS packings, turned at random."""
+    packing = _rng(scene, "packing").integers(PACKINGS, size=count)
+    turns = Rotation.random(count, random_state=_rng(scene, "attitude")).as_quat().tolist()
+    return (scene.stones.seed + packing).tolist(), [(w, x, y, z) for x, y, z, w in turns]
+
+
+def _rng(scene: Scene, quantity: str) -> np.random.Generator:
+    """Random numbers of one quantity alone."""
+    return np.random.default_rng([scene.stones.seed, zlib.crc32(quantity.encode())])
 
 
 class _Draws:
@@ -51,19 +63,15 @@ class _Draws:
     def __init__(self, scene: Scene, table: DrawnTable):
         self._scene, self._table = scene, table
 
-    def rng(self, quantity: str) -> np.random.Generator:
-        """Random numbers of one quantity alone."""
-        return np.random.default_rng([self._scene.stones.seed, zlib.crc32(quantity.encode())])
-
     def sizes_m(self, count: int) -> np.ndarray:
         """(count,) diameters."""
-        return self._table.size_m.draw(count, self.rng("size"))
+        return self._table.size_m.draw(count, _rng(self._scene, "size"))
 
     def gangue(self, size_m: np.ndarray) -> np.ndarray:
         """(count,) bool: which stones are gangue. In a random order, each one is that fits below the mixing
         ratio, and then the one more that brings the share nearest to it, if any does."""
         stones, count = self._scene.stones, len(size_m)
-        order = self.rng("material").permutation(count)
+        order = _rng(self._scene, "material").permutation(count)
         if self._table.gangue_by == "number":
             gangue = coal = np.ones(count)
         else:
@@ -87,33 +95,26 @@ class _Draws:
 
     def arrivals_s(self, count: int) -> np.ndarray:
         """(count,) ascending."""
-        return np.sort(self._table.arrival_s.draw(count, self.rng("arrival")))
+        return np.sort(self._table.arrival_s.draw(count, _rng(self._scene, "arrival")))
 
     def speeds_m_s(self, count: int) -> np.ndarray:
         """(count,) at the touch."""
         if self._table.speed_m_s is not None:
-            return self._table.speed_m_s.draw(count, self.rng("speed"))
+            return self._table.speed_m_s.draw(count, _rng(self._scene, "speed"))
         assert self._table.drop_height_m is not None
-        return np.sqrt(2 * self._scene.time.gravity_m_s2 * self._table.drop_height_m.draw(count, self.rng("speed")))
+        height_m = self._table.drop_height_m.draw(count, _rng(self._scene, "speed"))
+        return np.sqrt(2 * self._scene.time.gravity_m_s2 * height_m)
 
     def spins_rad_s(self, count: int) -> np.ndarray:
         """(count, 3), axes evenly spread."""
-        rng = self.rng("spin")
+        rng = _rng(self._scene, "spin")
         axis = rng.normal(size=(count, 3))
         return self._table.spin_rad_s.draw(count, rng)[:, None] * axis / np.linalg.norm(axis, axis=1)[:, None]
-
-    def attitudes(self, count: int) -> np.ndarray:
-        """(count, 4) quaternions (w, x, y, z)."""
-        return np.roll(Rotation.random(count, random_state=self.rng("attitude")).as_quat(), 1, axis=1)
 
     def shapes(self, count: int) -> list[str]:
         """(count,) names."""
         names = self._table.shapes
-        return [names[k] for k in self.rng("shape").integers(len(names), size=count)]
-
-    def packings(self, count: int) -> np.ndarray:
-        """(count,) which of the packings."""
-        return self.rng("packing").integers(PACKINGS, size=count)
+        return [names[k] for k in _rng(self._scene, "shape").integers(len(names), size=count)]
 
 
 def _count(scene: Scene, table: DrawnTable, file: str, draw: _Draws) -> int:

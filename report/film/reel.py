@@ -123,9 +123,9 @@ def _plate(run: Run, film: Film) -> dict[str, Any]:
 
 
 def _wall_boxes_m(plate: RecordedPlate) -> list[tuple[float, ...]]:
-    if plate.walls is None or plate.length_m is None or plate.width_m is None:
+    if plate.length_m is None or plate.width_m is None:
         return []
-    return [wall_box_m(edge, plate.length_m, plate.width_m, plate.walls.height_m) for edge in plate.walls.edges]
+    return [wall_box_m(edge, plate.length_m, plate.width_m, height) for edge, height in plate.wall_height_m.items()]
 
 
 def _scaled(values: np.ndarray) -> tuple[str, float]:
@@ -164,9 +164,8 @@ def _stress_shown_Pa(film: Film) -> float:
 
 
 def _curve(run: Run, column: str, end_s: float) -> dict[str, str]:
-    """Pack one signal up to a time, from the fast stream where it is kept."""
-    table = run.fast if run.fast is not None else run.signals
-    t_s = table["t_s"].to_numpy()
+    """Pack one signal up to a time."""
+    t_s = run.finest["t_s"].to_numpy()
     until = t_s <= end_s
-    times, values = envelope(t_s[until], table[column].to_numpy()[until], CURVE_POINTS)
+    times, values = envelope(t_s[until], run.finest[column].to_numpy()[until], CURVE_POINTS)
     return {"t": pack(times, "<f4"), "value": pack(values, "<f4")}
