@@ -62,6 +62,15 @@ def test_too_few_known_stones_are_unsafe(seed):
     assert found.foreseen.unsafe and not found.alarm.any()
 
 
+def test_what_is_foreseen_is_that_of_known_stones():
+    """Coal that is said to be known and of which every other stone is gangue: no law has such coal, yet it would alarm."""
+    rng = np.random.default_rng(6)
+    told = told_of(fallen(np.arange(80) % 2 == 1, rng), np.r_[np.zeros(80, int)])
+    law = LearntLaw.of(drawing(60, np.full(60, 0.3), 4), PRIOR)
+    found = foreseen(law, told, STOP, 20.0, 0.005)
+    assert found.unsafe and found.false_alarms_1_h > 1
+
+
 def test_fewer_false_alarms_come_later():
     told = drawing(30, np.full(30, 0.3), 4)
     law = LearntLaw.of(told, PRIOR)
