@@ -11,7 +11,7 @@ alarms.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,12 +54,14 @@ class Stop:
 @dataclass(frozen=True)
 class Foreseen:
     """Threshold, and by the median law the delay of an alarm at the share asked for, in stones, with that of nine laws
-    in ten; false alarms an hour at half of that share, of nine laws in ten."""
+    in ten; false alarms an hour at half of that share, of nine laws in ten. tried: thresholds with their false alarms
+    and delays, a row each."""
 
     threshold: float
     delay: float
     longest_delay: float
     false_alarms_1_h: float
+    tried: Sequence[tuple[float, float, float]] = ()
 
     @property
     def unsafe(self) -> bool:
@@ -170,12 +172,14 @@ def foreseen(law: LearntLaw, told: Told, stop: Stop, rate_1_s: float, least_doub
     def false_1_h(threshold: float) -> float:
         return 3600 * rate_1_s / float(np.quantile(stones(threshold, CALM * stop.above), 1 - LIKELY))
 
-    low, high = 0.0, HIGHEST
+    low, high, tried = 0.0, HIGHEST, []
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        low, high = (low, middle) if false_1_h(middle) <= stop.false_alarms_1_h else (middle, high)
+        false = false_1_h(middle)
+        tried.append((middle, false, float(np.median(stones(middle, stop.above)))))
+        low, high = (low, middle) if false <= stop.false_alarms_1_h else (middle, high)
     delay = stones(high, stop.above)
-    return Foreseen(high, float(np.median(delay)), float(np.quantile(delay, LIKELY)), false_1_h(high))
+    return Foreseen(high, float(np.median(delay)), float(np.quantile(delay, LIKELY)), false_1_h(high), sorted(tried))
 
 
 def mean_stones(gains: Floats, weight: Floats, threshold: float) -> float:
