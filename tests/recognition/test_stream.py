@@ -89,7 +89,7 @@ def test_stones_of_another_size_are_heard(heard, plate, forces):
 def test_stones_too_weak_to_be_heard_are_told(heard, plate, forces):
     """Of stones from 3 to 30 mm some are lost, which may be any share of gangue."""
     stream, found = heard
-    assert found.checks.unheard == 0
+    assert found.checks.unheard < 1e-3
     found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.003, 0.03), (2.0, 4.0)), stream.values)
     assert "too weak to be heard" in found.refused and 0.1 < found.checks.unheard < 0.4
 
