@@ -19,6 +19,7 @@ from lab.study import Row
 
 FIRST_SEED = 40011
 SHORT_s = 9e-4  # all that breaks but what comes later
+PARTED_s = 2.4e-3  # fragments that hang together by a few bonds have parted
 
 
 def impact(material: str, changes: dict[str, Any], duration_s: float = SHORT_s) -> dict[str, Any]:
@@ -79,13 +80,13 @@ def of_rock(rock: str) -> dict[str, Any]:
 
 def breakage_mesh(out: Path, packings: int = 24, counts: tuple[int, ...] = (500, 1000, 2000),
                   speeds: tuple[float, ...] = (SLOW_m_s, 4.2, 5.0, 6.0)) -> Iterator[Row]:
-    """Numbers of sub-spheres, of a coal with flaws; a seed has the same flaws at each. Of the fewest, other restitutions
-    too."""
+    """Numbers of sub-spheres, of a coal with flaws; a seed has the same flaws at each. Half as many packings of the
+    most sub-spheres; of the fewest, other restitutions too."""
     strength = read_toml(SCENES / "natural.toml")["scatter"]["strength_factor"]
     for k in range(packings):
         for speed in speeds:
-            for count in counts:
-                for restitution in (RESTITUTION, *(OTHERS if speed > SLOW_m_s and count == counts[0] else ())):
+            for count in counts if 2 * k < packings else counts[:-1]:
+                for restitution in (RESTITUTION, *(OTHERS if SLOW_m_s < speed < speeds[-1] and count == counts[0] else ())):
                     changes = of_rock(COHERENT) | {
                         "stones.agglomerate.subspheres": count, "stones.agglomerate.contact": "smooth",
                         "stones.seed": FIRST_SEED + 10 * k, "stones.speed_m_s": speed,
@@ -93,7 +94,7 @@ def breakage_mesh(out: Path, packings: int = 24, counts: tuple[int, ...] = (500,
                     if speed == SLOW_m_s:
                         changes |= {"scatter": {"strength_factor": strength, "seed": FIRST_SEED + 10 * k}}
                     yield Row({"speed_m_s": speed, "subspheres": count, "restitution": restitution, "packing": k},
-                              partial(impact, "coal", changes))
+                              partial(impact, "coal", changes, PARTED_s))
 
 
 def breakage_mesh_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
