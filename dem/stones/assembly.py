@@ -20,7 +20,7 @@ from dem.shapes.solids import Solid, solid_of
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
 from dem.stones.faces import FaceColumns, face_columns
-from dem.stones.library import REFERENCE_RADIUS_m, packed_solid, packed_sphere, scaled_packing, surface_of
+from dem.stones.library import REFERENCE_RADIUS_m, packed, scaled_packing, surface_of
 from dem.stones.packing import Packing, SphereContainer
 from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
 from dem.stones.substance import Substance, flaw_factors
@@ -211,7 +211,7 @@ def turned(attitude: tuple[float, float, float, float], packing: Packing, bonds:
     turn = _matrix(attitude).T
     packing, bonds = replace(packing, center_m=packing.center_m @ turn), replace(bonds, vector_m=bonds.vector_m @ turn)
     if surface is not None:
-        surface = replace(surface, place_m=packing.center_m, first=surface.other)
+        surface = replace(surface, place_m=packing.center_m, compliance_m_N=surface.compliance_m_N[[1, 1]])
     return packing, bonds, surface
 
 
@@ -296,11 +296,12 @@ def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _R
 
 @lru_cache(maxsize=128)
 def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTable | None) -> tuple[Packing, Bonds]:
-    packing = packed_sphere(REFERENCE_RADIUS_m, subspheres, seed, cache_dir) if shape is None else packed_solid(
-        solid_of(shape, seed), subspheres, seed, cache_dir)
+    packing = packed(None if shape is None else solid_of(shape, seed), subspheres, seed, cache_dir)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
-    if shape is None:
+    if shape is None:  # the sphere that it stands for is about its centre of mass: no push on it turns the stone
+        share = packing.radius_m**3 / (packing.radius_m**3).sum()
+        packing = replace(packing, center_m=packing.center_m - share @ packing.center_m)
         return packing, bond_network(packing)
     if isinstance(packing.container, MeshContainer) and not packing.container.contains(packing.center_m).all():
         raise Refused("subspheres", subspheres, "must be more, so that they stay within the surface of their shape")
