@@ -68,13 +68,6 @@ class RecordedRod(Recorded):
     y_m: float
 
 
-class RecordedWalls(Recorded):
-    """The walls on edges of the plate."""
-
-    edges: list[Edge]
-    height_m: float
-
-
 class RecordedPlate(RecordedMaterial):
     """`[plate]` of the scene (common/scene/plate.py) as far as it is recorded."""
 
@@ -86,7 +79,7 @@ class RecordedPlate(RecordedMaterial):
     damping_ratio: float | None = None
     max_frequency_Hz: float | None = None
     rods: list[RecordedRod] | None = None
-    walls: RecordedWalls | None = None
+    wall_height_m: dict[Edge, float] = {}
 
 
 class RecordedScene(Recorded):

@@ -21,9 +21,11 @@ from common.input_error import (
 MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
 #: What says the same as keys of earlier versions.
 INSTEAD = {
-    "impact_view_interval_s": "output.view_interval_s, which takes each impact every 20 us",
+    "output": "time.view_interval_s, which takes each impact every 20 us",
     "pressure_threshold_Pa": "pressure_strengthening, from any pressure on",
     "strength_factor": "scatter.strength_factor, or a material of its own",
+    "value": "a number alone",
+    "walls": "plate.wall_height_m = { EDGE = height }",
 }
 
 

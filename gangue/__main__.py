@@ -9,12 +9,12 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 from common.process.command import imports, listen_for_interrupt, run_command
 from common.process.messages import show_messages, told
-from gangue.commands import COMMANDS
-from gangue.parser import PROGRAM, parser_of
+from gangue.commands import COMMANDS, PROGRAM, parser_of
 
 
 def main(argv: list[str] | None = None, package: str = "") -> int:
@@ -26,6 +26,11 @@ def main(argv: list[str] | None = None, package: str = "") -> int:
         words = ["report", *words]  # python -m report DIRECTORY
     as_json = any(word.startswith("--js") for word in words)  # known before the words are
     return run_command(package or PROGRAM, lambda: _command(words, package), as_json)
+
+
+def door(package: str) -> Callable[..., int]:
+    """`main` of the commands of a package, for its `python -m`."""
+    return partial(main, package=package)
 
 
 def _command(words: list[str], package: str) -> int:

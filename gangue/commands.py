@@ -1,4 +1,5 @@
-"""The commands: the function that each calls, and the arguments that become those of the function."""
+"""The commands: the function that each calls, the arguments that become those of the function, the parser of them, and
+the script by which shells complete them."""
 
 from __future__ import annotations
 
@@ -8,6 +9,21 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+from common.process.command import Parser
+from common.result import Result
+
+PROGRAM = "gangue"
+DESCRIPTION = "Coal and gangue on a steel plate: simulate impacts, analyse records, recognise the mixing ratio."
+EXAMPLES = ("gangue doctor", "gangue run scenes/single.toml --out runs/single",
+            "gangue sweep scenes/small.toml --out runs/small && gangue report runs/small", "gangue run --help")
+EXIT_CODES = """
+exit codes:
+  0 a result     1 failed             2 bad input, refused in one line
+  3 a record without an answer to be trusted        75 stopped at a checkpoint        130 interrupted
+"""
+JSON_HELP = ("the result as JSON, which says all that the words would; what is told meanwhile goes to the error "
+             'output. A command without a result gives {"error": the line that says why, "exit_code": its exit code}')
 
 Argument = tuple[tuple[str, ...], dict[str, Any]]  # of `argparse`
 
@@ -39,6 +55,11 @@ def _arg(*names: str, **settings: Any) -> Argument:
 
 def _file(name: str, metavar: str, text: str) -> Argument:
     return _arg(name, metavar=metavar, type=Path, help=text)
+
+
+def _limits(name: str, unit: str, text: str) -> Argument:
+    return _arg(f"--{name.partition('_')[0]}", dest=name, type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
+                help=f"{text}, in {unit}")
 
 
 def _change(text: str) -> tuple[str, Any]:
@@ -176,10 +197,8 @@ COMMANDS = {
         _arg("record", help="run directory or record, at least 20 kHz; live: -, tcp://HOST:PORT (docs/listening.md)"),
         PLATE, SCALE, UNIT, _arg("--out", help="directory for stones.parquet and ratio.parquet; not for what is live"),
         _arg("--follow", action="store_true", help="the record is a file of live samples, which may grow"),
-        _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
-             help="between which the stones' radii lie, more or less, in m"),
-        _arg("--speed", dest="speed_m_s", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
-             help="between which their speeds lie, the components across the plate, in m/s"),
+        _limits("radius_m", "m", "between which the stones' radii lie, more or less"),
+        _limits("speed_m_s", "m/s", "between which their speeds lie, the components across the plate"),
         _arg("--coal-first", type=int, default=0, metavar="N", help="the first N stones are known to be coal"),
         _arg("--known", dest="known_file", metavar="FILE", help="records of known stones (docs/listening.md)"),
         _arg("--law", metavar="FILE", help="of the forces, by `learn-forces` (default: that of the paper's rock)"),
@@ -198,10 +217,7 @@ COMMANDS = {
         "gangue listen - --plate p.json --radius 0.02 0.03 --speed 2 4 --coal-first 99 --stop-above 40")),
     "learn-forces": Command("gangue.learn_forces:learn_forces", "what `listen` believes of one's own rock and plate", (
         SCENE, _arg("--out", type=Path, required=True, help="law to write (.json); runs stay in a directory beside it"),
-        _arg("--radius", dest="radius_m", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
-             help="radii, in m"),
-        _arg("--speed", dest="speed_m_s", type=float, nargs=2, required=True, metavar=("LOW", "HIGH"),
-             help="speeds, in m/s"),
+        _limits("radius_m", "m", "radii"), _limits("speed_m_s", "m/s", "speeds"),
         _arg("--stones", type=int, default=48, metavar="N", help="stones to simulate (default: %(default)d)"), JOBS), (
         "gangue learn-forces scenes/single.toml --radius 0.015 0.035 --speed 2 4 --out law.json",)),
     "volley": Command("recognition.volley.recognise:volley",
@@ -213,10 +229,10 @@ COMMANDS = {
         _arg("--speed", dest="speed_m_s", type=float, nargs="+", required=True, metavar="M_S",
              help="of all stones, where that is certain, or the lowest and the highest that it may be")), (
         "gangue volley measured.csv --plate plate.json --stones 8 12 --radius 0.025 --speed 2.5 3.2",)),
-    "report": Command("report.commands:report", "write report.html of runs; `compare` puts two side by side", (
+    "report": Command("report.page:report", "write report.html of runs; `compare` puts two side by side", (
         _arg("directory", help="run directory, or directory of runs ratio_*"),), (
         "gangue report runs/paper", "gangue report runs/single")),
-    "compare": Command("report.commands:compare", "write a page of what differs between two runs or two sweeps", (
+    "compare": Command("report.comparison:compare", "write a page of what differs between two runs or two sweeps", (
         _file("a", "A", "run directory, or directory of runs ratio_*"), _file("b", "B", "another one of the same kind"),
         _arg("--out", type=Path, help="the page (default: compare_A_B.html beside B)")), (
         "gangue compare runs/before runs/after",
@@ -227,8 +243,75 @@ COMMANDS = {
         "gangue scenes", "gangue scenes paper --out my.toml")),
     "doctor": Command("gangue.doctor:doctor", "what this machine has and lacks to simulate", (), (
         "gangue doctor", "gangue --json doctor")),
-    "completion": Command("gangue.parser:completion", "completion of commands for a shell, by shtab", (
+    "completion": Command("gangue.commands:completion", "completion of commands for a shell, by shtab", (
         _arg("shell", choices=("bash", "zsh", "tcsh"), help="the shell"),), (
         "gangue completion bash > ~/.local/share/bash-completion/completions/gangue",
         "gangue completion zsh > ~/.zfunc/_gangue")),
 }
+
+
+def parser_of(package: str = "") -> argparse.ArgumentParser:
+    """The parser of all commands, or of those of a package."""
+    program = f"python -m {package}" if package else PROGRAM
+    parser = Parser(prog=program, description=DESCRIPTION, epilog=_examples(EXAMPLES) + EXIT_CODES,
+                    formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--version", action=_Version, nargs=0, default=argparse.SUPPRESS,
+                        help="version of this program")
+    _add_output(parser, False, JSON_HELP)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="command", title="commands")
+    for name, command in COMMANDS.items():
+        if package in ("", command.package):
+            sub = commands.add_parser(name, prog=program if package == name else f"{program} {name}", help=command.help,
+                                      description=command.help, epilog=_examples(command.examples),
+                                      formatter_class=argparse.RawDescriptionHelpFormatter)
+            for names, settings in command.arguments:
+                sub.add_argument(*names, **settings)
+            _add_output(sub, argparse.SUPPRESS, "the result as JSON")  # leaves what was said before the command
+            sub.set_defaults(parser=sub)
+    return parser
+
+
+def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The parser of each command by its name."""
+    return next(action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+
+
+def _add_output(parser: argparse.ArgumentParser, unsaid: Any, help_of_json: str) -> None:
+    """What may stand before or behind the command."""
+    parser.add_argument("--quiet", action="store_true", default=unsaid, help="no output but errors and what goes wrong")
+    parser.add_argument("--json", action="store_true", default=unsaid, help=help_of_json)
+
+
+def _examples(lines: tuple[str, ...]) -> str:
+    return "examples:\n" + "".join(f"  {line}\n" for line in lines)
+
+
+class _Version(argparse.Action):
+    """Print the version, which takes a while to look up and so is not looked up for anything else."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from importlib.metadata import version
+
+        print(f"{PROGRAM} {version('coal-gangue-impact')}")
+        parser.exit()
+
+
+@dataclass(frozen=True)
+class CompletionResult(Result):
+    """The script for a shell."""
+
+    line = "{script}"
+    shell: str
+    script: str
+
+
+def completion(shell: str) -> CompletionResult:
+    """Write the script. Where a value is not one of a few, files complete it."""
+    import shtab  # late: no other command needs it
+
+    parser = parser_of()
+    for sub in commands_of(parser).values():
+        for action in sub._actions:
+            if action.nargs != 0 and not action.choices:
+                action.complete = shtab.FILE  # type: ignore[attr-defined]  # shtab's way
+    return CompletionResult(shell, shtab.complete(parser, shell, root_prefix=PROGRAM))

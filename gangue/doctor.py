@@ -29,9 +29,6 @@ class Finding:
     text: str
 
 
-Line = tuple[str, bool, str]  # a finding in the making
-
-
 @dataclass(frozen=True)
 class DoctorResult(Result):
     """What this machine has and lacks."""
@@ -54,65 +51,39 @@ class DoctorResult(Result):
 
 def doctor() -> DoctorResult:
     """Look at this machine."""
-    lines = (
-        _program(), _memory(), _disk(), _library(), _engine(), _ranks(),
+    from dem.coupling.launch import check_engine, library_version  # late: no other command of gangue needs it
+
+    free_GB = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
+    disk_GB = shutil.disk_usage(".").free / 1e9
+    return DoctorResult((
+        Finding("program", True, f"{PACKAGE} {version(PACKAGE)} in {Path(__file__).resolve().parents[1]}, "
+                                 f"Python {platform.python_version()}"),
+        Finding("machine", free_GB > LEAST_FREE_GB, f"{platform.machine()}, {len(os.sched_getaffinity(0))} cores, "
+                                                    f"{free_GB:.1f} GB of memory free"),
+        Finding("disk", disk_GB > LEAST_FREE_GB, f"{disk_GB:.1f} GB free in {Path.cwd()}"),
+        _checked("LIGGGHTS", lambda: f"libliggghts-dev {library_version()}"),
+        _checked("engine", lambda: str(check_engine())),
+        _programs("MPI ranks", ("mpirun",), "for ranks above 1"),
         _extra("report", ("matplotlib",), "report.html and its figures"),
         _extra("records", ("pyuff", "soundfile", "h5py", "nptdms"), "UFF, FLAC, HDF5 and TDMS records"),
         _extra("tables", ("openpyxl",), "tables for spreadsheets (XLSX)"),
         _extra("campaign", ("snakemake", "snakemake_executor_plugin_slurm"), "campaigns"),
-        _programs("ParaView", ("paraview", "pvpython"), "opens view.pvd, on this or any other machine"))
-    return DoctorResult(tuple(Finding(*line) for line in lines))
+        _programs("ParaView", ("paraview", "pvpython"), "opens view.pvd, on this or any other machine")))
 
 
-def _program() -> Line:
-    here = Path(__file__).resolve().parents[1]
-    return "program", True, f"{PACKAGE} {version(PACKAGE)} in {here}, Python {platform.python_version()}"
-
-
-def _memory() -> Line:
-    free_GB = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
-    cores = len(os.sched_getaffinity(0))
-    return "machine", free_GB > LEAST_FREE_GB, f"{platform.machine()}, {cores} cores, {free_GB:.1f} GB of memory free"
-
-
-def _disk() -> Line:
-    free_GB = shutil.disk_usage(".").free / 1e9
-    return "disk", free_GB > LEAST_FREE_GB, f"{free_GB:.1f} GB free in {Path.cwd()}"
-
-
-def _library() -> Line:
-    from dem.coupling.launch import library_version
-
-    return _checked("LIGGGHTS", lambda: f"libliggghts-dev {library_version()}")
-
-
-def _engine() -> Line:
-    from dem.coupling.launch import ENGINE, check_engine
-
-    def there() -> str:
-        check_engine()
-        return str(ENGINE)
-
-    return _checked("engine", there)
-
-
-def _checked(name: str, check: Callable[[], str]) -> Line:
+def _checked(name: str, check: Callable[[], str]) -> Finding:
     try:
-        return name, True, check()
+        return Finding(name, True, check())
     except (InputError, OSError) as error:  # OSError: no dpkg-query, so no Debian
-        return name, False, str(error)
+        return Finding(name, False, str(error))
 
 
-def _ranks() -> Line:
-    return _programs("MPI ranks", ("mpirun",), "for ranks above 1")
-
-
-def _programs(name: str, programs: Iterable[str], use: str) -> Line:
+def _programs(name: str, programs: Iterable[str], use: str) -> Finding:
     found = next(filter(None, map(shutil.which, programs)), None)
-    return name, found is not None, f"{found or ' or '.join(programs) + ' is not on the path'}: {use}"
+    return Finding(name, found is not None, f"{found or ' or '.join(programs) + ' is not on the path'}: {use}")
 
 
-def _extra(name: str, modules: tuple[str, ...], use: str) -> Line:
+def _extra(name: str, modules: tuple[str, ...], use: str) -> Finding:
     missing = [module for module in modules if find_spec(module) is None]
     lacks = f"lacks {', '.join(missing)}; pip install '{PACKAGE}[{name}]'"
-    return name, not missing, f"{use}: {lacks if missing else ', '.join(modules)}"
+    return Finding(name, not missing, f"{use}: {lacks if missing else ', '.join(modules)}")

@@ -85,7 +85,7 @@ def alone(gangue: bool, seed: int, radius_m: float, speed_m_s: float, x_m: float
     """Keys of a scene in which one stone falls."""
     return {"stones.count": 1, "stones.gangue_order": [1], "stones.gangue_ratio": float(gangue),
             "stones.positions_m": [[x_m, y_m]], "stones.radius_m": radius_m, "stones.speed_m_s": speed_m_s,
-            "stones.seed": seed, "time.duration_s": DURATION_s, "output.view_interval_s": DURATION_s}
+            "stones.seed": seed, "time.duration_s": DURATION_s, "time.view_interval_s": DURATION_s}
 
 
 def history_of(directory: Path) -> History:

@@ -75,7 +75,7 @@ def _for_editors(name: str, key: Node) -> Node:
     if key.get("$ref", "").endswith("/Distribution"):
         key["oneOf"] = [{"type": "number"}, {"$ref": key.pop("$ref")}]
         if "default" in key:
-            key["default"] = key["default"]["value"]
+            key["default"] = key["default"]["uniform"][0]
     if "patternProperties" in key:
         key["additionalProperties"] = False
     unit = unit_of(name)
@@ -142,7 +142,7 @@ def _inside(key: Node) -> list[tuple[str, Node]]:
         return [("list", key["items"])]
     named = [*key.get("patternProperties", {}).values(), key.get("additionalProperties")]
     named = [table["anyOf"][-1] if isinstance(table, dict) and "anyOf" in table else table for table in named]
-    return [(".NAME", table) for table in named if isinstance(table, dict)]
+    return [(".NAME", table) for table in named if isinstance(table, dict) and "$ref" in str(table)]
 
 
 def _is_spread(key: Node) -> bool:
@@ -161,6 +161,8 @@ def _allowed(key: Node) -> str:
     """Kind and bounds in a few words."""
     if _is_spread(key):
         return "distribution"
+    if "enum" in key.get("propertyNames", {}):
+        return f"table: {_allowed(key['additionalProperties'])} by {_allowed({'enum': key['propertyNames']['enum']})}"
     if _inside(key):
         return "table" if "allOf" in key or "oneOf" in key else "tables"
     if "const" in key:

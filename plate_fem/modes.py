@@ -191,7 +191,7 @@ def table_hash(plate: FlexiblePlate, residual_points_m: np.ndarray | None = None
 
     The damping ratio does not belong to it: frequencies and shapes are those without damping.
     """
-    table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "walls"})
+    table = plate.model_dump_json(exclude={"sensors", "yield_stress_Pa", "damping_ratio", "tilt_deg", "wall_height_m"})
     return key_of(Path(__file__), table, None if residual_points_m is None else np.asarray(residual_points_m).tolist())
 
 

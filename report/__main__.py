@@ -1,11 +1,8 @@
 """`python -m report COMMAND`: the commands of `gangue` that write pages."""
 
-import sys
-from functools import partial
+from gangue.__main__ import door
 
-from gangue.__main__ import main as gangue
-
-main = partial(gangue, package="report")
+main = door("report")
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 
@@ -27,33 +27,34 @@ from common.files.output_directory import (
 )
 from common.files.whole import write_text
 from common.resources import resource
+from common.result import Result
 from common.scene.scene import read_scene
 from recognition.estimation.window import LEAST_RATIOS
 from report import tables, variation
-from report.breakage.chapter import BREAKAGE_FIGURES
+from report.breakage.figures import BREAKAGE_FIGURES
 from report.drawing.figure_spec import FigureSpec, FinishedFigure, finish_figure
+from report.drawing.pages import rendered
 from report.drawing.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
 from report.film.pictures import EARLY, IMPACT, WHOLE, Series
 from report.film.reel import Films, films_of, pack_films
 from report.film.still import still, still_scene
 from report.missing import MISSING_RESULT
 from report.parts import make_parts
-from report.response.chapter import FELT, MAXIMA, RESPONSE_FIGURES
-from report.signals.chapter import SIGNAL_FIGURES
-from report.stream.chapter import StreamRun
+from report.response.figures import RESPONSE_FIGURES, felt, maxima
+from report.signals.figures import SIGNAL_FIGURES
+from report.stream.figures import STREAM_FIGURES, heard
+from report.stream.results import StreamResults
 from report.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
-from report.theory.chapter import THEORY_FIGURES
-from report.verdicts import LEAST_TREND, VERDICTS, Claim, Statement, falling_steps, spearman, to_csv
-
-TEMPLATES = resource("templates")
+from report.theory.figures import THEORY_FIGURES
+from report.verdicts import LEAST_TREND, VERDICTS, Claim, Statement, claims_csv, falling_steps, spearman
 
 #: Title, figures and tables of each chapter, in order; that of recognition follows where it has runs enough.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Response of the plate", RESPONSE_FIGURES, []),
-    ("Breakage", BREAKAGE_FIGURES, [variation.ONE_STONE]),
+    ("Breakage", BREAKAGE_FIGURES, [variation.one_stone]),
     ("Signals", SIGNAL_FIGURES, []),
-    ("Theory", THEORY_FIGURES, [tables.MATERIALS]),
+    ("Theory", THEORY_FIGURES, [tables.materials]),
 ]
 
 #: What is no physics of a scene: the paper's statements hold for it with any of these.
@@ -128,12 +129,25 @@ def write_report(directory: str | Path) -> Path:
     sweep = read_sweep(directory)
     content = _of_streams(sweep) if all(map(is_stream, sweep.runs)) else _of_impacts(SweepResults(sweep))
     if content.claims:
-        write_text(claims, stamped(local(to_csv(content.claims), sweep), "# {}"))
+        write_text(claims, stamped(local(claims_csv(content.claims), sweep), "# {}"))
     write_text(file, stamped(render(sweep, content)))
     if (listed := listed_files(directory, "run")) is not None:  # a run may be replaced with what belongs to it
         own = {one.name: hash_of(one) for one in (file, claims) if one.is_file()}
         write_contents(directory, "run", listed | own)
     return file
+
+
+@dataclass(frozen=True)
+class ReportResult(Result):
+    """The page of a directory of runs."""
+
+    line = "report written to {report}"
+    report: Path
+
+
+def report(directory: str) -> ReportResult:
+    """Write the report of a run or of a directory of runs, as `write_report`."""
+    return ReportResult(write_report(directory))
 
 
 def _of_impacts(results: SweepResults) -> Content:
@@ -142,15 +156,15 @@ def _of_impacts(results: SweepResults) -> Content:
     given = {"Breakage": any(run.summary.n_bonds for run in runs), "Signals": results.plate_moves,
              "Theory": bool(runs[0].scene.plate.rods)}  # a chapter of nothing but reasons helps nobody
     chapters, statements = [one for one in CHAPTERS if given.get(one[0], True)], list[list[Statement]]([[]])
-    first = FELT if ratios == 1 else MAXIMA
+    first = felt if ratios == 1 else maxima
     if recognises:
-        from report.recognition import chapter  # late: its libraries take a second to import
+        from report.recognition.figures import RECOGNITION_FIGURES, recognised_against_true as first  # late: a second
+        from report.recognition.tables import RECOGNITION_TABLES
 
-        first = chapter.ANSWER
-        chapters.append(("Recognition", chapter.RECOGNITION_FIGURES, chapter.RECOGNITION_TABLES))
+        chapters.append(("Recognition", RECOGNITION_FIGURES, RECOGNITION_TABLES))
     if ratios >= LEAST_TREND and are_papers(runs):
         from report.statements import STATEMENTS as statements
-        chapters.append(("With stones that vary", [], [variation.VARYING]))
+        chapters.append(("With stones that vary", [], [variation.varying]))
     of_chapters: list[FigureSpec | TableSpec] = []
     for _, figures, of_chapter in chapters:
         of_chapters += [*of_chapter, *figures]
@@ -168,17 +182,19 @@ def _of_impacts(results: SweepResults) -> Content:
         [Chapter(title, [finished[spec.key] for spec in figures if spec.key in finished and spec is not first],
                  [finished[spec.key] for spec in of_chapter if spec.key in finished])
          for title, figures, of_chapter in chapters],
-        finish_table(tables.RUNS, results), rises(results), claims)
+        finish_table(tables.runs, results), rises(results), claims)
 
 
 def _of_streams(sweep: Sweep) -> Content:
-    streams = [StreamRun(run) for run in sweep.runs]
-    works = [partial(finish_figure, spec, one.results) for one in streams for spec in one.specs]
+    streams = [StreamResults(run) for run in sweep.runs]
+    names = [run.path.name for run in sweep.runs]
+    works = [[partial(finish_figure, replace(spec, key=f"{name}-{spec.key}"), one)
+              for spec in ([heard] if one.was_heard else []) + STREAM_FIGURES]
+             for name, one in zip(names, streams, strict=True)]
     films = [partial(_film, sweep.runs, k, 0, (WHOLE,)) for k in range(len(streams))]
-    made, _ = make_parts(SweepResults(sweep), [*works, *films], [[]], False)
+    made, _ = make_parts(SweepResults(sweep), [*chain(*works), *films], [[]], False)
     figures = iter(made)
-    of_each = [one.keyed([next(figures) for _ in one.specs]) for one in streams]
-    names = [one.results.run.path.name for one in streams]
+    of_each = [[next(figures) for _ in own] for own in works]
     chapters = [Chapter("What fell" if len(streams) == 1 else name, found if k else found[1:], [one.table()])
                 for k, (name, one, found) in enumerate(zip(names, streams, of_each, strict=True))]
     return Content("What fell on the plate?", [Number(*one) for one in streams[0].numbers()], of_each[0][0],
@@ -213,17 +229,10 @@ def _physics(scene: dict[str, Any]) -> dict[str, Any]:
 
 def render(sweep: Sweep, content: Content) -> str:
     """Return the page as HTML."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"local": lambda text: local(text, sweep), "in_script": in_script}
     counts = Counter(claim.verdict for claim in content.claims)
     maps = (DAMAGE_COLOURS, STRESS_COLOURS)
-    return environment.get_template("report.html.j2").render(
+    return rendered(
+        "report.html.j2", {"local": lambda text: local(text, sweep), "in_script": in_script},
         name=sweep.path.resolve().name,
         sweep=sweep,
         content=content,
@@ -294,7 +303,7 @@ def rises(results: SweepResults) -> list[Rise]:
     quantities: list[tuple[str, Callable[[], np.ndarray], str]] = [
         ("largest total force", lambda: 1e-3 * results.sweep.peaks("force_N"), "kN")]
     if results.plate_moves:
-        quantities += [("largest kinetic energy of the plate", lambda: results.response.peaks["kinetic_J"], "J"),
+        quantities += [("largest kinetic energy of the plate", lambda: results.sweep.peaks("kinetic_J"), "J"),
                        ("RMS of the plate's acceleration", lambda: results.rms_m_s2, "m/s²")]
     return [Rise(name, spearman(results.ratios, values := values_of()), falling_steps(results.ratios, values),
                  digits(values[0]), f"{digits(values[-1])} {unit}") for name, values_of, unit in quantities]

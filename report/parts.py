@@ -34,9 +34,11 @@ def make_parts(results: SweepResults, works: Sequence[Work], statements: Sequenc
     if recognises:
         recognition, runs = results.recognition, range(len(results.runs))
         attempt(lambda: recognition.prepared)  # else each process prepares them
-        model, *held_out = all_of([recognition.of_model, *(partial(recognition.held_out, k) for k in runs)], beside)
+        model, *held_out = all_of([lambda: (recognition.model, recognition.by_all),
+                                   *(partial(lambda k: recognition.prepared.answers_without(k), k) for k in runs)],
+                                  beside)
         if not any(isinstance(one, Exception) for one in (model, *held_out)):  # else it is told where it is asked for
-            recognition.take(model, held_out)
+            (recognition.model, recognition.by_all), recognition.held_out = model, held_out
     else:
         beside()
     last, *made = all_of([partial(check_statements, results, late), *works])

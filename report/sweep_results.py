@@ -11,7 +11,7 @@ import numpy as np
 from analysis import RecordError, Run, Sweep
 from recognition.estimation.window import Window
 from report.breakage.results import BreakageResults
-from report.response.results import PlateResults, ResponseResults
+from report.response.results import PlateResults
 from report.signals.results import SignalResults
 from report.theory.results import TheoryResults
 
@@ -35,7 +35,6 @@ class SweepResults:
         self.plate = PlateResults(self.sweep)
         self.theory = TheoryResults(self.sweep, self.plate)
         self.breakage = BreakageResults(self.sweep)
-        self.response = ResponseResults(self.sweep)
         self.signals = SignalResults(self.sweep)
 
     @cached_property
@@ -54,6 +53,10 @@ class SweepResults:
     def rms_m_s2(self) -> np.ndarray:
         """Of the acceleration of the plate's centre of mass, shape (runs,)."""
         return np.array([np.sqrt(np.mean(run.record("a_m_s2").values**2)) for run in self.runs])
+
+    def extremes(self, column: str) -> np.ndarray:
+        """Largest and smallest value of a column, from the fast stream where it has it, shape (runs, 2)."""
+        return np.array([run.extremes(column) for run in self.runs])
 
     @property
     def runs(self) -> list[Run]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis import Run
+from report.drawing.pages import to_csv
 from report.film.packing import pack_text
 from report.missing import MISSING_RESULT
 from report.sweep_results import SweepResults
@@ -30,6 +29,11 @@ class TableSpec:
     ratios: int = 1
 
 
+def table(key: str, title: str, note: str = "", ratios: int = 1) -> Callable[[Callable[..., Cells]], TableSpec]:
+    """Make a table of the function below, which gives its cells."""
+    return lambda build: TableSpec(key, title, note, build, ratios)
+
+
 @dataclass(frozen=True)
 class FinishedTable:
     """A table as the page shows it; without rows where the runs do not give it, and the note then says why."""
@@ -43,9 +47,7 @@ class FinishedTable:
     @property
     def csv(self) -> str:
         """The packed CSV of the table."""
-        buffer = io.StringIO()
-        csv.writer(buffer, lineterminator="\n").writerows([self.header, *self.rows])
-        return pack_text(buffer.getvalue())
+        return pack_text(to_csv([self.header, *self.rows]))
 
 
 def finish_table(spec: TableSpec, results: SweepResults) -> FinishedTable:
@@ -57,24 +59,25 @@ def finish_table(spec: TableSpec, results: SweepResults) -> FinishedTable:
     return FinishedTable(spec.key, spec.title, spec.note, header, rows)
 
 
+@table("table-1", "Elastic constants")
 def materials(results: SweepResults) -> Cells:
-    """Return the elastic parameters of what fell and of the plate, from the scene."""
+    """Of what fell and of the plate, from the scene."""
     setup = results.theory.setup
     shown = {kind: setup.rocks[kind] for kind in results.kinds}
     rows = [
         [name, f"{m.density_kg_m3:g}", f"{1e-9 * m.youngs_modulus_Pa:g}", f"{m.poisson_ratio:g}"]
         for name, m in {**shown, "plate": setup.plate}.items()
     ]
-    header = ["", "density, kg/m³", "E, GPa", "Poisson's ratio"]
-    return header, rows
+    return ["", "density, kg/m³", "E, GPa", "Poisson's ratio"], rows
 
 
 def _or_dash(count: int | None) -> str:
     return "-" if count is None else str(count)
 
 
+@table("table-runs", "Runs")
 def runs(results: SweepResults) -> Cells:
-    """Return sizes, peaks and wall time of each run; of the plate where it moves."""
+    """Sizes, peaks and wall time of each run; of the plate where it moves."""
     columns: dict[str, Callable[[Run, int], str]] = {
         "ratio": lambda run, _: f"{100 * run.gangue_ratio:.0f} %",
         "particles": lambda run, _: _or_dash(run.summary.n_particles),
@@ -88,7 +91,3 @@ def runs(results: SweepResults) -> Cells:
     columns |= {"energy closes to": lambda run, _: f"{(run.summary.energy or {}).get('closure', np.nan):.1e}",
                 "wall time, s": lambda run, _: f"{sum(run.summary.wall_time_s.values()):.1f}"}
     return list(columns), [[cell(run, i) for cell in columns.values()] for i, run in enumerate(results.runs)]
-
-
-MATERIALS = TableSpec("table-1", "Elastic constants", "", materials)
-RUNS = TableSpec("table-runs", "Runs", "", runs)

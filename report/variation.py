@@ -12,15 +12,17 @@ from common.scene.stones import KINDS
 from recognition.estimation.window import WINDOW_S
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
-from report.tables import Cells, TableSpec
+from report.tables import Cells, table
 from report.verdicts import spearman
 
 BESIDE = "natural"
 PLAN = "scenes/dataset_natural.toml"
 
 
+@table("table-one-stone", "Breakage of one stone",
+       "Mean and standard deviation of all stones. Below a fragment size of 2.3 sub-spheres, what breaks depends on "
+       "the number of sub-spheres; near the critical speed, at which stones fall apart, on the single stone.")
 def one_stone(results: SweepResults) -> Cells:
-    """Return breakage of one stone, mean and deviation over all stones of all runs."""
     rows, area_cm2 = [], 1e4 * results.breakage.area_end_m2
     largest = np.array([[shares[0] for shares in results.breakage.fragment_shares(k)] for k in range(len(area_cm2))])
     for kind in KINDS:
@@ -55,8 +57,11 @@ def quantities(run: Run) -> dict[str, float]:
         "RMS of the plate's acceleration, m/s²": rms(run.record("a_m_s2").values[run.t_s <= WINDOW_S])}
 
 
+@table("table-varying", "What natural scatter makes of it",
+       f"Beside each figure of this sweep those of stones that vary, with another coal ({PLAN}): mean and standard "
+       "deviation over draws, in the paper's window.")
 def varying(results: SweepResults) -> Cells:
-    """Return, of each quantity, the value of the run nearest to 50 % and the rank correlation with the ratio: of the
+    """Of each quantity the value of the run nearest to 50 % and the rank correlation with the ratio: of the
     sweep, and of the runs beside it whose stones vary. Raises MissingResult where there are none."""
     runs = _runs_beside(results)
     ratios = np.array([run.gangue_ratio for run in runs])
@@ -91,12 +96,3 @@ def _with_deviation(values: np.ndarray) -> str:
         return f"{known[0]:.3g}" if known.size else "-"
     rounding = np.ptp(known) <= 1e-12 * np.abs(known).max()
     return f"{known.mean():.3g} ± {0.0 if rounding else known.std(ddof=1):.2g}"
-
-
-ONE_STONE = TableSpec("table-one-stone", "Breakage of one stone", (
-    "Mean and standard deviation of all stones. Below a fragment size of 2.3 sub-spheres, what breaks"
-    " depends on the number of sub-spheres; near the critical speed, at which stones fall apart, on the single stone."),
-    one_stone)
-VARYING = TableSpec("table-varying", "What natural scatter makes of it", (
-    f"Beside each figure of this sweep those of stones that vary, with another coal ({PLAN}): mean and standard"
-    " deviation over draws, in the paper's window."), varying)

@@ -9,14 +9,13 @@ ratios: mixing ratio of each run, shape (runs,). values: one number a run, shape
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import rankdata, spearmanr
 
+from report.drawing.pages import to_csv
 from report.missing import MISSING_RESULT, MissingResult
 from report.sweep_results import SweepResults
 
@@ -27,7 +26,7 @@ VERDICTS = (HELD, PARTLY, NOT_HELD, NOT_TESTED)
 Finding = tuple[str, str]
 Test = Callable[[SweepResults], Finding]
 Values = Callable[[SweepResults], np.ndarray]
-#: A trend needs at least so many ratios.
+#: So many ratios are needed to test the statements.
 LEAST_TREND = 4
 
 
@@ -46,13 +45,9 @@ class Statement:
 
 
 @dataclass(frozen=True)
-class Claim:
+class Claim(Statement):
     """A statement with its verdict and our number."""
 
-    text: str
-    where: str
-    figure: str
-    expected: str
     verdict: str
     value: str
 
@@ -65,17 +60,14 @@ def check_statements(results: SweepResults, statements: Sequence[Statement]) -> 
             verdict, value = s.test(results)
         except MISSING_RESULT as reason:
             verdict, value = NOT_TESTED, str(reason)
-        claims.append(Claim(s.text, s.where, s.figure, s.expected, verdict, value))
+        claims.append(Claim(**vars(s), verdict=verdict, value=value))
     return claims
 
 
-def to_csv(claims: list[Claim]) -> str:
+def claims_csv(claims: list[Claim]) -> str:
     """Return the claims as CSV: claim, where, verdict, value, expected."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["claim", "where", "verdict", "value", "expected"])
-    writer.writerows([c.text, c.where, c.verdict, c.value, c.expected] for c in claims)
-    return out.getvalue()
+    return to_csv([["claim", "where", "verdict", "value", "expected"],
+                   *([c.text, c.where, c.verdict, c.value, c.expected] for c in claims)])
 
 
 # ------------------------------------------------------------ kinds of statement
@@ -106,10 +98,9 @@ def trend(values: Values, direction: int = 1, factor: float = 1.0, unit: str = "
 
     def test(results: SweepResults) -> Finding:
         x = np.asarray(values(results), dtype=float)
-        ratios = ratios_of_trend(results, x)
+        verdict = graded(direction * spearman(results.ratios, x), 0.9, 0.5)
         span = f"{factor * x[0]:.4g} to {factor * x[-1]:.4g} {unit}".rstrip()
-        verdict = graded(direction * spearman(ratios, x), 0.9, 0.5)
-        return verdict, f"{describe_trend(ratios, x, direction)}; {span}"
+        return verdict, f"{describe_trend(results.ratios, x, direction)}; {span}"
 
     return test
 
@@ -132,25 +123,11 @@ def all_rise(named: dict[str, np.ndarray], ratios: np.ndarray) -> Finding:
     return PARTLY if partly else NOT_HELD, f"Spearman {numbers}"
 
 
-def ratios_of_trend(results: SweepResults, values: np.ndarray) -> np.ndarray:
-    """Return the ratios of the runs, shape (runs,).
-
-    Raises MissingResult for too few ratios, and if not every run has a finite value.
-    """
-    if len(results.ratios) < LEAST_TREND:
-        raise MissingResult(f"{len(results.ratios)} ratios; a trend needs at least {LEAST_TREND}")
-    if len(values) != len(results.ratios) or not np.all(np.isfinite(values)):
-        raise MissingResult("not every run has a value")
-    return results.ratios
-
-
-def need_enough_ratios(results: SweepResults) -> None:
-    """Raise MissingResult if the sweep has too few ratios for a trend."""
-    ratios_of_trend(results, results.ratios)
-
-
 def spearman(ratios: np.ndarray, values: np.ndarray) -> float:
-    """Return Spearman's rank correlation of values with the ratio, -1..1; 0 where all values are equal."""
+    """Return Spearman's rank correlation of values with the ratio, -1..1; 0 where all values are equal. Raises
+    MissingResult if not every run has a finite value."""
+    if not np.all(np.isfinite(values)):
+        raise MissingResult("not every run has a value")
     if np.ptp(values) == 0:
         return 0.0
     return float(spearmanr(ratios, values).statistic)

@@ -22,8 +22,7 @@ from common.scene.scene import read_scene
 from common.tables import InputError, read_toml
 from dem.coupling.messages import STOPPED
 from gangue.__main__ import main
-from gangue.commands import COMMANDS
-from gangue.parser import commands_of, parser_of
+from gangue.commands import COMMANDS, commands_of, parser_of
 from tests.analysis.synthetic import write_run
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -16,9 +16,8 @@ from common.result import Result
 from dem.batch.sweep import SweepResult
 from dem.commands import BatchResult, CalibrationResult, DeckResult, EngineResult, PlateEnergy, RunResult
 from gangue.__main__ import main
-from gangue.commands import COMMANDS
+from gangue.commands import COMMANDS, commands_of, parser_of
 from gangue.learn_forces import LearntForces
-from gangue.parser import commands_of, parser_of
 from gangue.scenes import ScenesResult
 from lab.known_truth.faulty_records import volley, with_fault
 from plate_fem.commands import ModesResult, MotionResult
@@ -32,10 +31,12 @@ from recognition.sensors.channel_check import CheckResult
 from recognition.stream.heard import UNTAPPED, Alarms, ListenResult
 from recognition.stream.live import LiveResult
 from recognition.tapping.tapped import TapResult
-from recognition.volley.recognise import VolleyResult
-from report.commands import ComparisonResult, ReportResult
+from recognition.volley.recognise import RATE_Hz, VolleyResult
+from report.comparison import ComparisonResult
+from report.page import ReportResult
 from tests.analysis.synthetic import write_sweep
 from tests.recognition.test_arrangement_likelihood import NAMES, SAMPLES, SAMPLE_s, draw, plate
+from tests.recognition.test_volley import record as stones_at_once
 
 NUMBER = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?(?![\w.]*\w)"
 HALF_Hz = "3333.3333333"  # of the rate of the records
@@ -216,6 +217,26 @@ def test_check(struck, capsys, record, code):
     said, found = both(capsys, ["check", str(struck / f"{record}.csv"), "--plate", str(struck / "plate.json")], code)
     check_same(said.out, found)
     assert (found["misfit"] is None) == (record == "dead")
+
+
+@pytest.fixture(scope="module")
+def at_once(tmp_path_factory):
+    """Ten stones at once on the paper's plate: the record as it is, with a dead sensor, with two sensors swapped."""
+    here, there = tmp_path_factory.mktemp("at_once"), PlateModel.from_scene("scenes/paper.toml", 6000.0)
+    there.save(here / "plate.json")
+    clean = stones_at_once(there, 5, np.random.default_rng(8))
+    records = {"clean": clean, "dead": clean * [[1.0], [0.0], [1.0], [1.0]], "foreign": clean[[1, 0, 2, 3]]}
+    for name, values in records.items():
+        write_record(here / f"{name}.csv", values, [f"acc_{one}_m_s2" for one in there.sensor_names], 1 / RATE_Hz)
+    return here
+
+
+@pytest.mark.parametrize("record, code", [("clean", 0), ("dead", 3), ("foreign", 3)])
+def test_volley(at_once, capsys, record, code):
+    words = ["volley", str(at_once / f"{record}.csv"), "--plate", str(at_once / "plate.json"), "--stones", "10",
+             "--radius", "0.025", "--speed", "3"]
+    said, found = both(capsys, words, code)
+    check_same(said.out, found)
 
 
 ANSWER, WIDE = Answer(0.4123, 0.3711, 0.4489), Answer(0.5, 0.2, 0.81)

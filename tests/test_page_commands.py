@@ -14,7 +14,7 @@ import pytest
 from scipy.io import wavfile
 
 from common.scene.scene import changed_scene
-from gangue.parser import parser_of
+from gangue.commands import parser_of
 from lab.known_truth.simulated import draw_stones, stream_of
 from lab.known_truth.tap_records import hammer_taps
 from recognition.innovations.signatures import Channels

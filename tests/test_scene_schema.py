@@ -50,7 +50,7 @@ MISTAKES = [
     (("materials", "Coal"), PAPER["materials"]["coal"]),
     (("materials", "coal", "youngs_modulus_Pa"), 1e6), (("materials", "coal", "bond", "friction_angle_deg"), 90.0),
     (("contacts", "coal_coal", "restitution"), 0.05), (("plate", "model"), "soft"), (("plate", "poisson_ratio"), 0.5),
-    (("plate", "rods", 0, "length"), 1.0), (("plate", "sensors", 0, "name"), "a b"), (("output", "view"), 1e-3),
+    (("plate", "rods", 0, "length"), 1.0), (("plate", "sensors", 0, "name"), "a b"), (("time", "view"), 1e-3),
     (("engine", "np"), 257), (("name",), "../paper"), (("tolerance",), 0.2), (("stones", "unbreakable"), True),
 ]  # fmt: skip
 

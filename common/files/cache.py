@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ import numpy as np
 import scipy
 from platformdirs import user_cache_path
 
+from common.files.output_directory import Busy, locked_directory
 from common.files.whole import written_whole
 from common.process.messages import PACKAGES
 
@@ -130,25 +132,17 @@ def _as_arrays(found: Mapping[str, Any]) -> Arrays:
 def _locked(directory: Path, kind: str, key: str) -> Iterator[None]:
     """Hold the lock of a key, which the kernel lets go of when the process dies. Raises BeingFound, CannotKeep."""
     try:
-        import fcntl
+        lock = locked_directory(directory, inf if _WAITS.get() else 0.0, f"{kind}-{int(key, 16) % LOCKS}.lock")
     except ImportError:  # Windows
         raise CannotKeep("this system has no locks") from None
-
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(directory / f"{kind}-{int(key, 16) % LOCKS}.lock", os.O_RDWR | os.O_CREAT, 0o600)
-    except OSError as error:
+    except Busy:
+        raise BeingFound(f"{kind} {key}") from None
+    except OSError as error:  # also of a file system without locks
         raise CannotKeep(error.strerror or str(error)) from error
     try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if _WAITS.get() else fcntl.LOCK_NB))
-        except BlockingIOError:
-            raise BeingFound(f"{kind} {key}") from None
-        except OSError as error:  # a file system without locks
-            raise CannotKeep(error.strerror or str(error)) from error
         yield
     finally:
-        os.close(descriptor)
+        os.close(lock)
 
 
 def _digest(name: str, content: bytes | memoryview) -> bytes:

@@ -32,9 +32,8 @@ class RosinRammler(Table):
 
 
 class Distribution(Table):
-    """One value, or one of the laws."""
+    """One of the laws; a number alone is one value."""
 
-    value: Annotated[float | None, about("one value, as a number in place of the table")] = None
     uniform: Annotated[tuple[float, float] | None, about("least and most, by number")] = None
     rosin_rammler: Annotated[RosinRammler | None, about("a law of sizes by mass, cut off")] = None
     lognormal_cv: Annotated[Annotated[float, Field(ge=1e-6, le=0.5)] | None, about(
@@ -45,7 +44,7 @@ class Distribution(Table):
         given = [name for name in type(self).model_fields if getattr(self, name) is not None]
         if len(given) != 1:
             raise Refused("uniform", self.uniform,
-                          "one of a number, uniform, rosin_rammler and lognormal_cv must be given")
+                          "one of uniform, rosin_rammler and lognormal_cv must be given, or a number alone")
         if self.uniform is not None and self.uniform[1] < self.uniform[0]:
             raise Refused("uniform", self.uniform, "must ascend")
         return self
@@ -58,10 +57,8 @@ class Distribution(Table):
             return median * float(np.exp(-CUT_OFF * sigma)), median * float(np.exp(CUT_OFF * sigma))
         if self.rosin_rammler is not None:
             return self.rosin_rammler.least, self.rosin_rammler.most
-        if self.uniform is not None:
-            return self.uniform
-        assert self.value is not None
-        return self.value, self.value
+        assert self.uniform is not None
+        return self.uniform
 
     @property
     def _lognormal(self) -> tuple[float, float]:
@@ -92,10 +89,15 @@ def _inverse(x: np.ndarray, density: np.ndarray, share: np.ndarray) -> np.ndarra
     return np.interp(share * grown[-1], grown, x)
 
 
+def one_value(value: float) -> Distribution:
+    """The law that has no other value."""
+    return Distribution(uniform=(value, value))
+
+
 def _from_number(value: Any) -> Any:
     """A number stands for a table with one value."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return {"value": float(value)}
+        return {"uniform": (float(value), float(value))}
     if not isinstance(value, (dict, Distribution)):
         raise ValueError("must be a number or a table with uniform, rosin_rammler or lognormal_cv")
     return value
@@ -107,7 +109,7 @@ Spread = Annotated[Distribution, BeforeValidator(_from_number)]
 def refuse_outside(key: str, spread: Distribution | None, least: float, most: float, what: str) -> None:
     """Raises Refused where a distribution may give values outside its key's bounds."""
     if spread is not None and not (least <= spread.bounds[0] and spread.bounds[1] <= most):
-        raise Refused(key, spread.bounds if spread.value is None else spread.value, what)
+        raise Refused(key, spread.bounds[0] if len(set(spread.bounds)) == 1 else spread.bounds, what)
 
 
 class ScatterTable(Table):

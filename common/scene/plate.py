@@ -68,20 +68,6 @@ class Sensor(Place):
         exclude_if=lambda kind: kind == "acceleration")] = "acceleration"
 
 
-class Walls(Table):
-    """Rigid walls that stand upright on edges of the plate. What pushes on them does not load the plate."""
-
-    edges: Annotated[tuple[Edge, ...], Field(min_length=1), about("edges that have a wall")]
-    height_m: Annotated[Positive, about("height above the plate's top face")]
-
-    @model_validator(mode="after")
-    def _distinct(self) -> Self:
-        for edge in self.edges:
-            if self.edges.count(edge) > 1:
-                raise Refused("edges", edge, "must be named once")
-        return self
-
-
 class Plate(Table):
     """What every plate has: its outline and its material."""
 
@@ -95,14 +81,14 @@ class Plate(Table):
     yield_stress_Pa: Annotated[ContactStrength | None, about(
         "yield stress (docs/plate.md); absent: the plate stays elastic",
     )] = None
+    wall_height_m: Annotated[dict[Edge, Positive], about(
+        "rigid walls (docs/stones.md) by edge: their height above the top face")] = {}
 
-    walls: Annotated[Walls | None, about(
-        "rigid side walls (docs/stones.md)")] = None
-
-    def wall_box_m(self, edge: Edge) -> tuple[float, ...]:
-        """XMIN XMAX YMIN YMAX ZMIN ZMAX of the wall on one edge."""
-        assert self.walls is not None
-        return wall_box_m(edge, self.length_m, self.width_m, self.walls.height_m)
+    @property
+    def wall_boxes_m(self) -> dict[Edge, tuple[float, ...]]:
+        """XMIN XMAX YMIN YMAX ZMIN ZMAX of each wall by its edge."""
+        return {edge: wall_box_m(edge, self.length_m, self.width_m, height)
+                for edge, height in self.wall_height_m.items()}
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> Self:

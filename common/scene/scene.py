@@ -41,6 +41,8 @@ class TimeTable(Table):
         "DEM steps of a co-step; absent: from the shortest contact")] = None
     free_flight_tolerance: Annotated[NotNegative, about(
         "share of the impact energy below which inner motion lets a body fly; 0: never (docs/free_flight.md)")] = 1e-4
+    view_interval_s: Annotated[Positive | None, about(
+        "time between two pictures for ParaView; 20 us during the first impact of a stone, but of a stream")] = None
 
     @model_validator(mode="after")
     def _one_sample_at_least(self) -> Self:
@@ -120,13 +122,6 @@ class ContactTable(Table):
         return self
 
 
-class OutputTable(Table):
-    """What is written besides the signals."""
-
-    view_interval_s: Annotated[Positive | None, about(
-        "time between two pictures for ParaView; 20 us during the first impact of a stone, but of a stream")] = None
-
-
 class Scene(Table):
     """A scene file."""
 
@@ -152,7 +147,6 @@ class Scene(Table):
         "contacts by pair of materials or kinds, alphabetic, the plate last: coal_gangue, coal_plate")]
     scatter: Annotated[ScatterTable, about("what each stone has of its own")] = ScatterTable()
     plate: Annotated[PlateTable, about("the plate")]
-    output: Annotated[OutputTable, about("what is written besides the signals")] = OutputTable()
     ranks: Annotated[Annotated[int, Field(ge=1, le=256)], about("MPI ranks of a run (docs/campaigns.md)")] = 1
 
     @model_validator(mode="after")

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
-from common.scene.distribution import Distribution, Spread, refuse_outside
+from common.scene.distribution import Spread, one_value, refuse_outside
 from common.tables import NotNegative, Positive, Refused, Table, about
 
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
@@ -82,14 +82,14 @@ class DrawnTable(Table):
     rate_kg_s: Annotated[Positive | None, about("the same by mass")] = None
     arrival_s: Annotated[Spread, about(
         "when a stone touches; 0: all start gap_m above the plate; of a rate { uniform = [begin, end] }",
-    )] = Distribution(value=0.0)
+    )] = one_value(0.0)
     size_m: Annotated[Spread, about("diameter of the sphere of equal volume")]
     speed_m_s: Annotated[Spread | None, about("speed at touch, straight down")] = None
     drop_height_m: Annotated[Spread | None, about(
         "height of fall until touch; or speed_m_s")] = None
     footprint_m: Annotated[tuple[Pair, Pair] | None, about(
         "from and to of the centres, along length and width; absent: the plate less half the largest size")] = None
-    spin_rad_s: Annotated[Spread, about("rate of turn, about a random axis")] = Distribution(value=0.0)
+    spin_rad_s: Annotated[Spread, about("rate of turn, about a random axis")] = one_value(0.0)
     gangue_by: Annotated[By, about("what stones.gangue_ratio is a share of")] = "mass"
     shapes: Annotated[tuple[str, ...], Field(min_length=1), about(
         "\"sphere\" and names of tables in shapes, drawn with equal chance"),

@@ -67,11 +67,12 @@ def library_version() -> str:
     return query.stdout
 
 
-def check_engine() -> None:
-    """Raises InputError, one line, if LIGGGHTS or the engine is missing."""
+def check_engine() -> Path:
+    """The engine. Raises InputError, one line, if LIGGGHTS or it is missing."""
     library_version()
     if not os.access(ENGINE, os.X_OK):
         raise InputError(f"LIGGGHTS: the engine {ENGINE} is missing; `gangue build-engine` builds it")
+    return ENGINE
 
 
 def _before_engine() -> None:

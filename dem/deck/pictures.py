@@ -49,11 +49,11 @@ def picture_schedule(scene: Scene, assembly: Assembly, step: TimeStep) -> Pictur
     of stones that arrive together are one; a stream has none. All pictures lie on rows of the fast stream, so that the
     plate is known.
     """
-    if scene.output.view_interval_s is None:
+    if scene.time.view_interval_s is None:
         return None
     # An interval longer than the run, which LIGGGHTS might not be able to count, is one sample more than the run: a
     # picture at its start alone.
-    samples = min(scene.output.view_interval_s / scene.time.sample_interval_s, step.steps // step.sample_steps + 1)
+    samples = min(scene.time.view_interval_s / scene.time.sample_interval_s, step.steps // step.sample_steps + 1)
     every = step.sample_steps * max(1, round(samples))
     if scene.stones.is_stream:
         return PictureSchedule(every, 0, ())

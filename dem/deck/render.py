@@ -130,7 +130,7 @@ def streams(scene: Scene, assembly: Assembly) -> list[str]:
     """Files in the deck's directory that the engine appends to."""
     return ["ledger.bin", "forces.bin", "contacts.bin", *(["events.csv"] if assembly.n_bonds else []),
             *(["left.csv"] if assembly.is_stream else []), *wall_files(scene),
-            *(["pictures.bin"] if scene.output.view_interval_s is not None else [])]
+            *(["pictures.bin"] if scene.time.view_interval_s is not None else [])]
 
 
 def record_steps(assembly: Assembly, step: TimeStep) -> int:

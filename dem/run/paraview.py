@@ -179,14 +179,13 @@ class PlateMeshes:
 
 def wall_mesh(scene: Scene) -> Mesh | None:
     """The side walls as rectangles, numbered from 1 in the order of the scene's edges; None without any."""
-    walls = scene.plate.walls
-    if walls is None:
+    boxes_m = scene.plate.wall_boxes_m.values()
+    if not boxes_m:
         return None
     corners = []
-    for edge in walls.edges:
-        x0, x1, y0, y1, z0, z1 = scene.plate.wall_box_m(edge)  # flat along x or along y
+    for x0, x1, y0, y1, z0, z1 in boxes_m:  # flat along x or along y
         corners += [(x0, y0, z0), (x1, y1, z0), (x1, y1, z1), (x0, y0, z1)]
-    number = np.arange(len(walls.edges))
+    number = np.arange(len(boxes_m))
     return Mesh(np.array(corners), 4 * number[:, None] + np.arange(4), cell_data={"wall": (number + 1).astype("i4")})
 
 

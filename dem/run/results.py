@@ -73,7 +73,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     write_parquet(events, file("breakage.parquet"))
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
     write_parquet(contacts, file("contacts.parquet"))
-    if scene.output.view_interval_s is not None:
+    if scene.time.view_interval_s is not None:
         write_view(file, deck, prepared, events, plate.meshes)
     walls = read_walls(scene, deck, step)
     if walls is not None:

@@ -97,11 +97,10 @@ def _speed_key(scene: Scene, k: int) -> str:
 
 
 def _check_walls(scene: Scene, stones: list[Stone], file: str) -> None:
-    walls = scene.plate.walls
-    for edge in walls.edges if walls is not None else ():
+    for edge, box_m in scene.plate.wall_boxes_m.items():
         for k, stone in enumerate(stones):
-            if gap_to_box_m(scene, stone, scene.plate.wall_box_m(edge)) < 0:
-                raise InputError(f"{file}: plate.walls.edges = {edge}: stone {k + 1}, which touches the plate at "
+            if gap_to_box_m(scene, stone, box_m) < 0:
+                raise InputError(f"{file}: plate.wall_height_m.{edge}: stone {k + 1}, which touches the plate at "
                                  f"({stone.place_m[0]:.4g}, {stone.place_m[1]:.4g}) m, would come through this wall: "
                                  "its path must pass beside or above it, by the footprint, the height of the wall or "
                                  "the velocity")

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.scene.distribution import Distribution
+from common.scene.distribution import Distribution, one_value
 from common.scene.scene import Scene
 from common.scene.stones import COAL, GANGUE, MOST_STONES, DrawnTable
 from common.tables import InputError
@@ -23,7 +23,7 @@ from dem.stones.stone import Flying, Stone
 PLACE_TRIES = 1000
 PACKINGS = 8  # of each shape, which stones share: to find one takes longer than many an impact
 MOST_SUBSTANCES = 500  # the deck has a number for each pair of them
-ONE, NOTHING = Distribution(value=1.0), Distribution(value=0.0)
+ONE, NOTHING = one_value(1.0), one_value(0.0)
 
 
 def drawn_stones(scene: Scene, file: str) -> list[Stone]:

@@ -8,7 +8,7 @@ import matplotlib
 from analysis import read_sweep
 from report.drawing.style import STYLE, lay_out
 from report.page import CHAPTERS
-from report.recognition.chapter import RECOGNITION_FIGURES
+from report.recognition.figures import RECOGNITION_FIGURES
 from report.sweep_results import SweepResults
 
 SHOWN = ("fig-7", "fig-10", "fig-laws", "fig-area-time", "fig-18", "fig-19", "fig-hilbert", "fig-23", "fig-33",
@@ -22,8 +22,7 @@ def main(runs: str) -> None:
     chapters = [*(figures for _, figures, _ in CHAPTERS), RECOGNITION_FIGURES]
     specs = {spec.key: spec for figures in chapters for spec in figures}
     for spec in map(specs.__getitem__, SHOWN):
-        drawn = spec.draw(results)
-        figure = drawn[0] if isinstance(drawn, tuple) else drawn
+        figure, _ = spec.drawn(results)
         with matplotlib.rc_context(STYLE):
             lay_out(figure)
             figure.savefig(HERE / f"{spec.key}.png", dpi=110, facecolor="white", metadata={"Software": None})

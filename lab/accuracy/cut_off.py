@@ -26,7 +26,7 @@ ROD = "diameter_m = 0.02, length_m = 0.1, youngs_modulus_Pa = 2.07e11, density_k
 LARGE = f"""
 base = "{SCENES / 'paper.toml'}"
 name = "large"
-without = ["stones.circle_radius_m", "output", "plate.max_frequency_Hz"]
+without = ["stones.circle_radius_m", "time.view_interval_s", "plate.max_frequency_Hz"]
 time = {{ duration_s = 0.04, anti_alias = true }}
 [stones]
 count = 20

@@ -25,7 +25,7 @@ from lab.rock.stone import SCENES
 from lab.study import Row
 
 BASE: dict = {"time.duration_s": 1.2e-2, "time.free_flight_tolerance": 0.0, "stones.agglomerate.subspheres": 500,
-              "output.view_interval_s": 1.2e-3}
+              "time.view_interval_s": 1.2e-3}
 SMOOTH = {f"contacts.{pair}.friction": 0.0 for pair in ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue",
                                                         "gangue_gangue")}
 WITHOUT: dict[str, dict] = {
@@ -34,7 +34,7 @@ WITHOUT: dict[str, dict] = {
     "gravity": {"time.gravity_m_s2": None},
     "bond damping": {"stones.agglomerate.damping_ratio": 0.0},
     "breakage": {"stones.agglomerate.unbreakable": True},
-    "pictures (VTK)": {"output": None},
+    "pictures (VTK)": {"time.view_interval_s": None},
     "rods": {"plate.rods": None, "plate.edges": "simply_supported"},
     "coupling (rigid plate)": {"plate": scene_tables(SCENES / "hertz_coal.toml")["plate"]},
     "bonds (one sphere)": {"stones.agglomerate": None},

@@ -108,7 +108,7 @@ def build(settings: dict) -> Scene:
     s = {"stiffness": 1.0, "speed_m_s": 3.0, "stones": 2, "subspheres": 60, "gangue_ratio": 0.5, "place": "ring",
          "start": "falling"} | settings
     changes = _stones(s) | _materials(s) | _plate(s)
-    changes |= {"output": None, "time.duration_s": 1.0, "time.sample_interval_s": 1.0}
+    changes |= {"time.view_interval_s": None, "time.duration_s": 1.0, "time.sample_interval_s": 1.0}
     contact = stone_contact_time_s(*_assembled(changed_scene(PAPER, changes)))
     duration = CONTACT_TIMES * contact + changes["stones.gap_m"] / max(changes["stones.speed_m_s"], 1e-3)
     if s["start"] == "resting":

@@ -18,7 +18,7 @@ SEED = 20012
 COUNTS = {"ten stones": 60, "crushing": 30, "tilt": 30, "shape": 30, "stream": 40}
 PAIRS = ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")
 COARSE_PLATE = {"plate.max_frequency_Hz": 2000.0, "plate.mesh_size_m": 0.12}
-SHORT = {"time.duration_s": 2e-3, "time.sample_interval_s": 1e-4, "output": None} | COARSE_PLATE
+SHORT = {"time.duration_s": 2e-3, "time.sample_interval_s": 1e-4, "time.view_interval_s": None} | COARSE_PLATE
 Draw = np.random.Generator
 Changes = dict[str, Any]
 
@@ -53,7 +53,7 @@ def _strengths(random: Draw) -> Changes:
 
 def _ten_stones(random: Draw) -> Changes:
     return _contacts(random) | _strengths(random) | {
-        "time.duration_s": 0.04, "output": None, "stones.seed": int(random.integers(1, 10**6)),
+        "time.duration_s": 0.04, "time.view_interval_s": None, "stones.seed": int(random.integers(1, 10**6)),
         "stones.gangue_ratio": float(random.integers(11)) / 10, "stones.speed_m_s": _log(random, 0.1, 15.0),
         "stones.agglomerate.damping_ratio": float(random.choice([0.0, 0.05, 0.3])),
         "plate.thickness_m": float(random.choice([0.01, 0.02, 0.05])),
@@ -85,7 +85,7 @@ def _shape(random: Draw) -> Changes:
 def _stream(random: Draw) -> Changes:
     least = _log(random, 0.015, 0.03)
     return COARSE_PLATE | _contacts(random) | _strengths(random) | {
-        "time.duration_s": 0.05, "output": None, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]},
+        "time.duration_s": 0.05, "time.view_interval_s": None, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]},
         "stones.drawn.rate_1_s": _log(random, 20.0, 500.0), "stones.drawn.drop_height_m": _log(random, 1e-3, 2.0),
         "stones.drawn.size_m": {"uniform": [least, 1.5 * least]}, "plate.tilt_deg": float(random.uniform(0.0, 40.0)),
         "stones.seed": int(random.integers(1, 10**6))}

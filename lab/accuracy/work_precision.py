@@ -87,7 +87,7 @@ def scene_of(changes: dict) -> Scene:
     places = [(0.06, 0.0), (0.0, 0.05), (-0.07, -0.01), (0.01, -0.08)]
     sensors = [{"name": "one", "x_m": 0.03, "y_m": 0.1}]
     return changed_scene(PAPER, {
-        "time.duration_s": 3e-3, "time.sample_interval_s": SAMPLE_s, "output": None,
+        "time.duration_s": 3e-3, "time.sample_interval_s": SAMPLE_s, "time.view_interval_s": None,
         "stones.count": COUNT, "stones.gangue_order": list(range(1, COUNT + 1)), "stones.circle_radius_m": None,
         "stones.positions_m": [[x, y] for x, y in places], "stones.gangue_ratio": TEST_RATIO,
         "stones.agglomerate.subspheres": 200, "stones.agglomerate.unbreakable": True,

@@ -45,7 +45,7 @@ def joints(out: Path, duration_s: float = 0.04) -> Iterator[Row]:
 
 def _moved(out: Path, ratio: float, duration_s: float) -> dict[str, float]:
     scene = changed_scene(SCENES / "paper.toml", {"stones.gangue_ratio": ratio, "time.duration_s": duration_s,
-                                                  "output": None})
+                                                  "time.view_interval_s": None})
     model = prepare(scene, "paper.toml", out / ".modes")
     assert scene.plate.model == "flexible" and model.modes is not None
     with patch("plate_fem.elements.rods.joint_of", rigid):

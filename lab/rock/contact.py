@@ -57,7 +57,7 @@ CASES = {case.name: case for case in starmap(Case, product(
 def strike(case: Case, seed: int, agglomerate: dict[str, Any] | None) -> dict[str, float]:
     """Peak force, contact time, impulse and the plate's energy of one impact without friction, restitution 1."""
     changes: dict[str, Any] = {
-        "time.gravity_m_s2": 0.0, "time.duration_s": 4.5e-4 * (3.0 / case.speed_m_s) ** 0.2, "output": None,
+        "time.gravity_m_s2": 0.0, "time.duration_s": 4.5e-4 * (3.0 / case.speed_m_s) ** 0.2, "time.view_interval_s": None,
         "stones.seed": seed, "stones.speed_m_s": case.speed_m_s, "stones.gangue_ratio": float(case.material == "gangue"),
         "stones.agglomerate": agglomerate, **{f"contacts.{pair}": {"restitution": 1.0, "friction": 0.0} for pair in PAIRS}}
     if not case.on_paper_plate:

@@ -24,7 +24,7 @@ def strike(material: str, changes: dict, duration_s: float = 2.4e-3) -> dict:
     """Run scenes/single.toml on a rigid plate with dotted keys changed (None: left out); returns run.json with
     `broken_area_m2`, the broken `stone` and its `largest_fragment`, a share of its mass."""
     scene = changed_scene(SCENES / "single.toml", {
-        "plate": RIGID, "output": None, "time.duration_s": duration_s,
+        "plate": RIGID, "time.view_interval_s": None, "time.duration_s": duration_s,
         "stones.gangue_ratio": float(material == "gangue")} | changes)
     directory = Path(tempfile.mkdtemp())
     try:

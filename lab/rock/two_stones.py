@@ -68,7 +68,7 @@ def scene_of(meeting: Meeting, seed: int, **changes: object) -> Scene:
             for k, (name, radius) in enumerate(zip(meeting.materials, meeting.radii_m))]
     contact = {f"contacts.{pair}": {"restitution": 1.0, "friction": 0.0} for pair in PAIRS}
     everything = {
-        "time.gravity_m_s2": 0.0, "time.duration_s": 1e-3, "output": None, "time.free_flight_tolerance": 0.0,
+        "time.gravity_m_s2": 0.0, "time.duration_s": 1e-3, "time.view_interval_s": None, "time.free_flight_tolerance": 0.0,
         **{f"stones.{key}": None for key in ("count", "gangue_order", "gangue_ratio", "positions_m", "radius_m", "speed_m_s")},
         "stones.each": each, "stones.agglomerate.subspheres": meeting.subspheres,
         "stones.agglomerate.unbreakable": True, "plate": RIGID, **contact}

@@ -57,7 +57,7 @@ def _scene(changes: dict[str, Any], kind: Kind, duration_s: float) -> Scene:
     return changed_scene(SCENES / "single.toml", {
         **{f"stones.{key}": None for key in volley}, "assumptions": None, "time.duration_s": duration_s,
         "stones.agglomerate": {"subspheres": kind.subspheres, "contact": "smooth", "unbreakable": not kind.breaking},
-        "output.view_interval_s": None} | changes)
+        "time.view_interval_s": None} | changes)
 
 
 def stones_of(count: int) -> list[dict[str, Any]]:

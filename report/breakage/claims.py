@@ -13,7 +13,6 @@ from report.verdicts import (
     Statement,
     graded,
     held_if,
-    need_enough_ratios,
     trend,
 )
 
@@ -78,7 +77,6 @@ def coal_falls_into_smaller_pieces(results: SweepResults) -> Finding:
 
 def single_area_is_constant(results: SweepResults) -> Finding:
     """The scatter over the ratios, of coal and of gangue, is a share of the area of one coal."""
-    need_enough_ratios(results)
     means = results.mean_by_material(results.breakage.area_first_m2)
     areas = {name: area[np.isfinite(area)] for name, area in means.items()}
     if not areas["coal"].size or areas["coal"].mean() == 0:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import matplotlib
 from matplotlib.figure import Figure
 
 from report.drawing.data import panels, to_csv
-from report.drawing.style import to_uri
+from report.drawing.style import STYLE, to_uri
 from report.film.packing import pack_text
 from report.missing import MISSING_RESULT
 
@@ -30,6 +31,17 @@ class FigureSpec:
     draw: Callable[..., Drawn]
     ratios: int = 1
 
+    def drawn(self, results: object) -> tuple[Figure, str]:
+        """The figure, and a note to add to its caption, "" for none. Raises one of MISSING_RESULT."""
+        with matplotlib.rc_context(STYLE):
+            drawn = self.draw(results)
+        return drawn if isinstance(drawn, tuple) else (drawn, "")
+
+
+def figure(key: str, title: str, caption: str = "", ratios: int = 1) -> Callable[[Callable[..., Drawn]], FigureSpec]:
+    """Make a figure of the function below, which draws it."""
+    return lambda draw: FigureSpec(key, title, caption, draw, ratios)
+
 
 @dataclass(frozen=True)
 class FinishedFigure:
@@ -49,10 +61,9 @@ class FinishedFigure:
 def finish_figure(spec: FigureSpec, results: object) -> FinishedFigure:
     """Draw one figure, or say in its caption why the runs do not give it."""
     try:
-        drawn = spec.draw(results)
+        figure, note = spec.drawn(results)
     except MISSING_RESULT as reason:
         return FinishedFigure(spec.key, spec.title, f"Not drawn: {reason}")
-    figure, note = drawn if isinstance(drawn, tuple) else (drawn, "")
     caption = f"{spec.caption} {note}".strip()
     uri = to_uri(figure, spec.key)
     return FinishedFigure(spec.key, spec.title, caption, uri, pack_text(to_csv(figure)), panels(figure))

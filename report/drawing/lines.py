@@ -15,13 +15,11 @@ from report.drawing.style import (
     add_ratio_bar,
     canvas,
     ratio_colours,
-    styled,
 )
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-@styled
 def curves(t_s: np.ndarray, panels: list[tuple[str, np.ndarray]], ratios: np.ndarray) -> Figure:
     """Draw curves of all ratios over time. panels: (label, values of shape (runs, samples))."""
     figure, axes = canvas(len(panels), height_in=0.5 + 1.5 * len(panels), sharex=True,
@@ -37,7 +35,6 @@ def curves(t_s: np.ndarray, panels: list[tuple[str, np.ndarray]], ratios: np.nda
     return figure
 
 
-@styled
 def against_ratio(ratios: np.ndarray, panels: list[tuple[str, dict[str, np.ndarray]]]) -> Figure:
     """Draw values against the mixing ratio. panels: (label, {name of the series: values of shape (runs,)})."""
     rows = (len(panels) + 1) // 2

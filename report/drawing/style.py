@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import base64
-import functools
 import io
-from collections.abc import Callable, Iterable
-from typing import Any, ParamSpec
+from collections.abc import Iterable
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -14,8 +13,6 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize, to_hex
 from matplotlib.figure import Figure
-
-Arguments = ParamSpec("Arguments")
 
 STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small files, sharp in print
@@ -47,17 +44,6 @@ RATIO_LABEL = "gangue mixing ratio, %"
 
 #: Perceptually even maps that a colour-blind reader can follow: of stress and of damage, in figures and in the view.
 STRESS_COLOURS, DAMAGE_COLOURS = "cividis", "inferno_r"
-
-
-def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
-    """Run a drawing function with STYLE and leave matplotlib's own settings alone."""
-
-    @functools.wraps(draw)
-    def drawn(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
-        with matplotlib.rc_context(STYLE):
-            return draw(*args, **kwargs)
-
-    return drawn
 
 
 def canvas(rows: int, columns: int = 1, *, height_in: float, sharex: bool = False, sharey: bool = False,

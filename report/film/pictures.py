@@ -69,7 +69,7 @@ def instants(run: Path) -> list[Instant]:
     """Return the pictures of a run in order of time. Raises MissingResult if the run has none."""
     file = run / "view.pvd"
     if not file.is_file():
-        raise MissingResult(f"{run.name}: no view.pvd; `output.view_interval_s` in the scene asks for pictures")
+        raise MissingResult(f"{run.name}: no view.pvd; `time.view_interval_s` in the scene asks for pictures")
     by_time: dict[float, dict[str, Path]] = {}
     for entry in ElementTree.parse(file).iter("DataSet"):
         picture = run / entry.attrib["file"]

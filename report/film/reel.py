@@ -123,9 +123,9 @@ def _plate(run: Run, film: Film) -> dict[str, Any]:
 
 
 def _wall_boxes_m(plate: RecordedPlate) -> list[tuple[float, ...]]:
-    if plate.walls is None or plate.length_m is None or plate.width_m is None:
+    if plate.length_m is None or plate.width_m is None:
         return []
-    return [wall_box_m(edge, plate.length_m, plate.width_m, plate.walls.height_m) for edge in plate.walls.edges]
+    return [wall_box_m(edge, plate.length_m, plate.width_m, height) for edge, height in plate.wall_height_m.items()]
 
 
 def _scaled(values: np.ndarray) -> tuple[str, float]:

@@ -20,9 +20,7 @@ from report.verdicts import (
     graded,
     held_if,
     held_if_all,
-    need_enough_ratios,
     overlap,
-    ratios_of_trend,
     separation,
     spearman,
     stratification,
@@ -34,12 +32,10 @@ from report.verdicts import (
 
 def q_rises(results: SweepResults) -> Finding:
     q = results.recognition.q
-    ratios = ratios_of_trend(results, q)
-    return graded(spearman(ratios, q), 0.9, 0.5), describe_trend(ratios, q)
+    return graded(spearman(results.ratios, q), 0.9, 0.5), describe_trend(results.ratios, q)
 
 
 def q_is_quadratic(results: SweepResults) -> Finding:
-    ratios_of_trend(results, results.recognition.q)
     fit = results.recognition.q_quadratic
     if not np.isfinite(fit.r2_adjusted):
         raise MissingResult(f"{len(results.ratios)} ratios; an adjusted R^2 needs more")
@@ -49,8 +45,7 @@ def q_is_quadratic(results: SweepResults) -> Finding:
 
 
 def q_deviates(results: SweepResults) -> Finding:
-    ratios = ratios_of_trend(results, results.recognition.q)
-    off = results.recognition.q_quadratic(ratios) - results.recognition.q
+    off = results.recognition.q_quadratic(results.ratios) - results.recognition.q
     value = f"{np.abs(off).min():.4f} to {np.abs(off).max():.4f}"
     to_both_sides = off.min() < 0 < off.max()
     return (HELD if to_both_sides and np.abs(off).max() > 0.01 else PARTLY if to_both_sides else NOT_HELD), value
@@ -81,7 +76,6 @@ def filter_calms(results: SweepResults) -> Finding:
 
 
 def filtered_energy_is_clearer(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
     pairs = {
         name: (overlap(results.sweep.stack(name)), overlap(results.recognition.filtered[name]))
         for name in ENERGY_NAMES
@@ -100,7 +94,6 @@ def filtered_peaks_cross_at_the_end(results: SweepResults) -> Finding:
 
 
 def filtered_motion_is_not_monotone(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
     against = {}
     for name in ("a_m_s2", "v_m_s", "u_m"):
         amplitude = np.abs(results.recognition.filtered[name]).max(axis=1)
@@ -113,14 +106,12 @@ def filtered_motion_is_not_monotone(results: SweepResults) -> Finding:
 
 
 def fused_maxima_rise(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
     fused = results.recognition.fused
     maxima = {kind: np.abs(curves - curves[:, :1]).max(axis=1) for kind, curves in fused.items()}
     return all_rise(maxima, results.ratios)
 
 
 def energy_fusion_is_stratified(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
     curves = results.recognition.fused["energy"][:, results.t_s <= 0.03]
     order, crossed = stratification(results.ratios, curves), overlap(curves)
     value = f"mean |Spearman| {order:.4f}, {100 * crossed:.2f} % of neighbours out of order"
@@ -147,7 +138,6 @@ def energy_fusion_is_calmest(results: SweepResults) -> Finding:
 
 
 def energy_fusion_separates_best(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
     fused = results.recognition.fused
     order = {kind: stratification(results.ratios, curves) for kind, curves in fused.items()}
     apart = {kind: separation(curves) for kind, curves in fused.items()}

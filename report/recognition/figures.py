@@ -1,163 +1,166 @@
-"""Figures of recognition (Figures 24 to 38)."""
+"""The figures of recognition: Figures 24 to 38 of the paper."""
 
 from __future__ import annotations
 
 from itertools import cycle
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from report.drawing.style import (
-    ACCENT,
-    COAL,
-    GANGUE,
-    GREEN,
-    PALE,
-    RATIO_LABEL,
-    ROSE,
-    VIOLET,
-    YELLOW,
-    canvas,
-    styled,
-)
+from report.drawing.figure_spec import Drawn, figure
+from report.drawing.lines import curves
+from report.drawing.style import ACCENT, COAL, GANGUE, GREEN, PALE, RATIO_LABEL, ROSE, VIOLET, YELLOW, canvas
+from report.recognition.results import FUSION_Q, HELD_OUT, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
+from report.sweep_results import SweepResults
+
+#: Label and unit of each response.
+LABELS = {
+    "u_m": ("displacement, µm", 1e6), "v_m_s": ("velocity, m/s", 1.0), "a_m_s2": ("acceleration, m/s²", 1.0),
+    "total_J": ("total energy, J", 1.0), "kinetic_J": ("kinetic energy, J", 1.0),
+    "internal_J": ("internal energy, J", 1.0),
+}
 
 
-@styled
-def q_against_ratio(ratios: np.ndarray, q: np.ndarray, coefficients: np.ndarray) -> Figure:
-    """Draw Q of each run with its fitted polynomial (Figure 24). coefficients: lowest power first."""
+@figure("fig-answer", "Recognised against true mixing ratio",
+        "By models trained on the other ratios of this sweep, where gangue takes its places in one order. Other "
+        "arrangements and packings are a harder test: gangue evaluate, on a data set.", ratios=4)
+def recognised_against_true(results: SweepResults) -> Drawn:
+    """With 90 % intervals where a method gives them, the method that answers most in front."""
+    rows, leading = results.recognition.answers[HELD_OUT], results.recognition.leading_of(MODEL_METHODS_WITH_INTERVAL)
+    second = next(name for name in MODEL_METHODS_WITH_INTERVAL if name != leading)
+    figure, axes = canvas(1, height_in=3.7)
+    axis, true = axes[0, 0], 100 * results.ratios
+    axis.plot([0, 100], [0, 100], color=PALE, linewidth=0.9, label="_true")
+    axis.plot(true - 1.2, 100 * np.array([row[FUSION_Q].ratio for row in rows]), "s", color=COAL, markersize=4.5,
+              fillstyle="none", label=MODEL_METHODS[FUSION_Q])
+    for aside, mark, colour, name in ((1.2, "D", GANGUE, second), (0.0, "o", ACCENT, leading)):
+        middle, low, high = 100 * np.array([(row[name].ratio, row[name].low, row[name].high) for row in rows]).T
+        if np.isnan(middle).all():
+            continue
+        axis.vlines(true + aside, low, high, color=colour, linewidth=4, alpha=0.35)
+        axis.plot(true + aside, middle, mark, color=colour, markersize=5, label=f"{MODEL_METHODS[name]}, 90 % interval")
+    axis.set(xlabel="true " + RATIO_LABEL, ylabel="recognised, %", xlim=(-4, 104))
+    axis.legend(loc="upper left")
+    return figure
+
+
+@figure("fig-24", "Fused parameter Q", "Eight parameters by Eq. 39, equal weights.", ratios=4)
+def q_against_ratio(results: SweepResults) -> Drawn:
+    fit = results.recognition.q_fit
+    c = fit.coefficients
     figure, axes = canvas(1, height_in=2.8)
     axis = axes[0, 0]
     fine = np.linspace(0, 1, 101)
-    axis.plot(100 * fine, np.polynomial.polynomial.polyval(fine, coefficients), color=ACCENT, label="fitted")
-    axis.plot(100 * ratios, q, "o", color=GANGUE, label="runs")
-    axis.set_xlabel(RATIO_LABEL)
-    axis.set_ylabel("fused parameter Q")
+    axis.plot(100 * fine, np.polynomial.polynomial.polyval(fine, c), color=ACCENT, label="fitted")
+    axis.plot(100 * results.ratios, results.recognition.q, "o", color=GANGUE, label="runs")
+    axis.set(xlabel=RATIO_LABEL, ylabel="fused parameter Q")
     axis.legend()
-    return figure
+    return figure, f"Line: {c[0]:.4f} {c[1]:+.4f}β {c[2]:+.4f}β², R² {fit.r2:.4f}, adjusted {fit.r2_adjusted:.4f}."
 
 
-@styled
-def before_after(t_s: np.ndarray, panels: list[tuple[str, np.ndarray, np.ndarray]]) -> Figure:
-    """Draw responses of one run before and after the Kalman filter (Figure 25). panels: (label, before, after)."""
-    rows = -(-len(panels) // 2)
-    figure, axes = canvas(rows, 2, height_in=1.6 * rows + 0.3, sharex=True)
-    for axis, (label, before, after) in zip(axes.ravel(), panels, strict=False):
-        axis.plot(1e3 * t_s, before, color=PALE, linewidth=0.8, label="before")
-        axis.plot(1e3 * t_s, after, color=ACCENT, linewidth=1.0, label="after")
+@figure("fig-25", "Kalman filter of six responses", "Random walk, q/r = 0.1. Grey: before, blue: after.", ratios=4)
+def kalman_filter(results: SweepResults) -> Drawn:
+    i, filtered = results.index_nearest(0.0), results.recognition.filtered
+    figure, axes = canvas(3, 2, height_in=5.1, sharex=True)
+    for axis, (name, (label, unit)) in zip(axes.ravel(), LABELS.items(), strict=True):
+        axis.plot(1e3 * results.t_s, unit * results.sweep.stack(name)[i], color=PALE, linewidth=0.8, label="before")
+        axis.plot(1e3 * results.t_s, unit * filtered[name][i], color=ACCENT, linewidth=1.0, label="after")
         axis.set_title(label)
     for axis in axes[-1]:
         axis.set_xlabel("time, ms")
-    return figure
+    return figure, f"Run of {100 * results.ratios[i]:.0f} %."
 
 
-@styled
-def fusion_process(t_s: np.ndarray, panels: list[tuple[str, dict[str, np.ndarray], np.ndarray]]) -> Figure:
-    """Draw normalised responses of one run and what the filter makes of them (Figures 29 to 32).
+@figure("fig-26", "Total energy before and after", "One curve a ratio.", ratios=4)
+def total_energy(results: SweepResults) -> Drawn:
+    panels = [("before, J", results.sweep.stack("total_J")), ("after, J", results.recognition.filtered["total_J"])]
+    return curves(results.t_s, panels, results.ratios)
 
-    panels: (fusion, {response: shape (samples,)}, fused of shape (samples,)).
-    """
-    figure, axes = canvas(len(panels) + 1, height_in=1.4 * len(panels) + 1.4, sharex=True)
-    names = dict.fromkeys(name for _, responses, _ in panels for name in responses)
+
+@figure("fig-27", "The other responses after the filter", "One curve a ratio.", ratios=4)
+def filtered_responses(results: SweepResults) -> Drawn:
+    filtered = results.recognition.filtered
+    panels = [(label, unit * filtered[name]) for name, (label, unit) in LABELS.items() if name != "total_J"]
+    return curves(results.t_s, panels, results.ratios)
+
+
+@figure("fig-28", "Normalised total energy", "Normalised over all ratios.", ratios=4)
+def normalised_energy(results: SweepResults) -> Drawn:
+    values = results.recognition.normalised_inputs("energy")["total_J"]
+    return curves(results.t_s, [("normalised total energy", values)], results.ratios)
+
+
+@figure("fig-29", "Fusion of normalised responses",
+        "Thin: the responses of which each is fused; thick: fused.", ratios=4)
+def fusion_process(results: SweepResults) -> Drawn:
+    i, fusions = results.index_nearest(0.0), results.recognition.fused
+    inputs = {kind: results.recognition.normalised_inputs(kind) for kind in fusions}
+    figure, axes = canvas(len(fusions) + 1, height_in=1.4 * len(fusions) + 1.4, sharex=True)
+    names = dict.fromkeys(name for responses in inputs.values() for name in responses)
     colours = dict(zip(names, cycle((GANGUE, PALE, GREEN, ROSE, VIOLET, YELLOW, ACCENT)), strict=False))
     *drawn, below = axes[:, 0]
-    for axis, (kind, responses, fused) in zip(drawn, panels, strict=True):
-        for name, values in responses.items():
-            axis.plot(1e3 * t_s, values, color=colours[name], linewidth=0.6, label=name)
-        axis.plot(1e3 * t_s, fused, color="black", linewidth=1.2, label="fused")
+    for axis, (kind, fused) in zip(drawn, fusions.items(), strict=True):
+        for name, values in inputs[kind].items():
+            axis.plot(1e3 * results.t_s, values[i], color=colours[name], linewidth=0.6, label=name)
+        axis.plot(1e3 * results.t_s, fused[i], color="black", linewidth=1.2, label="fused")
         axis.set_title(f"{kind} fusion")
     drawn[-1].set_xlabel("time, ms")
     drawn[-1].tick_params(labelbottom=True)
     below.set_axis_off()
     known = {line.get_label(): line for axis in drawn for line in axis.get_lines()}
     below.legend(known.values(), known, ncols=3, loc="center")
-    return figure
+    return figure, f"Run of {100 * results.ratios[i]:.0f} %."
 
 
-@styled
-def worked_example(true_ratio: float, methods: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Figure:
-    """Draw the mean difference of every candidate ratio of one record (Figure 37).
-
-    methods: {method: (candidate ratios, mean differences, whether enough points support each), shape (c,) each}.
-    """
-    figure, axes = canvas(len(methods), height_in=2.0 * len(methods) + 0.4, sharex=True)
-    for axis, (name, (ratio, difference, allowed)) in zip(axes[:, 0], methods.items(), strict=True):
-        axis.plot(100 * ratio, difference, ".", color=PALE, markersize=3, label="not enough usable points")
-        axis.plot(100 * ratio[allowed], difference[allowed], ".", color=ACCENT, markersize=3, label="candidates")
-        if allowed.any():
-            best = int(np.argmin(np.where(allowed, difference, np.inf)))
-            axis.plot(100 * ratio[best], difference[best], "o", color=GANGUE,
-                      label=f"answer {100 * ratio[best]:.2f} %")  # fmt: skip
-        axis.axvline(100 * true_ratio, color="black", linewidth=0.8)
-        axis.set_title(name)
-        axis.set_ylabel("mean difference")
-        axis.yaxis.set_major_formatter("{x:.3g}")
-        axis.legend()
-    axes[-1, 0].set_xlabel(f"candidate ratio, % (line: true, {100 * true_ratio:.0f} %)")
-    return figure
+@figure("fig-33", "After fusion", "One curve a ratio.", ratios=4)
+def fused_responses(results: SweepResults) -> Drawn:
+    return curves(results.t_s, list(results.recognition.fused.items()), results.ratios)
 
 
-@styled
-def function_space(
-    ratios: np.ndarray, measured: np.ndarray, t_s: np.ndarray, fine_ratios: np.ndarray, fitted: np.ndarray
-) -> Figure:
-    """Draw QQ against the ratio at up to six moments with the fitted functions.
-
-    measured: shape (moments, runs). t_s: shape (moments,). fitted: at fine_ratios (n,), shape (moments, n).
-    """
+@figure("fig-37", "Function space", "Degree 2 at six of the moments.", ratios=4)
+def function_space(results: SweepResults) -> Drawn:
+    fits = results.recognition.moment_fits(6)
     figure, axes = canvas(1, height_in=2.8)
     axis = axes[0, 0]
     colours = (COAL, ACCENT, GANGUE, PALE, GREEN, ROSE)
-    for colour, moment_s, points, line in zip(colours, t_s, measured, fitted, strict=False):
-        axis.plot(100 * fine_ratios, line, color=colour)
-        axis.plot(100 * ratios, points, "o", color=colour, markersize=3, label=f"{1e3 * moment_s:.1f} ms")
-    axis.set_xlabel(RATIO_LABEL)
-    axis.set_ylabel("fusion parameter QQ")
+    for colour, moment_s, points, line in zip(colours, fits.t_s, fits.measured, fits.fitted, strict=False):
+        axis.plot(100 * fits.fine_ratios, line, color=colour)
+        axis.plot(100 * results.ratios, points, "o", color=colour, markersize=3, label=f"{1e3 * moment_s:.1f} ms")
+    axis.set(xlabel=RATIO_LABEL, ylabel="fusion parameter QQ")
     axis.legend(ncols=2)
     return figure
 
 
-@styled
-def recognised_against_true(
-    ratios: np.ndarray, with_interval: dict[str, np.ndarray], others: dict[str, np.ndarray]
-) -> Figure:
-    """Draw recognised against true ratio, with 90 % intervals where a method gives them.
-
-    with_interval: {method: recognised, low, high of shape (runs, 3)}, the leading method first. others: {method:
-    recognised of shape (runs,)}. NaN where there is no answer or no interval.
-    """
-    figure, axes = canvas(1, height_in=3.7)
-    axis = axes[0, 0]
-    axis.plot([0, 100], [0, 100], color=PALE, linewidth=0.9, label="_true")
-    for mark, colour, (name, recognised) in zip("sv", (COAL, GREEN), others.items(), strict=False):
-        axis.plot(100 * ratios - 1.2, 100 * recognised, mark, color=colour, markersize=4.5, fillstyle="none",
-                  label=name)  # fmt: skip
-    marks = zip((1.2, 0.0), "Do", (GANGUE, ACCENT), reversed(with_interval.items()), strict=False)
-    for aside, mark, colour, (name, answers) in marks:
-        at = 100 * ratios + aside
-        middle, low, high = 100 * answers.T
-        if np.isnan(middle).all():
-            continue
-        axis.vlines(at, low, high, color=colour, linewidth=4, alpha=0.35)
-        axis.plot(at, middle, mark, color=colour, markersize=5, label=f"{name}, 90 % interval")
-    axis.set_xlabel("true " + RATIO_LABEL)
-    axis.set_ylabel("recognised, %")
-    axis.set_xlim(-4, 104)
-    axis.legend(loc="upper left")
-    return figure
+@figure("fig-38", "Worked example", "The candidate with the least mean difference is the answer.", ratios=4)
+def worked_example(results: SweepResults) -> Drawn:
+    index = results.index_nearest(0.4)
+    true, methods = 100 * results.ratios[index], results.recognition.candidates(index)
+    figure, axes = canvas(len(methods), height_in=2.0 * len(methods) + 0.4, sharex=True)
+    for axis, (name, found) in zip(axes[:, 0], methods.items(), strict=True):
+        percent, difference, allowed = 100 * found.ratio, found.score, found.allowed
+        axis.plot(percent, difference, ".", color=PALE, markersize=3, label="not enough usable points")
+        axis.plot(percent[allowed], difference[allowed], ".", color=ACCENT, markersize=3, label="candidates")
+        if allowed.any():
+            best = int(np.argmin(np.where(allowed, difference, np.inf)))
+            axis.plot(percent[best], difference[best], "o", color=GANGUE, label=f"answer {percent[best]:.2f} %")
+        axis.axvline(true, color="black", linewidth=0.8)
+        axis.set_title(name)
+        axis.set_ylabel("mean difference")
+        axis.yaxis.set_major_formatter("{x:.3g}")
+        axis.legend()
+    axes[-1, 0].set_xlabel(f"candidate ratio, % (line: true, {true:.0f} %)")
+    return figure, f"Run of {true:.0f} %, held out."
 
 
-@styled
-def recognition_errors(ratios: np.ndarray, answers: dict[str, dict[str, list[float | None]]]) -> Figure:
-    """Draw the error of recognition against the true ratio, in points.
-
-    answers: {training: {method: recognised ratio of each run, or None}}; the first five methods are drawn.
-    """
+@figure("fig-recognised", "Recognised ratio", "Trained on all: the run itself was in the training.", ratios=4)
+def recognised_ratios(results: SweepResults) -> Drawn:
+    answers = results.recognition.answers
     figure, axes = canvas(len(answers), height_in=2.0 * len(answers) + 0.4, sharex=True, sharey=True)
-    for axis, (training, methods) in zip(axes[:, 0], answers.items(), strict=True):
+    for axis, (training, rows) in zip(axes[:, 0], answers.items(), strict=True):
         axis.axhline(0, color=PALE, linewidth=0.8)
-        for mark, colour, (name, values) in zip("os^Dv", (ACCENT, GANGUE, COAL, PALE, GREEN), methods.items(),
-                                                strict=False):  # fmt: skip
-            points = [(100 * r, 100 * (v - r)) for r, v in zip(ratios, values, strict=True) if v is not None]
+        looks = zip("os^Dv", (ACCENT, GANGUE, COAL, PALE, GREEN), MODEL_METHODS.items(), strict=False)
+        for mark, colour, (method, name) in looks:
+            points = [(100 * ratio, 100 * (row[method].ratio - ratio))
+                      for ratio, row in zip(results.ratios, rows, strict=True) if not row[method].reason]
             if points:
                 axis.plot(*zip(*points, strict=True), mark, color=colour, markersize=4, label=name)
         axis.set_title(training)
@@ -165,3 +168,7 @@ def recognition_errors(ratios: np.ndarray, answers: dict[str, dict[str, list[flo
     axes[0, 0].legend()
     axes[-1, 0].set_xlabel("true " + RATIO_LABEL)
     return figure
+
+
+RECOGNITION_FIGURES = [q_against_ratio, kalman_filter, total_energy, filtered_responses, normalised_energy,
+                       fusion_process, fused_responses, function_space, worked_example, recognised_ratios]

@@ -20,6 +20,7 @@ from recognition.models import Model, PreparedRuns
 from recognition.paper.fusion import FUSIONS, Fusion, kalman_filter
 from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.q_parameter import FusionQ, PolynomialFit, fit_polynomial
+from recognition.paper.strategy import Candidates
 from report.signals.results import SignalResults
 
 #: The three methods of the paper.
@@ -53,15 +54,6 @@ class MomentFits:
     fitted: np.ndarray
 
 
-@dataclass(frozen=True)
-class ScoredCandidates:
-    """Candidate ratios of one record, shape (c,) each: ratio, mean difference, and whether enough points support it."""
-
-    ratio: np.ndarray
-    difference: np.ndarray
-    allowed: np.ndarray
-
-
 class RecognitionResults:
     """Answers of every method, and the steps of the paper's methods on the way to them.
 
@@ -80,40 +72,30 @@ class RecognitionResults:
         return PreparedRuns.of(self._runs)
 
     @cached_property
-    def _model(self) -> Model:
+    def model(self) -> Model:
+        """Of all runs."""
         return self.prepared.fit(range(len(self._runs)))
 
     @cached_property
     def _fusion_q(self) -> FusionQ:
-        method = self._model.methods[FUSION_Q]
+        method = self.model.methods[FUSION_Q]
         assert isinstance(method, FusionQ)
         return method
 
     @cached_property
     def answers(self) -> dict[str, list[dict[str, Answer]]]:
         """Answers of all methods to each run, by the training."""
-        return {TRAINED_ON_ALL: self._by_all, HELD_OUT: self._held_out}
+        return {TRAINED_ON_ALL: self.by_all, HELD_OUT: self.held_out}
 
     @cached_property
-    def _by_all(self) -> list[dict[str, Answer]]:
-        return [self.prepared.answers_by(self._model, k) for k in range(len(self._runs))]
+    def by_all(self) -> list[dict[str, Answer]]:
+        """Answers of `model` to each run."""
+        return [self.prepared.answers_by(self.model, k) for k in range(len(self._runs))]
 
     @cached_property
-    def _held_out(self) -> list[dict[str, Answer]]:
+    def held_out(self) -> list[dict[str, Answer]]:
+        """Answers to each run by the other ratios."""
         return side_by_side(self.prepared.answers_without, len(self._runs))
-
-    def of_model(self) -> tuple[Model, list[dict[str, Answer]]]:
-        """The model of all runs and its answers, for `take`."""
-        return self._model, self._by_all
-
-    def held_out(self, index: int) -> dict[str, Answer]:
-        """Answers to run `index` by the other ratios, for `take`."""
-        return self.prepared.answers_without(index)
-
-    def take(self, of_model: tuple[Model, list[dict[str, Answer]]], held_out: list[dict[str, Answer]]) -> None:
-        """Take what other processes found by `of_model` and by `held_out` of each run."""
-        self._model, self._by_all = of_model
-        self._held_out = held_out
 
     def errors_points(self, training: str, method: str) -> np.ndarray:
         """Return recognised less true ratio, in points, of the runs that a method answered, shape (answered,)."""
@@ -182,16 +164,16 @@ class RecognitionResults:
 
     def moment_fits(self, count: int) -> MomentFits:
         """Return `count` moments of the function space of the modified energy fusion, evenly chosen."""
-        method = self._model.methods[FUSION_MODIFIED]
+        method = self.model.methods[FUSION_MODIFIED]
         assert isinstance(method, FusionPipeline)
-        curves = method.transform(self.fusion_inputs("energy")[:, :, : self._model.window.n_samples])
+        curves = method.transform(self.fusion_inputs("energy")[:, :, : self.model.window.n_samples])
         space, fine = method.strategy.space_, np.linspace(0, 1, 51)
         chosen = np.linspace(0, space.moments.size - 1, count + 1).astype(int)[1:]
         moments = space.moments[chosen]
         fitted = np.stack([space(np.full(fine.size, k), fine) for k in chosen])
         return MomentFits(self._runs[0].t_s[moments], curves[:, moments].T, fine, fitted)
 
-    def candidates(self, index: int) -> dict[str, ScoredCandidates]:
+    def candidates(self, index: int) -> dict[str, Candidates]:
         """Return the candidates for run `index` by the paper's strategies, fitted to all other ratios.
 
         The keys are the methods as a reader sees them. Raises RecognitionError where none can be fitted.
@@ -207,11 +189,9 @@ class RecognitionResults:
                 continue
             *known, responses = [method.prepare(table) for table in tables]
             try:
-                found = method.fit(known, ratios).strategy.candidates(method.transform(responses))
+                scored[label] = method.fit(known, ratios).strategy.candidates(method.transform(responses))
             except RecognitionError as reason:
                 reasons.append(str(reason))
-                continue
-            scored[label] = ScoredCandidates(found.ratio, found.score, found.allowed)
         if not scored:
             raise RecognitionError("; ".join(dict.fromkeys(reasons)))
         return scored

@@ -7,14 +7,15 @@ import numpy as np
 from analysis.signals.features import BASE_PARAMETERS
 from report.recognition.results import HELD_OUT, MODEL_METHODS
 from report.sweep_results import SweepResults
-from report.tables import Cells, TableSpec
+from report.tables import Cells, table
 
 #: A space at which "3 of 11" does not break into two lines.
 NO_BREAK = "\u00a0"
 
 
+@table("table-2", "Standardised parameters", "By Eq. 39; the direction of each parameter is that of these runs.",
+       ratios=4)
 def standardised(results: SweepResults) -> Cells:
-    """Return the eight base parameters by Eq. 39, a row a parameter."""
     values, falling = results.recognition.standardised_base
     rows = [
         [name.replace("_", " ") + (" (falling)" if falls else ""), *(f"{v:.4f}" for v in column)]
@@ -23,8 +24,8 @@ def standardised(results: SweepResults) -> Cells:
     return ["", *_percent(results.ratios)], rows
 
 
+@table("table-3", "Q and its quadratic", ratios=4)
 def deviations(results: SweepResults) -> Cells:
-    """Return Q of each run beside the quadratic through all of them."""
     measured = results.recognition.q
     calculated = results.recognition.q_quadratic(results.ratios)
     named = {"measured": measured, "calculated": calculated, "difference": calculated - measured}
@@ -32,16 +33,20 @@ def deviations(results: SweepResults) -> Cells:
     return ["", *_percent(results.ratios)], rows
 
 
+@table("table-recognised", "Recognised mixing ratio of each run",
+       "In per cent, by models trained on the other ratios: 0 and 100 % are extrapolations, and nothing is clipped.",
+       ratios=4)
 def recognised(results: SweepResults) -> Cells:
-    """Return the recognised ratio of each run, held out."""
     rows = [[true, *("no answer" if answers[method].reason else f"{100 * answers[method].ratio:.2f}"
                      for method in MODEL_METHODS)]
             for true, answers in zip(_percent(results.ratios), results.recognition.answers[HELD_OUT], strict=True)]
     return ["true", *MODEL_METHODS.values()], rows
 
 
+@table("table-errors", "Errors of recognition",
+       "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method "
+       "describes its own data. That ratio held out: trained on the other ratios.", ratios=4)
 def errors(results: SweepResults) -> Cells:
-    """Return mean and worst error of each method and training, in points of mixing ratio."""
     rows = [
         [name, training, *_error_cells(results.recognition.errors_points(training, method), len(results.runs))]
         for training in results.recognition.answers
@@ -54,23 +59,11 @@ def _percent(ratios: np.ndarray) -> list[str]:
     return [f"{100 * r:.0f} %" for r in ratios]
 
 
-def _of(answered: int, count: int) -> str:
-    return f"{answered}{NO_BREAK}of{NO_BREAK}{count}"
-
-
 def _error_cells(errors_points: np.ndarray, count: int) -> list[str]:
     """Return how many of `count` runs were answered, and the mean and the worst error."""
     size = np.abs(errors_points)
     numbers = [f"{size.mean():.2f}", f"{size.max():.2f}"] if size.size else ["-", "-"]
-    return [_of(size.size, count), *numbers]
+    return [f"{size.size}{NO_BREAK}of{NO_BREAK}{count}", *numbers]
 
 
-STANDARDISED = TableSpec("table-2", "Standardised parameters",
-                         "By Eq. 39; the direction of each parameter is that of these runs.", standardised, ratios=4)
-DEVIATIONS = TableSpec("table-3", "Q and its quadratic", "", deviations, ratios=4)
-RECOGNISED = TableSpec("table-recognised", "Recognised mixing ratio of each run",
-                       "In per cent, by models trained on the other ratios: 0 and 100 % are extrapolations, and nothing"
-                       " is clipped.", recognised, ratios=4)
-ERRORS = TableSpec("table-errors", "Errors of recognition", (
-    "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method"
-    " describes its own data. That ratio held out: trained on the other ratios."), errors, ratios=4)
+RECOGNITION_TABLES = [standardised, deviations, errors, recognised]

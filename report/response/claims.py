@@ -17,8 +17,6 @@ from report.verdicts import (
     falling_steps,
     graded,
     held_if,
-    need_enough_ratios,
-    ratios_of_trend,
     spearman,
     trend,
 )
@@ -54,23 +52,21 @@ def second_collisions_spread(results: SweepResults) -> Finding:
 
 
 def maxima_rise_both_ways(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
     named: dict[str, np.ndarray] = {}
     for name, label in (("u_m", "u"), ("v_m_s", "v"), ("a_m_s2", "a")):
-        extremes = results.response.extremes[name]
+        extremes = results.extremes(name)
         named |= {f"{label}+": extremes[:, 0], f"{label}-": -extremes[:, 1]}
     return all_rise(named, results.ratios)
 
 
 def energies_rise(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
-    named = {name: results.response.peaks[f"{name}_J"] for name in ("kinetic", "internal", "total")}
+    named = {name: results.sweep.peaks(f"{name}_J") for name in ("kinetic", "internal", "total")}
     return all_rise(named, results.ratios)
 
 
 def high_stress_appears(results: SweepResults) -> Finding:
     share = results.plate.high_stress_share
-    ratios = ratios_of_trend(results, share)
+    ratios = results.ratios
     there = ratios[share > 0]
     first = f"first at {100 * there[0]:.0f} %" if there.size else "nowhere"
     rho = spearman(ratios, share)

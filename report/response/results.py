@@ -1,6 +1,4 @@
-"""Largest values of the plate's response and of the contact force (Figures 16 to 19); modes and stress of the plate,
-driven again by the recorded forces (Figures 20 and 21).
-"""
+"""Modes and stress of the plate, driven again by the recorded forces (Figures 20 and 21)."""
 
 from __future__ import annotations
 
@@ -20,7 +18,6 @@ from analysis.theory.real_plate import (
     particle_forces_N,
     surface_von_mises_Pa,
 )
-from common.channels import RESPONSES
 
 #: Stress counts as high above this share of the highest bending stress in any run.
 HIGH_STRESS_SHARE = 0.8
@@ -110,23 +107,3 @@ class PlateResults:
 
 def _plate_key(run: Run) -> str:
     return repr((run.scene.plate, run.summary.n_modes))
-
-
-class ResponseResults:
-    """Largest values in each run, from the fast stream where it has the column.
-
-    A contact lasts about 1.5 samples of the regular stream, which misses its peak.
-    """
-
-    def __init__(self, sweep: Sweep):
-        self._sweep = sweep
-
-    @cached_property
-    def peaks(self) -> dict[str, np.ndarray]:
-        """Largest absolute value of the six responses and of the total force, shape (runs,) each, in SI units."""
-        return {name: self._sweep.peaks(name) for name in (*RESPONSES, "force_N")}
-
-    @cached_property
-    def extremes(self) -> dict[str, np.ndarray]:
-        """Largest and smallest displacement, velocity and acceleration, shape (runs, 2) each, in SI units."""
-        return {name: np.array([run.extremes(name) for run in self._sweep.runs]) for name in ("u_m", "v_m_s", "a_m_s2")}

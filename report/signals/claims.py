@@ -16,7 +16,6 @@ from report.verdicts import (
     graded,
     held_if,
     held_if_all,
-    need_enough_ratios,
     spearman,
 )
 
@@ -27,14 +26,12 @@ def number_of_imfs_differs(results: SweepResults) -> Finding:
 
 
 def first_imf_rises(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
     first = [d.imfs[0] for d in results.signals.decompositions]
     up, down = np.array([imf.max() for imf in first]), np.array([-imf.min() for imf in first])
     return all_rise({"up": up, "down": down}, results.ratios)
 
 
 def other_imfs_are_irregular(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
     decompositions = results.signals.decompositions
     common = min(len(d.imfs) for d in decompositions)
     if common < 2:
@@ -64,7 +61,6 @@ DISORDERLY = ("mean", "waveform_index", "kurtosis_index")
 
 def parameters_change(names: Sequence[str], direction: int) -> Test:
     def test(results: SweepResults) -> Finding:
-        need_enough_ratios(results)
         named = {name.replace("_", " "): direction * results.signals.parameters[name] for name in names}
         return all_rise(named, results.ratios)
 
@@ -72,7 +68,6 @@ def parameters_change(names: Sequence[str], direction: int) -> Test:
 
 
 def parameters_are_disorderly(results: SweepResults) -> Finding:
-    need_enough_ratios(results)
     values = {name.replace("_", " "): results.signals.parameters[name] for name in DISORDERLY}
     values["energy share of IMF 1"] = _energy_share_of_first_imf(results)
     rho = {name: spearman(results.ratios, of_runs) for name, of_runs in values.items()}

@@ -76,7 +76,7 @@ def deflecting_totals_fluctuate(results: SweepResults) -> Finding:
 def _theory_over_simulation(results: SweepResults) -> dict[str, float]:
     """Return the total force by theory over the simulated one, mean over the ratios, of each state."""
     counts = np.rint(results.ratios * (len(results.theory.gangue_counts) - 1)).astype(int)
-    force_N = results.response.peaks["force_N"]
+    force_N = results.sweep.peaks("force_N")
     return {key: float(np.mean(total[counts] / force_N)) for key, total in results.theory.beam_totals_N.items()}
 
 

@@ -17,7 +17,7 @@ def test_two_ranks_give_the_signals_of_one(tmp_path, contact, subspheres):
     signals, info = {}, {}
     for ranks in (1, 2):
         scene = changed_scene(SMALL, {
-            "ranks": ranks, "time.free_flight_tolerance": 0.0, "time.duration_s": 9e-4, "output": None,
+            "ranks": ranks, "time.free_flight_tolerance": 0.0, "time.duration_s": 9e-4, "time.view_interval_s": None,
             "stones.agglomerate.contact": contact, "stones.agglomerate.subspheres": subspheres,
             "stones.agglomerate.unbreakable": True, "plate.max_frequency_Hz": 2000.0})
         info[ranks] = run_scene(scene, "small.toml", tmp_path / f"{ranks}")

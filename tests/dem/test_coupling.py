@@ -125,7 +125,7 @@ def ring():
 def ten_spheres(runs):
     """The paper's ten stones at 50 %, unbonded and without dissipation: (scene, modes, summary, fast stream)."""
     scene = changed("paper", {
-        "stones.agglomerate": None, "time.duration_s": 1.5e-3, "time.gravity_m_s2": None, "output": None,
+        "stones.agglomerate": None, "time.duration_s": 1.5e-3, "time.gravity_m_s2": None, "time.view_interval_s": None,
         **{f"contacts.{k}_plate": {"restitution": 1.0, "friction": 0.0} for k in ("coal", "gangue")}})
     summary = run_scene(scene, "ten spheres", runs / "ten")
     return scene, plate_modes(scene.plate, user_cache(), ring()), summary, pd.read_parquet(runs / "ten" / "fast.parquet")
@@ -185,7 +185,7 @@ def test_the_co_step_of_a_bonded_stone_is_short_enough(runs):
     off in force, plate velocity and energy."""
     found = {}
     for co_step in (None, 1):
-        scene = changed("single", {"stones.agglomerate": {"subspheres": 500, "contact": "sub_spheres", "unbreakable": True}, "output": None,
+        scene = changed("single", {"stones.agglomerate": {"subspheres": 500, "contact": "sub_spheres", "unbreakable": True}, "time.view_interval_s": None,
                                    "stones.gangue_ratio": 1.0, "time.duration_s": 1.2e-3}
                         | ({} if co_step is None else {"time.co_step": co_step}))
         directory = runs / f"bonded_{co_step}"
@@ -232,7 +232,7 @@ def test_chips_need_the_plate_seldom(runs, monkeypatch):
             return message
 
     monkeypatch.setattr(dem.run.participants, "PlatePipes", CountedPipes)
-    scene = {"stones.agglomerate.subspheres": 200, "output": None, "time.duration_s": 0.02,
+    scene = {"stones.agglomerate.subspheres": 200, "time.view_interval_s": None, "time.duration_s": 0.02,
              "materials.coal.bond.fracture_energy_J_m2": None}  # bonds that snap make chips at 3 m/s
     found = []
     for co_step in (None, 6):
@@ -263,7 +263,7 @@ def test_a_plate_that_gives_way_by_millimetres_keeps_energy_and_momentum(runs, t
 def test_the_shipped_participant_moves_as_the_plate_does(tmp_path):
     """Started by hand beside the engine, with the frequencies of an undamped plate: the same pushes on the stones."""
     scene = changed("small", {"plate.damping_ratio": 0.0, "plate.max_frequency_Hz": 800.0, "time.duration_s": 1e-3,
-                              "stones.agglomerate": None, "output": None, "plate.sensors": []})
+                              "stones.agglomerate": None, "time.view_interval_s": None, "plate.sensors": []})
     run_scene(scene, "small.toml", tmp_path / "run")
     prepared = prepare(scene, "small.toml", user_cache())
     write_deck(tmp_path / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)

@@ -145,7 +145,7 @@ STREAMS = """seed = 7
 "stones.agglomerate.subspheres" = 24
 "stones.agglomerate.contact" = "sub_spheres"
 "plate.max_frequency_Hz" = 800.0
-"output.view_interval_s" = 0.1
+"time.view_interval_s" = 0.1
 [streams.fast]
 scene = "{scenes}/stream.toml"
 groups = GROUPS

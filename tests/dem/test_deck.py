@@ -55,7 +55,7 @@ def needed(scene):
         "friction history": rubs,
         "gravity": scene.time.gravity_m_s2 > 0,
         "coupling": scene.plate.model == "flexible",
-        "pictures": scene.output.view_interval_s is not None,
+        "pictures": scene.time.view_interval_s is not None,
         "plasticity": scene.plate.yield_stress_Pa is not None,
         "free flight": scene.time.free_flight_tolerance > 0,
         "weak contact": scene.plate.model == "flexible" and table is not None and scene.time.co_step is None,
@@ -91,7 +91,7 @@ OMISSIONS = {
     "plasticity": ({"plate.yield_stress_Pa": None}, {"plasticity"}),
     "free flight": ({"time.free_flight_tolerance": 0.0}, {"free flight"}),
     "co-step of its own": ({"time.co_step": 1}, {"weak contact"}),
-    "pictures": ({"output": None}, {"pictures"}),
+    "pictures": ({"time.view_interval_s": None}, {"pictures"}),
 }
 
 

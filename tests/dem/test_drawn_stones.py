@@ -154,7 +154,7 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
     ("drawn", DRAWN | {"size_m": -1.0}, {}, "stones.drawn.size_m = -1.0: must be from"),
     ("drawn", DRAWN | {"speed": 1.0}, {}, "stones.drawn.speed = 1.0: unknown key"),
     ("each", [EACH[0] | {"strength_factor": 2.0}], {}, "unknown key; use scatter.strength_factor, or a material of its own;"),
-    ("drawn", DRAWN, {"output.impact_view_interval_s": 0.0}, "unknown key; use output.view_interval_s"),
+    ("drawn", DRAWN, {"output.view_interval_s": 0.0}, "unknown key; use time.view_interval_s"),
     ("drawn", DRAWN, {"materials.coal.bond.pressure_threshold_Pa": 1e6}, "unknown key; use pressure_strengthening"),
     ("drawn", DRAWN | {"size_m": {"rosin_rammler": {"size_m": 0.02, "exponent": 2.0, "least": 0.0, "most": 1.0}}}, {},
      "least"),

@@ -47,7 +47,7 @@ def cube(file, subspheres=200, turn=None, restitution=1.0, friction=0.0, speed_m
     contact = {"restitution": restitution, "friction": friction}
     return changed("single", {
         **dict.fromkeys(ALL), "stones.each": [one | (each or {})], "shapes.cube": {"file": file}, "assumptions": None,
-        "output": None, "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": "faces"},
+        "time.view_interval_s": None, "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": "faces"},
         "time.gravity_m_s2": 0.0, "time.duration_s": 1.5e-4, "time.sample_interval_s": 3e-5, "plate": dict(RIGID),
         "contacts": dict.fromkeys(("coal_plate", "coal_coal"), contact), **changes})
 

@@ -11,7 +11,7 @@ from dem.run.run import run_scene
 from dem.stones.arrangement import gangue_ratio, stones_of
 
 COARSE = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "sub_spheres",
-          "plate.max_frequency_Hz": 800.0, "output": None, "plate.sensors": []}
+          "plate.max_frequency_Hz": 800.0, "time.view_interval_s": None, "plate.sensors": []}
 SMALL = {
     "sizes": {"time.duration_s": 0.023},
     "polyhedra": {"time.duration_s": 2e-3, "stones.drawn.count": 4, "stones.agglomerate.subspheres": 100},
@@ -58,7 +58,7 @@ def test_a_stone_on_a_rod_pushes_as_much_as_rods_plate_and_damping_have(tmp_path
     scene = changed_scene(SCENES / "small.toml", {
         "stones.agglomerate": None, "stones.count": 1, "stones.gangue_ratio": 0.0, "stones.gangue_order": [1],
         "stones.circle_radius_m": None, "stones.positions_m": [[0.2, 0.2]], "plate.max_frequency_Hz": 4000.0,
-        "plate.damping_ratio": damping_ratio, "time.duration_s": 4e-3, "output": None})
+        "plate.damping_ratio": damping_ratio, "time.duration_s": 4e-3, "time.view_interval_s": None})
     run = run_scene(scene, "small", tmp_path / "run")
     fast = pd.read_parquet(tmp_path / "run" / "fast.parquet")
     rods_N, dt_s = fast[[f"rod_{k}_N" for k in range(1, 5)]].sum(axis=1), fast["t_s"][1]

@@ -18,7 +18,7 @@ from lab.accuracy.stability import build, cases
 STONE = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
                    "poisson_ratio": 0.3},
          "stones.agglomerate.subspheres": 60, "stones.agglomerate.contact": "sub_spheres",
-         "stones.agglomerate.unbreakable": True, "output": None,
+         "stones.agglomerate.unbreakable": True, "time.view_interval_s": None,
          "time.duration_s": 6e-4}
 
 

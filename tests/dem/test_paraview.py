@@ -40,7 +40,7 @@ def paraview(directory, *arguments):
 @pytest.fixture(scope="module")
 def opened(runs):
     """Two stones, one of each material, on the plate, and a wall behind them."""
-    changes = {"plate.walls": {"edges": ["y_plus"], "height_m": 0.1}, "stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 3e-3}
+    changes = {"plate.wall_height_m": {"y_plus": 0.1}, "stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 3e-3}
     run_scene(changed("small", changes), "small", runs / "opened")
     return runs / "opened"
 

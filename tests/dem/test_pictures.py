@@ -23,7 +23,7 @@ TABLES = ("signals", "fast", "breakage", "energy", "contacts")
 @pytest.fixture(scope="module")
 def taken(runs):
     """A stone that hits the plate and flies off spinning, with pictures, without, and with those in flight alone."""
-    outputs = {"pictures": {}, "none": {"output.view_interval_s": None}, "even": {"output.view_interval_s": 3e-4}}
+    outputs = {"pictures": {}, "none": {"time.view_interval_s": None}, "even": {"time.view_interval_s": 3e-4}}
     for name, changes in outputs.items():
         with pytest.MonkeyPatch.context() as patch:
             if name == "even":  # as in a stream
@@ -117,7 +117,7 @@ def test_each_impact_gets_its_pictures_and_all_together_are_bounded(arrivals_s, 
 
 
 def test_a_scene_without_pictures_has_no_schedule():
-    scene = changed("paper", {"output.view_interval_s": None, "stones.agglomerate.subspheres": 20,
+    scene = changed("paper", {"time.view_interval_s": None, "stones.agglomerate.subspheres": 20,
                               "stones.agglomerate.contact": "sub_spheres"})
     assembly = assemble(scene, stones_of(scene, "scene"))
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)

@@ -120,7 +120,7 @@ def test_a_bonded_stone_on_a_plate_that_yields_closes(tmp_path):
     """Dashpots and friction off and bonds that hold: contact work is elastic, plastic, or an error."""
     scene = changed("single", {
         "stones.gangue_ratio": 1.0, "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres", "unbreakable": True},
-        "time.duration_s": 1.5e-3, "output": None, "plate.yield_stress_Pa": YIELD_STRESS_Pa,
+        "time.duration_s": 1.5e-3, "time.view_interval_s": None, "plate.yield_stress_Pa": YIELD_STRESS_Pa,
         "plate.max_frequency_Hz": 1000.0, "plate.theory": "kirchhoff",
         "contacts": {k: {"restitution": 1.0, "friction": 0.0}
                      for k in ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}})

@@ -96,7 +96,7 @@ def test_a_stone_that_breaks_as_it_slides_over_the_edge_keeps_its_energy(tmp_pat
     scene = changed("single", {
         **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "plate": rigid,
         "stones.agglomerate.subspheres": subspheres, "contacts.coal_plate": {"restitution": 1.0, "friction": 0.4},
-        "time.duration_s": 9e-4, "output": None})
+        "time.duration_s": 9e-4, "time.view_interval_s": None})
     found = run_scene(scene, "scene", tmp_path / "run")
     assert found["n_bonds_broken"] > 400
     assert abs(found["energy"]["closure"]) < 1e-3

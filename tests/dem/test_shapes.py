@@ -76,7 +76,7 @@ def drawn(tmp_path, shape, subspheres=120, **changes):
              "arrival_s": {"uniform": [0.0, 0.002]}}
     return changed_scene(SCENES / "small.toml", NO_VOLLEY | {
         "stones.drawn": table, "shapes.rock": shape, "stones.agglomerate.subspheres": subspheres,
-        "stones.agglomerate.unbreakable": True, "time.duration_s": 6e-3, "output": None} | changes)
+        "stones.agglomerate.unbreakable": True, "time.duration_s": 6e-3, "time.view_interval_s": None} | changes)
 
 
 @pytest.mark.parametrize("kind", ["polyhedron", "box"])

@@ -110,7 +110,7 @@ def test_above_and_beyond_a_wall_nothing_is_felt(tmp_path):
 
 
 CHUTE = PLATE_OF_STREAMS | {"length_m": 0.2, "width_m": 0.08, "tilt_deg": 25.0,
-                            "walls": {"edges": ["y_minus", "y_plus"], "height_m": 0.04}}
+                            "wall_height_m": {"y_minus": 0.04, "y_plus": 0.04}}
 IN_CHUTE = [{"x_m": -0.05, "y_m": 0.02, "velocity_m_s": (0.1, 2.0, -0.5)},
             {"x_m": -0.05, "y_m": -0.02, "velocity_m_s": (0.3, -1.5, -0.6), "spin_rad_s": (20.0, 0.0, 0.0)}]
 
@@ -120,7 +120,7 @@ def in_chute(tmp_path_factory):
     """Two stones fly to and fro between the walls of a chute, with bodies in free flight and by brute force."""
     out = tmp_path_factory.mktemp("chute")
     return [run_scene(scene_of(IN_CHUTE, 0.06, plate=CHUTE, **{"time.free_flight_tolerance": tolerance,
-                                                               "output.view_interval_s": pictures_s}), "scene",
+                                                               "time.view_interval_s": pictures_s}), "scene",
                       out / name) for name, tolerance, pictures_s in (("free", 1e-4, 0.02), ("brute", 0.0, None))] + [out]
 
 
@@ -224,14 +224,12 @@ def test_a_scene_without_walls_has_none_in_its_deck(tmp_path):
 
 
 @pytest.mark.parametrize("plate, each, said", [
-    ({"walls": {"edges": [], "height_m": 0.1}}, {}, "plate.walls.edges"),
-    ({"walls": {"edges": ["x_minus", "x_minus"], "height_m": 0.1}}, {}, "must be named once"),
-    ({"walls": {"edges": ["left"], "height_m": 0.1}}, {}, "plate.walls.edges.0 = .left"),
-    ({"walls": {"edges": ["y_plus"]}}, {}, "plate.walls.height_m"),
-    ({"walls": {"edges": ["y_plus"], "height_m": 0.1, "friction": 0.1}}, {}, "plate.walls.friction = 0.1: unknown key"),
-    ({"walls": {"edges": ["y_plus"], "height_m": 0.1}}, {"y_m": 0.035}, "stone 1, .* would come through this wall"),
-    ({"walls": {"edges": ["x_minus"], "height_m": 1.0}}, {"velocity_m_s": (2.0, 0.0, -1.0), "arrival_s": 0.1},
-     "edges = x_minus: stone 1, .* would come through this wall"),
+    ({"walls": {"edges": ["y_plus"], "height_m": 0.1}}, {}, "plate.walls = .*: unknown key; use plate.wall_height_m"),
+    ({"wall_height_m": {"left": 0.1}}, {}, "plate.wall_height_m.left"),
+    ({"wall_height_m": {"y_plus": 0.0}}, {}, "plate.wall_height_m.y_plus = 0.0: must be greater than 0"),
+    ({"wall_height_m": {"y_plus": 0.1}}, {"y_m": 0.035}, "stone 1, .* would come through this wall"),
+    ({"wall_height_m": {"x_minus": 1.0}}, {"velocity_m_s": (2.0, 0.0, -1.0), "arrival_s": 0.1},
+     "x_minus: stone 1, .* would come through this wall"),
 ])
 def test_bad_walls_are_refused_in_one_line(plate, each, said):
     with pytest.raises(InputError, match=said) as refused:

@@ -32,7 +32,7 @@ def scene_of(each, duration_s, **changes):
     return changed("single", {
         **{f"stones.{key}": None for key in old}, "stones.each": [one | stone for stone in each], "plate": PLATE,
         "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres", "unbreakable": True},
-        "time.duration_s": duration_s, "output.view_interval_s": None, "assumptions": None, **changes})
+        "time.duration_s": duration_s, "time.view_interval_s": None, "assumptions": None, **changes})
 
 
 def written(directory, scene):
@@ -263,7 +263,7 @@ def test_small_fragments_are_taken_out_as_they_fly_and_nothing_is_lost(tmp_path)
     old = ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order")
     scene = changed("single", {
         **{f"stones.{key}": None for key in old}, "stones.drawn": stream, "stones.gangue_ratio": 0.0, "plate": PLATE,
-        "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres"}, "output.view_interval_s": None, "assumptions": None,
+        "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres"}, "time.view_interval_s": None, "assumptions": None,
         "time.duration_s": 0.05})
     model = engine_run(tmp_path / "deck", scene)
     gone = pd.read_csv(tmp_path / "deck" / "left.csv")

@@ -61,7 +61,7 @@ def test_bonded_stones_bounce_down_a_tilted_plate(tmp_path):
     """In free flight and in the arrays: the ledger closes, and what leaves the plate moves towards +x."""
     changes = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0,
                          "youngs_modulus_Pa": 2.07e11, "poisson_ratio": 0.3, "tilt_deg": 25.0},
-               "time.duration_s": 0.05, "stones.speed_m_s": 1.0, "stones.agglomerate.unbreakable": True, "output": None}
+               "time.duration_s": 0.05, "stones.speed_m_s": 1.0, "stones.agglomerate.unbreakable": True, "time.view_interval_s": None}
     scene = changed_scene(SCENES / "small.toml", changes)
     summary = run_scene(scene, "scene", tmp_path / "run")
     brute = run_scene(changed_scene(SCENES / "small.toml", changes | {"time.free_flight_tolerance": 0.0}), "scene",

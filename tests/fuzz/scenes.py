@@ -29,7 +29,7 @@ def small_scene(name, plate):
         scene["plate"] = read_toml(SCENES / "hertz_coal.toml")["plate"]
     else:
         scene["plate"] |= {"max_frequency_Hz": 1500.0, "theory": "kirchhoff"}
-    scene["output"] = {"view_interval_s": 1.5e-4}
+    scene["time"]["view_interval_s"] = 1.5e-4
     return scene
 
 
@@ -53,7 +53,7 @@ STREAM = {"size_m": {"rosin_rammler": {"size_m": 0.04, "exponent": 2.0, "least":
           "rate_1_s": 40.0, "arrival_s": {"uniform": [0.0, 0.1]}, "spin_rad_s": {"uniform": [0.0, 5.0]}}
 SHAPES = {"block": {"elongation": 0.8, "flatness": 0.7, "corners": 12}, "cube": {"file": "cube.stl"}}
 BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": "based", "assumptions": ["time.duration_s"],
-         "time": {"duration_s": 3e-4, "time_step_s": 1e-7, "co_step": 5}, "materials": {"coal": "coal", "gangue": "gangue"},
+         "time": {"duration_s": 3e-4, "time_step_s": 1e-7, "co_step": 5, "view_interval_s": 1e-4}, "materials": {"coal": "coal", "gangue": "gangue"},
          "stones": {"count": 3, "circle_radius_m": 0.1, "gangue_ratio": 0.0,
                     "agglomerate": {"subspheres": 8, "contact": "sub_spheres", "unbreakable": True}},
          "scatter": {"seed": 3, "radius_factor": {"lognormal_cv": 0.1}, "density_factor": 1.1, "youngs_modulus_factor": {"uniform": [0.9, 1.1]},
@@ -61,7 +61,6 @@ BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": 
                      "place_m": 0.02, "arrival_s": {"uniform": [0.0, 1e-3]}},
          "contacts": {"coal_coal": {"restitution": 0.5, "friction": 0.6}, "coal_gangue": {"restitution": 0.5, "friction": 0.6},
                       "gangue_gangue": {"restitution": 0.5, "friction": 0.6}},
-         "output": {"view_interval_s": 1e-4},
          "ranks": 2}
 EDGES = {key: value for key, value in small_scene("sphere", "flexible")["plate"].items() if key not in ("rods", "theory")} | {
     "edges": "clamped", "mesh_size_m": 0.05, "point_supports": [{"x_m": 0.0, "y_m": 0.0}]}

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from report.__main__ import main
-from report.comparison.compare import compare
+from report.comparison import compared
 from tests.analysis.synthetic import write_run, write_sweep
 
 
@@ -36,7 +36,7 @@ def change_signal(run, column, change):
 
 
 def test_a_run_and_its_copy_do_not_differ(runs):
-    (pair,) = compare(*runs).pairs
+    (pair,) = compared(*runs).pairs
     assert pair.scene_rows() == []
     assert all(row.difference == 0 for rows in pair.groups().values() for row in rows)
     assert all(pair.groups()[title] for title in ("Counts", "Peaks", "Energies"))
@@ -46,7 +46,7 @@ def test_a_run_and_its_copy_do_not_differ(runs):
 def test_what_was_changed_is_found_by_key_and_size(runs):
     change(runs[1], scene__plate__thickness_m=0.03, peak_force_N=1000.0, energy={"plate": 3.0, "closure": 1e-5})
     change(runs[0], peak_force_N=800.0, energy={"plate": 2.0})
-    (pair,) = compare(*runs).pairs
+    (pair,) = compared(*runs).pairs
     (row,) = pair.scene_rows()
     assert (row.key, row.b) == ("plate.thickness_m", 0.03)
     assert (pair.number("peak_force_N").difference, pair.number("peak_force_N").percent) == (200.0, 25.0)
@@ -60,7 +60,7 @@ def test_curves_differ_by_what_was_added_to_one(runs):
     """A tenth more force everywhere; an acceleration with a tone of known root mean square added."""
     change_signal(runs[1], "force_N", lambda table: 1.1 * table["force_N"])
     change_signal(runs[1], "a_m_s2", lambda table: table["a_m_s2"] + 0.5)
-    curves = compare(*runs).pairs[0].curves()
+    curves = compared(*runs).pairs[0].curves()
     assert [curve.percent_rms for curve in curves[:2]] == pytest.approx([10.0, 10.0])
     for curve in curves[2:]:
         assert curve.b - curve.a == pytest.approx(0.5)
@@ -74,7 +74,7 @@ def test_rates_and_lengths_may_differ(runs):
     change_signal(runs[1], "a_m_s2", lambda table: 3 * table["t_s"])
     table = pd.read_parquet(runs[1] / "signals.parquet")
     table.iloc[:len(table) // 2:2].to_parquet(runs[1] / "signals.parquet")
-    curve = compare(*runs).pairs[0].curves()[3]
+    curve = compared(*runs).pairs[0].curves()[3]
     assert curve.b == pytest.approx(curve.a, abs=1e-12)
     assert curve.t_s[-1] <= table["t_s"].iloc[len(table) // 2] < table["t_s"].iloc[-1]
 
@@ -124,7 +124,7 @@ def test_runs_on_a_rigid_plate_are_compared_by_their_force(runs):
         for name in ("signals", "fast"):
             file = run / f"{name}.parquet"
             pd.read_parquet(file)[["t_s", "force_N"]].to_parquet(file)
-    curves = compare(*runs).pairs[0].curves()
+    curves = compared(*runs).pairs[0].curves()
     assert [curve.title for curve in curves] == 2 * ["force on the plate, N"]
 
 

@@ -6,10 +6,9 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-import report.comparison.page
+import report.comparison
 import report.page
-from report.comparison.compare import Curve
-from report.comparison.page import draw_curve, write_comparison
+from report.comparison import Curve, draw_curve, write_comparison
 from report.drawing.style import to_uri
 from report.page import write_report
 from tests.analysis.synthetic import write_run
@@ -79,7 +78,7 @@ def test_a_report_has_no_element_more(sweeps, monkeypatch):
 
 
 def test_a_comparison_has_no_element_more(sweeps, tmp_path, monkeypatch):
-    monkeypatch.setattr(report.comparison.page, "_figures", lambda *_: [("data:,", EVIL)])
+    monkeypatch.setattr(report.comparison, "_figures", lambda *_: [("data:,", EVIL)])
     harmless, evil = sweeps
     pages = [write_comparison(a, b, tmp_path / f"{k}.html") for k, (a, b) in enumerate([sweeps, (evil, harmless)])]
     one, other = (Elements(page.read_text()) for page in pages)

@@ -8,8 +8,7 @@ import pytest
 
 from analysis.sweep.runs import COLUMNS
 from report.missing import MissingResult
-from report.stream.heard import WINDOW_S, HeardStream, read_heard
-from report.stream.results import StreamResults
+from report.stream.results import HEARD_WINDOW_S, HeardStream, StreamResults
 
 
 def fallen(path):
@@ -26,22 +25,22 @@ def test_truth_is_the_share_by_mass_of_the_last_window(tmp_path):
     results, heard = fallen(tmp_path / "ratio_040"), tmp_path / "heard"
     heard.mkdir()
     with pytest.raises(MissingResult, match="make recognise"):
-        read_heard(results)
+        _ = results.heard
     pd.DataFrame({"t_s": [0.1], "gangue": [1.0], "alarm": [True], "mass_coal_kg": 0.1, "mass_gangue_kg": 0.3,
                   "mass_coal_sd_kg": 0.0, "mass_gangue_sd_kg": 0.0}).to_parquet(heard / "stones.parquet")
     pd.DataFrame({"ratio": [0.5]}).to_parquet(heard / "ratio.parquet")
-    found = read_heard(results)
-    nearest = {t_s: np.argmin(abs(found.truth["t_s"] - t_s)) for t_s in (0.05, 0.15, 0.25, 0.35)}
-    at = {t_s: found.truth["mass_ratio"].iloc[k] for t_s, k in nearest.items()}
+    found = results.heard
+    nearest = {t_s: np.argmin(abs(found.heard["t_s"] - t_s)) for t_s in (0.05, 0.15, 0.25, 0.35)}
+    at = {t_s: found.heard["truth"].iloc[k] for t_s, k in nearest.items()}
     assert np.isnan(at[0.05]) and at[0.15] == 1.0 and at[0.25] == pytest.approx(0.75) and at[0.35] == 0.0
     assert found.heard_s.tolist() == found.alarm_s.tolist() == [0.1]
-    assert found.fell_s.tolist() == [0.1, 0.2] and WINDOW_S == 0.2
+    assert HEARD_WINDOW_S == 0.2
     pd.DataFrame({"ratio": [np.nan]}).to_parquet(heard / "ratio.parquet")
     with pytest.raises(MissingResult, match="did not trust"):
-        read_heard(results)
+        _ = StreamResults(results.run).heard
 
 
 def test_the_interval_covers_the_truth_at_half_of_the_times_that_have_both():
-    heard = pd.DataFrame({"mass_low": 0.2, "mass_ratio": [0.3, 0.3, 0.3, np.nan], "mass_high": 0.4})
-    truth = pd.DataFrame({"mass_ratio": [0.4, 0.5, np.nan, 0.3]})
-    assert HeardStream(heard, truth, np.empty(0), np.empty(0), None).covered == 0.5
+    heard = pd.DataFrame({"mass_low": 0.2, "mass_ratio": [0.3, 0.3, 0.3, np.nan], "mass_high": 0.4,
+                          "truth": [0.4, 0.5, np.nan, 0.3]})
+    assert HeardStream(heard, np.empty(0), np.empty(0)).covered == 0.5

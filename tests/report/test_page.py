@@ -81,7 +81,7 @@ PAPER = resource("scenes") / "paper.toml"
 
 @pytest.mark.parametrize(("changes", "same"), [
     ({"name": "mine", "stones.gangue_ratio": 0.2, "stones.seed": 5, "plate.sensors": [], "time.duration_s": 0.1,
-      "output": None}, True),
+      "time.view_interval_s": None}, True),
     ({"plate.tilt_deg": 20.0}, False), ({"materials.gangue.density_kg_m3": 2600.0}, False),
     ({"stones.speed_m_s": 2.0}, False), ({"plate.thickness_m": 0.016}, False),
     ({"contacts.coal_plate.restitution": 0.5}, False)])

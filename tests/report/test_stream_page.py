@@ -3,6 +3,7 @@
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,11 +19,10 @@ from dem.run.run import run_scene
 from recognition.stream.stones import COLUMNS
 from report.page import write_report
 from report.stream.figures import fell, hits
-from report.stream.heard import WINDOW_S, read_heard
-from report.stream.results import StreamResults
+from report.stream.results import HEARD_WINDOW_S, StreamResults
 
 SCENE = Path(__file__).parents[2] / "scenes" / "stream.toml"
-SMALL = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "sub_spheres", "output": None,
+SMALL = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "sub_spheres", "time.view_interval_s": None,
          "plate.max_frequency_Hz": 800.0, "time.duration_s": 0.06, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]},
          "stones.drawn.rate_1_s": 100.0, "stones.drawn.least_fragment": 3}
 
@@ -96,8 +96,8 @@ def test_what_was_heard_stands_beside_what_fell(run, tmp_path):
     (copy / "heard").mkdir()
     write_parquet(heard, copy / "heard" / "stones.parquet")
     write_parquet(pd.DataFrame({"t_s": [0.01], "ratio": [0.3]}), copy / "heard" / "ratio.parquet")
-    found = read_heard(StreamResults(read_run(copy / run.path.name)))
-    assert found.heard["mass_ratio"].iloc[-1] == pytest.approx(true_ratio(stones, 0.0, WINDOW_S), abs=0.02)
+    found = StreamResults(read_run(copy / run.path.name)).heard
+    assert found.heard["mass_ratio"].iloc[-1] == pytest.approx(true_ratio(stones, 0.0, HEARD_WINDOW_S), abs=0.02)
     assert 'id="ratio_030-stream-heard"' in write_report(copy).read_text()
 
 
@@ -106,7 +106,7 @@ def test_stones_of_which_none_broke_are_drawn(force_N):
     """Nothing to draw on a logarithmic axis."""
     touched = pd.DataFrame({"mass_kg": [0.1, 0.2], "peak_force_N": force_N, "broken_area_m2": 0.0,
                             "is_gangue": [True, False]})
-    figure = hits(touched)
+    figure, _ = hits.drawn(SimpleNamespace(touched=touched))
     figure.draw_without_rendering()
     assert figure.axes[1].get_title(loc="left") == "broken area, cm²: none"
 
@@ -114,7 +114,8 @@ def test_stones_of_which_none_broke_are_drawn(force_N):
 def test_what_fell_is_drawn_from_the_beginning_to_the_end_also_of_one_stone():
     touched = pd.DataFrame({"first_contact_s": [0.2], "mass_kg": [0.1], "radius_m": [0.02], "is_gangue": [True]})
     ends_s = np.array([0.1, 0.3])
-    figure = fell(touched, ends_s, {"mass": ends_s, "number": ends_s}, 1.0)
+    figure, _ = fell.drawn(SimpleNamespace(touched=touched, window_s=0.1, sliding_ratio=lambda: (
+        ends_s, {"mass": ends_s, "number": ends_s})))
     coal, gangue = figure.axes[0].get_lines()
     assert np.array_equal(gangue.get_xydata(), [[0.0, 0.0], [0.2, 0.1], [0.3, 0.1]])
     assert np.array_equal(coal.get_xydata(), [[0.0, 0.0], [0.3, 0.0]])

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from analysis import read_run, read_sweep
-from report.breakage.chapter import BREAKAGE_FIGURES, broken_areas
 from report.breakage.claims import BREAKAGE_STATEMENTS
+from report.breakage.figures import BREAKAGE_FIGURES, broken_areas
 from report.drawing.data import to_csv
 from report.drawing.figure_spec import finish_figure
 from report.missing import MissingResult
@@ -37,7 +37,7 @@ def test_one_stone_is_shown_over_all_stones_with_its_deviation_and_resolution(pa
         info = json.loads((run / "run.json").read_text())
         (run / "run.json").write_text(json.dumps(info | {
             "fragment_size_over_subsphere": [3.0 - 0.1 * k] * 9 + [None], "speed_over_critical": [None] + [0.8] * 9}))
-    found = row(one_stone(SweepResults(read_sweep(paper))), "coal")
+    found = row(one_stone.build(SweepResults(read_sweep(paper))), "coal")
     assert found["stones"] == str(sum(10 - round(10 * r) for r in RATIOS))
     assert float(found["crack area, cm²"].split(" ± ")[0]) == pytest.approx(1e4 * 3e-6 * BROKEN_BONDS["coal"], rel=5e-3)
     assert found["crack area, cm²"].endswith("± 0") or float(found["crack area, cm²"].split(" ± ")[1]) < 1e-10
@@ -48,7 +48,7 @@ def test_one_stone_is_shown_over_all_stones_with_its_deviation_and_resolution(pa
 def test_a_sweep_stands_beside_draws_with_their_mean_deviation_and_rank(paper):
     results = SweepResults(read_sweep(paper))
     with pytest.raises(MissingResult, match="no runs in natural beside this directory; `make natural`"):
-        varying(results)
+        varying.build(results)
     peaks = []
     for draw in range(3):
         for ratio in RATIOS:
@@ -56,7 +56,7 @@ def test_a_sweep_stands_beside_draws_with_their_mean_deviation_and_rank(paper):
             run = write_run(group / f"ratio_{round(100 * ratio):03d}", ratio, seed=50 + draw, scatter=0.3)
             if ratio == 0.5:
                 peaks.append(1e-3 * read_run(run).peak("force_N"))
-    table = varying(results)
+    table = varying.build(results)
     found = row(table, "peak total force")
     assert table[0][2] == "50%: 3 draws" and table[0][4] == "Spearman: 15 runs"
     assert found["50%: 3 draws"] == f"{np.mean(peaks):.3g} ± {np.std(peaks, ddof=1):.2g}"
@@ -84,7 +84,7 @@ def test_breakage_of_several_draws_has_their_deviation(paper):
         table.assign(area_m2=table["area_m2"] / 2).to_parquet(other / "breakage.parquet")
     results = SweepResults(read_sweep(paper))
     assert all(finish_figure(spec, results).caption.endswith("2 draws a ratio.") for spec in BREAKAGE_FIGURES)
-    table = pd.read_csv(io.StringIO(to_csv(broken_areas(results)[0])), comment="#")
+    table = pd.read_csv(io.StringIO(to_csv(broken_areas.drawn(results)[0])), comment="#")
     area = table[(table["panel"] == "crack area of one stone, cm²") & (table["x"] == 50)].set_index("series")["y"]
     first, second = (1e4 * 3e-6 * round(0.9 * BROKEN_BONDS["coal"]) * share for share in (1, 0.5))
     assert area["coal"] == pytest.approx((first + second) / 2, rel=1e-3)

@@ -11,9 +11,9 @@ from report.verdicts import (
     PARTLY,
     Statement,
     check_statements,
+    claims_csv,
     graded,
     held_if_all,
-    to_csv,
     trend,
 )
 
@@ -52,7 +52,7 @@ def test_what_cannot_be_tested_says_why_and_goes_into_the_table():
 
     claims = check_statements(SweepOfNumbers(), [Statement("A, with comma", "Fig. 1", "fig-1", "x", fails)])
     assert claims[0].verdict == NOT_TESTED
-    assert to_csv(claims).splitlines() == [
+    assert claims_csv(claims).splitlines() == [
         "claim,where,verdict,value,expected",
         '"A, with comma",Fig. 1,not tested,no such run,x',
     ]

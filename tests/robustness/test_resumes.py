@@ -27,7 +27,7 @@ STARTS = int(os.environ.get("STARTS", "2000"))
 STOPS = 20
 SAMPLES = 2 * (STOPS + 1)  # of a run, a checkpoint at every other one
 NAMES = sorted(file.stem for file in SCENES.glob("*.toml") if "stones" in tomllib.loads(file.read_text()))
-WALLS = {"plate.walls": {"edges": ["y_plus", "y_minus"], "height_m": 0.3}}
+WALLS = {"plate.wall_height_m": {"y_plus": 0.3, "y_minus": 0.3}}
 
 
 def made_short(scene):
@@ -74,7 +74,7 @@ def test_stopped_at_twenty_checkpoints(tmp_path, monkeypatch, name, ratio, pictu
     monkeypatch.setattr(dem.deck.render, "CHECKPOINT_SAMPLES", 2)
     file = SCENES / f"{name}.toml"
     changes = made_short(read_scene(file)) | (WALLS if walls else {})
-    changes["output.view_interval_s"] = changes["time.duration_s"] / 7 if pictures else None
+    changes["time.view_interval_s"] = changes["time.duration_s"] / 7 if pictures else None
     if ratio is not None:
         changes["stones.gangue_ratio"] = ratio
     prepared = prepare(changed_scene(file, changes), str(file), user_cache())
@@ -94,7 +94,7 @@ def test_stopped_at_twenty_checkpoints(tmp_path, monkeypatch, name, ratio, pictu
 def test_two_ranks_stop_at_a_checkpoint_and_go_on(tmp_path):
     """Asked before they listen."""
     scene = changed_scene(ROOT / "tests" / "single.toml", {
-        "ranks": 2, "plate.max_frequency_Hz": 500.0, "output": None,
+        "ranks": 2, "plate.max_frequency_Hz": 500.0, "time.view_interval_s": None,
         "stones.agglomerate": {"subspheres": 60, "contact": "sub_spheres"},
         "time.duration_s": 6e-4, "time.sample_interval_s": 3e-5})
     prepared = prepare(scene, "scene", user_cache())

@@ -1,1 +1,0 @@
-"""Two runs or sweeps side by side."""
