@@ -108,7 +108,6 @@ class MeshContainer:
     corners: tuple[tuple[float, float, float], ...]
     triangles: tuple[tuple[int, int, int], ...]
     volume_m3: float
-    pressed_axes = ()
 
     @cached_property
     def _corner(self) -> np.ndarray:

@@ -20,7 +20,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import cg
 
-from dem.stones.packing import Packing, SphereContainer, near_pairs
+from dem.stones.packing import CylinderContainer, Packing, SphereContainer, near_pairs
 
 GAP_TOLERANCE = 0.2  # of the sum of the two radii
 LEAST_BONDS = 3      # that hold a sub-sphere against any force
@@ -161,8 +161,8 @@ def network_stiffness(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffne
     matrix = stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio, volumetric_ratio)
     if isinstance(packing.container, SphereContainer):
         return _sphere_stiffness(packing, matrix)
-    results = [_uniaxial_test(packing, matrix, axis) for axis in packing.container.pressed_axes]
-    return NetworkStiffness(*np.array(results).T)
+    axes = (2,) if isinstance(packing.container, CylinderContainer) else (0, 1, 2)
+    return NetworkStiffness(*np.array([_uniaxial_test(packing, matrix, axis) for axis in axes]).T)
 
 
 def _uniaxial_test(packing: Packing, matrix: csr_matrix, axis: int) -> tuple[float, float]:

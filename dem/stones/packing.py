@@ -35,7 +35,6 @@ class SphereContainer:
     """A sphere about the origin."""
 
     radius_m: float
-    pressed_axes = (0, 1, 2)  # along which platens can press it
 
     @property
     def volume_m3(self) -> float:
@@ -63,7 +62,6 @@ class CylinderContainer:
 
     radius_m: float
     length_m: float
-    pressed_axes = (2,)
 
     @property
     def volume_m3(self) -> float:
@@ -96,7 +94,6 @@ class ConvexContainer:
     faces: tuple[tuple[float, float, float, float], ...]
     extent_m: tuple[float, float, float]  # largest |x|, |y|, |z|
     volume_m3: float
-    pressed_axes = ()
 
     @property
     def half_size_m(self) -> np.ndarray:

@@ -12,7 +12,6 @@ class BoxContainer:
     """Edges `length_m` (3,) along x, y, z, about the origin."""
 
     length_m: tuple[float, float, float]
-    pressed_axes = (0, 1, 2)
 
     @property
     def volume_m3(self):
