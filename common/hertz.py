@@ -7,6 +7,11 @@ Force F, approach d, sphere of radius R and mass m that arrives with speed v:
     d_max = (5 m v^2/(4 K))^(2/5),   contact time = 2.9432 d_max/v
 
 Arguments are floats, or arrays that numpy can broadcast, in SI units; the result is a float or an array like them.
+
+>>> stiffness = stiffness_N_m32(contact_modulus_Pa=5.4906e9, radius_m=0.025)
+>>> depth_m = largest_approach_m(stiffness, mass_kg=0.090321, speed_m_s=3.0)
+>>> print(f"{stiffness * depth_m**1.5:.0f} N, {1e6 * contact_time_s(depth_m, 3.0):.0f} us")
+4262 N, 234 us
 """
 
 from __future__ import annotations

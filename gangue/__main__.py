@@ -18,7 +18,11 @@ from gangue.commands import COMMANDS, PROGRAM, parser_of
 
 
 def main(argv: list[str] | None = None, package: str = "") -> int:
-    """Run a command line and return its exit code; `package`: one of the commands of that package."""
+    """Run a command line and return its exit code; `package`: one of the commands of that package.
+
+    >>> main(["--quiet", "features", "runs/paper/ratio_030"])
+    0
+    """
     if argv is None:
         listen_for_interrupt()
     words = list(sys.argv[1:] if argv is None else argv)

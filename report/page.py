@@ -121,6 +121,9 @@ def write_report(directory: str | Path) -> Path:
 
     Returns the path of the report. Raises RecordError or RecognitionError, with a message of one line, where the runs
     cannot be used, and OSError where the files cannot be written.
+
+    >>> write_report("runs/paper/ratio_030").name
+    'report.html'
     """
     directory = Path(directory)
     file, claims = directory / "report.html", directory / "claims.csv"

@@ -12,6 +12,7 @@ from tests.analysis.synthetic import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ["analysis", "plate_fem", "recognition"]
+OTHERS = ["common.hertz", "common.scene.scene", "dem.run.run", "report.page", "gangue.__main__"]  # that export nothing
 
 
 @pytest.fixture(scope="module")
@@ -51,3 +52,10 @@ def test_the_example_of_a_public_name_runs(package, name, here, start, monkeypat
     (found,) = doctest.DocTestFinder(recurse=False).find(getattr(import_module(package), name), name, globs=dict(start))
     assert found.examples, f"{package}.{name} has no example"
     assert doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(found).failed == 0
+
+
+@pytest.mark.parametrize("module", OTHERS)
+def test_the_examples_of_other_packages_run(module, here, monkeypatch):
+    monkeypatch.chdir(here)
+    found = [test for test in doctest.DocTestFinder().find(import_module(module)) if test.examples]
+    assert found and all(doctest.DocTestRunner().run(test).failed == 0 for test in found)

@@ -20,6 +20,7 @@ from gangue.commands import COMMANDS, commands_of, parser_of
 from gangue.learn_forces import LearntForces
 from gangue.scenes import ScenesResult
 from lab.known_truth.faulty_records import volley, with_fault
+from lab.known_truth.simulated import draw_stones, stream_of
 from plate_fem.commands import ModesResult, MotionResult
 from recognition.commands import EvaluateResult
 from recognition.estimation.answer import Answer
@@ -28,6 +29,7 @@ from recognition.models import Model
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import CheckResult
+from recognition.stone_forces.forces import StoneForces, save_forces
 from recognition.stream.heard import UNTAPPED, Alarms, ListenResult
 from recognition.stream.live import LiveResult
 from recognition.tapping.tapped import TapResult
@@ -35,6 +37,7 @@ from recognition.volley.recognise import RATE_Hz, VolleyResult
 from report.comparison import ComparisonResult
 from report.page import ReportResult
 from tests.analysis.synthetic import write_sweep
+from tests.recognition.elastic_stones import CHANNELS, elastic_stone
 from tests.recognition.test_arrangement_likelihood import NAMES, SAMPLES, SAMPLE_s, draw, plate
 from tests.recognition.test_volley import record as stones_at_once
 
@@ -219,22 +222,47 @@ def test_check(struck, capsys, record, code):
     assert (found["misfit"] is None) == (record == "dead")
 
 
+def write_records(here, clean, plate):
+    """A record as it is, with a dead sensor, and with two sensors swapped."""
+    records = {"clean": clean, "dead": clean * [[1.0], [0.0], [1.0], [1.0]], "foreign": clean[[1, 0, 2, 3]]}
+    for name, values in records.items():
+        write_record(here / f"{name}.csv", values, [f"acc_{one}_m_s2" for one in plate.sensor_names], 1 / RATE_Hz)
+    return here
+
+
 @pytest.fixture(scope="module")
 def at_once(tmp_path_factory):
     """Ten stones at once on the paper's plate: the record as it is, with a dead sensor, with two sensors swapped."""
     here, there = tmp_path_factory.mktemp("at_once"), PlateModel.from_scene("scenes/paper.toml", 6000.0)
     there.save(here / "plate.json")
-    clean = stones_at_once(there, 5, np.random.default_rng(8))
-    records = {"clean": clean, "dead": clean * [[1.0], [0.0], [1.0], [1.0]], "foreign": clean[[1, 0, 2, 3]]}
-    for name, values in records.items():
-        write_record(here / f"{name}.csv", values, [f"acc_{one}_m_s2" for one in there.sensor_names], 1 / RATE_Hz)
-    return here
+    return write_records(here, stones_at_once(there, 5, np.random.default_rng(8)), there)
 
 
 @pytest.mark.parametrize("record, code", [("clean", 0), ("dead", 3), ("foreign", 3)])
 def test_volley(at_once, capsys, record, code):
     words = ["volley", str(at_once / f"{record}.csv"), "--plate", str(at_once / "plate.json"), "--stones", "10",
              "--radius", "0.025", "--speed", "3"]
+    said, found = both(capsys, words, code)
+    check_same(said.out, found)
+
+
+@pytest.fixture(scope="module")
+def one_by_one(tmp_path_factory):
+    """Twelve elastic stones one after another, and their law: the record, with a dead sensor, with two swapped."""
+    here, there = tmp_path_factory.mktemp("one_by_one"), PlateModel.from_scene("scenes/single.toml", 12000.0)
+    there.save(here / "plate.json")
+    stones, rng = [elastic_stone(k % 2 == 1, 0.025, 2.2 + 0.16 * k) for k in range(10)], np.random.default_rng(5)
+    save_forces(StoneForces.fit(stones), here / "law.json")
+    clean = stream_of(there, CHANNELS, stones, draw_stones(stones, 12, 60.0, 0.2, 0.5, rng), RATE_Hz, 20.0, rng).values
+    return write_records(here, clean, there)
+
+
+@pytest.mark.parametrize("record, code", [("clean", 0), ("dead", 3), ("foreign", 3)])
+def test_listen(one_by_one, capsys, record, code):
+    here = one_by_one
+    words = ["listen", str(here / f"{record}.csv"), "--plate", str(here / "plate.json"), "--law",
+             str(here / "law.json"), "--radius", "0.025", "0.025", "--speed", "2", "4", "--out",
+             str(here / f"heard_{record}")]
     said, found = both(capsys, words, code)
     check_same(said.out, found)
 

@@ -190,7 +190,7 @@ def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
     Contacts less than COLLISION_GAP_S apart are one collision. Those below LEAST_FORCE_SHARE of the agglomerate's
     largest force are none. Raises RecordError if the run has no force of that agglomerate.
     """
-    table = run.fast if run.fast is not None else run.signals
+    table = run.finest
     column = force_column(agglomerate)
     if column not in table.columns:
         raise RecordError(f"{run.path}: no column {column!r} in the streams")

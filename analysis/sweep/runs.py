@@ -89,6 +89,11 @@ class Run:
         path = self.path / "fast.parquet"
         return read_table(path) if path.is_file() else None
 
+    @property
+    def finest(self) -> pd.DataFrame:
+        """The fast stream, or the regular one of a run that kept no fast one."""
+        return self.signals if self.fast is None else self.fast
+
     @cached_property
     def stones(self) -> pd.DataFrame | None:
         """One row per stone, None if not written."""

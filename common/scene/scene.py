@@ -320,7 +320,11 @@ def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
 
 def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
     """The scene of a file with dotted keys changed ("stones.speed_m_s": 2.0; None leaves the key out), for studies that
-    vary one. Raises InputError as `read_scene` does."""
+    vary one. Raises InputError as `read_scene` does.
+
+    >>> changed_scene("scenes/small.toml", {"stones.speed_m_s": 2.0}).stones.speed_m_s
+    2.0
+    """
     data = scene_tables(path)
     for key, value in changes.items():
         if key in ("base", "without"):

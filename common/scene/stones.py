@@ -150,7 +150,7 @@ class StonesTable(Table):
     gangue_ratio: Annotated[Annotated[float, Field(ge=0, le=1)] | None, about(
         "share of gangue; in a volley a multiple of 1/count",
         paper="0 to 1 in steps of 0.1")] = None
-    seed: Annotated[Seed, about("seed of draws and packings; stone k of a volley has seed + k - 1")]
+    seed: Annotated[Seed, about("seed of draws and packings; stone k of up to ten in a volley has seed + k - 1")]
     each: Annotated[tuple[EachStone, ...] | None, Field(min_length=1, max_length=MOST_STONES), about(
         "stones one by one, instead of a volley")] = None
     drawn: Annotated[DrawnTable | None, about("stones drawn from distributions, instead of a volley")] = None

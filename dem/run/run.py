@@ -66,6 +66,10 @@ def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False,
     A run that was stopped or killed goes on from its last checkpoint. After `walltime_s` it is asked to take one and
     stop. What is at `out` must be of this scene, or with `overwrite` of any. Raises InputError for bad input, Stopped
     after that time, RunError if the run could not be finished.
+
+    >>> from common.scene.scene import read_scene
+    >>> run_scene(read_scene("scenes/hertz_coal.toml"), "scenes/hertz_coal.toml", Path("runs/sphere"))["status"]
+    'finished'
     """
     check_engine()
     stop_at = None if walltime_s is None else time.monotonic() + walltime_s

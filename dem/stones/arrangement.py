@@ -7,8 +7,10 @@ import numpy as np
 from common.scene.scene import Scene
 from common.scene.stones import COAL, GANGUE, By, EachStone
 from common.tables import InputError
-from dem.stones.drawn import drawn_stones, scattered
+from dem.stones.drawn import drawn_stones, scattered, shared_packings
 from dem.stones.stone import UPRIGHT, Flying, Stone, gap_to_box_m, reach_m
+
+OWN_PACKINGS = 10  # stones of a volley that have a packing each; more share some, as drawn ones do
 
 
 def stones_of(scene: Scene, file: str) -> list[Stone]:
@@ -62,10 +64,12 @@ def _volley(scene: Scene, file: str) -> list[Stone]:
         raise InputError(f"{file}: stones.gangue_ratio = {table.gangue_ratio}: with {table.count} stones it must be "
                          f"a multiple of 1/{table.count}")
     chosen, (dx, dy, dz) = set(table.gangue_order[:round(n_gangue)]), scene.down
-    # A place keeps its seed whatever its material, so that a sweep changes the material alone.
+    # A place keeps its packing whatever its material, so that a sweep changes the material alone.
+    seeds, attitudes = shared_packings(scene, table.count) if table.agglomerate and table.count > OWN_PACKINGS else (
+        [table.seed + k for k in range(table.count)], [UPRIGHT] * table.count)
     return [Stone(material=GANGUE if k + 1 in chosen else COAL, radius_m=table.radius_m,
                   place_m=(float(place[0]), float(place[1])), velocity_m_s=(speed * dx, speed * dy, speed * dz),
-                  seed=table.seed + k, gap_m=table.gap_m)
+                  seed=seeds[k], gap_m=table.gap_m, attitude=attitudes[k])
             for k, place in enumerate(_positions(scene))]
 
 

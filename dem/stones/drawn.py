@@ -43,15 +43,22 @@ def drawn_stones(scene: Scene, file: str) -> list[Stone]:
     of_spin = rng("spin")
     axis = of_spin.normal(size=(count, 3))
     spin = table.spin_rad_s.draw(count, of_spin)[:, None] * axis / np.linalg.norm(axis, axis=1)[:, None]
-    attitude = np.roll(Rotation.random(count, random_state=rng("attitude")).as_quat(), 1, axis=1)
+    packing, attitude = shared_packings(scene, count)
     shape = rng("shape").integers(len(table.shapes), size=count)
-    packing = rng("packing").integers(PACKINGS, size=count)
     stones = [Stone(material=GANGUE if gangue[k] else COAL, radius_m=float(size_m[k]) / 2,
                     place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in scene.down),  # type: ignore[arg-type]
-                    seed=seed + int(packing[k]), gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
-                    spin_rad_s=tuple(spin[k].tolist()), attitude=tuple(attitude[k].tolist()),
+                    seed=packing[k], gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
+                    spin_rad_s=tuple(spin[k].tolist()), attitude=attitude[k],
                     shape=table.shapes[shape[k]]) for k in range(count)]
     return _placed(scene, stones, table, rng("place"), file)
+
+
+def shared_packings(scene: Scene, count: int) -> tuple[list[int], list[tuple[float, float, float, float]]]:
+    """Seeds and attitudes of so many stones that share PACKINGS packings, turned at random."""
+    seed = scene.stones.seed
+    packing = _rng(seed, "packing").integers(PACKINGS, size=count)
+    turns = Rotation.random(count, random_state=_rng(seed, "attitude")).as_quat().tolist()
+    return (seed + packing).tolist(), [(w, x, y, z) for x, y, z, w in turns]
 
 
 def _rng(seed: int, *quantity: str) -> np.random.Generator:

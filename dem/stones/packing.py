@@ -13,6 +13,7 @@ so lowering p step by step leads to the random close packing from above, as in C
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -102,8 +103,14 @@ class ConvexContainer:
 
     def walls(self, x: np.ndarray) -> Walls:
         """The walls as seen from points x (n, 3)."""
+        normal, offset_m = self._planes
+        return [(offset_m - x @ normal.T, -normal)]
+
+    @cached_property
+    def _planes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Normals (f, 3) and distances (f,) of the faces."""
         faces = np.array(self.faces)
-        return [(faces[:, 3] - x @ faces[:, :3].T, -faces[:, :3])]
+        return faces[:, :3], faces[:, 3]
 
     def in_units(self, length_m: float) -> ConvexContainer:
         """The same in units of `length_m`."""
@@ -198,16 +205,17 @@ class _Swelling:
     def forces(self, pressure: float) -> tuple[np.ndarray, float]:
         """-dH/dx (n, 3) and -dH/d(ln s)."""
         self._refresh_neighbours()
-        branch = self.x[self.j] - self.x[self.i]
-        distance = np.sqrt((branch**2).sum(1))
+        x = np.ascontiguousarray(self.x.T)
+        branch = x.take(self.j, axis=1) - x.take(self.i, axis=1)
+        distance = np.sqrt((branch**2).sum(0))
         sigma = self.scale * self.sigma
         touching = np.flatnonzero(distance < sigma)
         i, j, distance, sigma = self.i[touching], self.j[touching], distance[touching], sigma[touching]
         overlap = 1 - distance / sigma
-        push = (overlap / (sigma * distance))[:, None] * branch[touching]
+        push = overlap / (sigma * distance) * branch.take(touching, axis=1)
         force = np.zeros_like(self.x)
-        for k in range(3):
-            force[:, k] += np.bincount(j, push[:, k], self.n) - np.bincount(i, push[:, k], self.n)
+        for k, along in enumerate(push):
+            force[:, k] += np.bincount(j, along, self.n) - np.bincount(i, along, self.n)
         squeeze = (overlap * (1 - overlap)).sum()
         radius = self.scale * self.size
         for distance, normal in self.container.walls(self.x):

@@ -164,9 +164,8 @@ def _stress_shown_Pa(film: Film) -> float:
 
 
 def _curve(run: Run, column: str, end_s: float) -> dict[str, str]:
-    """Pack one signal up to a time, from the fast stream where it is kept."""
-    table = run.fast if run.fast is not None else run.signals
-    t_s = table["t_s"].to_numpy()
+    """Pack one signal up to a time."""
+    t_s = run.finest["t_s"].to_numpy()
     until = t_s <= end_s
-    times, values = envelope(t_s[until], table[column].to_numpy()[until], CURVE_POINTS)
+    times, values = envelope(t_s[until], run.finest[column].to_numpy()[until], CURVE_POINTS)
     return {"t": pack(times, "<f4"), "value": pack(values, "<f4")}

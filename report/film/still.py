@@ -98,8 +98,7 @@ def camera(plate: RecordedPlate, aspect: float) -> Callable[[np.ndarray], tuple[
 
 def largest_force_s(run: Run) -> float:
     """When the force on the plate is largest."""
-    table = run.fast if run.fast is not None else run.signals
-    return float(table["t_s"].iloc[int(np.argmax(table["force_N"].to_numpy()))])
+    return float(run.finest["t_s"].iloc[int(np.argmax(run.finest["force_N"].to_numpy()))])
 
 
 def still_scene(run: Run, network: Network) -> StillScene:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -35,7 +34,7 @@ ForceLine = tuple[str, Any, np.ndarray, np.ndarray]
 
 @figure("fig-felt", "What the plate felt", "The whole run.")
 def felt(results: SweepResults) -> Drawn:
-    table, panels = _finest_stream(results.runs[0]), []
+    table, panels = results.runs[0].finest, []
     for label, column, unit in (("force on the plate, kN", "force_N", 1e-3),
                                 ("acceleration of the plate's centre of mass, m/s²", "a_m_s2", 1.0)):
         if column in table:
@@ -47,11 +46,6 @@ def felt(results: SweepResults) -> Drawn:
         axis.set_title(label)
     axes[-1, 0].set_xlabel("time, ms")
     return figure
-
-
-def _finest_stream(run: Run) -> pd.DataFrame:
-    """Return the fast stream, or the regular one of a run that kept no fast one."""
-    return run.fast if run.fast is not None else run.signals
 
 
 @figure("fig-16", "Response of the plate", "Centre of mass of the plate.")
@@ -80,7 +74,7 @@ def total_force(results: SweepResults) -> Drawn:
 
 def _first_ms_and_envelope(run: Run, column: str) -> tuple[np.ndarray, np.ndarray]:
     """Return times and forces in kN: all of the first collision, and of what follows as much as can be seen."""
-    table = _finest_stream(run)
+    table = run.finest
     if column not in table:
         raise MissingResult(f"{run.path.name}: no {column}: the force of each stone is not kept where there are many")
     t_s, force_kN = table["t_s"].to_numpy(), 1e-3 * table[column].to_numpy()

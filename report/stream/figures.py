@@ -43,7 +43,7 @@ def heard(results: StreamResults) -> Drawn:
 
 @figure("stream-felt", "What the plate felt", "Fast stream. Ticks: first touch of each stone.")
 def felt(results: StreamResults) -> Drawn:
-    table, touched = results.run.signals if results.run.fast is None else results.run.fast, results.touched
+    table, touched = results.run.finest, results.touched
     sensors = [name for name in table.columns if name.startswith(ACCELEROMETERS)][:1]
     panels = [(label, unit, column) for label, unit, column in (
         ("force on the plate, kN", 1e-3, "force_N"),

@@ -109,7 +109,7 @@ def test_first_collision_is_the_first_pulse(run):
     for share, hits in ((0.009, 2), (0.011, 3)):  # of its largest force: of a splinter, and of a collision
         force_N = run.fast["force_01_N"].to_numpy(copy=True)
         force_N[3000] = share * force_N.max()
-        assert len(breakage.collisions(SimpleNamespace(fast=run.fast.assign(force_01_N=force_N)), 1)) == hits
+        assert len(breakage.collisions(SimpleNamespace(finest=run.fast.assign(force_01_N=force_N)), 1)) == hits
 
 
 def test_section_through_the_middle(network):

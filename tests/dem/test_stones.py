@@ -9,7 +9,8 @@ from common.scene.scene import changed_scene
 from common.tables import InputError
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
-from dem.stones.stone import Stone, entry_of, path_before
+from dem.stones.drawn import PACKINGS
+from dem.stones.stone import UPRIGHT, Stone, entry_of, path_before
 
 GRAVITY = (0.0, 0.0, -9.8)
 ELASTIC = {"coal_plate": {"restitution": 1.0, "friction": 0.0}, "gangue_plate": {"restitution": 1.0, "friction": 0.0},
@@ -69,3 +70,19 @@ def test_what_cannot_arrive_is_refused():
         stones_of(inside, "scene")
     above = one_by_one(small, arrival_s=[0.0, 0.03], x_m=[0.0, 0.0])
     assert [one.arrival_s for one in stones_of(above, "scene")] == [0.0, 0.03]
+
+
+def test_many_stones_of_a_volley_share_packings_and_are_turned():
+    """Up to ten have their own, upright; what a stone is does not hang on the mixing ratio."""
+    def volley(count, **changes):
+        places = [[0.055 * (k % 5) - 0.11, 0.055 * (k // 5) - 0.11] for k in range(count)]
+        return stones_of(changed_scene(SCENES / "paper.toml", {
+            "stones.count": count, "stones.circle_radius_m": None, "stones.positions_m": places,
+            "stones.gangue_ratio": 0.0, **changes}), "scene")
+    few, many = volley(10), volley(20)
+    assert [one.seed - few[0].seed for one in few] == list(range(10)) and {one.attitude for one in few} == {UPRIGHT}
+    assert 1 < len({one.seed for one in many}) <= PACKINGS and len({one.attitude for one in many}) == 20
+    assert np.allclose(np.linalg.norm([one.attitude for one in many], axis=1), 1)
+    gangue = volley(20, **{"stones.gangue_ratio": 0.5})
+    assert [(one.seed, one.attitude) for one in gangue] == [(one.seed, one.attitude) for one in many]
+    assert {one.attitude for one in volley(20, **{"stones.agglomerate": None})} == {UPRIGHT}
