@@ -40,6 +40,10 @@ class Refused(ValueError):
         self.key, self.value, self.allowed = key, value, allowed
 
 
+class UnknownKey(Refused):
+    """Of a table: what it may have is told before all else, since an unknown key often explains a missing one."""
+
+
 class Table(BaseModel):
     """A table of a scene: no unknown keys, no coercion of types, finite numbers, immutable."""
 
@@ -47,9 +51,13 @@ class Table(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _lists_as_tuples(cls, data: Any) -> Any:
+    def _known_keys_and_tuples(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
+        for key, value in data.items():
+            if key not in cls.model_fields:
+                raise UnknownKey(key, value, f"unknown key{f'; use {INSTEAD[key]}' if key in INSTEAD else ''}; "
+                                             f"allowed here: {', '.join(sorted(cls.model_fields))}")
         return {key: tuple(v) if isinstance(v, list) else v for key, v in data.items()}
 
 
@@ -112,14 +120,14 @@ def check(model_class: Any, data: Mapping[str, Any], file: str | Path, where: st
 
     model_class is a `Table`, or a (discriminated) union of tables; data is what was read from the file. The name `file`
     and the key path `where` of the table go into the message.
-    Raises InputError for the first mistake. An unknown key comes first, since it often explains a missing one.
+    Raises InputError for the first mistake, that of an unknown key if there is any.
     """
     try:
         return _adapter(model_class).validate_python(data)
     except ValidationError as error:
         mistakes = error.errors()
-        unknown = [m for m in mistakes if m["type"] == "extra_forbidden"]
-        message = _describe((unknown or mistakes)[0], model_class, data, where)
+        unknown = [m for m in mistakes if isinstance(m.get("ctx", {}).get("error"), UnknownKey)]
+        message = _describe((unknown or mistakes)[0], data, where)
         raise InputError(f"{file}: {message}") from None
 
 
@@ -128,13 +136,7 @@ def _adapter(model_class: Any) -> TypeAdapter[Any]:
     return TypeAdapter(model_class)
 
 
-@cache
-def _schema(model_class: Any) -> dict[str, Any]:
-    """It takes a tenth of a second to make."""
-    return _adapter(model_class).json_schema()
-
-
-def _describe(mistake: Mapping[str, Any], model_class: Any, data: Any, where: str) -> str:
+def _describe(mistake: Mapping[str, Any], data: Any, where: str) -> str:
     kind, context = mistake["type"], mistake.get("ctx", {})
     keys, value = _key_path(mistake["loc"], data, keep_last=kind == "missing")
     if kind == "union_tag_not_found":
@@ -143,9 +145,6 @@ def _describe(mistake: Mapping[str, Any], model_class: Any, data: Any, where: st
         tag = context["discriminator"].strip("'")
         keys, value = [*keys, tag], context["tag"]
         allowed = f"must be one of {context['expected_tags']}"
-    elif kind == "extra_forbidden":
-        instead = f"; use {INSTEAD[keys[-1]]}" if keys[-1] in INSTEAD else ""
-        allowed = f"unknown key{instead}; allowed here: {', '.join(_allowed_keys(model_class, data, keys[:-1]))}"
     elif kind == "value_error" and isinstance(context["error"], Refused):
         refused = context["error"]
         keys, value, allowed = [*keys, refused.key], refused.value, refused.allowed
@@ -177,36 +176,6 @@ def _key_path(location: Sequence[str | int], data: Any, keep_last: bool) -> tupl
         if present or missing:
             keys.append(str(part))
     return keys, data
-
-
-def _allowed_keys(model_class: Any, data: Any, keys: Sequence[str]) -> list[str]:
-    """Return the field names of the table at `keys`, found by asking for a key that cannot exist."""
-    schema = _schema(model_class)
-    node: Mapping[str, Any] = schema
-    for key in keys:
-        node = _resolve(schema, node, data)
-        if key.isdigit() and isinstance(data, (list, tuple)):
-            data = data[int(key)]
-            node = node["items"]
-        else:
-            data = data[key]
-            free = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
-            node = node.get("properties", {}).get(key) or next(table for table in free if table)
-    return sorted(_resolve(schema, node, data).get("properties", {}))
-
-
-def _resolve(schema: Mapping[str, Any], node: Mapping[str, Any], data: Any) -> Mapping[str, Any]:
-    """Follow references and unions of a JSON schema to the table that `data` was checked against."""
-    while True:
-        if "$ref" in node:
-            node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
-        elif "discriminator" in node:
-            choice = node["discriminator"]
-            node = {"$ref": choice["mapping"][data[choice["propertyName"]]]}
-        elif "anyOf" in node:
-            node = next(n for n in node["anyOf"] if n.get("type") != "null")
-        else:
-            return node
 
 
 def _short(value: object) -> str:

@@ -20,10 +20,9 @@ from common.scene.plate import FlexiblePlate
 from common.tables import Refused
 from plate_fem.elements import line, products
 from plate_fem.elements.in_plane import sways
-from plate_fem.elements.mesh import highest_frequency_Hz
+from plate_fem.elements.mesh import highest_frequency_Hz, refuse_too_many_modes
 from plate_fem.elements.products import Products
 from plate_fem.elements.system import PlateSystem
-from plate_fem.solution.mode_count import MODES_AT_MOST, refuse_too_many_modes
 
 if TYPE_CHECKING:
     from plate_fem.solution.model import PlateModel
@@ -86,8 +85,7 @@ class PlateModes:
     @cached_property
     def node_m(self) -> np.ndarray:
         """(n_nodes, 2): positions of the nodes."""
-        x, y = np.meshgrid(self.lines_x_m, self.lines_y_m, indexing="ij")
-        return np.column_stack([x.ravel(), y.ravel()])
+        return products.nodes(self.lines_x_m, self.lines_y_m)
 
     @cached_property
     def quad(self) -> np.ndarray:
@@ -102,8 +100,7 @@ class PlateModes:
 
         It is the largest value on a grid four times as fine as the mesh, plus what that exceeds those of the nodes by.
         """
-        x, y = (_refined(lines, 4) for lines in (self.lines_x_m, self.lines_y_m))
-        points = np.column_stack([v.ravel() for v in np.meshgrid(x, y, indexing="ij")])
+        points = products.nodes(*(_refined(lines, 4) for lines in (self.lines_x_m, self.lines_y_m)))
         fine = abs(self.shape_at(points)).max(axis=0)
         coarse = abs(self.shape).max(axis=0)
         return fine + (fine - coarse)
@@ -124,9 +121,8 @@ class PlateModes:
             side = lines[-1] - lines[0]
             n = int(np.ceil(side / spacing_m - 1e-9))
             axes.append(lines[0] + side / n * np.arange(-2, n + 3))
-        x, y = np.meshgrid(*axes, indexing="ij")
-        shape = self.shape_at(np.column_stack([x.ravel(), y.ravel()]))
-        return axes[0], axes[1], shape.reshape(*x.shape, -1)
+        shape = self.shape_at(products.nodes(*axes))
+        return axes[0], axes[1], shape.reshape(*map(len, axes), -1)
 
     def lateral_grid(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
         """Return `lateral` on a grid, (nx, ny, 2, n), by cubic splines that continue beyond the edges."""
@@ -168,7 +164,7 @@ def plate_modes(
     >>> bool(abs(plate_modes(plate).frequency_Hz[0] / exact_Hz - 1) < 2e-3)
     True
     """
-    refuse_too_many_modes(plate, MODES_AT_MOST)
+    refuse_too_many_modes(plate)
     points = None if residual_points_m is None else np.asarray(residual_points_m, float).reshape(-1, 2)
     names = [one.name for one in fields(PlateModes)]
 
@@ -210,15 +206,16 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
 
 
 def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_dir: Path | None) -> PlateModes:
+    from plate_fem.elements.rods import load_rows
     from plate_fem.solution.model import build_model  # late: most modes are in the cache
-    from plate_fem.solution.residual import load_rows, residual_modes
+    from plate_fem.solution.residual import LOAD_RADIUS, residual_modes
 
     model = build_model(plate)
     omega_squared, kept = _kept_modes(plate, model, cache_dir)
     vectors = (kept[:, k : k + AT_ONCE].toarray() for k in range(0, kept.shape[1], AT_ONCE))
     residual: list[np.ndarray] = []
-    loads = [] if residual_points_m is None else [load_rows(model.system, residual_points_m) @ model.expansion,
-                                                  model.rod_force]
+    loads = [] if residual_points_m is None else [
+        load_rows(model.system, residual_points_m, LOAD_RADIUS * plate.thickness_m) @ model.expansion, model.rod_force]
     if any(rows.shape[0] for rows in loads):
         more_omega_squared, *residual = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
         omega_squared = np.append(omega_squared, more_omega_squared)
@@ -238,19 +235,13 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
 
 def _shapes_of(model: PlateModel, vectors: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return `nodal`, `rod_force`, `surface_stress` and `lateral` of PlateModes for some of its vectors (size, n)."""
-    system = model.system
+    system, top = model.system, model.system.plate.thickness_m / 2
     u = model.expansion @ vectors
     u *= (sign := _sign(u[: system.n_nodes]))
+    nodes = products.nodes(system.lines_x_m, system.lines_y_m)[: None if sways(system.plate) else 0]
+    lateral = np.stack([system.lateral(nodes, axis, top) @ u for axis in (0, 1)], axis=1)
     return (u[: 4 * system.n_nodes].reshape(4, system.n_nodes, -1).copy(), model.rod_force @ vectors * sign,
-            modal_surface_stress(system, u),
-            _of_top_surface(system, u) if sways(system.plate) else np.empty((0, 2, u.shape[1])))
-
-
-def _of_top_surface(system: PlateSystem, u: np.ndarray) -> np.ndarray:
-    """Return the displacement (n_nodes, 2, n) along x and y at the nodes, for columns of unknowns (system.size, n)."""
-    x, y = np.meshgrid(system.lines_x_m, system.lines_y_m, indexing="ij")
-    nodes, top = np.column_stack([x.ravel(), y.ravel()]), system.plate.thickness_m / 2
-    return np.stack([system.lateral(nodes, axis, top) @ u for axis in (0, 1)], axis=1)
+            modal_surface_stress(system, u), lateral)
 
 
 def _sign(shape: np.ndarray) -> np.ndarray:

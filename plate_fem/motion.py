@@ -15,6 +15,8 @@ import numpy as np
 
 from plate_fem.modes import PlateModes
 
+ANYWHERE_m = 1e9  # reach of a plate that nothing holds
+
 
 @dataclass(frozen=True)
 class _Turn:
@@ -88,7 +90,7 @@ class ModalMotion:
         self._turns: dict[int, _Turn] = {}
         self._powers: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._state = np.zeros((2, len(self._omega)))
-        # Number of intervals, and the state after as long a free motion: found by `predict`, used again by `advance`.
+        # Number of intervals, and the state after as long a free motion: `predict` finds it, `advance` uses it again.
         self._free_end: tuple[int, np.ndarray] | None = None
         self.work_J, self._start_J = 0.0, 0.0
 
@@ -108,12 +110,15 @@ class ModalMotion:
     def advance(self, force: np.ndarray, intervals: int = 1) -> None:
         """Move over `intervals` * interval_s under a constant modal force (n,)."""
         before = self.amplitude
-        self._move_to(self._after(force, intervals))
+        self._move_to(self.predict(force, intervals))
         self.work_J += float(force @ (self.amplitude - before))
 
     def predict(self, force: np.ndarray, intervals: int = 1) -> np.ndarray:
         """Return amplitude and rate (2, n) `intervals` later under a constant modal force (n,); the state stays."""
-        return self._after(force, intervals)
+        turn = self._turn(intervals)
+        if self._free_end is None or self._free_end[0] != intervals:
+            self._free_end = (intervals, turn.free(self._state))
+        return self._free_end[1] + turn.unit_response * force
 
     def advance_rows(self, force: np.ndarray, intervals: int, count: int) -> np.ndarray:
         """Return amplitude and rate (count, 2, n) after 1, 2, ... `count` times `intervals`, under a constant force.
@@ -151,10 +156,10 @@ class ModalMotion:
         """Return an upper bound for |w| anywhere on the plate, at any later time of free motion from (amplitude, rate).
 
         It is the sum over the modes of the largest deflection times the envelope of the decaying oscillation, and
-        infinite if a rigid-body mode moves.
+        ANYWHERE_m if a rigid-body mode moves.
         """
         if len(self._rigid) and rate[self._rigid].any():
-            return np.inf
+            return ANYWHERE_m
         other = (rate + self._decay_rate * amplitude) * self._period_s
         return float(self._modes.largest_shape @ np.sqrt(amplitude * amplitude + other * other))
 
@@ -196,13 +201,6 @@ class ModalMotion:
             duration_s = intervals * self.interval_s
             self._turns[intervals] = _turn(self._omega, self._omega_d, self._decay_rate, duration_s)
         return self._turns[intervals]
-
-    def _after(self, force: np.ndarray, intervals: int) -> np.ndarray:
-        """Return the state (2, n) after `intervals` under a constant force: free motion and what the force adds."""
-        turn = self._turn(intervals)
-        if self._free_end is None or self._free_end[0] != intervals:
-            self._free_end = (intervals, turn.free(self._state))
-        return self._free_end[1] + turn.unit_response * force
 
     def _move_to(self, state: np.ndarray) -> None:
         self._state, self._free_end = state, None

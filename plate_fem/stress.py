@@ -42,42 +42,39 @@ class StressPeak:
         self._node_m = modes.node_m
         n_modes = modes.surface_stress.shape[2]
         self._columns = np.moveaxis(modes.surface_stress, 1, 0).reshape(-1, n_modes)  # all sx, all sy, all txy
-        distance = [np.hypot(*(self._node_m - (rod.x_m, rod.y_m)).T) - rod.diameter_m for rod in rods]
-        near = np.array([d < 0 for d in distance]).any(axis=0) if rods else np.zeros(len(self._node_m), bool)
-        self._kind = {False: np.flatnonzero(~near), True: np.flatnonzero(near)}
-        self._best = {False: (0.0, 0, 0.0), True: (0.0, 0, 0.0)}  # (von Mises squared, node, time)
+        near = np.zeros(len(self._node_m), bool)
+        for rod in rods:
+            near |= np.hypot(*(self._node_m - (rod.x_m, rod.y_m)).T) < rod.diameter_m
+        self._nodes = [np.flatnonzero(~near), np.flatnonzero(near)]
+        self._best = np.zeros((2, 3))  # of both: von Mises stress squared, node, time
         # Von Mises stress is a norm, so that of a sum is at most the sum of those of the modes.
         unit = von_mises(np.moveaxis(modes.surface_stress, 1, 2))  # (n_nodes, n_modes)
-        self._largest = {kind: unit[nodes].max(axis=0, initial=0.0) for kind, nodes in self._kind.items()}
+        self._largest = np.array([unit[nodes].max(axis=0, initial=0.0) for nodes in self._nodes])
 
     def add(self, t_s: np.ndarray, amplitude: np.ndarray) -> None:
         """Note the modal amplitudes (k, n) at the times t_s (k,)."""
         t_s, amplitude = np.asarray(t_s), np.asarray(amplitude)
-        bound = {kind: np.abs(amplitude) @ self._largest[kind] for kind in self._kind}
-        above = np.any([bound[kind] ** 2 > self._best[kind][0] for kind in self._kind], axis=0)
+        above = ((np.abs(amplitude) @ self._largest.T) ** 2 > self._best[:, 0]).any(axis=1)
         if not above.any():
             return
         sx, sy, txy = (self._columns @ amplitude[above].T).reshape(3, len(self._node_m), -1)
         squared = sx * (sx - sy) + sy**2 + 3 * txy**2
-        for kind, nodes in self._kind.items():
-            if not len(nodes):
-                continue
-            node, k = np.unravel_index(squared[nodes].argmax(), (len(nodes), squared.shape[1]))
-            found = squared[nodes[node], k]
-            if found > self._best[kind][0]:
-                self._best[kind] = (float(found), int(nodes[node]), float(t_s[above][k]))
+        for best, nodes in zip(self._best, self._nodes, strict=True):
+            if len(nodes):
+                node, k = np.unravel_index(squared[nodes].argmax(), (len(nodes), squared.shape[1]))
+                if squared[nodes[node], k] > best[0]:
+                    best[:] = squared[nodes[node], k], nodes[node], t_s[above][k]
 
     def get_state(self) -> dict[str, np.ndarray]:
         """Return a copy of the state, for `set_state`."""
-        return {"peak": np.array([self._best[False], self._best[True]])}
+        return {"peak": self._best.copy()}
 
     def set_state(self, state: Mapping[str, np.ndarray]) -> None:
         """Take a state from `get_state`."""
-        self._best = {at_rods: (float(squared), int(node), float(t_s))
-                      for at_rods, (squared, node, t_s) in zip((False, True), state["peak"], strict=True)}
+        self._best = np.array(state["peak"])
 
     def result(self, at_rods: bool = False) -> dict[str, float]:
         """Return the peak: "von_mises_Pa", where it is ("x_m", "y_m") and when ("t_s")."""
-        squared, node, t_s = self._best[at_rods]
-        x, y = self._node_m[node]
+        squared, node, t_s = self._best[int(at_rods)]
+        x, y = self._node_m[int(node)]
         return {"von_mises_Pa": float(np.sqrt(squared)), "x_m": float(x), "y_m": float(y), "t_s": float(t_s)}

@@ -31,6 +31,27 @@ def test_a_base_is_merged_table_by_table_and_what_is_left_out_is_gone(tmp_path):
     assert scene.stones == paper.stones and scene.name == "x"
 
 
+def _numbers(table, names=()):
+    """Dotted names and values of all numbers that stand in tables of tables."""
+    for name, value in table.items():
+        if isinstance(value, dict):
+            yield from _numbers(value, (*names, name))
+        elif isinstance(value, float):
+            yield ".".join((*names, name)), value
+
+
+@pytest.mark.parametrize("name", ["paper", "stream", "wide"])
+def test_a_changed_key_of_any_table_leaves_the_others_as_the_base_has_them(tmp_path, name):
+    scene = read_scene(SCENES / f"{name}.toml").model_dump(exclude_unset=True)
+    changed = dict(_numbers(scene))
+    assert {key.split(".")[0] for key in changed} >= {"time", "stones", "materials", "contacts", "plate"}
+    for key in {key.rpartition(".")[0]: key for key in changed}.values():  # one of each table
+        value = changed[key]
+        over = read_scene(written(tmp_path, f'base = "{name}.toml"\nname = "{name}"\n{key} = {value * 0.99}\n'))
+        found = dict(_numbers(over.model_dump(exclude_unset=True)))
+        assert found == changed | {key: value * 0.99}, key
+
+
 def test_a_way_of_saying_what_falls_takes_the_place_of_the_bases(tmp_path):
     each = '[[stones.each]]\nmaterial = "coal"\nradius_m = 0.02\nx_m = 0.0\ny_m = 0.0\nspeed_m_s = 1.0\n'
     scene = read_scene(written(tmp_path, f'base = "paper.toml"\nname = "x"\n{each}'))

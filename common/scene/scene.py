@@ -128,7 +128,7 @@ class Scene(Table):
     # Names go into the deck and into names of columns: nothing that LIGGGHTS, a shell or a path could take for more.
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=64), about("name of the scene")]
     base: Annotated[str | None, about(
-        "scene file, beside this one or shipped, whose keys count where this one has none")] = None
+        "scene file, beside this one or shipped, whose keys count where this one has none, in all tables")] = None
     without: Annotated[tuple[str, ...], about("dotted keys of the base to leave out")] = ()
     assumptions: Annotated[tuple[str, ...], about(
         "keys whose values are assumed; run.json repeats them")] = ()

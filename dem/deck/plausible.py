@@ -100,8 +100,8 @@ def momentum_warnings(missing: float | None) -> list[str]:
     """Of the share of the impulse on the plate that a run misses."""
     if missing is None or missing <= MOST_MISSING:
         return []
-    return [f"momentum_missing = {missing:.2g}: this share of the stones' impulse is neither in the rods, nor in the "
-            f"motion of plate and rods, nor damped; at most {MOST_MISSING:g} is the record's"]
+    return [f"momentum_missing = {missing:.2g}: this share of the stones' impulse is not in the record of rods, plate "
+            f"and damping, at most {MOST_MISSING:g} is right; short contacts need a smaller time.sample_interval_s"]
 
 
 def breakage_scales(scene: Scene, assembly: Assembly) -> dict[str, list[float | None]]:

@@ -17,10 +17,10 @@ from lab.known_truth.simulated import Stream, draw_stones, stream_of
 from lab.known_truth.tap_records import hammer_taps
 from recognition.estimation.answer import warning_of
 from recognition.estimation.errors import RecognitionError
+from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import Channels
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import History, load_forces
-from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import QUIET_S, RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of
 from recognition.tapping.fit import fit_plate

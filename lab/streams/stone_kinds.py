@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from lab.known_truth.stone_histories import histories
 from lab.study import Row
 from recognition.estimation.arrays import Floats
+from recognition.innovations.prior import StonePrior
 from recognition.stone_forces.forces import heard_of, load_forces
-from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import LEAST_DOUBT
 from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told, doubted
 from recognition.stream.stones import BY_LAW, ratio_of

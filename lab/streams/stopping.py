@@ -17,9 +17,9 @@ import pandas as pd
 from lab.streams.stone_kinds import ERROR, Kind, Reference, kinds, stones
 from lab.study import Row
 from recognition.estimation.arrays import Floats
+from recognition.innovations.prior import StonePrior
 from recognition.stone_forces.forces import load_forces
 from recognition.stream.decision import CALM, Stop, follow
-from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import LEAST_DOUBT
 from recognition.stream.stone_law import UNKNOWN, Told
 

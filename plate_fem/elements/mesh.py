@@ -13,6 +13,7 @@ from common.tables import Refused
 SHEAR_ERROR_ALLOWED = 0.005  # Kirchhoff's theory is used while its highest frequency is at most this much too high
 MOST_CELLS, MOST_LINES = 20_000, 500  # these need some GB of memory
 GROWTH = 0.7  # of a cell's side with the distance from a rod; 0.2 moves no mode of four plates by more than 2e-4
+MODES_AT_MOST = 600  # four times those of the default scene; 538 take 72 s and 2.8 GB (docs/plate.md)
 CELLS_PER_WAVELENGTH = {"kirchhoff": 5.6, "mindlin": 4.5}  # modes kept within 2e-3, docs/plate.md
 
 
@@ -69,6 +70,26 @@ def choose_theory(plate: FlexiblePlate) -> str:
     if plate.theory != "auto":
         return plate.theory
     return "kirchhoff" if kirchhoff_error(plate) <= SHEAR_ERROR_ALLOWED else "mindlin"
+
+
+def refuse_too_many_modes(plate: FlexiblePlate) -> None:
+    """Raises Refused where a plate has more modes than MODES_AT_MOST for sure: more than Weyl's area k^2/(4 pi), to
+    which the edges add some. Raises ValueError for a table that leaves its frequency to a tolerance."""
+    frequency_Hz = highest_frequency_Hz(plate)
+    if _least_modes(plate, frequency_Hz) <= MODES_AT_MOST:
+        return
+    allowed_Hz = frequency_Hz
+    while _least_modes(plate, allowed_Hz) > 0.8 * MODES_AT_MOST:  # the rest is left to edges and rods
+        allowed_Hz *= 0.98
+    more = f"more than {_least_modes(plate, frequency_Hz):.0f} modes of so large a plate"
+    raise Refused("max_frequency_Hz", frequency_Hz, f"{more} lie below it, the limit is {MODES_AT_MOST}: must be "
+                  f"at most about {allowed_Hz:.2g}, or the plate smaller or thicker")
+
+
+def _least_modes(plate: FlexiblePlate, frequency_Hz: float) -> float:
+    """Weyl's law without its term for the edges: area k^2/(4 pi), k the wavenumber of bending waves."""
+    wavenumber = bending_wavenumber(plate, frequency_Hz, choose_theory(plate))
+    return plate.length_m * plate.width_m * wavenumber**2 / (4 * math.pi)
 
 
 def mesh_size(plate: FlexiblePlate) -> float:

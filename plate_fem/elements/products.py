@@ -44,6 +44,11 @@ class Products:
         return sp.csr_array((values.ravel(), columns.ravel(), start), shape=(len(points), self.size))
 
 
+def nodes(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> np.ndarray:
+    """Return the points (k, 2) where grid lines meet, those of the first line along y first."""
+    return np.column_stack([v.ravel() for v in np.meshgrid(lines_x_m, lines_y_m, indexing="ij")])
+
+
 def deflections(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> Products:
     """Return the bicubics with continuous slopes (Bogner-Fox-Schmit), numbered in the blocks w, w_x, w_y, w_xy at the
     nodes, each in the order of the nodes."""

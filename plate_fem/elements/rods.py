@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,22 @@ PARTS = 5  # of each rod
 CELLS_PER_WAVELENGTH = 8
 RADII, ANGLES = 6, 24  # points of the quadrature over a disc
 BAR_FOOT, BEAM_FOOT = 0.57, 0.45  # nu^2 radii: a rod is as if shorter, as its foot cannot contract (rod_joint.py)
+
+
+def load_rows(system: PlateSystem, points_m: np.ndarray, radius_m: float) -> sp.csr_array:
+    """Return the sparse matrix (k, size) of the deflection under loads at points (k, 2).
+
+    In Kirchhoff's theory that is w at the point. In Mindlin's, where w is infinite under a point force, it is the mean
+    over the part of a disc that lies on the plate.
+    """
+    if system.theory == "kirchhoff":
+        return system.deflection(points_m)
+    plate, rows = system.plate, [sp.csr_array((0, system.size))]
+    for x, y in points_m:
+        points, weights = disc_quadrature(x, y, radius_m)
+        inside = (abs(points[:, 0]) <= plate.length_m / 2) & (abs(points[:, 1]) <= plate.width_m / 2)
+        rows.append(sp.csr_array(weights[None, inside] / weights[inside].sum()) @ system.deflection(points[inside]))
+    return sp.csr_array(sp.vstack(rows))
 
 
 def disc_quadrature(x_m: float, y_m: float, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -40,20 +56,27 @@ class Part:
     """A bar or beam over its own local unknowns.
 
     The k unknowns `top` are what `rows`, sparse (k, n), give from the unknowns of the plate. Those in `held` are zero,
-    and the others belong to the part alone.
+    and those in `own` belong to the part alone.
     """
 
     stiffness: sp.csr_array
     mass: sp.csr_array
-    top: tuple[int, ...]
-    rows: sp.csr_array
-    held: tuple[int, ...]
+    top: np.ndarray
+    held: np.ndarray
+    rows: Any
 
-    def tie(self) -> sp.csr_array:
-        """Return the sparse matrix that gives the local unknowns from those of the plate and the part's own."""
-        n_local = self.stiffness.shape[0]
-        own = np.setdiff1d(np.arange(n_local), [*self.top, *self.held])
-        return sp.csr_array(sp.hstack([_pick(n_local, self.top) @ self.rows, _pick(n_local, own)]))
+    @cached_property
+    def own(self) -> np.ndarray:
+        return np.setdiff1d(np.arange(self.stiffness.shape[0]), [*self.top, *self.held])
+
+
+def tie(parts: Sequence[Part]) -> sp.csr_array:
+    """Return the sparse matrix that gives the local unknowns of parts, one after the other, from those of the plate and
+    after them the parts' own."""
+    sizes = [part.stiffness.shape[0] for part in parts]
+    from_plate = [_pick(size, part.top) @ part.rows for size, part in zip(sizes, parts, strict=True)]
+    alone = [_pick(size, part.own) for size, part in zip(sizes, parts, strict=True)]
+    return sp.csr_array(sp.hstack([sp.vstack(from_plate), sp.block_diag(alone)]))
 
 
 def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]:
@@ -71,15 +94,10 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     heads = [sp.vstack([mean @ (system.lateral(points, axis, lower_m) + joint.sheared[0] * shear),
                         mean @ (system.rotation(points, axis) + joint.sheared[1] * shear)])
              for axis, shear in enumerate(_shears(system, points))]
-    return [_tied(pulled, mean @ (system.deflection(points) + joint.offset_m2 * (x + y))),
-            *(_tied(bent, head) for head in heads),
-            _tied(_shaft(_alike(rod, 0.0), max_frequency_Hz), mean @ system.yaw(points)),
+    return [Part(*pulled, mean @ (system.deflection(points) + joint.offset_m2 * (x + y))),
+            *(Part(*bent, head) for head in heads),
+            Part(*_shaft(_alike(rod, 0.0), max_frequency_Hz), mean @ system.yaw(points)),
             _stub(system, joint, points, weights * _area(rod))]
-
-
-def _tied(matrices: Matrices, rows: Any) -> Part:
-    stiffness, mass, top, base = matrices
-    return Part(stiffness, mass, tuple(top), sp.csr_array(rows), tuple(base))
 
 
 def _alike(rod: Rod, foot: float) -> Rod:
@@ -104,7 +122,7 @@ def _stub(system: PlateSystem, joint: Joint, points: np.ndarray, area_m2: np.nda
         stiff += 2 * [joint.stub * shear_stiffness(plate)]
     diagonal = sp.diags_array(np.outer(stiff, area_m2).ravel(), format="csr")
     size = diagonal.shape[0]
-    return Part(diagonal, sp.csr_array((size, size)), tuple(range(size)), sp.csr_array(sp.vstack(rows)), ())
+    return Part(diagonal, sp.csr_array((size, size)), np.arange(size), np.array([], int), sp.vstack(rows))
 
 
 def _joined(stiffness: sp.csr_array, mass: sp.csr_array, top: np.ndarray, base: np.ndarray,
@@ -118,7 +136,7 @@ def _joined(stiffness: sp.csr_array, mass: sp.csr_array, top: np.ndarray, base: 
     return sp.csr_array(joined), grown(mass, size + k), size + np.arange(k), base
 
 
-def _pick(size: int, chosen: Sequence[int] | np.ndarray) -> sp.csr_array:
+def _pick(size: int, chosen: np.ndarray) -> sp.csr_array:
     """Return the sparse matrix (size, k) that places k numbers at the chosen rows."""
     return sp.csr_array((np.ones(len(chosen)), (chosen, np.arange(len(chosen)))), shape=(size, len(chosen)))
 

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 
 from common.tables import Refused
-from plate_fem.solution.mode_count import MODES_AT_MOST
+from plate_fem.elements.mesh import MODES_AT_MOST
 
 
 @dataclass(frozen=True)

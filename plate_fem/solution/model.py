@@ -40,19 +40,17 @@ class PlateModel:
 def build_model(plate: FlexiblePlate) -> PlateModel:
     """Assemble plate, rods and supports. Raises Refused for a mesh that is too large."""
     system, stiffness, mass = assemble(plate)
-    attached = [rods.attach(system, rod, highest_frequency_Hz(plate)) for rod in plate.rods]
-    parts = [part for of_rod in attached for part in of_rod]
-    ties = _place([part.tie() for part in parts], system.size)
-    size = ties[-1].shape[1] if ties else system.size
-    stiffness, mass = grown(stiffness, size), grown(mass, size)
+    parts = [part for rod in plate.rods for part in rods.attach(system, rod, highest_frequency_Hz(plate))]
+    rod_force, size = sp.csr_array((0, system.size)), system.size
     if parts:
-        tie = sp.csr_array(sp.vstack(ties))
-        stiffness = stiffness + tie.T @ sp.block_diag([part.stiffness for part in parts], format="csr") @ tie
-        mass = mass + tie.T @ sp.block_diag([part.mass for part in parts], format="csr") @ tie
-    bars = zip(parts[:: rods.PARTS], ties[:: rods.PARTS], strict=True)
-    forces = [-bar.stiffness[list(bar.held)] @ tie for bar, tie in bars]  # axial, at the base, tension positive
-    rod_force = sp.vstack(forces) if forces else sp.csr_array((0, size))
-    own = [np.unique(tie.indices[tie.indices >= system.size]) for tie in ties]
+        tie, of_parts = rods.tie(parts), sp.block_diag([part.stiffness for part in parts], format="csr")
+        size = tie.shape[1]
+        stiffness = grown(stiffness, size) + tie.T @ of_parts @ tie
+        mass = grown(mass, size) + tie.T @ sp.block_diag([part.mass for part in parts], format="csr") @ tie
+        start = np.cumsum([0, *(part.stiffness.shape[0] for part in parts)])
+        bases = [first + bar.held[0] for first, bar in zip(start[:-1:rods.PARTS], parts[::rods.PARTS], strict=True)]
+        rod_force = -of_parts[bases] @ tie  # axial, at the base, tension positive
+    own = np.split(np.arange(system.size, size), np.cumsum([len(part.own) for part in parts])[:-1])
     blocks = [_free(system, basis) for basis in mirror.blocks(system, own, size)]
     expansion = sp.csr_array(sp.hstack([basis for _, basis in blocks]))
     return PlateModel(system, _in_blocks(stiffness, blocks), _in_blocks(mass, blocks),
@@ -66,19 +64,6 @@ def _in_blocks(matrix: sp.csr_array, blocks: list[tuple[sp.csr_array, sp.csr_arr
     return sp.csc_array(narrow, shape=by_rows.shape)  # symmetric, so that its rows are its columns
 
 
-def _place(ties: list[sp.csr_array], plate_size: int) -> list[sp.csr_array]:
-    """Give each tie (n_local, plate + own) its own columns after those of the plate and of earlier ties."""
-    size = plate_size + sum(tie.shape[1] - plate_size for tie in ties)
-    placed, start = [], plate_size
-    for tie in ties:
-        entries = sp.coo_array(tie)
-        own = entries.col >= plate_size
-        columns = np.where(own, entries.col - plate_size + start, entries.col)
-        placed.append(sp.csr_array((entries.data, (entries.row, columns)), shape=(tie.shape[0], size)))
-        start += tie.shape[1] - plate_size
-    return placed
-
-
 def _free(system: PlateSystem, basis: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
     """Return a basis (size, n) of what edges and supports leave free of a basis (size, m) of all unknowns.
 
@@ -90,7 +75,8 @@ def _free(system: PlateSystem, basis: sp.csr_array) -> tuple[sp.csr_array, sp.cs
     held[system.fixed] = 1.0
     basis = basis[:, abs(basis).T @ held == 0]  # an edge holds each of an unknown's images or none
     rows = _one_image(basis)
-    constraint = (_support_rows(system) @ basis[: system.size]).toarray()
+    supports, wide = np.array([[one.x_m, one.y_m] for one in system.plate.point_supports]), system.plate.thickness_m / 2
+    constraint = (rods.load_rows(system, supports.reshape(-1, 2), wide) @ basis[: system.size]).toarray()
     constraint = constraint[abs(constraint).max(axis=1, initial=0) > 0]  # a support on a held edge adds nothing
     if not len(constraint):
         return rows, basis
@@ -104,23 +90,6 @@ def _one_image(basis: sp.csr_array) -> sp.csr_array:
     first = columns.indptr[:-1]
     rows, entries = columns.indices[first], columns.data[first]
     return sp.csr_array((1 / entries, rows, np.arange(len(first) + 1)), shape=(len(first), basis.shape[0]))
-
-
-def _support_rows(system: PlateSystem) -> sp.csr_array:
-    """Return the sparse matrix (n_supports, system.size) of the deflections that point supports hold at zero.
-
-    A shear-flexible plate does not feel a support at a mathematical point, since its deflection under a point force is
-    infinite. There the support holds the mean over a disc as wide as the plate is thick.
-    """
-    plate, rows = system.plate, [sp.csr_array((0, system.size))]
-    for support in plate.point_supports:
-        points, weights = np.array([[support.x_m, support.y_m]]), np.ones(1)
-        if system.theory == "mindlin":
-            points, weights = rods.disc_quadrature(support.x_m, support.y_m, plate.thickness_m / 2)
-            inside = (abs(points[:, 0]) <= plate.length_m / 2) & (abs(points[:, 1]) <= plate.width_m / 2)
-            points, weights = points[inside], weights[inside] / weights[inside].sum()
-        rows.append(sp.csr_array(weights[None, :]) @ system.deflection(points))
-    return sp.csr_array(sp.vstack(rows))
 
 
 def _null_space(constraint: np.ndarray) -> sp.csr_array:

@@ -23,8 +23,6 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
-from plate_fem.elements.rods import disc_quadrature
-from plate_fem.elements.system import PlateSystem
 from plate_fem.solution.eigen import solve_static
 from plate_fem.solution.model import PlateModel
 
@@ -35,8 +33,8 @@ def residual_modes(model: PlateModel, kept: sp.csc_array, loads: sp.csr_array) -
     """Return omega^2 (m,) in 1/s^2 and vectors (n, m) of the residual modes for loads, sparse (k, n), with m <= k.
 
     `kept`, sparse (n, p), holds the mass-normalised modes of the model that are kept. A load at a point is a row of
-    `load_rows` times model.expansion; the displacement of a rod's foot is a row of model.rod_force. Raises RuntimeError
-    where a load has no response.
+    elements.rods.load_rows times model.expansion; the displacement of a rod's foot is a row of model.rod_force. Raises
+    RuntimeError where a load has no response.
     """
     projected = loads.T.toarray() - model.mass @ (kept @ (loads @ kept).toarray().T)
     response = solve_static(model.parts, projected)
@@ -50,21 +48,3 @@ def residual_modes(model: PlateModel, kept: sp.csc_array, loads: sp.csr_array) -
     basis = response @ (directions[:, independent] / np.sqrt(size[independent]))
     omega_squared, combination = scipy.linalg.eigh(basis.T @ (model.stiffness @ basis))
     return omega_squared, basis @ combination
-
-
-def load_rows(system: PlateSystem, points_m: np.ndarray) -> sp.csr_array:
-    """Return the sparse matrix (k, n) that gives the deflection under each load.
-
-    In Kirchhoff's theory that is w at the point, in Mindlin's the mean of w over the part of a disc that lies on the
-    plate.
-    """
-    if system.theory == "kirchhoff":
-        return system.deflection(points_m)
-    rows = [sp.csr_array((0, system.size))]
-    for x, y in points_m:
-        points, weights = disc_quadrature(x, y, LOAD_RADIUS * system.plate.thickness_m)
-        inside = (points[:, 0] >= system.lines_x_m[0]) & (points[:, 0] <= system.lines_x_m[-1])
-        inside &= (points[:, 1] >= system.lines_y_m[0]) & (points[:, 1] <= system.lines_y_m[-1])
-        mean = sp.csr_array(weights[None, inside] / weights[inside].sum())
-        rows.append(mean @ system.deflection(points[inside]))
-    return sp.csr_array(sp.vstack(rows))

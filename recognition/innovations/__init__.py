@@ -1,1 +1,1 @@
-"""What a record says beyond the plate's ringing, and what a stone looks like in it."""
+"""What a record says beyond the plate's ringing, what a stone looks like in it, and what is known of it beforehand."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
-from recognition.stream.prior import StonePrior
+from recognition.innovations.prior import StonePrior
 from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told
 
 RAISED, CALM = 0.75, 0.5  # of the share above which drawing shall stop: tested for; where alarms are false ones

@@ -12,7 +12,7 @@ import numpy as np
 
 from recognition.estimation.arrays import Floats
 from recognition.innovations.bank import FIT_LAGS, PARAMETERS, TIME, Bank, X, Y
-from recognition.stream.prior import TRIPLE, StonePrior
+from recognition.innovations.prior import TRIPLE, StonePrior
 
 STEPS = 10  # Gauss-Newton steps at most
 ENOUGH, ENOUGH_SHARE = 0.05, 3e-4  # they end when the cost falls by less, and less than this share of it

@@ -1,28 +1,31 @@
-"""The command `listen`: the stones of a stream one by one."""
+"""The command `listen`: the stones of a stream one by one, and the file that says which of them one knows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 import pandas as pd
+from pydantic import Field
 
 from common.files.output_directory import at_work_in
 from common.files.parquet import write_parquet
 from common.files.whole import written_whole
 from common.result import Result
+from common.tables import Table, about, check, read_toml
 from recognition.estimation.answer import Answer
 from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.innovations.prior import StonePrior
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import record_table
-from recognition.stone_forces.forces import SHIPPED, load_forces, refuse_limits
+from recognition.stone_forces.forces import MATERIALS, SHIPPED, load_forces, refuse_limits
 from recognition.stream.decision import CALM, Stop
-from recognition.stream.known_file import read_known
+from recognition.stream.listen import Heard
 from recognition.stream.live import Window, listen_live
-from recognition.stream.prior import StonePrior
-from recognition.stream.recognise import QUIET_S, RATE_Hz, Recognised, channels_of, recognise_stream
+from recognition.stream.recognise import QUIET_S, RATE_Hz, Recognised, channels_of, hear, recognise_stream
 from recognition.stream.source import Source, is_live
 from recognition.stream.stones import Known, ratio_of, sliding_ratio
 
@@ -157,3 +160,40 @@ def _alarms(found: Recognised, stop: Stop, begin_s: float) -> Alarms:
 def _write(table: pd.DataFrame, file: Path) -> None:
     with written_whole(file) as beside:
         write_parquet(table, beside)
+
+
+class KnownTable(Table):
+    """One record of stones that fall on the tapped plate."""
+
+    record: Annotated[str, about("beside this file, as `listen` takes it")]
+    kind: Annotated[Literal["coal", "gangue"], about("of all stones of the record")]
+    silence_s: Annotated[float, Field(ge=QUIET_S, le=1e3), about("beginning without stones")] = QUIET_S
+
+
+class KnownFile(Table):
+    """The whole file."""
+
+    known: Annotated[tuple[KnownTable, ...], Field(min_length=1), about("the records")]
+
+
+def read_known(path: str | Path, plate: PlateModel, prior: StonePrior, scale: float,
+               unit: str | None) -> Sequence[tuple[Sequence[Heard], int]]:
+    """The stones of each record that a file names, and their material. Raises InputError for the file, RecordError or
+    RecognitionError for a record."""
+    content: KnownFile = check(KnownFile, read_toml(path), path)
+    return [(_stones(Path(path).parent / one.record, one, plate, prior, scale, unit), MATERIALS.index(one.kind))
+            for one in content.known]
+
+
+def _stones(file: Path, one: KnownTable, plate: PlateModel, prior: StonePrior, scale: float,
+            unit: str | None) -> Sequence[Heard]:
+    table, source = record_table(str(file), scale, unit)
+    channels, values = channels_of(table, plate, source)
+    try:
+        found = hear(plate, channels, prior, values, one.silence_s)
+        reason = found.checks.reason()
+    except NotRecognised as error:
+        reason = str(error)
+    if reason:
+        raise RecognitionError(f"{source}: known stones are not explained: {reason}")
+    return found.heard

@@ -10,9 +10,9 @@ import numpy as np
 
 from recognition.estimation.arrays import Floats
 from recognition.innovations.bank import FIT_LAGS, IMPULSE, LAGS, PARAMETERS, TIME, Bank
+from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import LEAD
 from recognition.stream.fit import NO_STONES, Fit, Window, in_order
-from recognition.stream.prior import StonePrior
 from recognition.stream.search import Dictionary
 
 SCANNED = 1000  # samples at once

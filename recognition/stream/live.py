@@ -19,13 +19,13 @@ from common.result import Result, plain
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import TIME
+from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import LEAD
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import acceleration, refuse_unit
 from recognition.stream.checks import Checks
 from recognition.stream.decision import Judge, Judged, Stop
 from recognition.stream.listen import PART, PARTS, Heard
-from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import LEAST_DOUBT, RATE_SHARE, Ear, RATE_Hz, sensors_of
 from recognition.stream.source import Source
 from recognition.stream.stone_law import UNKNOWN

@@ -16,6 +16,7 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import Bank
 from recognition.innovations.coloured_noise import SensorNoise
+from recognition.innovations.prior import StonePrior
 from recognition.innovations.retuning import retuned, shifted
 from recognition.innovations.signatures import LEAD, Channels
 from recognition.innovations.whitening import Whitening
@@ -24,7 +25,6 @@ from recognition.plate.records import numbers
 from recognition.stream.checks import Checks, Mains, refuse_faulty, without_offset_and_hum
 from recognition.stream.decision import Followed, Stop
 from recognition.stream.listen import LOOK_BACK, Heard, Listener
-from recognition.stream.prior import StonePrior
 from recognition.stream.search import Dictionary
 from recognition.stream.stones import UNKNOWN_ALL, Known, learnt_table
 

@@ -9,8 +9,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from recognition.estimation.arrays import Floats
 from recognition.innovations.bank import Bank
+from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import DURATIONS_S, LEAD, Floats32
-from recognition.stream.prior import StonePrior
 
 SPACING_M = 0.03
 LOST = 0.01  # of the energy of the signatures, that the basis leaves out

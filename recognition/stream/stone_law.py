@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from recognition.estimation.arrays import Floats
-from recognition.stream.posterior import drawn
-from recognition.stream.prior import StonePrior
+from recognition.estimation.posterior import drawn
+from recognition.innovations.prior import StonePrior
 
 #: In (log s, b, log J): size, speed, restitution, stiffness, density. The form of small stones is another.
 DIRECTIONS = np.array([[1.0, -0.75, 3.0], [-0.2, 0.0, 1.0], [-0.85, 0.0, 1.0], [1.0, 0.0, 0.0], [0.4, 0.0, 1.0]])

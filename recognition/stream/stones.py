@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from recognition.estimation.arrays import Floats
 from recognition.innovations.bank import DURATION, IMPULSE, PARAMETERS, TIME, X, Y
+from recognition.innovations.prior import TRIPLE, StonePrior
 from recognition.stream.decision import Followed, Stop, follow
 from recognition.stream.listen import Heard
-from recognition.stream.prior import TRIPLE, StonePrior
 from recognition.stream.stone_law import MASS, UNKNOWN, Integers, LearntLaw, Told
 
 AT_ONCE, DRAWS, SHARES = 16, 1000, 200  # stones; of the ratio; nodes of the share of gangue in its posterior

@@ -1,6 +1,7 @@
 """Engine and plate together where theory or an independent integration knows the answer."""
 
 import os
+import socket
 import subprocess
 import sys
 
@@ -260,23 +261,52 @@ def test_a_plate_that_gives_way_by_millimetres_keeps_energy_and_momentum(runs, t
     assert summary["impulse_N_s"] == pytest.approx(summary["momentum_change_kg_m_s"], rel=1e-6)
 
 
-def test_the_shipped_participant_moves_as_the_plate_does(tmp_path):
-    """Started by hand beside the engine, with the frequencies of an undamped plate: the same pushes on the stones."""
+def shipped_participant(tmp_path, thinks_s=0.0, plate_process=""):
+    """The prepared run, and the end of the engine that was started by hand beside templates/participant.py, which moves
+    in the frequencies of an undamped plate, once thinks so long, and answers."""
     scene = changed("small", {"plate.damping_ratio": 0.0, "plate.max_frequency_Hz": 800.0, "time.duration_s": 1e-3,
                               "stones.agglomerate": None, "time.view_interval_s": None, "plate.sensors": []})
-    run_scene(scene, "small.toml", tmp_path / "run")
     prepared = prepare(scene, "small.toml", user_cache())
     write_deck(tmp_path / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)
+    program = resource("templates/participant.py").read_text()
+    assert "    step = 0\n" in program
+    slow = program.replace("import sys", "import sys, time").replace("    step = 0\n", f"    step = 0\n    time.sleep({thinks_s})\n")
+    (tmp_path / "slow.py").write_text(slow)
     given = [str(tmp_path / "deck"), repr(prepared.step.co_step * prepared.step.dt_s),
              *(repr(float(hz)) for hz in prepared.modes.frequency_Hz)]
-    with subprocess.Popen([sys.executable, resource("templates/participant.py"), *given]) as plate:
+    with subprocess.Popen([sys.executable, tmp_path / "slow.py", *given], stderr=subprocess.DEVNULL) as plate:
         while not (tmp_path / "deck" / "from_plate").exists():
             assert plate.poll() is None
-        without = {name: value for name, value in os.environ.items() if name != "PLATE_PROCESS"}
-        subprocess.run([ENGINE, "-in", "deck.liggghts"], cwd=tmp_path / "deck", env=without, check=True, timeout=120,
-                       stdout=subprocess.DEVNULL)
-        assert plate.wait(timeout=10) == 0
+        environment = {name: value for name, value in os.environ.items() if name != "PLATE_PROCESS"}
+        if plate_process:
+            environment["PLATE_PROCESS"] = plate_process.format(host=socket.gethostname(), pid=plate.pid)
+        engine = subprocess.run([ENGINE, "-in", "deck.liggghts"], cwd=tmp_path / "deck", env=environment, check=False,
+                                timeout=120, capture_output=True, text=True)
+        if engine.returncode:
+            plate.kill()
+        else:
+            assert plate.wait(timeout=10) == 0
+    return prepared, engine
+
+
+def test_the_shipped_participant_moves_as_the_plate_does(tmp_path):
+    """The same pushes on the stones."""
+    prepared, engine = shipped_participant(tmp_path)
+    assert engine.returncode == 0
+    run_prepared(prepared, tmp_path / "run")
     ours = pd.read_parquet(tmp_path / "run" / "fast.parquet")["force_N"].to_numpy()
     pushes, theirs = read_forces(tmp_path / "deck" / "forces.bin"), np.zeros(len(ours))
     theirs[pushes.all_step // prepared.step.fast_steps] = pushes.all_mean_N
     assert theirs == pytest.approx(ours, abs=1e-6 * ours.max()) and ours.max() > 1000
+
+
+@pytest.mark.parametrize("thinks_s, plate_process, stuck", [
+    (3.0, "{host} {pid} 1", True), (3.0, "{host} {pid} 30", False),
+    pytest.param(13.0, "{host} {pid}", True, marks=pytest.mark.validate),
+    pytest.param(13.0, "{host} {pid} 60", False, marks=pytest.mark.validate),
+    pytest.param(13.0, "", False, marks=pytest.mark.validate)])
+def test_who_starts_the_engine_says_how_long_the_plate_may_think(tmp_path, thinks_s, plate_process, stuck):
+    _, engine = shipped_participant(tmp_path, thinks_s, plate_process)
+    assert (engine.returncode != 0) == stuck
+    limit_s = plate_process.split()[2] if plate_process.count(" ") == 2 else "10"
+    assert (f"is stuck: no processor time in {limit_s} s" in engine.stdout + engine.stderr) == stuck

@@ -50,6 +50,13 @@ def test_a_stream_pushes_the_plate_as_much_as_it_pushes_its_rods(tmp_path, dampi
     assert len(stones_of(scene, "stream")) == 40 and len(on_rods) == 4
     assert sum(on_rods) - sum(others) == pytest.approx(impulse, rel=1e-3) and run["momentum_missing"] < 1e-3
     assert abs(sum(others)) > 5e-3 * impulse  # the plate still moves
+    stones, left = (pd.read_parquet(tmp_path / "run" / f"{name}.parquet") for name in ("stones", "left"))
+    here, g = stones[stones["waited_s"].notna()], scene.time.gravity_m_s2 * np.cos(np.radians(scene.plate.tilt_deg))
+    end_s = run["steps"] * run["dt_s"]
+    fallen_s = end_s - here["arrival_s"] - here["waited_s"]
+    down = here["mass_kg"] @ (g * fallen_s - here["velocity_z_m_s"]) - g * left["mass_kg"] @ (end_s - left["t_s"])
+    up = (stones["mass_kg"] * run["rebound_speed_m_s"])[here.index].sum()
+    assert down + up == pytest.approx(impulse, rel=1e-9) and here["waited_s"].max() > 1e-3
 
 
 @pytest.mark.parametrize("damping_ratio", [0.01, 0.9])
@@ -67,6 +74,28 @@ def test_a_stone_on_a_rod_pushes_as_much_as_rods_plate_and_damping_have(tmp_path
                      for rule in (cumulative_trapezoid, cumulative_simpson))
     assert smooth < 0.2 * plain < 2e-4 * run["impulse_N_s"]
     assert run["momentum_missing"] == pytest.approx(smooth / run["impulse_N_s"], rel=1e-6)
+
+
+def test_a_plate_that_nothing_holds_takes_the_whole_impulse(tmp_path):
+    scene = changed_scene(SCENES / "small.toml", {
+        "stones.agglomerate": None, "plate.rods": None, "plate.max_frequency_Hz": 3000.0, "time.duration_s": 2e-3,
+        "time.view_interval_s": None})
+    run = run_scene(scene, "small", tmp_path / "run")
+    last = pd.read_parquet(tmp_path / "run" / "fast.parquet").iloc[-1]
+    assert -0.5 * 0.5 * 0.02 * 7830.0 * last["v_m_s"] == pytest.approx(run["impulse_N_s"], rel=1e-9)
+    assert abs(run["energy"]["closure"]) < 1e-4 and run["impulse_N_s"] > 0.1
+
+
+@pytest.mark.parametrize("sample_s, missing", [(1.5e-4, (0.01, 0.03)), (5e-5, (1e-5, 1e-3))])
+def test_the_rods_push_of_a_tiny_stone_needs_more_rows_and_says_so(tmp_path, sample_s, missing):
+    """Its contact lasts two rows of 5 us."""
+    scene = changed_scene(SCENES / "small.toml", {
+        "stones.agglomerate": None, "stones.count": 1, "stones.gangue_ratio": 0.0, "stones.gangue_order": [1],
+        "stones.positions_m": [[0.2, 0.2]], "stones.radius_m": 1e-3, "plate.max_frequency_Hz": 20e3,
+        "time.duration_s": 3e-4, "time.sample_interval_s": sample_s, "time.view_interval_s": None})
+    run = run_scene(scene, "small", tmp_path / "run")
+    assert missing[0] < run["momentum_missing"] < missing[1]
+    assert any("time.sample_interval_s" in line for line in run["warnings"]) == (missing[0] == 0.01)
 
 
 def test_the_stream_is_what_was_asked_for():

@@ -20,7 +20,7 @@ ROD_LAYERS = np.array([0, 0.015, 0.06, 0.2, 0.5, 1])  # in radii, from the plate
 @dataclass(frozen=True)
 class Part:
     """Of a plate: x_m, y_m are its ends, 0 at a mirror; rods are (x, y, diameter), all as long; cell_m is the side of
-    its bricks away from rods. `fine` divides those through the thickness, along rods and towards them."""
+    its bricks away from rods. `fine` divides it, and those through the thickness, along rods and towards them."""
 
     x_m: tuple
     y_m: tuple
@@ -29,11 +29,12 @@ class Part:
     length_m: float
     material: dict
     cell_m: float
-    fine: int = 1
+    fine: float = 1
 
     def bricks(self):
         plate, discs = _faces(self)
-        top = -self.thickness_m * _finer(PLATE_LAYERS, self.fine)
+        halves = _finer(PLATE_LAYERS[:2], self.fine), _finer(PLATE_LAYERS[1:], self.fine)[1:]  # nodes in the mid-plane
+        top = -self.thickness_m * np.concatenate(halves)
         found = [_extrude(np.concatenate(plate), top)]
         for disc, (_, _, diameter) in zip(discs, self.rods, strict=True):
             steep = diameter / 2 * ROD_LAYERS
@@ -99,7 +100,8 @@ def unlike_rods_modes(folder, half_m, thickness_m, place_m, diameters_m, length_
 
 
 def _finer(lines, fine):
-    return np.interp(np.arange(fine * (len(lines) - 1) + 1) / fine, np.arange(len(lines)), lines)
+    cells = len(lines) - 1
+    return np.interp(np.linspace(0, cells, 1 + round(fine * cells)), np.arange(cells + 1), lines)
 
 
 def _faces(part):
@@ -124,7 +126,7 @@ def _faces(part):
 
 def _side(part, start, end, square):
     at_rod = abs(end - start - 2 * square) < 1e-6
-    return np.linspace(0, 1, 1 + (4 if at_rod else math.ceil((end - start) / part.cell_m - 1e-9)))
+    return np.linspace(0, 1, 1 + (4 if at_rod else math.ceil((end - start) * part.fine / part.cell_m - 1e-9)))
 
 
 def _rod_faces(place, radius, s, fine):

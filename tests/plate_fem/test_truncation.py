@@ -12,11 +12,11 @@ from scipy.special import j1
 from statics import static_response
 
 from plate_fem.elements.mesh import bending_stiffness, bending_wavenumber, choose_theory, shear_stiffness
-from plate_fem.elements.rods import disc_quadrature
+from plate_fem.elements.rods import disc_quadrature, load_rows
 from plate_fem.modes import NOWHERE, modes_for_loads, plate_modes
 from plate_fem.motion import ModalMotion
 from plate_fem.solution.model import build_model
-from plate_fem.solution.residual import LOAD_RADIUS, load_rows
+from plate_fem.solution.residual import LOAD_RADIUS
 from plate_fem.truncation import energy_left_out
 
 HELD = {"edges": "clamped", "max_frequency_Hz": 4e3}
@@ -35,7 +35,7 @@ def test_kept_and_residual_modes_give_the_exact_static_response_to_the_loads(the
     table = plate(**HELD, theory=theory)
     modes = plate_modes(table, residual_points_m=POINTS)
     model = build_model(table)
-    loads = (load_rows(model.system, POINTS) @ model.expansion).T.toarray()
+    loads = (load_rows(model.system, POINTS, LOAD_RADIUS * table.thickness_m) @ model.expansion).T.toarray()
     places = np.array([[0.1, 0.0], [0.0, 0.0], [0.2, 0.2], [-0.1, -0.21]])
     exact = model.system.deflection(places) @ model.expansion @ static_response(model, loads)
     force = np.array([load_shape(modes, table, point) for point in POINTS])

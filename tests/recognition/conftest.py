@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lab.known_truth.simulated import draw_stones, stream_of
+from recognition.innovations.prior import StonePrior
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import StoneForces
-from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
 from tests.recognition.elastic_stones import CHANNELS, elastic_stone
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from recognition.estimation.errors import RecognitionError
+from recognition.innovations.prior import StonePrior
 from recognition.stone_forces.forces import load_forces
 from recognition.stream.decision import NEVER, Stop, follow, foreseen, mean_stones
-from recognition.stream.prior import StonePrior
 from recognition.stream.stone_law import UNKNOWN, LearntLaw, doubted
 from tests.recognition.test_stone_law import fallen, told_of
 

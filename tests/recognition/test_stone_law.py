@@ -13,11 +13,11 @@ from scipy.stats import multivariate_t
 from common.tables import InputError
 from lab.streams.stone_kinds import ERROR, hertz
 from recognition.estimation.errors import RecognitionError
+from recognition.estimation.posterior import drawn
 from recognition.innovations.bank import IMPULSE, TIME, X, Y
+from recognition.innovations.prior import TRIPLE, StonePrior
 from recognition.stone_forces.forces import load_forces
-from recognition.stream import known_file
-from recognition.stream.posterior import drawn
-from recognition.stream.prior import TRIPLE, StonePrior
+from recognition.stream import heard
 from recognition.stream.stone_law import (
     APART,
     BROKEN,
@@ -197,20 +197,20 @@ def test_stones_in_a_table(prior):
 def test_file_of_known_stones(tmp_path, monkeypatch, prior):
     """Stones of each record are of its kind; a record that is not explained is refused by its name."""
     reasons = {"a.csv": "", "b.csv": ""}
-    monkeypatch.setattr(known_file, "record_table", lambda file, *_: (file, Path(file).name))
-    monkeypatch.setattr(known_file, "channels_of", lambda table, plate, source: (None, source))
-    monkeypatch.setattr(known_file, "hear", lambda plate, channels, prior, values, quiet_s: SimpleNamespace(
+    monkeypatch.setattr(heard, "record_table", lambda file, *_: (file, Path(file).name))
+    monkeypatch.setattr(heard, "channels_of", lambda table, plate, source: (None, source))
+    monkeypatch.setattr(heard, "hear", lambda plate, channels, prior, values, quiet_s: SimpleNamespace(
         heard=[values, quiet_s], checks=SimpleNamespace(reason=lambda: reasons[values])))
     file = tmp_path / "known.toml"
     file.write_text('[[known]]\nrecord = "a.csv"\nkind = "coal"\n[[known]]\nrecord = "b.csv"\nkind = "gangue"\nsilence_s = 2')
-    assert known_file.read_known(file, None, prior, 1.0, None) == [(["a.csv", 0.02], 0), (["b.csv", 2.0], 1)]
+    assert heard.read_known(file, None, prior, 1.0, None) == [(["a.csv", 0.02], 0), (["b.csv", 2.0], 1)]
     reasons["b.csv"] = "a channel's gain is off"
     with pytest.raises(RecognitionError, match="b.csv: known stones are not explained: a channel's gain"):
-        known_file.read_known(file, None, prior, 1.0, None)
+        heard.read_known(file, None, prior, 1.0, None)
     for wrong, said in (("coal", "known.0.kind"), ("", "known")):
         file.write_text(wrong and '[[known]]\nrecord = "a.csv"\nkind = "rock"')
         with pytest.raises(InputError, match=said):
-            known_file.read_known(file, None, prior, 1.0, None)
+            heard.read_known(file, None, prior, 1.0, None)
 
 
 def replace_place(heard, x_m):

@@ -14,6 +14,7 @@ from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import FIT_LAGS, LAGS, SHAPE_STEP_M, TIME, Bank
 from recognition.innovations.coloured_noise import SensorNoise
+from recognition.innovations.prior import StonePrior
 from recognition.innovations.retuning import retuned, shifted
 from recognition.innovations.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
 from recognition.innovations.whitening import Whitening
@@ -22,7 +23,6 @@ from recognition.stone_forces.forces import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
 from recognition.stream.listen import Listener
-from recognition.stream.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of
 from tests.recognition.elastic_stones import CHANNELS, after_noise, elastic_stone, surely_told

@@ -6,7 +6,7 @@ import pytest
 from lab.known_truth.machine_noise import noise
 from recognition.estimation.errors import NotRecognised
 from recognition.innovations.coloured_noise import SensorNoise
-from recognition.stream.prior import StonePrior
+from recognition.innovations.prior import StonePrior
 from recognition.stream.recognise import RATE_Hz, recognise_stream
 from tests.recognition.elastic_stones import CHANNELS, after_noise, surely_told
 

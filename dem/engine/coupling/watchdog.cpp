@@ -11,7 +11,6 @@
 namespace LAMMPS_NS {
 
 namespace {
-const double STUCK_s = 10;         // without any processor time
 const double LONGEST_POLL_s = 0.5; // what one look counts at most: time in which the engine was stopped does not count
 
 double now_s() {
@@ -24,7 +23,7 @@ PlateWatchdog PlateWatchdog::from_environment() {
   char host[256] = "", mine[256] = "";
   const char *text = std::getenv("PLATE_PROCESS");
   gethostname(mine, sizeof mine - 1);
-  const bool known = text && std::sscanf(text, "%255s %d", host, &watchdog.pid_) == 2;
+  const bool known = text && std::sscanf(text, "%255s %d %lf", host, &watchdog.pid_, &watchdog.stuck_s_) >= 2;
   if (known && std::strcmp(host, mine) != 0) watchdog.pid_ = 0;
   watchdog.last_s_ = now_s();
   return watchdog;
@@ -49,9 +48,11 @@ std::string PlateWatchdog::trouble() {
   else still_s_ += std::min(now - last_s_, LONGEST_POLL_s);
   cpu_ = user + system;
   last_s_ = now;
-  if (still_s_ <= STUCK_s) return "";
+  if (still_s_ <= stuck_s_) return "";
+  char still[64] = "";
+  std::snprintf(still, sizeof still, ": no processor time in %g s", stuck_s_);
   return std::string("The plate (process ") + std::to_string(pid_) + ")" +
-         (state == 'T' || state == 't' ? " is stopped by a signal" : " is stuck") + ": no processor time in 10 s";
+         (state == 'T' || state == 't' ? " is stopped by a signal" : " is stuck") + still;
 }
 
 }  // namespace LAMMPS_NS

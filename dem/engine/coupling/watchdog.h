@@ -8,8 +8,8 @@ namespace LAMMPS_NS {
 // crowded machine.
 class PlateWatchdog {
  public:
-  // From the environment: PLATE_PROCESS is "HOST PID", set by who starts the engine. Where it is missing, or names
-  // another host, the watchdog never finds anything.
+  // From the environment: PLATE_PROCESS is "HOST PID" or "HOST PID SECONDS", set by who starts the engine, with how long
+  // the plate may do nothing, 10 s unsaid. Where it is missing, or names another host, nothing is ever found.
   static PlateWatchdog from_environment();
   // To be called often during the wait. Returns nothing, or one line that says what is wrong.
   std::string trouble();
@@ -17,7 +17,7 @@ class PlateWatchdog {
  private:
   int pid_ = 0;
   long cpu_ = -1;  // clock ticks
-  double still_s_ = 0, last_s_ = 0;
+  double stuck_s_ = 10, still_s_ = 0, last_s_ = 0;
 };
 
 }  // namespace LAMMPS_NS
