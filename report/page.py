@@ -37,7 +37,7 @@ from report.drawing.pages import rendered
 from report.drawing.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
 from report.film.pictures import EARLY, IMPACT, WHOLE, Series
 from report.film.reel import Films, films_of, pack_films
-from report.film.still import still, still_scene
+from report.film.still import still
 from report.missing import MISSING_RESULT
 from report.parts import make_parts
 from report.response.figures import RESPONSE_FIGURES, felt, maxima
@@ -213,7 +213,7 @@ def _film(runs: list[Run], index: int, main: int, wanted: tuple[Series, ...]) ->
     """The packed film of a run, and of the main one the still picture that stands in its place."""
     run = runs[index]
     network = breakage.read_network(run)
-    picture = to_picture_uri(still(still_scene(run, network))) if index == main else ""
+    picture = to_picture_uri(still(run, network)) if index == main else ""
     return pack_films(run, network, (1 + (index == main)) / (1 + len(runs)), wanted), picture
 
 
