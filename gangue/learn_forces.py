@@ -16,7 +16,7 @@ from analysis.sweep.runs import read_run
 from common.files.output_directory import at_work_in, is_sealed_as, refuse_file
 from common.result import Result
 from common.scene.plate import read_plate
-from common.scene.scene import Scene, changed_scene
+from common.scene.scene import changed_scene
 from common.tables import InputError
 from dem.batch.sweep import is_finished, run_all
 from dem.coupling.launch import check_engine
@@ -67,7 +67,7 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
     with at_work_in(directory, "stones") as lock:
         paths = [directory / f"stone_{k:04d}" for k in range(stones)]
         missing = [k for k in range(stones) if not is_finished(paths[k], scenes[k])]
-        works = [partial(_run, scenes[k], str(scene_file), paths[k]) for k in missing]
+        works = [partial(run_scene, scenes[k], str(scene_file), paths[k], overwrite=True) for k in missing]
         for number, code, told in run_all(works, jobs, lock):
             _log.info("%s: %s", paths[missing[number]], told if code else "finished")
             if code:
@@ -98,10 +98,6 @@ def history_of(directory: Path) -> History:
     material, scene = run.summary.materials[0], run.info["scene"]
     return History(force, step_s, run.materials[0] == MATERIALS[1], scene["stones"]["radius_m"],
                    scene["materials"][material]["density_kg_m3"], scene["stones"]["speed_m_s"])
-
-
-def _run(scene: Scene, source: str, out: Path) -> None:
-    run_scene(scene, source, out, show_progress=False, overwrite=True)
 
 
 def _spread(count: int, radius_m: tuple[float, float], speed_m_s: tuple[float, float],

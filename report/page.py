@@ -37,12 +37,12 @@ from report.drawing.pages import rendered
 from report.drawing.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
 from report.film.pictures import EARLY, IMPACT, WHOLE, Series
 from report.film.reel import Films, films_of, pack_films
-from report.film.still import still, still_scene
+from report.film.still import still
 from report.missing import MISSING_RESULT
 from report.parts import make_parts
 from report.response.figures import RESPONSE_FIGURES, felt, maxima
 from report.signals.figures import SIGNAL_FIGURES
-from report.stream.figures import STREAM_FIGURES, heard
+from report.stream.figures import STREAM_FIGURES, heard, stop
 from report.stream.results import StreamResults
 from report.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
@@ -192,7 +192,7 @@ def _of_streams(sweep: Sweep) -> Content:
     streams = [StreamResults(run) for run in sweep.runs]
     names = [run.path.name for run in sweep.runs]
     works = [[partial(finish_figure, replace(spec, key=f"{name}-{spec.key}"), one)
-              for spec in ([heard] if one.was_heard else []) + STREAM_FIGURES]
+              for spec in ([heard, stop] if one.was_heard else []) + STREAM_FIGURES]
              for name, one in zip(names, streams, strict=True)]
     films = [partial(_film, sweep.runs, k, 0, (WHOLE,)) for k in range(len(streams))]
     made, _ = make_parts(SweepResults(sweep), [*chain(*works), *films], [[]], False)
@@ -213,7 +213,7 @@ def _film(runs: list[Run], index: int, main: int, wanted: tuple[Series, ...]) ->
     """The packed film of a run, and of the main one the still picture that stands in its place."""
     run = runs[index]
     network = breakage.read_network(run)
-    picture = to_picture_uri(still(still_scene(run, network))) if index == main else ""
+    picture = to_picture_uri(still(run, network)) if index == main else ""
     return pack_films(run, network, (1 + (index == main)) / (1 + len(runs)), wanted), picture
 
 

@@ -95,16 +95,11 @@ def write_campaign_runs(runs: list[CampaignRun], out: Path) -> None:
 
 
 def read_campaign_runs(out: Path) -> dict[str, tuple[int, list[str]]]:
-    """Read OUT/plan.csv: by directory of a run its ranks, and its `--set` arguments of `gangue run`."""
+    """Read OUT/plan.csv: by directory of a run its ranks, and its scene and `--set` arguments of `gangue run`."""
     table = pd.read_csv(out / PLAN, dtype=str, keep_default_na=False)
     keys = [name for name in table.columns if name not in ("place", "np", "scene")]
-    return {row["place"]: (int(row["np"]), [word for key in keys for word in ("--set", f"{key}={row[key]}")])
+    return {row["place"]: (int(row["np"]), [row["scene"], *(f"--set={key}={row[key]}" for key in keys)])
             for row in table.to_dict("records")}
-
-
-def read_campaign_scene(out: Path) -> str:
-    """The scene's file by OUT/plan.csv."""
-    return str(pd.read_csv(out / PLAN, dtype=str, keep_default_na=False, nrows=1)["scene"][0])
 
 
 def campaign(file: Path, out: Path, jobs: int, profile: str | None = None) -> BatchResult:

@@ -7,7 +7,7 @@ import math
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -19,7 +19,7 @@ from dem.deck.contact import pair_laws, write_faces, write_surfaces
 from dem.deck.pictures import picture_schedule
 from dem.deck.plate_yield import yield_pressure_Pa
 from dem.deck.side_walls import deck_walls, wall_files
-from dem.deck.stone_file import write_stones
+from dem.deck.stone_file import atom_rows, bond_rows, write_stones
 from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.stones.substance import Substance, bond_of, material_of, pair_contact, plate_contact
@@ -46,7 +46,7 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     else:
         writers["atoms.data"] = lambda file: _write_atoms(file, scene, assembly)
         if assembly.n_bonds:
-            writers["bonds.txt"] = lambda file: _write_bonds(file, assembly)
+            writers["bonds.txt"] = lambda file: np.savetxt(file, bond_rows(assembly), fmt=["%d"] * 3 + ["%.17g"] * 5)
     if assembly.surfaces:
         writers["surface.txt"] = lambda file: write_surfaces(file, scene, assembly)
     if assembly.faces:
@@ -65,10 +65,14 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     return digest.hexdigest()[:16]
 
 
+def template(name: str) -> jinja2.Template:
+    """One of those of decks."""
+    return jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
+                              keep_trailing_newline=True).get_template(name)
+
+
 def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     """The text of the deck."""
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
-                                     keep_trailing_newline=True)
     types: list[Substance | str] = [*assembly.substances, PLATE]
     stones_meet = _stones_meet(scene, assembly)
     contacts = [_contact(scene, a, b, stones_meet) for a in types for b in types]
@@ -77,7 +81,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
     free_flight = _free_flight(scene, assembly, step)
     skin = skin_m(assembly, knows_bodies=free_flight is not None)
-    return environment.get_template("deck.liggghts.j2").render(
+    return template("deck.liggghts.j2").render(
         name=scene.name,
         stones=_describe(scene, assembly),
         plate=scene.plate.model,
@@ -220,31 +224,15 @@ def _box_m(assembly: Assembly) -> list[tuple[str, str]]:
 
 
 def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
-    density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
+    number = np.arange(1, assembly.n_particles + 1)
     with open(file, "w") as out:
         out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(assembly.substances) + 1} atom types\n\n")
         out.writelines(f"{a} {b} {axis}lo {axis}hi\n" for axis, (a, b) in zip("xyz", _box_m(assembly)))
         out.write("\nAtoms\n\n")
-        for k in range(assembly.n_particles):
-            x, y, z = assembly.center_m[k]
-            out.write(f"{k + 1} {assembly.substance[k] + 1} {2 * assembly.radius_m[k]:.17g} {density[k]:.17g} "
-                      f"{x:.17g} {y:.17g} {z:.17g}\n")
-        if _common_velocity(assembly) is None:
-            _write_velocities(out, assembly)
-
-
-def _write_velocities(out: TextIO, assembly: Assembly) -> None:
-    """Of every sub-sphere when its stone enters: velocity and spin."""
-    rows = np.hstack(assembly.start_motion())
-    out.write("\nVelocities\n\n")
-    for k, row in enumerate(rows.tolist()):
-        out.write(f"{k + 1} " + " ".join(f"{number:.17g}" for number in row) + "\n")
-
-
-def _write_bonds(file: Path, assembly: Assembly) -> None:
-    columns = np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_substance + 1,
-                               assembly.bond_vector_m, assembly.bond_radius_m, assembly.bond_strength_factor])
-    np.savetxt(file, columns, fmt=["%d"] * 3 + ["%.17g"] * 5)
+        np.savetxt(out, np.column_stack([number, atom_rows(assembly)]), fmt=["%d"] * 2 + ["%.17g"] * 5)
+        if _common_velocity(assembly) is None:  # velocity and spin of every sub-sphere when its stone enters
+            out.write("\nVelocities\n\n")
+            np.savetxt(out, np.column_stack([number, *assembly.start_motion()]), fmt=["%d"] + ["%.17g"] * 6)
 
 
 def _drags_plate(scene: Scene, assembly: Assembly) -> bool:

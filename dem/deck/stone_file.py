@@ -18,7 +18,7 @@ INDEX_NUMBERS = 6 + 3  # of a stone: whole numbers, spin
 
 def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -> None:
     """Write all stones, each as it is at its step of entry."""
-    atoms, bonds = _atoms(assembly), _bonds(assembly)
+    atoms, bonds = np.hstack([atom_rows(assembly), assembly.start_motion()[0]]), bond_rows(assembly)
     atom_start = np.cumsum([0, *assembly.sizes])
     bond_start = np.searchsorted(assembly.bond_first, atom_start)
     contact = contact_rows(scene, assembly) if assembly.surfaces else None
@@ -57,12 +57,13 @@ def at_step(entry: Entry, gravity_m_s2: tuple[float, float, float], dt_s: float)
     return dem_step, ahead_s * v + 0.5 * ahead_s**2 * g, ahead_s * g
 
 
-def _atoms(assembly: Assembly) -> np.ndarray:
+def atom_rows(assembly: Assembly) -> np.ndarray:
+    """(n, 6) of each sub-sphere: type, diameter, density, place."""
     density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
-    return np.column_stack([assembly.substance + 1, 2 * assembly.radius_m, density, assembly.center_m,
-                            assembly.start_motion()[0]])
+    return np.column_stack([assembly.substance + 1, 2 * assembly.radius_m, density, assembly.center_m])
 
 
-def _bonds(assembly: Assembly) -> np.ndarray:
+def bond_rows(assembly: Assembly) -> np.ndarray:
+    """(m, 8) of each bond: its two sub-spheres, type, vector, radius, factor on its strengths."""
     return np.column_stack([assembly.bond_first + 1, assembly.bond_second + 1, assembly.bond_substance + 1,
                             assembly.bond_vector_m, assembly.bond_radius_m, assembly.bond_strength_factor])

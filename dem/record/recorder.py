@@ -202,21 +202,20 @@ def samples_of(fast: Columns, every: int, anti_alias: bool) -> Columns:
 def read_events(file: Path, step: TimeStep) -> Columns:
     """Read the broken bonds, one row each: t_s, bond (1-based), agglomerate (1-based), place, mode, stress, energy,
     area."""
-    kinds = {"step": int, "bond": int, "agglomerate": int, "x_m": float, "y_m": float, "z_m": float, "mode": str,
-             "stress_Pa": float, "energy_J": float, "area_m2": float}
-    events = read_text_columns(file, kinds)
-    return {"t_s": events.pop("step") * step.dt_s, **events}
+    return read_text_columns(file, step, {"bond": int, "agglomerate": int, "x_m": float, "y_m": float, "z_m": float,
+                                          "mode": str, "stress_Pa": float, "energy_J": float, "area_m2": float})
 
 
-def read_text_columns(file: Path, kinds: dict[str, type]) -> Columns:
-    """Read a file of the engine with values between commas under a line of names, which are those of `kinds`; no rows
-    where there is no file. Raises ValueError for another file."""
-    if not file.exists():
-        return {name: np.array([], dtype=kind) for name, kind in kinds.items()}
-    head, *lines = file.read_text().splitlines()
+def read_text_columns(file: Path, step: TimeStep, kinds: dict[str, type]) -> Columns:
+    """Read a file of the engine with values between commas under a line of names, "step" and those of `kinds`, with
+    the time t_s in place of the step; no rows where there is no file. Raises ValueError for another file."""
+    kinds = {"step": int} | kinds
+    head, *lines = file.read_text().splitlines() if file.exists() else [",".join(kinds)]
     if head.split(",") != list(kinds):
         raise ValueError(f"{file}: its first line is not {','.join(kinds)}")
     rows = [line.split(",") for line in lines]
     if any(len(row) != len(kinds) for row in rows):
         raise ValueError(f"{file}: cut off or damaged")
-    return {name: np.array([kind(row[k]) for row in rows], dtype=kind) for k, (name, kind) in enumerate(kinds.items())}
+    columns: Columns = {name: np.array([kinds[name](row[k]) for row in rows], kinds[name])
+                        for k, name in enumerate(kinds)}
+    return {"t_s": columns.pop("step") * step.dt_s, **columns}

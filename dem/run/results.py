@@ -38,8 +38,9 @@ from dem.stones.substance import material_of, plate_contact
 from plate_fem.truncation import energy_left_out
 
 _log = logging.getLogger(__name__)
-LEFT_COLUMNS = ["step", "agglomerate", "subspheres", "mass_kg", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s",
-                "kinetic_J", "elastic_J"]
+# Of the bodies that were taken out when they had left the plate for good, in order of time.
+LEFT = {"agglomerate": int, "subspheres": int, **dict.fromkeys((
+    "mass_kg", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "kinetic_J", "elastic_J"), float)}
 
 
 @dataclass(frozen=True)
@@ -79,9 +80,9 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     if walls is not None:
         write_parquet(walls, file("walls.parquet"))
     ledger = read_ledger(deck / "ledger.bin", n)
-    left = read_left(deck / "left.csv")
+    left = read_text_columns(deck / "left.csv", step, LEFT)
     if assembly.is_stream:
-        write_parquet(left_table(left, step), file("left.parquet"))
+        write_parquet(left, file("left.parquet"))
     write_parquet(stones_table(scene, assembly, step, pushes, events, left, ledger), file("stones.parquet"))
     parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
     write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
@@ -110,14 +111,10 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "gangue_ratio_by_mass": share("mass"),
         "materials": assembly.stone_materials,
         "versions": versions(),
-        "stones": _drawn(prepared) if scene.scatter.drawn else None,
+        "stones": {name: values.tolist() for name, values in stones_given(scene, assembly).items()
+                   } if scene.scatter.drawn else None,
         "seeds": [stone.seed for stone in assembly.stones] if assembly.n_bonds else [],
     }
-
-
-def _drawn(prepared: PreparedRun) -> dict[str, Any]:
-    """Columns of stones.parquet that say what each stone is."""
-    return {name: values.tolist() for name, values in stones_given(prepared.scene, prepared.assembly).items()}
 
 
 def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
@@ -214,17 +211,6 @@ def own_version() -> str:
         return "not installed"
 
 
-def read_left(file: Path) -> Columns:
-    """The bodies that were taken out when they had left the plate for good, in order of time; none where the file is
-    missing, since all stones were there from the start to the end."""
-    return read_text_columns(file, {name: int if k < 3 else float for k, name in enumerate(LEFT_COLUMNS)})
-
-
-def left_table(left: Columns, step: TimeStep) -> Columns:
-    """What `read_left` gives, with the time t_s in place of the DEM step."""
-    return {"t_s": left["step"] * step.dt_s, **{name: left[name] for name in LEFT_COLUMNS[1:]}}
-
-
 def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushes, events: Columns,
                  left: Columns, ledger: StoneLedger) -> Columns:
     """A row a stone, in order, with what each is (dem.stones.stone.Stone), and:
@@ -246,7 +232,7 @@ def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushe
         "waited_s": np.where(ledger.has_entered[-1], ledger.column["waited_steps"][-1] * step.dt_s, np.nan),
         "first_contact_s": contact_s, "first_x_m": place[:, 0], "first_y_m": place[:, 1],
         "peak_force_N": pushes.of_stones(n), "impulse_Ns": impulse, "broken_area_m2": np.array(area),
-        **_gone(left, assembly, step)}
+        **_gone(left, assembly)}
 
 
 def stones_given(scene: Scene, assembly: Assembly) -> Columns:
@@ -266,14 +252,14 @@ def stones_given(scene: Scene, assembly: Assembly) -> Columns:
     return table
 
 
-def _gone(left: Columns, assembly: Assembly, step: TimeStep) -> Columns:
+def _gone(left: Columns, assembly: Assembly) -> Columns:
     """Of each stone: mass that has left, and of one of which nothing is left when and where its last piece was."""
     n = len(assembly.stones)
     stone = left["agglomerate"] - 1
     all_gone = np.bincount(stone, left["subspheres"], n) == assembly.sizes
     last = np.full(n, -1)
     np.maximum.at(last, stone, np.arange(len(stone)))
-    at = {name: np.where(all_gone, np.append(left[name].astype(float), np.nan)[last], np.nan)
-          for name in ("step", "x_m", "y_m")}
-    return {"left_mass_kg": np.bincount(stone, left["mass_kg"], n), "left_s": at["step"] * step.dt_s,
+    at = {name: np.where(all_gone, np.append(left[name], np.nan)[last], np.nan)
+          for name in ("t_s", "x_m", "y_m")}
+    return {"left_mass_kg": np.bincount(stone, left["mass_kg"], n), "left_s": at["t_s"],
             "left_x_m": at["x_m"], "left_y_m": at["y_m"]}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.collections import EllipseCollection, PolyCollection
@@ -14,7 +13,7 @@ from analysis import Run
 from analysis.sweep.breakage import Network
 from common.run_summary import RecordedPlate
 from report.drawing.style import STRESS_COLOURS
-from report.film.pictures import instants, read_film
+from report.film.pictures import Film, instants, read_film
 
 SIZE_IN = (9.0, 5.6)
 #: As in templates/film_scene.js (film.VIEW, film.OPENING).
@@ -25,26 +24,11 @@ ROCK_COLOURS = np.array([[66, 66, 70], [214, 160, 96]]) / 255
 GREATEST_DEFLECTION_M = 0.01
 
 
-@dataclass(frozen=True)
-class StillScene:
-    """What the picture shows, at one instant.
-
-    centre_m (n, 3), radius_m (n,), is_gangue (n,): the sub-spheres. corner_m (q, 4, 3): the plate's quads, with its
-    motion as much enlarged as it shall be seen; stress_Pa (q,): von Mises stress of each. stress_shown_Pa: the end of
-    the colour scale. plate: its size, rods and tilt, which the camera follows.
-    """
-
-    centre_m: np.ndarray
-    radius_m: np.ndarray
-    is_gangue: np.ndarray
-    corner_m: np.ndarray
-    stress_Pa: np.ndarray
-    stress_shown_Pa: float
-    plate: RecordedPlate
-
-
-def still(scene: StillScene) -> Figure:
-    """Draw one instant in perspective."""
+def still(run: Run, network: Network) -> Figure:
+    """Draw in perspective the picture of a run that is nearest to its largest force, with the plate's motion enlarged.
+    Raises MissingResult if there is none."""
+    peak_s, plate = largest_force_s(run), run.scene.plate
+    film = read_film([min(instants(run.path), key=lambda instant: abs(instant.t_s - peak_s))], network)
     figure = Figure(figsize=SIZE_IN, facecolor="none")
     axis = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     half = np.tan(np.radians(OPENING_DEG / 2))
@@ -52,19 +36,28 @@ def still(scene: StillScene) -> Figure:
     axis.set_xlim(-half * aspect, half * aspect)
     axis.set_ylim(-half, half)
     axis.set_axis_off()
-    project = camera(scene.plate, aspect)
-    quads_m = scene.corner_m if len(scene.corner_m) else corners_m(scene.plate)[None, 4:] * [1, 1, 0]
+    project = camera(plate, aspect)
+    quads_m, stress_Pa = _quads(film) if film.quad.size else (corners_m(plate)[None, 4:] * [1, 1, 0], np.zeros(1))
     axis.add_collection(PolyCollection(
-        list(project(quads_m)[0]), array=scene.stress_Pa if len(scene.corner_m) else np.zeros(1), cmap=STRESS_COLOURS,
-        linewidth=0.3, edgecolor="face", norm=Normalize(0, scene.stress_shown_Pa)))
-    plane, depth = project(scene.centre_m)
+        list(project(quads_m)[0]), array=stress_Pa, cmap=STRESS_COLOURS, linewidth=0.3, edgecolor="face",
+        norm=Normalize(0, max(float(stress_Pa.max()), 1.0))))
+    plane, depth = project(film.centre_m[0])
     there = np.flatnonzero(np.isfinite(depth))
     order = there[np.argsort(-depth[there])]
-    diameter = 2 * scene.radius_m[order] / depth[order]
+    diameter = 2 * network.radius_m[order] / depth[order]
+    is_gangue = np.array([name == "gangue" for name in run.materials])[network.agglomerate - 1]
     axis.add_collection(EllipseCollection(
         diameter, diameter, np.zeros_like(diameter), units="xy", offsets=plane[order], transOffset=axis.transData,
-        facecolor=ROCK_COLOURS[scene.is_gangue[order].astype(int)], edgecolor=(0, 0, 0, 0.35), linewidth=0.3))
+        facecolor=ROCK_COLOURS[is_gangue[order].astype(int)], edgecolor=(0, 0, 0, 0.35), linewidth=0.3))
     return figure
+
+
+def _quads(film: Film) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (q, 4, 3) of the plate's quads, enlarged, and von Mises stress (q,) of each."""
+    w_m = film.deflection_m[0]
+    enlarged = GREATEST_DEFLECTION_M / max(float(np.abs(w_m).max()), 1e-12)
+    nodes_m = np.column_stack([film.node_m, w_m * min(enlarged, 1e4)])
+    return nodes_m[film.quad], film.stress_Pa[0][film.quad].mean(axis=1)
 
 
 def corners_m(plate: RecordedPlate) -> np.ndarray:
@@ -99,19 +92,3 @@ def camera(plate: RecordedPlate, aspect: float) -> Callable[[np.ndarray], tuple[
 def largest_force_s(run: Run) -> float:
     """When the force on the plate is largest."""
     return float(run.finest["t_s"].iloc[int(np.argmax(run.finest["force_N"].to_numpy()))])
-
-
-def still_scene(run: Run, network: Network) -> StillScene:
-    """Return the picture of a run that is nearest to its largest force. Raises MissingResult if there is none."""
-    peak_s = largest_force_s(run)
-    film = read_film([min(instants(run.path), key=lambda instant: abs(instant.t_s - peak_s))], network)
-    is_gangue = np.array([name == "gangue" for name in run.materials])[network.agglomerate - 1]
-    if not film.quad.size:
-        return StillScene(film.centre_m[0], network.radius_m, is_gangue, np.empty((0, 4, 3)), np.empty(0), 1.0,
-                          run.scene.plate)
-    w_m = film.deflection_m[0]
-    enlarged = GREATEST_DEFLECTION_M / max(float(np.abs(w_m).max()), 1e-12)
-    nodes_m = np.column_stack([film.node_m, w_m * min(enlarged, 1e4)])
-    stress_Pa = film.stress_Pa[0][film.quad].mean(axis=1)
-    return StillScene(film.centre_m[0], network.radius_m, is_gangue, nodes_m[film.quad], stress_Pa,
-                      max(float(stress_Pa.max()), 1.0), run.scene.plate)

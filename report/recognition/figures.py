@@ -118,12 +118,12 @@ def fused_responses(results: SweepResults) -> Drawn:
 
 @figure("fig-37", "Function space", "Degree 2 at six of the moments.", ratios=4)
 def function_space(results: SweepResults) -> Drawn:
-    fits = results.recognition.moment_fits(6)
+    fine = np.linspace(0, 1, 51)
     figure, axes = canvas(1, height_in=2.8)
     axis = axes[0, 0]
     colours = (COAL, ACCENT, GANGUE, PALE, GREEN, ROSE)
-    for colour, moment_s, points, line in zip(colours, fits.t_s, fits.measured, fits.fitted, strict=False):
-        axis.plot(100 * fits.fine_ratios, line, color=colour)
+    for colour, (moment_s, points, line) in zip(colours, results.recognition.moment_fits(6, fine), strict=True):
+        axis.plot(100 * fine, line, color=colour)
         axis.plot(100 * results.ratios, points, "o", color=colour, markersize=3, label=f"{1e3 * moment_s:.1f} ms")
     axis.set(xlabel=RATIO_LABEL, ylabel="fusion parameter QQ")
     axis.legend(ncols=2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -39,19 +38,6 @@ LEADING_METHODS = ("arrangement_likelihood", "energies_sensors")
 
 #: How the model that answers was trained. "Held out": on all other ratios.
 TRAINED_ON_ALL, HELD_OUT = "trained on all", "that ratio held out"
-
-
-@dataclass(frozen=True)
-class MomentFits:
-    """Some moments of the function space (Figure 37, left).
-
-    t_s (k,): the moments. measured (k, runs): QQ of the runs. fitted (k, n): the fitted functions at fine_ratios (n,).
-    """
-
-    t_s: np.ndarray
-    measured: np.ndarray
-    fine_ratios: np.ndarray
-    fitted: np.ndarray
 
 
 class RecognitionResults:
@@ -162,16 +148,16 @@ class RecognitionResults:
 
     # ------------------------------------------------------- recognition strategy
 
-    def moment_fits(self, count: int) -> MomentFits:
-        """Return `count` moments of the function space of the modified energy fusion, evenly chosen."""
+    def moment_fits(self, count: int, ratios: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """Return `count` moments of the function space of the modified energy fusion, evenly chosen: time, QQ of the
+        runs (runs,), and the function fitted to it, at `ratios` (n,)."""
         method = self.model.methods[FUSION_MODIFIED]
         assert isinstance(method, FusionPipeline)
         curves = method.transform(self.fusion_inputs("energy")[:, :, : self.model.window.n_samples])
-        space, fine = method.strategy.space_, np.linspace(0, 1, 51)
+        space, t_s = method.strategy.space_, self._runs[0].t_s
         chosen = np.linspace(0, space.moments.size - 1, count + 1).astype(int)[1:]
-        moments = space.moments[chosen]
-        fitted = np.stack([space(np.full(fine.size, k), fine) for k in chosen])
-        return MomentFits(self._runs[0].t_s[moments], curves[:, moments].T, fine, fitted)
+        return [(t_s[moment], curves[:, moment], space(np.full(ratios.size, k), ratios))
+                for k, moment in zip(chosen, space.moments[chosen], strict=True)]
 
     def candidates(self, index: int) -> dict[str, Candidates]:
         """Return the candidates for run `index` by the paper's strategies, fitted to all other ratios.

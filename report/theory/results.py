@@ -41,17 +41,11 @@ class TheoryResults:
 
     def single_peaks_N(self, x_m: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
         """Return the peak force of one sphere at each x_m (Figure 9): {material: {state: shape of x_m}}."""
-        compliance = self.beam_compliance_m_N(x_m)
-        return {
-            name: {key: np.array([self._peak_N(state, name, c) for c in compliance]) for key, state in STATES.items()}
-            for name in self.setup.rocks
-        }
-
-    def _peak_N(self, state: State, material: str, compliance_m_N: float) -> float:
-        s = self.setup
-        found = peak(state, s.rocks[material], radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate,
-                     restitution=s.restitution[material], compliance_m_N=compliance_m_N)  # fmt: skip
-        return found.force_N
+        s, compliance = self.setup, self.beam_compliance_m_N(x_m)
+        return {name: {key: np.array([peak(
+            state, rock, radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate, restitution=s.restitution[name],
+            compliance_m_N=one).force_N for one in compliance]) for key, state in STATES.items()}
+            for name, rock in s.rocks.items()}
 
     @cached_property
     def gangue_counts(self) -> np.ndarray:
@@ -63,17 +57,15 @@ class TheoryResults:
 
         compliance_m_N: of the plate at each place, shape (stones,).
         """
-        return {
-            key: np.array([self._total_N(state, count, compliance_m_N) for count in self.gangue_counts])
-            for key, state in STATES.items()
-        }
-
-    def _total_N(self, state: State, gangue_count: int, compliance_m_N: np.ndarray) -> float:
         s = self.setup
-        names = materials_in_order(gangue_count, s.gangue_order)
-        rocks, restitutions = [s.rocks[name] for name in names], [s.restitution[name] for name in names]
-        return total_force_N(state, rocks, compliance_m_N, restitutions,
-                             radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate)  # fmt: skip
+
+        def total_N(state: State, gangue_count: int) -> float:
+            names = materials_in_order(gangue_count, s.gangue_order)
+            return total_force_N(state, [s.rocks[name] for name in names], compliance_m_N,
+                                 [s.restitution[name] for name in names],
+                                 radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate)  # fmt: skip
+
+        return {key: np.array([total_N(state, count) for count in self.gangue_counts]) for key, state in STATES.items()}
 
     @cached_property
     def beam_totals_N(self) -> dict[str, np.ndarray]:

@@ -85,7 +85,7 @@ def test_a_plan_holds_every_combination_once_and_repeats(tmp_path):
     # What `--set` reads is what was planned.
     np_ranks, arguments = read_campaign_runs(tmp_path)[runs[5].directory]
     assert np_ranks == 1
-    assert main(["deck", str(STONE), *arguments, "--out", str(tmp_path / "deck")]) == 0
+    assert main(["deck", *arguments, "--out", str(tmp_path / "deck")]) == 0
     assert f"velocity        all set 0 0 {-runs[5].changes['stones.speed_m_s']}" in (
         tmp_path / "deck" / "deck" / "deck.liggghts").read_text()
 

@@ -234,7 +234,7 @@ def test_chips_need_the_plate_seldom(runs, monkeypatch):
 
     monkeypatch.setattr(dem.run.participants, "PlatePipes", CountedPipes)
     scene = {"stones.agglomerate.subspheres": 200, "time.view_interval_s": None, "time.duration_s": 0.02,
-             "materials.coal.bond.fracture_energy_J_m2": None}  # bonds that snap make chips at 3 m/s
+             "stones.speed_m_s": 3.5, "materials.coal.bond.fracture_energy_J_m2": None}  # bonds that snap make chips
     found = []
     for co_step in (None, 6):
         received.append([])

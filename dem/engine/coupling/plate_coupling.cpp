@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <unordered_map>
+#include <utility>
 
 #include "atom.h"
 #include "interfaces/checkpoint_file.h"
@@ -15,7 +17,7 @@ namespace LAMMPS_NS {
 
 namespace {
 const double SHAPE_TOLERANCE_M = 2e-6;  // a mode shape follows a sub-sphere that moved this far in the plane,
-const double SLOPES_REACH = 0.02;       // by its slopes as far as this, in cells of the grid of shapes
+const double SLOPES_REACH = 0.015;      // by its slopes as far as this, in cells of the grid of shapes
 const double PLATE_CLEARANCE_M = 1e-6;  // added to what the plate can reach
 }  // namespace
 
@@ -29,19 +31,27 @@ double PlateCoupling::interval_s() const { return extrapolated_co_steps_ * co_st
 /* --- where the plate is -------------------------------------------------------------------------------------- */
 
 void PlateCoupling::list(const std::vector<NearSphere> &near) {
+  std::unordered_map<int, Site> known;
+  for (Site &site : sites_)
+    if (site.has_shape()) known.emplace(site.tag, std::move(site));
   sites_.assign(near.size(), Site());
-  site_shapes_.resize(near.size() * SHAPES_OF_SITE * shapes_.numbers());
+  for (size_t k = 0; k < near.size(); k++) {
+    const int tag = lmp_->atom->tag[near[k].i];
+    const auto found = known.find(tag);
+    if (found != known.end()) sites_[k] = std::move(found->second);
+    sites_[k].tag = tag;
+  }
   // Within a co-step the place of the plate must be known at once for what was not listed before.
   if (engaged_) predict(near);
 }
 
 void PlateCoupling::predict(const std::vector<NearSphere> &near) {
-  for (size_t k = 0; k < near.size(); k++) predict(near[k], sites_[k], shape_of(k));
+  for (size_t k = 0; k < near.size(); k++) predict(near[k], sites_[k]);
 }
 
 // Takes the mode shapes at the place of a near sub-sphere, and the plate there at both ends of the time between
 // messages.
-void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
+void PlateCoupling::predict(const NearSphere &p, Site &site) {
   const Atom *atom = lmp_->atom;
   const double *x = atom->x[p.i];
   const double reach = link_.reach + 2 * std::fabs(atom->v[p.i][2]) * interval_s();
@@ -50,27 +60,34 @@ void PlateCoupling::predict(const NearSphere &p, Site &site, double *shape) {
   if (!site.is_active) return;
   const double foot_x = std::clamp(x[0] + p.to_foot[0], extent_[0], extent_[1]);
   const double foot_y = std::clamp(x[1] + p.to_foot[1], extent_[2], extent_[3]);
-  if (!site.has_shape || std::hypot(foot_x - site.x, foot_y - site.y) > SHAPE_TOLERANCE_M)
-    take_shape(foot_x, foot_y, site, shape);
+  if (!site.has_shape() || std::hypot(foot_x - site.x, foot_y - site.y) > SHAPE_TOLERANCE_M)
+    take_shape(foot_x, foot_y, site);
+  const double *shape = site.shapes.data();
+  const double *amplitude0 = amplitude0_.data(), *rate0 = rate0_.data();
+  const double *amplitude1 = link_.amplitude.data(), *rate1 = link_.rate.data();
   for (int d = 0; d < shapes_.directions(); d++, shape += shapes_.modes()) {
-    Site::Way &way = site.way[d];
+    double w0 = 0, r0 = 0, w1 = 0, r1 = 0;
+#pragma omp simd reduction(+ : w0, r0, w1, r1)
     for (int m = 0; m < shapes_.modes(); m++) {
-      way.w0 += shape[m] * amplitude0_[m];
-      way.rate0 += shape[m] * rate0_[m];
-      way.w1 += shape[m] * link_.amplitude[m];
-      way.rate1 += shape[m] * link_.rate[m];
+      w0 += shape[m] * amplitude0[m];
+      r0 += shape[m] * rate0[m];
+      w1 += shape[m] * amplitude1[m];
+      r1 += shape[m] * rate1[m];
     }
+    site.way[d] = {w0, w1, r0, r1};
   }
 }
 
 // The mode shapes at a place: from the grid where the site has none near by, else along the slopes of those it has.
-void PlateCoupling::take_shape(double x, double y, Site &site, double *shape) const {
+void PlateCoupling::take_shape(double x, double y, Site &site) const {
   const int n = shapes_.numbers();
-  double *taken = shape + n, *by_x = taken + n, *by_y = by_x + n;
   double dx = x - site.taken_x, dy = y - site.taken_y;
-  if (!site.has_shape || std::hypot(dx, dy) > SLOPES_REACH * shapes_.cell_m()) {
+  const bool anew = !site.has_shape() || std::hypot(dx, dy) > SLOPES_REACH * shapes_.cell_m();
+  site.shapes.resize(4 * n);
+  double *shape = site.shapes.data(), *taken = shape + n, *by_x = taken + n, *by_y = by_x + n;
+  if (anew) {
     shapes_.at(x, y, taken, by_x, by_y);
-    site.taken_x = x, site.taken_y = y, site.has_shape = true;
+    site.taken_x = x, site.taken_y = y;
     dx = dy = 0;
   }
   for (int k = 0; k < n; k++) shape[k] = taken[k] + dx * by_x[k] + dy * by_y[k];
@@ -93,7 +110,7 @@ void PlateCoupling::place(std::vector<NearSphere> &near, int step_in_co_step) {
 }
 
 void PlateCoupling::find(NearSphere &p, size_t number, int step_in_co_step) {
-  if (engaged_) predict(p, sites_[number], shape_of(number));
+  if (engaged_) predict(p, sites_[number]);
   place(p, sites_[number], step_in_co_step);
 }
 
@@ -112,7 +129,7 @@ void PlateCoupling::add_forces(const std::vector<NearSphere> &near, double share
   const int modes = shapes_.modes();
   for (size_t k = 0; k < near.size(); k++) {
     if (!near[k].touches || near[k].push == 0) continue;
-    const double *shape = shape_of(k);
+    const double *shape = sites_[k].shapes.data();
     const double force[3] = {near[k].push, near[k].drag[0], near[k].drag[1]};
     for (int d = 0; d < shapes_.directions(); d++, shape += modes)
       for (int m = 0; m < modes; m++) modal_force_[m] -= share * force[d] * shape[m];

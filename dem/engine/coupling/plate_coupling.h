@@ -31,7 +31,8 @@ class PlateCoupling {
 
   void setup() { extrapolated_co_steps_ = 1; }
   void set_extent(const double *extent) { std::copy_n(extent, 4, extent_); }  // XMIN XMAX YMIN YMAX of the plate, m
-  void list(const std::vector<NearSphere> &);                    // is a new list of what is near
+  void list(const std::vector<NearSphere> &);                    // is a new list of what is near; what was keeps its shapes
+  void forget_shapes() { sites_.clear(); }                       // a list must follow
   void place(std::vector<NearSphere> &, int step_in_co_step);    // finds the plate beneath each now
   void find(NearSphere &, size_t number, int step_in_co_step);   // the same for one of them, whatever was known of it
   void add_forces(const std::vector<NearSphere> &, double share);  // of the mean over this co-step
@@ -51,10 +52,13 @@ class PlateCoupling {
 
  private:
   struct Site {                  // of each near sub-sphere
+    int tag = 0;
     bool is_active = false;      // may it touch the plate before the next message?
-    bool has_shape = false;
-    double x, y;                 // where the mode shapes hold, m
+    double x = 0, y = 0;         // where the mode shapes hold, m
     double taken_x = 0, taken_y = 0;  // where they and their slopes were taken from the grid
+    // Each PlateShapes::numbers() of them: where they hold; where they were taken, with the slopes along x and y.
+    std::vector<double> shapes;
+    bool has_shape() const { return !shapes.empty(); }
     struct Way {
       double w0 = 0, w1 = 0;       // displacement of the plate at the last and at the next message, m
       double rate0 = 0, rate1 = 0; // and its velocity, m/s
@@ -71,8 +75,6 @@ class PlateCoupling {
   const WeakContact weak_;
   double extent_[4];
   std::vector<Site> sites_;
-  static constexpr int SHAPES_OF_SITE = 4;  // where it is; where they were taken, with the slopes along x and y
-  std::vector<double> site_shapes_;  // SHAPES_OF_SITE times PlateShapes::numbers() of each site
   std::vector<double> amplitude0_, rate0_;  // at the last message
   std::vector<double> modal_force_;  // sum over the co-steps passed of the mean of each, N kg^-1/2
   long long co_steps_passed_ = 0;    // since the last message
@@ -83,9 +85,8 @@ class PlateCoupling {
   bool anything_near(const std::vector<NearSphere> &) const;
   int co_steps_to_extrapolate(const std::vector<NearSphere> &) const;
   void send_message(const std::vector<NearSphere> &);
-  double *shape_of(size_t site) { return &site_shapes_[site * SHAPES_OF_SITE * shapes_.numbers()]; }
-  void predict(const NearSphere &, Site &, double *shape);
-  void take_shape(double x, double y, Site &, double *shape) const;
+  void predict(const NearSphere &, Site &);
+  void take_shape(double x, double y, Site &) const;
   void place(NearSphere &, const Site &, int step_in_co_step) const;
 };
 

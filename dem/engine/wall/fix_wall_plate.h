@@ -43,6 +43,9 @@ class FixWallPlate : public FixWall, public Obstacle, public Pushed, public Ston
   void enter(const EnteringStone &stone) override { contact_->enter(stone); }
   void leave(int agglomerate) override { contact_->leave(agglomerate); }
 
+  void begin_anew() override {
+    if (coupling_) coupling_->forget_shapes();
+  }
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override;
   void saved(long long step) override;
