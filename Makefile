@@ -96,7 +96,7 @@ forces: setup  ## what `listen` knows of stones, learnt anew from simulated ones
 	$(PYTHON) -m lab run stone_forces --out runs/stone_forces
 
 listening: setup  ## streams of known truth, and what is heard of them, into runs/listening
-	$(PYTHON) -m lab run listening listening_differences listening_plates --out runs/listening
+	$(PYTHON) -m lab run listening listening_noise --out runs/listening
 
 stability: setup  ## extreme scenes, each finished or refused by name, into runs/stability
 	$(PYTHON) -m lab run stability --out runs/stability --jobs $(JOBS)

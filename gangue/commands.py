@@ -197,6 +197,7 @@ COMMANDS = {
         _arg("record", help="run directory or record, at least 20 kHz; live: -, tcp://HOST:PORT (docs/listening.md)"),
         PLATE, SCALE, UNIT, _arg("--out", help="directory for stones.parquet and ratio.parquet; not for what is live"),
         _arg("--follow", action="store_true", help="the record is a file of live samples, which may grow"),
+        _arg("--watch", action="store_true", help="draw the ratio of what is live in the terminal, instead of JSON"),
         _limits("radius_m", "m", "between which the stones' radii lie, more or less"),
         _limits("speed_m_s", "m/s", "between which their speeds lie, the components across the plate"),
         _arg("--coal-first", type=int, default=0, metavar="N", help="the first N stones are known to be coal"),

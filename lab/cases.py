@@ -78,8 +78,6 @@ CASES = {case.name: case for case in (
     Case("tapping", "lab.plate.tapping", "plate, number of taps, known forces", "the true modes", TAPPED),
     Case("listening", "lab.streams.listening", "rate, sizes, sensors; forces held out", "the true ratio", HEARD),
     Case("listening_limits", "lab.streams.listening", "rate and plate; forces of the limits", "the true ratio", HEARD),
-    Case("listening_plates", "lab.streams.listening", "plate that is tapped", "the true ratio", HEARD),
-    Case("listening_differences", "lab.streams.listening", "what `listen` is not told", "the true ratio", HEARD),
     Case("listening_noise", "lab.streams.listening", "noise of a machine, and faults in it", "the true ratio", HEARD),
     Case("stopping", "lab.streams.stopping", "share of gangue over time, stones and what one knows of them",
          "when the share is passed", ("recognition/stone_forces", "recognition/stream", "lab/streams/stone_kinds.py")),

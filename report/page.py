@@ -42,7 +42,7 @@ from report.missing import MISSING_RESULT
 from report.parts import make_parts
 from report.response.figures import RESPONSE_FIGURES, felt, maxima
 from report.signals.figures import SIGNAL_FIGURES
-from report.stream.figures import STREAM_FIGURES, heard
+from report.stream.figures import STREAM_FIGURES, heard, stop
 from report.stream.results import StreamResults
 from report.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
@@ -192,7 +192,7 @@ def _of_streams(sweep: Sweep) -> Content:
     streams = [StreamResults(run) for run in sweep.runs]
     names = [run.path.name for run in sweep.runs]
     works = [[partial(finish_figure, replace(spec, key=f"{name}-{spec.key}"), one)
-              for spec in ([heard] if one.was_heard else []) + STREAM_FIGURES]
+              for spec in ([heard, stop] if one.was_heard else []) + STREAM_FIGURES]
              for name, one in zip(names, streams, strict=True)]
     films = [partial(_film, sweep.runs, k, 0, (WHOLE,)) for k in range(len(streams))]
     made, _ = make_parts(SweepResults(sweep), [*chain(*works), *films], [[]], False)

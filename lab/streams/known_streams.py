@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -33,6 +33,7 @@ ALL, ONE = Channels((0, 1, 2, 3)), Channels((0,))
 HIGHEST_Hz, TRUE_Hz = 12500.0, 20000.0  # of the modes that the model has, and of the plate's
 #: Of a solid up to TRUE_Hz: python -m lab run solid_plate highest_Hz=20000 --out runs/lab
 SOLID = Path("runs/lab/solid_plate.npz")
+AGAIN = 5  # times each stone is brought to a radius
 PART = 20  # stones of the windows by which intervals are counted
 WITHIN_s = 1e-4  # of the stones of a volley
 MATCH_s = 1.5e-4  # a stone is heard if its arrival is
@@ -40,7 +41,8 @@ MATCH_s = 1.5e-4  # a stone is heard if its arrival is
 
 @dataclass(frozen=True)
 class Case:
-    """A stream: stones a second, stones, sensors, all sizes?, gangue ratio, stones that fall within WITHIN_s."""
+    """A stream: stones a second, stones, sensors, all sizes?, gangue ratio, stones that fall within WITHIN_s, radii to
+    which stones are brought."""
 
     rate_1_s: float = 100.0
     count: int = 30
@@ -49,6 +51,16 @@ class Case:
     gangue: float = 0.5
     noise_db: float | None = 20.0
     at_once: int = 1
+    brought_to_m: tuple[float, float] | None = None
+
+
+def scaled(h: History, size: float, speed: float = 1.0) -> History:
+    """A stone `size` times as large and `speed` times as fast as another, by Hertz: a larger stone of the same speed has
+    the same stresses, and so breaks alike; another speed is for stones that stay whole."""
+    stretch, push = size * speed**-0.2, size**2 * speed**1.2
+    at = (np.arange(len(h.force_N)) + 0.5) / stretch - 0.5
+    return replace(h, force_N=push * np.interp(at, np.arange(len(h.force_N)), h.force_N, right=0.0),
+                   radius_m=size * h.radius_m, speed_m_s=speed * h.speed_m_s)
 
 
 @cache
@@ -81,6 +93,8 @@ def learnt_by_taps(true: PlateModel, file: Path, rng: np.random.Generator) -> Pl
 
 def stream(plate: PlateModel, case: Case, pool: Sequence[History], rng: np.random.Generator) -> Stream:
     chosen = of_case(case, pool)
+    if case.brought_to_m is not None:
+        chosen = [scaled(h, rng.uniform(*case.brought_to_m) / h.radius_m) for h in chosen for _ in range(AGAIN)]
     truth = draw_stones(chosen, case.count, case.rate_1_s, REACH_m, case.gangue, rng)
     if case.at_once > 1:
         truth = in_volleys(truth, case.at_once, rng)
@@ -100,7 +114,8 @@ def in_volleys(truth: pd.DataFrame, count: int, rng: np.random.Generator) -> pd.
 
 
 def prior_of(case: Case) -> StonePrior:
-    return StonePrior(load_forces(), SIZES_m if case.all_sizes else (PAPER_m, PAPER_m), SPEEDS_m_s)
+    sizes_m = case.brought_to_m or SIZES_m
+    return StonePrior(load_forces(), sizes_m if case.all_sizes else (PAPER_m, PAPER_m), SPEEDS_m_s)
 
 
 def heard(plate: PlateModel, case: Case, record: Stream, quiet_s: float = QUIET_S) -> dict[str, object]:

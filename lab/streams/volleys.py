@@ -26,8 +26,7 @@ import pandas as pd
 from analysis.sweep.runs import Run
 from lab.known_truth.faults import FAULTS, Fault
 from lab.known_truth.simulated import stone_rows, stream_of
-from lab.streams.differences import scaled
-from lab.streams.known_streams import ALL, tapped, true_plate, true_ratio
+from lab.streams.known_streams import ALL, scaled, tapped, true_plate, true_ratio
 from lab.streams.listening import grouped
 from lab.study import Row
 from recognition.estimation.errors import RecognitionError

@@ -9,9 +9,7 @@ import numpy as np
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised
-from recognition.innovations.bank import TIME
 from recognition.sensors.channel_check import channel_faults
-from recognition.stream.listen import Heard, Sums
 
 HUM_Hz = (50.0, 60.0)
 TOGETHER_S = 0.2e-3  # stones that arrive within it of each other are not told apart well
@@ -29,6 +27,7 @@ class Limits:
     misplaced: float = 0.34
     together: float = 0.3
     change: float = 1.8
+    unheard: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -37,21 +36,17 @@ class Checks:
     channel, relative to what the stones make of all channels. none: share of what was heard that is no stone. beyond:
     how far the stones are from the radii and speeds that were told, in standard deviations. misplaced: share of known
     stones that seem to be of the other material. together: share of stones that arrive within TOGETHER_S of another; at
-    200 a second it is 8 %. change: of the noise in the quiet beginning (coloured_noise.py)."""
+    200 a second it is 8 %. change: of the noise in the quiet beginning (coloured_noise.py). unheard: share of
+    the stones of the radii and speeds told that are too weak; of those around them more are lost beside others."""
 
     unexplained: float
     gain: Floats
     together: float
     change: float
+    unheard: float
     none: float = 0.0
     beyond: float = 0.0
     misplaced: float = 0.0
-
-    @classmethod
-    def of(cls, sums: Sums, heard: Sequence[Heard], change: float, rate_Hz: float) -> Checks:
-        """Before a law is learnt, of what was heard in a part of a record."""
-        at_s = np.array([h.stone[TIME] for h in heard]) / rate_Hz
-        return cls(sums.unexplained, sums.gain, together(at_s), change)
 
     def reason(self, limits: Limits = Limits()) -> str:
         """Which limits are exceeded, "" if none is."""
@@ -63,6 +58,8 @@ class Checks:
                   limits.misplaced),
                  (f"{self.together:.0%} of the stones arrive at once with another (`volley` is for those)",
                   self.together, limits.together),
+                 (f"{self.unheard:.0%} of the stones of --radius and --speed are too weak to be heard in this noise",
+                  self.unheard, limits.unheard),
                  ("the beginning is not quiet, or its noise changes", self.change, limits.change)]
         return "; ".join(f"{text}, limit {limit:g}" for text, value, limit in found if value > limit)
 

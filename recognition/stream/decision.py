@@ -1,17 +1,18 @@
 """When to stop drawing: a sequential test (CUSUM) on the stones as they are heard.
 
-A stone's odds of gangue give the likelihood of two shares of gangue, one below that above which drawing shall stop, as
-the share rises meanwhile, and one at which it must not. The logarithm of their ratio is summed up over the stones, from
-zero, and never below zero; past a threshold it is an alarm, and the sum begins anew. What a threshold costs is known
-beforehand: stones are drawn from the laws that known stones and those heard so far teach, and the sum is a Markov chain
-(Brook and Evans, Biometrika 59, 539) whose mean time to an alarm is that of a linear system. As laws are uncertain, so
-are delay and false alarms.
+A stone's odds of gangue give the likelihood of two shares of gangue, that above which drawing shall stop, and one at
+which it must not. The logarithm of their ratio is summed up over the stones, from zero, and never below zero; past a
+threshold it is an alarm, and the sum begins anew. What a threshold costs is known beforehand: the sum is a Markov chain
+(Brook and Evans, Biometrika 59, 539) whose mean time to an alarm is that of a linear system. What stones add to the sum
+is told by the known ones, as they are, since no law is quite right; of a material of which few are known, by stones
+drawn from the laws that were learnt (a Dirichlet process about each law). As both are uncertain, so are delay and false
+alarms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +22,10 @@ from recognition.estimation.errors import RecognitionError
 from recognition.innovations.prior import StonePrior
 from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told
 
-RAISED, CALM = 0.75, 0.5  # of the share above which drawing shall stop: tested for; where alarms are false ones
+CALM = 0.5  # of the share above which drawing shall stop: where alarms are false ones
 LIKELY = 0.9  # of the laws have no more false alarms than are allowed
 DRAWN, LAWS = 150, 12  # stones of a material of each law, and laws, by which an alarm is foreseen
+AS_KNOWN = 25  # all that are drawn of a law count as so many known ones
 STATES, HIGHEST, HALVINGS = 80, 16.0, 7  # of the sum; thresholds are sought up to HIGHEST
 FIRST, LONGER, LAST = 25, 2.0, 800  # stones heard at which the law is learnt, how many times as many again, the last
 NEVER = 1e12  # stones: the linear system has no digits left for a mean time beyond
@@ -45,19 +47,21 @@ class Stop:
 
     def gain(self, gangue: Floats) -> Floats:
         """Log likelihood ratio of stones of a probability of gangue."""
-        high, low = (p * gangue + (1 - p) * (1 - gangue) for p in (RAISED * self.above, CALM * self.above))
+        high, low = (p * gangue + (1 - p) * (1 - gangue) for p in (self.above, CALM * self.above))
         return np.asarray(np.log(high / low))
 
 
 @dataclass(frozen=True)
 class Foreseen:
     """Threshold, and by the median law the delay of an alarm at the share asked for, in stones, with that of nine laws
-    in ten; false alarms an hour at half of that share, of nine laws in ten."""
+    in ten; false alarms an hour at half of that share, of nine laws in ten. tried: thresholds with their false alarms
+    and delays, a row each."""
 
     threshold: float
     delay: float
     longest_delay: float
     false_alarms_1_h: float
+    tried: Sequence[tuple[float, float, float]] = ()
 
     @property
     def unsafe(self) -> bool:
@@ -151,36 +155,42 @@ def follow(told: Told, t_s: Floats, prior: StonePrior, stop: Stop, least_doubt: 
 
 def foreseen(law: LearntLaw, told: Told, stop: Stop, rate_1_s: float, least_doubt: float) -> Foreseen:
     """The least threshold with no more false alarms than are allowed by LIKELY of the laws, and its delay."""
-    gains = [[stop.gain(_any_stone(*law.probabilities(law.drawn(k, m, DRAWN, told), least_doubt))) for m in (0, 1)]
+    def gains(stones: Told) -> Floats:
+        return stop.gain(_any_stone(*law.probabilities(stones, least_doubt)))
+
+    rng, nobody_knows = np.random.default_rng(3), replace(told, known=np.full_like(told.known, UNKNOWN))
+    known = [gains(nobody_knows.only(np.flatnonzero(told.known == m))) for m in (0, 1)]
+    drawn = [[gains(law.drawn(k, m, DRAWN, told)) for m in (0, 1)]
              for k in np.linspace(0, len(law.laws) - 1, LAWS).astype(int)]
+    weights = [[rng.dirichlet(np.r_[np.ones(len(known[m])), np.full(DRAWN, AS_KNOWN / DRAWN)]) for m in (0, 1)]
+               for _ in drawn]
 
     def stones(threshold: float, share: float) -> Floats:
-        return np.array([mean_stones(coal, gangue, share, threshold) for coal, gangue in gains])
+        return np.array([mean_stones(np.r_[known[0], a, known[1], b], np.r_[(1 - share) * v, share * w], threshold)
+                         for (a, b), (v, w) in zip(drawn, weights, strict=True)])
 
     def false_1_h(threshold: float) -> float:
         return 3600 * rate_1_s / float(np.quantile(stones(threshold, CALM * stop.above), 1 - LIKELY))
 
-    low, high = 0.0, HIGHEST
+    low, high, tried = 0.0, HIGHEST, []
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        low, high = (low, middle) if false_1_h(middle) <= stop.false_alarms_1_h else (middle, high)
+        false = false_1_h(middle)
+        tried.append((middle, false, float(np.median(stones(middle, stop.above)))))
+        low, high = (low, middle) if false <= stop.false_alarms_1_h else (middle, high)
     delay = stones(high, stop.above)
-    return Foreseen(high, float(np.median(delay)), float(np.quantile(delay, LIKELY)), false_1_h(high))
+    return Foreseen(high, float(np.median(delay)), float(np.quantile(delay, LIKELY)), false_1_h(high), sorted(tried))
 
 
-def mean_stones(coal: Floats, gangue: Floats, share: float, threshold: float) -> float:
-    """Mean number of stones to an alarm, at most NEVER, where a share of them is gangue: gains (n,) of coal and of
-    gangue are as frequent as each other."""
-    at = threshold * np.arange(STATES) / STATES
-    step = threshold / STATES
-    total = np.zeros((STATES, STATES + 1))
-    for gains, weight in ((coal, 1 - share), (gangue, share)):
-        to = np.clip((at[:, None] + gains) / step, 0, STATES)
-        low = np.floor(to).astype(int).clip(max=STATES - 1)
-        part = np.where(to >= STATES, 1.0, to - low)  # shared between neighbours: the mean is kept
-        row = np.repeat(np.arange(STATES), len(gains)).reshape(low.shape)
-        np.add.at(total, (row, low), weight / len(gains) * (1 - part))
-        np.add.at(total, (row, low + 1), weight / len(gains) * part)
+def mean_stones(gains: Floats, weight: Floats, threshold: float) -> float:
+    """Mean number of stones to an alarm, at most NEVER: gains (n,) of stones, with probabilities (n,)."""
+    at, step = threshold * np.arange(STATES) / STATES, threshold / STATES
+    to = np.clip((at[:, None] + gains) / step, 0, STATES)
+    low = np.floor(to).astype(int).clip(max=STATES - 1)
+    part = to - low  # shared between neighbours: the mean is kept
+    total, row = np.zeros((STATES, STATES + 1)), np.repeat(np.arange(STATES), len(gains)).reshape(low.shape)
+    np.add.at(total, (row, low), weight * (1 - part))
+    np.add.at(total, (row, low + 1), weight * part)
     left = np.eye(STATES) - total[:, :STATES]
     return 1 / max(1 / float(np.linalg.solve(left, np.ones(STATES))[0]), 1 / NEVER)  # rounding may make it negative
 

@@ -92,10 +92,10 @@ class ListenResult(Result):
 
 
 def listen(record: str, plate: str, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
-           out: str | None = None, follow: bool = False, coal_first: int = 0, known_file: str | None = None,
-           stop_above_percent: float | None = None, false_alarms_1_h: float = 1.0, law: str | None = None,
-           window_s: float = 1.0, step_s: float = 0.1, quiet_s: float = QUIET_S, scale: float = 1.0,
-           unit: str | None = None) -> Result:
+           out: str | None = None, follow: bool = False, watch: bool = False, coal_first: int = 0,
+           known_file: str | None = None, stop_above_percent: float | None = None, false_alarms_1_h: float = 1.0,
+           law: str | None = None, window_s: float = 1.0, step_s: float = 0.1, quiet_s: float = QUIET_S,
+           scale: float = 1.0, unit: str | None = None) -> Result:
     """Hear the stones of a record on a plate of `tap`, whose radii and speeds lie between limits, more or less; write
     them and the ratio over a window, every so many seconds, into the directory `out`. For the first quiet_s nothing
     falls. The first `coal_first` stones are known to be coal, those of the records that `known_file` names to be of
@@ -114,12 +114,15 @@ def listen(record: str, plate: str, radius_m: tuple[float, float], speed_m_s: tu
     live = follow or is_live(record)
     if live != (out is None):
         raise RecognitionError("--out: must be a directory for a record, and not be given for what comes live")
+    if watch and not live:
+        raise RecognitionError("--watch: is for what comes live")
     try:
         drops = () if known_file is None else read_known(known_file, tapped, prior, scale, unit)
         known = Known(coal_first, drops)
         if out is None:
             source = Source(record, follow)
-            return listen_live(source, tapped, prior, known, stop, Window(window_s, step_s), quiet_s, scale, unit)
+            window = Window(window_s, step_s)
+            return listen_live(source, tapped, prior, known, stop, window, quiet_s, scale, unit, watch)
         return _of_record(record, Path(out), tapped, prior, known, stop, Window(window_s, step_s), quiet_s, scale, unit)
     except NotRecognised as error:
         return ListenResult(refused=str(error))
@@ -141,18 +144,22 @@ def _of_record(record: str, out: Path, tapped: PlateModel, prior: StonePrior, kn
         if found.refused:
             ratio.iloc[:, 2:] = np.nan
         _write(ratio, files[1])
+        (out / "stop.parquet").unlink(missing_ok=True)
     if found.refused:
         return ListenResult(*files, len(found.stones), not_explained=found.refused)
     answers = {name: Answer.between(*ratio_of(found.stones, name == "mass")) for name in ("number", "mass")}
     warnings = ["" if found.hearing.tapped else UNTAPPED, *(answer.warning for answer in answers.values())]
-    alarms = None if stop is None or found.followed is None else _alarms(found, stop, begin_s)
+    alarms = None if stop is None or found.followed is None else _alarms(found, stop, begin_s, out)
     return ListenResult(*files, len(found.stones), answers, tuple(filter(None, dict.fromkeys(warnings))), alarms)
 
 
-def _alarms(found: Recognised, stop: Stop, begin_s: float) -> Alarms:
+def _alarms(found: Recognised, stop: Stop, begin_s: float, out: Path) -> Alarms:
+    """What is foreseen of other thresholds is written as well."""
     assert found.followed is not None
     foreseen, t_s = found.followed.foreseen, found.stones["t_s"].to_numpy()
     each_s = float(np.ptp(t_s)) / max(len(t_s), 1)
+    _write(pd.DataFrame([(h, false, each_s * delay, h == foreseen.threshold) for h, false, delay in foreseen.tried],
+                        columns=["threshold", "false_alarms_1_h", "delay_s", "chosen"]), out / "stop.parquet")
     return Alarms(stop.above, CALM * stop.above, tuple((t_s[found.stones["alarm"]] + begin_s).tolist()),
                   foreseen.delay * each_s, foreseen.longest_delay * each_s, foreseen.false_alarms_1_h, foreseen.unsafe)
 

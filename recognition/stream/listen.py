@@ -179,13 +179,25 @@ class Listener:
         return float(self.prior.means[..., 2].min() + np.log(LEAST_IMPULSE))
 
     @cached_property
+    def _begins(self) -> Floats:
+        """Energy of the first block of unit impulses on each place of the dictionary."""
+        c, d = self.bank.channels, self.dictionary
+        begins = d.signatures @ d.basis[(LEAD - 2) * c:(LEAD - 2 + BLOCK) * c].T
+        return np.asarray(np.sum(begins**2, axis=1) * d.length**2)
+
+    @cached_property
     def limit(self) -> float:
         """Energy of a block that is worth a search: more than noise gives, and what a weak stone gives at least."""
-        c, d = self.bank.channels, self.dictionary
-        noise = c * BLOCK + 6 * np.sqrt(2 * c * BLOCK)
-        begins = d.signatures @ d.basis[(LEAD - 2) * c:(LEAD - 2 + BLOCK) * c].T
-        block = np.sum(begins**2, axis=1) * d.length**2
-        return float(max(noise, HEARD_SHARE * np.quantile(block, 0.1) * np.exp(2 * self.least_impulse)))
+        values = self.bank.channels * BLOCK
+        weak = HEARD_SHARE * np.quantile(self._begins, 0.1) * np.exp(2 * self.least_impulse)
+        return float(max(values + 6 * np.sqrt(2 * values), weak))
+
+    def unheard(self, prior: StonePrior) -> float:
+        """Share of the stones on any place that are too weak to be heard even alone."""
+        noise = self.bank.channels * BLOCK
+        needed = np.maximum(2 * LEAST_EVIDENCE / self.dictionary.length**2, (self.limit - noise) / self._begins)
+        energy = np.exp(2 * prior.means[..., 2]).ravel()
+        return float(np.searchsorted(np.sort(energy), needed).mean() / len(energy))
 
     def _trigger(self, at: int) -> int:
         """First sample from `at` on where the energy of a block passes the limit; the last block if it does nowhere."""

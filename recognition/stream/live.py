@@ -23,7 +23,6 @@ from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import LEAD
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import acceleration, refuse_unit
-from recognition.stream.checks import Checks
 from recognition.stream.decision import Judge, Judged, Stop
 from recognition.stream.listen import PART, PARTS, Heard
 from recognition.stream.recognise import LEAST_DOUBT, RATE_SHARE, Ear, RATE_Hz, sensors_of
@@ -33,6 +32,7 @@ from recognition.stream.stones import COLUMNS, Known, first_touches, ratios_of, 
 
 _log = logging.getLogger(__name__)
 LAST_STONES = 100  # of which the share that is no stone is told
+WIDTH = 50  # of what is drawn in a terminal
 NAMES = ("low", "ratio", "high", "mass_low", "mass_ratio", "mass_high")
 
 
@@ -61,8 +61,8 @@ class Window:
 
 
 def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Known, stop: Stop | None, window: Window,
-                quiet_s: float, scale: float, unit: str | None) -> LiveResult:
-    """Tell what is heard until no more comes. Raises RecordError, RecognitionError."""
+                quiet_s: float, scale: float, unit: str | None, watch: bool = False) -> LiveResult:
+    """Tell what is heard until no more comes, in JSON or, to `watch`, drawn. Raises RecordError, RecognitionError."""
     unit = source.unit if unit is None else unit
     refuse_unit(source.name, scale, unit)
     ones = [acceleration(pd.Series([1.0], name=name), scale, unit) for name in source.channels]
@@ -77,18 +77,31 @@ def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Kno
         raise RecognitionError("--plate: no mode was tapped; what comes live needs a plate of `tap`")
     try:
         for values in source.blocks():
-            _tell(live.hear(resampler.more(factor * values[order])))
-        _tell(live.hear(resampler.end(), ended=True))
+            _tell(live.hear(resampler.more(factor * values[order])), watch)
+        _tell(live.hear(resampler.end(), ended=True), watch)
     except NotRecognised as error:
         return LiveResult(live.count, live.alarms, live.t_s, refused=str(error))
     return LiveResult(live.count, live.alarms, live.t_s, not_explained=live.reason)
 
 
-def _tell(events: Iterator[dict[str, Any]]) -> None:
+def _tell(events: Iterator[dict[str, Any]], watch: bool) -> None:
     for event in events:
-        _log.info(json.dumps(plain(event), ensure_ascii=False))
+        if line := watched(event) if watch else json.dumps(plain(event), ensure_ascii=False):
+            _log.info(line)
         if event["event"] in ("calibrated", "law") and platform.libc_ver()[0] == "glibc":
             ctypes.CDLL(None).malloc_trim(0)  # glibc would keep what a filter and a law are made with
+
+
+def watched(event: dict[str, Any]) -> str:
+    """A line of a terminal, "" for an event that has none: the ratio is drawn over its interval, from 0 to 100 %."""
+    at = f"{event.get('t_s', 0):8.1f} s "
+    if event["event"] == "ratio" and event["stones"]:
+        low, middle, high = (round(WIDTH * event[name]) for name in ("low", "ratio", "high"))
+        bar = "".join("#" if k == middle else "=" if low <= k <= high else "." for k in range(WIDTH + 1))
+        return f"{at}{bar} {event['ratio']:4.0%} of {event['stones']} stones"
+    if event["event"] in ("calibrated", "refused", "explained", "alarm"):
+        return at + ("STOP" if event["event"] == "alarm" else event.get("not_explained", event["event"]))
+    return f"{at}UNSAFE, no alarm: too few known stones" if event.get("unsafe") else ""
 
 
 class Live:
@@ -128,7 +141,7 @@ class Live:
         """Whether stones explain what was heard lately."""
         while self.lately and self.lately[0].stone[TIME] < self.ear.listener.at - PART * PARTS:
             self.lately.popleft()
-        found = Checks.of(self.ear.listener.recent, self.lately, self.ear.noise.change, RATE_Hz)
+        found = self.ear.checks(self.ear.listener.recent, self.lately)
         if self.judged is not None:
             found = replace(found, none=float(np.mean(self.none)), beyond=self.judged.law.beyond,
                             misplaced=self.misplaced)

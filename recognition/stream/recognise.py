@@ -14,7 +14,7 @@ from analysis.signals.resampling import resample
 from common.channels import rod_column, sensor_column
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.innovations.bank import Bank
+from recognition.innovations.bank import TIME, Bank
 from recognition.innovations.coloured_noise import SensorNoise
 from recognition.innovations.prior import StonePrior
 from recognition.innovations.retuning import retuned, shifted
@@ -22,9 +22,9 @@ from recognition.innovations.signatures import LEAD, Channels
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import numbers
-from recognition.stream.checks import Checks, Mains, refuse_faulty, without_offset_and_hum
+from recognition.stream.checks import Checks, Mains, refuse_faulty, together, without_offset_and_hum
 from recognition.stream.decision import Followed, Stop
-from recognition.stream.listen import LOOK_BACK, Heard, Listener
+from recognition.stream.listen import LOOK_BACK, Heard, Listener, Sums
 from recognition.stream.search import Dictionary
 from recognition.stream.stones import UNKNOWN_ALL, Known, learnt_table
 
@@ -118,8 +118,8 @@ def hear(plate: PlateModel, channels: Channels, prior: StonePrior, values: Float
         raise RecognitionError(f"--silence {quiet_s:g}: must be from {QUIET_S:g} s to the length of the record")
     heard = [h for k in range(0, values.shape[1], ear.followed) for h in ear.hear(values[:, k:k + ear.followed])]
     heard += ear.end()
-    checks = Checks.of(ear.listener.total, heard, ear.noise.change, RATE_Hz)
-    return Hearing(heard, ear.prior, ear.plate, ear.noise, checks, ear.tapped, ear.hearing_s)
+    return Hearing(heard, ear.prior, ear.plate, ear.noise, ear.checks(ear.listener.total, heard), ear.tapped,
+                   ear.hearing_s)
 
 
 class Ear:
@@ -142,7 +142,7 @@ class Ear:
                                    f"less than {WAIT_S:g}")
         self.tapped = bool(plate.frequency_sd.min() <= LEAST_FREQUENCY_SD)  # some modes; others stay unknown
         self.retunes = bool(np.median(plate.frequency_sd) > LEAST_FREQUENCY_SD)
-        self.plate, self.channels, self.prior = plate, channels, prior.widened()
+        self.plate, self.channels, self.told, self.prior = plate, channels, prior, prior.widened()
         self.names = [plate.sensor_names[k] for k in channels.accelerometers]
         self.quiet, self.followed = round(quiet_s * RATE_Hz), round(FOLLOWED_S * RATE_Hz)
         self.values = np.zeros((len(self.names) + len(channels.rods), 0))  # which wait, from sample `first` on
@@ -170,6 +170,11 @@ class Ear:
             self.begins = self.values.shape[1]
             self._begin()
         return self._listened(ended=True)
+
+    def checks(self, sums: Sums, heard: Sequence[Heard]) -> Checks:
+        """Before a law is learnt, of what was heard in a part of a record."""
+        at_s = np.array([h.stone[TIME] for h in heard]) / RATE_Hz
+        return Checks(sums.unexplained, sums.gain, together(at_s), self.noise.change, self.unheard)
 
     def _wait(self) -> None:
         """For a stretch that is louder than the quiet. After WAIT_S the quiet is that before the last stretch."""
@@ -203,6 +208,7 @@ class Ear:
         bank = Bank.of(self.plate, self.channels, self.prior.forces, self.whitening, RATE_Hz)
         begin = self.quiet - LEAD - LOOK_BACK
         self.listener = Listener(bank, self.prior, Dictionary.of(bank, self.prior), self.first + begin)
+        self.unheard = self.listener.unheard(self.told)
         self.before, self.values, self.first = known[:, :begin], self.values[:, begin:], self.first + begin
         self.follows, self.loudest, self.lately = known.shape[1] - begin, abs(known).max(), list[Floats]()
 

@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.posterior import drawn
@@ -42,12 +41,11 @@ BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
 LUMPS, LUMP_SD = 0.03, 0.8  # share of stones of far another size, and the deviation of its logarithm
 OTHER_DENSITY = 1 / (3.0 * 12.0 * 6.0)  # of what is no such stone: log s, b and log J are anything
-FREEDOM = 6.0  # of the t distribution about a centre
 KNOWN = 0.95
 LEAST_APART = 0.15, 0.15  # of log J and log J - 3 log s: gangue of one size and speed pushes harder than coal
 CENTRE, APART, SCATTERS, GANGUE, BROKEN = slice(0, 3), slice(3, 6), slice(6, 10), 10, slice(11, 13)
 OTHERS, DROPPED, NUMBERS = 13, slice(14, 16), 16
-TAUGHT, STARTS, DRAWN = 200, 21, 48  # stones at most by which the law is learnt; laws
+TAUGHT, STARTS, DRAWN = 200, 21, 48  # stones by which the law is learnt, so many known and unknown at most; laws
 AT_ONCE = 16_000  # laws times stones, which stay in the processor's cache
 LEAST_ERROR = 1e-3  # of logarithms
 UNKNOWN = -1
@@ -81,12 +79,9 @@ class Told:
         return cls(x, error, known, dropped)
 
     def some(self, count: int) -> Told:
-        """At most so many, known ones half of them, evenly spread over time."""
-        if len(self.x) <= count:
-            return self
-        known, unknown = np.flatnonzero(self.known != UNKNOWN), np.flatnonzero(self.known == UNKNOWN)
-        known = known[_spread(len(known), count // 2)]
-        return self.only(np.r_[known, unknown[_spread(len(unknown), count - len(known))]])
+        """At most so many known ones and so many unknown ones, evenly spread over time."""
+        parts = (np.flatnonzero((self.known != UNKNOWN) == known) for known in (True, False))
+        return self.only(np.concatenate([part[_spread(len(part), count)] for part in parts]))
 
     def only(self, chosen: Integers) -> Told:
         """Some of the stones."""
@@ -186,9 +181,9 @@ class Beliefs:
         for m, sign in ((0, 1), (1, -1)):
             centre = (z[:, CENTRE] + m * z[:, APART]).T[..., None] + moved
             off, breaks = told.x.T[:, None] - centre, z[:, BROKEN][:, m, None]
-            stones = np.logaddexp(student(off, whole) - np.logaddexp(0, breaks),
-                                  student(off - self.shift[m][:, None, None], broken) - np.logaddexp(0, -breaks))
-            every = np.logaddexp(stones + np.log(1 - LUMPS), student(off, lumps) + np.log(LUMPS))
+            stones = np.logaddexp(normal(off, whole) - np.logaddexp(0, breaks),
+                                  normal(off - self.shift[m][:, None, None], broken) - np.logaddexp(0, -breaks))
+            every = np.logaddexp(stones + np.log(1 - LUMPS), normal(off, lumps) + np.log(LUMPS))
             share = np.where(unknown, -np.logaddexp(0, sign * p), np.log(np.where(told.known == m, KNOWN, 1 - KNOWN)))
             out[..., m] = every + share - np.logaddexp(0, others)
         out[..., 2] = np.log(OTHER_DENSITY) - np.logaddexp(0, -others)
@@ -234,7 +229,6 @@ class LearntLaw:
         error = told.error[rng.integers(len(told.error), size=count)]
         scatter = np.where(breaks[:, None, None], b.broken, b.whole) + _along(np.r_[np.exp(2 * z[SCATTERS]), 0]) + error
         off = np.einsum("nij,nj->ni", np.linalg.cholesky(scatter), rng.standard_normal((count, 3)))
-        off *= np.sqrt(FREEDOM / rng.chisquare(FREEDOM, count))[:, None]
         centre = z[CENTRE] + material * z[APART] + breaks[:, None] * b.shift[material]
         return Told(centre + off, error, np.full(count, UNKNOWN), np.zeros(count, dtype=bool))
 
@@ -292,14 +286,10 @@ def _root(c: Floats) -> tuple[Floats, ...]:
     return l00, l10, l11, l20, l21, np.sqrt(c[2, 2] - l20**2 - l21**2)
 
 
-_STUDENT = float(gammaln((FREEDOM + 3) / 2) - gammaln(FREEDOM / 2) - 1.5 * np.log(FREEDOM * np.pi))
-
-
-def student(off: Floats, root: tuple[Floats, ...]) -> Floats:
-    """Log density of a t distribution at deviations (3, ...) from its centre."""
+def normal(off: Floats, root: tuple[Floats, ...]) -> Floats:
+    """Log density of a normal distribution at deviations (3, ...) from its centre."""
     l00, l10, l11, l20, l21, l22 = root
     a = off[0] / l00
     b = (off[1] - l10 * a) / l11
     c = (off[2] - l20 * a - l21 * b) / l22
-    size = a * a + b * b + c * c
-    return np.asarray(_STUDENT - np.log(l00 * l11 * l22) - (FREEDOM + 3) / 2 * np.log1p(size / FREEDOM))
+    return np.asarray(-np.log(l00 * l11 * l22) - 1.5 * np.log(2 * np.pi) - (a * a + b * b + c * c) / 2)

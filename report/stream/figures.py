@@ -13,6 +13,7 @@ from common.scene.stones import KINDS
 from report.drawing.figure_spec import Drawn, figure
 from report.drawing.lines import envelope
 from report.drawing.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, canvas, legend_above, material_colour
+from report.missing import MissingResult
 from report.stream.results import HEARD_WINDOW_S, StreamResults
 
 POINTS = 2400  # of a curve
@@ -39,6 +40,20 @@ def heard(results: StreamResults) -> Drawn:
     axis.legend(ncols=2, loc="upper left")
     return figure, (f"{len(found.heard_s)} stones were heard, {len(fell_s)} touched the plate. "
                     f"The truth is within the interval at {found.covered:.0%} of the times.")
+
+
+@figure("stream-stop", "When to stop", "What is foreseen of an alarm: delay at the limit, false ones at half of it.")
+def stop(results: StreamResults) -> Drawn:
+    found = results.heard.stop
+    if found.empty:
+        raise MissingResult("`listen --stop-above` makes it")
+    figure, axes = canvas(1, height_in=2.6)
+    axis, chosen = axes[0, 0], found[found["chosen"]]
+    axis.plot(found["false_alarms_1_h"], found["delay_s"], ".-", color=ACCENT, label="thresholds")
+    axis.plot(chosen["false_alarms_1_h"], chosen["delay_s"], "o", color=GANGUE, label="chosen")
+    axis.set(xlabel="false alarms an hour", ylabel="delay, s", xscale="log", yscale="log")
+    axis.legend()
+    return figure
 
 
 @figure("stream-felt", "What the plate felt", "Fast stream. Ticks: first touch of each stone.")

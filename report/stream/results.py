@@ -3,7 +3,7 @@ it is asked for."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import get_args
 
@@ -26,11 +26,13 @@ HEARD_WINDOW_S, HEARD_STEP_S = 0.2, 0.01
 @dataclass(frozen=True)
 class HeardStream:
     """heard: a table of `sliding_ratio`, with `truth`, the share of gangue by mass in each window. heard_s: when stones
-    were heard; alarm_s: when drawing should have stopped."""
+    were heard; alarm_s: when drawing should have stopped; stop: what was foreseen of its thresholds, where it was
+    asked for."""
 
     heard: pd.DataFrame
     heard_s: np.ndarray
     alarm_s: np.ndarray
+    stop: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @property
     def covered(self) -> float:
@@ -117,7 +119,8 @@ class StreamResults:
         heard = sliding_ratio(stones, HEARD_WINDOW_S, HEARD_STEP_S, self.end_s)
         truth = [self.share(HEARD_WINDOW_S, t_s) for t_s in heard["t_s"]]
         return HeardStream(heard.assign(truth=truth), stones["t_s"].to_numpy(),
-                           stones["t_s"][stones.get("alarm", stones["t_s"] < 0)].to_numpy())
+                           stones["t_s"][stones.get("alarm", stones["t_s"] < 0)].to_numpy(),
+                           read_table(stop) if (stop := directory / "stop.parquet").is_file() else pd.DataFrame())
 
     def numbers(self) -> list[tuple[str, str]]:
         """Value and words of each number of the first screen."""

@@ -25,7 +25,7 @@ def test_mean_time_to_an_alarm_is_that_of_sums(share, threshold):
             total = max(0.0, total + rng.choice(gangue if rng.random() < share else coal))
             stones += 1
         counts.append(stones)
-    found = mean_stones(coal, gangue, share, threshold)
+    found = mean_stones(np.r_[coal, gangue], np.repeat([1 - share, share], 150) / 150, threshold)
     assert found == pytest.approx(np.mean(counts), abs=3 * np.std(counts) / 20 + 0.02 * found)
 
 
@@ -33,7 +33,7 @@ def test_what_hardly_ever_alarms_has_a_mean_time_of_its_own():
     """Four of five stones take away what the fifth gives: the linear system alone would give any number, or none below
     zero."""
     for threshold in (5.0, 16.0):
-        assert mean_stones(np.full(9, -0.5), np.full(9, 0.05), 0.2, threshold) == NEVER
+        assert mean_stones(np.array([-0.5, 0.05]), np.array([0.8, 0.2]), threshold) == NEVER
 
 
 def drawing(coal_first, shares, seed):
@@ -62,6 +62,15 @@ def test_too_few_known_stones_are_unsafe(seed):
     assert found.foreseen.unsafe and not found.alarm.any()
 
 
+def test_what_is_foreseen_is_that_of_known_stones():
+    """Coal that is said to be known and of which every other stone is gangue: no law has such coal, yet it would alarm."""
+    rng = np.random.default_rng(6)
+    told = told_of(fallen(np.arange(80) % 2 == 1, rng), np.r_[np.zeros(80, int)])
+    law = LearntLaw.of(drawing(60, np.full(60, 0.3), 4), PRIOR)
+    found = foreseen(law, told, STOP, 20.0, 0.005)
+    assert found.unsafe and found.false_alarms_1_h > 1
+
+
 def test_fewer_false_alarms_come_later():
     told = drawing(30, np.full(30, 0.3), 4)
     law = LearntLaw.of(told, PRIOR)
@@ -71,7 +80,7 @@ def test_fewer_false_alarms_come_later():
     rates = []
     for k in range(0, len(law.laws), 3):
         gains = [STOP.gain(doubted(law.materials(law.drawn(k, m, 150, told))[0], 0.005).mean(axis=1)) for m in (0, 1)]
-        rates.append(72_000 / mean_stones(*gains, 0.2, often.threshold))
+        rates.append(72_000 / mean_stones(np.r_[tuple(gains)], np.repeat([0.8, 0.2], 150) / 150, often.threshold))
     assert 0.6 <= np.mean(np.array(rates) < 11.0)  # of most laws, drawn anew
 
 

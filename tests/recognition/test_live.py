@@ -12,6 +12,7 @@ import pytest
 from lab.known_truth.simulated import draw_stones, stream_of
 from recognition.__main__ import main
 from recognition.stone_forces.forces import save_forces
+from recognition.stream.live import watched
 from recognition.stream.recognise import RATE_Hz
 from tests.recognition.elastic_stones import CHANNELS
 
@@ -103,9 +104,20 @@ def test_live_stones_are_those_of_the_file(drawing, names, capsys):
     assert all(heard_s[t_s] < events.index(last) for t_s in heard_s if t_s < last["t_s"])
 
 
+def test_a_terminal_shows_the_ratio_over_its_interval():
+    event = {"event": "ratio", "t_s": 1.25, "stones": 7, "low": 0.1, "ratio": 0.2, "high": 0.3}
+    assert watched(event) == f"     1.2 s .....=====#=====.{'.' * 34}  20% of 7 stones"
+    assert watched({"event": "alarm", "t_s": 2.0}) == "     2.0 s STOP"
+    assert watched({"event": "law", "t_s": 2.0, "unsafe": True}).endswith("too few known stones")
+    assert watched({"event": "stone", "t_s": 2.0}) == ""
+    assert watched(event | {"stones": 0, "ratio": np.nan}) == ""
+
+
 def test_another_plate_is_said_within_three_seconds(drawing, names, capsys):
     here, values, _ = drawing
     content = sent(values, {"rate_Hz": RATE_2_Hz, "channels": names[2:] + names[:2]})
+    code, events, _ = piped(capsys, here, content, "--watch")
+    assert code == 3 and [one["event"] for one in events] == ["NOT EXPLAINED"]
     code, events, _ = piped(capsys, here, content)
     assert code == 3 and events[-1]["event"] == "NOT EXPLAINED"
     assert next(one for one in events if one["event"] == "refused")["t_s"] < 3

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import multivariate_t
+from scipy.stats import multivariate_normal
 
 from common.tables import InputError
 from lab.streams.stone_kinds import ERROR, hertz
@@ -83,7 +83,7 @@ def test_density_of_a_stone_is_that_of_its_classes(prior):
             for m in (0, 1):
                 centre = law[CENTRE] + m * law[APART] + (law[DROPPED] @ DIRECTIONS[:2] if told.dropped[i] else 0)
                 breaks = 1 / (1 + np.exp(-law[BROKEN][m]))
-                naive = sum(share * multivariate_t(mean, shape + told.error[i], df=6).pdf(x[i]) for share, mean, shape in (
+                naive = sum(share * multivariate_normal(mean, shape + told.error[i]).pdf(x[i]) for share, mean, shape in (
                     (0.97 * (1 - breaks), centre, spread + beliefs.whole),
                     (0.97 * breaks, centre + beliefs.shift[m], spread + beliefs.broken),
                     (0.03, centre, spread + beliefs.whole + lump)))

@@ -86,6 +86,14 @@ def test_stones_of_another_size_are_heard(heard, plate, forces):
     assert surely_told(found.stones, stream.truth) >= 8
 
 
+def test_stones_too_weak_to_be_heard_are_told(heard, plate, forces):
+    """Of stones from 3 to 30 mm some are lost, which may be any share of gangue."""
+    stream, found = heard
+    assert found.checks.unheard < 1e-3
+    found = recognise_stream(plate, CHANNELS, StonePrior(forces, (0.003, 0.03), (2.0, 4.0)), stream.values)
+    assert "too weak to be heard" in found.refused and 0.1 < found.checks.unheard < 0.4
+
+
 def test_share_of_stones_that_arrive_at_once():
     """Against every pair of 300 arrivals in a second, and what Poisson's law says of stones that do not."""
     t_s = np.random.default_rng(6).uniform(0, 1, 300)

@@ -8,6 +8,7 @@ import pytest
 
 from analysis.sweep.runs import COLUMNS
 from report.missing import MissingResult
+from report.stream.figures import stop
 from report.stream.results import HEARD_WINDOW_S, HeardStream, StreamResults
 
 
@@ -35,6 +36,12 @@ def test_truth_is_the_share_by_mass_of_the_last_window(tmp_path):
     assert np.isnan(at[0.05]) and at[0.15] == 1.0 and at[0.25] == pytest.approx(0.75) and at[0.35] == 0.0
     assert found.heard_s.tolist() == found.alarm_s.tolist() == [0.1]
     assert HEARD_WINDOW_S == 0.2
+    with pytest.raises(MissingResult, match="--stop-above"):
+        stop.drawn(results)
+    pd.DataFrame({"threshold": [2.0, 4.0], "false_alarms_1_h": [9.0, 1.0], "delay_s": [2.0, 4.0],
+                  "chosen": [False, True]}).to_parquet(heard / "stop.parquet")
+    lines = stop.drawn(StreamResults(results.run))[0].axes[0].lines
+    assert [line.get_xydata().tolist() for line in lines] == [[[9.0, 2.0], [1.0, 4.0]], [[1.0, 4.0]]]
     pd.DataFrame({"ratio": [np.nan]}).to_parquet(heard / "ratio.parquet")
     with pytest.raises(MissingResult, match="did not trust"):
         _ = StreamResults(results.run).heard
