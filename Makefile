@@ -72,7 +72,7 @@ accuracy: setup  ## error against run time, and what each part of a scene costs,
 # Simulated sensors have no noise, and `listen` refuses a record without: 20 dB below the signal, always the same.
 define NOISY
 import sys, numpy, pandas
-from recognition.evaluation.cross_validation import with_noise
+from recognition.estimation.noise import with_noise
 with_noise(pandas.read_parquet(sys.argv[1]), 20.0, numpy.random.default_rng(1)).to_parquet(sys.argv[2])
 endef
 export NOISY

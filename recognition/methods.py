@@ -12,11 +12,11 @@ from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.regression.feature_regression import FeatureRegression
 
 METHODS: Registry = {
-    "fusion_q": MethodEntry("Q polynomial", FusionQ, gives_interval=False),
-    "energy_fusion_as_published": MethodEntry(
-        "energy fusion as published", lambda: FusionPipeline(Fusion("energy"), as_published()), gives_interval=False),
-    "energy_fusion_modified": MethodEntry(
-        "energy fusion, modified", lambda: FusionPipeline(Fusion("energy"), modified()), gives_interval=False),
+    "fusion_q": MethodEntry("Q polynomial", FusionQ),
+    "energy_fusion_as_published": MethodEntry("energy fusion as published",
+                                              lambda: FusionPipeline(Fusion("energy"), as_published())),
+    "energy_fusion_modified": MethodEntry("energy fusion, modified",
+                                          lambda: FusionPipeline(Fusion("energy"), modified())),
     "arrangement_likelihood": MethodEntry("likelihood of arrangements", ArrangementLikelihood, seeks_impact=True,
                                           told=True),
     "energies_sensors": MethodEntry("energies of four accelerometers", partial(FeatureRegression, "energies_sensors")),

@@ -286,11 +286,11 @@ def digits(value: float) -> str:
 
 def _held_out(results: SweepResults) -> Number:
     """Return the error of the method that answers most runs, trained on the other ratios."""
-    from report.recognition.results import HELD_OUT, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
+    from report.recognition.results import HELD_OUT, LEADING_METHODS, MODEL_METHODS
 
     words = "mean error of the ratio, trained on the other ratios"
     try:
-        leading = results.recognition.leading_of((*MODEL_METHODS_WITH_INTERVAL, *MODEL_METHODS))
+        leading = results.recognition.leading_of((*LEADING_METHODS, *MODEL_METHODS))
         error = np.abs(results.recognition.errors_points(HELD_OUT, leading))
     except MISSING_RESULT as reason:
         return Number("-", f"{words}: {reason}")

@@ -14,7 +14,7 @@ import zlib
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -93,7 +93,8 @@ def plan_dataset(path: Path, runs: int | None = None) -> list[DatasetRun]:
         raise InputError(f"--runs = {runs}: must be at least 1")
     plan = check(DatasetPlan, read_toml(path), path)
     families: dict[str, Family | StreamFamily] = {**plan.families, **plan.streams}
-    count = {name: _groups(family, runs) for name, family in families.items()}
+    count = {name: family.groups if runs is None else min(family.groups, -(-runs // family.runs_per_group))
+             for name, family in families.items()}
     groups = [(group, name) for name in families for group in range(count[name])]
     planned = []
     for group, name in sorted(groups, key=lambda g: (g[0] + 0.5) / count[g[1]]):
@@ -122,12 +123,6 @@ def _of_volley(path: Path, plan: DatasetPlan, name: str, family: Family, group: 
         drawn["stones.seed"] = _shared_packing(plan.packings, plan.seed, name, group)
     return [changed_scene(scene_file, drawn | {"stones.gangue_ratio": ratio})
             for ratio in _ratios(name, family, count, group, plan.seed)]
-
-
-def _groups(family: Family | StreamFamily, runs: int | None) -> int:
-    """How many groups of a family are run."""
-    of_a_group = family.runs_per_group if isinstance(family, Family) else 1
-    return family.groups if runs is None else min(family.groups, -(-runs // of_a_group))
 
 
 def _count(scene: Scene) -> int:
@@ -213,6 +208,7 @@ class StreamFamily(Table):
     """What its groups vary; a key that is absent leaves the scene as it is. Every group has a seed of its own, so that
     sizes, places, times and packings differ."""
 
+    runs_per_group: ClassVar[int] = 1
     scene: str  # file, beside the plan: one with a rate in stones.drawn
     groups: Annotated[int, Field(ge=1)]
     stones: Annotated[int, Field(ge=1, le=MOST_STONES)]  # of a run; the stream lasts as long as its rate makes it

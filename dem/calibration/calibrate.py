@@ -23,7 +23,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
@@ -62,8 +62,8 @@ STEP = 0.12                # of a strength: so near the law of proportion holds
 STRENGTH_ROUNDS = 6
 FIRST_PACKINGS = 4
 POWERS = (0.3, 1.2)
-# Files in ROCK.partial, in a directory for each kind of test; "elastic" was one of earlier versions.
-AT_WORK = re.compile(r"(elastic|Brazilian|compression|tension)/(deck\.liggghts|atoms\.data|events\.csv|view\.dump"
+# Files in ROCK.partial, in a directory for each kind of test.
+AT_WORK = re.compile(r"(Brazilian|compression|tension)/(deck\.liggghts|atoms\.data|events\.csv|view\.dump"
                      r"|(bonds|agglomerates|load)\.txt|engine\.(out|log)|log\.liggghts)")
 FITTED = ("bond_modulus_Pa", "stiffness_ratio", "volumetric_ratio", "tensile_strength_Pa", "shear_strength_Pa")
 
@@ -104,14 +104,6 @@ def fracture_energy(target: TargetTable, modulus_Pa: float, nu: float) -> float 
     if toughness is not None:
         crack = toughness**2 * (1 - nu**2) / modulus_Pa
     return None if crack is None else _rounded(crack / CRACK_AREA)
-
-
-class Strengths(Protocol):
-    """What can find the strengths of a rock, or stand for it."""
-
-    def strengths(self, stage: str, kind: str, rock: Rock, seeds: range) -> np.ndarray:
-        """(seeds,) in Pa."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -270,7 +262,7 @@ def fit_stiffness(scene: Scene, material: str, target: TargetTable, laboratory: 
     return replace(rock, bond_modulus_Pa=_rounded(rock.bond_modulus_Pa * modulus_Pa / reached))
 
 
-def fit_strengths(rock: Rock, target: TargetTable, laboratory: Strengths, seeds: range) -> Rock:
+def fit_strengths(rock: Rock, target: TargetTable, laboratory: _Laboratory, seeds: range) -> Rock:
     """The tensile strength of the bonds by the Brazilian test, which is deaf to their shear strength, and then that one
     by compression. A last step below STEP is not tested again.
 

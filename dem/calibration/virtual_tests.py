@@ -25,15 +25,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import jinja2
 import numpy as np
 
 from dem.coupling.launch import engine_error, engine_running
-from dem.deck.render import TEMPLATES
+from dem.deck.render import template
 from dem.deck.time_step import BOND_FRACTION
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import PLATEN_GAP, Bonds, bond_network
-from dem.stones.packing import CylinderContainer, Packing, pack_cylinder
+from dem.stones.packing import CylinderContainer, Packing, pack
 from dem.stones.substance import flaw_factors
 
 TRANSITS = 100          # of a sound wave through the specimen while it is strained by `failure_strain`
@@ -41,7 +40,6 @@ AVERAGE_STEPS = 50      # over which a recorded load is averaged
 CHECKS = 200            # looks at the load, at most; 20 of them up to `failure_strain`
 CONFINED_CHECKS = 40    # where the load need not fall: up to twice that strain
 LOADED_HALF_ANGLE_rad = np.radians(15.0)  # alpha of the Brazilian test
-UNBREAKABLE_Pa = 1e30
 GRIP = 1.5              # mean diameters
 DROP = 0.15             # of the load at which a disc has split
 # Of the largest load: below, a test ends. Compression may rise again; a disc that has split, and a specimen that is
@@ -135,7 +133,7 @@ class LoadHistory:
 
 def compression_specimen(radius_m: float, count: int, seed: int) -> Specimen:
     """Cylinder of height 4 `radius_m` (slenderness 2) pressed along its axis; `count` sub-spheres."""
-    packing = pack_cylinder(radius_m, 4 * radius_m, count, seed)
+    packing = pack(CylinderContainer(radius_m, 4 * radius_m), count, seed)
     z, reach = packing.center_m[:, 2], (1 + PLATEN_GAP) * packing.radius_m
     return Specimen("compression", packing, bond_network(packing), 2, lower=z - reach < -2 * radius_m,
                     upper=z + reach > 2 * radius_m, seed=seed)
@@ -144,7 +142,7 @@ def compression_specimen(radius_m: float, count: int, seed: int) -> Specimen:
 def brazilian_specimen(radius_m: float, count: int, seed: int) -> Specimen:
     """Disc as thick as `radius_m`, pressed along x. Held is what touches the rim within the loaded
     arcs."""
-    packing = pack_cylinder(radius_m, radius_m, count, seed)
+    packing = pack(CylinderContainer(radius_m, radius_m), count, seed)
     x, y, _ = packing.center_m.T
     at_rim = np.hypot(x, y) + (1 + PLATEN_GAP) * packing.radius_m > radius_m
     near = at_rim & (np.abs(y) < radius_m * np.sin(LOADED_HALF_ANGLE_rad))
@@ -166,28 +164,18 @@ def strength_test(directory: Path, specimen: Specimen, rock: Rock, failure_strai
     is pressed up to twice that strain. Raises RuntimeError if the engine fails or a specimen without it still holds at
     ten times that strain.
     """
-    checks = CONFINED_CHECKS if confining_Pa else CHECKS
-    record = run_test(directory, specimen, rock, Procedure(failure_strain, checks, confining_Pa=confining_Pa,
-                                                           until=ENDS[specimen.kind]))
+    record = run_test(directory, specimen, rock, failure_strain, CONFINED_CHECKS if confining_Pa else CHECKS,
+                      ENDS[specimen.kind], confining_Pa)
     if not record.has_failed and not confining_Pa:  # a confined specimen may flow
         raise RuntimeError(f"{directory}: the specimen did not fail within 10 times the strain {failure_strain:g}")
     return record
 
 
-@dataclass(frozen=True)
-class Procedure:
-    """How a specimen is pressed: at the speed that reaches `strain` after TRANSITS transits of a sound wave, for
-    `checks` twentieths of that time. `dumped`: the positions of its sub-spheres are written."""
-
-    strain: float
-    checks: int
-    breakable: bool = True
-    dumped: bool = False
-    confining_Pa: float = 0.0
-    until: float = 0.5  # of the largest load: below, the test ends
-
-
-def run_test(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedure) -> LoadHistory:
+def run_test(directory: Path, specimen: Specimen, rock: Rock, strain: float, checks: int = CHECKS, until: float = 0.5,
+             confining_Pa: float = 0.0, dumped: bool = False) -> LoadHistory:
+    """Press a specimen at the speed that reaches `strain` after TRANSITS transits of a sound wave, for `checks`
+    twentieths of that time, or until the load is below the share `until` of its peak. `dumped`: the positions of its
+    sub-spheres are written. Raises RuntimeError if the engine fails."""
     directory.mkdir(parents=True, exist_ok=True)
     mass = _mass_kg(specimen, rock)
     bond_time = _bond_time_s(specimen, rock, mass)
@@ -195,40 +183,37 @@ def run_test(directory: Path, specimen: Specimen, rock: Rock, procedure: Procedu
     time = TRANSITS * height * np.sqrt(rock.density_kg_m3 / rock.bond_modulus_Pa)
     check_steps = AVERAGE_STEPS * int(np.ceil(time / (20 * AVERAGE_STEPS * BOND_FRACTION * bond_time)))
     dt = time / (20 * check_steps)
-    speed = (-0.5 if specimen.is_pulled else 0.5) * procedure.strain * height / time  # of each platen
+    speed = (-0.5 if specimen.is_pulled else 0.5) * strain * height / time  # of each platen
     _write(directory, specimen, mass, specimen.strength_factors(rock))
-    values = dict(vars(rock))
-    if not procedure.breakable:
-        values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa, "tan_friction": 0.0,
-                   "pressure_strengthening": 0.0, "fracture_energy_J_m2": None}
     axis = specimen.axis
-    (directory / "deck.liggghts").write_text(_template().render(
-        **values, volumetric_modulus_Pa=rock.volumetric_ratio * rock.bond_modulus_Pa,
-        confining=_confining(specimen, procedure, check_steps), pulled=specimen.is_pulled, until=procedure.until,
+    (directory / "deck.liggghts").write_text(template("virtual_test.liggghts.j2").render(
+        **vars(rock), volumetric_modulus_Pa=rock.volumetric_ratio * rock.bond_modulus_Pa,
+        confining=_confining(specimen, confining_Pa, check_steps), pulled=specimen.is_pulled, until=until,
         kind=specimen.kind, name=directory.name, dt_s=repr(float(dt)),
         skin_m=0.9 * 2 * (1 / CONTACT_RADIUS_RATIO - 1) * CONTACT_RADIUS_RATIO * specimen.packing.radius_m.min(),
         youngs_modulus_Pa=rock.contact_modulus_Pa, poisson_ratio=rock.contact_poisson_ratio,
         damping_time_s=2 * rock.damping_ratio * bond_time,
         axis="xyz"[axis], column=axis + 1, held=" ".join("0.0" if k == axis else "NULL" for k in range(3)),
         speed_m_s=speed, half_size_m=specimen.half_size_m, average_steps=AVERAGE_STEPS, check_steps=check_steps,
-        checks=procedure.checks, dump_steps=check_steps if procedure.dumped else None))
+        checks=checks, dump_steps=check_steps if dumped else None))
     _engine(directory)
     step, load = np.loadtxt(directory / "load.txt", ndmin=2).T
     middle = step - 0.5 * (AVERAGE_STEPS - 1)  # of the steps that were averaged
-    _check(bool(np.all(np.isfinite(load))), f"{directory}: a load is no number")
+    if not np.all(np.isfinite(load)):
+        raise RuntimeError(f"{directory}: a load is no number")
     return LoadHistory(middle * dt * 2 * abs(speed) / height, load / specimen.loaded_area_m2,
                        splits=specimen.kind == "Brazilian")
 
 
-def _confining(specimen: Specimen, procedure: Procedure, check_steps: int) -> dict[str, float] | None:
+def _confining(specimen: Specimen, confining_Pa: float, check_steps: int) -> dict[str, float] | None:
     """Of the pressure on the side: the radius beyond which it finds centres, force over their radius squared, steps."""
-    if not procedure.confining_Pa:
+    if not confining_Pa:
         return None
     radius, cylinder = specimen.packing.radius_m, specimen.packing.container
     assert isinstance(cylinder, CylinderContainer)
     inner = cylinder.radius_m - (1 + PLATEN_GAP) * radius.max()
     side = np.hypot(*specimen.packing.center_m[:, :2].T) > inner
-    force = procedure.confining_Pa * 2 * np.pi * cylinder.radius_m * cylinder.length_m
+    force = confining_Pa * 2 * np.pi * cylinder.radius_m * cylinder.length_m
     return {"inner_radius_m": float(inner), "steps": round(CONFINING_RAMP * 20 * check_steps),
             "force_N_m2": float(force / ((CONTACT_RADIUS_RATIO * radius[side]) ** 2).sum())}
 
@@ -238,19 +223,8 @@ def _engine(directory: Path) -> None:
         (directory / name).unlink(missing_ok=True)
     with engine_running(directory) as engine:
         code = engine.wait()
-    printed = (directory / "engine.out").read_text(errors="replace")
-    _check(code == 0 and "end of test" in printed, f"{directory}: LIGGGHTS stopped: {engine_error(directory)}")
-
-
-def _check(holds: bool, message: str) -> None:
-    if not holds:
-        raise RuntimeError(message)
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
-                                     keep_trailing_newline=True)
-    return environment.get_template("virtual_test.liggghts.j2")
+    if code != 0 or "end of test" not in (directory / "engine.out").read_text(errors="replace"):
+        raise RuntimeError(f"{directory}: LIGGGHTS stopped: {engine_error(directory)}")
 
 
 def _mass_kg(specimen: Specimen, rock: Rock) -> np.ndarray:

@@ -84,8 +84,7 @@ def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
     rows = []
     for surface, stone in zip(assembly.surfaces, assembly.stones, strict=True):
         radius = stone.radius_m
-        rows.append([radius, PATCH_RADIUS * radius, *laws[stone.substance], surface.first.normal_m_N,
-                     surface.other.normal_m_N, surface.first.tangential_m_N, surface.other.tangential_m_N])
+        rows.append([radius, PATCH_RADIUS * radius, *laws[stone.substance], *surface.compliance_m_N.T.ravel()])
     return np.array(rows, dtype=float)
 
 

@@ -65,10 +65,14 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     return digest.hexdigest()[:16]
 
 
+def template(name: str) -> jinja2.Template:
+    """One of those of decks."""
+    return jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
+                              keep_trailing_newline=True).get_template(name)
+
+
 def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     """The text of the deck."""
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
-                                     keep_trailing_newline=True)
     types: list[Substance | str] = [*assembly.substances, PLATE]
     stones_meet = _stones_meet(scene, assembly)
     contacts = [_contact(scene, a, b, stones_meet) for a in types for b in types]
@@ -77,7 +81,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
     free_flight = _free_flight(scene, assembly, step)
     skin = skin_m(assembly, knows_bodies=free_flight is not None)
-    return environment.get_template("deck.liggghts.j2").render(
+    return template("deck.liggghts.j2").render(
         name=scene.name,
         stones=_describe(scene, assembly),
         plate=scene.plate.model,

@@ -111,14 +111,10 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "gangue_ratio_by_mass": share("mass"),
         "materials": assembly.stone_materials,
         "versions": versions(),
-        "stones": _drawn(prepared) if scene.scatter.drawn else None,
+        "stones": {name: values.tolist() for name, values in stones_given(scene, assembly).items()
+                   } if scene.scatter.drawn else None,
         "seeds": [stone.seed for stone in assembly.stones] if assembly.n_bonds else [],
     }
-
-
-def _drawn(prepared: PreparedRun) -> dict[str, Any]:
-    """Columns of stones.parquet that say what each stone is."""
-    return {name: values.tolist() for name, values in stones_given(prepared.scene, prepared.assembly).items()}
 
 
 def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:

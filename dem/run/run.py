@@ -169,19 +169,16 @@ def _run_in(work: RunDirectory, deck_hash: str, start: EngineStart, prepared: Pr
     if start.resume_step:
         resumed_at_s = work.note_resumed(start.resume_step * prepared.step.dt_s)
         plate.restore(start.deck, start.resume_step, start.identity)
-    progress = Progress(f"{scene.name} {_ratio(prepared):4.0%}", scene.time.duration_s, show_progress,
-                        [stone.arrival_s for stone in prepared.assembly.stones])
+    stones = list(prepared.assembly.stones)
+    ratio = ratio_of(scene, stones, prepared.assembly.stone_mass_kg)
+    progress = Progress(f"{scene.name} {ratio:4.0%}", scene.time.duration_s, show_progress,
+                        [stone.arrival_s for stone in stones])
     with stages("engine and plate"):
         simulate(prepared, start, plate, progress)
     with stages("output"):
         results = write_results(work.file, start.deck, prepared, plate)
     return RunSummary(**summary_of(prepared, plate, results), deck_hash=deck_hash, wall_time_s=stages.wall_time_s,
                       resumed_at_s=resumed_at_s)
-
-
-def _ratio(prepared: PreparedRun) -> float:
-    assembly = prepared.assembly
-    return ratio_of(prepared.scene, list(assembly.stones), assembly.stone_mass_kg)
 
 
 def _working_files(prepared: PreparedRun) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,7 +49,9 @@ def simulate(prepared: PreparedRun, start: EngineStart, plate: PlateOfRun, progr
                 plate.take_part(start.deck, watchdog, lambda dem_step: progress(dem_step * prepared.step.dt_s),
                                 start.identity)
             except CouplingError as error:
-                if _exit_code(engine) not in (None, 0):
+                with suppress(subprocess.TimeoutExpired):  # pipes of an engine close a moment before it is gone
+                    engine.wait(timeout=5)
+                if engine.returncode:
                     _check_not_stopped(prepared, start.deck, engine.returncode)
                     raise RunError(f"LIGGGHTS stopped: {engine_error(start.deck)}") from error
                 raise
@@ -58,14 +61,6 @@ def simulate(prepared: PreparedRun, start: EngineStart, plate: PlateOfRun, progr
         progress.end()
     _check_not_stopped(prepared, start.deck, engine.returncode)
     _check_finished(prepared, start.deck, engine.returncode)
-
-
-def _exit_code(engine: subprocess.Popen[bytes]) -> int | None:
-    """The exit code of an engine that has fallen silent: its pipes close a moment before it is gone."""
-    try:
-        return engine.wait(timeout=5)
-    except subprocess.TimeoutExpired:
-        return None
 
 
 def _check_not_stopped(prepared: PreparedRun, deck: Path, code: int) -> None:

@@ -47,12 +47,20 @@ def _on_side(point: np.ndarray, p: np.ndarray, q: np.ndarray) -> np.ndarray:
     return p + share[:, None] * (q - p)
 
 
+def sides_of(triangle: np.ndarray) -> np.ndarray:
+    """(3 t, 2) of triangles (t, 3), each from corner to corner as the triangle is turned."""
+    return np.vstack([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]])
+
+
+def is_open(sides: np.ndarray) -> bool:
+    """Does a side not belong to two triangles?"""
+    return bool(np.any(np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)[1] != 2))
+
+
 def fault_of(corner: np.ndarray, triangle: np.ndarray) -> str | None:
-    """Why a surface of triangles bounds no solid, or None: each side must belong to two triangles that are turned the
-    same way, and no triangle may cut another one."""
-    sides = np.vstack([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]])
-    if np.any(np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)[1] != 2):
-        return "must hold a closed surface: an edge does not belong to two triangles"
+    """Why a closed surface of triangles bounds no solid, or None: they must all be turned the same way, and none may
+    cut another one."""
+    sides = sides_of(triangle)
     if len(np.unique(sides, axis=0)) < len(sides):
         return "must hold a closed surface whose triangles are all turned the same way"
     cut = _first_cut(corner, triangle, sides[sides[:, 0] < sides[:, 1]])
@@ -100,7 +108,6 @@ class MeshContainer:
     corners: tuple[tuple[float, float, float], ...]
     triangles: tuple[tuple[int, int, int], ...]
     volume_m3: float
-    pressed_axes = ()
 
     @cached_property
     def _corner(self) -> np.ndarray:

@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from common.scene.stones import ShapeTable
 from common.tables import InputError, refuse_unreadable
-from dem.shapes.mesh import fault_of, winding_number
+from dem.shapes.mesh import fault_of, is_open, sides_of, winding_number
 
 SPREAD_TURNS = 5          # of the repulsion between the corners
 CONVEX_TOLERANCE = 0.01   # of the size: the deepest dent of what is taken to be its hull
@@ -121,8 +121,7 @@ def _from_file(file: Path) -> Solid:
         raise InputError(f"{file}: must hold a closed surface of triangles")
     point, same = np.unique(np.round(mesh.points, 12), axis=0, return_inverse=True)
     triangle = same.ravel()[triangle]
-    edges = np.sort(np.vstack([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]]), axis=1)
-    if np.any(np.unique(edges, axis=0, return_counts=True)[1] != 2):
+    if is_open(sides_of(triangle)):
         raise InputError(f"{file}: must hold a closed surface: an edge does not belong to two triangles")
     try:
         hull = ConvexHull(point)

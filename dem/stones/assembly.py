@@ -20,7 +20,7 @@ from dem.shapes.solids import Solid, solid_of
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import StoneSurface
 from dem.stones.faces import FaceColumns, face_columns
-from dem.stones.library import REFERENCE_RADIUS_m, packed_solid, packed_sphere, scaled_packing, surface_of
+from dem.stones.library import REFERENCE_RADIUS_m, packed, scaled_packing, surface_of
 from dem.stones.packing import Packing, SphereContainer
 from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
 from dem.stones.substance import Substance, flaw_factors
@@ -168,13 +168,11 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
     Packings come from the library in `cache_dir`, if that is given. Raises Refused, a key of `stones.agglomerate`,
     where sub-spheres are too few for a smooth contact.
     """
-    one = _at_reference_size(scene, stone, cache_dir)
-    packing, network, surface = one.scaled(stone.radius_m)
-    strength = stone.strength_factor * _flaws(scene, stone, packing, network)
-    faces = None if one.faces is None else one.faces.scaled(stone.radius_m / REFERENCE_RADIUS_m)
-    if stone.attitude != UPRIGHT and len(network):
-        packing, network, surface = turned(stone.attitude, packing, network, surface)
-        faces = None if faces is None else faces.turned(_matrix(stone.attitude))
+    one = _at_reference_size(scene, stone, cache_dir).scaled(stone.radius_m)
+    strength = stone.strength_factor * _flaws(scene, stone, one.packing, one.bonds)
+    if stone.attitude != UPRIGHT and len(one.bonds):
+        one = one.turned(stone.attitude)
+    packing, network, surface, faces = one.packing, one.bonds, one.surface, one.faces
     radius = CONTACT_RADIUS_RATIO * packing.radius_m if len(network) else packing.radius_m
     lowest = (packing.center_m[:, 2] - radius).min() if surface is None else -stone.radius_m
     if faces is not None:
@@ -198,21 +196,6 @@ def _flaws(scene: Scene, stone: Stone, packing: Packing, network: Bonds) -> np.n
 def density_kg_m3(scene: Scene, stone: Stone) -> float:
     """Of a stone, by its material and its own factor."""
     return scene.materials[stone.material].density_kg_m3 * stone.density_factor
-
-
-def _matrix(attitude: tuple[float, float, float, float]) -> np.ndarray:
-    return np.asarray(Rotation.from_quat(np.roll(attitude, -1)).as_matrix())
-
-
-def turned(attitude: tuple[float, float, float, float], packing: Packing, bonds: Bonds,
-           surface: StoneSurface | None) -> tuple[Packing, Bonds, StoneSurface | None]:
-    """The same stone turned by a quaternion (w, x, y, z). The patch about its new lowest point has the mean compliance
-    of patches elsewhere."""
-    turn = _matrix(attitude).T
-    packing, bonds = replace(packing, center_m=packing.center_m @ turn), replace(bonds, vector_m=bonds.vector_m @ turn)
-    if surface is not None:
-        surface = replace(surface, place_m=packing.center_m, first=surface.other)
-    return packing, bonds, surface
 
 
 def _all_parts(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None,
@@ -259,8 +242,8 @@ def assemble(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None = Non
 
 
 @dataclass(frozen=True)
-class _ReferenceStone:
-    """A stone of the library's size about its own centre: packing, bonds, and its surface where it touches smoothly."""
+class _StoneAlone:
+    """A stone about its own centre: packing, bonds, and its surface where it touches smoothly."""
 
     packing: Packing
     bonds: Bonds
@@ -268,39 +251,52 @@ class _ReferenceStone:
     mass_share: np.ndarray | None = None  # (n,) of the stone's mass; None: by volume
     faces: FaceColumns | None = None      # where it touches with them
 
-    def scaled(self, radius_m: float) -> tuple[Packing, Bonds, StoneSurface | None]:
-        """The same at another size. A bond network of one material is the softer, the smaller it is."""
-        size, surface = radius_m / REFERENCE_RADIUS_m, self.surface
+    def scaled(self, radius_m: float) -> _StoneAlone:
+        """From the library's size. A bond network of one material is the softer, the smaller it is."""
+        size, surface, faces = radius_m / REFERENCE_RADIUS_m, self.surface, self.faces
         bonds = replace(self.bonds, vector_m=size * self.bonds.vector_m, radius_m=size * self.bonds.radius_m)
         if surface is not None:
             surface = replace(surface.scaled(1 / size), place_m=size * surface.place_m)
-        return scaled_packing(self.packing, radius_m), bonds, surface
+        return _StoneAlone(scaled_packing(self.packing, radius_m), bonds, surface, self.mass_share,
+                           None if faces is None else faces.scaled(size))
+
+    def turned(self, attitude: tuple[float, float, float, float]) -> _StoneAlone:
+        """By a quaternion (w, x, y, z). The patch about its new lowest point has the mean compliance of patches
+        elsewhere."""
+        matrix = np.asarray(Rotation.from_quat(np.roll(attitude, -1)).as_matrix())
+        surface, faces = self.surface, self.faces
+        packing = replace(self.packing, center_m=self.packing.center_m @ matrix.T)
+        if surface is not None:
+            surface = replace(surface, place_m=packing.center_m, compliance_m_N=surface.compliance_m_N[[1, 1]])
+        return _StoneAlone(packing, replace(self.bonds, vector_m=self.bonds.vector_m @ matrix.T), surface,
+                           self.mass_share, None if faces is None else faces.turned(matrix))
 
 
-def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _ReferenceStone:
+def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _StoneAlone:
     """What the stone is made of; an unbonded sphere has no bonds."""
     table = scene.stones.agglomerate
     if table is None:
         none, radius = np.zeros(0, dtype=int), REFERENCE_RADIUS_m
         one = Packing(np.zeros((1, 3)), np.array([radius]), SphereContainer(radius))
-        return _ReferenceStone(one, Bonds(none, none, np.zeros((0, 3)), np.zeros(0)), None)
+        return _StoneAlone(one, Bonds(none, none, np.zeros((0, 3)), np.zeros(0)), None)
     if stone.shape != SPHERE:
         shape = scene.shapes[stone.shape]
         packing, network = _packed(table.subspheres, stone.seed, cache_dir, shape)
         faces = _faces(table.subspheres, stone.seed, cache_dir, shape) if table.contact == "faces" else None
-        return _ReferenceStone(packing, network, None, mass_shares(packing, solid_of(shape, stone.seed)), faces)
+        return _StoneAlone(packing, network, None, mass_shares(packing, solid_of(shape, stone.seed)), faces)
     packing, network = _packed(table.subspheres, stone.seed, cache_dir, None)
     surface = _surface(scene, packing, network, stone, cache_dir) if scene.has_smooth_contact else None
-    return _ReferenceStone(packing, network, surface)
+    return _StoneAlone(packing, network, surface)
 
 
 @lru_cache(maxsize=128)
 def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTable | None) -> tuple[Packing, Bonds]:
-    packing = packed_sphere(REFERENCE_RADIUS_m, subspheres, seed, cache_dir) if shape is None else packed_solid(
-        solid_of(shape, seed), subspheres, seed, cache_dir)
+    packing = packed(None if shape is None else solid_of(shape, seed), subspheres, seed, cache_dir)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
-    if shape is None:
+    if shape is None:  # the sphere that it stands for is about its centre of mass: no push on it turns the stone
+        share = packing.radius_m**3 / (packing.radius_m**3).sum()
+        packing = replace(packing, center_m=packing.center_m - share @ packing.center_m)
         return packing, bond_network(packing)
     if isinstance(packing.container, MeshContainer) and not packing.container.contains(packing.center_m).all():
         raise Refused("subspheres", subspheres, "must be more, so that they stay within the surface of their shape")

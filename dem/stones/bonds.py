@@ -20,7 +20,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import cg
 
-from dem.stones.packing import Packing, SphereContainer, near_pairs
+from dem.stones.packing import CylinderContainer, Packing, SphereContainer, near_pairs
 
 GAP_TOLERANCE = 0.2  # of the sum of the two radii
 LEAST_BONDS = 3      # that hold a sub-sphere against any force
@@ -53,26 +53,21 @@ class Bonds:
         return len(self.first)
 
 
-def bond_network(packing: Packing, gap_tolerance: float = GAP_TOLERANCE, radius_ratio: float = 1.0) -> Bonds:
-    """Bond every two sub-spheres with a gap of at most `gap_tolerance` times the sum of their radii.
+def bond_network(packing: Packing) -> Bonds:
+    """Bond every two sub-spheres with a gap of at most GAP_TOLERANCE times the sum of their radii.
 
-    The bond's radius is `radius_ratio` times the smaller of the two. A sub-sphere left with fewer than three bonds
-    gets its nearest unbonded neighbours, by gap over sum of radii, until it has three (or all there are).
-
-    Raises ValueError for a negative tolerance or a radius ratio that is not positive, and where the network falls
-    into separate pieces.
+    The bond's radius is the smaller of the two. A sub-sphere left with fewer than three bonds gets its nearest unbonded
+    neighbours, by gap over sum of radii, until it has three (or all there are). Raises ValueError where the network
+    falls into separate pieces.
     """
-    if not gap_tolerance >= 0 or not radius_ratio > 0:
-        raise ValueError(f"gap_tolerance = {gap_tolerance}, radius_ratio = {radius_ratio}: must be >= 0 and > 0")
     n = len(packing.radius_m)
-    pairs = _with_least_bonds(packing, near_pairs(packing.center_m, packing.radius_m, gap_tolerance))
+    pairs = _with_least_bonds(packing, near_pairs(packing.center_m, packing.radius_m, GAP_TOLERANCE))
     pieces = fragments(n, pairs[:, 0], pairs[:, 1], np.ones(len(pairs), dtype=bool)).max() + 1
     if pieces > 1:
-        raise ValueError(f"the bonds leave {n} sub-spheres in {pieces} separate pieces: gap_tolerance = "
-                         f"{gap_tolerance} must be larger")
+        raise ValueError(f"the bonds leave {n} sub-spheres in {pieces} separate pieces")
     first, second = pairs.T
     return Bonds(first, second, packing.center_m[second] - packing.center_m[first],
-                 radius_ratio * np.minimum(packing.radius_m[first], packing.radius_m[second]))
+                 np.minimum(packing.radius_m[first], packing.radius_m[second]))
 
 
 def _with_least_bonds(packing: Packing, pairs: np.ndarray) -> np.ndarray:
@@ -166,8 +161,8 @@ def network_stiffness(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffne
     matrix = stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio, volumetric_ratio)
     if isinstance(packing.container, SphereContainer):
         return _sphere_stiffness(packing, matrix)
-    results = [_uniaxial_test(packing, matrix, axis) for axis in packing.container.pressed_axes]
-    return NetworkStiffness(*np.array(results).T)
+    axes = (2,) if isinstance(packing.container, CylinderContainer) else (0, 1, 2)
+    return NetworkStiffness(*np.array([_uniaxial_test(packing, matrix, axis) for axis in axes]).T)
 
 
 def _uniaxial_test(packing: Packing, matrix: csr_matrix, axis: int) -> tuple[float, float]:

@@ -39,19 +39,6 @@ OTHER_AXES = np.array([np.roll([0.0, a, b * (1 + 5**0.5) / 2], k) for k in range
 OTHER_AXES /= np.linalg.norm(OTHER_AXES[0])
 
 
-@dataclass(frozen=True)
-class PatchCompliance:
-    """Compression of the bond network per force on the patch, m/N: `normal` to the surface, and `tangential` to it, the
-    mean of two directions."""
-
-    normal_m_N: float
-    tangential_m_N: float
-
-    def scaled(self, factor: float) -> PatchCompliance:
-        """Both times a factor."""
-        return PatchCompliance(factor * self.normal_m_N, factor * self.tangential_m_N)
-
-
 def _sphere_radius_m(packing: Packing) -> float:
     assert isinstance(packing.container, SphereContainer)
     return packing.container.radius_m
@@ -79,8 +66,10 @@ def patch_weights(packing: Packing, axis: np.ndarray) -> np.ndarray:
 
 
 def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffness_ratio: float,
-                     axes: np.ndarray, volumetric_ratio: float = 0.0) -> list[PatchCompliance]:
-    """Of each of the `axes` (k, 3), unit vectors outwards; modulus and ratios are those of the bonds."""
+                     axes: np.ndarray, volumetric_ratio: float = 0.0) -> np.ndarray:
+    """(k, 2) compression of the bond network per force on the patch about each of the `axes` (k, 3), unit vectors
+    outwards, m/N: normal to the surface, and along it, the mean of two directions. Modulus and ratios are of the bonds.
+    """
     network = _FreeNetwork(packing, stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio,
                                                      volumetric_ratio))
     found = []
@@ -89,35 +78,33 @@ def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffnes
         lever = (_sphere_radius_m(packing) - packing.center_m @ axis)[:, None] * axis
         directions = np.linalg.svd(axis[None])[2]  # the axis (or its opposite), and two across it
         normal, *across = (network.compliance_m_N(weight, direction, lever) for direction in directions)
-        found.append(PatchCompliance(normal, float(np.mean(across))))
-    return found
+        found.append([normal, np.mean(across)])
+    return np.array(found)
 
 
 @dataclass(frozen=True)
 class StoneSurface:
     """What the smooth contact needs of a stone of n sub-spheres.
 
-    `place_m` (n, 3) from the stone's centre, `is_surface` (n,) bool; the compliance of the patch about the stone's
-    lowest point at the start, and the mean over patches elsewhere.
+    `place_m` (n, 3) from the stone's centre, `is_surface` (n,) bool; `compliance_m_N` (2, 2), normal to the surface and
+    along it, of the patch about the stone's lowest point at the start, and the mean over patches elsewhere.
     """
 
     place_m: np.ndarray
     is_surface: np.ndarray
-    first: PatchCompliance
-    other: PatchCompliance
+    compliance_m_N: np.ndarray
 
     def scaled(self, factor: float) -> StoneSurface:
         """With compliances times a factor."""
-        return replace(self, first=self.first.scaled(factor), other=self.other.scaled(factor))
+        return replace(self, compliance_m_N=factor * self.compliance_m_N)
 
 
 def stone_surface(packing: Packing, bonds: Bonds, bond: BondTable) -> StoneSurface:
     """The surface of one stone. Raises ValueError where a patch has too few sub-spheres."""
-    first, *others = patch_compliance(packing, bonds, bond.youngs_modulus_Pa, bond.stiffness_ratio,
-                                      np.vstack([FIRST_AXIS, OTHER_AXES]), bond.volumetric_ratio)
-    other = PatchCompliance(float(np.mean([c.normal_m_N for c in others])),
-                            float(np.mean([c.tangential_m_N for c in others])))
-    return StoneSurface(packing.center_m, is_surface(packing), first, other)
+    found = patch_compliance(packing, bonds, bond.youngs_modulus_Pa, bond.stiffness_ratio,
+                             np.vstack([FIRST_AXIS, OTHER_AXES]), bond.volumetric_ratio)
+    mean = [each.mean() for each in found[1:].T]
+    return StoneSurface(packing.center_m, is_surface(packing), np.array([found[0], mean]))
 
 
 class _FreeNetwork:

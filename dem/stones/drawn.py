@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -28,96 +29,67 @@ ONE, NOTHING = one_value(1.0), one_value(0.0)
 def drawn_stones(scene: Scene, file: str) -> list[Stone]:
     """The stones of `stones.drawn`, by the time of arrival. Raises InputError where they find no place, or are too
     many."""
-    table = scene.stones.drawn
+    table, seed = scene.stones.drawn, scene.stones.seed
     assert table is not None
-    draw = _Draws(scene, table)
-    size_m = draw.sizes_m(_count(scene, table, file, draw))
-    gangue = draw.gangue(size_m)
-    count = len(size_m)
-    arrival_s, speed, spin = draw.arrivals_s(count), draw.speeds_m_s(count), draw.spins_rad_s(count)
-    (seed, attitude), shape = shared_packings(scene, count), draw.shapes(count)
-    down = scene.down
+    rng = partial(_rng, seed)
+    size_m = table.size_m.draw(_count(scene, table, file), rng("size"))
+    gangue, count = _gangue(scene, table, size_m), len(size_m)
+    arrival_s = np.sort(table.arrival_s.draw(count, rng("arrival")))
+    fall = table.speed_m_s or table.drop_height_m
+    assert fall is not None
+    speed = fall.draw(count, rng("speed"))
+    if table.speed_m_s is None:
+        speed = np.sqrt(2 * scene.time.gravity_m_s2 * speed)
+    of_spin = rng("spin")
+    axis = of_spin.normal(size=(count, 3))
+    spin = table.spin_rad_s.draw(count, of_spin)[:, None] * axis / np.linalg.norm(axis, axis=1)[:, None]
+    packing, attitude = shared_packings(scene, count)
+    shape = rng("shape").integers(len(table.shapes), size=count)
     stones = [Stone(material=GANGUE if gangue[k] else COAL, radius_m=float(size_m[k]) / 2,
-                    place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in down),  # type: ignore[arg-type]
-                    seed=seed[k], gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
+                    place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in scene.down),  # type: ignore[arg-type]
+                    seed=packing[k], gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
                     spin_rad_s=tuple(spin[k].tolist()), attitude=attitude[k],
-                    shape=shape[k]) for k in range(count)]
-    return _placed(scene, stones, table, _rng(scene, "place"), file)
+                    shape=table.shapes[shape[k]]) for k in range(count)]
+    return _placed(scene, stones, table, rng("place"), file)
 
 
 def shared_packings(scene: Scene, count: int) -> tuple[list[int], list[tuple[float, float, float, float]]]:
     """Seeds and attitudes of so many stones that share PACKINGS packings, turned at random."""
-    packing = _rng(scene, "packing").integers(PACKINGS, size=count)
-    turns = Rotation.random(count, random_state=_rng(scene, "attitude")).as_quat().tolist()
-    return (scene.stones.seed + packing).tolist(), [(w, x, y, z) for x, y, z, w in turns]
+    seed = scene.stones.seed
+    packing = _rng(seed, "packing").integers(PACKINGS, size=count)
+    turns = Rotation.random(count, random_state=_rng(seed, "attitude")).as_quat().tolist()
+    return (seed + packing).tolist(), [(w, x, y, z) for x, y, z, w in turns]
 
 
-def _rng(scene: Scene, quantity: str) -> np.random.Generator:
+def _rng(seed: int, *quantity: str) -> np.random.Generator:
     """Random numbers of one quantity alone."""
-    return np.random.default_rng([scene.stones.seed, zlib.crc32(quantity.encode())])
+    return np.random.default_rng([seed, *(zlib.crc32(word.encode()) for word in quantity)])
 
 
-class _Draws:
-    """Draws each quantity from its own random stream."""
+def _gangue(scene: Scene, table: DrawnTable, size_m: np.ndarray) -> np.ndarray:
+    """(count,) bool: which stones are gangue. In a random order, each one is that fits below the mixing ratio, and then
+    the one more that brings the share nearest to it, if any does."""
+    ratio, count = scene.stones.gangue_ratio, len(size_m)
+    assert ratio is not None
+    order = _rng(scene.stones.seed, "material").permutation(count)
+    gangue, coal = (np.ones(count) if table.gangue_by == "number" else size_m**3 * scene.materials[name].density_kg_m3
+                    for name in (GANGUE, COAL))
+    which, of_gangue, of_coal = np.zeros(count, dtype=bool), 0.0, float(coal.sum())
 
-    def __init__(self, scene: Scene, table: DrawnTable):
-        self._scene, self._table = scene, table
+    def share_with(k: int) -> float:
+        more = of_gangue + float(gangue[k])
+        return more / (more + max(0.0, of_coal - float(coal[k])))
 
-    def sizes_m(self, count: int) -> np.ndarray:
-        """(count,) diameters."""
-        return self._table.size_m.draw(count, _rng(self._scene, "size"))
-
-    def gangue(self, size_m: np.ndarray) -> np.ndarray:
-        """(count,) bool: which stones are gangue. In a random order, each one is that fits below the mixing
-        ratio, and then the one more that brings the share nearest to it, if any does."""
-        stones, count = self._scene.stones, len(size_m)
-        order = _rng(self._scene, "material").permutation(count)
-        if self._table.gangue_by == "number":
-            gangue = coal = np.ones(count)
-        else:
-            gangue, coal = (size_m**3 * self._scene.materials[name].density_kg_m3 for name in (GANGUE, COAL))
-        which, of_gangue, of_coal = np.zeros(count, dtype=bool), 0.0, float(coal.sum())
-        assert stones.gangue_ratio is not None
-
-        def share_with(k: int) -> float:
-            more = of_gangue + float(gangue[k])
-            return more / (more + max(0.0, of_coal - float(coal[k])))
-
-        for k in order:
-            if share_with(k) <= stones.gangue_ratio + 1e-12:
-                which[k], of_gangue, of_coal = True, of_gangue + float(gangue[k]), max(0.0, of_coal - float(coal[k]))
-        left, ratio = [k for k in order if not which[k]], stones.gangue_ratio
-        if left:
-            best = min(left, key=lambda k: abs(share_with(k) - ratio))
-            now = of_gangue / (of_gangue + of_coal)
-            which[best] = abs(share_with(best) - ratio) < abs(now - ratio)
-        return which
-
-    def arrivals_s(self, count: int) -> np.ndarray:
-        """(count,) ascending."""
-        return np.sort(self._table.arrival_s.draw(count, _rng(self._scene, "arrival")))
-
-    def speeds_m_s(self, count: int) -> np.ndarray:
-        """(count,) at the touch."""
-        if self._table.speed_m_s is not None:
-            return self._table.speed_m_s.draw(count, _rng(self._scene, "speed"))
-        assert self._table.drop_height_m is not None
-        height_m = self._table.drop_height_m.draw(count, _rng(self._scene, "speed"))
-        return np.sqrt(2 * self._scene.time.gravity_m_s2 * height_m)
-
-    def spins_rad_s(self, count: int) -> np.ndarray:
-        """(count, 3), axes evenly spread."""
-        rng = _rng(self._scene, "spin")
-        axis = rng.normal(size=(count, 3))
-        return self._table.spin_rad_s.draw(count, rng)[:, None] * axis / np.linalg.norm(axis, axis=1)[:, None]
-
-    def shapes(self, count: int) -> list[str]:
-        """(count,) names."""
-        names = self._table.shapes
-        return [names[k] for k in _rng(self._scene, "shape").integers(len(names), size=count)]
+    for k in order:
+        if share_with(k) <= ratio + 1e-12:
+            which[k], of_gangue, of_coal = True, of_gangue + float(gangue[k]), max(0.0, of_coal - float(coal[k]))
+    if left := [k for k in order if not which[k]]:
+        best = min(left, key=lambda k: abs(share_with(k) - ratio))
+        which[best] = abs(share_with(best) - ratio) < abs(of_gangue / (of_gangue + of_coal) - ratio)
+    return which
 
 
-def _count(scene: Scene, table: DrawnTable, file: str, draw: _Draws) -> int:
+def _count(scene: Scene, table: DrawnTable, file: str) -> int:
     """How many stones. A stream by mass goes on until its mass has been drawn."""
     if table.count is not None:
         return table.count
@@ -131,7 +103,8 @@ def _count(scene: Scene, table: DrawnTable, file: str, draw: _Draws) -> int:
         coal, gangue = (materials[name].density_kg_m3 for name in (COAL, GANGUE))
         density = 1 / (ratio / gangue + (1 - ratio) / coal) if table.gangue_by == "mass" else (
             ratio * gangue + (1 - ratio) * coal)
-        mass = np.cumsum(density * np.pi / 6 * draw.sizes_m(MOST_STONES + 1) ** 3)
+        size_m = table.size_m.draw(MOST_STONES + 1, _rng(scene.stones.seed, "size"))
+        mass = np.cumsum(density * np.pi / 6 * size_m**3)
         count = int(np.abs(mass - table.rate_kg_s * table.lasts_s).argmin()) + 1
         key = f"rate_kg_s = {table.rate_kg_s:g}"
     if not 1 <= count <= MOST_STONES:
@@ -175,9 +148,10 @@ def _footprint(scene: Scene, stones: list[Stone], table: DrawnTable, where: str)
 def scattered(scene: Scene, stones: list[Stone], file: str) -> list[Stone]:
     """The stones with what they have of their own. Raises InputError where they find no place."""
     table, count = scene.scatter, len(stones)
+    rng = partial(_rng, scene.stones.seed if table.seed is None else table.seed, "scatter")
 
     def drawn(key: str, otherwise: Distribution) -> list[float]:
-        return (getattr(table, key) or otherwise).draw(count, _scatter_rng(scene, key)).tolist()
+        return (getattr(table, key) or otherwise).draw(count, rng(key)).tolist()
 
     own = zip(stones, *(drawn(key, ONE) for key in ("radius_factor", "density_factor", "youngs_modulus_factor",
                                                     "strength_factor", "speed_factor")),
@@ -191,17 +165,12 @@ def scattered(scene: Scene, stones: list[Stone], file: str) -> list[Stone]:
     if len({stone.substance for stone in stones}) > MOST_SUBSTANCES:
         raise InputError(f"{file}: scatter: {count} stones of as many moduli or restitutions; must be at most "
                          f"{MOST_SUBSTANCES}, each of which is a type of particle")
-    return stones if table.place_m is None else _moved(scene, stones, table.place_m, file)
+    return stones if table.place_m is None else _moved(scene, stones, table.place_m, rng("place_m"), file)
 
 
-def _scatter_rng(scene: Scene, quantity: str) -> np.random.Generator:
-    seed = scene.stones.seed if scene.scatter.seed is None else scene.scatter.seed
-    return np.random.default_rng([seed, zlib.crc32(b"scatter"), zlib.crc32(quantity.encode())])
-
-
-def _moved(scene: Scene, stones: list[Stone], disc_m: float, file: str) -> list[Stone]:
+def _moved(scene: Scene, stones: list[Stone], disc_m: float, rng: np.random.Generator, file: str) -> list[Stone]:
     """Each stone somewhere in a disc about its place, where it is wholly above the plate and meets none that flies."""
-    half, rng = np.array([scene.plate.length_m, scene.plate.width_m]) / 2, _scatter_rng(scene, "place_m")
+    half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
     flying, moved = Flying(scene), dict[int, Stone]()
     for k in np.argsort([stone.arrival_s for stone in stones], kind="stable").tolist():
         for _ in range(PLACE_TRIES):

@@ -15,31 +15,21 @@ from common.scene.scene import BondTable
 from dem.shapes.mesh import MeshContainer
 from dem.shapes.solids import Solid
 from dem.stones.bonds import Bonds
-from dem.stones.contact_patch import PatchCompliance, StoneSurface, is_surface, stone_surface
-from dem.stones.packing import ConvexContainer, Packing, SphereContainer, pack, pack_sphere
+from dem.stones.contact_patch import StoneSurface, is_surface, stone_surface
+from dem.stones.packing import Container, ConvexContainer, Packing, SphereContainer, pack, pack_sphere
 
 CODE = Path(__file__)
-SIZE_RATIO = 1.5  # of the sub-spheres, as in a sphere
 REFERENCE_RADIUS_m = 0.025  # with which a packing is kept; all sizes are alike
 
 
-def packed_sphere(radius_m: float, count: int, seed: int, cache_dir: Path | None) -> Packing:
-    """As `pack_sphere`, from the library in `cache_dir` if it is there; without a directory it is packed."""
+def packed(solid: Solid | None, count: int, seed: int, cache_dir: Path | None) -> Packing:
+    """In a solid of the volume of the reference sphere, or as `pack_sphere` in that sphere itself; from the library in
+    `cache_dir` if it is there. Without a directory it is packed."""
+    container: Container = SphereContainer(REFERENCE_RADIUS_m) if solid is None else (
+        container_of(solid).in_units(1 / REFERENCE_RADIUS_m))
 
     def find() -> dict[str, np.ndarray]:
-        packing = pack_sphere(REFERENCE_RADIUS_m, count, seed)
-        return {"center_m": packing.center_m, "radius_m": packing.radius_m}
-
-    kept = cached(cache_dir, "packing", key_of(CODE, "sphere", REFERENCE_RADIUS_m, count, seed), find)
-    return scaled_packing(Packing(kept["center_m"], kept["radius_m"], SphereContainer(REFERENCE_RADIUS_m)), radius_m)
-
-
-def packed_solid(solid: Solid, count: int, seed: int, cache_dir: Path | None) -> Packing:
-    """A packing in a solid of the volume of the reference sphere, see `packed_sphere`."""
-    container = container_of(solid).in_units(1 / REFERENCE_RADIUS_m)
-
-    def find() -> dict[str, np.ndarray]:
-        packing = pack(container, count, seed, SIZE_RATIO)
+        packing = pack_sphere(REFERENCE_RADIUS_m, count, seed) if solid is None else pack(container, count, seed)
         return {"center_m": packing.center_m, "radius_m": packing.radius_m}
 
     kept = cached(cache_dir, "packing", key_of(CODE, container, count, seed), find)
@@ -66,11 +56,10 @@ def surface_of(packing: Packing, bonds: Bonds, bond: BondTable, cache_dir: Path 
     """As `stone_surface`; the compliances, which take longest, come from the library if they are there."""
 
     def find() -> dict[str, np.ndarray]:
-        surface = stone_surface(packing, bonds, bond)
-        return {"compliance_m_N": np.array([[c.normal_m_N, c.tangential_m_N] for c in (surface.first, surface.other)])}
+        return {"compliance_m_N": stone_surface(packing, bonds, bond).compliance_m_N}
 
     key = key_of(CODE, packing.container, packing.center_m.tobytes(), packing.radius_m.tobytes(), bonds.first.tobytes(),
                  bonds.second.tobytes(), bonds.radius_m.tobytes(), bond.youngs_modulus_Pa, bond.stiffness_ratio,
                  bond.volumetric_ratio)
-    first, other = cached(cache_dir, "surface", key, find)["compliance_m_N"].tolist()
-    return StoneSurface(packing.center_m, is_surface(packing), PatchCompliance(*first), PatchCompliance(*other))
+    kept = cached(cache_dir, "surface", key, find)
+    return StoneSurface(packing.center_m, is_surface(packing), kept["compliance_m_N"])

@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from dem.shapes.mesh import MeshContainer
 
 OVERLAP_TOLERANCE = 1e-3  # largest overlap of the result, relative to the sum of the two radii
+SIZE_RATIO = 1.5  # of the largest radius to the smallest; radii are evenly spread between
 PRESSURES = (1e-1, 1e-2, 1e-3, 3e-4)
 SKIN = 0.3  # of the neighbour list, in mean radii
 TOUCHING = 5e-3  # gap below which sub-spheres count as touching, relative to the sum of their radii (a wall has none)
@@ -35,7 +36,6 @@ class SphereContainer:
     """A sphere about the origin."""
 
     radius_m: float
-    pressed_axes = (0, 1, 2)  # along which platens can press it
 
     @property
     def volume_m3(self) -> float:
@@ -63,7 +63,6 @@ class CylinderContainer:
 
     radius_m: float
     length_m: float
-    pressed_axes = (2,)
 
     @property
     def volume_m3(self) -> float:
@@ -96,7 +95,6 @@ class ConvexContainer:
     faces: tuple[tuple[float, float, float, float], ...]
     extent_m: tuple[float, float, float]  # largest |x|, |y|, |z|
     volume_m3: float
-    pressed_axes = ()
 
     @property
     def half_size_m(self) -> np.ndarray:
@@ -138,25 +136,11 @@ class Packing:
         return _wall_distances(self.container, self.center_m).min(axis=1) - self.radius_m
 
 
-def pack_sphere(radius_m: float, count: int, seed: int, size_ratio: float = 1.5) -> Packing:
-    """A random dense packing of `count` sub-spheres in a sphere, turned so that sub-spheres touch both poles
-    (z = -radius_m to the overlap tolerance, z = +radius_m nearly).
-
-    `size_ratio` is the largest over the smallest radius, radii evenly spread between. One sub-sphere fills the
-    container. The same arguments give the same packing on the same kind of machine and library versions; elsewhere
-    round-off leads to another packing of the same quality.
-
-    Raises ValueError for a radius that is not positive, a count below 1, or a size_ratio outside 1..3.
-    """
-    packing = pack(SphereContainer(radius_m), count, seed, size_ratio)
-    if count == 1:
-        return packing
-    return replace(packing, center_m=_touch_the_poles(packing))
-
-
-def pack_cylinder(radius_m: float, length_m: float, count: int, seed: int, size_ratio: float = 1.5) -> Packing:
-    """As `pack_sphere`, in a cylinder along z about the origin."""
-    return pack(CylinderContainer(radius_m, length_m), count, seed, size_ratio)
+def pack_sphere(radius_m: float, count: int, seed: int) -> Packing:
+    """`pack` in a sphere, turned so that sub-spheres touch both poles (z = -radius_m to the overlap tolerance,
+    z = +radius_m nearly)."""
+    packing = pack(SphereContainer(radius_m), count, seed)
+    return packing if count == 1 else replace(packing, center_m=_touch_the_poles(packing))
 
 
 def near_pairs(center_m: np.ndarray, radius_m: np.ndarray, gap_tolerance: float) -> np.ndarray:
@@ -169,14 +153,16 @@ def near_pairs(center_m: np.ndarray, radius_m: np.ndarray, gap_tolerance: float)
     return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
-def pack(container: Container, count: int, seed: int, size_ratio: float) -> Packing:
-    """A random dense packing in a container, see `pack_sphere`."""
+def pack(container: Container, count: int, seed: int) -> Packing:
+    """A random dense packing of `count` sub-spheres in a container; one of them fills it.
+
+    The same arguments give the same packing on the same kind of machine and library versions; elsewhere round-off leads
+    to another packing of the same quality. Raises ValueError for a size that is not positive or a count below 1.
+    """
     if not np.all(np.isfinite(container.half_size_m) & (container.half_size_m > 0)):
         raise ValueError(f"the size of {container} must be positive")
     if count < 1:
         raise ValueError(f"count = {count}: must be at least 1")
-    if not 1 <= size_ratio <= 3:
-        raise ValueError(f"size_ratio = {size_ratio}: must be from 1 to 3")
     if count == 1:
         return Packing(np.zeros((1, 3)), np.array([container.half_size_m.min()]), container)
     # First by the largest size, so that a packing does not depend on its size even in round-off; then in units of the
@@ -185,7 +171,7 @@ def pack(container: Container, count: int, seed: int, size_ratio: float) -> Pack
     shape = container.in_units(size_m)
     unit = (shape.volume_m3 / (4 / 3 * np.pi * count)) ** (1 / 3)
     rng = np.random.default_rng(seed)
-    size = rng.permutation(np.linspace(1.0, size_ratio, count))
+    size = rng.permutation(np.linspace(1.0, SIZE_RATIO, count))
     swelling = _Swelling(shape.in_units(unit), size / (size**3).mean() ** (1 / 3), rng)
     for pressure in PRESSURES:
         swelling.minimise(pressure)

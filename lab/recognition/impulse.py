@@ -12,13 +12,10 @@ property of the plate is needed. J_s does not depend on where the stones fall, o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
-from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.window import channels_of
 
@@ -26,39 +23,18 @@ from recognition.estimation.window import channels_of
 #: noise.
 AVERAGED_S = (0.75e-3, 3e-3)
 
-#: Samples between two values of the balance, to tell noise of the velocity from noise of the rods.
-LAG = 10
 
-
-@dataclass(frozen=True)
-class Impulse:
-    """J_s, and its standard error from the noise of the sensors alone."""
-
-    impulse_N_s: float
-    standard_error_N_s: float
-
-
-def impulse(signals: pd.DataFrame) -> Impulse:
+def impulse_N_s(signals: pd.DataFrame) -> float:
     """Of a record with columns t_s, v_m_s and rod_*. RecognitionError for missing ones, or a record that is too short
     or at rest."""
     rods_N, (v_m_s,) = channels_of(signals, "rods"), channels_of(signals, "centre")[:1]
     t_s = signals["t_s"].to_numpy(dtype=float) - float(signals["t_s"].iloc[0])
     start, end = np.searchsorted(t_s, AVERAGED_S)
-    if len(t_s) < max(end, start + LAG + 2):
+    if len(t_s) < max(end, start + 2):
         raise RecognitionError(f"the record is shorter than {AVERAGED_S[1]:g} s")
     carried_N_s, v = np.asarray(cumulative_trapezoid(rods_N.sum(axis=0), t_s, initial=0))[start:], v_m_s[start:]
     swing = v - v.mean()
     if swing @ swing <= 0:
         raise RecognitionError("the record is at rest")
     mass_kg = -(swing @ carried_N_s) / (swing @ swing)
-    balance = -(carried_N_s + mass_kg * v)
-    return Impulse(float(balance[:end - start].mean()), _standard_error(balance, start, end - start))
-
-
-def _standard_error(balance: Floats, before: int, count: int) -> float:
-    """Of the mean of the first `count` values, `before` samples after the record's start. Noise of the rods' forces,
-    summed up, is a random walk, that of the velocity is white: (y_(k+m) - y_k)^2 is m walk + 2 white on average."""
-    near, far = (np.mean((balance[lag:] - balance[:-lag]) ** 2) for lag in (1, LAG))
-    walk = max(0.0, float(far - near) / (LAG - 1))
-    white = max(0.0, float(near - walk) / 2)
-    return float(np.sqrt(walk * (before + (count - 1) / 3) + white / count))
+    return float(-(carried_N_s + mass_kg * v)[:end - start].mean())

@@ -29,25 +29,25 @@ from recognition.stone_forces.forces import History
 
 STEP_s, SAMPLE, FORCES_s = 5e-6, 30, 0.014  # SAMPLE: steps of a row of signals.parquet
 NEAR = 12  # histories among which one is drawn
-OTHER_ROCK = "other_rock"
+OF_THE_ROCK = tuple(name for name in SETS if name != "other_rock")
 
 
 @cache
-def known(gangue: bool) -> list[History]:
-    return [one for name in SETS if name != OTHER_ROCK for one in histories(name) if one.gangue == gangue]
+def known(gangue: bool, sets: tuple[str, ...]) -> list[History]:
+    return [one for name in sets for one in histories(name) if one.gangue == gangue]
 
 
-def near(gangue: bool, radius_m: float, speed_m_s: float, seed: int) -> History:
+def near(gangue: bool, radius_m: float, speed_m_s: float, seed: int, sets: tuple[str, ...]) -> History:
     """A stone of the engine whose size and speed are near."""
-    every = known(gangue)
+    every = known(gangue, sets)
     far = [np.log(one.radius_m / radius_m) ** 2 + np.log(one.speed_m_s / speed_m_s) ** 2 for one in every]
     return every[int(np.random.default_rng([seed, gangue]).choice(np.argsort(far)[:NEAR]))]
 
 
-def force_of(scene: Scene, stone: Stone, steps: int) -> np.ndarray:
-    """(steps,) in N. Hertz: duration ~ R (rho/E*)^(2/5) v^(-1/5), impulse ~ rho R^3 v (1 + e)."""
+def force_of(scene: Scene, stone: Stone, steps: int, sets: tuple[str, ...] = OF_THE_ROCK) -> np.ndarray:
+    """(steps,) in N, by a history of one of the sets. Hertz: duration ~ R (rho/E*)^(2/5) v^(-1/5), impulse ~ rho R^3 v (1 + e)."""
     gangue = scene.kind_of(stone.material) == "gangue"
-    one = near(gangue, stone.radius_m, stone.speed_m_s, stone.seed)
+    one = near(gangue, stone.radius_m, stone.speed_m_s, stone.seed, sets)
     material, plate = scene.materials[stone.material], scene.plate
 
     def modulus(youngs_modulus_Pa: float) -> float:
@@ -62,6 +62,10 @@ def force_of(scene: Scene, stone: Stone, steps: int) -> np.ndarray:
     total = np.concatenate([[0.0], np.cumsum(one.force_N) * one.step_s])  # impulse up to the end of each step
     ends_s = np.arange(steps + 1) * STEP_s - stone.arrival_s
     return more * np.diff(np.interp(ends_s / longer, np.arange(total.size) * one.step_s, total)) / STEP_s
+
+
+def mass_kg(scene: Scene, stone: Stone) -> float:
+    return 4 / 3 * np.pi * stone.radius_m**3 * stone.density_factor * scene.materials[stone.material].density_kg_m3
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,7 @@ def write(planned: DatasetRun, directory: Path) -> dict[str, object]:
         velocity = np.array([stone.velocity_m_s for stone in stones])
         pd.DataFrame({
             "stone": np.arange(1, len(stones) + 1), "kind": [scene.kind_of(stone.material) for stone in stones],
-            "radius_m": [stone.radius_m for stone in stones], "arrival_s": [stone.arrival_s for stone in stones],
+            "radius_m": [stone.radius_m for stone in stones], "mass_kg": [mass_kg(scene, stone) for stone in stones], "arrival_s": [stone.arrival_s for stone in stones],
             "impulse_Ns": force.sum(axis=1) * STEP_s, "peak_force_N": force.max(axis=1),
             **{f"{name}_{axis}_m{unit}": values[:, k] for name, values, unit in (
                 ("place", place, ""), ("first", place, ""), ("velocity", velocity, "_s"))

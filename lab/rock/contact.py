@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 from dem.stones import assembly
-from dem.stones.library import packed_sphere
+from dem.stones.library import packed
 from dem.stones.packing import Packing
 from lab.rock.stone import PAIRS, RIGID, SCENES
 from lab.study import Row
@@ -86,11 +86,11 @@ def strike_turned(case: Case, seed: int, turn: int) -> dict[str, float]:
     turned = Rotation.random(random_state=100 * seed + turn) if turn else Rotation.identity()
 
     def pack(*given: Any) -> Packing:
-        packing = packed_sphere(*given)
+        packing = packed(*given)
         return replace(packing, center_m=turned.apply(packing.center_m))
 
     assembly._packed.cache_clear()  # it knows packings by their seed, and not how they are turned
-    with patch.object(assembly, "packed_sphere", pack):
+    with patch.object(assembly, "packed", pack):
         return strike(case, seed, {"subspheres": case.subspheres, "unbreakable": True, "contact": "smooth"})
 
 

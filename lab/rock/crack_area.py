@@ -18,8 +18,6 @@ import pandas as pd
 
 from common.tables import read_toml
 from dem.calibration.virtual_tests import (
-    CHECKS,
-    Procedure,
     Rock,
     Specimen,
     brazilian_specimen,
@@ -63,7 +61,7 @@ def fracture_test(directory: Path, specimen: Specimen, rock: Rock, failure_strai
 
     Raises RuntimeError if the engine fails or the specimen has not parted at ten times `failure_strain`.
     """
-    record = run_test(directory, specimen, rock, Procedure(failure_strain, CHECKS, until=PARTED))
+    record = run_test(directory, specimen, rock, failure_strain, until=PARTED)
     if record.stress_Pa[-1] > 2 * PARTED * record.stress_Pa.max():
         raise RuntimeError(f"{directory}: the specimen has not parted within 10 times the strain {failure_strain:g}")
     return float(np.trapezoid(record.stress_Pa, record.strain)) * 2 * specimen.half_size_m

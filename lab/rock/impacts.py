@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import interp1d
 
 from common.scene.file import OF_A_MATERIAL
+from common.scene.scene import changed_scene
 from common.tables import read_toml
 from dem.deck.plausible import CRITICAL_SPEED
 from lab.rock.stone import SCENES, strike
@@ -66,8 +68,10 @@ def breakage_size_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
 ROCKS = {"coal": "coal", "hard_coal": "coal", "gangue": "gangue", "soft_coal": "coal"}  # with what they stand for
 COHERENT = "soft_coal"  # whose elastic constants and strengths are of one table, with flaws
 AREAS_cm2 = (100, 200)  # of which the speed is sought
+LOWER = 0.9  # of the least area: so far the first line goes on
 SLOW_m_s = 3.0  # at which few stones break: here each has a strength of its own, as in natural.toml
-RESTITUTIONS = {True: (0.8, 0.9, 1.0), False: (0.9,)}
+RESTITUTION = 0.9
+OTHERS = (0.8, 1.0)  # restitutions, of the fewest sub-spheres
 
 
 def of_rock(rock: str) -> dict[str, Any]:
@@ -76,15 +80,15 @@ def of_rock(rock: str) -> dict[str, Any]:
     return {f"materials.{ROCKS[rock]}": {key: table[key] for key in OF_A_MATERIAL if key in table}}
 
 
-def breakage_mesh(out: Path, packings: int = 6, counts: tuple[int, ...] = (500, 1000, 2000),
+def breakage_mesh(out: Path, packings: int = 24, counts: tuple[int, ...] = (500, 1000, 2000),
                   speeds: tuple[float, ...] = (SLOW_m_s, 4.2, 5.0, 6.0)) -> Iterator[Row]:
-    """Numbers of sub-spheres, of a coal with flaws; a seed has the same flaws at each. At the second speed, of the
-    fewest, other restitutions too."""
+    """Numbers of sub-spheres, of a coal with flaws; a seed has the same flaws at each. Of the fewest, other restitutions
+    too."""
     strength = read_toml(SCENES / "natural.toml")["scatter"]["strength_factor"]
     for k in range(packings):
         for speed in speeds:
             for count in counts:
-                for restitution in RESTITUTIONS[(speed, count) == (speeds[1], counts[0])]:
+                for restitution in (RESTITUTION, *(OTHERS if speed > SLOW_m_s and count == counts[0] else ())):
                     changes = of_rock(COHERENT) | {
                         "stones.agglomerate.subspheres": count, "stones.agglomerate.contact": "smooth",
                         "stones.seed": FIRST_SEED + 10 * k, "stones.speed_m_s": speed,
@@ -96,14 +100,22 @@ def breakage_mesh(out: Path, packings: int = 6, counts: tuple[int, ...] = (500, 
 
 
 def breakage_mesh_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
-    """`at_N_cm2_m_s`: the speed at which N cm2 break, on straight lines through the means over the speeds."""
+    """`at_N_cm2_m_s`: the speed at which N cm2 break, on straight lines through the means over the speeds. Of the energy of
+    the impact what breakage releases, and the bonds' fracture energy times the broken area."""
     table = means(rows, ["speed_m_s", "subspheres", "restitution"],
                   ["broken_area_cm2", "largest_fragment", "released_mJ", "resolution"])
     table = table.drop(columns="resolution_sem").sort_values(["speed_m_s", "subspheres", "restitution"])
-    for _, own in table[(table["restitution"] == 0.9) & (table["speed_m_s"] > SLOW_m_s)].groupby("subspheres"):
+    scene = changed_scene(SCENES / "single.toml", of_rock(COHERENT))
+    coal, radius_m, fracture_J_m2 = scene.materials["coal"], scene.stones.volley[1], scene.bond_of("coal").fracture_energy_J_m2
+    assert fracture_J_m2 is not None
+    impact_J = coal.density_kg_m3 * 2 / 3 * np.pi * radius_m**3 * table["speed_m_s"] ** 2
+    table["released_percent"] = 0.1 * table["released_mJ"] / impact_J
+    table["fracture_percent"] = 0.01 * fracture_J_m2 * table["broken_area_cm2"] / impact_J
+    for _, own in table[table["speed_m_s"] > SLOW_m_s].groupby(["subspheres", "restitution"]):
         for area in AREAS_cm2:
-            if own["broken_area_cm2"].min() < area < own["broken_area_cm2"].max():
-                table.loc[own.index[0], f"at_{area}_cm2_m_s"] = np.interp(area, own["broken_area_cm2"], own["speed_m_s"])
+            if LOWER * own["broken_area_cm2"].min() < area < own["broken_area_cm2"].max():
+                at = interp1d(own["broken_area_cm2"], own["speed_m_s"], fill_value="extrapolate")
+                table.loc[own.index[0], f"at_{area}_cm2_m_s"] = float(at(area))
     return table
 
 

@@ -59,7 +59,7 @@ def measure(stones: int, subspheres: int) -> dict[str, Any]:
         return packing
 
     began = time.process_time()
-    with patch.object(dem.stones.assembly, "packed_sphere", shared):
+    with patch.object(dem.stones.assembly, "packed", shared):
         model = prepare(scene(stones, subspheres), "paper.toml", None)
     prepared_s = time.process_time() - began + stones * packing_s
     python_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isnan, nan
+from math import hypot, isnan, nan, sqrt
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised
 
 #: An interval that reaches farther than this to either side of the ratio calls for a warning.
 WIDE_points = 5.0
+NINE_IN_TEN = 1.645  # standard deviations of a normal law to either side
 
 
 def warning_of(low: float, ratio: float, high: float) -> str:
@@ -64,13 +65,21 @@ class Answer:
 
 
 def answers_within(width: float, ratio_of: Callable[[Floats], float], X: Sequence[Floats] | Floats) -> list[Answer]:
-    """The ratio of each record with an interval of so much to either side; none where `ratio_of` raises
-    NotRecognised."""
+    """The ratio of each record, whose features are followed by those of its `noisy_copies`, with an interval of so much
+    to either side and of what the copies change in the ratio, all of it where they have none; no answer where
+    `ratio_of` the record raises NotRecognised."""
     def answer(x: Floats) -> Answer:
         try:
-            ratio = ratio_of(x)
+            ratio = ratio_of(x[0])
         except NotRecognised as reason:
             return Answer.none(f"no answer: {reason}")
-        return Answer(ratio, ratio - width, ratio + width)
+        reach = hypot(width, NINE_IN_TEN * sqrt(sum(change(copy, ratio)**2 for copy in x[1:]) / max(1, len(x) - 1)))
+        return Answer(ratio, ratio - reach, ratio + reach)
+
+    def change(copy: Floats, ratio: float) -> float:
+        try:
+            return ratio_of(copy) - ratio
+        except NotRecognised:
+            return 1.0
 
     return [answer(x) for x in X]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from sklearn.model_selection import GroupKFold
 
-from recognition.estimation.arrays import Floats
-from recognition.estimation.errors import RecognitionError
+from recognition.estimation.arrays import Floats, Integers
+from recognition.estimation.errors import NotRecognised, RecognitionError
 
 #: A record is out of distribution where one of its distances exceeds this factor times the value that this share of the
 #: held-out training records keep, or times 1, whichever is greater. The share is not 1, since a record from the end of
@@ -27,22 +27,29 @@ def held_out_quantile(values: Floats, share: float) -> Floats:
     return np.sort(values, axis=0)[min(rank, len(values)) - 1]
 
 
+def held_out(y: Floats, groups: Any) -> Iterator[tuple[Integers, Integers]]:
+    """Numbers of the runs to train on and to hold out: groups (runs,), or ratios y (runs,) where there are fewer than
+    three groups, as in the paper's eleven runs; intervals then know nothing of other arrangements. RecognitionError for
+    fewer than three ratios."""
+    keys = y if groups is None or np.unique(groups).size < LEAST_GROUPS else np.asarray(groups)
+    if np.unique(keys).size < LEAST_GROUPS:
+        raise RecognitionError(f"{np.unique(keys).size} different ratios; intervals need at least {LEAST_GROUPS}")
+    yield from GroupKFold(min(FOLDS, np.unique(keys).size)).split(y, groups=keys)
+
+
 def held_out_width(method: Any, X: Floats, y: Floats, groups: Any) -> float:
-    """Half the width of 90 % intervals of a ratio (n,) by `method.predict`: what errors on held-out groups keep, and on
-    held-out ratios where there are fewer than three groups; 1 where nothing is answered, or is too little to hold out.
-    """
-    groups = y if groups is None or np.unique(groups).size < LEAST_GROUPS else np.asarray(groups)
-    if np.unique(groups).size < LEAST_GROUPS:
-        return 1.0
+    """Half the width of 90 % intervals of ratios y (n,) by `method.ratio_of`, by its errors on what was held out of
+    `method.learn` (conformal prediction by cross-validation, Vovk 2015, Ann. Math. Artif. Intell. 74:9); 1 where
+    nothing is answered, or is too little to hold out."""
     errors = []
-    for train, test in GroupKFold(min(FOLDS, np.unique(groups).size)).split(X, y, groups):
-        try:
-            fitted = method.learn(X[train], y[train])
-        except (RecognitionError, ValueError):  # of so few that no law is left
-            return 1.0
-        for k in test:
-            with suppress(RecognitionError):  # of a record without an answer
-                errors.append(abs(float(fitted.predict(X[[k]])[0]) - y[k]))
+    try:
+        for train, test in held_out(y, groups):
+            method.learn(X[train], y[train])
+            for k in test:
+                with suppress(NotRecognised):
+                    errors.append(abs(method.ratio_of(X[k]) - y[k]))
+    except (RecognitionError, ValueError):  # of so few that no law is left
+        return 1.0
     return min(1.0, float(held_out_quantile(np.array(errors), COVERAGE))) if errors else 1.0
 
 

@@ -1,24 +1,25 @@
 """The protocol that every method of recognition keeps, and the entry by which a registry names it.
 
-Methods are estimators of scikit-learn: `clone`, `cross_val_score`, `GridSearchCV` and pipelines take them. They pass
-`sklearn.utils.estimator_checks.check_estimator`, `FusionQ` but for the checks that
-tests/recognition/test_scikit_learn.py lists. For X of three dimensions scikit-learn checks little more than that a copy
-can be made. `ArrangementLikelihood` is no estimator: its records are objects.
+Methods are estimators of scikit-learn: `clone`, `cross_val_score`, `GridSearchCV` and pipelines take them, and they
+pass `sklearn.utils.estimator_checks.check_estimator`, which for X of three dimensions checks little more than that a
+copy can be made. `ArrangementLikelihood` is no estimator: its records are objects.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from dataclasses import dataclass, field
+from typing import Any, Protocol, Self, runtime_checkable
 
+import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.base import BaseEstimator, RegressorMixin, clone
 
 from analysis.sweep.runs import Run
-from recognition.estimation.answer import Answer
+from recognition.estimation.answer import Answer, answers_within
 from recognition.estimation.arrays import Floats
+from recognition.estimation.calibration import held_out_width
 
 #: A value for each run; runs of one draw of arrangement and packing share it.
 Groups = Sequence[Any] | NDArray[Any]
@@ -64,14 +65,12 @@ class WithHeldOutError(Protocol):
 class MethodEntry:
     """A method in a registry.
 
-    title: as a reader sees it. make: gives an unfitted one. gives_interval: its intervals are each record's own, not of
-    one width for all. seeks_impact: it does not take the moment of the impact for known. told: an evaluation tells it
-    where and when the stones of a run fall.
+    title: as a reader sees it. make: gives an unfitted one. seeks_impact: it does not take the moment of the impact for
+    known. told: an evaluation tells it where and when the stones of a run fall.
     """
 
     title: str
     make: Callable[[], Method]
-    gives_interval: bool = True
     seeks_impact: bool = False
     told: bool = False
 
@@ -80,22 +79,40 @@ class MethodEntry:
 Registry = Mapping[str, MethodEntry]
 
 
-class RatioEstimator(RegressorMixin, BaseEstimator):
-    """A method whose X is an array of numbers and whose `predict` gives mixing ratios; `score` is R^2.
+@dataclass
+class RecordEstimator(RegressorMixin, BaseEstimator):
+    """A method that learns from features of records (`learn`), arrays of one shape, and finds a ratio by those of one
+    (`ratio_of`). X has three dimensions or more: runs, a record and its `noisy_copies`, features.
 
-    Its parameters are those of its constructor, which stores them as they are given.
-    """
+    Its parameters are those of its constructor, which stores them as they are given; `score` is R^2."""
+
+    width_: float = field(init=False, repr=False)
+
+    def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
+            nuisance: pd.DataFrame | None = None) -> Self:
+        """y: ratios (runs,), 0..1. Groups tell the width of the intervals, conditions play no part."""
+        features, ratios = np.asarray(X)[:, 0], np.asarray(y, dtype=float)
+        self.width_ = held_out_width(clone(self), features, ratios, groups)
+        return self.learn(features, ratios)
+
+    def learn(self, features: Floats, ratios: Floats) -> Self:
+        """From features (runs, ...) and ratios (runs,), without intervals."""
+        raise NotImplementedError
+
+    def ratio_of(self, features: Floats) -> float:
+        """Mixing ratio of one record, not clipped. Raises NotRecognised."""
+        raise NotImplementedError
+
+    def predict(self, X: Sequence[Floats] | Floats) -> Floats:
+        """Mixing ratio of each record, shape (runs,). Raises NotRecognised."""
+        return np.array([self.ratio_of(x[0]) for x in X])
+
+    def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
+        """Ratios, with intervals by the errors on what was held out of the training, and by each record's noise."""
+        return answers_within(self.width_, self.ratio_of, X)
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.regressor_tags.poor_score = True  # a law of impacts fits no made-up data
-        return tags
-
-
-class RecordEstimator(RatioEstimator):
-    """One whose X has three dimensions: runs, rows of a record, columns."""
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
         tags.input_tags.two_d_array, tags.input_tags.three_d_array = False, True
         return tags

@@ -23,6 +23,7 @@ from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Integers
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import MethodEntry, Registry
+from recognition.estimation.noise import with_noise
 from recognition.evaluation.dataset import DataSet
 
 Noises = Sequence[float | None]  # below the signals' rms, dB
@@ -125,14 +126,15 @@ def summary(result: Result) -> dict[str, Any]:
     """A row of evaluation.csv; errors in points of mixing ratio, of the records that were answered."""
     case, rows = result.case, result.answers
     row = {"method": result.method, "held_out": case.held_out, "noise_db": result.noise_db, "n": len(rows)}
-    error = 100 * (rows["ratio"] - rows["true"]).dropna().to_numpy() if len(rows) else np.array([])
+    told = rows.dropna(subset="ratio") if len(rows) else rows
+    error = 100 * (told["ratio"] - told["true"]).to_numpy() if len(told) else np.array([])
     numbers = dict.fromkeys(("mean_abs_error_points", "p95_points", "worst_points", "bias_points", "coverage_90"))
     if error.size:
         size = np.abs(error)
         numbers |= {"mean_abs_error_points": size.mean(), "p95_points": np.quantile(size, 0.95),
                     "worst_points": size.max(), "bias_points": error.mean()}
-        if rows["low"].notna().any():
-            numbers["coverage_90"] = ((rows["low"] <= rows["true"]) & (rows["true"] <= rows["high"])).mean()
+        if told["low"].notna().any():
+            numbers["coverage_90"] = told["true"].between(told["low"], told["high"]).mean()
     flagged = (rows["out_of_distribution"] != "").mean() if len(rows) else None
     return row | numbers | {"case": case.name, "answered": error.size, "flagged": flagged, "reason": result.reason}
 
@@ -170,17 +172,3 @@ def write_evaluation(data: DataSet, directory: str | Path, methods: Registry) ->
     file = Path(directory) / "evaluation.csv"
     write_text(file, stamped(table(evaluate(data, methods)).to_csv(index=False, float_format="%.4g"), "# {}"))
     return file
-
-
-def with_noise(signals: pd.DataFrame, noise_db: float | None, rng: np.random.Generator) -> pd.DataFrame:
-    """The record with white Gaussian noise on every signal but the time, noise_db below each signal's rms.
-
-    None: as it is.
-    """
-    if noise_db is None:
-        return signals
-    values = signals.drop(columns="t_s")
-    rms = np.sqrt(np.mean(np.square(values.to_numpy(dtype=float)), axis=0))
-    noisy = values + rms * 10 ** (-noise_db / 20) * rng.standard_normal(values.shape)
-    noisy.insert(0, "t_s", signals["t_s"])
-    return noisy

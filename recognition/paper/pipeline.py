@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 import pandas as pd
-from sklearn.base import clone
 
 from analysis.sweep.runs import Run
-from recognition.estimation.answer import Answer, answers_within
 from recognition.estimation.arrays import Floats
-from recognition.estimation.calibration import held_out_width
-from recognition.estimation.method import Groups, RecordEstimator
+from recognition.estimation.method import RecordEstimator
+from recognition.estimation.noise import noisy_copies
 from recognition.paper.fusion import Fusion
 from recognition.paper.strategy import Candidate, Rule, Strategy
 
@@ -34,7 +32,7 @@ class FusionPipeline(RecordEstimator):
     (`recognition.estimation.method`).
 
     fusion: which responses, and the filter (not fitted yet); strategy: function space and
-    judge (not fitted yet). X has the shape (runs, m, n): `prepare` of each run's signals.
+    judge (not fitted yet). X has the shape (runs, copies, m, n): `prepare` of each run's signals.
 
     >>> sweep = read_sweep("runs/paper")
     >>> pipeline = FusionPipeline(Fusion("energy"), Strategy(Rule(degree=2), judge="truncated"))
@@ -45,41 +43,28 @@ class FusionPipeline(RecordEstimator):
 
     fusion: Fusion = field(default_factory=Fusion)
     strategy: Strategy = field(default_factory=Strategy)
-    width_: float = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
-        """Responses of one record, shape (m, n)."""
-        return self.fusion.prepare(signals)
+        """Responses of a record and of its `noisy_copies`, shape (copies, m, n)."""
+        return np.stack([self.fusion.prepare(one) for one in noisy_copies(signals)])
 
-    def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
-            nuisance: pd.DataFrame | None = None) -> FusionPipeline:
-        """X: responses (runs, m, n), y: ratios (runs,). Groups tell the width of the intervals, conditions play no
-        part."""
-        responses, ratios = np.asarray(X), np.asarray(y)
-        self.width_ = held_out_width(clone(self), responses, ratios, groups)
-        return self.learn(responses, ratios)
-
-    def learn(self, responses: Floats, ratios: Floats) -> FusionPipeline:
-        """Fusion and function space alone."""
-        self.fusion.fit(responses)
-        self.strategy.fit(self.fusion.transform(responses), ratios)
+    def learn(self, features: Floats, ratios: Floats) -> Self:
+        """Fusion and function space, from responses (runs, m, n)."""
+        self.fusion.fit(features)
+        self.strategy.fit(self.fusion.transform(features), ratios)
         return self
 
     def transform(self, responses: Floats) -> Floats:
         """Fusion curves QQ, shape (runs, n)."""
         return self.fusion.transform(responses)
 
-    def predict(self, responses: Floats) -> Floats:
-        """Mixing ratio of each run, shape (runs,). Raises NotRecognised."""
-        return self.strategy.predict(self.transform(responses))
+    def ratio_of(self, features: Floats) -> float:
+        """By responses (m, n). Raises NotRecognised."""
+        return self.recognise(features).ratio
 
     def recognise(self, responses: Floats) -> Candidate:
         """Of one run, shape (m, n), with how well it is supported. Raises NotRecognised."""
         return self.strategy.recognise(self.transform(responses))
-
-    def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
-        """Ratios, with intervals by the errors on what was held out of the training."""
-        return answers_within(self.width_, lambda x: self.recognise(x).ratio, X)
 
     def summary(self) -> str:
         space = self.strategy.space_

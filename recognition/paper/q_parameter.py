@@ -6,21 +6,20 @@ the training runs and inverted for a new record.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 import pandas as pd
-from sklearn.utils.validation import check_is_fitted, validate_data
 
 from analysis import as_record, base_parameters
 from analysis.signals.records import sample_rate_Hz
 from analysis.sweep.runs import Run
-from recognition.estimation.answer import Answer, answers_within
 from recognition.estimation.arrays import Floats, Integers
-from recognition.estimation.calibration import held_out_width
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.estimation.method import Groups, RatioEstimator
+from recognition.estimation.method import RecordEstimator
+from recognition.estimation.noise import noisy_copies
 from recognition.paper.fusion import MinMaxByTrend, trend
 
 DEGREE = 2  # of Q(beta)
@@ -32,11 +31,11 @@ _BISECTIONS = 40  # 0.01 of ratio halved 40 times: 1e-14
 
 
 @dataclass
-class FusionQ(RatioEstimator):
+class FusionQ(RecordEstimator):
     """Q-polynomial recognition with equal weights, as in the paper; a method of recognition
     (`recognition.estimation.method`).
 
-    X has the shape (runs, p): `prepare` of each run's signals.
+    X has the shape (runs, copies, p): `prepare` of each run's signals.
 
     >>> sweep, method = read_sweep("runs/paper"), FusionQ()
     >>> X = np.stack([method.prepare(run.signals) for run in sweep.runs])
@@ -46,29 +45,19 @@ class FusionQ(RatioEstimator):
 
     scaler_: MinMaxByTrend = field(init=False, repr=False)
     fit_: PolynomialFit = field(init=False, repr=False)
-    width_: float = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
-        """The eight base parameters of a record with `t_s` and `a_m_s2`, shape (8,)."""
+        """The eight base parameters of `a_m_s2` in a record and in its `noisy_copies`, shape (copies, 8)."""
         if "a_m_s2" not in signals.columns:
             raise RecognitionError("no column 'a_m_s2' in the record; needs it for Q")
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "t_s")
-        acceleration = signals["a_m_s2"].to_numpy(dtype=float)
-        return base_parameters(as_record(acceleration, rate_Hz, unit="m/s^2", name="a_m_s2"))
+        every = [one["a_m_s2"].to_numpy(dtype=float) for one in noisy_copies(signals[["t_s", "a_m_s2"]])]
+        return np.stack([base_parameters(as_record(one, rate_Hz, unit="m/s^2", name="a_m_s2")) for one in every])
 
-    def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
-            nuisance: pd.DataFrame | None = None) -> FusionQ:
-        """X: parameters (n, p), y: ratios (n,), 0..1. Directions (Eq. 39) from the data; groups tell the width of the
-        intervals, conditions play no part."""
-        parameters, ratios = validate_data(self, X, y, dtype=float, y_numeric=True, ensure_min_samples=DEGREE + 1)
-        self.width_ = held_out_width(FusionQ(), parameters, ratios, groups)
-        return self.learn(parameters, ratios)
-
-    def learn(self, parameters: Floats, ratios: Floats) -> FusionQ:
-        """Scale and Q(beta) alone."""
-        self.scaler_ = MinMaxByTrend().fit(parameters, trend(parameters, ratios))
-        self.fit_ = fit_polynomial(ratios, self.q_of(parameters), DEGREE)
-        self.n_features_in_ = parameters.shape[1]
+    def learn(self, features: Floats, ratios: Floats) -> Self:
+        """Scale with its directions (Eq. 39), and Q(beta), from parameters (n, p)."""
+        self.scaler_ = MinMaxByTrend().fit(features, trend(features, ratios))
+        self.fit_ = fit_polynomial(ratios, self.q_of(features), DEGREE)
         return self
 
     def q_of(self, parameters: Floats) -> Floats:
@@ -77,14 +66,9 @@ class FusionQ(RatioEstimator):
         count = standardised.shape[-1]
         return standardised @ np.full(count, 1.0 / count)
 
-    def predict(self, X: Sequence[Floats] | Floats) -> Floats:
-        """Mixing ratio of each record, shape (n,). Raises NotRecognised."""
-        check_is_fitted(self)
-        return np.array([self.invert(q) for q in self.q_of(validate_data(self, X, dtype=float, reset=False))])
-
-    def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
-        """Ratios, with intervals by the errors on what was held out of the training."""
-        return answers_within(self.width_, lambda x: self.invert(self.q_of(x[None])[0]), X)
+    def ratio_of(self, features: Floats) -> float:
+        """By the parameters (p,) of a record. Raises NotRecognised."""
+        return self.invert(self.q_of(features[None])[0])
 
     def invert(self, q: float) -> float:
         """The ratio beta with Q(beta) = q.
@@ -124,22 +108,20 @@ def real_roots(function: Callable[[Integers, Floats], Floats], values: Floats) -
     return k, 0.5 * (low + high)
 
 
-def r2(values: Floats, fitted: Floats) -> float:
-    """R^2 = 1 - sum (y - f)^2 / sum (y - mean y)^2."""
-    return float(1.0 - np.sum((values - fitted) ** 2) / np.sum((values - np.mean(values)) ** 2))
-
-
-def adjusted_r2(values: Floats, fitted: Floats, parameters: int) -> float:
-    """1 - (1 - R^2)(n - 1)/(n - parameters); NaN with no point to spare."""
-    spare = values.size - parameters
-    return 1.0 - (1.0 - r2(values, fitted)) * (values.size - 1) / spare if spare > 0 else float("nan")
+def fit_polynomials(degree: int, ratios: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Coefficients (k, degree + 1), lowest power first, of a polynomial for every column of values (n, k), by least
+    squares, and R^2 = 1 - sum (y - f)^2 / sum (y - mean y)^2 (k,)."""
+    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree).astype(float)
+    left = values - np.polynomial.polynomial.polyval(ratios, coefficients).T
+    return coefficients.T, 1.0 - np.sum(left**2, axis=0) / np.sum((values - values.mean(axis=0)) ** 2, axis=0)
 
 
 @dataclass(frozen=True)
 class PolynomialFit:
     """Least-squares polynomial, lowest power first.
 
-    The paper's "R^2 = 0.99079" of Q is the adjusted one; the plain one of its Table 3 is 0.99263.
+    The paper's "R^2 = 0.99079" of Q is the adjusted one, 1 - (1 - R^2)(n - 1)/(n - parameters), NaN with no point to
+    spare; the plain one of its Table 3 is 0.99263.
     """
 
     coefficients: Floats
@@ -156,6 +138,7 @@ def fit_polynomial(ratios: Floats, values: Floats, degree: int) -> PolynomialFit
     ratios, values = np.asarray(ratios, dtype=float), np.asarray(values, dtype=float)
     if np.unique(ratios).size <= degree:
         raise RecognitionError(f"degree {degree} needs at least {degree + 1} ratios; has {np.unique(ratios).size}")
-    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree).astype(float)
-    fitted = np.asarray(np.polynomial.polynomial.polyval(ratios, coefficients))
-    return PolynomialFit(coefficients, r2(values, fitted), adjusted_r2(values, fitted, degree + 1))
+    coefficients, (r2,) = fit_polynomials(degree, ratios, values[:, None])
+    spare = values.size - degree - 1
+    adjusted = 1.0 - (1.0 - r2) * (values.size - 1) / spare if spare > 0 else float("nan")
+    return PolynomialFit(coefficients[0], float(r2), float(adjusted))

@@ -26,21 +26,13 @@ from sklearn.base import BaseEstimator
 
 from recognition.estimation.arrays import Booleans, Floats, Integers
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.paper.q_parameter import real_roots
+from recognition.paper.q_parameter import fit_polynomials, real_roots
 
 #: Judging standards. "mean", as published, is over the usable points only, so that a wrong candidate may win by having
 #: its worst points deleted; "truncated" is the mean of min(difference, xi) over all points, in which a singular point
 #: costs xi.
 JUDGES = ("mean", "truncated")
 FLAT = 1e-9  # QQ runs from 0 to 1; moments at which the training runs differ by less carry nothing
-
-
-def fit_polynomials(degree: int, ratios: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Coefficients (k, degree + 1), lowest power first, of a polynomial for every column of values (n, k), by least
-    squares, and R^2 (k,)."""
-    coefficients = np.polynomial.polynomial.polyfit(ratios, values, degree).astype(float)
-    left = values - np.polynomial.polynomial.polyval(ratios, coefficients).T
-    return coefficients.T, 1.0 - np.sum(left**2, axis=0) / np.sum((values - values.mean(axis=0)) ** 2, axis=0)
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from sklearn.model_selection import GroupKFold
 
 from common.files.cache import user_cache
 from common.scene.plate import FlexiblePlate
 from recognition.estimation.arrays import Floats, Integers
-from recognition.estimation.calibration import LEAST_GROUPS, LIMIT_FACTOR, distance_limits, held_out_quantile
+from recognition.estimation.calibration import LEAST_GROUPS, LIMIT_FACTOR, distance_limits, held_out, held_out_quantile
 from recognition.estimation.errors import RecognitionError
 from recognition.physics.arrangement_likelihood import (
     MOST_STONES,
@@ -50,7 +49,6 @@ SHRINKAGE_STONES = 20
 LEAST_DEVIATION = 0.02  # of a force at any time, in shares of its largest
 LEAST_RESIDUAL = 0.005  # of the plate's model, in shares of the signal
 LEAST_STONES = 5  # different ones, of either material
-FOLDS = 5
 
 
 @dataclass(frozen=True)
@@ -141,10 +139,9 @@ def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
     return model_on(*force_statistics(X, groups))
 
 
-def model_on(statistics: ForceStatistics, record: ForceRecord, place_deviation_m: float = 0.0) -> ArrangementModel:
-    """On the plate and places of a force record; place_deviation_m: standard deviation of each stone's place along x
-    and y, besides that of where it touches."""
-    deviation_m = float(np.hypot(place_deviation_m, statistics.place_deviation_m))
+def model_on(statistics: ForceStatistics, record: ForceRecord) -> ArrangementModel:
+    """On the plate and places of a force record."""
+    deviation_m = statistics.place_deviation_m
     plate = record.plate.model_copy(update={"damping_ratio": statistics.damping_ratio[0]})
     hat = _hat_response(statistics, record)
     scatter = []
@@ -280,14 +277,13 @@ def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> t
     whose group was held out of the training, or, with fewer than three groups, whose ratio was. The time of their
     impact is known: to seek it takes the law at hundreds of times, of each of these models."""
     chosen, own = alike(X)
-    keys = (groups if np.unique(groups[chosen]).size >= LEAST_GROUPS else y)[chosen]
     found: dict[float, list[ArrangementEstimate]] = {share: [] for share in NOISES}
-    held_out, every = list[int](), -(-len(chosen) // MOST_HELD_OUT)
+    left_out, every = list[int](), -(-len(chosen) // MOST_HELD_OUT)
     rng = np.random.default_rng(0)
-    for train, test in GroupKFold(min(FOLDS, np.unique(keys).size)).split(chosen, groups=keys):
+    for train, test in held_out(y[chosen], groups[chosen]):
         model = fit_model([X[k] for k in chosen[train]], groups[chosen[train]])
         for k in chosen[test[::every]]:
-            held_out.append(int(k))
+            left_out.append(int(k))
             record = X[k].force_record
             here = told(model, record.fall) if own and record is not None else model
             for share, estimates in found.items():
@@ -296,7 +292,7 @@ def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> t
                 noisy = signals + added[:, None] * rng.standard_normal(signals.shape)
                 estimates.append(here.estimate(noisy, np.hypot(X[k].noise, added), arrival_s=0.0))
     expected = _expected_misfit(list(found.values()))
-    errors = [np.abs([one.ratio for one in estimates] - y[held_out]) for estimates in found.values()]
+    errors = [np.abs([one.ratio for one in estimates] - y[left_out]) for estimates in found.values()]
     by_noise = [[expected.distances(one) for one in estimates] for estimates in found.values()]
     limits = np.max([distance_limits(np.array(far)) for far in by_noise], axis=0)
     limits[0] = LIMIT_FACTOR  # the misfit that is expected is a quantile already

@@ -71,11 +71,6 @@ class ArrangementEstimate:
         return float(self.probability @ np.linspace(0, 1, self.probability.size))
 
     @property
-    def median(self) -> float:
-        """Median over the probability: no other answer has a smaller mean absolute error."""
-        return float(np.searchsorted(np.cumsum(self.probability), 0.5)) / (self.probability.size - 1)
-
-    @property
     def interval(self) -> tuple[float, float]:
         """The nearest ratios between which at least 90 % of the probability lies, of equally near ones the most."""
         below, stones = np.concatenate([[0.0], np.cumsum(self.probability)]), self.probability.size - 1
@@ -217,10 +212,6 @@ class ArrangementModel:
         parts += [_sampled(one, rows).reshape(len(unit), -1) for one in scatter]
         every = np.concatenate(parts, axis=1)
         return RecordLaw(mean, every @ every.T)
-
-    def mean_at(self, speed_m_s: float, shift: float = 0.0) -> Floats:
-        """Record of coal alone, and what each stone of gangue adds, shape (d, 1 + stones)."""
-        return np.tensordot(self._powers(np.array([speed_m_s]))[0], self.law_at(shift).mean, 1)
 
     def _speeds_m_s(self) -> Floats:
         speeds = np.linspace(self.low_m_s * (1 - BEYOND), self.high_m_s * (1 + BEYOND), SPEEDS)

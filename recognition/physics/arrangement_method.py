@@ -27,6 +27,7 @@ from recognition.estimation.arrays import Booleans, Floats
 from recognition.estimation.calibration import reason_out_of_distribution
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups
+from recognition.estimation.noise import noise_of
 from recognition.estimation.window import channel_names, channels_of
 from recognition.physics.arrangement_fit import DURATION_S, PlateRecord, distance_reference, fit_model, told, used
 from recognition.physics.arrangement_likelihood import (
@@ -116,13 +117,6 @@ class ArrangementLikelihood:
         m = self.model_
         return (f"{m.stones} stones, {m.low_m_s:.3g} to {m.high_m_s:.3g} m/s,"
                 f" {m.samples} samples of {m.scale.size} signals")
-
-
-def noise_of(signals: Floats) -> Floats:
-    """Standard deviation (m,) of white noise on smooth signals (m, n): of their third differences, over the last
-    quarter, where the plate's high modes have died away. At 6667 Hz what is left of them counts as noise of 1 %."""
-    late = signals[:, -(signals.shape[1] // 4):]
-    return np.asarray(np.sqrt(np.mean(np.diff(late, 3, axis=1) ** 2, axis=1) / 20))
 
 
 def _force_record(run: Run | None, sample_s: float) -> ForceRecord | None:

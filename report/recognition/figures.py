@@ -9,7 +9,7 @@ import numpy as np
 from report.drawing.figure_spec import Drawn, figure
 from report.drawing.lines import curves
 from report.drawing.style import ACCENT, COAL, GANGUE, GREEN, PALE, RATIO_LABEL, ROSE, VIOLET, YELLOW, canvas
-from report.recognition.results import FUSION_Q, HELD_OUT, MODEL_METHODS, MODEL_METHODS_WITH_INTERVAL
+from report.recognition.results import FUSION_Q, HELD_OUT, LEADING_METHODS, MODEL_METHODS
 from report.sweep_results import SweepResults
 
 #: Label and unit of each response.
@@ -25,8 +25,8 @@ LABELS = {
         "arrangements and packings are a harder test: gangue evaluate, on a data set.", ratios=4)
 def recognised_against_true(results: SweepResults) -> Drawn:
     """With 90 % intervals where a method gives them, the method that answers most in front."""
-    rows, leading = results.recognition.answers[HELD_OUT], results.recognition.leading_of(MODEL_METHODS_WITH_INTERVAL)
-    second = next(name for name in MODEL_METHODS_WITH_INTERVAL if name != leading)
+    rows, leading = results.recognition.answers[HELD_OUT], results.recognition.leading_of(LEADING_METHODS)
+    second = next(name for name in LEADING_METHODS if name != leading)
     figure, axes = canvas(1, height_in=3.7)
     axis, true = axes[0, 0], 100 * results.ratios
     axis.plot([0, 100], [0, 100], color=PALE, linewidth=0.9, label="_true")

@@ -33,8 +33,8 @@ FUSION_WORDS = {FUSION_AS_PUBLISHED: "as published", FUSION_MODIFIED: "modified"
 #: {name: as a reader sees it}, in order.
 MODEL_METHODS = {name: entry.title for name, entry in METHODS.items()}
 
-#: Methods of a model that give an interval, that which evaluations found best first.
-MODEL_METHODS_WITH_INTERVAL = tuple(name for name, entry in METHODS.items() if entry.gives_interval)
+#: Those that evaluations found best, the best first.
+LEADING_METHODS = ("arrangement_likelihood", "energies_sensors")
 
 #: How the model that answers was trained. "Held out": on all other ratios.
 TRAINED_ON_ALL, HELD_OUT = "trained on all", "that ratio held out"
@@ -175,7 +175,7 @@ class RecognitionResults:
                 continue
             *known, responses = [method.prepare(table) for table in tables]
             try:
-                scored[label] = method.fit(known, ratios).strategy.candidates(method.transform(responses))
+                scored[label] = method.fit(known, ratios).strategy.candidates(method.transform(responses[0]))
             except RecognitionError as reason:
                 reasons.append(str(reason))
         if not scored:

@@ -12,7 +12,6 @@ class BoxContainer:
     """Edges `length_m` (3,) along x, y, z, about the origin."""
 
     length_m: tuple[float, float, float]
-    pressed_axes = (0, 1, 2)
 
     @property
     def volume_m3(self):
@@ -30,9 +29,9 @@ class BoxContainer:
         return BoxContainer(tuple(edge / length_m for edge in self.length_m))
 
 
-def pack_box(length_m, count, seed, size_ratio=1.5):
+def pack_box(length_m, count, seed):
     """As `pack_sphere`, in a box with edges along x, y, z about the origin."""
-    return pack(BoxContainer(tuple(float(edge) for edge in length_m)), count, seed, size_ratio)
+    return pack(BoxContainer(tuple(float(edge) for edge in length_m)), count, seed)
 
 
 def solid_fraction(packing):

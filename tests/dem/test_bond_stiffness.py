@@ -19,7 +19,7 @@ from dem.stones.bonds import (
     sphere_energies,
     stiffness_matrix,
 )
-from dem.stones.packing import Packing, pack_cylinder, pack_sphere
+from dem.stones.packing import CylinderContainer, Packing, pack, pack_sphere
 from tests.dem.highest_frequency import highest_frequency_rad_s
 
 E = 5e9
@@ -96,10 +96,10 @@ def test_simple_cubic_box_has_the_modulus_of_its_columns():
     site = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
     center = (site - (np.array(shape) - 1) / 2) * d
     packing = Packing(center, np.full(len(center), d / 2), BoxContainer(tuple(n * d for n in shape)))
-    bonds = bond_network(packing, radius_ratio=0.7)
+    bonds = bond_network(packing)
     assert len(bonds) == 3 * 4 * 5 * 6 - 4 * 5 - 5 * 6 - 4 * 6
     result = network_stiffness(packing, bonds, E, 3.0)
-    assert result.youngs_modulus_Pa == pytest.approx(np.full(3, E * np.pi * (0.35 * d) ** 2 / d**2), rel=1e-8)
+    assert result.youngs_modulus_Pa == pytest.approx(np.full(3, E * np.pi * (d / 2) ** 2 / d**2), rel=1e-8)
     assert result.poisson_ratio == pytest.approx(np.zeros(3), abs=1e-8)
 
 
@@ -205,7 +205,7 @@ def test_cylinder_and_box_of_the_same_subspheres_agree():
     edge = 0.05
     box = pack_box((edge, edge, edge), 2000, seed=20011)
     radius = (edge**3 / (4 * np.pi)) ** (1 / 3)  # length 4 radii
-    cylinder = pack_cylinder(radius, 4 * radius, 2000, seed=20011)
+    cylinder = pack(CylinderContainer(radius, 4 * radius), 2000, seed=20011)
     of_box = network_stiffness(box, bond_network(box), E, 2.17)
     of_cylinder = network_stiffness(cylinder, bond_network(cylinder), E, 2.17)
     assert of_cylinder.youngs_modulus_Pa.shape == (1,)

@@ -19,9 +19,7 @@ from dem.calibration.calibrate import (
 )
 from dem.calibration.lab_sheet import TARGETS, find_sheet, scene_with
 from dem.calibration.virtual_tests import (
-    CHECKS,
     LoadHistory,
-    Procedure,
     Rock,
     Specimen,
     brazilian_specimen,
@@ -48,7 +46,8 @@ def elastic_test(directory: Path, specimen: Specimen, rock: Rock, strain: float 
 
     Slopes of stress and of lateral strain against axial strain; lateral strain is fitted to all sub-spheres.
     """
-    record = run_test(directory, specimen, rock, Procedure(strain, checks=20, breakable=False, dumped=True))
+    holds = replace(rock, tensile_strength_Pa=1e30, shear_strength_Pa=1e30, tan_friction=0.0)
+    record = run_test(directory, specimen, holds, strain, checks=20, dumped=True)
     frames = np.array([frame[:, 1:] for _, frame in read_dump(directory / "view.dump")])
     moved = frames - frames[0]
     slopes = np.array([[np.polyfit(specimen.packing.center_m[:, k], u[:, k], 1)[0] for k in range(3)] for u in moved])
@@ -97,7 +96,7 @@ def test_a_test_ends_when_its_strength_is_known(tmp_path, kind):
     rock = replace(ROCK, fracture_energy_J_m2=300.0)
     strain = (3 if kind == "Brazilian" else 1) * 3e6 / rock.bond_modulus_Pa
     ended = strength_test(tmp_path / "ended", specimen, rock, strain)
-    goes_on = run_test(tmp_path / "goes_on", specimen, rock, Procedure(strain, checks=CHECKS))
+    goes_on = run_test(tmp_path / "goes_on", specimen, rock, strain)
     assert ended.has_failed and ended.strength_Pa == goes_on.strength_Pa
     assert len(ended.stress_Pa) <= (0.9 if kind == "tension" else 1) * len(goes_on.stress_Pa)
 

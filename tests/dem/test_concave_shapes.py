@@ -13,7 +13,7 @@ from dem.run.run import run_scene
 from dem.shapes.solids import moments, solid_of
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
-from dem.stones.library import REFERENCE_RADIUS_m, container_of, packed_solid
+from dem.stones.library import REFERENCE_RADIUS_m, container_of, packed
 from dem.stones.stone import UPRIGHT
 
 HEIGHT = 0.8
@@ -85,7 +85,7 @@ def test_inside_and_distance_to_the_surface_by_those_of_its_boxes(ell):
 
 
 def test_the_outer_layer_lies_on_the_surface_of_an_L(ell):
-    packing = packed_solid(ell, 100, 1, None)
+    packing = packed(ell, 100, 1, None)
     gap = packing.wall_gap_m / packing.radius_m
     assert gap.min() > -2e-3 and (np.abs(gap) < 0.02).mean() > 0.35
     assert packing.container.contains(packing.center_m).all()

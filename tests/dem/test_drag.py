@@ -91,8 +91,7 @@ def naive(friction, velocity_m_s, duration_s, is_smooth, inertia=0.4, dt_s=2e-8)
     pytest.param(0.5, (1.0, -3.0), range(100, 124), 0.05, marks=pytest.mark.validate)],
     ids=["slides", "sticks", "bonded stone slides", "bonded stone sticks", "bonded stones stick"])
 def test_a_sphere_drags_a_plate_that_sways(tmp_path, monkeypatch, friction, velocity_m_s, seeds, within):
-    """A bonded stone that sticks does so on average: what drags then is the square of an impulse that changes sign, and
-    hangs on how far beside the middle of the packing its mass lies, by some ten per cent."""
+    """A bonded stone that sticks does so on average: what drags then is the square of an impulse that changes sign."""
     plate = changed("single", {}).plate.model_copy(update={"max_frequency_Hz": 2000.0}).model_dump(mode="json")
     spheres = {} if seeds else {"stones.agglomerate": None}
     found = []
@@ -116,7 +115,7 @@ def test_a_stone_whose_bonds_give_more_than_its_contact_keeps_its_energy(tmp_pat
     """At 60 m/s Mindlin's spring is stiffer than the bonds beneath it."""
     scene = stone(200, speed_m_s=float(np.hypot(60, 60)), friction=1.0, **{"time.duration_s": 1.5e-4})
     energy = strike_aslant(monkeypatch, tmp_path / "run", scene, (60.0, -60.0))["energy"]
-    assert abs(energy["closure"]) < 2e-3 and energy["friction_J"] > 0.1 * energy["impact_J"]
+    assert abs(energy["closure"]) < 2e-3 and energy["friction_J"] > 0.05 * energy["impact_J"]
 
 
 def test_a_strong_dashpot_across_the_contact_makes_the_stone_roll(tmp_path, monkeypatch):

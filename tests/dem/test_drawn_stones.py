@@ -145,7 +145,7 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
     small, large = (assemble(s, stones_of(s, "scene")) for s in scenes)
     assert np.allclose(2 * small.bond_vector_m, large.bond_vector_m)
     assert np.allclose(8 * small.mass_kg, large.mass_kg)
-    assert small.surfaces[0].first.normal_m_N == pytest.approx(2 * large.surfaces[0].first.normal_m_N)
+    assert small.surfaces[0].compliance_m_N == pytest.approx(2 * large.surfaces[0].compliance_m_N)
 
 
 @pytest.mark.parametrize("way, table, changes, said", [

@@ -15,7 +15,7 @@ from dem.run.run import run_scene
 from dem.shapes.solids import moments, polyhedron, solid_of
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
-from dem.stones.library import REFERENCE_RADIUS_m, packed_solid
+from dem.stones.library import REFERENCE_RADIUS_m, packed
 from dem.stones.stone import UPRIGHT
 
 NO_VOLLEY = {f"stones.{key}": None for key in ("count", "radius_m", "speed_m_s", "positions_m", "gangue_order")}
@@ -100,7 +100,7 @@ def test_mass_centre_and_inertia_of_a_stone_are_those_of_its_solid(tmp_path, kin
 
 def test_the_outer_layer_lies_on_the_surface():
     solid = polyhedron(ShapeTable(elongation=0.8, flatness=0.7), 2)
-    packing = packed_solid(solid, 300, 1, None)
+    packing = packed(solid, 300, 1, None)
     gap = packing.wall_gap_m / packing.radius_m
     assert gap.min() > -2e-3 and (np.abs(gap) < 0.02).mean() > 0.35
     for normal, offset in zip(solid.normal, solid.offset * REFERENCE_RADIUS_m):  # at every face of some size

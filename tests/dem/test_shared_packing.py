@@ -11,6 +11,7 @@ from common.resources import resource
 from common.scene.scene import changed_scene
 from dem.stones import assembly, library
 from dem.stones.arrangement import stones_of
+from dem.stones.packing import SphereContainer
 
 SCENE = resource("scenes") / "small.toml"
 
@@ -22,7 +23,7 @@ def scene():
 
 def key_of_stone(scene, stone):
     count = scene.stones.agglomerate.subspheres
-    return key_of(library.CODE, "sphere", library.REFERENCE_RADIUS_m, count, stone.seed)
+    return key_of(library.CODE, SphereContainer(library.REFERENCE_RADIUS_m), count, stone.seed)
 
 
 def test_a_stone_that_another_process_packs_comes_last(tmp_path, monkeypatch, scene):

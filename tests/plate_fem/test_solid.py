@@ -6,9 +6,28 @@ import numpy as np
 import pytest
 from plates import STEEL, four_rods, plate, rod
 from scipy.integrate import trapezoid
-from solid import solid_modes, unlike_rods_modes
+from solid import Part, _faces, solid_modes, unlike_rods_modes
 
+from lab.plate.solids import PLATES
 from plate_fem.modes import plate_modes
+
+
+def overlap(part):
+    """Share of the plate's area that its faces have too much."""
+    ring = np.concatenate(_faces(part)[0])[:, [0, 4, 1, 5, 2, 6, 3, 7]]  # corners and middles in their order
+    after, sides = np.roll(ring, -1, axis=1), np.diff([part.x_m, part.y_m]).ravel()
+    return (ring[..., 0] * after[..., 1] - ring[..., 1] * after[..., 0]).sum() / 2 / sides.prod() - 1
+
+
+@pytest.mark.parametrize("name", sorted(PLATES))
+def test_faces_of_a_solid_fill_its_plate_once(name):
+    assert abs(overlap(PLATES[name].part(1))) < 1e-9
+
+
+def test_rods_whose_strips_overlap_are_no_solid():
+    """Its modes are some per cent off, and nothing else tells."""
+    rods = ((-0.2, -0.1, 0.02), (0.1, -0.08, 0.02))
+    assert overlap(Part((-0.3, 0.3), (-0.2, 0.2), 0.02, rods, 0.1, STEEL, 0.03)) > 1e-3
 
 
 def bending_modes(folder, diameter_m, fine):

@@ -15,10 +15,10 @@ from scipy.signal import firwin
 from scipy.stats import multivariate_normal
 
 from common.scene.plate import FlexiblePlate
-from lab.recognition.error_bounds import arrangement_error_points
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 from recognition import RecognitionError
+from recognition.estimation.noise import noise_of
 from recognition.model_file import decode, encode
 from recognition.physics.arrangement_fit import PlateRecord, force_laws, force_statistics, model_on
 from recognition.physics.arrangement_likelihood import (
@@ -28,7 +28,7 @@ from recognition.physics.arrangement_likelihood import (
     ArrangementModel,
     ExpectedMisfit,
 )
-from recognition.physics.arrangement_method import ArrangementLikelihood, noise_of
+from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.physics.force_records import Fall, ForceRecord
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
@@ -211,14 +211,6 @@ def test_nine_tenths_of_the_probability_lie_in_the_interval():
         assert ArrangementEstimate(np.array(probability), 0.1, 0.4, 0.0, 0.0).interval == interval
 
 
-def test_the_least_error_is_that_of_the_prior_where_noise_drowns_all():
-    """Five ratios, equally likely: the median is 50 %, 30 points off in the mean."""
-    model = small_model(np.random.default_rng(6))
-    assert arrangement_error_points(model, np.array([1e4, 1e4])) == pytest.approx(30.0, abs=3.0)
-    exact = replace(model, residual=np.array([1e-6, 1e-6]), covariance=1e-10 * np.eye(3), scatter=[])
-    assert arrangement_error_points(exact, np.zeros(2)) < 0.5
-
-
 def test_channels_that_a_record_lacks_are_left_out():
     """One channel of two gives what a model of that channel alone gives."""
     rng = np.random.default_rng(5)
@@ -266,7 +258,8 @@ def test_a_speed_that_varied():
 def test_where_stones_touch_scatters_records_along_both_axes():
     """What a deviation of 1 mm adds to the covariance, by moving each stone to either side along x and along y."""
     X, _ = draw(8, 9, scatter=0.0)
-    model = model_on(*force_statistics(X, np.arange(8)), place_deviation_m=1e-3)
+    statistics, forces = force_statistics(X, np.arange(8))
+    model = model_on(replace(statistics, place_deviation_m=1e-3), forces)
     added = model.law_at(0.0).covariance - replace(model, scatter=[]).law_at(0.0).covariance
     modes, mean_N = modes_of(0.008), 1.5 * forces_N(np.zeros(5), 1.0, 3.0)[:, :1]
     expected = np.zeros_like(added)

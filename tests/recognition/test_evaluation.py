@@ -6,6 +6,7 @@ import pytest
 
 from lab.recognition.baselines import EVALUATED
 from recognition import RecognitionError
+from recognition.estimation.noise import with_noise
 from recognition.evaluation.cross_validation import (
     CASES,
     ONE_THING,
@@ -14,7 +15,6 @@ from recognition.evaluation.cross_validation import (
     evaluate,
     summary,
     table,
-    with_noise,
     write_evaluation,
 )
 from recognition.evaluation.dataset import DataSet, _kin, read_dataset

@@ -3,8 +3,7 @@ import pytest
 
 from recognition import RecognitionError, Rule, Strategy
 from recognition.model_file import decode, encode
-from recognition.paper.q_parameter import fit_polynomial
-from recognition.paper.strategy import fit_polynomials
+from recognition.paper.q_parameter import fit_polynomial, fit_polynomials
 
 RATIOS = np.arange(11) / 10
 

@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lab.recognition.impulse import impulse
+from lab.recognition.impulse import impulse_N_s
 from recognition import RecognitionError
-from recognition.evaluation.cross_validation import with_noise
 
 MASS_KG = 40.0
 DT_S = 1.5e-4
@@ -32,34 +31,13 @@ def record(impulse_N_s, frequency_Hz, damping_ratio, other_N=0.0, start_s=0.0, s
 def test_impulse_of_a_struck_plate(size_N_s, frequency_Hz, damping_ratio):
     """The integral is a sum of trapezoids, which takes (x/2)/tan(x/2) of an oscillation, x = 2 pi f dt."""
     half = np.pi * frequency_Hz * DT_S
-    found = impulse(record(size_N_s, frequency_Hz, damping_ratio, other_N=5e3, start_s=0.01))
-    assert found.impulse_N_s == pytest.approx(size_N_s * half / np.tan(half), rel=2e-3)
-    assert found.standard_error_N_s < 2e-3 * size_N_s
+    found = impulse_N_s(record(size_N_s, frequency_Hz, damping_ratio, other_N=5e3, start_s=0.01))
+    assert found == pytest.approx(size_N_s * half / np.tan(half), rel=2e-3)
 
 
 def test_neither_damping_nor_frequency_changes_it():
-    found = [impulse(record(6.5, f, zeta)).impulse_N_s for f, zeta in ((270.0, 0.005), (270.0, 0.02), (300.0, 0.01))]
+    found = [impulse_N_s(record(6.5, f, zeta)) for f, zeta in ((270.0, 0.005), (270.0, 0.02), (300.0, 0.01))]
     assert np.ptp(found) < 0.003 * 6.5
-
-
-@pytest.mark.parametrize("noise_db", [40, 20])
-def test_the_standard_error_is_that_of_many_noisy_records(noise_db):
-    clean = record(6.5, 270.0, 0.01)
-    found = [impulse(with_noise(clean, noise_db, np.random.default_rng(seed))) for seed in range(300)]
-    scatter = np.std([f.impulse_N_s for f in found])
-    assert np.mean([f.standard_error_N_s for f in found]) == pytest.approx(scatter, rel=0.2)
-
-
-@pytest.mark.parametrize("noisy", ["v_m_s", "rod_1_N"])
-def test_the_standard_error_by_noise_of_the_velocity_or_of_a_rod_alone(noisy):
-    """Noise of the velocity is white in the balance, that of a rod a walk. A record of 4.5 s tells one from the other."""
-    clean, found = record(6.5, 270.0, 0.0, samples=30_000), []
-    size = 0.05 * np.sqrt(np.mean(clean[noisy] ** 2))
-    for seed in range(200):
-        noise = size * np.random.default_rng(seed).standard_normal(len(clean))
-        found.append(impulse(clean.assign(**{noisy: clean[noisy] + noise})))
-    scatter = np.std([f.impulse_N_s for f in found])
-    assert np.mean([f.standard_error_N_s for f in found]) == pytest.approx(scatter, rel=0.15)
 
 
 @pytest.mark.parametrize(("signals", "reason"), [
@@ -69,4 +47,4 @@ def test_the_standard_error_by_noise_of_the_velocity_or_of_a_rod_alone(noisy):
 ])
 def test_what_has_no_impulse_says_so(signals, reason):
     with pytest.raises(RecognitionError, match=reason):
-        impulse(signals)
+        impulse_N_s(signals)

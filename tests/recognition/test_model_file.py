@@ -16,7 +16,7 @@ RATIOS = np.arange(11) / 10
 
 @pytest.fixture
 def saved():
-    return encode(FusionQ().fit(np.column_stack([RATIOS + k * RATIOS**2 for k in range(8)]), RATIOS))
+    return encode(FusionQ().fit(np.column_stack([RATIOS + k * RATIOS**2 for k in range(8)])[:, None], RATIOS))
 
 
 def test_written_and_read(saved):

@@ -10,7 +10,7 @@ from sklearn.linear_model import LinearRegression
 from analysis.signals.features import log_rms
 from lab.known_truth.stone_histories import rock_of
 from lab.recognition.baselines import EVALUATED
-from lab.recognition.impulse import impulse
+from lab.recognition.impulse import impulse_N_s
 from recognition.estimation.window import channels_of
 from recognition.regression.feature_regression import FeatureRegression
 
@@ -62,7 +62,7 @@ def test_the_impulse_is_that_of_the_simulation(impacts):
     """Of plate and rods at 6667 Hz, against the sum of all contact forces over all steps, which run.json has. Each plate
     has a bias of its own: 2 to 5 % too much on the paper's, 3 % too little on the thin one."""
     groups, _, signals = impacts
-    found = np.array([impulse(s).impulse_N_s for s in signals])
+    found = np.array([impulse_N_s(s) for s in signals])
     true = np.array([s["impulse_N_s"].iloc[0] for s in signals])
     paper = ~np.char.startswith(groups, "thin")
     assert np.abs(found / true - 1).max() < 0.06 and np.corrcoef(found[paper], true[paper])[0, 1] > 0.995

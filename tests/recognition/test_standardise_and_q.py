@@ -25,7 +25,7 @@ TABLE_3 = np.array(
 
 
 def test_table_2_gives_q_of_table_3():
-    model = FusionQ().fit(TABLE_2, RATIOS)
+    model = FusionQ().learn(TABLE_2, RATIOS)
     np.testing.assert_allclose(model.q_of(TABLE_2), TABLE_3, atol=2e-4)
 
 
@@ -38,7 +38,7 @@ def test_quadratic_of_table_3_to_the_printed_digits():
 
 def test_the_papers_own_example_of_inversion():
     """Q = 0.077357 is said to be 8.7586 % of mixing ratio... (the printed differences allow 0.0004)."""
-    model = FusionQ().fit(TABLE_2, RATIOS)
+    model = FusionQ().learn(TABLE_2, RATIOS)
     model.fit_ = fit_polynomial(RATIOS, TABLE_3, 2)
     assert model.invert(0.077357) == pytest.approx(0.087586, abs=5e-4)
 
@@ -82,7 +82,7 @@ def test_constant_parameter_and_response_are_refused():
 
 
 def test_no_root_is_said_and_not_clipped():
-    model = FusionQ().fit(TABLE_2, RATIOS)
+    model = FusionQ().learn(TABLE_2, RATIOS)
     assert model.invert(model.fit_(1.03)) == pytest.approx(1.03, abs=1e-9)
     with pytest.raises(NotRecognised, match="root"):
         model.invert(1.5)
@@ -96,7 +96,7 @@ def test_intervals_keep_nine_tenths_of_what_was_held_out():
 
     def drawn(count):
         ratios = rng.integers(11, size=count) / 10
-        return (ratios + 0.08 * rng.standard_normal(count))[:, None] * np.linspace(1, 2, 8), ratios
+        return (ratios + 0.08 * rng.standard_normal(count))[:, None, None] * np.linspace(1, 2, 8), ratios
 
     X, y = drawn(200)
     model = FusionQ().fit(X, y, groups=np.arange(200) // 4)

@@ -122,6 +122,7 @@ class SmoothContact : public PlateContact {
   double height_of_members(const Patch &) const;
   bool is_near(const Patch &) const;
   void renew(Patch &);
+  Vec axis_until_next(const StonePieces::Motion &) const;
   void follow_axis(Patch &, const StonePieces::Motion &);
   void spread_over_body(Patch &, const StonePieces::Motion &);
   void leave(Patch &, size_t member);

@@ -146,6 +146,12 @@ bool SmoothContact::is_taken(int tag) const {
   });
 }
 
+// The members stay until the next look, and move on as the stone turns: half way until then they are about the axis. With
+// the axis of now the push would be behind the middle all the time, and turn the stone.
+Vec SmoothContact::axis_until_next(const StonePieces::Motion &motion) const {
+  return motion.in_stone(Vec(0, 0, -1), 0.5 * LOOK_STEPS * lmp_->update->dt);
+}
+
 // Of each piece of a stone that comes near the plate with its smooth surface.
 void SmoothContact::find_patches(int agglomerate, double reach) {
   const SmoothStone &s = surfaces_.stones()[agglomerate];
@@ -157,7 +163,7 @@ void SmoothContact::find_patches(int agglomerate, double reach) {
     Patch p;
     p.agglomerate = agglomerate;
     p.piece = piece;
-    p.axis = motion.turned.inverse()(Vec(0, 0, -1));
+    p.axis = axis_until_next(motion);
     p.mass = motion.mass;
     p.members = surfaces_.weights(s, p.axis, [&, piece = piece](int tag) {
       return pieces_->piece_of(tag) == piece && !pieces_->is_loose(tag);
@@ -238,9 +244,9 @@ Vec SmoothContact::beyond_outline(const Vec &place) const {
 }
 
 // The members, and what has come into the patch as the stone turned, share the force by weights about the present axis. q
-// stays, since it is that of this step; so the push goes through the middle of the stone at every look.
+// stays, since it is that of this step.
 void SmoothContact::follow_axis(Patch &p, const StonePieces::Motion &motion) {
-  const Vec axis = motion.turned.inverse()(Vec(0, 0, -1));
+  const Vec axis = axis_until_next(motion);
   if (norm(cross(axis, p.axis)) < TURN_rad) return;
   p.axis = axis;
   std::set<int> before;

@@ -147,12 +147,16 @@ bool FixSmoothPairs::leave_members(Pair &p, int side, const StonePieces::Motion 
 // have lost is released. False where a patch is too small.
 bool FixSmoothPairs::place(Pair &p, const StonePieces::Motion &first, const StonePieces::Motion &second, bool anew) {
   const Vec apart = second.center - first.center, line = (1 / norm(apart)) * apart;
+  // As on the plate, half way until the next look the patches are about the line.
+  const double half = 0.5 * LOOK_STEPS * update->dt;
+  const Vec passing = second.velocity - first.velocity;
+  const Vec line_then = line + (half / norm(apart)) * (passing - dot(passing, line) * line);
   double reach = 0;
   Vec center[2];
   for (int k = 0; k < 2; k++) {
     Side &s = p.side[k];
     const StonePieces::Motion &motion = k == 0 ? first : second;
-    const Vec axis = motion.turned.inverse()((k == 0 ? 1 : -1) * line);
+    const Vec axis = motion.in_stone((k == 0 ? 1 : -1) * line_then, half);
     std::set<int> before;
     for (const Weight &m : s.members) before.insert(m.tag);
     double share = 0;

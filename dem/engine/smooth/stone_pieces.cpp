@@ -124,11 +124,20 @@ StonePieces::Motion StonePieces::motion(const std::vector<int> &tags) const {
   }
   const double size = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2] + sum[3] * sum[3]);
   if (b.is_here) b.turned = {sum[0] / size, Vec(sum[1] / size, sum[2] / size, sum[3] / size)};
+  Vec middle, momentum;
   for (const int tag : tags) {
     const double *row = &now_[NUMBERS * static_cast<size_t>(tag)], part = surfaces_.mass(tag) / b.mass;
     b.center += part * (Vec(row) - b.turned(surfaces_.place(tag)));
     b.velocity += part * Vec(row + 3);
+    middle += part * Vec(row);
   }
+  Tensor inertia;
+  for (const int tag : tags) {
+    const double *row = &now_[NUMBERS * static_cast<size_t>(tag)], m = surfaces_.mass(tag), r = surfaces_.radius(tag);
+    inertia.add_inertia(m, Vec(row) - middle, 0.4 * m * r * r);
+    momentum += m * cross(Vec(row) - middle, Vec(row + 3));
+  }
+  b.spin = inertia.inverse() * momentum;
   return b;
 }
 

@@ -24,8 +24,15 @@ class StonePieces {
     Rotation turned;           // mean of the rotations of its sub-spheres
     Vec center;                // where the centre of the whole stone would be if it moved with the piece, m
     Vec velocity;              // of its mass, m/s
+    Vec spin;                  // rad/s
     double mass = 0;
     bool is_here = true;       // and not in free flight
+
+    // A direction in space as the undeformed stone has it `ahead` s from now, in which the piece turns on.
+    Vec in_stone(const Vec &direction, double ahead) const {
+      const Vec then = turned.inverse()(direction - ahead * cross(spin, direction));
+      return (1 / norm(then)) * then;
+    }
   };
 
   // Looks at the stones `wanted`; `touching` says which sub-spheres of this rank touch the plate by themselves, by tag.
