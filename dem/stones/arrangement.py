@@ -69,7 +69,7 @@ def _volley(scene: Scene, file: str) -> list[Stone]:
         [table.seed + k for k in range(table.count)], [UPRIGHT] * table.count)
     return [Stone(material=GANGUE if k + 1 in chosen else COAL, radius_m=table.radius_m,
                   place_m=(float(place[0]), float(place[1])), velocity_m_s=(speed * dx, speed * dy, speed * dz),
-                  seed=seeds[k], gap_m=table.gap_m, attitude=attitudes[k])
+                  seed=seeds[k], gap_m=table.gap_m, attitude=attitudes[k], flaw_seed=table.seed + k)
             for k, place in enumerate(_positions(scene))]
 
 

@@ -189,7 +189,8 @@ def _flaws(scene: Scene, stone: Stone, packing: Packing, network: Bonds) -> np.n
     if not len(network):
         return np.ones(0)
     bond = scene.bond_of(stone.material)
-    return flaw_factors(bond.flaw_modulus, bond.flaw_length_m, stone.seed,
+    seed = stone.seed if stone.flaw_seed is None else stone.flaw_seed
+    return flaw_factors(bond.flaw_modulus, bond.flaw_length_m, seed,
                         packing.center_m[network.first] + network.vector_m / 2)
 
 

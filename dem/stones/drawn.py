@@ -49,7 +49,7 @@ def drawn_stones(scene: Scene, file: str) -> list[Stone]:
                     place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in scene.down),  # type: ignore[arg-type]
                     seed=packing[k], gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
                     spin_rad_s=tuple(spin[k].tolist()), attitude=attitude[k],
-                    shape=table.shapes[shape[k]]) for k in range(count)]
+                    shape=table.shapes[shape[k]], flaw_seed=seed + k) for k in range(count)]
     return _placed(scene, stones, table, rng("place"), file)
 
 

@@ -31,7 +31,7 @@ class Stone:
     `radius_m`: of the sphere of equal volume; `place_m` (x, y) of its centre when it first touches the plate;
     `velocity_m_s` (3,) then; `spin_rad_s` (3,); `arrival_s`: when it touches. At 0 it starts `gap_m` above the plate.
     `attitude`: unit quaternion (w, x, y, z) that turns its packing; `strength_factor` on the strengths of its bonds,
-    others on what the material has; `seed` of its packing.
+    others on what the material has; `seed` of its packing; `flaw_seed` of its field of flaws, absent: `seed`.
     """
 
     material: str
@@ -48,6 +48,7 @@ class Stone:
     density_factor: float = 1.0
     youngs_modulus_factor: float = 1.0
     restitution: float = 0.0  # on the plate; 0: that of the scene's contacts
+    flaw_seed: int | None = None
 
     @property
     def substance(self) -> Substance:

@@ -1,5 +1,7 @@
 """The field of flaws in a stone, and the resolution of its fragments (docs/bonds.md)."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from scenes_of_tests import changed
@@ -9,7 +11,7 @@ from common.tables import InputError
 from dem.calibration.virtual_tests import Rock, brazilian_specimen
 from dem.deck.plausible import breakage_scales, warnings_of_fragments
 from dem.stones.arrangement import stones_of
-from dem.stones.assembly import assemble
+from dem.stones.assembly import assemble, stone_parts
 from dem.stones.substance import flaw_factors
 from lab.results import RESULTS, read_result
 from lab.rock.impacts import of_rock
@@ -76,6 +78,16 @@ def test_the_field_turns_with_its_stone_and_grows_with_none_of_its_size():
     middle, large, one = bonds_of(200, **no_volley, **{"stones.each": [each | {"radius_m": 0.05}]})
     assert large == pytest.approx(flaw_factors(MODULUS, LENGTH_m, 9, middle), rel=1e-9)
     assert not np.allclose(large, upright, rtol=0.1)
+
+
+def test_stones_that_share_a_packing_have_flaws_of_their_own():
+    scene = changed("single", FIELD | {
+        "stones.agglomerate.subspheres": 200, "stones.count": 12, "stones.gangue_ratio": 0.0, "stones.circle_radius_m": None,
+        "stones.positions_m": [[0.055 * (k % 4) - 0.08, 0.055 * (k // 4) - 0.06] for k in range(12)]})
+    stones = stones_of(scene, "single")
+    shared, = (seed for seed, _ in Counter(one.seed for one in stones).most_common(1))
+    factors = [stone_parts(scene, one).strength_factor for one in stones if one.seed == shared]
+    assert len(factors) > 1 and np.abs(np.triu(np.corrcoef(factors), 1)).max() < 0.3
 
 
 def test_specimens_of_the_virtual_tests_have_flaws_as_stones_have():
