@@ -31,8 +31,6 @@ SCENE = "scenes/single.toml"
 REACH_m, PAPER_m, SIZES_m, SPEEDS_m_s = 0.2, 0.025, (0.015, 0.035), (2.0, 4.0)
 ALL, ONE = Channels((0, 1, 2, 3)), Channels((0,))
 HIGHEST_Hz, TRUE_Hz = 12500.0, 20000.0  # of the modes that the model has, and of the plate's
-#: Of a solid up to TRUE_Hz: python -m lab run solid_plate highest_Hz=20000 --out runs/lab
-SOLID = Path("runs/lab/solid_plate.npz")
 AGAIN = 5  # times each stone is brought to a radius
 PART = 20  # stones of the windows by which intervals are counted
 WITHIN_s = 1e-4  # of the stones of a volley
@@ -68,10 +66,7 @@ def true_plate(kind: str) -> PlateModel:
     exact = PlateModel.from_scene(SCENE, TRUE_Hz)
     if kind == "other theory":
         return other_plates.other_theory(exact, SCENE)
-    if kind == "solid":
-        return other_plates.solid_plate(exact, file=SOLID, highest_Hz=TRUE_Hz)
-    scatter = 0.03 if kind == "3 %" else 0.01
-    return other_plates.scattered(exact, scatter, np.random.default_rng([100, int(kind[0])]))
+    return other_plates.scattered(exact, 0.01, np.random.default_rng([100, int(kind)]))
 
 
 @cache

@@ -16,21 +16,6 @@ TOGETHER_S = 0.2e-3  # stones that arrive within it of each other are not told a
 
 
 @dataclass(frozen=True)
-class Limits:
-    """The most that a record may have, between good records and those with a wrong ratio (docs/listening.md). gain:
-    deviation from one; 5 % does no harm."""
-
-    unexplained: float = 0.08
-    gain: float = 0.1
-    none: float = 0.3
-    beyond: float = 3.5
-    misplaced: float = 0.34
-    together: float = 0.3
-    change: float = 1.8
-    unheard: float = 0.1
-
-
-@dataclass(frozen=True)
 class Checks:
     """unexplained: share of the innovations' energy above that of noise that no stone explains. gain (c,): of each
     channel, relative to what the stones make of all channels. none: share of what was heard that is no stone. beyond:
@@ -48,19 +33,19 @@ class Checks:
     beyond: float = 0.0
     misplaced: float = 0.0
 
-    def reason(self, limits: Limits = Limits()) -> str:
-        """Which limits are exceeded, "" if none is."""
-        found = [(f"{self.unexplained:.0%} of what happened is unexplained", self.unexplained, limits.unexplained),
-                 ("a channel's gain is off", float(np.max(np.abs(self.gain - 1))), limits.gain),
-                 (f"{self.none:.0%} of what was heard is no stone as the others", self.none, limits.none),
-                 ("the stones are not of --radius and --speed, by standard deviations", self.beyond, limits.beyond),
-                 (f"{self.misplaced:.0%} of the known stones seem to be of the other material", self.misplaced,
-                  limits.misplaced),
+    def reason(self) -> str:
+        """Which limits are exceeded, "" if none is. They lie between good records and those with a wrong ratio
+        (docs/listening.md); a gain that is 5 % off does no harm."""
+        found = [(f"{self.unexplained:.0%} of what happened is unexplained", self.unexplained, 0.08),
+                 ("a channel's gain is off", float(np.max(np.abs(self.gain - 1))), 0.1),
+                 (f"{self.none:.0%} of what was heard is no stone as the others", self.none, 0.3),
+                 ("the stones are not of --radius and --speed, by standard deviations", self.beyond, 3.5),
+                 (f"{self.misplaced:.0%} of the known stones seem to be of the other material", self.misplaced, 0.34),
                  (f"{self.together:.0%} of the stones arrive at once with another (`volley` is for those)",
-                  self.together, limits.together),
+                  self.together, 0.3),
                  (f"{self.unheard:.0%} of the stones of --radius and --speed are too weak to be heard in this noise",
-                  self.unheard, limits.unheard),
-                 ("the beginning is not quiet, or its noise changes", self.change, limits.change)]
+                  self.unheard, 0.1),
+                 ("the beginning is not quiet, or its noise changes", self.change, 1.8)]
         return "; ".join(f"{text}, limit {limit:g}" for text, value, limit in found if value > limit)
 
 
