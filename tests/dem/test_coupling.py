@@ -280,8 +280,9 @@ def shipped_participant(tmp_path, thinks_s=0.0, plate_process=""):
         environment = {name: value for name, value in os.environ.items() if name != "PLATE_PROCESS"}
         if plate_process:
             environment["PLATE_PROCESS"] = plate_process.format(host=socket.gethostname(), pid=plate.pid)
+        # The library may print bytes that are no UTF-8.
         engine = subprocess.run([ENGINE, "-in", "deck.liggghts"], cwd=tmp_path / "deck", env=environment, check=False,
-                                timeout=120, capture_output=True, text=True)
+                                timeout=120, capture_output=True, text=True, errors="replace")
         if engine.returncode:
             plate.kill()
         else:
