@@ -64,8 +64,7 @@ class RecordedContact(Recorded):
 class RecordedRod(Recorded):
     """A rod under the plate."""
 
-    x_m: float
-    y_m: float
+    place_m: list[float]  # x, y
 
 
 class RecordedPlate(RecordedMaterial):

@@ -23,7 +23,7 @@ DRAFT = "http://json-schema.org/draft-07/schema#"  # what editors know
 
 LAWS = {"A distribution": "Distribution", "`rosin_rammler = {...}`": "RosinRammler"}
 
-WHOLE = ("Rod", "PointSupport", "Sensor", "EachStone", "RosinRammler")
+WHOLE = ("Rod", "Sensor", "EachStone", "RosinRammler")
 
 HEAD = """# Keys of a scene
 

@@ -149,7 +149,7 @@ def measured(tmp_path_factory):
     lines = []
     for k, tap in enumerate(hammer_taps(plate, np.array([[0.11, 0.07], [-0.16, 0.02]]), rng, rate_Hz=40e3)):
         write_record(directory / f"tap_{k}.csv", plate, tap.acceleration, tap.rate_Hz, force_N=tap.force_N)
-        lines.append(f'[[taps]]\nrecord = "tap_{k}.csv"\nx_m = {tap.place_m[0]}\ny_m = {tap.place_m[1]}\n')
+        lines.append(f'[[taps]]\nrecord = "tap_{k}.csv"\nplace_m = {list(map(float, tap.place_m))}\n')
     (directory / "taps.toml").write_text("".join(lines))
     stones = [stone(gangue) for gangue in (False, True)]
     coal, mixed = (draw_stones(stones, count, 40.0, 0.2, share, rng) for count, share in ((55, 0.0), (25, 0.5)))

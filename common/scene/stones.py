@@ -47,8 +47,7 @@ class EachStone(Table):
     material: Annotated[str, about("name of its table in materials")]
     radius_m: Annotated[Positive, about("radius of the sphere of equal volume")]
     shape: Annotated[str, about("\"sphere\", or the name of a table in shapes")] = SPHERE
-    x_m: Annotated[float, about("place of its centre at touch, along the length")]
-    y_m: Annotated[float, about("the same along the width")]
+    place_m: Annotated[Pair, about("place of its centre at touch, along length and width")]
     speed_m_s: Annotated[Speed | None, about(
         "speed at touch, straight down; or velocity_m_s")] = None
     velocity_m_s: Annotated[tuple[float, float, float] | None, about(
@@ -143,7 +142,7 @@ class StonesTable(Table):
         "radius of the circle of the stones, stone 1 on the x axis; or positions_m",
         paper="0.1")] = None
     positions_m: Annotated[tuple[Pair, ...] | None, about(
-        "x_m and y_m of the centre of each stone; or circle_radius_m")] = None
+        "place of the centre of each stone; or circle_radius_m")] = None
     gap_m: Annotated[float, Field(gt=0, le=100), about("gap to the plate at the start")] = 2e-5
     gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
         "which stone turns into gangue first; those not named follow in ascending order")] = ()

@@ -83,7 +83,7 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
 def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:
     """A joint is that of a rod far from edges, and its table ends."""
     rod, name, lines = plate.rods[number], f"plate.rods.{number}", []
-    to_edge = min(plate.length_m / 2 - abs(rod.x_m), plate.width_m / 2 - abs(rod.y_m))
+    to_edge = min(plate.length_m / 2 - abs(rod.place_m[0]), plate.width_m / 2 - abs(rod.place_m[1]))
     if to_edge < rod.diameter_m:
         lines.append(f"{name}: stands {to_edge:.2g} m from an edge, less than its diameter; its joint is that of a rod "
                      "far from edges")

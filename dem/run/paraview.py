@@ -120,7 +120,7 @@ class PlateMeshes:
         n = modes.surface_stress.shape[2]
         self._stress = np.ascontiguousarray(modes.surface_stress.reshape(-1, n))  # of unit amplitudes
         self._nodal = np.ascontiguousarray(modes.nodal.reshape(-1, n))
-        self._at_rods = modes.shape_at(np.array([[rod.x_m, rod.y_m] for rod in plate.rods]).reshape(-1, 2))
+        self._at_rods = modes.shape_at(np.array([rod.place_m for rod in plate.rods]).reshape(-1, 2))
 
     def meshes(self, amplitude: np.ndarray, contacts: list[HertzContact]) -> dict[str, Mesh]:
         """The plate at the modal amplitudes (modes,), a fine patch about each contact, and the rods."""
@@ -169,7 +169,7 @@ class PlateMeshes:
     def _rods(self, amplitude: np.ndarray) -> Mesh:
         """A line each, from the base, which stands still, to the lower face of the plate."""
         rods, n = self._plate.rods, len(self._plate.rods)
-        place = np.array([[rod.x_m, rod.y_m, -self._plate.thickness_m] for rod in rods])
+        place = np.array([[*rod.place_m, -self._plate.thickness_m] for rod in rods])
         base = place - [[0.0, 0.0, rod.length_m] for rod in rods]
         return Mesh(np.vstack([base, place]), np.column_stack([np.arange(n), np.arange(n, 2 * n)]),
                     {"displacement_m": _upwards(np.concatenate([np.zeros(n), self._at_rods @ amplitude])),

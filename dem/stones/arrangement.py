@@ -48,7 +48,7 @@ def _one(scene: Scene, k: int, one: EachStone) -> Stone:
     speed = one.speed_m_s
     velocity = one.velocity_m_s if speed is None else tuple(speed * d for d in scene.down)
     assert velocity is not None
-    return Stone(material=one.material, radius_m=one.radius_m, place_m=(one.x_m, one.y_m),
+    return Stone(material=one.material, radius_m=one.radius_m, place_m=one.place_m,
                  velocity_m_s=velocity,  # type: ignore[arg-type]
                  seed=scene.stones.seed + k if one.seed is None else one.seed, gap_m=scene.stones.gap_m,
                  arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT, shape=one.shape)
@@ -133,4 +133,4 @@ def _place_key(scene: Scene, k: int, stone: Stone) -> str:
         return f"positions_m.{k} = {place}"
     if scene.stones.circle_radius_m is not None:
         return f"circle_radius_m = {scene.stones.circle_radius_m:g}"
-    return f"each.{k}.x_m, y_m = {place}"
+    return f"each.{k}.place_m = {place}"

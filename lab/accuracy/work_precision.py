@@ -78,14 +78,14 @@ class NumericalSetting:
 
 def _rods(x_m: float, y_m: float) -> list[dict]:
     """The paper's, elsewhere."""
-    return [rod | {"x_m": np.sign(rod["x_m"]) * x_m, "y_m": np.sign(rod["y_m"]) * y_m}
+    return [rod | {"place_m": list(np.sign(rod["place_m"]) * [x_m, y_m])}
             for rod in scene_tables(PAPER)["plate"]["rods"]]
 
 
 def scene_of(changes: dict) -> Scene:
     """The reduced scene."""
     places = [(0.06, 0.0), (0.0, 0.05), (-0.07, -0.01), (0.01, -0.08)]
-    sensors = [{"name": "one", "x_m": 0.03, "y_m": 0.1}]
+    sensors = [{"name": "one", "place_m": [0.03, 0.1]}]
     return changed_scene(PAPER, {
         "time.duration_s": 3e-3, "time.sample_interval_s": SAMPLE_s, "time.view_interval_s": None,
         "stones.count": COUNT, "stones.gangue_order": list(range(1, COUNT + 1)), "stones.circle_radius_m": None,

@@ -89,7 +89,7 @@ def in_plane(plate: FlexiblePlate) -> InPlane:
 
 def sways(plate: FlexiblePlate) -> bool:
     """Return whether the plate can move in its plane: it stands on rods, which bend, and on nothing else."""
-    return bool(plate.rods) and plate.edges == "free" and not plate.point_supports
+    return bool(plate.rods) and plate.edges == "free"
 
 
 def first_is_low(plate: FlexiblePlate) -> bool:

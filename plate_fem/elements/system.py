@@ -85,7 +85,7 @@ class PlateSystem:
 
 
 def assemble(plate: FlexiblePlate) -> tuple[PlateSystem, sp.csr_array, sp.csr_array]:
-    """Return the unknowns of a plate without rods and supports, and its stiffness and mass, sparse (size, size). Raises
+    """Return the unknowns of a plate without rods, and its stiffness and mass, sparse (size, size). Raises
     Refused for a mesh that is too large."""
     theory = mesh.choose_theory(plate)
     lines_x, lines_y = mesh.mesh_lines(plate)

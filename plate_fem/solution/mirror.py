@@ -1,4 +1,4 @@
-"""Mirror symmetry of a plate with its rods and supports.
+"""Mirror symmetry of a plate with its rods.
 
 The modes of a structure that is its own mirror image are even or odd about the mirror plane. In a basis of even and odd
 unknowns, stiffness and mass fall into blocks that have nothing to do with each other: two for one mirror plane, four
@@ -8,12 +8,11 @@ for two. Their modes are found one block after the other, exactly and at a fract
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
 
-from common.scene.plate import FlexiblePlate, PointSupport, Rod
+from common.scene.plate import FlexiblePlate
 from plate_fem.elements.products import Products
 from plate_fem.elements.rods import PARTS
 from plate_fem.elements.system import PlateSystem
@@ -22,10 +21,9 @@ SAME = 1e-9  # lengths that differ by less than this share of a side are the sam
 
 
 def mirror_axes(plate: FlexiblePlate, lines: tuple[np.ndarray, np.ndarray]) -> list[int]:
-    """Return the axes (0 for x, 1 for y) along which the plate, its rods, supports and mesh lines may be reversed."""
+    """Return the axes (0 for x, 1 for y) along which the plate, its rods and mesh lines may be reversed."""
     return [axis for axis in (0, 1) if abs(lines[axis] + lines[axis][::-1]).max() < SAME * _side_m(plate)
-            and _partners(plate, plate.rods, axis) is not None
-            and _partners(plate, plate.point_supports, axis) is not None]
+            and _partners(plate, axis) is not None]
 
 
 def blocks(system: PlateSystem, own: list[np.ndarray], size: int) -> list[sp.csr_array]:
@@ -43,22 +41,17 @@ def _side_m(plate: FlexiblePlate) -> float:
     return max(plate.length_m, plate.width_m)
 
 
-def _partners(plate: FlexiblePlate, items: Sequence[Rod | PointSupport], axis: int) -> list[int] | None:
-    """Return the number of the mirror image of each rod or support, or None if one has none."""
+def _partners(plate: FlexiblePlate, axis: int) -> list[int] | None:
+    """Return the number of the mirror image of each rod, or None if one has none."""
     partners = []
-    for item in items:
-        mirrored = np.array([item.x_m, item.y_m]) * np.where(np.arange(2) == axis, -1, 1)
-        found = [k for k, other in enumerate(items) if _same_but_for_place(item, other)
-                 and np.hypot(*(mirrored - (other.x_m, other.y_m))) < SAME * _side_m(plate)]
+    for rod in plate.rods:
+        mirrored = np.array(rod.place_m) * np.where(np.arange(2) == axis, -1, 1)
+        found = [k for k, other in enumerate(plate.rods) if other.model_copy(update={"place_m": rod.place_m}) == rod
+                 and np.hypot(*(mirrored - other.place_m)) < SAME * _side_m(plate)]
         if not found:
             return None
         partners.append(found[0])
     return partners
-
-
-def _same_but_for_place(one: Rod | PointSupport, other: Rod | PointSupport) -> bool:
-    place = {"x_m", "y_m"}
-    return one.model_dump(exclude=place) == other.model_dump(exclude=place)
 
 
 def _mirror(system: PlateSystem, own: list[np.ndarray], size: int, axis: int) -> sp.csr_array:
@@ -78,7 +71,7 @@ def _mirror(system: PlateSystem, own: list[np.ndarray], size: int, axis: int) ->
                 sign[start : start + len(partner)] = -odd if kind == axis else odd
     if system.in_plane.functions is None:
         sign[[inside + axis, inside + 2]] = -1
-    for rod, other in enumerate(_partners(system.plate, system.plate.rods, axis) or []):
+    for rod, other in enumerate(_partners(system.plate, axis) or []):
         for kind in range(PARTS):
             image[own[PARTS * rod + kind]] = own[PARTS * other + kind]
             sign[own[PARTS * rod + kind]] = -1 if kind in (axis + 1, 3) else 1

@@ -1,4 +1,4 @@
-"""The whole structure: plate, rods and supports, reduced to its free unknowns."""
+"""The whole structure: plate and rods, reduced to its free unknowns."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
 
 from common.scene.plate import FlexiblePlate
@@ -38,7 +37,7 @@ class PlateModel:
 
 
 def build_model(plate: FlexiblePlate) -> PlateModel:
-    """Assemble plate, rods and supports. Raises Refused for a mesh that is too large."""
+    """Assemble plate and rods. Raises Refused for a mesh that is too large."""
     system, stiffness, mass = assemble(plate)
     parts = [part for rod in plate.rods for part in rods.attach(system, rod, highest_frequency_Hz(plate))]
     rod_force, size = sp.csr_array((0, system.size)), system.size
@@ -65,7 +64,7 @@ def _in_blocks(matrix: sp.csr_array, blocks: list[tuple[sp.csr_array, sp.csr_arr
 
 
 def _free(system: PlateSystem, basis: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
-    """Return a basis (size, n) of what edges and supports leave free of a basis (size, m) of all unknowns.
+    """Return a basis (size, n) of what edges leave free of a basis (size, m) of all unknowns.
 
     Before it comes the matrix (n, size) that stands for the transposed basis where a matrix is reduced, with a fraction
     of its numbers: what mirrors leave as it is makes an even or odd vector of another, and one row of each group of
@@ -74,14 +73,7 @@ def _free(system: PlateSystem, basis: sp.csr_array) -> tuple[sp.csr_array, sp.cs
     held = np.zeros(basis.shape[0])
     held[system.fixed] = 1.0
     basis = basis[:, abs(basis).T @ held == 0]  # an edge holds each of an unknown's images or none
-    rows = _one_image(basis)
-    supports, wide = np.array([[one.x_m, one.y_m] for one in system.plate.point_supports]), system.plate.thickness_m / 2
-    constraint = (rods.load_rows(system, supports.reshape(-1, 2), wide) @ basis[: system.size]).toarray()
-    constraint = constraint[abs(constraint).max(axis=1, initial=0) > 0]  # a support on a held edge adds nothing
-    if not len(constraint):
-        return rows, basis
-    free = _null_space(constraint)
-    return free.T @ rows, basis @ free
+    return _one_image(basis), basis
 
 
 def _one_image(basis: sp.csr_array) -> sp.csr_array:
@@ -90,22 +82,3 @@ def _one_image(basis: sp.csr_array) -> sp.csr_array:
     first = columns.indptr[:-1]
     rows, entries = columns.indices[first], columns.data[first]
     return sp.csr_array((1 / entries, rows, np.arange(len(first) + 1)), shape=(len(first), basis.shape[0]))
-
-
-def _null_space(constraint: np.ndarray) -> sp.csr_array:
-    """Return a sparse basis of {u: constraint @ u = 0}, in which each constraint eliminates one well-placed unknown.
-
-    Constraints may depend on each other, as those of mirrored supports do.
-    """
-    touched = np.flatnonzero(abs(constraint).max(axis=0))
-    _, triangle, order = scipy.linalg.qr(constraint[:, touched], mode="economic", pivoting=True)
-    size = abs(np.diag(triangle))
-    rank = int((size > 1e-9 * size[0]).sum())
-    slave = touched[order[:rank]]
-    keep = np.setdiff1d(np.arange(constraint.shape[1]), slave)
-    reduced = np.zeros((rank, constraint.shape[1]))
-    reduced[:, touched[order]] = triangle[:rank]
-    basis = sp.lil_array((constraint.shape[1], len(keep)))
-    basis[keep, np.arange(len(keep))] = 1.0
-    basis[slave, :] = -scipy.linalg.solve_triangular(reduced[:, slave], reduced[:, keep])
-    return sp.csr_array(basis)

@@ -103,7 +103,7 @@ def test_modes_are_those_the_run_counts(run, modes):
 
 
 def test_modes_of_a_run_of_many_stones_have_those_of_its_rods(run):
-    rods = [{"x_m": 0.1 * a, "y_m": 0.1 * b, "diameter_m": 0.04, "length_m": 0.1, "youngs_modulus_Pa": E_PA,
+    rods = [{"place_m": [0.1 * a, 0.1 * b], "diameter_m": 0.04, "length_m": 0.1, "youngs_modulus_Pa": E_PA,
              "density_kg_m3": 7830.0} for a in (-1, 1) for b in (-1, 1)]
     plate = run.info["scene"]["plate"] | {"edges": "free", "rods": rods, "max_frequency_Hz": 500.0, "mesh_size_m": None}
     places = [[0.01 * k - 0.16, 0.0] for k in range(33)]

@@ -75,10 +75,10 @@ def test_a_drop_height_is_a_speed():
     assert stones_of(scene, "scene")[0].velocity_m_s == pytest.approx((0, 0, -np.sqrt(2 * 9.8 * 0.5)))
 
 
-EACH = [{"material": "coal", "radius_m": 0.02, "x_m": 0.1, "y_m": 0.0, "speed_m_s": 2.0},
-        {"material": "gangue", "radius_m": 0.01, "x_m": -0.1, "y_m": 0.0, "velocity_m_s": [0.5, 0.0, -1.0],
+EACH = [{"material": "coal", "radius_m": 0.02, "place_m": [0.1, 0.0], "speed_m_s": 2.0},
+        {"material": "gangue", "radius_m": 0.01, "place_m": [-0.1, 0.0], "velocity_m_s": [0.5, 0.0, -1.0],
          "spin_rad_s": [0.0, 30.0, 0.0], "arrival_s": 1e-3, "attitude": [0.6, 0.8, 0.0, 0.0]},
-        {"material": "shale", "radius_m": 0.015, "x_m": 0.0, "y_m": 0.1, "velocity_m_s": [0.0, 0.3, -3.0]}]
+        {"material": "shale", "radius_m": 0.015, "place_m": [0.0, 0.1], "velocity_m_s": [0.0, 0.3, -3.0]}]
 
 
 def each_scene():
@@ -116,7 +116,7 @@ def test_the_volley_of_the_paper_said_stone_by_stone_is_the_same_deck(tmp_path):
     coarse = {"stones.agglomerate.subspheres": 40, "stones.agglomerate.contact": "sub_spheres", "stones.seed": 20011,
               "plate.max_frequency_Hz": 800.0}
     volley = changed_scene(SCENES / "paper.toml", coarse | {"stones.gangue_ratio": 0.3})
-    each = [{"material": s.material, "radius_m": s.radius_m, "x_m": s.place_m[0], "y_m": s.place_m[1],
+    each = [{"material": s.material, "radius_m": s.radius_m, "place_m": [s.place_m[0], s.place_m[1]],
              "speed_m_s": -s.velocity_m_s[2], "seed": s.seed} for s in stones_of(volley, "volley")]
     for name, scene in (("volley", volley), ("each", scene_of("paper", "each", each, **coarse))):
         prepared = prepare(scene, name, tmp_path)
@@ -169,7 +169,7 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
     ("each", [EACH[0] | {"material": "slate"}], {}, "stones.each.0.material = 'slate': unknown material"),
     ("each", [EACH[0], EACH[0] | {"shape": "cube"}], {}, "stones.each.1.shape = 'cube': unknown shape"),
     ("each", [EACH[0], EACH[0]], {}, "stones 1 and 2 overlap"),
-    ("each", [EACH[0] | {"x_m": 0.3}], {}, "stones.each.0.x_m, y_m = .*misses the plate"),
+    ("each", [EACH[0] | {"place_m": [0.3, 0.0]}], {}, "stones.each.0.place_m = .*misses the plate"),
     ("each", [EACH[0] | {"velocity_m_s": [0.0, 0.0, 1.0], "speed_m_s": None}], {}, "stones.each.0.velocity_m_s"),
     ("each", [EACH[0] | {"attitude": [1.0, 1.0, 0.0, 0.0]}], {}, "stones.each.0.attitude"),
 ])

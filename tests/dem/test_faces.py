@@ -40,7 +40,7 @@ def cube_file(tmp_path_factory):
 
 def cube(file, subspheres=200, turn=None, restitution=1.0, friction=0.0, speed_m_s=SPEED_m_s, each=None, **changes):
     """A cube of coal on a rigid plate, as it stands or turned."""
-    one = {"material": "coal", "radius_m": SIDE_m * (3 / 4 / np.pi) ** (1 / 3), "shape": "cube", "x_m": 0.0, "y_m": 0.0,
+    one = {"material": "coal", "radius_m": SIDE_m * (3 / 4 / np.pi) ** (1 / 3), "shape": "cube", "place_m": [0.0, 0.0],
            "speed_m_s": speed_m_s, "seed": 3}
     if turn is not None:
         one["attitude"] = np.roll(turn.as_quat(), 1).tolist()
@@ -148,7 +148,7 @@ def test_two_ranks_and_a_stone_that_comes_late_find_the_same_contact(tmp_path, c
 
 @pytest.mark.parametrize(("changes", "said"), [
     ({"plate.yield_stress_Pa": 3e8}, "plate.yield_stress_Pa = 300000000.0: must be left out where"),
-    ({"stones.each": [{"material": "coal", "radius_m": 0.02, "x_m": 0.0, "y_m": 0.0, "speed_m_s": 1.0}]},
+    ({"stones.each": [{"material": "coal", "radius_m": 0.02, "place_m": [0.0, 0.0], "speed_m_s": 1.0}]},
      "stones.agglomerate.contact = 'faces': must be .* where all stones are spheres"),
 ])
 def test_what_has_no_faces_is_refused(cube_file, changes, said):

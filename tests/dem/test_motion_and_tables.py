@@ -23,7 +23,7 @@ def runs(tmp_path_factory):
         scene = changed_scene("tests/single.toml", {
             "stones.agglomerate.contact": "sub_spheres", "stones.agglomerate.subspheres": 60, "stones.speed_m_s": speed_m_s, "time.duration_s": 3e-3,
             "plate.max_frequency_Hz": 5000.0, "time.view_interval_s": None,
-            "plate.sensors": [{"name": f"{name}_{kind[0]}", "x_m": x, "y_m": y, "kind": kind}
+            "plate.sensors": [{"name": f"{name}_{kind[0]}", "place_m": [x, y], "kind": kind}
                               for name, (x, y) in PLACES.items() for kind in KINDS]})
         run_scene(scene, "single.toml", out / f"speed_{speed_m_s:g}")
     return out

@@ -97,7 +97,7 @@ def test_compliances_go_with_one_over_the_modulus_and_are_kept_once(tmp_path):
     assert found.compliance_m_N * stone.youngs_modulus_factor * size == pytest.approx(other.compliance_m_N, rel=1e-12)
 
 
-FIVE = [{"material": name, "radius_m": 0.02, "x_m": 0.05 * k - 0.1, "y_m": y, "speed_m_s": 2.0}
+FIVE = [{"material": name, "radius_m": 0.02, "place_m": [0.05 * k - 0.1, y], "speed_m_s": 2.0}
         for y, names in ((0.1, ["coal"] * 5), (-0.1, [f"rock{k}" for k in range(5)])) for k, name in enumerate(names)]
 
 
@@ -170,7 +170,7 @@ def test_stones_that_find_no_place_are_refused():
 
 
 def test_more_moduli_than_the_engine_takes_are_refused():
-    each = [{"material": "coal", "radius_m": 1e-4, "x_m": 4e-4 * k - 0.2, "y_m": 0.0, "speed_m_s": 1.0} for k in range(501)]
+    each = [{"material": "coal", "radius_m": 1e-4, "place_m": [4e-4 * k - 0.2, 0.0], "speed_m_s": 1.0} for k in range(501)]
     volley = ("count", "radius_m", "speed_m_s", "circle_radius_m", "gangue_order", "gangue_ratio")
     scene = changed("paper", {f"stones.{key}": None for key in volley} | {
         "stones.each": each, "scatter.youngs_modulus_factor": {"lognormal_cv": 0.1}})

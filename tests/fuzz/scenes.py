@@ -43,9 +43,9 @@ def falling(stones, name="bonded", plate="rigid", **tables):
     return scene | tables
 
 
-EACH = [{"material": "coal", "radius_m": 0.025, "x_m": 0.1, "y_m": 0.0, "velocity_m_s": [0.5, 0.0, -2.0],
+EACH = [{"material": "coal", "radius_m": 0.025, "place_m": [0.1, 0.0], "velocity_m_s": [0.5, 0.0, -2.0],
          "spin_rad_s": [0.0, 20.0, 0.0]},
-        {"material": "gangue", "radius_m": 0.02, "x_m": -0.1, "y_m": 0.05, "speed_m_s": 3.0, "arrival_s": 2e-4,
+        {"material": "gangue", "radius_m": 0.02, "place_m": [-0.1, 0.05], "speed_m_s": 3.0, "arrival_s": 2e-4,
          "attitude": [1.0, 0.0, 0.0, 0.0], "seed": 3}]
 DRAWN = {"size_m": {"uniform": [0.03, 0.05]}, "speed_m_s": {"uniform": [2.0, 4.0]},
          "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]], "spin_rad_s": 2.0, "gangue_by": "mass"}
@@ -63,7 +63,7 @@ BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": 
                       "gangue_gangue": {"restitution": 0.5, "friction": 0.6}},
          "ranks": 2}
 EDGES = {key: value for key, value in small_scene("sphere", "flexible")["plate"].items() if key not in ("rods", "theory")} | {
-    "edges": "clamped", "mesh_size_m": 0.05, "point_supports": [{"x_m": 0.0, "y_m": 0.0}]}
+    "edges": "clamped", "mesh_size_m": 0.05}
 
 VOLLEYS = {f"{name}-{plate}": small_scene(name, plate) for name in ("bonded", "sphere") for plate in ("rigid", "flexible")}
 ALL = VOLLEYS | {

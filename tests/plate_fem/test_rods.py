@@ -1,4 +1,4 @@
-"""Rods and point supports against closed forms and against finer meshes."""
+"""Rods against closed forms and against finer meshes."""
 
 import math
 

@@ -32,7 +32,7 @@ KINDS = {
     "stream of shapes": ("caving", {**STREAM, "stones.drawn.rate_kg_s": 200.0}),
     "side walls": ("sizes", {
         **COARSE, **SMALL, "time.duration_s": 0.02, "plate.wall_height_m": WALLS,
-        "stones.each": [{"material": "coal", "radius_m": 0.02, "x_m": 0.22, "y_m": -0.22,
+        "stones.each": [{"material": "coal", "radius_m": 0.02, "place_m": [0.22, -0.22],
                          "velocity_m_s": (3.0, -3.0, -2.0)}]}),
 }
 
