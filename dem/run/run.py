@@ -41,7 +41,12 @@ def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None,
 
 def resume(directory: Path, show_progress: bool = True, walltime_s: float | None = None) -> dict[str, Any]:
     """Go on with the run that was to become `directory` (its name, or that with .partial), see `run_scene`. A run that
-    is finished is left alone. Raises InputError if there is nothing to go on with."""
+    is finished is left alone. Raises InputError if there is nothing to go on with.
+
+    >>> first = run("scenes/hertz_coal.toml", Path("runs/once"), show_progress=False)
+    >>> resume(Path("runs/once")) == first
+    True
+    """
     refuse_place(directory)
     out = directory.with_name(directory.name.removesuffix(SUFFIX))
     work = RunDirectory(out)
