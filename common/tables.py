@@ -21,10 +21,13 @@ from common.input_error import (
 MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
 #: What says the same as keys of earlier versions.
 INSTEAD = {
+    "gangue_by": "a rate for a share by mass, count for one by number",
     "output": "time.view_interval_s, which takes each impact every 20 us",
     "pressure_threshold_Pa": "pressure_strengthening, from any pressure on",
     "point_supports": "edges, or short rods",
+    "rosin_rammler": "rosin_rammler_m, exponent and within = [least, most]",
     "strength_factor": "scatter.strength_factor, or a material of its own",
+    "uniform": "[least, most] alone",
     "value": "a number alone",
     "walls": "plate.wall_height_m = { EDGE = height }",
     "x_m": "place_m = [x, y]",

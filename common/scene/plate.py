@@ -18,7 +18,7 @@ ContactStrength = Annotated[float, Field(ge=1e5)]  # Pa: into a softer body a st
 Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
-
+MODEL = about("does the plate bend, or not move at all?")
 WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it where the plate gives way
 LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
 
@@ -96,7 +96,7 @@ class Plate(Table):
 class RigidPlate(Plate):
     """A plate that does not move."""
 
-    model: Annotated[Literal["rigid"], about("a plate that does not move")]
+    model: Annotated[Literal["rigid"], MODEL]
 
 
 class FlexiblePlate(Plate):
@@ -105,7 +105,7 @@ class FlexiblePlate(Plate):
     The frequency is given, or follows from the scene's stones, and its tolerance if there is one.
     """
 
-    model: Annotated[Literal["flexible"], about("a plate that bends")]
+    model: Annotated[Literal["flexible"], MODEL]
     thickness_m: Annotated[Positive, about("thickness, at most a fifth of the shorter side")]
     theory: Annotated[Literal["auto", "kirchhoff", "mindlin"], about("plate theory (docs/plate.md)")] = "auto"
     edges: Annotated[Literal["free", "simply_supported", "clamped"], about("how all four edges are held")] = "free"

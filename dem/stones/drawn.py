@@ -101,8 +101,7 @@ def _count(scene: Scene, table: DrawnTable, file: str) -> int:
     else:
         assert table.rate_kg_s is not None
         coal, gangue = (materials[name].density_kg_m3 for name in (COAL, GANGUE))
-        density = 1 / (ratio / gangue + (1 - ratio) / coal) if table.gangue_by == "mass" else (
-            ratio * gangue + (1 - ratio) * coal)
+        density = 1 / (ratio / gangue + (1 - ratio) / coal)
         size_m = table.size_m.draw(MOST_STONES + 1, _rng(scene.stones.seed, "size"))
         mass = np.cumsum(density * np.pi / 6 * size_m**3)
         count = int(np.abs(mass - table.rate_kg_s * table.lasts_s).argmin()) + 1

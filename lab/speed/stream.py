@@ -46,7 +46,7 @@ def scene_of(stones: list[dict[str, Any]], kind: Kind, duration_s: float | None 
 
 def drawn_scene(count: int, rate_1_s: float, kind: Kind) -> Scene:
     """Stones at random times and places on a tilted plate."""
-    stream = {"rate_1_s": rate_1_s, "arrival_s": {"uniform": [0.32, 0.32 + count / rate_1_s]}, "size_m": 0.03,
+    stream = {"rate_1_s": rate_1_s, "arrival_s": [0.32, 0.32 + count / rate_1_s], "size_m": 0.03,
               "speed_m_s": 3.0}
     return _scene({"stones.drawn": stream, "plate": PLATE | {"tilt_deg": 20.0}}, kind,
                   0.32 + count / rate_1_s + FALLS_s)

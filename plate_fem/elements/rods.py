@@ -103,7 +103,7 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
 def _alike(rod: Rod, foot: float) -> Rod:
     """Return a rod at the origin, whose matrices equal rods share, shorter by about `foot` nu^2 radii."""
     shorter = foot * rod.poisson_ratio**2 * rod.diameter_m / 2 / rod.length_m
-    return rod.model_copy(update={"x_m": 0.0, "y_m": 0.0, "length_m": rod.length_m / (1 + shorter)})
+    return rod.model_copy(update={"place_m": (0.0, 0.0), "length_m": rod.length_m / (1 + shorter)})
 
 
 def _shears(system: PlateSystem, points: np.ndarray) -> list[sp.csr_array]:

@@ -140,7 +140,7 @@ def test_groups_of_a_data_set_draw_their_own_stones(tmp_path):
 
 
 def test_drawn_stones_take_what_their_own_table_does_not_say(tmp_path):
-    drawn = {"count": 6, "size_m": 0.04, "speed_m_s": 2.0, "gangue_by": "number"}
+    drawn = {"count": 6, "size_m": 0.04, "speed_m_s": 2.0}
     changes = {"stones.drawn": drawn, **{f"stones.{key}": None for key in (
         "count", "radius_m", "circle_radius_m", "speed_m_s", "gangue_order")}}
     scene = changed("paper", changes | {"scatter.youngs_modulus_factor": {"lognormal_cv": 0.2}})
@@ -152,8 +152,8 @@ def test_drawn_stones_take_what_their_own_table_does_not_say(tmp_path):
 @pytest.mark.parametrize("key, value, said", [
     ("radius_factor", {"lognormal_cv": 0.9}, "scatter.radius_factor.lognormal_cv = 0.9"),
     ("radius_factor", {"lognormal_cv": 1e-200}, "scatter.radius_factor.lognormal_cv = 1e-200"),
-    ("radius_factor", {"uniform": [-1.0, 1.0]}, "scatter.radius_factor = .*must be from 0.05 to 20"),
-    ("restitution", {"uniform": [0.5, 1.1]}, "scatter.restitution = .*must be from 0.051 to 1"),
+    ("radius_factor", [-1.0, 1.0], "scatter.radius_factor = .*must be from 0.05 to 20"),
+    ("restitution", [0.5, 1.1], "scatter.restitution = .*must be from 0.051 to 1"),
     ("density", 2.0, "scatter.density = 2.0: unknown key"),
     ("place_m", 0.0, "scatter.place_m = 0.0"),
     ("arrival_s", {"normal": 1.0}, "scatter.arrival_s.normal"),

@@ -72,8 +72,8 @@ def test_the_shape_chooses_the_contact_where_the_scene_does_not(tmp_path, shapes
 
 
 def drawn(tmp_path, shape, subspheres=120, **changes):
-    table = {"count": 3, "size_m": {"uniform": [0.03, 0.05]}, "speed_m_s": 2.0, "shapes": ["rock"],
-             "arrival_s": {"uniform": [0.0, 0.002]}}
+    table = {"count": 3, "size_m": [0.03, 0.05], "speed_m_s": 2.0, "shapes": ["rock"],
+             "arrival_s": [0.0, 0.002]}
     return changed_scene(SCENES / "small.toml", NO_VOLLEY | {
         "stones.drawn": table, "shapes.rock": shape, "stones.agglomerate.subspheres": subspheres,
         "stones.agglomerate.unbreakable": True, "time.duration_s": 6e-3, "time.view_interval_s": None} | changes)

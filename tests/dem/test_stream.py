@@ -259,7 +259,7 @@ def test_a_stone_may_enter_between_the_ledger_and_the_look_at_its_energies(tmp_p
 
 
 def test_small_fragments_are_taken_out_as_they_fly_and_nothing_is_lost(tmp_path):
-    stream = {"rate_1_s": 100.0, "arrival_s": {"uniform": [0.0, 0.03]}, "size_m": 0.02, "speed_m_s": 3.0, "least_fragment": 5}
+    stream = {"rate_1_s": 100.0, "arrival_s": [0.0, 0.03], "size_m": 0.02, "speed_m_s": 3.0, "least_fragment": 5}
     old = ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order")
     scene = changed("single", {
         **{f"stones.{key}": None for key in old}, "stones.drawn": stream, "stones.gangue_ratio": 0.0, "plate": PLATE,

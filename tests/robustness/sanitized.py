@@ -15,7 +15,7 @@ from tests.robustness.small import SCENES
 BRIEF = {"time.sample_interval_s": 3e-5, "time.duration_s": 6e-4, "time.view_interval_s": 1.5e-4}
 COARSE = {"plate.max_frequency_Hz": 2000.0}
 SMALL = {"stones.agglomerate.subspheres": 200}
-STREAM = {**COARSE, **SMALL, "time.duration_s": 0.04, "stones.drawn.arrival_s": {"uniform": [0.0, 0.03]},
+STREAM = {**COARSE, **SMALL, "time.duration_s": 0.04, "stones.drawn.arrival_s": [0.0, 0.03],
           "time.view_interval_s": 0.01}
 WALLS = dict.fromkeys(("x_minus", "x_plus", "y_minus", "y_plus"), 0.05)
 KINDS = {

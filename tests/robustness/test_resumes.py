@@ -40,7 +40,7 @@ def made_short(scene):
         duration_s = 0.023  # the last stone of sizes.toml arrives at 0.02 s
     if stones.is_stream:
         rate = "rate_1_s" if stones.drawn.rate_1_s else "rate_kg_s"
-        changes |= {f"stones.drawn.{rate}": 100.0, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]}}
+        changes |= {f"stones.drawn.{rate}": 100.0, "stones.drawn.arrival_s": [0.0, 0.05]}
         duration_s = 0.06
     if scene.plate.model == "flexible":
         changes["plate.max_frequency_Hz"] = 1000.0
