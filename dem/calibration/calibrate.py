@@ -44,7 +44,7 @@ from dem.calibration.virtual_tests import (
     tension_specimen,
 )
 from dem.coupling.launch import check_engine, library_version
-from dem.run.simulate import RunError
+from dem.run.run import RunError
 from dem.stones.bonds import CRACK_AREA, bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
 

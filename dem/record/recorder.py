@@ -23,8 +23,7 @@ from common.scene.scene import Scene
 from dem.deck.pictures import PictureSchedule
 from dem.deck.time_step import TimeStep
 from plate_fem.modes import PlateModes
-from plate_fem.motion import ModalMotion
-from plate_fem.recorded import RecordedMotion
+from plate_fem.motion import ModalMotion, RecordedMotion
 from plate_fem.stress import StressPeak
 
 

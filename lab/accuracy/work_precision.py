@@ -4,9 +4,9 @@ Four stones that do not break, 200 sub-spheres each, fall on a plate of 0.3 x 0.
 the impact and many periods of the plate. Without breakage nothing is chaotic, and the error of a setting has an order.
 What is chaotic, the broken area of one stone, is an ensemble of five packings with its spread.
 
-Beside the table it writes error_laws.toml (what `tolerance` in a scene goes by, committed as common/scene/error_laws.toml) and
-work_precision.png. Processor time is the least of the repeats after a warm-up, of engine, plate and output; with settings
-of the plate the modes are counted too.
+Beside the table it writes error_laws.toml (what `tolerance` in a scene goes by, committed as
+common/scene/error_laws.toml) and work_precision.png. Processor time is the least of the repeats after a warm-up, of
+engine, plate and output; with settings of the plate the modes are counted too.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
 from dem.run.prepare import prepare
-from dem.run.run import run_prepared
-from dem.run.simulate import RunError
+from dem.run.run import RunError, run_prepared
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from lab.accuracy.laws import worst_error, write_laws

@@ -50,7 +50,7 @@ def bending_wavenumber(plate: FlexiblePlate, frequency_Hz: float, theory: str) -
 def highest_frequency_Hz(plate: FlexiblePlate) -> float:
     """Return `max_frequency_Hz` of a plate. Raises ValueError if its table leaves it to the stones."""
     if plate.max_frequency_Hz is None:
-        raise ValueError("max_frequency_Hz is not known yet: see dem.deck.tolerance.with_cut_off")
+        raise ValueError("max_frequency_Hz is not known yet: see common.scene.error_laws.with_cut_off")
     return plate.max_frequency_Hz
 
 

@@ -1,4 +1,5 @@
-"""Stones that press on the plate with their flat faces: closed forms, energy, and runs that stop, come late or share ranks."""
+"""Stones that press on the plate with their flat faces: closed forms, energy, and runs that stop, come late or share
+ranks."""
 
 import re
 from dataclasses import replace
@@ -17,10 +18,9 @@ from dem.deck.contact import column_stiffness_N_m, stiffest_face_N_m
 from dem.deck.render import write_deck
 from dem.record.energy_balance import read_ledger
 from dem.run.prepare import prepare
-from dem.run.run import resume, run_scene
-from dem.run.simulate import Stopped
+from dem.run.run import Stopped, resume, run_scene
 from dem.stones.assembly import assemble
-from dem.stones.faces import FaceColumns, _owner
+from dem.stones.contact_patch import FaceColumns, _owner
 from dem.stones.packing import Packing, SphereContainer
 
 SIDE_m, SPEED_m_s = 0.04, 0.5

@@ -12,7 +12,7 @@ from dem.calibration.virtual_tests import Rock, brazilian_specimen
 from dem.deck.plausible import breakage_scales, warnings_of_fragments
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble, stone_parts
-from dem.stones.substance import flaw_factors
+from dem.stones.stone import flaw_factors
 from lab.results import RESULTS, read_result
 from lab.rock.impacts import of_rock
 

@@ -9,7 +9,7 @@ import pytest
 from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 from gangue.__main__ import main
-from plate_fem.recorded import FILE, RecordedMotion
+from plate_fem.motion import FILE, RecordedMotion
 
 PLACES = {"north": (0.0, 0.17), "corner": (-0.25, 0.25), "west": (-0.153, 0.0471)}
 KINDS = {"acceleration": ("acc", "m_s2", "a_m_s2"), "velocity": ("vel", "m_s", "v_m_s"), "displacement": ("disp", "m", "u_m")}

@@ -17,7 +17,7 @@ from dem.stones.assembly import assemble, stone_parts
 from dem.stones.bonds import bond_network
 from dem.stones.contact_patch import stone_surface
 from dem.stones.packing import pack_sphere
-from dem.stones.substance import Substance, pair_contact
+from dem.stones.stone import Substance, pair_contact
 
 NATURAL = {"stones.agglomerate.subspheres": 200}
 OWN = ("radius_m", "density_factor", "youngs_modulus_factor", "strength_factor", "restitution", "velocity_m_s", "place_m",

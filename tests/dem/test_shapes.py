@@ -12,10 +12,10 @@ from common.scene.scene import changed_scene
 from common.scene.stones import ShapeTable
 from common.tables import InputError
 from dem.run.run import run_scene
-from dem.shapes.solids import moments, polyhedron, solid_of
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from dem.stones.library import REFERENCE_RADIUS_m, packed
+from dem.stones.solids import moments, polyhedron, solid_of
 from dem.stones.stone import UPRIGHT
 
 NO_VOLLEY = {f"stones.{key}": None for key in ("count", "radius_m", "speed_m_s", "positions_m", "gangue_order")}

@@ -8,8 +8,7 @@ from scenes_of_tests import SCENES, one_by_one
 from common.scene.scene import changed_scene
 from common.tables import InputError
 from dem.run.run import run_scene
-from dem.stones.arrangement import stones_of
-from dem.stones.drawn import PACKINGS
+from dem.stones.arrangement import PACKINGS, stones_of
 from dem.stones.stone import UPRIGHT, Stone, entry_of, path_before
 
 GRAVITY = (0.0, 0.0, -9.8)

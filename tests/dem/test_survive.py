@@ -24,8 +24,7 @@ from common.files.output_directory import Busy
 from common.tables import InputError
 from dem.coupling.checkpoint import latest
 from dem.run.directory import RunDirectory
-from dem.run.run import resume, run_scene
-from dem.run.simulate import Stopped
+from dem.run.run import Stopped, resume, run_scene
 
 DEM = [sys.executable, "-m", "dem"]
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")

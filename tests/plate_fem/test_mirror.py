@@ -6,8 +6,8 @@ from plates import four_rods, plate, rod
 
 from plate_fem.elements.mesh import mesh_lines
 from plate_fem.modes import plate_modes
-from plate_fem.solution import mirror
-from plate_fem.solution.mirror import mirror_axes
+from plate_fem.solution import model
+from plate_fem.solution.model import mirror_axes
 
 LOADS_M = [[0.1, 0.03], [-0.04, 0.12]]
 PLATES = {
@@ -24,7 +24,7 @@ def test_modes_are_those_without_mirrors(changes, monkeypatch):
     """Frequencies, and what does not depend on how equal frequencies share their shapes: mobility, rod forces."""
     table = plate(**changes)
     found = plate_modes(table, None, LOADS_M)
-    monkeypatch.setattr(mirror, "mirror_axes", lambda *_: [])
+    monkeypatch.setattr(model, "mirror_axes", lambda *_: [])
     expected = plate_modes(table, None, LOADS_M)
     scale = expected.frequency_Hz[-1]
     assert found.frequency_Hz == pytest.approx(expected.frequency_Hz, rel=1e-7, abs=1e-7 * scale)

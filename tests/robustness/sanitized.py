@@ -7,8 +7,7 @@ import pytest
 
 from common.scene.scene import changed_scene
 from dem.coupling.launch import ENGINE
-from dem.run.run import resume, run_scene
-from dem.run.simulate import Stopped
+from dem.run.run import Stopped, resume, run_scene
 from tests.dem.decks import bond_line, deck, fcc_ball, ledger, run_engine, write_files
 from tests.robustness.small import SCENES
 

@@ -18,8 +18,7 @@ from common.scene.scene import changed_scene, read_scene
 from dem.coupling import launch
 from dem.coupling.launch import engine_running
 from dem.run.prepare import prepare
-from dem.run.run import run_prepared
-from dem.run.simulate import Stopped
+from dem.run.run import Stopped, run_prepared
 from tests.robustness.small import ROOT, SCENES, below, wait_until
 from tests.robustness.test_kills import check_same
 
