@@ -1,6 +1,7 @@
 """Public names of the packages, and the examples in their docstrings, which run where scenes/ and runs/paper are."""
 
 import doctest
+import logging
 import re
 from importlib import import_module
 from pathlib import Path
@@ -61,6 +62,7 @@ def test_the_example_of_a_command_that_runs_the_engine_runs(name, tmp_path, monk
     """A calibration with the strengths of the shipped gangue, which its targets are."""
     (tmp_path / "scenes").symlink_to(ROOT / "scenes")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(logging.root.manager, "disable", logging.INFO)  # a command that ran here may have turned it on
     calibrate_at_once(monkeypatch, compressive_Pa=34.51e6, tensile_Pa=4.93e6)
     command = getattr(import_module("dem"), name)
     names = dict(vars(import_module(command.__module__)))
