@@ -85,7 +85,7 @@ recognise: setup  ## a stream is simulated, its plate tapped, its stones heard o
 	@: > runs/recognise/taps.toml
 	for at in $(TAPS); do x=$${at%,*} y=$${at#*,}; \
 	  $(PYTHON) -m dem run scenes/tap.toml --set "stones.positions_m=[[$$x,$$y]]" --out runs/recognise/tap_$$at || exit 1; \
-	  printf '[[taps]]\nrecord = "tap_%s/fast.parquet"\nunknown_force = true\nx_m = %s\ny_m = %s\n' $$at $$x $$y >> runs/recognise/taps.toml; done
+	  printf '[[taps]]\nrecord = "tap_%s/fast.parquet"\nunknown_force = true\nplace_m = [%s, %s]\n' $$at $$x $$y >> runs/recognise/taps.toml; done
 	$(PYTHON) -m recognition tap scenes/listening.toml runs/recognise/taps.toml --out runs/recognise/plate.json --max-frequency 10000
 	$(PYTHON) -c "$$NOISY" runs/recognise/ratio_040/fast.parquet runs/recognise/record.parquet
 	$(PYTHON) -m recognition listen runs/recognise/record.parquet --plate runs/recognise/plate.json --radius 0.025 0.025 --speed 2 4 \

@@ -64,8 +64,7 @@ class RecordedContact(Recorded):
 class RecordedRod(Recorded):
     """A rod under the plate."""
 
-    x_m: float
-    y_m: float
+    place_m: list[float]  # x, y
 
 
 class RecordedPlate(RecordedMaterial):
@@ -100,7 +99,7 @@ class RecordedScene(Recorded):
 
 
 class YieldReport(Recorded):
-    """Did the plate yield (dem/deck/plate_yield.py)? Pressures by stone; bending only of a flexible plate."""
+    """Did the plate yield (dem/deck/contact.py)? Pressures by stone; bending only of a flexible plate."""
 
     yield_stress_Pa: float | None = None
     contact_law: str | None = None

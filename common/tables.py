@@ -21,18 +21,24 @@ from common.input_error import (
 MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
 #: What says the same as keys of earlier versions.
 INSTEAD = {
+    "gangue_by": "a rate for a share by mass, count for one by number",
     "output": "time.view_interval_s, which takes each impact every 20 us",
     "pressure_threshold_Pa": "pressure_strengthening, from any pressure on",
+    "point_supports": "edges, or short rods",
+    "rosin_rammler": "rosin_rammler_m, exponent and within = [least, most]",
     "strength_factor": "scatter.strength_factor, or a material of its own",
+    "uniform": "[least, most] alone",
     "value": "a number alone",
     "walls": "plate.wall_height_m = { EDGE = height }",
+    "x_m": "place_m = [x, y]",
+    "y_m": "place_m = [x, y]",
 }
 
 
 class Refused(ValueError):
     """Raised by a validator to refuse one value of its table.
 
-    key is a path inside the table ("rods.0.x_m"), value what was given, allowed what would be accepted.
+    key is a path inside the table ("rods.0.place_m"), value what was given, allowed what would be accepted.
     """
 
     def __init__(self, key: str, value: object, allowed: str) -> None:
@@ -76,8 +82,17 @@ NotNegative = Annotated[float, Field(ge=0)]
 class Place(Table):
     """A place in the plane of the plate."""
 
-    x_m: Annotated[float, about("along the plate's length, from its centre")]
-    y_m: Annotated[float, about("along the plate's width, from its centre")]
+    place_m: Annotated[tuple[float, float], about("along the plate's length and width, from its centre")]
+
+    @property
+    def x_m(self) -> float:
+        """Along the length."""
+        return self.place_m[0]
+
+    @property
+    def y_m(self) -> float:
+        """Along the width."""
+        return self.place_m[1]
 
 
 @contextmanager

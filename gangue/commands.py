@@ -183,7 +183,7 @@ COMMANDS = {
         "gangue evaluate runs/dataset",)),
     "tap": Command("recognition.tapping.tapped:tap", "learn a plate's modes from taps at known places", (
         _arg("scene_file", metavar="scene", help="scene file whose plate it is thought to be"),
-        _arg("taps", help="file with a table [[taps]] a tap: record, x_m, y_m (docs/tapping.md)"),
+        _arg("taps", help="file with a table [[taps]] a tap: record, place_m (docs/tapping.md)"),
         _arg("--out", required=True, help="file to write the plate to (.json)"),
         _arg("--max-frequency", dest="max_frequency_Hz", type=float, default=6000.0, metavar="HZ",
              help="fit modes and records up to here (default: %(default)g)"),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-STONE = ("dem/engine", "dem/deck", "dem/shapes", "dem/stones", "templates/deck.liggghts.j2", "scenes/single.toml",
+STONE = ("dem/engine", "dem/deck", "dem/stones", "templates/deck.liggghts.j2", "scenes/single.toml",
          "scenes/paper.toml", "lab/rock/stone.py")
 PLATE = (*STONE, "dem/coupling", "plate_fem")
 TAPPED = ("recognition/plate", "recognition/tapping", "lab/known_truth")

@@ -21,9 +21,9 @@ PAGE = "docs/scene.md"
 ALIKE = 5  # keys that two tables share, from which on they stand once
 DRAFT = "http://json-schema.org/draft-07/schema#"  # what editors know
 
-LAWS = {"A distribution": "Distribution", "`rosin_rammler = {...}`": "RosinRammler"}
+WHOLE = ("Rod", "Sensor", "EachStone")
 
-WHOLE = ("Rod", "PointSupport", "Sensor", "EachStone", "RosinRammler")
+PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 
 HEAD = """# Keys of a scene
 
@@ -31,7 +31,8 @@ Every key of a scene file, as `python -m lab.scene_schema` writes it, in SI unit
 [paper](../README.md) gives; `scenes/paper.toml` says how each other value is chosen.
 
 The first line of a scene, `#:schema ./scene.schema.json`, lets an editor with a TOML server complete, explain and check
-keys. `--set stones.count=6` of `run`, `deck` and `sweep` changes a key. Bounds alone are of a number, which also stands for a distribution.
+keys. `--set stones.count=6` of `run`, `deck` and `sweep` changes a key. Bounds alone are of a number; a number or a
+pair also stands for a distribution.
 """
 
 
@@ -73,9 +74,9 @@ def _for_editors(name: str, key: Node) -> Node:
             inner["items"] = inner.pop("prefixItems")[0]
         inner = inner.get("items")
     if key.get("$ref", "").endswith("/Distribution"):
-        key["oneOf"] = [{"type": "number"}, {"$ref": key.pop("$ref")}]
+        key["oneOf"] = [{"type": "number"}, PAIR, {"$ref": key.pop("$ref")}]
         if "default" in key:
-            key["default"] = key["default"]["uniform"][0]
+            key["default"] = key["default"]["within"][0]
     if "patternProperties" in key:
         key["additionalProperties"] = False
     unit = unit_of(name)
@@ -108,7 +109,8 @@ def scene_page() -> str:
                 text += f" {', '.join(f'`{name}`' for name in alike)}: as in {earlier}."
                 rows = {name: row for name, row in rows.items() if name not in alike}
         written[title] = rows
-        parts.append(f"{text}\n\n|key|meaning|default|allowed|\n|---|---|---|---|\n{''.join(rows.values())}")
+        head = "\n\n|key|meaning|default|allowed|\n|---|---|---|---|\n" if rows else "\n"
+        parts.append(f"{text}{head}{''.join(rows.values())}")
     return "\n".join(parts)
 
 
@@ -116,8 +118,7 @@ def _tables(schema: Node, table: Node, path: str, note: str = "") -> Iterator[tu
     """A table with its title, and those inside it."""
     yield (f"`[{path}]`{note}" if path else "Top level"), table
     if not path:
-        for name, law in LAWS.items():
-            yield name, schema["definitions"][law]
+        yield "A distribution", schema["definitions"]["Distribution"]
     for name, key in table["properties"].items():
         here = f"{path}.{name}" if path else name
         for kind, inner in _inside(key):
@@ -166,7 +167,7 @@ def _allowed(key: Node) -> str:
     if _inside(key):
         return "table" if "allOf" in key or "oneOf" in key else "tables"
     if "const" in key:
-        return f"`\"{key['const']}\"`"
+        return "as the table's title says"
     if "enum" in key:
         return ", ".join(f'`"{value}"`' for value in key["enum"])
     if "items" in key:

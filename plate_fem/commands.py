@@ -79,7 +79,7 @@ class MotionResult(Result):
 def motion(directory: Path, at_m: Sequence[Sequence[float]], out: Path | None = None) -> MotionResult:
     """The vertical motion, upwards, of points of the plate of a run, at its samples; over time in `out` (.csv or
     .xlsx): `t_s`, and for each point from 1 `u_1_m`, `v_1_m_s`, `a_1_m_s2`. Raises InputError."""
-    from plate_fem.recorded import FILE, RecordedMotion
+    from plate_fem.motion import FILE, RecordedMotion
 
     if out is not None:
         refuse_export(out)

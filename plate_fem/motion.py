@@ -8,11 +8,16 @@ of a slightly different ellipse, so that energy cannot drift however many steps 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 import numpy as np
 
+from common.files.whole import written_whole
+from common.tables import InputError
 from plate_fem.modes import PlateModes
 
 ANYWHERE_m = 1e9  # reach of a plate that nothing holds
@@ -204,3 +209,87 @@ class ModalMotion:
 
     def _move_to(self, state: np.ndarray) -> None:
         self._state, self._free_end = state, None
+
+
+def pulse_response(modes: PlateModes, step_s: float, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return amplitude, rate and acceleration (count, n) of every mode under a unit modal force from 0 to step_s.
+
+    They are exact. Rows belong to the times 0, step_s, 2 step_s ...; units are those of `ModalMotion` per N kg^-1/2. At
+    0 and at step_s, where the force jumps, the acceleration is the mean of both sides.
+
+    >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
+    >>> amplitude, rate, acceleration = pulse_response(modes, step_s=1e-4, count=200)
+    >>> amplitude.shape == (200, modes.frequency_Hz.size)
+    True
+    """
+    motion = ModalMotion(modes, step_s)
+    n = len(modes.frequency_Hz)
+    states = np.zeros((count, 2, n))
+    motion.advance(np.ones(n))
+    states[1] = motion.amplitude, motion.rate
+    for start in range(2, count, motion.ROWS):
+        rows = min(motion.ROWS, count - start)
+        states[start:start + rows] = motion.advance_rows(np.zeros(n), 1, rows)
+    force = np.zeros((count, 1))
+    force[:2] = 0.5
+    amplitude, rate = states[:, 0], states[:, 1]
+    return amplitude, rate, motion.acceleration_at(amplitude, rate, force)
+
+
+FILE = "modes.npz"
+LEFT_OUT = ("surface_stress", "lateral")  # large, and no part of the motion upwards
+KINDS = {"u_m": "displacement", "v_m_s": "velocity", "a_m_s2": "acceleration"}
+
+
+@dataclass(frozen=True)
+class RecordedMotion:
+    """amplitude, rate, force (k, n) of n modes at times t_s (k,): modal amplitude, its rate and the modal force."""
+
+    modes: PlateModes
+    t_s: np.ndarray
+    amplitude: np.ndarray
+    rate: np.ndarray
+    force: np.ndarray
+
+    def write(self, file: Path) -> None:
+        """Write with single precision, packed a little, as quickly as it can be."""
+        of_modes = {f"modes_{one.name}": getattr(self.modes, one.name) for one in fields(PlateModes)
+                    if one.name not in LEFT_OUT}
+        kept: dict[str, Any] = {"t_s": self.t_s, "amplitude": self.amplitude, "rate": self.rate, "force": self.force}
+        kept = {name: np.asarray(value, _smaller(value)) for name, value in {**kept, **of_modes}.items()}
+        with written_whole(file) as beside, ZipFile(beside, "w", ZIP_DEFLATED, compresslevel=1) as packed:
+            for name, value in kept.items():
+                with packed.open(f"{name}.npy", "w", force_zip64=True) as stream:
+                    np.lib.format.write_array(stream, value)
+
+    @classmethod
+    def read(cls, directory: str | Path) -> RecordedMotion:
+        """Of a run directory. Raises InputError."""
+        file = Path(directory) / FILE
+        try:
+            with np.load(file, allow_pickle=False) as kept:
+                values = {name: kept[name] for name in kept.files}
+            of_modes: dict[str, Any] = {name.removeprefix("modes_"): values.pop(name)[()] for name in tuple(values)
+                                        if name.startswith("modes_")}
+            return cls(PlateModes(surface_stress=np.empty(0), **of_modes), **values)
+        except FileNotFoundError:
+            raise InputError(f"{file}: no such file; needs the directory of a run with a flexible plate") from None
+        except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
+            raise InputError(f"{file}: not what a run writes ({' '.join(str(error).split())})") from None
+
+    def at(self, points_m: Sequence[Sequence[float]]) -> dict[str, np.ndarray]:
+        """Vertical displacement u_m, velocity v_m_s and acceleration a_m_s2 (k, points), upwards, at points (x, y) of
+        the plate. Raises InputError for another point."""
+        for x_m, y_m in points_m:
+            for name, value, lines in (("x", x_m, self.modes.lines_x_m), ("y", y_m, self.modes.lines_y_m)):
+                if not lines[0] - 1e-9 <= value <= lines[-1] + 1e-9:
+                    raise InputError(f"{name} = {value:g}: must lie on the plate, from {lines[0]:g} to {lines[-1]:g} m")
+        shape = self.modes.shape_at(np.asarray(points_m, float)).T
+        amplitude, rate, force = (np.asarray(one, float) for one in (self.amplitude, self.rate, self.force))
+        acceleration = ModalMotion(self.modes, 1.0).acceleration_at(amplitude, rate, force)
+        return dict(zip(KINDS, (amplitude @ shape, rate @ shape, acceleration @ shape), strict=True))
+
+
+def _smaller(value: Any) -> Any:
+    """Single precision for all numbers but the lines of the mesh."""
+    return np.float32 if isinstance(value, np.ndarray) and value.ndim > 1 else None

@@ -270,7 +270,7 @@ film.rod = function (rod, thickness) {
   for (let k = 0; k < sides; k++) {
     const angle = 2 * Math.PI * k / sides, shade = 140 + 45 * Math.cos(angle + 1.2), next = (k + 1) % sides;
     for (const z of [top, top - (rod.length_m || 0.1)]) {
-      points.push(rod.x_m + radius * Math.cos(angle), rod.y_m + radius * Math.sin(angle), z);
+      points.push(rod.place_m[0] + radius * Math.cos(angle), rod.place_m[1] + radius * Math.sin(angle), z);
       tint.push(shade, shade, shade);
     }
     triangles.push(2 * k, 2 * k + 1, 2 * next, 2 * next, 2 * k + 1, 2 * next + 1);

@@ -53,19 +53,23 @@ def test_pages_run_as_they_stand(page, number, tmp_path, monkeypatch):
     exec(compile(code, f"docs/{page}.md", "exec"), names)  # noqa: S102  our own page
 
 
-def test_the_example_of_a_material(tmp_path, monkeypatch):
-    """The calibration on few coarse packings, with strengths that are met at once in place of the engine's."""
-    sheet, scene = blocks("toml")
-    (tmp_path / "sheet.toml").write_text(sheet)
-    (tmp_path / "scene.toml").write_text(scene.replace("= 200", "= 60"))
-
+def calibrate_at_once(monkeypatch, compressive_Pa, tensile_Pa):
+    """Calibrations of few packings, with strengths that are met at once in place of the engine's."""
     def strength(work, *_):
         work.mkdir(parents=True, exist_ok=True)
-        return LoadHistory(np.array([1.0]), np.array([60e6 if work.name == "compression" else 6e6]))
+        return LoadHistory(np.array([1.0]), np.array([compressive_Pa if work.name == "compression" else tensile_Pa]))
 
     for name, value in {"FIT_SEEDS": 2, "CHECK_SEEDS": 2, "check_engine": lambda: None,
                         "strength_test": strength}.items():
         monkeypatch.setattr(calibrate, name, value)
+
+
+def test_the_example_of_a_material(tmp_path, monkeypatch):
+    """The calibration on few coarse packings."""
+    sheet, scene = blocks("toml")
+    (tmp_path / "sheet.toml").write_text(sheet)
+    (tmp_path / "scene.toml").write_text(scene.replace("= 200", "= 60"))
+    calibrate_at_once(monkeypatch, compressive_Pa=60e6, tensile_Pa=6e6)
     monkeypatch.chdir(ROOT)
     assert main(blocks("sh")[0].replace("OUT", str(tmp_path)).split()[1:]) == 0
     (tmp_path / "scene.toml").write_text(scene)

@@ -1,6 +1,7 @@
 """Public names of the packages, and the examples in their docstrings, which run where scenes/ and runs/paper are."""
 
 import doctest
+import logging
 import re
 from importlib import import_module
 from pathlib import Path
@@ -9,10 +10,11 @@ from pkgutil import iter_modules
 import pytest
 
 from tests.analysis.synthetic import write_sweep
+from tests.test_docs import calibrate_at_once
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ["analysis", "plate_fem", "recognition"]
-OTHERS = ["common.hertz", "common.scene.scene", "dem.run.run", "report.page", "gangue.__main__"]  # that export nothing
+OTHERS = ["common.hertz", "common.scene.scene", "report.page", "gangue.__main__"]  # that export nothing
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +54,20 @@ def test_the_example_of_a_public_name_runs(package, name, here, start, monkeypat
     (found,) = doctest.DocTestFinder(recurse=False).find(getattr(import_module(package), name), name, globs=dict(start))
     assert found.examples, f"{package}.{name} has no example"
     assert doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(found).failed == 0
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.validate] if name == "campaign" else [])
+                                  for name in dir(import_module("dem"))])
+def test_the_example_of_a_command_that_runs_the_engine_runs(name, tmp_path, monkeypatch):
+    """A calibration with the strengths of the shipped gangue, which its targets are."""
+    (tmp_path / "scenes").symlink_to(ROOT / "scenes")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(logging.root.manager, "disable", logging.INFO)  # a command that ran here may have turned it on
+    calibrate_at_once(monkeypatch, compressive_Pa=34.51e6, tensile_Pa=4.93e6)
+    command = getattr(import_module("dem"), name)
+    names = dict(vars(import_module(command.__module__)))
+    (found,) = doctest.DocTestFinder(recurse=False).find(command, name, globs=names)
+    assert found.examples and doctest.DocTestRunner().run(found).failed == 0
 
 
 @pytest.mark.parametrize("module", OTHERS)

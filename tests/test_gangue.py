@@ -20,7 +20,7 @@ from analysis import read_record, signal_features
 from common.process import messages
 from common.scene.scene import read_scene
 from common.tables import InputError, read_toml
-from dem.coupling.messages import STOPPED
+from dem.coupling.pipes import STOPPED
 from gangue.__main__ import main
 from gangue.commands import COMMANDS, commands_of, parser_of
 from tests.analysis.synthetic import write_run

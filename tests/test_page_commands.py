@@ -111,7 +111,7 @@ def clone(tmp_path):
     return tmp_path
 
 
-def run_block(name, clone, environment=os.environ):
+def assert_block_runs(name, clone, environment=os.environ):
     environment = environment | {"PYTHONPATH": str(clone), "PATH": f"{sys.prefix}/bin:{environment['PATH']}"}
     script = MADE_BEFORE.get(name, "") + BLOCKS[name] + TRIED_AFTER.get(name, "")
     done = subprocess.run(["sh", "-e", "-c", script], cwd=clone, env=environment, capture_output=True, text=True,
@@ -121,7 +121,7 @@ def run_block(name, clone, environment=os.environ):
 
 @pytest.mark.parametrize("name", QUICK)
 def test_a_block_runs_as_it_is_written(name, clone):
-    run_block(name, clone)
+    assert_block_runs(name, clone)
 
 
 @pytest.mark.validate
@@ -129,7 +129,7 @@ def test_a_block_runs_as_it_is_written(name, clone):
 def test_a_long_block_runs_as_it_is_written(name, clone):
     if re.search("(make|gangue) sweep", MADE_BEFORE.get(name, BLOCKS[name])):
         shutil.rmtree(clone / "runs")  # it makes its runs itself
-    run_block(name, clone)
+    assert_block_runs(name, clone)
 
 
 @pytest.mark.validate
@@ -138,7 +138,7 @@ def test_a_campaign_here_and_through_a_cluster_runs_as_it_is_written(clone, tmp_
     if missing():
         pytest.skip(f"not installed: {', '.join(missing())} (Debian: slurm-wlm, munge; `make validate` installs them)")
     with private_slurm(tmp_path_factory.mktemp("slurm"), cpus=2) as environment:
-        run_block(CLUSTER, clone, environment)
+        assert_block_runs(CLUSTER, clone, environment)
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +149,7 @@ def measured(tmp_path_factory):
     lines = []
     for k, tap in enumerate(hammer_taps(plate, np.array([[0.11, 0.07], [-0.16, 0.02]]), rng, rate_Hz=40e3)):
         write_record(directory / f"tap_{k}.csv", plate, tap.acceleration, tap.rate_Hz, force_N=tap.force_N)
-        lines.append(f'[[taps]]\nrecord = "tap_{k}.csv"\nx_m = {tap.place_m[0]}\ny_m = {tap.place_m[1]}\n')
+        lines.append(f'[[taps]]\nrecord = "tap_{k}.csv"\nplace_m = {list(map(float, tap.place_m))}\n')
     (directory / "taps.toml").write_text("".join(lines))
     stones = [stone(gangue) for gangue in (False, True)]
     coal, mixed = (draw_stones(stones, count, 40.0, 0.2, share, rng) for count, share in ((55, 0.0), (25, 0.5)))
@@ -175,4 +175,4 @@ def write_record(file, plate, acceleration, rate_Hz, **more):
 def test_a_block_on_records_of_a_plate_runs_as_it_is_written(name, clone, measured):
     """On records of the paper's plate, tapped and struck; the last line of listening simulates and hears a stream."""
     shutil.copytree(measured, clone, dirs_exist_ok=True)
-    run_block(name, clone)
+    assert_block_runs(name, clone)

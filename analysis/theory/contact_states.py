@@ -199,7 +199,7 @@ def setup_of(run: Run) -> Setup:
     """The setup of a run. RecordError, naming the key, where the scene does not hold it."""
     stones, plate = run.scene.stones, run.scene.plate
     rods = _given(run, "plate.rods", plate.rods or None)
-    length_m, width_m = map(float, np.ptp([[rod.x_m, rod.y_m] for rod in rods], axis=0))
+    length_m, width_m = map(float, np.ptp([rod.place_m for rod in rods], axis=0))
     if not length_m or not width_m:
         raise RecordError(f"{run.path}/run.json: scene.plate.rods stand on one line; needs a length and a width "
                           "between them for the theory")

@@ -7,7 +7,6 @@ rods is wanted instead of the paper's beam formula.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -21,7 +20,7 @@ from common.files.cache import user_cache
 from common.scene.plate import FlexiblePlate
 from common.tables import InputError, check
 from plate_fem.contact_stress import HertzContact, total_stress, von_mises_3d
-from plate_fem.modes import PlateModes, modes_for_loads, plate_modes
+from plate_fem.modes import PlateModes, modes_for_loads
 from plate_fem.motion import ModalMotion
 from plate_fem.stress import surface_stress, von_mises
 
@@ -29,19 +28,14 @@ from plate_fem.stress import surface_stress, von_mises
 def modes_of(run: Run) -> PlateModes:
     """Return the modes that the run's plate moved in.
 
-    They are found as the simulation finds them, with the residual modes of a run with these stones, or without them as
-    earlier versions did: whichever has the number of modes that run.json states. Where the user's cache
-    (common/files/cache.py) holds exactly these, they are taken from it.
-    Raises RecordError if the scene has no flexible plate, or if neither has that number.
+    They are found as the simulation finds them, or taken from the user's cache (common/files/cache.py), if it has them.
+    Raises RecordError if the scene has no flexible plate, or modes of another number than run.json states.
     """
-    plate, counts = flexible_plate(run), []
-    for find in (partial(modes_for_loads, places_m=places_of(run)), plate_modes):
-        modes = find(plate, user_cache())
-        counts.append(modes.frequency_Hz.size)
-        if counts[-1] == run.summary.n_modes:
-            return modes
-    raise RecordError(f"{run.path}/run.json: n_modes = {run.summary.n_modes}; its plate has {counts[1]} modes,"
-                      f" {counts[0]} with residual ones: made by another version")
+    modes = modes_for_loads(flexible_plate(run), user_cache(), places_of(run))
+    if modes.frequency_Hz.size != run.summary.n_modes:
+        raise RecordError(f"{run.path}/run.json: n_modes = {run.summary.n_modes}; its plate has "
+                          f"{modes.frequency_Hz.size} modes: made by another version")
+    return modes
 
 
 def flexible_plate(run: Run) -> FlexiblePlate:

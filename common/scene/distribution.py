@@ -16,49 +16,41 @@ FACTORS = ("radius_factor", "density_factor", "youngs_modulus_factor", "strength
 OF_DRAWN = ("radius_factor", "speed_factor", "place_m", "arrival_s")  # what drawn stones have in their own table
 
 
-class RosinRammler(Table):
-    """A law of sizes by mass, cut off at its bounds: exp(-(d/size)^exponent) of the mass is larger than d."""
-
-    least: Annotated[Positive, about("no value is smaller")]
-    most: Annotated[Positive, about("no value is larger")]
-    size_m: Annotated[Positive, about("36.8 % of the mass of the uncut law is larger")]
-    exponent: Annotated[Positive, about("the larger, the more alike are the sizes")]
-
-    @model_validator(mode="after")
-    def _ascend(self) -> Self:
-        if self.most <= self.least:
-            raise Refused("most", self.most, f"must be above least = {self.least:g}")
-        return self
-
-
 class Distribution(Table):
-    """One of the laws; a number alone is one value."""
+    """One of the laws; a pair alone is even within the two, a number alone one value."""
 
-    uniform: Annotated[tuple[float, float] | None, about("least and most, by number")] = None
-    rosin_rammler: Annotated[RosinRammler | None, about("a law of sizes by mass, cut off")] = None
+    within: Annotated[tuple[float, float] | None, about("least and most; alone: even, by number")] = None
+    rosin_rammler_m: Annotated[Positive | None, about(
+        "sizes by mass, cut off: exp(-(d/this)^exponent) of the mass is larger than d")] = None
+    exponent: Annotated[Positive | None, about("goes with it; the larger, the more alike are the sizes")] = None
     lognormal_cv: Annotated[Annotated[float, Field(ge=1e-6, le=0.5)] | None, about(
         "a factor: coefficient of variation of a lognormal law of mean 1, cut off at three standard deviations")] = None
 
     @model_validator(mode="after")
     def _one_law(self) -> Self:
-        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise Refused("uniform", self.uniform,
-                          "one of uniform, rosin_rammler and lognormal_cv must be given, or a number alone")
-        if self.uniform is not None and self.uniform[1] < self.uniform[0]:
-            raise Refused("uniform", self.uniform, "must ascend")
+        by_mass = self.exponent is not None
+        if by_mass != (self.rosin_rammler_m is not None):
+            raise Refused("exponent", self.exponent, "must be given with rosin_rammler_m, and only with it")
+        if (self.within is None) == (self.lognormal_cv is None) or (by_mass and self.within is None):
+            raise Refused("within", self.within, "either this or lognormal_cv must be given")
+        if self.within is not None and not self.within[0] <= self.within[1]:
+            raise Refused("within", self.within, "must ascend")
+        if self.within is not None and by_mass and not 0 < self.within[0] < self.within[1]:
+            raise Refused("within", self.within, "must ascend, from above 0")
         return self
 
     @property
     def bounds(self) -> tuple[float, float]:
         """No value is smaller or larger."""
-        if self.lognormal_cv is not None:
-            median, sigma = self._lognormal
-            return median * float(np.exp(-CUT_OFF * sigma)), median * float(np.exp(CUT_OFF * sigma))
-        if self.rosin_rammler is not None:
-            return self.rosin_rammler.least, self.rosin_rammler.most
-        assert self.uniform is not None
-        return self.uniform
+        if self.within is not None:
+            return self.within
+        median, sigma = self._lognormal
+        return median * float(np.exp(-CUT_OFF * sigma)), median * float(np.exp(CUT_OFF * sigma))
+
+    @property
+    def is_even(self) -> bool:
+        """Are all values between the bounds equally likely?"""
+        return self.within is not None and self.exponent is None
 
     @property
     def _lognormal(self) -> tuple[float, float]:
@@ -75,9 +67,9 @@ class Distribution(Table):
             median, sigma = self._lognormal
             log = np.linspace(np.log(least), np.log(most), POINTS)
             return np.exp(_inverse(log, np.exp(-((log - np.log(median)) / sigma) ** 2 / 2), share))
-        if self.rosin_rammler is not None:
-            law, log = self.rosin_rammler, np.linspace(np.log(least), np.log(most), POINTS)
-            x = (np.exp(log) / law.size_m) ** law.exponent
+        if self.rosin_rammler_m is not None and self.exponent is not None:
+            log = np.linspace(np.log(least), np.log(most), POINTS)
+            x = (np.exp(log) / self.rosin_rammler_m) ** self.exponent
             # By mass x exp(-x) over ln d; by number, that over the mass of a stone, d^3.
             return np.exp(_inverse(log, x * np.exp(-x - 3 * (log - log[0])), share))
         return least + (most - least) * share
@@ -91,19 +83,21 @@ def _inverse(x: np.ndarray, density: np.ndarray, share: np.ndarray) -> np.ndarra
 
 def one_value(value: float) -> Distribution:
     """The law that has no other value."""
-    return Distribution(uniform=(value, value))
+    return Distribution(within=(value, value))
 
 
-def _from_number(value: Any) -> Any:
-    """A number stands for a table with one value."""
+def _from_few(value: Any) -> Any:
+    """A number stands for a table with one value, a pair for one of even values."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return {"uniform": (float(value), float(value))}
+        return {"within": (float(value), float(value))}
+    if isinstance(value, (list, tuple)):
+        return {"within": value}
     if not isinstance(value, (dict, Distribution)):
-        raise ValueError("must be a number or a table with uniform, rosin_rammler or lognormal_cv")
+        raise ValueError("must be a number, a pair, or a table with rosin_rammler_m or lognormal_cv")
     return value
 
 
-Spread = Annotated[Distribution, BeforeValidator(_from_number)]
+Spread = Annotated[Distribution, BeforeValidator(_from_few)]
 
 
 def refuse_outside(key: str, spread: Distribution | None, least: float, most: float, what: str) -> None:

@@ -10,6 +10,10 @@ other scenes, and grows with the error:
     co_step_spheres  the same under unbonded spheres
     modes       period of the highest of the plate's modes over that contact time, under bonded stones
     modes_spheres  the same under unbonded spheres, whose push begins more sharply
+
+A tolerance is shared out equally among time step, co-step and modes; the expected error is
+their sum. It is the error of the numerical solution. Breakage is chaotic, and differs from packing to packing by far
+more (docs/accuracy.md).
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
+from common.scene.plate import FlexiblePlate
 from common.tables import read_toml
 
 LAWS = Path(__file__).with_name("error_laws.toml")  # written by `make accuracy`
@@ -58,3 +63,36 @@ def least_tolerance(bonded: bool) -> float:
     """The smallest tolerance that the settings measured can keep."""
     names = ("time_step", "co_step", "modes") if bonded else ("contact", "co_step_spheres", "modes_spheres")
     return SHARES * max(float(law(name).errors[0]) for name in names)
+
+
+CUT_OFF_ERROR = 0.01  # that modes left out may make where a scene says nothing; below 3 kHz it is half as much
+
+
+def modes_setting(bonded: bool) -> str:
+    """Name of the error law of the modes."""
+    return "modes" if bonded else "modes_spheres"
+
+
+def co_step_setting(bonded: bool) -> str:
+    """Name of the error law of the co-step."""
+    return "co_step" if bonded else "co_step_spheres"
+
+
+def setting_for(name: str, tolerance: float) -> float:
+    """The coarsest value of a numerical setting that keeps its share of a tolerance of at least `least_tolerance`."""
+    return law(name).setting(tolerance / SHARES)
+
+
+def with_cut_off(plate: FlexiblePlate, tolerance: float | None, contact_time_s: float, bonded: bool) -> FlexiblePlate:
+    """The plate's table with its `max_frequency_Hz`, or with that of the tolerance, or of an error of its modes of
+    CUT_OFF_ERROR."""
+    if plate.max_frequency_Hz is not None:
+        return plate
+    setting = law(modes_setting(bonded)).setting(CUT_OFF_ERROR if tolerance is None else tolerance / SHARES)
+    return plate.model_copy(update={"max_frequency_Hz": 1 / (setting * contact_time_s)})
+
+
+def expected_error(settings: dict[str, float]) -> dict[str, float]:
+    """Expected relative error by numerical setting, for the settings of a run, and their sum as "total"."""
+    errors = {name: law(name).error(setting) for name, setting in settings.items()}
+    return errors | {"total": sum(errors.values())}

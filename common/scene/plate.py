@@ -4,6 +4,7 @@ The origin is the centre of the plate, z is normal to it and points up, and z = 
 turns with `tilt_deg`.
 """
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -17,7 +18,7 @@ ContactStrength = Annotated[float, Field(ge=1e5)]  # Pa: into a softer body a st
 Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
-
+MODEL = about("does the plate bend, or not move at all?")
 WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it where the plate gives way
 LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
 
@@ -53,10 +54,6 @@ class Rod(Place):
     def _is_a_solid(self) -> Self:
         refuse_density(self.density_kg_m3)
         return self
-
-
-class PointSupport(Place):
-    """A point of the plate that cannot move vertically."""
 
 
 class Sensor(Place):
@@ -99,7 +96,7 @@ class Plate(Table):
 class RigidPlate(Plate):
     """A plate that does not move."""
 
-    model: Annotated[Literal["rigid"], about("a plate that does not move")]
+    model: Annotated[Literal["rigid"], MODEL]
 
 
 class FlexiblePlate(Plate):
@@ -108,7 +105,7 @@ class FlexiblePlate(Plate):
     The frequency is given, or follows from the scene's stones, and its tolerance if there is one.
     """
 
-    model: Annotated[Literal["flexible"], about("a plate that bends")]
+    model: Annotated[Literal["flexible"], MODEL]
     thickness_m: Annotated[Positive, about("thickness, at most a fifth of the shorter side")]
     theory: Annotated[Literal["auto", "kirchhoff", "mindlin"], about("plate theory (docs/plate.md)")] = "auto"
     edges: Annotated[Literal["free", "simply_supported", "clamped"], about("how all four edges are held")] = "free"
@@ -116,10 +113,9 @@ class FlexiblePlate(Plate):
         "frequency up to which modes are kept; absent: by the shortest contact (docs/accuracy.md)")] = None
     damping_ratio: Annotated[float, Field(ge=0, lt=1), about("damping ratio of every mode")]
     mesh_size_m: Annotated[Positive | None, about(
-        "side of a finite element; absent: from max_frequency_Hz, rods and supports")] = None
+        "side of a finite element; absent: from max_frequency_Hz and rods")] = None
     rods: Annotated[tuple[Rod, ...], about(
         "rods below the plate", paper="four screws, their size not given")] = ()
-    point_supports: Annotated[tuple[PointSupport, ...], about("points held vertically")] = ()
     sensors: Annotated[tuple[Sensor, ...], about("sensors")] = ()
 
     @property
@@ -134,30 +130,23 @@ class FlexiblePlate(Plate):
             raise Refused("thickness_m", self.thickness_m, f"must be at most a fifth of the side, {0.2 * shortest:g}")
         if self.mesh_size_m is not None and self.mesh_size_m > shortest:
             raise Refused("mesh_size_m", self.mesh_size_m, f"must be at most the shorter side, {shortest:g}")
-        tables: list[tuple[str, tuple[Rod | PointSupport | Sensor, ...]]] = [
-            ("rods", self.rods), ("point_supports", self.point_supports), ("sensors", self.sensors)]
+        tables: list[tuple[str, tuple[Rod | Sensor, ...]]] = [("rods", self.rods), ("sensors", self.sensors)]
         for name, items in tables:
             for i, item in enumerate(items):
                 margin = item.diameter_m / 2 if isinstance(item, Rod) else 0.0
-                self._check_inside(f"{name}.{i}.x_m", item.x_m, self.length_m / 2 - margin)
-                self._check_inside(f"{name}.{i}.y_m", item.y_m, self.width_m / 2 - margin)
+                limits = (self.length_m / 2 - margin, self.width_m / 2 - margin)
+                if any(abs(x) > limit * (1 + 1e-12) for x, limit in zip(item.place_m, limits, strict=True)):
+                    raise Refused(f"{name}.{i}.place_m", item.place_m,
+                                  "must lie on the plate, within {:g} and {:g} of its centre".format(*limits))
         return self
-
-    @staticmethod
-    def _check_inside(key: str, value: float, limit: float) -> None:
-        if abs(value) > limit * (1 + 1e-12):
-            raise Refused(key, value, f"must lie on the plate, between {-limit:g} and {limit:g}")
 
     @model_validator(mode="after")
     def _distinct(self) -> Self:
         for i, rod in enumerate(self.rods):
             for other in self.rods[:i]:
-                gap = ((rod.x_m - other.x_m) ** 2 + (rod.y_m - other.y_m) ** 2) ** 0.5
+                gap = math.dist(rod.place_m, other.place_m)
                 if gap < (rod.diameter_m + other.diameter_m) / 2:
-                    raise Refused(f"rods.{i}.x_m", rod.x_m, "must not overlap another rod")
-        for i, support in enumerate(self.point_supports):
-            if support in self.point_supports[:i]:
-                raise Refused(f"point_supports.{i}.x_m", support.x_m, "must not repeat another support")
+                    raise Refused(f"rods.{i}.place_m", rod.place_m, "must not overlap another rod")
         names = [sensor.name for sensor in self.sensors]
         for i, name in enumerate(names):
             if name in names[:i]:

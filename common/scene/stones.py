@@ -47,8 +47,7 @@ class EachStone(Table):
     material: Annotated[str, about("name of its table in materials")]
     radius_m: Annotated[Positive, about("radius of the sphere of equal volume")]
     shape: Annotated[str, about("\"sphere\", or the name of a table in shapes")] = SPHERE
-    x_m: Annotated[float, about("place of its centre at touch, along the length")]
-    y_m: Annotated[float, about("the same along the width")]
+    place_m: Annotated[Pair, about("place of its centre at touch, along length and width")]
     speed_m_s: Annotated[Speed | None, about(
         "speed at touch, straight down; or velocity_m_s")] = None
     velocity_m_s: Annotated[tuple[float, float, float] | None, about(
@@ -81,7 +80,7 @@ class DrawnTable(Table):
     rate_1_s: Annotated[Positive | None, about("stones a second, while stones arrive")] = None
     rate_kg_s: Annotated[Positive | None, about("the same by mass")] = None
     arrival_s: Annotated[Spread, about(
-        "when a stone touches; 0: all start gap_m above the plate; of a rate { uniform = [begin, end] }",
+        "when a stone touches; 0: all start gap_m above the plate; of a rate [begin, end]",
     )] = one_value(0.0)
     size_m: Annotated[Spread, about("diameter of the sphere of equal volume")]
     speed_m_s: Annotated[Spread | None, about("speed at touch, straight down")] = None
@@ -90,7 +89,6 @@ class DrawnTable(Table):
     footprint_m: Annotated[tuple[Pair, Pair] | None, about(
         "from and to of the centres, along length and width; absent: the plate less half the largest size")] = None
     spin_rad_s: Annotated[Spread, about("rate of turn, about a random axis")] = one_value(0.0)
-    gangue_by: Annotated[By, about("what stones.gangue_ratio is a share of")] = "mass"
     shapes: Annotated[tuple[str, ...], Field(min_length=1), about(
         "\"sphere\" and names of tables in shapes, drawn with equal chance"),
     ] = (SPHERE,)
@@ -114,8 +112,8 @@ class DrawnTable(Table):
     def _how_many(self) -> Self:
         if sum(value is not None for value in (self.count, self.rate_1_s, self.rate_kg_s)) != 1:
             raise Refused("count", self.count, "one of this, rate_1_s and rate_kg_s must be given")
-        if self.is_stream and (self.arrival_s.uniform is None or not self.lasts_s > 0):
-            raise Refused("arrival_s", self.arrival_s.bounds, "must be { uniform = [begin, end] }, some time apart, "
+        if self.is_stream and (not self.arrival_s.is_even or not self.lasts_s > 0):
+            raise Refused("arrival_s", self.arrival_s.bounds, "must be [begin, end], some time apart, "
                           "where a rate is given")
         return self
 
@@ -123,6 +121,11 @@ class DrawnTable(Table):
     def is_stream(self) -> bool:
         """Do stones come at a rate?"""
         return self.count is None
+
+    @property
+    def gangue_by(self) -> By:
+        """What the mixing ratio is a share of."""
+        return "mass" if self.is_stream else "number"
 
     @property
     def lasts_s(self) -> float:
@@ -143,12 +146,12 @@ class StonesTable(Table):
         "radius of the circle of the stones, stone 1 on the x axis; or positions_m",
         paper="0.1")] = None
     positions_m: Annotated[tuple[Pair, ...] | None, about(
-        "x_m and y_m of the centre of each stone; or circle_radius_m")] = None
+        "place of the centre of each stone; or circle_radius_m")] = None
     gap_m: Annotated[float, Field(gt=0, le=100), about("gap to the plate at the start")] = 2e-5
     gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
         "which stone turns into gangue first; those not named follow in ascending order")] = ()
     gangue_ratio: Annotated[Annotated[float, Field(ge=0, le=1)] | None, about(
-        "share of gangue; in a volley a multiple of 1/count",
+        "share of gangue by number, in a stream by mass; in a volley a multiple of 1/count",
         paper="0 to 1 in steps of 0.1")] = None
     seed: Annotated[Seed, about("seed of draws and packings; stone k of up to ten in a volley has seed + k - 1")]
     each: Annotated[tuple[EachStone, ...] | None, Field(min_length=1, max_length=MOST_STONES), about(

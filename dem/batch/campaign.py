@@ -103,7 +103,13 @@ def read_campaign_runs(out: Path) -> dict[str, tuple[int, list[str]]]:
 
 
 def campaign(file: Path, out: Path, jobs: int, profile: str | None = None) -> BatchResult:
-    """Plan a campaign and let Snakemake run what is missing. Raises InputError."""
+    """Plan a campaign and let Snakemake run what is missing. Raises InputError.
+
+    >>> _ = Path("speeds.toml").write_text('''scene = "scenes/hertz_coal.toml"
+    ... vary = { "stones.speed_m_s" = [1.0, 2.0] }''')
+    >>> campaign(Path("speeds.toml"), Path("runs/speeds"), jobs=1).finished
+    2
+    """
     if find_spec("snakemake") is None:
         raise InputError("snakemake is not installed; `make campaign` or pip install '.[campaign]' does it")
     check_engine()

@@ -237,8 +237,8 @@ def draw_stream(family: StreamFamily, rng: np.random.Generator) -> dict[str, Any
     changes: dict[str, Any] = {
         "stones.seed": int(rng.integers(100_000, 1_000_000_000)),
         "stones.gangue_ratio": int(rng.integers(low, high + 1)) / 100,
-        "stones.drawn.rate_1_s": rate, "stones.drawn.rate_kg_s": None, "stones.drawn.gangue_by": "mass",
-        "stones.drawn.arrival_s": {"uniform": [begin, begin + duration]},
+        "stones.drawn.rate_1_s": rate, "stones.drawn.rate_kg_s": None,
+        "stones.drawn.arrival_s": [begin, begin + duration],
         "time.duration_s": begin + duration + family.rings_s}
     if family.speed_m_s is not None:
         changes |= {"stones.drawn.speed_m_s": float(rng.uniform(*family.speed_m_s)),

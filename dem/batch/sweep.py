@@ -54,7 +54,12 @@ class SweepResult(Result):
 def sweep(scene_file: Path, out: Path, jobs: int, changes: Changes = (), overwrite: bool = False) -> SweepResult:
     """Run the missing ratios, `jobs` at a time. `changes` are values of the scene by dotted key
     (`common.scene.changed_scene`). Runs of another scene are replaced with `overwrite` only. Raises InputError
-    for bad input, Busy where another process is at work."""
+    for bad input, Busy where another process is at work.
+
+    >>> spheres = sweep(Path("scenes/hertz_coal.toml"), Path("runs/spheres"), jobs=1)
+    >>> [one.gangue_ratio for one in spheres.runs], spheres.failed
+    ([0.0, 1.0], {})
+    """
     check_engine()
     keys = dict(changes)
     if RATIO in keys:

@@ -44,7 +44,7 @@ from dem.calibration.virtual_tests import (
     tension_specimen,
 )
 from dem.coupling.launch import check_engine, library_version
-from dem.run.simulate import RunError
+from dem.run.run import RunError
 from dem.stones.bonds import CRACK_AREA, bond_network, network_stiffness
 from dem.stones.packing import pack_sphere
 
@@ -182,6 +182,10 @@ def calibrate(material: str, scene_file: str | Path, out: Path, report: Callable
     and `out`/ROCK_tests.csv, where ROCK is `rock` or the name of the material's file in the scene.
 
     Raises InputError for bad input, RunError if LIGGGHTS fails or a strength is not reached.
+
+    >>> found = calibrate("gangue", "scenes/small.toml", Path("runs/materials"), report=lambda line: None)
+    >>> found.rock.bond_modulus_Pa > 9.966e9  # bonds are stiffer than the rock
+    True
     """
     sheet = find_sheet(material, scene_file, rock, targets)
     target: TargetTable = check(TargetTable, sheet.table, sheet.file, where=sheet.where)

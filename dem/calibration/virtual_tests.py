@@ -33,7 +33,7 @@ from dem.deck.time_step import BOND_FRACTION
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import PLATEN_GAP, Bonds, bond_network
 from dem.stones.packing import CylinderContainer, Packing, pack
-from dem.stones.substance import flaw_factors
+from dem.stones.stone import flaw_factors
 
 TRANSITS = 100          # of a sound wave through the specimen while it is strained by `failure_strain`
 AVERAGE_STEPS = 50      # over which a recorded load is averaged

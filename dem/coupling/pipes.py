@@ -16,11 +16,48 @@ import struct
 import subprocess
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from dem.coupling.messages import CheckpointMessage, CouplingError, FinishedMessage, ForceMessage, Message
+from common.input_error import CommandError
+
+STOPPED = 75
+
+
+class CouplingError(CommandError, RuntimeError):
+    """The other side died, fell silent, or wrote something that is not of the protocol."""
+
+
+@dataclass(frozen=True)
+class ForceMessage:
+    """The stones pushed the plate until DEM step `step`.
+
+    `modal_force` (modes,) is the mean force over the `co_steps` co-steps that ended there, N kg^-1/2. The engine asks
+    where the plate will be `extrapolated_co_steps` co-steps later, and waits for the answer.
+    """
+
+    step: int
+    co_steps: int
+    extrapolated_co_steps: int
+    modal_force: np.ndarray
+
+
+@dataclass(frozen=True)
+class CheckpointMessage:
+    """The engine has its state of DEM step `step` on disk, and waits until the plate has its own."""
+
+    step: int
+
+
+@dataclass(frozen=True)
+class FinishedMessage:
+    """The engine has made its last step, and waits until the plate knows."""
+
+
+Message = ForceMessage | CheckpointMessage | FinishedMessage
+
 
 TIMEOUT_s = 600.0  # of silence from a living engine; set-up of a large scene takes minutes
 POLL_s = 0.2

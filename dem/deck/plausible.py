@@ -16,8 +16,8 @@ from common.scene.scene import Scene
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
 from dem.stones.bonds import CRACK_AREA
 from dem.stones.stone import Stone, impact_speed_m_s
-from plate_fem.elements import in_plane, mesh
-from plate_fem.elements.joints import joint_range
+from plate_fem.elements import mesh, system
+from plate_fem.elements.rods import joint_range
 
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa = 1.22e12
@@ -67,10 +67,10 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
     if shorter < LEAST_SPAN * plate.thickness_m:
         lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is "
                      f"{shorter / plate.thickness_m:.3g} of it; theories of plates are for {LEAST_SPAN} and more")
-    if in_plane.first_is_low(plate) and not in_plane.sways(plate):
+    if system.first_is_low(plate) and not system.sways(plate):
         lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about "
-                     f"{in_plane.first_Hz_of(plate):.2g} Hz on, are left out, since no rod ties them to bending; the "
-                     f"first is among the lowest {in_plane.LOWEST}")
+                     f"{system.first_Hz_of(plate):.2g} Hz on, are left out, since no rod ties them to bending; the "
+                     f"first is among the lowest {system.LOWEST}")
     if mesh.choose_theory(plate) == "kirchhoff" and mesh.kirchhoff_error(plate) > mesh.SHEAR_ERROR_ALLOWED:
         lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is "
                      f"{mesh.kirchhoff_error(plate):.2g} too high; 'auto' allows {mesh.SHEAR_ERROR_ALLOWED:g}")
@@ -83,7 +83,7 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
 def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:
     """A joint is that of a rod far from edges, and its table ends."""
     rod, name, lines = plate.rods[number], f"plate.rods.{number}", []
-    to_edge = min(plate.length_m / 2 - abs(rod.x_m), plate.width_m / 2 - abs(rod.y_m))
+    to_edge = min(plate.length_m / 2 - abs(rod.place_m[0]), plate.width_m / 2 - abs(rod.place_m[1]))
     if to_edge < rod.diameter_m:
         lines.append(f"{name}: stands {to_edge:.2g} m from an edge, less than its diameter; its joint is that of a rod "
                      "far from edges")

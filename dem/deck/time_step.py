@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from common import hertz
+from common.scene.error_laws import co_step_setting, modes_setting, setting_for
 from common.scene.scene import Scene
 from common.tables import InputError
 from dem.deck.contact import damping_ratio, elastic_damping_ratio, stiffest_face_N_m, stone_columns_N_m
-from dem.deck.tolerance import co_step_setting, modes_setting, setting_for
 from dem.stones.assembly import Assembly
-from dem.stones.stone import Stone, impact_speed_m_s, places_m
-from dem.stones.substance import Substance, bond_of, material_of, plate_contact
+from dem.stones.stone import Stone, Substance, bond_of, impact_speed_m_s, material_of, places_m, plate_contact
 from plate_fem.modes import PlateModes
 
 BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it

@@ -23,8 +23,7 @@ from common.scene.scene import Scene
 from dem.deck.pictures import PictureSchedule
 from dem.deck.time_step import TimeStep
 from plate_fem.modes import PlateModes
-from plate_fem.motion import ModalMotion
-from plate_fem.recorded import RecordedMotion
+from plate_fem.motion import ModalMotion, RecordedMotion
 from plate_fem.stress import StressPeak
 
 
@@ -47,7 +46,7 @@ class PlateRecorder:
         assert isinstance(scene.plate, FlexiblePlate)  # the other has no motion to record
         by_kind = {kind: [s for s in scene.plate.sensors if s.kind == kind] for kind in SENSORS}
         self._mean = modes.mean_shape
-        self._sensor = {kind: modes.shape_at(np.array([[s.x_m, s.y_m] for s in own]))
+        self._sensor = {kind: modes.shape_at(np.array([s.place_m for s in own]))
                         for kind, own in by_kind.items() if own}
         self._of_amplitude, self._of_rate = modes.rod_force, np.empty((0, len(self._mean)))
         rods = [rod_column(k) for k in range(1, len(modes.rod_force) + 1)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from common.files.cache import BeingFound, not_waiting
+from common.scene.error_laws import with_cut_off
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
 from dem.deck.plausible import warnings_of, warnings_of_fragments, warnings_of_plate
@@ -19,14 +20,12 @@ from dem.deck.time_step import (
     stone_contact_time_s,
     time_step,
 )
-from dem.deck.tolerance import with_cut_off
 from dem.run.progress import Stages
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from dem.stones.stone import Stone, entry_of, places_m
 from plate_fem.elements.mesh import highest_frequency_Hz
-from plate_fem.modes import PlateModes, modes_for_loads
-from plate_fem.truncation import energy_left_out
+from plate_fem.modes import PlateModes, energy_left_out, modes_for_loads
 
 LATEST_ARRIVAL_s = 1e6  # up to which a number of DEM steps is exact
 

@@ -18,24 +18,30 @@ from scipy.integrate import cumulative_simpson
 from common.channels import DAMPING_IMPULSE, RODS_MOMENTUM, rod_column
 from common.files.parquet import Columns, write_parquet
 from common.run_summary import RecordedScene, YieldReport
+from common.scene.error_laws import expected_error
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.coupling.launch import library_version
-from dem.coupling.monitor import check_closure
-from dem.deck.plate_yield import read_contacts, yield_report
+from dem.deck.contact import read_contacts, yield_report
 from dem.deck.plausible import breakage_scales, momentum_warnings
-from dem.deck.side_walls import read_walls, wall_impulse_N_s
+from dem.deck.render import wall_file
 from dem.deck.time_step import TimeStep, accuracy_settings, stone_contact_time_s
-from dem.deck.tolerance import expected_error
-from dem.record.energy_balance import StoneLedger, energy_ledger, energy_table, read_ledger, stone_energies
+from dem.record.energy_balance import (
+    StoneLedger,
+    check_closure,
+    energy_ledger,
+    energy_table,
+    read_ledger,
+    stone_energies,
+)
 from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, read_text_columns, samples_of
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun, warned
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly, density_kg_m3
-from dem.stones.substance import material_of, plate_contact
-from plate_fem.truncation import energy_left_out
+from dem.stones.stone import material_of, plate_contact
+from plate_fem.modes import energy_left_out
 
 _log = logging.getLogger(__name__)
 # Of the bodies that were taken out when they had left the plate for good, in order of time.
@@ -46,7 +52,7 @@ LEFT = {"agglomerate": int, "subspheres": int, **dict.fromkeys((
 @dataclass(frozen=True)
 class Results:
     """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,);
-    `energy` is that of dem.record.energy_balance.energy_ledger; `walls` that of dem.deck.side_walls.read_walls."""
+    `energy` is that of dem.record.energy_balance.energy_ledger; `walls` that of `read_walls`."""
 
     events: Columns
     fast: Columns
@@ -263,3 +269,26 @@ def _gone(left: Columns, assembly: Assembly) -> Columns:
           for name in ("t_s", "x_m", "y_m")}
     return {"left_mass_kg": np.bincount(stone, left["mass_kg"], n), "left_s": at["t_s"],
             "left_x_m": at["x_m"], "left_y_m": at["y_m"]}
+
+
+def read_walls(scene: Scene, deck: Path, step: TimeStep) -> Columns | None:
+    """The mean forces on the walls (dem/engine/wall/fix_wall_side.h) at each row of the fast stream at which something
+    pushed on one: t_s, at the end of the row, wall, force_x_N, force_y_N, force_z_N in the frame of the plate. None
+    without walls."""
+    walls = list(scene.plate.wall_height_m)
+    if not walls:
+        return None
+    row = np.dtype([("step", "<i8"), ("force", "<f8", (3,))])
+    of_walls = [np.fromfile(deck / wall_file(edge), row) for edge in walls]
+    rows, edges = np.concatenate(of_walls), np.repeat(walls, [len(one) for one in of_walls])
+    t_s = rows["step"] * step.dt_s
+    order = np.argsort(t_s, kind="stable")
+    return {"t_s": t_s[order], "wall": edges[order],
+            **{f"force_{axis}_N": rows["force"][order, k] for k, axis in enumerate("xyz")}}
+
+
+def wall_impulse_N_s(scene: Scene, walls: Columns, step: TimeStep) -> dict[str, list[float]]:
+    """Impulse (x, y, z) on each wall, from what `read_walls` gave."""
+    row_s = step.fast_steps * step.dt_s
+    return {edge: [float(walls[f"force_{axis}_N"][walls["wall"] == edge].sum() * row_s) for axis in "xyz"]
+            for edge in scene.plate.wall_height_m}

@@ -1,34 +1,111 @@
-"""One run from scene to run directory."""
+"""One run from scene to run directory: engine and plate side by side, from the start of the engine to its last step,
+and how a run can end earlier.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import shutil
+import subprocess
 import sys
 import time
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from common.files.cache import user_cache
 from common.files.output_directory import Busy, hash_of, refuse_place
+from common.input_error import CommandError
 from common.run_summary import RunSummary, read_summary, write_summary
 from common.scene.scene import Scene, read_scene, scene_hash
 from common.tables import InputError
-from dem.coupling.checkpoint import last_whole
-from dem.coupling.launch import ENGINE, check_engine
-from dem.coupling.messages import CouplingError
-from dem.coupling.monitor import Unstable
+from dem.coupling.checkpoint import last_whole, latest
+from dem.coupling.launch import ENGINE, check_engine, engine_error, engine_running
+from dem.coupling.pipes import STOPPED, CouplingError, EngineWatchdog
 from dem.deck.render import streams, write_deck
+from dem.record.energy_balance import Unstable, read_ledger
 from dem.run.directory import STARTED, SUFFIX, Identity, RunDirectory, name_of
-from dem.run.participants import participant_of
+from dem.run.participants import PlateOfRun, participant_of
 from dem.run.prepare import PreparedRun, prepare
 from dem.run.progress import Progress
 from dem.run.results import own_version, summary_of, write_results
-from dem.run.simulate import EngineStart, RunError, simulate
 from dem.stones.arrangement import gangue_ratio as ratio_of
+
+POLL_s = 0.05
+
+
+@dataclass(frozen=True)
+class EngineStart:
+    """Where and how the engine starts: in `deck`, from the checkpoint at DEM step `resume_step`, 0 if from the
+    beginning. It inherits the file descriptor `lock`. It stops at the first checkpoint from the time `stop_at` of
+    `time.monotonic` on, if that is given. Checkpoints carry the `identity` of the run."""
+
+    deck: Path
+    resume_step: int
+    lock: int
+    stop_at: float | None
+    identity: str
+
+
+def simulate(prepared: PreparedRun, start: EngineStart, plate: PlateOfRun, progress: Progress) -> None:
+    """Run engine and plate until the engine has finished. Raises RunError, CouplingError, Unstable or Stopped."""
+    try:
+        walltime = "never" if start.stop_at is None else max(0.0, start.stop_at - time.monotonic())
+        with plate.connected(start.deck), engine_running(
+                start.deck, prepared.scene.ranks, (start.lock,), resume=start.resume_step, walltime=walltime,
+                identity=start.identity) as engine:
+            watchdog = EngineWatchdog(engine)
+            try:
+                plate.take_part(start.deck, watchdog, lambda dem_step: progress(dem_step * prepared.step.dt_s),
+                                start.identity)
+            except CouplingError as error:
+                with suppress(subprocess.TimeoutExpired):  # pipes of an engine close a moment before it is gone
+                    engine.wait(timeout=5)
+                if engine.returncode:
+                    _check_not_stopped(prepared, start.deck, engine.returncode)
+                    raise RunError(f"LIGGGHTS stopped: {engine_error(start.deck)}") from error
+                raise
+            while watchdog():
+                time.sleep(POLL_s)
+    finally:
+        progress.end()
+    _check_not_stopped(prepared, start.deck, engine.returncode)
+    _check_finished(prepared, start.deck, engine.returncode)
+
+
+def _check_not_stopped(prepared: PreparedRun, deck: Path, code: int) -> None:
+    if code != STOPPED:
+        return
+    step = latest(deck / "checkpoint", prepared.flexible)
+    raise Stopped(f"{prepared.scene.name}: stopped at the checkpoint at t = {step * prepared.step.dt_s:.6g} s of "
+                  f"{prepared.scene.time.duration_s:g} s; "
+                  f"`gangue resume {deck.parent.with_name(deck.parent.name.removesuffix(SUFFIX))}` goes on")
+
+
+def _check_finished(prepared: PreparedRun, deck: Path, code: int) -> None:
+    """LIGGGHTS ends with 0 also when particles were lost or the energy blew up, so the ledger is asked."""
+    if code != 0:
+        raise RunError(f"LIGGGHTS stopped: {engine_error(deck)}")
+    ledger = read_ledger(deck / "ledger.bin", len(prepared.assembly.sizes))
+    if len(ledger.step) == 0 or ledger.step[-1] != prepared.step.steps:
+        raise RunError(f"LIGGGHTS ended before the last step: {engine_error(deck)}")
+    if not all(np.all(np.isfinite(values)) for values in ledger.column.values()):
+        raise RunError("the energies of LIGGGHTS hold a value that is no number: the run is not stable")
+
+
+class RunError(CommandError, RuntimeError):
+    """A run that started and could not be finished; one line that says why."""
+
+
+class Stopped(CommandError, RuntimeError):
+    """A run that was asked to stop before its end and did; one line that says how to go on."""
+
+    exit_code = STOPPED
+
 
 LEAST_FREE_BYTES = 1 << 16
 
@@ -41,7 +118,12 @@ def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None,
 
 def resume(directory: Path, show_progress: bool = True, walltime_s: float | None = None) -> dict[str, Any]:
     """Go on with the run that was to become `directory` (its name, or that with .partial), see `run_scene`. A run that
-    is finished is left alone. Raises InputError if there is nothing to go on with."""
+    is finished is left alone. Raises InputError if there is nothing to go on with.
+
+    >>> first = run("scenes/hertz_coal.toml", Path("runs/once"), show_progress=False)
+    >>> resume(Path("runs/once")) == first
+    True
+    """
     refuse_place(directory)
     out = directory.with_name(directory.name.removesuffix(SUFFIX))
     work = RunDirectory(out)

@@ -1,14 +1,189 @@
-"""The list of what falls, from every way in which a scene can say it."""
+"""The list of what falls, from every way in which a scene can say it; and what each stone of any way has of its own
+(`[scatter]`).
+
+Of what is drawn, each quantity has a random stream of its own, so that a change of one leaves the others as they are:
+at another mixing ratio the same stones fall at the same places, and only their material changes.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+import zlib
+from dataclasses import replace
+from functools import partial
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from common.scene.distribution import Distribution, one_value
 from common.scene.scene import Scene
-from common.scene.stones import COAL, GANGUE, By, EachStone
+from common.scene.stones import COAL, GANGUE, MOST_STONES, By, DrawnTable, EachStone
 from common.tables import InputError
-from dem.stones.drawn import drawn_stones, scattered, shared_packings
 from dem.stones.stone import UPRIGHT, Flying, Stone, gap_to_box_m, reach_m
+
+PLACE_TRIES = 1000
+PACKINGS = 8  # of each shape, which stones share: to find one takes longer than many an impact
+MOST_SUBSTANCES = 500  # the deck has a number for each pair of them
+ONE, NOTHING = one_value(1.0), one_value(0.0)
+
+
+def drawn_stones(scene: Scene, file: str) -> list[Stone]:
+    """The stones of `stones.drawn`, by the time of arrival. Raises InputError where they find no place, or are too
+    many."""
+    table, seed = scene.stones.drawn, scene.stones.seed
+    assert table is not None
+    rng = partial(_rng, seed)
+    size_m = table.size_m.draw(_count(scene, table, file), rng("size"))
+    gangue, count = _gangue(scene, table, size_m), len(size_m)
+    arrival_s = np.sort(table.arrival_s.draw(count, rng("arrival")))
+    fall = table.speed_m_s or table.drop_height_m
+    assert fall is not None
+    speed = fall.draw(count, rng("speed"))
+    if table.speed_m_s is None:
+        speed = np.sqrt(2 * scene.time.gravity_m_s2 * speed)
+    of_spin = rng("spin")
+    axis = of_spin.normal(size=(count, 3))
+    spin = table.spin_rad_s.draw(count, of_spin)[:, None] * axis / np.linalg.norm(axis, axis=1)[:, None]
+    packing, attitude = shared_packings(scene, count)
+    shape = rng("shape").integers(len(table.shapes), size=count)
+    stones = [Stone(material=GANGUE if gangue[k] else COAL, radius_m=float(size_m[k]) / 2,
+                    place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in scene.down),  # type: ignore[arg-type]
+                    seed=packing[k], gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
+                    spin_rad_s=tuple(spin[k].tolist()), attitude=attitude[k],
+                    shape=table.shapes[shape[k]], flaw_seed=seed + k) for k in range(count)]
+    return _placed(scene, stones, table, rng("place"), file)
+
+
+def shared_packings(scene: Scene, count: int) -> tuple[list[int], list[tuple[float, float, float, float]]]:
+    """Seeds and attitudes of so many stones that share PACKINGS packings, turned at random."""
+    seed = scene.stones.seed
+    packing = _rng(seed, "packing").integers(PACKINGS, size=count)
+    turns = Rotation.random(count, random_state=_rng(seed, "attitude")).as_quat().tolist()
+    return (seed + packing).tolist(), [(w, x, y, z) for x, y, z, w in turns]
+
+
+def _rng(seed: int, *quantity: str) -> np.random.Generator:
+    """Random numbers of one quantity alone."""
+    return np.random.default_rng([seed, *(zlib.crc32(word.encode()) for word in quantity)])
+
+
+def _gangue(scene: Scene, table: DrawnTable, size_m: np.ndarray) -> np.ndarray:
+    """(count,) bool: which stones are gangue. In a random order, each one is that fits below the mixing ratio, and then
+    the one more that brings the share nearest to it, if any does."""
+    ratio, count = scene.stones.gangue_ratio, len(size_m)
+    assert ratio is not None
+    order = _rng(scene.stones.seed, "material").permutation(count)
+    gangue, coal = (np.ones(count) if table.gangue_by == "number" else size_m**3 * scene.materials[name].density_kg_m3
+                    for name in (GANGUE, COAL))
+    which, of_gangue, of_coal = np.zeros(count, dtype=bool), 0.0, float(coal.sum())
+
+    def share_with(k: int) -> float:
+        more = of_gangue + float(gangue[k])
+        return more / (more + max(0.0, of_coal - float(coal[k])))
+
+    for k in order:
+        if share_with(k) <= ratio + 1e-12:
+            which[k], of_gangue, of_coal = True, of_gangue + float(gangue[k]), max(0.0, of_coal - float(coal[k]))
+    if left := [k for k in order if not which[k]]:
+        best = min(left, key=lambda k: abs(share_with(k) - ratio))
+        which[best] = abs(share_with(best) - ratio) < abs(of_gangue / (of_gangue + of_coal) - ratio)
+    return which
+
+
+def _count(scene: Scene, table: DrawnTable, file: str) -> int:
+    """How many stones. A stream by mass goes on until its mass has been drawn."""
+    if table.count is not None:
+        return table.count
+    ratio, materials = scene.stones.gangue_ratio, scene.materials
+    assert ratio is not None
+    if table.rate_1_s is not None:
+        count = round(table.rate_1_s * table.lasts_s)
+        key = f"rate_1_s = {table.rate_1_s:g}"
+    else:
+        assert table.rate_kg_s is not None
+        coal, gangue = (materials[name].density_kg_m3 for name in (COAL, GANGUE))
+        density = 1 / (ratio / gangue + (1 - ratio) / coal)
+        size_m = table.size_m.draw(MOST_STONES + 1, _rng(scene.stones.seed, "size"))
+        mass = np.cumsum(density * np.pi / 6 * size_m**3)
+        count = int(np.abs(mass - table.rate_kg_s * table.lasts_s).argmin()) + 1
+        key = f"rate_kg_s = {table.rate_kg_s:g}"
+    if not 1 <= count <= MOST_STONES:
+        raise InputError(f"{file}: stones.drawn.{key}: leads to {count} stones in {table.lasts_s:g} s; must be "
+                         f"from 1 to {MOST_STONES}")
+    return count
+
+
+def _placed(scene: Scene, stones: list[Stone], table: DrawnTable, rng: np.random.Generator,
+            file: str) -> list[Stone]:
+    """Each stone on a random place where it meets none that flies when it enters. Raises InputError."""
+    low, high = _footprint(scene, stones, table, f"{file}: stones.drawn")
+    flying, placed = Flying(scene), []
+    for k in np.argsort([stone.arrival_s for stone in stones], kind="stable"):
+        for _ in range(PLACE_TRIES):
+            one = replace(stones[k], place_m=tuple(rng.uniform(low, high).tolist()))
+            if flying.nearest(one)[1] >= 0:
+                break
+        else:
+            raise InputError(f"{file}: stones.drawn.footprint_m: {len(stones)} stones find no place on it; must be "
+                             "larger, or the stones fewer, smaller or further apart in time")
+        flying.add(one)
+        placed.append((k, one))
+    return [one for _, one in sorted(placed, key=lambda pair: pair[0])]
+
+
+def _footprint(scene: Scene, stones: list[Stone], table: DrawnTable, where: str) -> tuple[np.ndarray, np.ndarray]:
+    half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
+    if table.footprint_m is not None:
+        x, y = table.footprint_m
+        if max(map(abs, x)) > half[0] or max(map(abs, y)) > half[1]:
+            raise InputError(f"{where}.footprint_m = {x}, {y}: must lie on the plate, which reaches to x = "
+                             f"{half[0]:g} m and y = {half[1]:g} m")
+        return np.array([x[0], y[0]]), np.array([x[1], y[1]])
+    half = half - max(stone.radius_m for stone in stones)
+    if half.min() <= 0:
+        raise InputError(f"{where}.size_m = {table.size_m.bounds[1]:g}: must be smaller than the plate")
+    return -half, half
+
+
+def scattered(scene: Scene, stones: list[Stone], file: str) -> list[Stone]:
+    """The stones with what they have of their own. Raises InputError where they find no place."""
+    table, count = scene.scatter, len(stones)
+    rng = partial(_rng, scene.stones.seed if table.seed is None else table.seed, "scatter")
+
+    def drawn(key: str, otherwise: Distribution) -> list[float]:
+        return (getattr(table, key) or otherwise).draw(count, rng(key)).tolist()
+
+    own = zip(stones, *(drawn(key, ONE) for key in ("radius_factor", "density_factor", "youngs_modulus_factor",
+                                                    "strength_factor", "speed_factor")),
+              drawn("restitution", NOTHING), drawn("arrival_s", NOTHING))
+    stones = [replace(
+        stone, radius_m=radius * stone.radius_m, density_factor=density, youngs_modulus_factor=modulus,
+        strength_factor=strength * stone.strength_factor, restitution=restitution,
+        velocity_m_s=tuple(speed * v for v in stone.velocity_m_s),
+        arrival_s=stone.arrival_s + arrival)
+        for stone, radius, density, modulus, strength, speed, restitution, arrival in own]
+    if len({stone.substance for stone in stones}) > MOST_SUBSTANCES:
+        raise InputError(f"{file}: scatter: {count} stones of as many moduli or restitutions; must be at most "
+                         f"{MOST_SUBSTANCES}, each of which is a type of particle")
+    return stones if table.place_m is None else _moved(scene, stones, table.place_m, rng("place_m"), file)
+
+
+def _moved(scene: Scene, stones: list[Stone], disc_m: float, rng: np.random.Generator, file: str) -> list[Stone]:
+    """Each stone somewhere in a disc about its place, where it is wholly above the plate and meets none that flies."""
+    half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
+    flying, moved = Flying(scene), dict[int, Stone]()
+    for k in np.argsort([stone.arrival_s for stone in stones], kind="stable").tolist():
+        for _ in range(PLACE_TRIES):
+            distance, angle = disc_m * np.sqrt(rng.uniform()), 2 * np.pi * rng.uniform()
+            place = stones[k].place_m + distance * np.array([np.cos(angle), np.sin(angle)])
+            moved[k] = replace(stones[k], place_m=tuple(place.tolist()))
+            if np.all(np.abs(place) <= half - stones[k].radius_m) and flying.nearest(moved[k])[1] >= 0:
+                break
+        else:
+            raise InputError(f"{file}: scatter.place_m = {disc_m:g}: stone {k + 1} finds no place in this disc about "
+                             "its own; must be larger, or the stones fewer, smaller or further apart")
+        flying.add(moved[k])
+    return [moved[k] for k in range(len(stones))]
+
 
 OWN_PACKINGS = 10  # stones of a volley that have a packing each; more share some, as drawn ones do
 
@@ -48,7 +223,7 @@ def _one(scene: Scene, k: int, one: EachStone) -> Stone:
     speed = one.speed_m_s
     velocity = one.velocity_m_s if speed is None else tuple(speed * d for d in scene.down)
     assert velocity is not None
-    return Stone(material=one.material, radius_m=one.radius_m, place_m=(one.x_m, one.y_m),
+    return Stone(material=one.material, radius_m=one.radius_m, place_m=one.place_m,
                  velocity_m_s=velocity,  # type: ignore[arg-type]
                  seed=scene.stones.seed + k if one.seed is None else one.seed, gap_m=scene.stones.gap_m,
                  arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT, shape=one.shape)
@@ -133,4 +308,4 @@ def _place_key(scene: Scene, k: int, stone: Stone) -> str:
         return f"positions_m.{k} = {place}"
     if scene.stones.circle_radius_m is not None:
         return f"circle_radius_m = {scene.stones.circle_radius_m:g}"
-    return f"each.{k}.x_m, y_m = {place}"
+    return f"each.{k}.place_m = {place}"

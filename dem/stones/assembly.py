@@ -15,15 +15,12 @@ from common.files.cache import BeingFound, not_waiting
 from common.scene.scene import Scene
 from common.scene.stones import SPHERE, ShapeTable
 from common.tables import Refused
-from dem.shapes.mesh import MeshContainer
-from dem.shapes.solids import Solid, solid_of
 from dem.stones.bonds import Bonds, bond_network
-from dem.stones.contact_patch import StoneSurface
-from dem.stones.faces import FaceColumns, face_columns
+from dem.stones.contact_patch import FaceColumns, StoneSurface, face_columns
 from dem.stones.library import REFERENCE_RADIUS_m, packed, scaled_packing, surface_of
 from dem.stones.packing import Packing, SphereContainer
-from dem.stones.stone import UPRIGHT, Entry, Stone, entry_of, impact_speed_m_s
-from dem.stones.substance import Substance, flaw_factors
+from dem.stones.solids import MeshContainer, Solid, solid_of
+from dem.stones.stone import UPRIGHT, Entry, Stone, Substance, entry_of, flaw_factors, impact_speed_m_s
 
 # A sub-sphere is drawn in by this factor against its radius in the packing, so that a bonded pair has no contact
 # before its bond breaks: no stiffness counted twice. Its density makes up for the mass.

@@ -12,11 +12,10 @@ import numpy as np
 
 from common.files.cache import cached, key_of
 from common.scene.scene import BondTable
-from dem.shapes.mesh import MeshContainer
-from dem.shapes.solids import Solid
 from dem.stones.bonds import Bonds
 from dem.stones.contact_patch import StoneSurface, is_surface, stone_surface
 from dem.stones.packing import Container, ConvexContainer, Packing, SphereContainer, pack, pack_sphere
+from dem.stones.solids import MeshContainer, Solid
 
 CODE = Path(__file__)
 REFERENCE_RADIUS_m = 0.025  # with which a packing is kept; all sizes are alike

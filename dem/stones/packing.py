@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from dem.shapes.mesh import MeshContainer
+from dem.stones.solids import MeshContainer
 
 OVERLAP_TOLERANCE = 1e-3  # largest overlap of the result, relative to the sum of the two radii
 SIZE_RATIO = 1.5  # of the largest radius to the smallest; radii are evenly spread between

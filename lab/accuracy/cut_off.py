@@ -36,14 +36,14 @@ positions_m = [{", ".join(f"[{x}, {y}]" for x in (-0.4, -0.2, 0.0, 0.2, 0.4) for
 length_m = 1.2
 width_m = 0.8
 thickness_m = 0.016
-rods = [{", ".join(f"{{ x_m = {x}, y_m = {y}, {ROD} }}" for x in (-0.5, 0.0, 0.5) for y in (-0.3, 0.3))}]
+rods = [{", ".join(f"{{ place_m = [{x}, {y}], {ROD} }}" for x in (-0.5, 0.0, 0.5) for y in (-0.3, 0.3))}]
 """
 SPHERE = f"""
 base = "{SCENES / 'elastic_plate.toml'}"
 name = "sphere"
 time = {{ duration_s = 0.03 }}
 stones = {{ radius_m = %g }}
-plate = {{ sensors = [{{ name = "north", x_m = 0.0, y_m = 0.17 }}, {{ name = "west", x_m = -0.15, y_m = 0.05 }}] }}
+plate = {{ sensors = [{{ name = "north", place_m = [0.0, 0.17] }}, {{ name = "west", place_m = [-0.15, 0.05] }}] }}
 """
 SCENES_OF = {"20 stones of 25 mm": LARGE, **{f"sphere of {1000 * r:g} mm": SPHERE % r for r in (0.005,)}}
 CUT_OFFS_Hz = {name: (20e3, None) if text is LARGE else (40e3, 10e3, 7e3) for name, text in SCENES_OF.items()}

@@ -1,4 +1,4 @@
-"""The laws of dem/deck/tolerance.py, from what `make accuracy` measured."""
+"""The laws of common/scene/error_laws.py, from what `make accuracy` measured."""
 
 from __future__ import annotations
 

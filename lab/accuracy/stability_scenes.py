@@ -85,7 +85,7 @@ def _shape(random: Draw) -> Changes:
 def _stream(random: Draw) -> Changes:
     least = _log(random, 0.015, 0.03)
     return COARSE_PLATE | _contacts(random) | _strengths(random) | {
-        "time.duration_s": 0.05, "time.view_interval_s": None, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]},
+        "time.duration_s": 0.05, "time.view_interval_s": None, "stones.drawn.arrival_s": [0.0, 0.05],
         "stones.drawn.rate_1_s": _log(random, 20.0, 500.0), "stones.drawn.drop_height_m": _log(random, 1e-3, 2.0),
-        "stones.drawn.size_m": {"uniform": [least, 1.5 * least]}, "plate.tilt_deg": float(random.uniform(0.0, 40.0)),
+        "stones.drawn.size_m": [least, 1.5 * least], "plate.tilt_deg": float(random.uniform(0.0, 40.0)),
         "stones.seed": int(random.integers(1, 10**6))}

@@ -32,12 +32,12 @@ REFERENCE_Hz = 25e3
 
 
 def scene_of(stone: str, changes: dict) -> Scene:
-    rods = [rod | {"x_m": np.sign(rod["x_m"]) * 0.16, "y_m": np.sign(rod["y_m"]) * 0.12}
+    rods = [rod | {"place_m": list(np.sign(rod["place_m"]) * [0.16, 0.12])}
             for rod in scene_tables(SCENES / "single.toml")["plate"]["rods"]]
     return changed_scene(SCENES / "single.toml", {
         "time.duration_s": 1.8e-3, "time.view_interval_s": None, "stones.gangue_ratio": 0.0, "plate.thickness_m": 0.015,
         "plate.length_m": 0.4, "plate.width_m": 0.3, "plate.rods": rods,
-        "stones.positions_m": [[-0.05, 0.06]], "plate.sensors": [{"name": "one", "x_m": 0.1, "y_m": 0.08}],
+        "stones.positions_m": [[-0.05, 0.06]], "plate.sensors": [{"name": "one", "place_m": [0.1, 0.08]}],
         "plate.max_frequency_Hz": None} | STONES[stone] | changes)
 
 

@@ -4,9 +4,9 @@ Four stones that do not break, 200 sub-spheres each, fall on a plate of 0.3 x 0.
 the impact and many periods of the plate. Without breakage nothing is chaotic, and the error of a setting has an order.
 What is chaotic, the broken area of one stone, is an ensemble of five packings with its spread.
 
-Beside the table it writes error_laws.toml (what `tolerance` in a scene goes by, committed as common/scene/error_laws.toml) and
-work_precision.png. Processor time is the least of the repeats after a warm-up, of engine, plate and output; with settings
-of the plate the modes are counted too.
+Beside the table it writes error_laws.toml (what `tolerance` in a scene goes by, committed as
+common/scene/error_laws.toml) and work_precision.png. Processor time is the least of the repeats after a warm-up, of
+engine, plate and output; with settings of the plate the modes are counted too.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
 from dem.run.prepare import prepare
-from dem.run.run import run_prepared
-from dem.run.simulate import RunError
+from dem.run.run import RunError, run_prepared
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from lab.accuracy.laws import worst_error, write_laws
@@ -78,14 +77,14 @@ class NumericalSetting:
 
 def _rods(x_m: float, y_m: float) -> list[dict]:
     """The paper's, elsewhere."""
-    return [rod | {"x_m": np.sign(rod["x_m"]) * x_m, "y_m": np.sign(rod["y_m"]) * y_m}
+    return [rod | {"place_m": list(np.sign(rod["place_m"]) * [x_m, y_m])}
             for rod in scene_tables(PAPER)["plate"]["rods"]]
 
 
 def scene_of(changes: dict) -> Scene:
     """The reduced scene."""
     places = [(0.06, 0.0), (0.0, 0.05), (-0.07, -0.01), (0.01, -0.08)]
-    sensors = [{"name": "one", "x_m": 0.03, "y_m": 0.1}]
+    sensors = [{"name": "one", "place_m": [0.03, 0.1]}]
     return changed_scene(PAPER, {
         "time.duration_s": 3e-3, "time.sample_interval_s": SAMPLE_s, "time.view_interval_s": None,
         "stones.count": COUNT, "stones.gangue_order": list(range(1, COUNT + 1)), "stones.circle_radius_m": None,

@@ -1,7 +1,7 @@
 """The paper's eleven ratios with the joints of rods, and with rods that are rigidly tied to their disc: what moves.
 
-Differences over the first 40 ms, with the joints less without them: of peaks, and of signals as the norm of the difference
-over the norm without joints. Accelerometers and rods are the worst of four.
+Differences over the first 40 ms, with the joints less without them: of peaks, and of signals as the norm of the
+difference over the norm without joints. Accelerometers and rods are the worst of four.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dem.stones.arrangement import stones_of
 from dem.stones.stone import places_m
 from lab.rock.stone import SCENES
 from lab.study import Row
-from plate_fem.elements.joints import LEAST_COMPLIANCE, Joint
+from plate_fem.elements.rods import LEAST_COMPLIANCE, Joint
 from plate_fem.modes import PlateModes, modes_for_loads
 
 GROUPS = {"accelerometer": "acc_", "rod": "rod_"}

@@ -1,10 +1,11 @@
-"""Makes plate_fem/elements/rod_joints.csv: what the joint of a rod adds to plate and beam theory, by a solid of revolution.
+"""Makes plate_fem/elements/rod_joints.csv: what the joint of a rod adds to plate and beam theory, by a solid of
+revolution.
 
 The solid is a round plate (E = 1) with a rod (radius 1) below its middle, in rings of bicubic quadrilaterals, graded
 towards the edge where both meet, for displacements u_r, u_z ~ cos n phi and u_phi ~ sin n phi. With n = 0 the rod is
-pulled and the plate's rim bent, with n = 1 the rod is pushed sideways and bent, with n = 2 the rim is bent. What the plate's theory (Reissner's, the
-same finite elements along the radius) and the rod's (bar; Timoshenko with Cowper's shear coefficient) give is
-subtracted:
+pulled and the plate's rim bent, with n = 1 the rod is pushed sideways and bent, with n = 2 the rim is bent. What the
+plate's theory (Reissner's, the same finite elements along the radius) and the rod's (bar; Timoshenko with Cowper's
+shear coefficient) give is subtracted:
 
 - stub, stub_twist: the disc above the rod is stiffer by these factors, less one, where the plate bends into a bowl and
   into a saddle. From the turn of the bent rim.
@@ -32,7 +33,7 @@ from scipy.optimize import brentq
 from scipy.sparse.linalg import splu
 
 from lab.study import Row
-from plate_fem.elements.joints import JOINTS
+from plate_fem.elements.rods import JOINTS
 
 RADIUS_OVER_THICKNESS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
 POISSON_RATIO = (0.0, 0.15, 0.3, 0.45)

@@ -62,7 +62,7 @@ class Plate:
         return Part(x_m, y_m, self.thickness_m, self.rods, self.length_m, STEEL, self.cell_m, fine)
 
     def table(self) -> FlexiblePlate:
-        rods = [{"x_m": a * x, "y_m": b * y, "diameter_m": diameter, "length_m": self.length_m, **STEEL}
+        rods = [{"place_m": [a * x, b * y], "diameter_m": diameter, "length_m": self.length_m, **STEEL}
                 for x, y, diameter in self.rods for a, b in self.images]
         return FlexiblePlate.model_validate({
             "model": "flexible", "length_m": self.side_m[0], "width_m": self.side_m[1], "thickness_m": self.thickness_m,

@@ -1,9 +1,9 @@
 """A data set of any size without the engine: the runs of a plan, of forces that single stones had in the engine.
 
 Each stone of a run has the history of a stone of its material whose size and speed are near its own
-(lab/known_truth/stone_histories.py), drawn by the seed of its packing and scaled by Hertz to its radius, density, modulus,
-restitution and speed. The forces are superposed on the modes of the plate. Strengths change nothing, stones do not meet,
-and none comes back."""
+(lab/known_truth/stone_histories.py), drawn by the seed of its packing and scaled by Hertz to its radius, density,
+modulus, restitution and speed. The forces are superposed on the modes of the plate. Strengths change nothing, stones
+do not meet, and none comes back."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ from common.channels import force_column, rod_column, sensor_column
 from common.scene.scene import Scene
 from dem.batch.dataset import DatasetRun, plan_dataset
 from dem.stones.arrangement import stones_of
-from dem.stones.stone import Stone
-from dem.stones.substance import material_of, plate_contact
+from dem.stones.stone import Stone, material_of, plate_contact
 from lab.known_truth.stone_histories import SETS, histories
 from lab.study import Row
 from recognition.plate.plate_model import PlateModel, modal_steps

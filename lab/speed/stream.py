@@ -46,7 +46,7 @@ def scene_of(stones: list[dict[str, Any]], kind: Kind, duration_s: float | None 
 
 def drawn_scene(count: int, rate_1_s: float, kind: Kind) -> Scene:
     """Stones at random times and places on a tilted plate."""
-    stream = {"rate_1_s": rate_1_s, "arrival_s": {"uniform": [0.32, 0.32 + count / rate_1_s]}, "size_m": 0.03,
+    stream = {"rate_1_s": rate_1_s, "arrival_s": [0.32, 0.32 + count / rate_1_s], "size_m": 0.03,
               "speed_m_s": 3.0}
     return _scene({"stones.drawn": stream, "plate": PLATE | {"tilt_deg": 20.0}}, kind,
                   0.32 + count / rate_1_s + FALLS_s)
@@ -62,7 +62,7 @@ def _scene(changes: dict[str, Any], kind: Kind, duration_s: float) -> Scene:
 
 def stones_of(count: int) -> list[dict[str, Any]]:
     """They touch near the edge, moving towards it, in turn at 16 places along it."""
-    return [{"material": "coal", "radius_m": 0.025, "x_m": 0.22, "y_m": 0.025 * (7 * k % 16 - 7.5), "seed": k % 8 + 1,
+    return [{"material": "coal", "radius_m": 0.025, "place_m": [0.22, 0.025 * (7 * k % 16 - 7.5)], "seed": k % 8 + 1,
              "velocity_m_s": (1.5, 0.0, -3.0), "arrival_s": 0.32 + k / RATE_1_s} for k in range(count)]
 
 

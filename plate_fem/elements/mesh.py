@@ -50,7 +50,7 @@ def bending_wavenumber(plate: FlexiblePlate, frequency_Hz: float, theory: str) -
 def highest_frequency_Hz(plate: FlexiblePlate) -> float:
     """Return `max_frequency_Hz` of a plate. Raises ValueError if its table leaves it to the stones."""
     if plate.max_frequency_Hz is None:
-        raise ValueError("max_frequency_Hz is not known yet: see dem.deck.tolerance.with_cut_off")
+        raise ValueError("max_frequency_Hz is not known yet: see common.scene.error_laws.with_cut_off")
     return plate.max_frequency_Hz
 
 
@@ -108,7 +108,7 @@ def default_mesh_size(plate: FlexiblePlate) -> float:
 def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
     """Return the grid lines along x and along y (m), ascending, from edge to edge.
 
-    Point supports lie on grid lines. By default a cell at a rod is as wide as the rod's radius, and cells grow
+    By default a cell at a rod is as wide as the rod's radius, and cells grow
     away from it. A table's `mesh_size_m` refines these cells in the same proportion.
     Raises Refused for more than MOST_CELLS cells or MOST_LINES lines, before any memory is taken.
     """
@@ -119,12 +119,11 @@ def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
         raise Refused(key, getattr(plate, key), allowed)
     scale = largest / default_mesh_size(plate)
     lines = []
-    for axis, side in (("x_m", plate.length_m), ("y_m", plate.width_m)):
+    for axis, side in enumerate((plate.length_m, plate.width_m)):
         fixed = [-side / 2, side / 2]
-        fixed += [getattr(support, axis) for support in plate.point_supports]
         fine = []
         for rod in plate.rods:
-            centre, radius = getattr(rod, axis), rod.diameter_m / 2
+            centre, radius = rod.place_m[axis], rod.diameter_m / 2
             fixed += [centre - radius, centre, centre + radius]
             fine.append((centre, radius, scale))
         lines.append(_graded(_distinct(fixed, 1e-6 * side), largest, fine))

@@ -4,7 +4,7 @@ The plate is linear, so a record x is the sum of the plate's responses to the fo
 
     x = sum over stones of G_i F_i + e.
 
-G_i is the response to a unit force on place i (plate_fem/response.py). F_i(t), the force of stone i, is normally
+G_i is the response to a unit force on place i (plate_fem/motion.py). F_i(t), the force of stone i, is normally
 distributed: its mean depends on the material, its covariance does not; both come from simulated stones and are
 proportional to the impact speed. e is the residual of the plate's model on simulated records, and the noise of the
 sensors. Ten stones have 1024 arrangements. Each has a likelihood; the sum over all arrangements of one ratio gives the

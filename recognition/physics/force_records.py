@@ -19,7 +19,7 @@ from common.channels import force_column, rod_column, sensor_column
 from common.files.cache import user_cache
 from common.scene.plate import FlexiblePlate
 from plate_fem.modes import PlateModes, plate_modes
-from plate_fem.response import pulse_response
+from plate_fem.motion import pulse_response
 from recognition.estimation.arrays import Booleans, Floats
 
 Places = tuple[tuple[float, ...], ...]

@@ -145,11 +145,6 @@ class PlateModel:
         acceleration = modal_steps(self, self._modal_force(force_N, places_m), sample_rate_Hz)[2]
         return np.asarray(self.sensor_shape @ acceleration, float)
 
-    def rod_forces(self, force_N: Floats, places_m: Floats, sample_rate_Hz: float) -> Floats:
-        """Rod forces (r, t), N, under the same forces as `response`."""
-        amplitude = modal_steps(self, self._modal_force(force_N, places_m), sample_rate_Hz)[0]
-        return np.asarray(self.rod_force_N_m @ amplitude, float)
-
     def _modal_force(self, force_N: Floats, places_m: Floats) -> Floats:
         places, force = np.atleast_2d(np.asarray(places_m, float)), np.atleast_2d(np.asarray(force_N, float))
         if len(places) != len(force):

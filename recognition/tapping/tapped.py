@@ -16,7 +16,7 @@ from common.files.output_directory import is_sealed_as, refuse_file
 from common.files.whole import written_whole
 from common.process.messages import told
 from common.result import Result
-from common.tables import Table, about, check, read_toml
+from common.tables import Place, Table, about, check, read_toml
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel
 from recognition.plate.records import numbers, read_accelerations
@@ -130,12 +130,10 @@ def write_modes(file: Path, plate: PlateModel) -> None:
         pyuff.UFF(str(beside)).write_sets(sets, "add")
 
 
-class TapTable(Table):
+class TapTable(Place):
     """One tap."""
 
     record: Annotated[str, about("beside this file: t_s, acc_NAME_m_s2 and, where measured, force_N; or FRFs")]
-    x_m: Annotated[float, about("place along the plate's length, from its centre")]
-    y_m: Annotated[float, about("place along the plate's width, from its centre")]
     unknown_force: Annotated[bool, about("take no notice of force_N")] = False
 
 
@@ -170,6 +168,6 @@ def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
 def _tap(file: Path, table: TapTable, plate: PlateModel, content: TapFile) -> Tap:
     found, acceleration, rate_Hz = read_accelerations(file, plate, content.scale, content.unit)
     force = None if table.unknown_force or "force_N" not in found.columns else numbers(found, "force_N", file)
-    place = np.array([table.x_m, table.y_m])
+    place = np.array(table.place_m)
     plate.shape(*place[:, None])  # refuses a place beside the plate
     return Tap(place, acceleration, rate_Hz, force, str(file))

@@ -33,7 +33,7 @@ def arrangement(results: SweepResults) -> Drawn:
     axis = axes[0, 0]
     axis.add_patch(Rectangle((-size_m[0] / 2, -size_m[1] / 2), *size_m, facecolor="#eef1f3", edgecolor=PALE))
     for rod in plate.rods:
-        axis.add_patch(Circle((rod.x_m, rod.y_m), 0.01, facecolor=PALE))
+        axis.add_patch(Circle((rod.place_m[0], rod.place_m[1]), 0.01, facecolor=PALE))
     rank = {place: k for k, place in enumerate(s.gangue_order, 1)}
     roomy = 2 * s.radius_m > 0.08 * max(size_m)  # of two lines of text
     for number, (x, y) in enumerate(s.places_m, 1):

@@ -40,7 +40,7 @@ SCENE = {
         "youngs_modulus_Pa": 2.07e11,
         "poisson_ratio": 0.3,
         "rods": [
-            {"x_m": x, "y_m": y, "diameter_m": 0.02, "length_m": 0.1,
+            {"place_m": [x, y], "diameter_m": 0.02, "length_m": 0.1,
              "youngs_modulus_Pa": 2.07e11, "density_kg_m3": 7830.0}
             for x in (0.2, -0.2) for y in (0.2, -0.2)
         ],

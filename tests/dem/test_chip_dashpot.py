@@ -12,7 +12,7 @@ import pytest
 from decks import DUMP_NUMBERS, DUMPED, frames, run_engine
 from test_smooth_contact import RADIUS_m, stone
 
-from dem.deck.plate_yield import read_contacts
+from dem.deck.contact import read_contacts
 from dem.deck.render import write_deck
 from dem.record.energy_balance import read_ledger
 from dem.run.prepare import prepare

@@ -10,10 +10,10 @@ from test_shapes import CUBE, drawn
 from common.scene.stones import ShapeTable
 from common.tables import InputError, Refused
 from dem.run.run import run_scene
-from dem.shapes.solids import moments, solid_of
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from dem.stones.library import REFERENCE_RADIUS_m, container_of, packed
+from dem.stones.solids import moments, solid_of
 from dem.stones.stone import UPRIGHT
 
 HEIGHT = 0.8
@@ -99,7 +99,7 @@ def test_the_outer_layer_lies_on_the_surface_of_an_L(ell):
 
 def test_stones_in_the_shape_of_an_L_fall(tmp_path, monkeypatch):
     """Mass, centre and inertia are those of the solid, and the energy closes."""
-    monkeypatch.setattr("dem.stones.drawn.PACKINGS", 1)
+    monkeypatch.setattr("dem.stones.arrangement.PACKINGS", 1)
     shape = {"file": written(tmp_path, *ELL)}
     scene = drawn(tmp_path, shape, 100)
     stones = [replace(stone, attitude=UPRIGHT) for stone in stones_of(scene, "scene")]

@@ -32,7 +32,7 @@ groups = 22
 runs_per_group = 1
 speed_m_s = [2.0, 4.0]
 damping_ratio = [0.005, 0.02]
-changes = {{ "scatter.arrival_s" = {{ uniform = [0.0, 2e-4] }}, "scatter.strength_factor" = {{ lognormal_cv = 0.15 }} }}
+changes = {{ "scatter.arrival_s" = [0.0, 2e-4], "scatter.strength_factor" = {{ lognormal_cv = 0.15 }} }}
 """
 
 
@@ -153,7 +153,7 @@ stones = 4
 rate_1_s = [100.0, 400.0]
 gangue_ratio = [0.2, 0.8]
 speed_m_s = [2.0, 4.0]
-sizes_m = [0.03, {{ uniform = [0.03, 0.05] }}]
+sizes_m = [0.03, [0.03, 0.05]]
 rings_s = 0.01
 """
 

@@ -5,7 +5,7 @@ import pytest
 from scenes_of_tests import SCENES
 from scipy import stats
 
-from common.scene.distribution import Distribution, RosinRammler
+from common.scene.distribution import Distribution
 from common.scene.scene import changed_scene
 from common.tables import InputError
 from dem.deck.render import write_deck
@@ -16,8 +16,8 @@ from dem.stones.assembly import assemble
 
 NO_VOLLEY = {f"stones.{key}": None for key in (
     "count", "radius_m", "speed_m_s", "positions_m", "circle_radius_m", "gangue_order", "arrival_s")}
-DRAWN = {"count": 40, "size_m": {"uniform": [0.01, 0.03]}, "speed_m_s": {"uniform": [1.0, 3.0]}}
-STREAM = {"size_m": 0.02, "speed_m_s": 3.0, "arrival_s": {"uniform": [0.0, 1.0]}, "rate_1_s": 10.0}
+DRAWN = {"count": 40, "size_m": [0.01, 0.03], "speed_m_s": [1.0, 3.0]}
+STREAM = {"size_m": 0.02, "speed_m_s": 3.0, "arrival_s": [0.0, 1.0], "rate_1_s": 10.0}
 SIZE = np.pi / 6  # volume over the cube of the diameter
 N = 20_000
 
@@ -36,7 +36,7 @@ def test_a_lognormal_law_by_its_closed_form():
 
 def test_rosin_rammler_is_a_law_by_mass():
     """The mass above a size, drawn by number, against exp(-(d/size)^n) between the bounds."""
-    law = Distribution(rosin_rammler=RosinRammler(size_m=0.04, exponent=1.5, least=0.02, most=0.08))
+    law = Distribution(rosin_rammler_m=0.04, exponent=1.5, within=(0.02, 0.08))
     d = law.draw(N, np.random.default_rng(1))
     assert 0.02 <= d.min() and d.max() <= 0.08
     retained = lambda x: np.exp(-(x / 0.04) ** 1.5)  # noqa: E731
@@ -45,10 +45,10 @@ def test_rosin_rammler_is_a_law_by_mass():
         assert above == pytest.approx((retained(x) - retained(0.08)) / (retained(0.02) - retained(0.08)), abs=0.012)
 
 
-@pytest.mark.parametrize("by", ["mass", "number"])
-def test_the_share_of_gangue_is_the_nearest_that_whole_stones_allow(by):
-    scenes = [scene_of(table=DRAWN | {"gangue_by": by, "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]]},
-                       **{"stones.gangue_ratio": ratio, "stones.drawn.arrival_s": {"uniform": [0.0, 0.1]}})
+@pytest.mark.parametrize("many", [{"count": 40}, {"rate_1_s": 400.0}], ids=["by number", "by mass"])
+def test_the_share_of_gangue_is_the_nearest_that_whole_stones_allow(many):
+    table = {"size_m": [0.01, 0.03], "speed_m_s": [1.0, 3.0], "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]]} | many
+    scenes = [scene_of(table=table, **{"stones.gangue_ratio": ratio, "stones.drawn.arrival_s": [0.0, 0.1]})
               for ratio in (0.0, 0.3, 0.6, 1.0)]
     lists = [stones_of(scene, "scene") for scene in scenes]
     for scene, stones in zip(scenes, lists):
@@ -59,7 +59,7 @@ def test_the_share_of_gangue_is_the_nearest_that_whole_stones_allow(by):
 
 
 def test_a_stream_has_its_rate_and_its_mass():
-    stream = {"size_m": {"uniform": [0.02, 0.04]}, "speed_m_s": 3.0, "arrival_s": {"uniform": [0.5, 2.5]}}
+    stream = {"size_m": [0.02, 0.04], "speed_m_s": 3.0, "arrival_s": [0.5, 2.5]}
     stones = stones_of(scene_of(table=stream | {"rate_1_s": 50.0}), "scene")
     arrival = np.array([s.arrival_s for s in stones])
     assert len(stones) == 100 and np.all(np.diff(arrival) > 0) and 0.5 <= arrival[0] and arrival[-1] <= 2.5
@@ -75,10 +75,10 @@ def test_a_drop_height_is_a_speed():
     assert stones_of(scene, "scene")[0].velocity_m_s == pytest.approx((0, 0, -np.sqrt(2 * 9.8 * 0.5)))
 
 
-EACH = [{"material": "coal", "radius_m": 0.02, "x_m": 0.1, "y_m": 0.0, "speed_m_s": 2.0},
-        {"material": "gangue", "radius_m": 0.01, "x_m": -0.1, "y_m": 0.0, "velocity_m_s": [0.5, 0.0, -1.0],
+EACH = [{"material": "coal", "radius_m": 0.02, "place_m": [0.1, 0.0], "speed_m_s": 2.0},
+        {"material": "gangue", "radius_m": 0.01, "place_m": [-0.1, 0.0], "velocity_m_s": [0.5, 0.0, -1.0],
          "spin_rad_s": [0.0, 30.0, 0.0], "arrival_s": 1e-3, "attitude": [0.6, 0.8, 0.0, 0.0]},
-        {"material": "shale", "radius_m": 0.015, "x_m": 0.0, "y_m": 0.1, "velocity_m_s": [0.0, 0.3, -3.0]}]
+        {"material": "shale", "radius_m": 0.015, "place_m": [0.0, 0.1], "velocity_m_s": [0.0, 0.3, -3.0]}]
 
 
 def each_scene():
@@ -116,7 +116,7 @@ def test_the_volley_of_the_paper_said_stone_by_stone_is_the_same_deck(tmp_path):
     coarse = {"stones.agglomerate.subspheres": 40, "stones.agglomerate.contact": "sub_spheres", "stones.seed": 20011,
               "plate.max_frequency_Hz": 800.0}
     volley = changed_scene(SCENES / "paper.toml", coarse | {"stones.gangue_ratio": 0.3})
-    each = [{"material": s.material, "radius_m": s.radius_m, "x_m": s.place_m[0], "y_m": s.place_m[1],
+    each = [{"material": s.material, "radius_m": s.radius_m, "place_m": [s.place_m[0], s.place_m[1]],
              "speed_m_s": -s.velocity_m_s[2], "seed": s.seed} for s in stones_of(volley, "volley")]
     for name, scene in (("volley", volley), ("each", scene_of("paper", "each", each, **coarse))):
         prepared = prepare(scene, name, tmp_path)
@@ -149,27 +149,28 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
 
 
 @pytest.mark.parametrize("way, table, changes, said", [
-    ("drawn", DRAWN | {"size_m": {"uniform": [0.03, 0.01]}}, {}, "stones.drawn.size_m.uniform"),
-    ("drawn", DRAWN | {"size_m": "large"}, {}, "stones.drawn.size_m = 'large': must be a number or a table"),
+    ("drawn", DRAWN | {"size_m": [0.03, 0.01]}, {}, "stones.drawn.size_m.within"),
+    ("drawn", DRAWN | {"size_m": "large"}, {}, "stones.drawn.size_m = 'large': must be a number, a pair, or a table"),
     ("drawn", DRAWN | {"size_m": -1.0}, {}, "stones.drawn.size_m = -1.0: must be from"),
     ("drawn", DRAWN | {"speed": 1.0}, {}, "stones.drawn.speed = 1.0: unknown key"),
     ("each", [EACH[0] | {"strength_factor": 2.0}], {}, "unknown key; use scatter.strength_factor, or a material of its own;"),
     ("drawn", DRAWN, {"output.view_interval_s": 0.0}, "unknown key; use time.view_interval_s"),
     ("drawn", DRAWN, {"materials.coal.bond.pressure_threshold_Pa": 1e6}, "unknown key; use pressure_strengthening"),
-    ("drawn", DRAWN | {"size_m": {"rosin_rammler": {"size_m": 0.02, "exponent": 2.0, "least": 0.0, "most": 1.0}}}, {},
-     "least"),
+    ("drawn", DRAWN | {"size_m": {"rosin_rammler_m": 0.02, "exponent": 2.0, "within": [0.0, 1.0]}}, {},
+     "size_m.within = .*from above 0"),
+    ("drawn", DRAWN | {"size_m": {"uniform": [0.01, 0.03]}}, {}, r"unknown key; use \[least, most\] alone"),
     ("drawn", DRAWN, {"stones.radius_m": 0.02}, "stones.radius_m = 0.02: must be left out where stones.drawn"),
     ("drawn", DRAWN, {"stones.gangue_ratio": None}, "stones.gangue_ratio"),
     ("drawn", DRAWN | {"size_m": 0.2}, {}, "find no place"),
     ("drawn", {"size_m": 0.02, "speed_m_s": 3.0}, {}, "stones.drawn.count = None: one of this, rate_1_s and rate_kg_s"),
     ("drawn", DRAWN | {"rate_1_s": 10.0}, {}, "stones.drawn.count = 40: one of this, rate_1_s and rate_kg_s"),
     ("drawn", STREAM | {"rate_1_s": 1e6}, {}, "1000000 stones"),
-    ("drawn", STREAM | {"arrival_s": 1.0}, {}, "stones.drawn.arrival_s = .*must be { uniform"),
-    ("drawn", STREAM | {"arrival_s": {"uniform": [1.0, 1.0]}}, {}, "stones.drawn.arrival_s = .*some time apart"),
+    ("drawn", STREAM | {"arrival_s": 1.0}, {}, "stones.drawn.arrival_s = .*must be .begin, end"),
+    ("drawn", STREAM | {"arrival_s": [1.0, 1.0]}, {}, "stones.drawn.arrival_s = .*some time apart"),
     ("each", [EACH[0] | {"material": "slate"}], {}, "stones.each.0.material = 'slate': unknown material"),
     ("each", [EACH[0], EACH[0] | {"shape": "cube"}], {}, "stones.each.1.shape = 'cube': unknown shape"),
     ("each", [EACH[0], EACH[0]], {}, "stones 1 and 2 overlap"),
-    ("each", [EACH[0] | {"x_m": 0.3}], {}, "stones.each.0.x_m, y_m = .*misses the plate"),
+    ("each", [EACH[0] | {"place_m": [0.3, 0.0]}], {}, "stones.each.0.place_m = .*misses the plate"),
     ("each", [EACH[0] | {"velocity_m_s": [0.0, 0.0, 1.0], "speed_m_s": None}], {}, "stones.each.0.velocity_m_s"),
     ("each", [EACH[0] | {"attitude": [1.0, 1.0, 0.0, 0.0]}], {}, "stones.each.0.attitude"),
 ])

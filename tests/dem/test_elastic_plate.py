@@ -69,7 +69,7 @@ def test_energy_closes_and_impulse_is_momentum(default_run):
 
 def test_a_sensor_of_each_kind_measures_its_own_motion(runs):
     """Velocity and displacement are the integrals of what an accelerometer at the same place measures."""
-    sensors = [{"name": kind, "x_m": 0.0, "y_m": 0.17, "kind": kind} for kind in ("displacement", "acceleration", "velocity")]
+    sensors = [{"name": kind, "place_m": [0.0, 0.17], "kind": kind} for kind in ("displacement", "acceleration", "velocity")]
     run_scene(changed("elastic_plate", {"plate.sensors": sensors}), "elastic_plate", runs / "kinds")
     found = read_run(runs / "kinds")
     assert [sensor.get("kind") for sensor in found.info["scene"]["plate"]["sensors"]] == ["displacement", None, "velocity"]

@@ -1,4 +1,5 @@
-"""Stones that press on the plate with their flat faces: closed forms, energy, and runs that stop, come late or share ranks."""
+"""Stones that press on the plate with their flat faces: closed forms, energy, and runs that stop, come late or share
+ranks."""
 
 import re
 from dataclasses import replace
@@ -17,10 +18,9 @@ from dem.deck.contact import column_stiffness_N_m, stiffest_face_N_m
 from dem.deck.render import write_deck
 from dem.record.energy_balance import read_ledger
 from dem.run.prepare import prepare
-from dem.run.run import resume, run_scene
-from dem.run.simulate import Stopped
+from dem.run.run import Stopped, resume, run_scene
 from dem.stones.assembly import assemble
-from dem.stones.faces import FaceColumns, _owner
+from dem.stones.contact_patch import FaceColumns, _owner
 from dem.stones.packing import Packing, SphereContainer
 
 SIDE_m, SPEED_m_s = 0.04, 0.5
@@ -40,7 +40,7 @@ def cube_file(tmp_path_factory):
 
 def cube(file, subspheres=200, turn=None, restitution=1.0, friction=0.0, speed_m_s=SPEED_m_s, each=None, **changes):
     """A cube of coal on a rigid plate, as it stands or turned."""
-    one = {"material": "coal", "radius_m": SIDE_m * (3 / 4 / np.pi) ** (1 / 3), "shape": "cube", "x_m": 0.0, "y_m": 0.0,
+    one = {"material": "coal", "radius_m": SIDE_m * (3 / 4 / np.pi) ** (1 / 3), "shape": "cube", "place_m": [0.0, 0.0],
            "speed_m_s": speed_m_s, "seed": 3}
     if turn is not None:
         one["attitude"] = np.roll(turn.as_quat(), 1).tolist()
@@ -148,7 +148,7 @@ def test_two_ranks_and_a_stone_that_comes_late_find_the_same_contact(tmp_path, c
 
 @pytest.mark.parametrize(("changes", "said"), [
     ({"plate.yield_stress_Pa": 3e8}, "plate.yield_stress_Pa = 300000000.0: must be left out where"),
-    ({"stones.each": [{"material": "coal", "radius_m": 0.02, "x_m": 0.0, "y_m": 0.0, "speed_m_s": 1.0}]},
+    ({"stones.each": [{"material": "coal", "radius_m": 0.02, "place_m": [0.0, 0.0], "speed_m_s": 1.0}]},
      "stones.agglomerate.contact = 'faces': must be .* where all stones are spheres"),
 ])
 def test_what_has_no_faces_is_refused(cube_file, changes, said):

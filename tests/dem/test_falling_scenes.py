@@ -15,8 +15,8 @@ COARSE = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "su
 SMALL = {
     "sizes": {"time.duration_s": 0.023},
     "polyhedra": {"time.duration_s": 2e-3, "stones.drawn.count": 4, "stones.agglomerate.subspheres": 100},
-    "stream": {"time.duration_s": 0.06, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]}, "stones.drawn.rate_1_s": 100.0},
-    "caving": {"time.duration_s": 0.05, "stones.drawn.arrival_s": {"uniform": [0.0, 0.04]}, "stones.drawn.rate_kg_s": 50.0,
+    "stream": {"time.duration_s": 0.06, "stones.drawn.arrival_s": [0.0, 0.05], "stones.drawn.rate_1_s": 100.0},
+    "caving": {"time.duration_s": 0.05, "stones.drawn.arrival_s": [0.0, 0.04], "stones.drawn.rate_kg_s": 50.0,
                "stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 300.0},
 }
 
@@ -42,7 +42,7 @@ def test_a_stream_pushes_the_plate_as_much_as_it_pushes_its_rods(tmp_path, dampi
     """Forty stones, more than have residual modes of their own, on a plate of few modes."""
     scene = changed_scene(SCENES / "stream.toml", COARSE | {
         "stones.agglomerate": None, "stones.drawn.least_fragment": None, "stones.drawn.rate_1_s": 1000.0,
-        "stones.drawn.arrival_s": {"uniform": [0.0, 0.04]}, "time.duration_s": 0.05,
+        "stones.drawn.arrival_s": [0.0, 0.04], "time.duration_s": 0.05,
         "plate.damping_ratio": damping_ratio})
     run = run_scene(scene, "stream", tmp_path / "run")
     impulse, on_rods, *others = (run[key] for key in ("impulse_N_s", "rod_impulse_N_s", "plate_momentum_kg_m_s",

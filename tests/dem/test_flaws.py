@@ -12,7 +12,7 @@ from dem.calibration.virtual_tests import Rock, brazilian_specimen
 from dem.deck.plausible import breakage_scales, warnings_of_fragments
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble, stone_parts
-from dem.stones.substance import flaw_factors
+from dem.stones.stone import flaw_factors
 from lab.results import RESULTS, read_result
 from lab.rock.impacts import of_rock
 
@@ -69,7 +69,7 @@ def test_the_field_is_of_place_and_seed_whatever_the_packing():
 
 def test_the_field_turns_with_its_stone_and_grows_with_none_of_its_size():
     """It is fixed in the stone, and its length is one of the rock: a larger stone has more of the same flaws."""
-    each = {"material": "coal", "radius_m": 0.025, "x_m": 0.0, "y_m": 0.0, "speed_m_s": 3.0, "seed": 9}
+    each = {"material": "coal", "radius_m": 0.025, "place_m": [0.0, 0.0], "speed_m_s": 3.0, "seed": 9}
     volley = ("count", "positions_m", "gangue_order", "gangue_ratio", "radius_m", "circle_radius_m", "speed_m_s")
     no_volley = {f"stones.{key}": None for key in volley}
     _, upright, _ = bonds_of(200, **no_volley, **{"stones.each": [each]})

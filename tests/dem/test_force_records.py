@@ -18,7 +18,7 @@ from recognition.physics.force_records import force_record_of
 
 
 def a_run(directory, **changes):
-    sensors = [{"name": "west", "x_m": -0.15, "y_m": 0.05}, {"name": "east", "x_m": 0.18, "y_m": -0.03}]
+    sensors = [{"name": "west", "place_m": [-0.15, 0.05]}, {"name": "east", "place_m": [0.18, -0.03]}]
     run_scene(changed("small", {"time.duration_s": 0.0045, "plate.sensors": sensors} | changes), "small", directory)
     return directory
 

@@ -10,9 +10,8 @@ from scenes_of_tests import changed
 
 import dem.deck.time_step
 from dem.coupling.launch import ENGINE
-from dem.coupling.monitor import Unstable, check_closure
-from dem.run.run import run_scene
-from dem.run.simulate import RunError
+from dem.record.energy_balance import Unstable, check_closure
+from dem.run.run import RunError, run_scene
 from lab.accuracy.stability import build, cases
 
 STONE = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,

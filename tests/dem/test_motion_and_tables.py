@@ -9,7 +9,7 @@ import pytest
 from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 from gangue.__main__ import main
-from plate_fem.recorded import FILE, RecordedMotion
+from plate_fem.motion import FILE, RecordedMotion
 
 PLACES = {"north": (0.0, 0.17), "corner": (-0.25, 0.25), "west": (-0.153, 0.0471)}
 KINDS = {"acceleration": ("acc", "m_s2", "a_m_s2"), "velocity": ("vel", "m_s", "v_m_s"), "displacement": ("disp", "m", "u_m")}
@@ -23,7 +23,7 @@ def runs(tmp_path_factory):
         scene = changed_scene("tests/single.toml", {
             "stones.agglomerate.contact": "sub_spheres", "stones.agglomerate.subspheres": 60, "stones.speed_m_s": speed_m_s, "time.duration_s": 3e-3,
             "plate.max_frequency_Hz": 5000.0, "time.view_interval_s": None,
-            "plate.sensors": [{"name": f"{name}_{kind[0]}", "x_m": x, "y_m": y, "kind": kind}
+            "plate.sensors": [{"name": f"{name}_{kind[0]}", "place_m": [x, y], "kind": kind}
                               for name, (x, y) in PLACES.items() for kind in KINDS]})
         run_scene(scene, "single.toml", out / f"speed_{speed_m_s:g}")
     return out

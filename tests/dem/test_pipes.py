@@ -1,4 +1,5 @@
-"""The contract of docs/coupling.md, each side alone against a stand-in for the other, and what happens when one fails."""
+"""The contract of docs/coupling.md, each side alone against a stand-in for the other, and what happens when one
+fails."""
 
 import os
 import signal
@@ -18,11 +19,10 @@ from scipy.linalg import expm
 import dem.coupling.pipes
 from common.files.cache import user_cache
 from dem.coupling.launch import ENGINE
-from dem.coupling.messages import CouplingError, FinishedMessage, ForceMessage
-from dem.coupling.participant import PlateParticipant
-from dem.coupling.pipes import EngineWatchdog, PlatePipes
+from dem.coupling.pipes import CouplingError, EngineWatchdog, FinishedMessage, ForceMessage, PlatePipes
 from dem.deck.render import write_deck
 from dem.deck.time_step import TimeStep
+from dem.run.participants import PlateParticipant
 from dem.run.prepare import prepare
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion

@@ -84,7 +84,7 @@ def test_what_reaches_over_the_edge_pushes_the_edge(tmp_path):
     velocity, width_m, beside_m, gap_m = np.array([0, 1.0, -3.0]), 0.22, 1e-3, 3.6e-3
     volley = dict.fromkeys(("count", "positions_m", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
                             "circle_radius_m", "coal", "gangue"))
-    one = {"material": "gangue", "radius_m": RADIUS_m, "x_m": 0.1, "y_m": 0.11 + beside_m - gap_m / 3, "seed": 1,
+    one = {"material": "gangue", "radius_m": RADIUS_m, "place_m": [0.1, 0.11 + beside_m - gap_m / 3], "seed": 1,
            "velocity_m_s": velocity.tolist()}
     scene = changed("elastic_plate", {
         **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "stones.gap_m": gap_m,

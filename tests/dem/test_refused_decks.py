@@ -42,7 +42,7 @@ def run(directory, lines="", files=None, change=("", ""), then=""):
                           timeout=60, check=False)
 
 
-def refused(done, *words):
+def assert_refused(done, *words):
     """Exit code 1 and one line of error, which has these words."""
     (line,) = [line for line in (done.stdout + done.stderr).splitlines() if "ERROR" in line]
     assert done.returncode == 1 and line.startswith("ERROR: Fix "), line
@@ -87,7 +87,7 @@ def test_free_flight_refuses_by_name_what_it_does_not_know(tmp_path, line, words
     """Before and after it in the deck."""
     for where, lines in (("before", line + "\n" + FREE), ("after", FREE + line + "\n")):
         (tmp_path / where).mkdir()
-        refused(run(tmp_path / where, WEIGHT + PLATE + lines), "free_flight (id free)", *(words if where == "before" else []))
+        assert_refused(run(tmp_path / where, WEIGHT + PLATE + lines), "free_flight (id free)", *(words if where == "before" else []))
 
 
 @pytest.mark.parametrize("change, words", [
@@ -106,7 +106,7 @@ def test_free_flight_refuses_by_name_what_it_does_not_know(tmp_path, line, words
 ], ids=lambda value: value[1][-30:] if isinstance(value, tuple) else "")
 def test_free_flight_refuses_another_motion_than_its_own(tmp_path, change, words):
     lines = (WEIGHT + FREE).replace(*change)
-    refused(run(tmp_path, lines, change=change if lines == WEIGHT + FREE else ("", "")), *words)
+    assert_refused(run(tmp_path, lines, change=change if lines == WEIGHT + FREE else ("", "")), *words)
 
 
 @pytest.mark.parametrize("files, words", [
@@ -124,14 +124,14 @@ def test_free_flight_refuses_another_motion_than_its_own(tmp_path, change, words
     ({"agglomerates.txt": "19 many\n"}, ["agglomerates.txt"]),
 ])
 def test_files_that_make_no_sense_are_refused(tmp_path, files, words):
-    refused(run(tmp_path, files=files), *words)
+    assert_refused(run(tmp_path, files=files), *words)
 
 
 def test_mode_shapes_of_another_version_are_refused(tmp_path):
     """Whole ones, of one mode on a grid of 4 x 4: a format whose numbers have the right lengths."""
     (tmp_path / "shapes.bin").write_bytes(struct.pack("<4q4d", 4, 4, 1, 1, -2, -2, 1, 1) + zlib.compress(bytes(8 * 16)))
     line = PLATE.replace("contact model", "shapes shapes.bin to_plate to from_plate from contact model")
-    refused(run(tmp_path, line), "shapes.bin is not of the format 'shapes 2'", "different versions")
+    assert_refused(run(tmp_path, line), "shapes.bin is not of the format 'shapes 2'", "different versions")
 
 
 @pytest.mark.parametrize("change, words", [
@@ -159,11 +159,11 @@ def test_mode_shapes_of_another_version_are_refused(tmp_path):
 ], ids=lambda value: value[1][-30:] if isinstance(value, tuple) else "")
 def test_lines_that_make_no_sense_are_refused(tmp_path, change, words):
     lines = (PLATE + SIDE + PICTURES).replace(*change)
-    refused(run(tmp_path, lines, change=change if lines == PLATE + SIDE + PICTURES else ("", "")), *words)
+    assert_refused(run(tmp_path, lines, change=change if lines == PLATE + SIDE + PICTURES else ("", "")), *words)
 
 
 def test_the_ledger_must_see_the_forces_of_contacts_alone(tmp_path):
-    refused(run(tmp_path, LEDGER.replace("fix ledger", "fix late")), "(id late)", "must come before fix bonds")
+    assert_refused(run(tmp_path, LEDGER.replace("fix ledger", "fix late")), "(id late)", "must come before fix bonds")
 
 
 @pytest.mark.parametrize("then", [
@@ -175,4 +175,4 @@ def test_the_ledger_must_see_the_forces_of_contacts_alone(tmp_path):
 def test_other_sub_spheres_than_those_listed_are_refused(tmp_path, then, bonded):
     """Between two runs, and from a fix within one."""
     change = ("", "") if bonded else (bond_line(tension=1e7, shear=1e7, damping_time=1e-8), "")
-    refused(run(tmp_path, change=change, then=then), "insert/pack" if "insert" in then else "19")
+    assert_refused(run(tmp_path, change=change, then=then), "insert/pack" if "insert" in then else "19")

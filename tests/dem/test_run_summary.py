@@ -37,7 +37,7 @@ def test_absent_keys_are_none_and_unknown_ones_are_kept():
     ({"gangue_ratio": 1.5}, "gangue_ratio = 1.5"), ({"gangue_ratio": "1"}, "gangue_ratio = '1'"),
     ({"materials": "coal"}, "materials = 'coal'"), ({"n_modes": 3.5}, "n_modes = 3.5"),
     ({"scene": []}, "scene = []"), ({"scene": {"stones": {"count": "3"}}}, "scene.stones.count = '3'"),
-    ({"scene": {"plate": {"rods": [{"x_m": 0.1}]}}}, "scene.plate.rods.0.y_m is missing")])
+    ({"scene": {"plate": {"rods": [{"length_m": 0.1}]}}}, "scene.plate.rods.0.place_m is missing")])
 def test_a_wrong_value_is_refused_by_name(change, words):
     with pytest.raises(InputError) as error:
         summary_from(LEAST | change, "somewhere/run.json")

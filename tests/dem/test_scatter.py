@@ -17,7 +17,7 @@ from dem.stones.assembly import assemble, stone_parts
 from dem.stones.bonds import bond_network
 from dem.stones.contact_patch import stone_surface
 from dem.stones.packing import pack_sphere
-from dem.stones.substance import Substance, pair_contact
+from dem.stones.stone import Substance, pair_contact
 
 NATURAL = {"stones.agglomerate.subspheres": 200}
 OWN = ("radius_m", "density_factor", "youngs_modulus_factor", "strength_factor", "restitution", "velocity_m_s", "place_m",
@@ -97,7 +97,7 @@ def test_compliances_go_with_one_over_the_modulus_and_are_kept_once(tmp_path):
     assert found.compliance_m_N * stone.youngs_modulus_factor * size == pytest.approx(other.compliance_m_N, rel=1e-12)
 
 
-FIVE = [{"material": name, "radius_m": 0.02, "x_m": 0.05 * k - 0.1, "y_m": y, "speed_m_s": 2.0}
+FIVE = [{"material": name, "radius_m": 0.02, "place_m": [0.05 * k - 0.1, y], "speed_m_s": 2.0}
         for y, names in ((0.1, ["coal"] * 5), (-0.1, [f"rock{k}" for k in range(5)])) for k, name in enumerate(names)]
 
 
@@ -140,7 +140,7 @@ def test_groups_of_a_data_set_draw_their_own_stones(tmp_path):
 
 
 def test_drawn_stones_take_what_their_own_table_does_not_say(tmp_path):
-    drawn = {"count": 6, "size_m": 0.04, "speed_m_s": 2.0, "gangue_by": "number"}
+    drawn = {"count": 6, "size_m": 0.04, "speed_m_s": 2.0}
     changes = {"stones.drawn": drawn, **{f"stones.{key}": None for key in (
         "count", "radius_m", "circle_radius_m", "speed_m_s", "gangue_order")}}
     scene = changed("paper", changes | {"scatter.youngs_modulus_factor": {"lognormal_cv": 0.2}})
@@ -152,8 +152,8 @@ def test_drawn_stones_take_what_their_own_table_does_not_say(tmp_path):
 @pytest.mark.parametrize("key, value, said", [
     ("radius_factor", {"lognormal_cv": 0.9}, "scatter.radius_factor.lognormal_cv = 0.9"),
     ("radius_factor", {"lognormal_cv": 1e-200}, "scatter.radius_factor.lognormal_cv = 1e-200"),
-    ("radius_factor", {"uniform": [-1.0, 1.0]}, "scatter.radius_factor = .*must be from 0.05 to 20"),
-    ("restitution", {"uniform": [0.5, 1.1]}, "scatter.restitution = .*must be from 0.051 to 1"),
+    ("radius_factor", [-1.0, 1.0], "scatter.radius_factor = .*must be from 0.05 to 20"),
+    ("restitution", [0.5, 1.1], "scatter.restitution = .*must be from 0.051 to 1"),
     ("density", 2.0, "scatter.density = 2.0: unknown key"),
     ("place_m", 0.0, "scatter.place_m = 0.0"),
     ("arrival_s", {"normal": 1.0}, "scatter.arrival_s.normal"),
@@ -170,7 +170,7 @@ def test_stones_that_find_no_place_are_refused():
 
 
 def test_more_moduli_than_the_engine_takes_are_refused():
-    each = [{"material": "coal", "radius_m": 1e-4, "x_m": 4e-4 * k - 0.2, "y_m": 0.0, "speed_m_s": 1.0} for k in range(501)]
+    each = [{"material": "coal", "radius_m": 1e-4, "place_m": [4e-4 * k - 0.2, 0.0], "speed_m_s": 1.0} for k in range(501)]
     volley = ("count", "radius_m", "speed_m_s", "circle_radius_m", "gangue_order", "gangue_ratio")
     scene = changed("paper", {f"stones.{key}": None for key in volley} | {
         "stones.each": each, "scatter.youngs_modulus_factor": {"lognormal_cv": 0.1}})

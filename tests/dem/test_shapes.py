@@ -12,10 +12,10 @@ from common.scene.scene import changed_scene
 from common.scene.stones import ShapeTable
 from common.tables import InputError
 from dem.run.run import run_scene
-from dem.shapes.solids import moments, polyhedron, solid_of
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from dem.stones.library import REFERENCE_RADIUS_m, packed
+from dem.stones.solids import moments, polyhedron, solid_of
 from dem.stones.stone import UPRIGHT
 
 NO_VOLLEY = {f"stones.{key}": None for key in ("count", "radius_m", "speed_m_s", "positions_m", "gangue_order")}
@@ -72,8 +72,8 @@ def test_the_shape_chooses_the_contact_where_the_scene_does_not(tmp_path, shapes
 
 
 def drawn(tmp_path, shape, subspheres=120, **changes):
-    table = {"count": 3, "size_m": {"uniform": [0.03, 0.05]}, "speed_m_s": 2.0, "shapes": ["rock"],
-             "arrival_s": {"uniform": [0.0, 0.002]}}
+    table = {"count": 3, "size_m": [0.03, 0.05], "speed_m_s": 2.0, "shapes": ["rock"],
+             "arrival_s": [0.0, 0.002]}
     return changed_scene(SCENES / "small.toml", NO_VOLLEY | {
         "stones.drawn": table, "shapes.rock": shape, "stones.agglomerate.subspheres": subspheres,
         "stones.agglomerate.unbreakable": True, "time.duration_s": 6e-3, "time.view_interval_s": None} | changes)

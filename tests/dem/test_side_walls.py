@@ -111,8 +111,8 @@ def test_above_and_beyond_a_wall_nothing_is_felt(tmp_path):
 
 CHUTE = PLATE_OF_STREAMS | {"length_m": 0.2, "width_m": 0.08, "tilt_deg": 25.0,
                             "wall_height_m": {"y_minus": 0.04, "y_plus": 0.04}}
-IN_CHUTE = [{"x_m": -0.05, "y_m": 0.02, "velocity_m_s": (0.1, 2.0, -0.5)},
-            {"x_m": -0.05, "y_m": -0.02, "velocity_m_s": (0.3, -1.5, -0.6), "spin_rad_s": (20.0, 0.0, 0.0)}]
+IN_CHUTE = [{"place_m": [-0.05, 0.02], "velocity_m_s": (0.1, 2.0, -0.5)},
+            {"place_m": [-0.05, -0.02], "velocity_m_s": (0.3, -1.5, -0.6), "spin_rad_s": (20.0, 0.0, 0.0)}]
 
 
 @pytest.fixture(scope="module")
@@ -180,9 +180,9 @@ def engine_ends(directory, resume=0):
 def over_a_wall(tmp_path_factory):
     """Of a stream, one stone hops over a wall, one leaves the chute at its end, and one is still to come."""
     directory = tmp_path_factory.mktemp("over") / "deck"
-    each = [{"x_m": -0.05, "y_m": 0.0, "velocity_m_s": (0.0, 0.7, -1.3)},
-            {"x_m": 0.08, "y_m": -0.025, "velocity_m_s": (1.0, -0.5, -0.6), "arrival_s": 0.07},
-            {"x_m": 0.0, "y_m": 0.0, "velocity_m_s": (0.0, 0.0, -0.6), "arrival_s": 1.0}]
+    each = [{"place_m": [-0.05, 0.0], "velocity_m_s": (0.0, 0.7, -1.3)},
+            {"place_m": [0.08, -0.025], "velocity_m_s": (1.0, -0.5, -0.6), "arrival_s": 0.07},
+            {"place_m": [0.0, 0.0], "velocity_m_s": (0.0, 0.0, -0.6), "arrival_s": 1.0}]
     return engine_run(directory, scene_of(each, 0.3, plate=CHUTE | {"tilt_deg": 0.0})), directory
 
 
@@ -227,7 +227,7 @@ def test_a_scene_without_walls_has_none_in_its_deck(tmp_path):
     ({"walls": {"edges": ["y_plus"], "height_m": 0.1}}, {}, "plate.walls = .*: unknown key; use plate.wall_height_m"),
     ({"wall_height_m": {"left": 0.1}}, {}, "plate.wall_height_m.left"),
     ({"wall_height_m": {"y_plus": 0.0}}, {}, "plate.wall_height_m.y_plus = 0.0: must be greater than 0"),
-    ({"wall_height_m": {"y_plus": 0.1}}, {"y_m": 0.035}, "stone 1, .* would come through this wall"),
+    ({"wall_height_m": {"y_plus": 0.1}}, {"place_m": [-0.05, 0.035]}, "stone 1, .* would come through this wall"),
     ({"wall_height_m": {"x_minus": 1.0}}, {"velocity_m_s": (2.0, 0.0, -1.0), "arrival_s": 0.1},
      "x_minus: stone 1, .* would come through this wall"),
 ])

@@ -1,4 +1,5 @@
-"""Stones that touch the plate as smooth spheres: Hertz, restitution, a plate that bends, and the energy when they break."""
+"""Stones that touch the plate as smooth spheres: Hertz, restitution, a plate that bends, and the energy when they
+break."""
 
 import itertools
 
@@ -14,8 +15,7 @@ from dem.deck.contact import damping_ratio, elastic_damping_ratio
 from dem.deck.render import write_deck
 from dem.record.energy_balance import read_ledger
 from dem.run.prepare import prepare
-from dem.run.run import resume, run_scene
-from dem.run.simulate import Stopped
+from dem.run.run import Stopped, resume, run_scene
 from dem.stones.bonds import bond_network
 from dem.stones.contact_patch import PATCH_RADIUS, is_surface, patch_compliance, patch_weights
 from dem.stones.packing import pack_sphere

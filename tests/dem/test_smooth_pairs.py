@@ -186,6 +186,32 @@ def test_a_stone_that_lands_on_a_lying_one_is_a_chain_of_hertz_contacts(tmp_path
 BREAKS = {**of_all(0.7, 0.4), "stones.agglomerate.unbreakable": False, "stones.agglomerate.subspheres": 200}
 
 
+def flown(directory, aside, tolerance):
+    """Velocities after, m/s, and at each thermo output how many sub-spheres are in the arrays, of two stones that begin
+    1 mm apart."""
+    meeting = Meeting.of("coal_coal_25_25_0.5_200")
+    scene = scene_of(meeting, 2, **of_all(friction=0.3), **{"time.duration_s": 4e-3, "time.free_flight_tolerance": tolerance})
+    prepared = write_meeting(directory, scene, 0.5, 2 * R_m + 1e-3, aside)
+    text = (directory / "deck" / "deck.liggghts").read_text()
+    log = run_engine(directory / "deck", re.sub(r"thermo +\d+", "thermo 100", text))
+    rows = re.findall(r"^ +(\d+) +(\d+) +\S+ *$", log, re.MULTILINE)
+    return velocities(directory / "deck", prepared), np.array(rows, dtype=int)[:, 1]
+
+
+def test_stones_in_free_flight_meet_as_by_brute_force(tmp_path):
+    expected, _ = flown(tmp_path / "brute", 0.4, 0.0)
+    found, _ = flown(tmp_path / "free", 0.4, 1e-4)
+    assert found == pytest.approx(expected, abs=1e-3 * 0.5)
+    assert np.linalg.norm(found[0]) > 0.3
+
+
+def test_stones_that_pass_each_other_closely_stay_in_free_flight(tmp_path):
+    """By half a millimetre, less than what smooth surfaces lie outside sub-spheres."""
+    found, in_arrays = flown(tmp_path, (2 * R_m + 5e-4) / (2 * R_m + 1e-3), 1e-4)
+    assert found == pytest.approx(np.array([[0, 0, 0], [0, 0, -0.5]]), abs=1e-9)
+    assert len(in_arrays) > 50 and (in_arrays == 0).mean() > 0.9
+
+
 def test_two_ranks_find_the_same(tmp_path):
     found = []
     for ranks in (1, 2):

@@ -8,8 +8,7 @@ from scenes_of_tests import SCENES, one_by_one
 from common.scene.scene import changed_scene
 from common.tables import InputError
 from dem.run.run import run_scene
-from dem.stones.arrangement import stones_of
-from dem.stones.drawn import PACKINGS
+from dem.stones.arrangement import PACKINGS, stones_of
 from dem.stones.stone import UPRIGHT, Stone, entry_of, path_before
 
 GRAVITY = (0.0, 0.0, -9.8)
@@ -65,10 +64,10 @@ def test_equal_stones_hit_equally_hard_whenever_they_arrive(tmp_path):
 
 def test_what_cannot_arrive_is_refused():
     small = changed_scene(SCENES / "small.toml", {})
-    inside = one_by_one(small, arrival_s=[0.0, 0.01], x_m=[0.0, 0.0])
+    inside = one_by_one(small, arrival_s=[0.0, 0.01], place_m=[(0.0, 0.0), (0.0, 0.0)])
     with pytest.raises(InputError, match="stones 1 and 2 overlap"):
         stones_of(inside, "scene")
-    above = one_by_one(small, arrival_s=[0.0, 0.03], x_m=[0.0, 0.0])
+    above = one_by_one(small, arrival_s=[0.0, 0.03], place_m=[(0.0, 0.0), (0.0, 0.0)])
     assert [one.arrival_s for one in stones_of(above, "scene")] == [0.0, 0.03]
 
 

@@ -24,8 +24,7 @@ from common.files.output_directory import Busy
 from common.tables import InputError
 from dem.coupling.checkpoint import latest
 from dem.run.directory import RunDirectory
-from dem.run.run import resume, run_scene
-from dem.run.simulate import Stopped
+from dem.run.run import Stopped, resume, run_scene
 
 DEM = [sys.executable, "-m", "dem"]
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
@@ -171,8 +170,8 @@ def test_a_run_in_which_all_flies_is_taken_up(tmp_path, monkeypatch):
     """Two bodies of different rock have left the plate, and meet in the air later: without them nothing in memory tells
     that there are such spheres, and how near they may come."""
     monkeypatch.setattr(dem.deck.render, "CHECKPOINT_SAMPLES", 24)
-    one = {"x_m": 0.0, "y_m": 0.0, "speed_m_s": 0.5}
-    scene = scene_of([one, {"material": "gangue", "x_m": 0.05, "y_m": 0.0, "velocity_m_s": (-3.0, 0.0, -0.5)}], 0.018)
+    one = {"place_m": [0.0, 0.0], "speed_m_s": 0.5}
+    scene = scene_of([one, {"material": "gangue", "place_m": [0.05, 0.0], "velocity_m_s": (-3.0, 0.0, -0.5)}], 0.018)
     run_scene(scene, "scene", tmp_path / "whole")
     assert stopped_again_and_again(scene, tmp_path / "parts") == 4
     energy = pd.read_parquet(tmp_path / "whole" / "energy.parquet")

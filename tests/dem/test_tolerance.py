@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given, strategies as st
 from scenes_of_tests import changed, hertz
 
-from common.scene.error_laws import Law, law, least_tolerance
+from common.scene.error_laws import Law, expected_error, law, least_tolerance, with_cut_off
 from common.tables import InputError
 from dem.deck.time_step import accuracy_settings, step_limits, stone_contact_time_s, time_step
-from dem.deck.tolerance import expected_error, with_cut_off
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble

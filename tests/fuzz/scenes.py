@@ -43,27 +43,27 @@ def falling(stones, name="bonded", plate="rigid", **tables):
     return scene | tables
 
 
-EACH = [{"material": "coal", "radius_m": 0.025, "x_m": 0.1, "y_m": 0.0, "velocity_m_s": [0.5, 0.0, -2.0],
+EACH = [{"material": "coal", "radius_m": 0.025, "place_m": [0.1, 0.0], "velocity_m_s": [0.5, 0.0, -2.0],
          "spin_rad_s": [0.0, 20.0, 0.0]},
-        {"material": "gangue", "radius_m": 0.02, "x_m": -0.1, "y_m": 0.05, "speed_m_s": 3.0, "arrival_s": 2e-4,
+        {"material": "gangue", "radius_m": 0.02, "place_m": [-0.1, 0.05], "speed_m_s": 3.0, "arrival_s": 2e-4,
          "attitude": [1.0, 0.0, 0.0, 0.0], "seed": 3}]
-DRAWN = {"size_m": {"uniform": [0.03, 0.05]}, "speed_m_s": {"uniform": [2.0, 4.0]},
-         "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]], "spin_rad_s": 2.0, "gangue_by": "mass"}
-STREAM = {"size_m": {"rosin_rammler": {"size_m": 0.04, "exponent": 2.0, "least": 0.02, "most": 0.06}}, "drop_height_m": 0.45,
-          "rate_1_s": 40.0, "arrival_s": {"uniform": [0.0, 0.1]}, "spin_rad_s": {"uniform": [0.0, 5.0]}}
+DRAWN = {"size_m": [0.03, 0.05], "speed_m_s": [2.0, 4.0],
+         "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]], "spin_rad_s": 2.0}
+STREAM = {"size_m": {"rosin_rammler_m": 0.04, "exponent": 2.0, "within": [0.02, 0.06]}, "drop_height_m": 0.45,
+          "rate_1_s": 40.0, "arrival_s": [0.0, 0.1], "spin_rad_s": [0.0, 5.0]}
 SHAPES = {"block": {"elongation": 0.8, "flatness": 0.7, "corners": 12}, "cube": {"file": "cube.stl"}}
 BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": "based", "assumptions": ["time.duration_s"],
          "time": {"duration_s": 3e-4, "time_step_s": 1e-7, "co_step": 5, "view_interval_s": 1e-4}, "materials": {"coal": "coal", "gangue": "gangue"},
          "stones": {"count": 3, "circle_radius_m": 0.1, "gangue_ratio": 0.0,
                     "agglomerate": {"subspheres": 8, "contact": "sub_spheres", "unbreakable": True}},
-         "scatter": {"seed": 3, "radius_factor": {"lognormal_cv": 0.1}, "density_factor": 1.1, "youngs_modulus_factor": {"uniform": [0.9, 1.1]},
-                     "strength_factor": {"lognormal_cv": 0.2}, "restitution": {"uniform": [0.6, 0.9]}, "speed_factor": {"lognormal_cv": 0.05},
-                     "place_m": 0.02, "arrival_s": {"uniform": [0.0, 1e-3]}},
+         "scatter": {"seed": 3, "radius_factor": {"lognormal_cv": 0.1}, "density_factor": 1.1, "youngs_modulus_factor": [0.9, 1.1],
+                     "strength_factor": {"lognormal_cv": 0.2}, "restitution": [0.6, 0.9], "speed_factor": {"lognormal_cv": 0.05},
+                     "place_m": 0.02, "arrival_s": [0.0, 1e-3]},
          "contacts": {"coal_coal": {"restitution": 0.5, "friction": 0.6}, "coal_gangue": {"restitution": 0.5, "friction": 0.6},
                       "gangue_gangue": {"restitution": 0.5, "friction": 0.6}},
          "ranks": 2}
 EDGES = {key: value for key, value in small_scene("sphere", "flexible")["plate"].items() if key not in ("rods", "theory")} | {
-    "edges": "clamped", "mesh_size_m": 0.05, "point_supports": [{"x_m": 0.0, "y_m": 0.0}]}
+    "edges": "clamped", "mesh_size_m": 0.05}
 
 VOLLEYS = {f"{name}-{plate}": small_scene(name, plate) for name in ("bonded", "sphere") for plate in ("rigid", "flexible")}
 ALL = VOLLEYS | {

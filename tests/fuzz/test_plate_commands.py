@@ -29,8 +29,8 @@ RATE_Hz, SAMPLES, TAPPED_UP_TO_Hz = 20_000.0, 800, 1200.0
 SENSORS = ["acc_north_m_s2", "acc_west_m_s2", "acc_south_m_s2", "acc_east_m_s2"]
 LIMITS = ("--radius", "0.025", "0.025", "--speed", "2", "4")
 COLUMNS = ["t_s", "force_N", "rod_1_N", *SENSORS]
-TAPS = {"taps": [{"record": "record.parquet", "x_m": 0.1, "y_m": 0.05},
-                 {"record": "record.parquet", "x_m": -0.07, "y_m": 0.11, "unknown_force": True}],
+TAPS = {"taps": [{"record": "record.parquet", "place_m": [0.1, 0.05]},
+                 {"record": "record.parquet", "place_m": [-0.07, 0.11], "unknown_force": True}],
         "prior": {"frequency": 0.03, "damping": 0.5, "gain": 0.03, "place_m": 1.5e-3}}
 cells = st.one_of(st.floats(), st.sampled_from([np.nan, np.inf, 1e308, -1e308, 0.0, 5e-324]), st.sampled_from(HOSTILE))
 

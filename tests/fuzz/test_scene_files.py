@@ -117,7 +117,7 @@ def test_no_name_gets_into_a_deck(tmp_path, name, path):
     if path == "name":
         scene["name"] = name
     elif path == "plate.sensors.0.name":
-        scene["plate"]["sensors"] = [{"name": name, "x_m": 0.0, "y_m": 0.0}]
+        scene["plate"]["sensors"] = [{"name": name, "place_m": [0.0, 0.0]}]
     elif path == "new material":
         scene["materials"][name] = scene["materials"]["coal"]
     else:

@@ -11,7 +11,6 @@ TABLE = {
     "model": "flexible", "length_m": 0.5, "width_m": 0.5, "thickness_m": 0.02, **STEEL,
     "max_frequency_Hz": 20e3, "damping_ratio": 0.01,
 }  # fmt: skip
-SUPPORTS_AT_CORNERS = [{"x_m": a * 0.25, "y_m": b * 0.25} for a in (-1, 1) for b in (-1, 1)]
 
 
 def plate(**changes):
@@ -20,7 +19,7 @@ def plate(**changes):
 
 
 def rod(x_m, y_m, **changes):
-    return {"x_m": x_m, "y_m": y_m, "diameter_m": 0.02, "length_m": 0.1, **STEEL, **changes}
+    return {"place_m": [x_m, y_m], "diameter_m": 0.02, "length_m": 0.1, **STEEL, **changes}
 
 
 def four_rods(**changes):

@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg
 from plates import STEEL, four_rods, plate, rod
 
-from plate_fem.elements.in_plane import first_Hz_of, in_plane
+from plate_fem.elements.system import first_Hz_of, in_plane
 from plate_fem.modes import modal_surface_stress, plate_modes
 from plate_fem.solution.model import build_model
 
@@ -49,7 +49,7 @@ def test_stretched_and_turned_plate_moves_turns_and_is_stressed_as_its_field_say
 def test_a_thick_plate_has_the_modes_of_its_stretch_beside_those_of_bending(monkeypatch):
     """As many below 9 kHz as the square alone, which the mass of rods lowers a little. Low modes of bending stay."""
     found, half_m = plate_modes(plate(**THICK)), 0.03
-    monkeypatch.setattr("plate_fem.elements.in_plane.first_is_low", lambda plate: False)
+    monkeypatch.setattr("plate_fem.elements.system.first_is_low", lambda plate: False)
     rigid = plate_modes(plate(**THICK))
     along = abs(found.lateral + half_m * found.nodal[1:3].transpose(1, 0, 2)).max(axis=(0, 1))
     flat = found.frequency_Hz[(abs(found.shape).max(axis=0) < 0.2 * along) & (found.frequency_Hz < 9e3)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from plate_fem.response import pulse_response
+from plate_fem.motion import pulse_response
 
 STEP_s, COUNT = 2e-5, 300
 

@@ -1,4 +1,4 @@
-"""Rods and point supports against closed forms and against finer meshes."""
+"""Rods against closed forms and against finer meshes."""
 
 import math
 
@@ -9,9 +9,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from lab.plate.rod_joint import foot, joint
-from plate_fem.elements.joints import joint_of
 from plate_fem.elements.mesh import bending_stiffness, default_mesh_size, shear_stiffness
-from plate_fem.elements.rods import attach
+from plate_fem.elements.rods import attach, joint_of
 from plate_fem.elements.system import assemble
 from plate_fem.modes import plate_modes
 

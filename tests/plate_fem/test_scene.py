@@ -38,16 +38,16 @@ def message(changes, drop=()):
         ({"theory": "reissner"}, "plate.theory = 'reissner': must be 'auto', 'kirchhoff' or 'mindlin'"),
         ({"model": "soft"}, "plate.model = 'soft': must be one of 'flexible', 'rigid'"),
         ({"thickness_m": 0.2}, "plate.thickness_m = 0.2: must be at most a fifth of the side, 0.1"),
-        ({"rods": [GOOD_ROD, GOOD_ROD]}, "plate.rods.1.x_m = 0.1: must not overlap another rod"),
-        ({"rods": [{**GOOD_ROD, "x_m": 0.245}]}, "plate.rods.0.x_m = 0.245: must lie on the plate"),
+        ({"rods": [GOOD_ROD, GOOD_ROD]}, "plate.rods.1.place_m = (0.1, 0.1): must not overlap another rod"),
+        ({"rods": [{**GOOD_ROD, "place_m": [0.1, 0.245]}]}, "plate.rods.0.place_m = (0.1, 0.245): must lie on"),
         ({"rods": [{**GOOD_ROD, "length": 1}]},
          "plate.rods.0.length = 1: unknown key; allowed here: density_kg_m3, dia"),
-        ({"rods": [{"x_m": 0.1}]}, "plate.rods.0.y_m is missing: a value must be given"),
+        ({"rods": [{"length_m": 0.1}]}, "plate.rods.0.place_m is missing: a value must be given"),
+        ({"rods": [{**GOOD_ROD, "x_m": 0.1}]}, "plate.rods.0.x_m = 0.1: unknown key; use place_m = [x, y]"),
         ({"rods": 4}, "plate.rods = 4: must be a valid list"),
-        ({"point_supports": [{"x_m": 0.0, "y_m": 0.26}]}, "plate.point_supports.0.y_m = 0.26: must lie on the plate"),
-        ({"point_supports": [{"x_m": 0.0, "y_m": 0.2}] * 2}, "plate.point_supports.1.x_m = 0.0: must not repeat"),
-        ({"sensors": [{"name": "a b", "x_m": 0.0, "y_m": 0.0}]}, "plate.sensors.0.name = 'a b': string must match"),
-        ({"sensors": [{"name": "a", "x_m": 0.0, "y_m": 0.0}] * 2}, "plate.sensors.1.name = 'a': must differ"),
+        ({"point_supports": []}, "plate.point_supports = []: unknown key; use edges, or short rods; allowed here"),
+        ({"sensors": [{"name": "a b", "place_m": [0.0, 0.0]}]}, "plate.sensors.0.name = 'a b': string must match"),
+        ({"sensors": [{"name": "a", "place_m": [0.0, 0.0]}] * 2}, "plate.sensors.1.name = 'a': must differ"),
         ({"thicknes_m": 1}, "plate.thicknes_m = 1: unknown key; allowed here: damping_ratio, density_kg_m3"),
         ({"model": "rigid"}, "unknown key; allowed here: density_kg_m3, length_m, model, poisson_ratio"),
     ],
@@ -80,8 +80,8 @@ def test_tables_inside_tables_and_maps():
         with pytest.raises(InputError) as caught:
             check(Scene, {"plate": TABLE, "materials": materials}, "f")
         assert str(caught.value) == expected
-    with pytest.raises(InputError, match="f: plate.rods.0.x_m = 9.0: must lie"):
-        check(Scene, {"plate": {**TABLE, "rods": [{**GOOD_ROD, "x_m": 9.0}]}}, "f")
+    with pytest.raises(InputError, match="f: plate.rods.0.place_m = .9.0, 0.0.: must lie"):
+        check(Scene, {"plate": {**TABLE, "rods": [{**GOOD_ROD, "place_m": [9.0, 0.0]}]}}, "f")
 
 
 def test_a_validator_may_refuse_a_key_deep_inside():

@@ -12,7 +12,7 @@ from recognition.estimation.window import Window
 from recognition.models import Model
 from recognition.physics.arrangement_likelihood import MISFIT
 from recognition.physics.arrangement_method import ArrangementLikelihood, on_plate
-from recognition.plate.plate_model import PlateModel
+from recognition.plate.plate_model import PlateModel, modal_steps
 from tests.recognition.test_arrangement_likelihood import NAMES, SAMPLES, STEP_s, draw, plate
 
 
@@ -24,6 +24,12 @@ def method():
 
 def learnt(thickness_m=0.008):
     return PlateModel.from_scene(plate(thickness_m), plate().max_frequency_Hz)
+
+
+def channels(plate, force_N, place_m):
+    """Accelerations and rod forces under forces on places."""
+    amplitude, _, acceleration = modal_steps(plate, -plate.shape(*place_m.T).T @ force_N, 1 / STEP_s)
+    return np.vstack([plate.sensor_shape @ acceleration, plate.rod_force_N_m @ amplitude])
 
 
 def test_on_the_plate_of_the_training_nothing_changes(method):
@@ -39,8 +45,7 @@ def test_stones_on_another_plate_are_counted_once_it_was_tapped(method):
     other = learnt(0.0082)
     for k, x in enumerate(X):
         force_N, place_m = x.force_record.force_N, x.force_record.fall.place_m
-        thick, thin = (np.vstack([one.response(force_N, place_m, 1 / STEP_s), one.rod_forces(force_N, place_m, 1 / STEP_s)])
-                       for one in (other, learnt()))
+        thick, thin = (channels(one, force_N, place_m) for one in (other, learnt()))
         X[k] = replace(x, signals=x.signals + (thick - thin)[:, :5 * SAMPLES:5])
     assert all(MISFIT in answer.out_of_distribution for answer in method.answer(X))
     found = method.on_plate(other).answer(X)
@@ -53,8 +58,7 @@ def middle_response(model, one, moved_m=(0.0, 0.0), stones=slice(None)):
     law, steps = model.laws[:, 0].mean(axis=0), np.arange(model.hat.shape[1]) + 0.5
     force_N = sum(c * np.maximum(0, 1 - abs(steps - (b + 1) * model.width) / model.width) for b, c in enumerate(law))
     place_m = (model.place_m + moved_m)[stones]
-    given = (np.tile(force_N, (len(place_m), 1)), place_m, 1 / STEP_s)
-    found = np.vstack([one.response(*given), one.rod_forces(*given)]) / model.scale[:, None]
+    found = channels(one, np.tile(force_N, (len(place_m), 1)), place_m) / model.scale[:, None]
     return found[:, :SAMPLES * 5:5].ravel()
 
 

@@ -87,7 +87,7 @@ def write_taps(directory, taps, names):
         columns = {"t_s": np.arange(tap.acceleration.shape[1]) / tap.rate_Hz, "force_N": tap.force_N}
         columns |= {f"acc_{name}_m_s2": row for name, row in zip(names, tap.acceleration, strict=True)}
         pd.DataFrame(columns).to_csv(directory / f"tap{k}.csv", index=False)
-        lines.append(f'[[taps]]\nrecord = "tap{k}.csv"\nx_m = {tap.place_m[0]}\ny_m = {tap.place_m[1]}\n')
+        lines.append(f'[[taps]]\nrecord = "tap{k}.csv"\nplace_m = {list(map(float, tap.place_m))}\n')
     (directory / "taps.toml").write_text("".join(lines))
     return [str(SCENE), str(directory / "taps.toml"), "--out", str(directory / "plate.json"), "--max-frequency", "1200"]
 
@@ -122,7 +122,7 @@ def test_frequency_responses_in_and_modes_out(truth, tmp_path):
                 orddenom_axis_units_lab="N", abscissa_axis_units_lab="Hz", abscissa_spec_data_type=18,
                 ordinate_spec_data_type=12, orddenom_spec_data_type=13, z_axis_spec_data_type=0)
             pyuff.UFF(str(tmp_path / f"tap{k}.uff")).write_sets(one, "add")
-        lines.append(f"[[taps]]\nrecord = 'tap{k}.uff'\nx_m = {place[0]}\ny_m = {place[1]}\n")
+        lines.append(f"[[taps]]\nrecord = 'tap{k}.uff'\nplace_m = {list(map(float, place))}\n")
     (tmp_path / "taps.toml").write_text("".join(lines))
     words = ["tap", str(SCENE), str(tmp_path / "taps.toml"), "--out", str(tmp_path / "plate.json"),
              "--max-frequency", "1200", "--uff", str(tmp_path / "modes.uff")]
@@ -146,7 +146,7 @@ def test_swapped_sensors_are_refused(truth, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("old", "new", "said"), [
-    ("x_m = 0.11", "x_m = 0.31", "x_m = 0.31"), ("tap0.csv", "none.csv", "none.csv"), ("x_m", "z_m", "z_m")])
+    ("[0.11,", "[0.31,", "x_m = 0.31"), ("tap0.csv", "none.csv", "none.csv"), ("place_m", "z_m", "z_m")])
 def test_bad_files_end_in_one_line(truth, tmp_path, capsys, old, new, said):
     words = write_taps(tmp_path, hammer_taps(truth, PLACES, np.random.default_rng(7), rate_Hz=8e3), truth.sensor_names)
     file = tmp_path / "taps.toml"

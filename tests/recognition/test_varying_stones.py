@@ -17,7 +17,7 @@ from recognition.physics.force_records import Fall, ForceRecord, fall_of
 from tests.analysis.synthetic import write_run
 from tests.recognition.test_arrangement_likelihood import LATE, NAMES, SAMPLES, SAMPLE_s, STEP_s, plate, record
 
-SCATTER = {"seed": 3, "arrival_s": {"uniform": [0.0, 0.005]}}
+SCATTER = {"seed": 3, "arrival_s": [0.0, 0.005]}
 
 
 def write_drawn(directory, ratio, group, speed_m_s, scene):

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from analysis import read_run
-from dem.record.vtk_file import Mesh, VtuWriter
+from dem.run.paraview import Mesh, VtuWriter
 from report.drawing.lines import envelope
 from report.film.packing import OUTSIDE, pack_moving, quantised
 from report.film.pictures import EARLY, IMPACT, WHOLE, Instant, choose, instants, read_arrays, read_film

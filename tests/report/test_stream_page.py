@@ -23,7 +23,7 @@ from report.stream.results import HEARD_WINDOW_S, StreamResults
 
 SCENE = Path(__file__).parents[2] / "scenes" / "stream.toml"
 SMALL = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "sub_spheres", "time.view_interval_s": None,
-         "plate.max_frequency_Hz": 800.0, "time.duration_s": 0.06, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]},
+         "plate.max_frequency_Hz": 800.0, "time.duration_s": 0.06, "stones.drawn.arrival_s": [0.0, 0.05],
          "stones.drawn.rate_1_s": 100.0, "stones.drawn.least_fragment": 3}
 
 

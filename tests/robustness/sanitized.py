@@ -7,15 +7,14 @@ import pytest
 
 from common.scene.scene import changed_scene
 from dem.coupling.launch import ENGINE
-from dem.run.run import resume, run_scene
-from dem.run.simulate import Stopped
+from dem.run.run import Stopped, resume, run_scene
 from tests.dem.decks import bond_line, deck, fcc_ball, ledger, run_engine, write_files
 from tests.robustness.small import SCENES
 
 BRIEF = {"time.sample_interval_s": 3e-5, "time.duration_s": 6e-4, "time.view_interval_s": 1.5e-4}
 COARSE = {"plate.max_frequency_Hz": 2000.0}
 SMALL = {"stones.agglomerate.subspheres": 200}
-STREAM = {**COARSE, **SMALL, "time.duration_s": 0.04, "stones.drawn.arrival_s": {"uniform": [0.0, 0.03]},
+STREAM = {**COARSE, **SMALL, "time.duration_s": 0.04, "stones.drawn.arrival_s": [0.0, 0.03],
           "time.view_interval_s": 0.01}
 WALLS = dict.fromkeys(("x_minus", "x_plus", "y_minus", "y_plus"), 0.05)
 KINDS = {
@@ -32,7 +31,7 @@ KINDS = {
     "stream of shapes": ("caving", {**STREAM, "stones.drawn.rate_kg_s": 200.0}),
     "side walls": ("sizes", {
         **COARSE, **SMALL, "time.duration_s": 0.02, "plate.wall_height_m": WALLS,
-        "stones.each": [{"material": "coal", "radius_m": 0.02, "x_m": 0.22, "y_m": -0.22,
+        "stones.each": [{"material": "coal", "radius_m": 0.02, "place_m": [0.22, -0.22],
                          "velocity_m_s": (3.0, -3.0, -2.0)}]}),
 }
 

@@ -17,15 +17,15 @@ import pytest
 import dem.run.run  # noqa: F401  what a run imports late is there already when it is forked: kills meet its work
 from dem.__main__ import main
 from dem.coupling.checkpoint import steps_of
-from dem.coupling.messages import STOPPED
+from dem.coupling.pipes import STOPPED
 from tests.robustness.small import below, is_alive, small_stone
 
 ONE_RANK, TWO_RANKS = (int(os.environ.get("KILLS", kills)) for kills in ("47", "60"))  # of each kind
 FALLING = "[[stones.each]]\nradius_m = 0.025\nmaterial = "
 LATER = f"""
-{FALLING}"coal"\nx_m = 0.1\ny_m = 0.0\nspeed_m_s = 3.0
-{FALLING}"gangue"\nx_m = -0.1\ny_m = 0.1\nspeed_m_s = 4.0\narrival_s = 0.003
-{FALLING}"gangue"\nx_m = 0.23\ny_m = -0.1\nvelocity_m_s = [9.0, 0.0, -1.0]
+{FALLING}"coal"\nplace_m = [0.1, 0.0]\nspeed_m_s = 3.0
+{FALLING}"gangue"\nplace_m = [-0.1, 0.1]\nspeed_m_s = 4.0\narrival_s = 0.003
+{FALLING}"gangue"\nplace_m = [0.23, -0.1]\nvelocity_m_s = [9.0, 0.0, -1.0]
 """  # one stone enters while the first breaks, and one leaves the plate
 KINDS = {"sub-spheres": {}, "smooth": {"subspheres = 60": "subspheres = 200", '"sub_spheres"': '"smooth"'},
          "stones that come and go": {

@@ -25,7 +25,7 @@ from common.files.output_directory import (
 )
 from common.tables import InputError
 from dem.__main__ import main
-from dem.run.simulate import RunError
+from dem.run.run import RunError
 from report.page import write_report
 from tests.analysis.synthetic import write_sweep
 from tests.robustness.small import HERTZ, SCENES

@@ -153,7 +153,7 @@ def test_a_plate_that_the_engine_does_not_take(tmp_path):
 
 @pytest.mark.parametrize("diameter_m", [2e-5, 2e-6, 1e-9])
 def test_a_rod_too_thin_for_any_mesh_is_refused_at_once(diameter_m):
-    rod = {"x_m": 0.05, "y_m": 0.03, "diameter_m": diameter_m, "length_m": 0.1, "youngs_modulus_Pa": 2e11,
+    rod = {"place_m": [0.05, 0.03], "diameter_m": diameter_m, "length_m": 0.1, "youngs_modulus_Pa": 2e11,
            "density_kg_m3": 7830.0}
     plate = changed_scene(SCENES / "elastic_plate.toml", {"plate.rods": [rod]}).plate
     with pytest.raises(Refused, match="must leave"):
@@ -241,7 +241,7 @@ def test_a_co_step_that_no_float_holds(tmp_path):
 
 @pytest.mark.parametrize("arrival_s", ["1e300", "1.01e6"])
 def test_a_stone_that_arrives_after_all_time(tmp_path, arrival_s):
-    each = f"stones.each=[{{material='coal',radius_m=0.03,x_m=0.1,y_m=0.0,speed_m_s=3.0,arrival_s={arrival_s}}}]"
+    each = f"stones.each=[{{material='coal',radius_m=0.03,place_m=[0.1,0.0],speed_m_s=3.0,arrival_s={arrival_s}}}]"
     told = ends_with_one_line(main, ["deck", SCENES / "sizes.toml", "--set", each, "--out", tmp_path / "out"])
     assert f"stone 1 arrives at {float(arrival_s):g} s" in told and not (tmp_path / "out").exists()
 
@@ -251,7 +251,7 @@ def test_a_stone_that_arrives_after_all_time(tmp_path, arrival_s):
     ({"materials.coal.youngs_modulus_Pa": 5e12}, ["materials.coal.youngs_modulus_Pa = 5e+12", "diamond"]),
     ({"materials.coal.bond.youngs_modulus_Pa": 5e12}, ["materials.coal.bond.youngs_modulus_Pa", "diamond"]),
     ({"plate.youngs_modulus_Pa": 5e12}, ["plate.youngs_modulus_Pa", "diamond"]),
-    ({"plate.rods": [{"x_m": 0.1, "y_m": 0.0, "diameter_m": 0.02, "length_m": 0.1, "youngs_modulus_Pa": 5e12,
+    ({"plate.rods": [{"place_m": [0.1, 0.0], "diameter_m": 0.02, "length_m": 0.1, "youngs_modulus_Pa": 5e12,
                       "density_kg_m3": 7830.0}]}, ["plate.rods.0.youngs_modulus_Pa", "diamond"]),
     ({"materials.coal.bond.tensile_strength_Pa": 200.0}, ["own weight"]),
     ({"stones.speed_m_s": 1e3, "stones.radius_m": 1e200}, ["small strains"]),  # no OverflowError

@@ -18,8 +18,7 @@ from common.scene.scene import changed_scene, read_scene
 from dem.coupling import launch
 from dem.coupling.launch import engine_running
 from dem.run.prepare import prepare
-from dem.run.run import run_prepared
-from dem.run.simulate import Stopped
+from dem.run.run import Stopped, run_prepared
 from tests.robustness.small import ROOT, SCENES, below, wait_until
 from tests.robustness.test_kills import check_same
 
@@ -40,7 +39,7 @@ def made_short(scene):
         duration_s = 0.023  # the last stone of sizes.toml arrives at 0.02 s
     if stones.is_stream:
         rate = "rate_1_s" if stones.drawn.rate_1_s else "rate_kg_s"
-        changes |= {f"stones.drawn.{rate}": 100.0, "stones.drawn.arrival_s": {"uniform": [0.0, 0.05]}}
+        changes |= {f"stones.drawn.{rate}": 100.0, "stones.drawn.arrival_s": [0.0, 0.05]}
         duration_s = 0.06
     if scene.plate.model == "flexible":
         changes["plate.max_frequency_Hz"] = 1000.0

@@ -26,7 +26,7 @@ def made_small(scene):
         return changes | {"time.duration_s": min(until_s, scene.time.duration_s)}
     rate = "rate_1_s" if stones.drawn.rate_1_s else "rate_kg_s"
     return changes | {"plate.max_frequency_Hz": 800.0, "time.duration_s": 0.06, f"stones.drawn.{rate}": 100.0,
-                      "stones.drawn.arrival_s": "{uniform = [0.0, 0.05]}"}
+                      "stones.drawn.arrival_s": "[0.0, 0.05]"}
 
 
 def swept(name, out):

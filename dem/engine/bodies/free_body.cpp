@@ -10,13 +10,14 @@ namespace LAMMPS_NS {
 
 namespace {
 
-const int NUMBERS = 16;  // before the arrays in a row
+const int NUMBERS = 20;  // before the arrays in a row
 
 }  // namespace
 
-FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, int agglomerate, const Vec &weight, bigint step, double dt)
-    : start(step), dt(dt), agglomerate(agglomerate) {
-  mass = b.mass, radius = b.radius, outside = b.outside;
+FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, const Vec &weight, bigint step, double dt)
+    : start(step), dt(dt) {
+  mass = b.mass, radius = b.radius, outside = b.outside, agglomerate = b.agglomerate;
+  surface_radius = b.surface_radius, surface_arm = b.surface_arm;
   motion = RigidMotion(b.center, b.velocity, weight, b.momentum, b.inertia, b.atoms.size() == 1);
   spin = motion.fastest_spin();
   kinetic_start = 0.5 * b.mass * dot(b.velocity, b.velocity) + motion.rotational_energy() + b.inner_energy;
@@ -33,8 +34,8 @@ FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, int agglomerate, const 
 void FreeBody::append_to(std::vector<double> &row) const {
   const double numbers[] = {double(start), dt, double(agglomerate), mass, kinetic_start, bond_elastic, pair_elastic,
                             double(is_leaving), double(is_waking), double(safe_until), double(meets_at), spin, radius,
-                            outside,
-                            double(parts.size()), double(packed.size())};
+                            outside, double(parts.size()), double(packed.size()), surface_radius, surface_arm.x,
+                            surface_arm.y, surface_arm.z};
   row.insert(row.end(), numbers, numbers + NUMBERS);
   append_bytes(row, &motion, 1);
   append_bytes(row, parts.data(), parts.size());
@@ -46,6 +47,7 @@ FreeBody::FreeBody(const double *&row) {
   bond_elastic = row[5], pair_elastic = row[6], is_leaving = row[7] != 0, is_waking = row[8] != 0;
   safe_until = bigint(row[9]), meets_at = bigint(row[10]), spin = row[11], radius = row[12], outside = row[13];
   parts.resize(size_t(row[14])), packed.resize(size_t(row[15]));
+  surface_radius = row[16], surface_arm = Vec(row + 17);
   row += NUMBERS;
   take_bytes(row, &motion, 1);
   take_bytes(row, parts.data(), parts.size());

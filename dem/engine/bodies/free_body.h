@@ -32,7 +32,6 @@ class FreeBody : public Outline {
   RigidMotion motion;
   bigint start = 0;            // step at which it left
   double dt = 0;
-  int agglomerate = 0;
   double kinetic_start = 0;    // J, inner motion included
   double bond_elastic = 0, pair_elastic = 0;  // J
   bool is_leaving = true;      // still in the arrays, leaves them in the coming step
@@ -58,8 +57,9 @@ class FreeBody : public Outline {
   void append_to(std::vector<double> &row) const;
   explicit FreeBody(const double *&row);
   // A body that leaves the arrays at this step. `weight` is that of 1 kg, N, dt in s.
-  FreeBody(const Atom *, const ArrayBody &, int agglomerate, const Vec &weight, bigint step, double dt);
+  FreeBody(const Atom *, const ArrayBody &, const Vec &weight, bigint step, double dt);
 
+  Sphere surface() override { return {center + attitude()(surface_arm), surface_radius}; }
   const Rotation &attitude() { return motion.attitude(time(step_)); }
   double kinetic() const {
     const Vec v0 = motion.velocity(0);

@@ -49,10 +49,18 @@ double time_into(double x, double low, double high, double v, double a, double f
   return time_to_travel(x - high, faster - v, -a);
 }
 
-// How far beyond sub-spheres two bodies with smooth surfaces touch each other.
-double outside(const Outline &a, const Outline &b) { return std::min(a.outside, b.outside) > 0 ? a.outside + b.outside : 0; }
-
 double spin_speed(Outline &a) { return a.spheres().size() == 1 ? 0 : a.spin * a.radius; }
+
+double surface_speed(const Outline &a) { return a.spin * norm(a.surface_arm); }
+
+// Time until sub-spheres, or smooth surfaces of two stones, can touch when the centres approach with `speed`.
+double time_to_close(Outline &a, Outline &b, double speed) {
+  const double time = gap(a, b) / (speed + spin_speed(a) + spin_speed(b));
+  if (a.agglomerate == b.agglomerate || std::min(a.surface_radius, b.surface_radius) == 0) return time;
+  const Sphere p = a.surface(), q = b.surface();
+  const double between = std::max(0.0, norm(p.x - q.x) - p.radius - q.radius);
+  return std::min(time, between / (speed + surface_speed(a) + surface_speed(b)));
+}
 
 }  // namespace
 
@@ -62,7 +70,7 @@ double gap(Outline &a, Outline &b) {
     if (norm(p.x - b.center) - p.radius - b.radius >= least) continue;
     for (const Sphere &q : b.spheres()) least = std::min(least, norm(p.x - q.x) - p.radius - q.radius);
   }
-  return std::max(0.0, least - outside(a, b));
+  return std::max(0.0, least);
 }
 
 double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight) {
@@ -76,7 +84,12 @@ double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight
   if (std::max(across, down) < LONG_s) {
     double lowest = NEVER_s;
     for (const Sphere &s : body.spheres()) lowest = std::min(lowest, s.x.z - s.radius);
-    down = std::max(down, time_to_fall(lowest - reach, v.z - spin_speed(body), gravity));
+    double fine = time_to_fall(lowest - reach, v.z - spin_speed(body), gravity);
+    if (body.surface_radius > 0) {
+      const double foot = body.surface().x.z - body.surface_radius - plate.reach;
+      fine = std::min(fine, time_to_fall(foot, v.z - surface_speed(body), gravity));
+    }
+    down = std::max(down, fine);
   }
   return std::max(across, down);
 }
@@ -104,16 +117,14 @@ double time_to_wall(Outline &body, const WallOutline &wall, const Vec &weight) {
 
 double time_to_meet(Outline &a, Outline &b) {
   const Vec d = a.center - b.center, v = a.velocity - b.velocity;
-  const double time = time_to_approach(d, v, a.radius + b.radius + outside(a, b));
-  if (time >= LONG_s) return time;
-  return std::max(time, gap(a, b) / (norm(v) + spin_speed(a) + spin_speed(b)));
+  const double time = time_to_approach(d, v, a.radius + b.radius);
+  return time >= LONG_s ? time : std::max(time, time_to_close(a, b, norm(v)));
 }
 
 double time_to_meet(Outline &a, Outline &b, double unforeseen) {
-  const double between = norm(a.center - b.center) - a.radius - b.radius - outside(a, b);
   const double speed = norm(a.velocity - b.velocity) + unforeseen;
-  if (between / speed >= LONG_s) return between / speed;
-  return std::max(between, gap(a, b)) / (speed + spin_speed(a) + spin_speed(b));
+  const double time = (norm(a.center - b.center) - a.radius - b.radius) / speed;
+  return time >= LONG_s ? time : std::max(time, time_to_close(a, b, speed));
 }
 
 }  // namespace LAMMPS_NS

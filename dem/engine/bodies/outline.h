@@ -15,10 +15,16 @@ class Outline {
  public:
   Vec center, velocity;  // of the centre of mass
   double mass = 0;       // kg
-  double outside = 0;    // how far what touches the plate, or another such body, may reach beyond sub-spheres, m
+  double outside = 0;    // how far what touches the plate may reach beyond sub-spheres, m
   double spin = 0;       // bound for |omega|, rad/s
-  double radius = 0;     // of the sphere about the centre of mass that holds the body
+  double radius = 0;     // of the sphere about the centre of mass that holds the body and its smooth surface
+  int agglomerate = 0;
+  // Of the sphere that holds the smooth surface with which it touches the plate and other stones: its radius, 0 where
+  // sub-spheres alone touch, and where its centre is from the centre of mass, m.
+  double surface_radius = 0;
+  Vec surface_arm;
   virtual ~Outline() {}
+  virtual Sphere surface() { return {center + surface_arm, surface_radius}; }
   // Its sub-spheres. They are placed when first asked for, where the sphere that holds the body is not enough.
   const std::vector<Sphere> &spheres() {
     if (spheres_.empty()) place(spheres_);
@@ -41,7 +47,7 @@ struct WallOutline {
   Vec low, high;
 };
 
-double gap(Outline &, Outline &);  // between what of them touches, at least, never negative
+double gap(Outline &, Outline &);  // between sub-spheres, never negative
 
 // Time during which nothing can touch, s. It is a lower bound and never negative. A body is taken to be a sphere as
 // long as that is enough; then each sub-sphere is looked at, which may be anywhere that the spin could bring it.

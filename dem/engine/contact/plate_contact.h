@@ -1,6 +1,7 @@
 #pragma once
 #include <vector>
 
+#include "bodies/outline.h"
 #include "interfaces/agglomerates.h"
 #include "contact/face_press.h"
 #include "contact/sphere_memory.h"
@@ -80,7 +81,9 @@ class PlateContact {
   static constexpr int LEAST_IN_PATCH = 3;
   virtual double outside() const { return 0; }
   virtual double listed_height() const { return 0; }
-  virtual double outside(const std::vector<int> &) const { return 0; }  // the first of these, for a body of these tags
+  // Of a body, see Obstacle.
+  virtual double outside(const std::vector<int> &) const { return 0; }
+  virtual Sphere surface(const std::vector<int> &) const { return {Vec(), 0}; }
   // When the list of what is near is made anew: fills in NearSphere::outside. All ranks call it together.
   virtual void list(std::vector<NearSphere> &) {}
   // Tags of sub-spheres that the law needs to see wherever they are.

@@ -98,7 +98,8 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void take_out_those_that_left();
   void check_count() const;
   double time_to_obstacle(Outline &) const;
-  double outside_of(const ArrayBody &) const;
+  void find_surface(ArrayBody &) const;
+  bool is_pushed(int label) const;
   void update_reach();
   void find_safe_until(FreeBody &);
   struct Look;

@@ -45,7 +45,7 @@ void FixFreeFlight::end_of_step() {
   check_count();
   Look look;
   look.in_arrays = bodies_in_arrays(atom, agglomerates_->tags(), [this](int tag) { return body_of(tag); });
-  for (ArrayBody &b : look.in_arrays) b.outside = outside_of(b);
+  for (ArrayBody &b : look.in_arrays) find_surface(b);
   update_reach();
   if (stream_) take_out_those_that_left();
   for (ArrayBody &b : look.in_arrays) look.all.push_back(&b);
@@ -60,11 +60,24 @@ void FixFreeFlight::end_of_step() {
     if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
 }
 
-double FixFreeFlight::outside_of(const ArrayBody &b) const {
-  if (!plate_) return 0;
+void FixFreeFlight::find_surface(ArrayBody &b) const {
+  b.agglomerate = agglomerates_->of_tag(b.label);
+  if (!plate_) return;
   std::vector<int> tags;
   for (const int i : b.atoms) tags.push_back(atom->tag[i]);
-  return plate_->outside(tags);
+  b.outside = plate_->outside(tags);
+  const Sphere surface = plate_->surface(tags);
+  b.surface_radius = surface.radius;
+  if (surface.radius == 0) return;
+  b.surface_arm = surface.x - b.center;
+  b.radius = std::max(b.radius, norm(b.surface_arm) + surface.radius);
+}
+
+bool FixFreeFlight::is_pushed(int label) const {
+  for (int k = 0; k < modify->nfix; k++)
+    if (const auto *acts = dynamic_cast<ActsInFreeFlight *>(modify->fix[k]))
+      if (acts->pushes(label)) return true;
+  return false;
 }
 
 double FixFreeFlight::time_to_obstacle(Outline &b) const {
@@ -186,9 +199,9 @@ void FixFreeFlight::let_calm_bodies_depart(Look &look) {
     if (calm && !b.trapped.empty()) {
       for (const ArrayBody *p : b.trapped) is_part[p - look.in_arrays.data()] = 1;
       b.take_trapped();
-      b.outside = outside_of(b);
+      find_surface(b);
     }
-    leaves[k] = left || (calm && time_to_obstacle(b) > rest_s());
+    leaves[k] = left || (calm && time_to_obstacle(b) > rest_s() && !is_pushed(b.label));
   }
   if (std::count(is_part.begin(), is_part.end(), 1)) find_pairs(look);
   for (size_t k = 0; k < count; k++)
@@ -250,8 +263,7 @@ void FixFreeFlight::depart(ArrayBody &b) {
   b.departs = true;
   for (ArrayBody *fragment : b.trapped) fragment->departs = true, held_->let_go(fragment->label);
   held_->let_go(b.label);
-  const int agglomerate = agglomerates_->of_tag(b.label);
-  bodies_.push_back(std::make_unique<FreeBody>(atom, b, agglomerate, weight(), update->ntimestep, update->dt));
+  bodies_.push_back(std::make_unique<FreeBody>(atom, b, weight(), update->ntimestep, update->dt));
   if (bonds_)
     for (int i : b.atoms) bonds_->let_leave(i);
   calm_[b.label] = 0;

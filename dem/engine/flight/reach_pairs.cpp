@@ -15,7 +15,7 @@ struct Box {
 
 Box box_of(const Outline &body, double time_s, double unforeseen_m_s) {
   const double speed = norm(body.velocity) + body.spin * body.radius + unforeseen_m_s;
-  const double reach = body.radius + body.outside + time_s * speed;
+  const double reach = body.radius + time_s * speed;
   const Vec all(reach, reach, reach);
   return {body.center - all, body.center + all};
 }

@@ -5,6 +5,7 @@
 namespace LAMMPS_NS {
 
 struct Rotation;
+struct Sphere;
 struct Vec;
 struct WallOutline;
 
@@ -45,8 +46,10 @@ class Obstacle {
   virtual ~Obstacle() {}
   virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX, m
   virtual double reach() const = 0;          // bound for its |z| until the next message, m
-  // How far what touches may reach below the sub-spheres of a body with these tags, m.
+  // How far what touches may reach below the sub-spheres of a body with these tags, m; and the sphere that holds all with
+  // which it touches as a smooth stone, of radius 0 where it does not. All of its tags are in the arrays.
   virtual double outside(const std::vector<int> &tags) const = 0;
+  virtual Sphere surface(const std::vector<int> &tags) const = 0;
   virtual int co_step() const = 0;           // steps; time may be skipped in multiples of this
   virtual bool is_quiet() const = 0;         // nothing is near it, and no co-step is open
   virtual void skip(long long co_steps) = 0; // so much time has passed without contact; only while it is quiet
@@ -65,6 +68,7 @@ class ActsInFreeFlight {
  public:
   virtual ~ActsInFreeFlight() {}
   virtual int acts_every() const { return 0; }  // steps, while all bodies are in free flight; 0: never
+  virtual bool pushes(int) const { return false; }  // the body of this least tag, which therefore does not fly
 };
 
 // Knows of sub-spheres that are not in the arrays.

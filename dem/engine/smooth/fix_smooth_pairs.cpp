@@ -76,6 +76,14 @@ void FixSmoothPairs::enter(const EnteringStone &stone) {
   if (pieces_) pieces_->enter(stone);
 }
 
+bool FixSmoothPairs::pushes(int label) const {
+  if (!pieces_) return false;
+  return std::any_of(pairs_.begin(), pairs_.end(), [&](const Pair &p) {
+    const auto of_it = [&](const Side &s) { return s.n.piece == pieces_->piece_of(label); };
+    return p.n.presses != 0 && (of_it(p.side[0]) || of_it(p.side[1]));
+  });
+}
+
 void FixSmoothPairs::leave(int agglomerate) {
   if (pieces_) pieces_->leave(agglomerate);
 }

@@ -50,6 +50,7 @@ class FixSmoothPairs : public Fix, public Checkpointed, public EnergyHolder, pub
   void post_force(int) override;
 
   void take_pairs() override;
+  bool pushes(int label) const override;
   void enter(const EnteringStone &) override;
   void leave(int agglomerate) override;
   void add_to(LedgerRows &) override;

@@ -53,13 +53,12 @@ void SmoothContact::list(std::vector<NearSphere> &near) {
 // In a patch it is pushed wherever it is, and where it left one while it was above the plate that is higher for it.
 bool SmoothContact::is_pushed_outside(int tag) const { return patch_of_tag_[tag] >= 0 || moved_[tag].z > 0; }
 
+// Weights that stand still may keep a patch pressing where the surface of today is above the plate.
 double SmoothContact::outside(const std::vector<int> &tags) const {
-  int in_surface = 0;
-  for (const int tag : tags) {
-    if (is_pushed_outside(tag)) return outside();
-    in_surface += surfaces_.is_surface(tag);
-  }
-  return in_surface >= LEAST_IN_PATCH ? outside() : 0;
+  auto is_pushed = [this](int tag) {
+    return moved_[tag].z > 0 || (patch_of_tag_[tag] >= 0 && patches_[patch_of_tag_[tag]].presses);
+  };
+  return std::any_of(tags.begin(), tags.end(), is_pushed) ? outside() : 0;
 }
 
 // The list is the same on all ranks.

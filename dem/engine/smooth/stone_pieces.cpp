@@ -43,7 +43,6 @@ void StonePieces::look(const std::vector<int> &wanted, const std::vector<char> &
 }
 
 void StonePieces::gather(const std::vector<int> &wanted, const std::vector<char> &touching) {
-  const Atom *atom = lmp_->atom;
   std::vector<double> found;
   for (const int a : wanted) {
     const SmoothStone &s = surfaces_.stones()[a];
@@ -51,12 +50,7 @@ void StonePieces::gather(const std::vector<int> &wanted, const std::vector<char>
       found.resize(found.size() + NUMBERS, 0);
       double *row = found.data() + found.size() - NUMBERS;
       row[10] = touching[tag];  // where it was at the last step, which may be another rank
-      const int i = lmp_->atom->map(tag);
-      if (i < 0 || i >= atom->nlocal) continue;
-      std::copy_n(atom->x[i], 3, row);
-      std::copy_n(atom->v[i], 3, row + 3);
-      std::copy_n(bonds_.quaternion(i), 4, row + 6);
-      row[11] = 1;
+      note(tag, row);
     }
   }
   if (lmp_->comm->nprocs > 1) {
@@ -69,6 +63,17 @@ void StonePieces::gather(const std::vector<int> &wanted, const std::vector<char>
     std::copy_n(row, NUMBERS * s.count, &now_[NUMBERS * static_cast<size_t>(s.first_tag)]);
     row += NUMBERS * s.count;
   }
+}
+
+// How the sub-sphere moves, if it is of this rank.
+void StonePieces::note(int tag, double *row) const {
+  Atom *atom = lmp_->atom;
+  const int i = atom->map(tag);
+  if (i < 0 || i >= atom->nlocal) return;
+  std::copy_n(atom->x[i], 3, row);
+  std::copy_n(atom->v[i], 3, row + 3);
+  std::copy_n(bonds_.quaternion(i), 4, row + 6);
+  row[11] = 1;
 }
 
 void StonePieces::find_pieces() {
@@ -102,6 +107,28 @@ std::map<int, StonePieces::Motion> StonePieces::motions(const SmoothStone &s) co
   std::map<int, Motion> found;
   for (const auto &[piece, own] : tags) found[piece] = motion(own);
   return found;
+}
+
+// A patch's centre is a mean of what its members take for the centre. Those that hold by less than half their bonds are
+// in no new patch.
+Sphere StonePieces::surface(const std::vector<int> &tags) {
+  find_pieces();
+  std::map<int, std::vector<int>> pieces;
+  for (const int tag : tags)
+    if (may_have_patch(tag)) pieces[piece_[tag]].push_back(tag), note(tag, &now_[NUMBERS * static_cast<size_t>(tag)]);
+  Sphere all{Vec(), 0};
+  size_t most = 0;
+  std::vector<Vec> centers;
+  for (const auto &[piece, own] : pieces) {
+    const Motion m = motion(own);
+    if (own.size() > most) most = own.size(), all.x = m.center;
+    for (const int tag : own)
+      if (surfaces_.is_surface(tag) && !is_loose(tag)) centers.push_back(position(tag) - m.turned(surfaces_.place(tag)));
+  }
+  if (centers.empty()) return all;
+  for (const Vec &center : centers) all.radius = std::max(all.radius, norm(center - all.x));
+  all.radius += surfaces_.stones()[agglomerates_.of_tag(tags[0])].radius;
+  return all;
 }
 
 StonePieces::Motion StonePieces::motion(const SmoothStone &s, int piece) const {

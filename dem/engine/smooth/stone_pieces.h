@@ -2,6 +2,7 @@
 #include <map>
 #include <vector>
 
+#include "bodies/outline.h"
 #include "kernels/bond_network.h"
 #include "contact/plate_contact.h"
 #include "base/rigid_motion.h"
@@ -34,6 +35,10 @@ class StonePieces {
       return (1 / norm(then)) * then;
     }
   };
+
+  // Holds all centres that patches of these sub-spheres, a body in the arrays, can have, and the stone's surface about
+  // each; of radius 0 where none can have a patch. On one rank.
+  Sphere surface(const std::vector<int> &tags);
 
   // Looks at the stones `wanted`; `touching` says which sub-spheres of this rank touch the plate by themselves, by tag.
   void look(const std::vector<int> &wanted, const std::vector<char> &touching);
@@ -73,6 +78,7 @@ class StonePieces {
   long long changes_ = -1;               // of the bonds when the pieces were found
 
   void add_bond(int id, int tag_i, int tag_j);
+  void note(int tag, double *row) const;
   void gather(const std::vector<int> &wanted, const std::vector<char> &touching);
   Motion motion(const std::vector<int> &tags) const;
 };

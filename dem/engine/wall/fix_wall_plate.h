@@ -53,6 +53,7 @@ class FixWallPlate : public FixWall, public Obstacle, public Pushed, public Ston
   const double *extent() const override { return extent_; }
   double reach() const override { return plate_reach(); }
   double outside(const std::vector<int> &tags) const override { return contact_->outside(tags); }
+  Sphere surface(const std::vector<int> &tags) const override { return contact_->surface(tags); }
   int co_step() const override { return co_step_; }
   bool is_pushed() const override;
   std::vector<double> contacts_now() const override;

@@ -1,1 +1,0 @@
-"""Shapes of stones: polyhedra and meshes."""
