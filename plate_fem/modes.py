@@ -22,7 +22,7 @@ from scipy.interpolate import make_interp_spline
 from common.files.cache import cached, key_of
 from common.scene.plate import FlexiblePlate
 from common.tables import Refused
-from plate_fem.elements import line, products
+from plate_fem.elements import products
 from plate_fem.elements.mesh import highest_frequency_Hz, refuse_too_many_modes
 from plate_fem.elements.products import Products
 from plate_fem.elements.system import PlateSystem, sways
@@ -292,11 +292,11 @@ def _derivative(functions: Products, u: np.ndarray, order: tuple[int, int],
     return np.matmul(along_y, by_y).reshape(-1, u.shape[1])
 
 
-def _projection(functions: line.Functions, derivative: int, at_m: np.ndarray) -> np.ndarray:
+def _projection(functions: products.Functions, derivative: int, at_m: np.ndarray) -> np.ndarray:
     """Return the matrix (m, size) from coefficients to the values at m places of the derivative's projection on
     continuous parabolas."""
-    target = line.parabolas(functions.lines_m)
-    mass, moments = line.integral(target, target), line.integral(target, functions, 0, derivative)
+    target = products.parabolas(functions.lines_m)
+    mass, moments = products.line_integral(target, target), products.line_integral(target, functions, 0, derivative)
     coefficients = scipy.linalg.solve(mass.toarray(), moments.toarray(), assume_a="pos")
     number, value = target.at(at_m)
     return np.asarray((value[:, :, None] * coefficients[number]).sum(axis=1))

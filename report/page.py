@@ -1,5 +1,6 @@
 """The page of a run or of a directory of runs: report.html with everything inside it, and of the paper's scene
-claims.csv beside it. Every number on it is of these runs."""
+claims.csv beside it. Every number on it is of these runs. Parts are made side by side:
+first what many of them show, then the rest."""
 
 from __future__ import annotations
 
@@ -26,11 +27,13 @@ from common.files.output_directory import (
     write_contents,
 )
 from common.files.whole import write_text
+from common.process.processes import side_by_side
 from common.resources import resource
 from common.result import Result
 from common.scene.scene import read_scene
 from recognition.estimation.window import LEAST_RATIOS
 from report import tables, variation
+from report.breakage.claims import BREAKAGE_STATEMENTS
 from report.breakage.figures import BREAKAGE_FIGURES
 from report.drawing.figure_spec import FigureSpec, FinishedFigure, finish_figure
 from report.drawing.pages import rendered
@@ -39,15 +42,73 @@ from report.film.pictures import EARLY, IMPACT, WHOLE, Series
 from report.film.reel import Films, films_of, pack_films
 from report.film.still import still
 from report.missing import MISSING_RESULT
-from report.parts import make_parts
+from report.recognition.claims import RECOGNITION_STATEMENTS
+from report.response.claims import RESPONSE_STATEMENTS
 from report.response.figures import RESPONSE_FIGURES, felt, maxima
+from report.signals.claims import SIGNAL_STATEMENTS
 from report.signals.figures import SIGNAL_FIGURES
 from report.stream.figures import STREAM_FIGURES, heard, stop
 from report.stream.results import StreamResults
 from report.sweep_results import SweepResults
 from report.tables import FinishedTable, TableSpec, finish_table
+from report.theory.claims import THEORY_STATEMENTS
 from report.theory.figures import THEORY_FIGURES
-from report.verdicts import LEAST_TREND, VERDICTS, Claim, Statement, claims_csv, falling_steps, spearman
+from report.verdicts import (
+    LEAST_TREND,
+    VERDICTS,
+    Claim,
+    Statement,
+    check_statements,
+    claims_csv,
+    falling_steps,
+    spearman,
+)
+
+Work = Callable[[], Any]
+
+
+def make_parts(results: SweepResults, works: Sequence[Work], statements: Sequence[Sequence[Statement]],
+               recognises: bool) -> tuple[list[Any], list[Claim]]:
+    """Return what each work returns, and the claims in order, made by as many processes as there are processors.
+
+    The last of `statements` are of the recognised ratios. While other processes recognise the runs, this one checks the
+    other statements, for which it finds most of what the figures show; the figures are drawn by copies of it.
+    """
+    claims: list[Claim] = []
+    *early, late = statements
+
+    def beside() -> None:
+        for own in early:
+            claims.extend(check_statements(results, own))
+        if recognises:
+            attempt(lambda: results.recognition.filtered)
+            attempt(lambda: results.recognition.fused)
+
+    if recognises:
+        recognition, runs = results.recognition, range(len(results.runs))
+        attempt(lambda: recognition.prepared)  # else each process prepares them
+        model, *held_out = all_of([lambda: (recognition.model, recognition.by_all),
+                                   *(partial(lambda k: recognition.prepared.answers_without(k), k) for k in runs)],
+                                  beside)
+        if not any(isinstance(one, Exception) for one in (model, *held_out)):  # else it is told where it is asked for
+            (recognition.model, recognition.by_all), recognition.held_out = model, held_out
+    else:
+        beside()
+    last, *made = all_of([partial(check_statements, results, late), *works])
+    return made, claims + last
+
+
+def all_of(works: Sequence[Work], beside: Callable[[], object] = lambda: None) -> list[Any]:
+    """What each work returns, or the reason that the runs do not give it; beside: done by this process meanwhile."""
+    return side_by_side(lambda k: attempt(works[k]), len(works), beside)
+
+
+def attempt(work: Work) -> Any:
+    try:
+        return work()
+    except MISSING_RESULT as reason:
+        return reason
+
 
 #: Title, figures and tables of each chapter, in order; that of recognition follows where it has runs enough.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
@@ -166,7 +227,7 @@ def _of_impacts(results: SweepResults) -> Content:
 
         chapters.append(("Recognition", RECOGNITION_FIGURES, RECOGNITION_TABLES))
     if ratios >= LEAST_TREND and are_papers(runs):
-        from report.statements import STATEMENTS as statements
+        from report.page import STATEMENTS as statements
         chapters.append(("With stones that vary", [], [variation.varying]))
     of_chapters: list[FigureSpec | TableSpec] = []
     for _, figures, of_chapter in chapters:
@@ -331,3 +392,6 @@ def _with_value(line: str, scene: dict[str, Any]) -> str:
             return line
         value = value[key]
     return line if isinstance(value, (dict, list)) else f"{line} = {value}"
+
+
+STATEMENTS = [THEORY_STATEMENTS, BREAKAGE_STATEMENTS, RESPONSE_STATEMENTS, SIGNAL_STATEMENTS, RECOGNITION_STATEMENTS]

@@ -1,24 +1,77 @@
-"""Signals from a file: run directories, tables, sound files, UFF-58, HDF5, MATLAB and LabVIEW."""
+"""Signals from a file: run directories, tables, sound files (WAV by scipy, FLAC by soundfile, extra `records`),
+UFF-58, HDF5, MATLAB and LabVIEW."""
 
 from __future__ import annotations
 
+import struct
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analysis.files.array_files import Arrays, read_hdf5, read_matlab
-from analysis.files.labview_files import read_lvm, read_tdms
-from analysis.files.sound_files import read_flac, read_wav
+from analysis.files.array_files import Arrays, read_hdf5, read_lvm, read_matlab, read_tdms
 from analysis.files.text_tables import name_and_unit, plain_unit, read_plain_table, read_text_table
 from analysis.files.uff_files import OF_A_TABLE, as_tap, impulse_response, read_uff
-from analysis.signals.records import Record, RecordError, chosen, sample_rate_Hz
+from analysis.signals.records import Channels, Record, RecordError, chosen, sample_rate_Hz
 from common.channels import unit_of
 from common.files.parquet import read_numbers, read_parquet
 from common.input_error import InputError, refuse_unreadable
 from common.process.processes import Crashed, apart
+
+# What scipy raises for a broken file, found by tests/fuzz.
+BROKEN_WAV = (OSError, ValueError, EOFError, TypeError, UnboundLocalError, ZeroDivisionError, struct.error)
+
+
+def read_wav(path: Path) -> Channels:
+    """The channels of a WAV file by their numbers; whole numbers become shares of full scale, -1..1, which `scale` of
+    `read_record` calibrates. Raises RecordError."""
+    from scipy.io import wavfile
+
+    try:
+        with warnings.catch_warnings():
+            # Chunks beside the samples (calibration notes of a recorder) are no fault.
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)
+            rate_Hz, samples = wavfile.read(path)
+    except BROKEN_WAV as error:
+        raise RecordError(f"{path}: not a readable WAV file ({error})") from None
+    if samples.size == 0:
+        raise RecordError(f"{path}: holds no samples")
+    return _channels(path, _shares_of_full_scale(samples), rate_Hz)
+
+
+def read_flac(path: Path) -> Channels:
+    """The channels of a FLAC file, as `read_wav`. Raises RecordError also where soundfile is missing."""
+    try:
+        import soundfile
+    except (ImportError, OSError):  # OSError: without the library libsndfile
+        raise RecordError(f"{path}: reading FLAC needs the package soundfile (pip install soundfile)") from None
+
+    try:
+        samples, rate_Hz = soundfile.read(path)
+    except (OSError, RuntimeError, ValueError, TypeError) as error:  # its own error is a RuntimeError
+        raise RecordError(f"{path}: not a readable FLAC file ({' '.join(str(error).split())})") from None
+    if samples.size == 0:
+        raise RecordError(f"{path}: holds no samples")
+    return _channels(path, samples, rate_Hz)
+
+
+def _shares_of_full_scale(samples: np.ndarray) -> np.ndarray:
+    """Whole numbers as shares of the largest, -1..1."""
+    if not np.issubdtype(samples.dtype, np.integer):
+        return samples
+    centre = 128.0 if samples.dtype == np.uint8 else 0.0
+    return (samples - centre) / (centre or -float(np.iinfo(samples.dtype).min))
+
+
+def _channels(path: Path, samples: np.ndarray, rate_Hz: float) -> Channels:
+    """Of samples (n,) or (n, channels)."""
+    return {str(k): partial(Record, one, float(rate_Hz), "1", f"{path}: {k}")
+            for k, one in enumerate(samples.reshape(len(samples), -1).T)}
+
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -273,5 +326,3 @@ def _numbers(column: pd.Series | np.ndarray) -> np.ndarray:
     import pandas as pd
 
     return pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
-
-

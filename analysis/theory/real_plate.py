@@ -19,10 +19,9 @@ from common.channels import force_column
 from common.files.cache import user_cache
 from common.scene.plate import FlexiblePlate
 from common.tables import InputError, check
-from plate_fem.contact_stress import HertzContact, total_stress, von_mises_3d
 from plate_fem.modes import PlateModes, modes_for_loads
 from plate_fem.motion import ModalMotion
-from plate_fem.stress import surface_stress, von_mises
+from plate_fem.stress import HertzContact, surface_stress, total_stress, von_mises, von_mises_3d
 
 
 def modes_of(run: Run) -> PlateModes:

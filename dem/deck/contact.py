@@ -30,7 +30,7 @@ from common.scene.scene import ContactTable, MaterialTable, Scene
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS, FaceColumns
 from dem.stones.stone import Stone, material_of, pair_contact, plate_contact
-from plate_fem.contact_stress import YIELD_PRESSURE, HertzContact
+from plate_fem.stress import YIELD_PRESSURE, HertzContact
 
 OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
 NUMBERS = 7  # of a column of a face in its file

@@ -28,10 +28,9 @@ from dem.deck.time_step import TimeStep, weak_contact
 from dem.run.prepare import PreparedRun
 from dem.stones.assembly import Assembly
 from dem.stones.bonds import fragments
-from plate_fem.contact_stress import HertzContact, contact_patch, contact_surface_stress, von_mises_3d
 from plate_fem.elements import products
 from plate_fem.modes import PlateModes
-from plate_fem.stress import von_mises
+from plate_fem.stress import HertzContact, contact_patch, contact_surface_stress, von_mises, von_mises_3d
 
 BLOCK_BYTES = 1 << 20
 LEAST_FOR_ISAL_BYTES = 4096  # ISA-L packed 96 bytes as 49 in one process and as 51 in another

@@ -26,9 +26,9 @@ from dem.record.energy_balance import PlateEnergy, PlateMonitor
 from dem.record.recorder import PlateRecorder
 from dem.run.paraview import Mesh, PlateMeshes
 from dem.run.prepare import PreparedRun
-from plate_fem.contact_stress import HertzContact
 from plate_fem.modes import PlateModes
 from plate_fem.motion import FILE, ModalMotion
+from plate_fem.stress import HertzContact
 
 
 @dataclass

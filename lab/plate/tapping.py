@@ -21,7 +21,7 @@ from lab.known_truth.tap_records import hammer_taps
 from lab.study import Row
 from recognition.plate.plate_model import PlateModel
 from recognition.tapping.fit import fit_plate
-from recognition.tapping.learnt import learnt
+from recognition.tapping.tapped import learnt
 
 SCENE = resource("scenes") / "paper.toml"
 BELOW_Hz, BAND_Hz, MASS_kg = 5000.0, 6000.0, 39.15

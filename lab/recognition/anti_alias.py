@@ -1,5 +1,5 @@
-"""What an anti-alias filter before the samples does to the paper's statements, to features and to recognition: one sweep,
-its samples taken of the fast stream in both ways."""
+"""What an anti-alias filter before the samples does to the paper's statements, to features and to recognition: one
+sweep, its samples taken of the fast stream in both ways."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from dem.record.recorder import samples_of
 from lab.study import Row
 from recognition.methods import METHODS
 from recognition.models import leave_one_out
-from report.statements import STATEMENTS
+from report.page import STATEMENTS
 from report.sweep_results import SweepResults
 from report.verdicts import VERDICTS, check_statements
 

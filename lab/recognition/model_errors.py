@@ -1,7 +1,7 @@
-"""What `tap` and `recognise` make of a plate that is no sum of its model's modes: at every place that is struck each shape
-has an error of its own, of a share of its rms, so that one blow predicts the next to that share, as hammer hits on a real
-plate do (lab/real/records.py). The plate is tapped at four places, and then struck by the stones of runs (superposed.py)
-that the arrangement likelihood was not trained on."""
+"""What `tap` and `recognise` make of a plate that is no sum of its model's modes: at every place that is struck each
+shape has an error of its own, of a share of its rms, so that one blow predicts the next to that share, as hammer hits
+on a real plate do (lab/real/records.py). The plate is tapped at four places, and then struck by the stones of runs
+(superposed.py) that the arrangement likelihood was not trained on."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ from recognition.evaluation.dataset import DataSet, read_dataset
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
 from recognition.tapping.fit import fit_plate
-from recognition.tapping.learnt import Learnt, learnt
-from recognition.tapping.tapped import LARGEST_UNEXPLAINED
+from recognition.tapping.tapped import LARGEST_UNEXPLAINED, Learnt, learnt
 
 ERRORS, FAMILIES, SEEDS, HIGHEST_Hz, TRUE_Hz = (0.04, 0.1, 0.25), ("clean", "stones"), (1, 2), 7500.0, 20e3
 

@@ -24,8 +24,7 @@ from recognition.stone_forces.forces import History, load_forces
 from recognition.stream.recognise import QUIET_S, RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of
 from recognition.tapping.fit import fit_plate
-from recognition.tapping.learnt import learnt
-from recognition.tapping.tapped import refuse_unexplained
+from recognition.tapping.tapped import learnt, refuse_unexplained
 
 SCENE = "scenes/single.toml"
 REACH_m, PAPER_m, SIZES_m, SPEEDS_m_s = 0.2, 0.025, (0.015, 0.035), (2.0, 4.0)

@@ -2,13 +2,13 @@
 
 Forces are those of stones that fell together in runs of the engine (families `ring` and `free` of scenes/dataset.toml,
 3 m/s); their sum goes through plates that are not the model's, as in listening.py (plates "1" and "2": frequencies,
-damping and shapes scattered by 1, 10 and 1 %), with 20 dB of noise at 20 kHz and four accelerometers. `volley` is given
-what four taps taught of the plate, the number, radius and speed of the stones, and neither places nor the time of arrival,
-which is anywhere within 1 ms.
+damping and shapes scattered by 1, 10 and 1 %), with 20 dB of noise at 20 kHz and four accelerometers. `volley` is
+given what four taps taught of the plate, the number, radius and speed of the stones, and neither places nor the time
+of arrival, which is anywhere within 1 ms.
 
-volley_shares: the impulse of a stone in m v, from which NEAR_SHARE and FAR_SHARE of recognition/volley/impulses.py are.
-volleys: of the records of RECORDS those shares and the limits of misfit and gain were made; `held_out` are runs of
-scenes/dataset_held_out.toml, of other seeds and packings.
+volley_shares: the impulse of a stone in m v, from which NEAR_SHARE and FAR_SHARE of recognition/volley/recognise.py
+are. volleys: of the records of RECORDS those shares and the limits of misfit and gain were made; `held_out` are runs
+of scenes/dataset_held_out.toml, of other seeds and packings.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@ What is known beforehand are standard deviations: of the frequencies and damping
 where sensors and taps are. What the starting modes cannot explain is an error of the model, which is taken as noise of
 the power that is left in the band of each frequency. Frequencies of another plate may differ the more the higher they
 are, and by more than their standard deviation; so low bands are fitted first, and their trend tells where the higher
-modes are sought.
+modes are sought: another thickness moves all alike, another theory of shear moves them the more the higher they are.
+A force is as measured, or hats in time, where it was only a tap.
 """
 
 from __future__ import annotations
@@ -18,11 +19,76 @@ from scipy.linalg import cho_factor, cho_solve
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
-from recognition.tapping.force import Force, force_of
 from recognition.tapping.structure import Parameters, Structure
 from recognition.tapping.taps import Tap, check_taps
-from recognition.tapping.trend import stretched
 from recognition.tapping.window import LEAST_PERIODS, Spectra, band_power, check_band, noise_power, samples_of, spectra
+
+HAT_S = 5e-5  # distance of the hats
+LASTS_S = 1.5e-3  # at most, a tap
+EARLY_S = 3e-4  # before the onset as the sensors see it
+LARGEST_N = 1e4  # standard deviation of a hat's height: any tap is smaller
+
+
+@dataclass(frozen=True)
+class Force:
+    """A measured force has no coefficients. One that is not known is a sum of hats at times_s (b,) from the onset, with
+    heights `coefficients` (b,), N."""
+
+    times_s: Floats
+    coefficients: Floats
+
+    @property
+    def deviation(self) -> Floats:
+        return np.full(self.coefficients.size, LARGEST_N)
+
+    def moved(self, step: Floats) -> Force:
+        return replace(self, coefficients=self.coefficients + step)
+
+    def basis(self, found: Spectra) -> np.ndarray:
+        """(n, b): transforms of the hats."""
+        s = found.s[:, None]
+        hat = HAT_S * (np.sinh(s * HAT_S / 2) / (s * HAT_S / 2)) ** 2
+        return np.asarray(hat * np.exp(-s * self.times_s))
+
+    def at(self, found: Spectra) -> np.ndarray:
+        """(n,): transform of the force."""
+        if self.coefficients.size:
+            return np.asarray(self.basis(found) @ self.coefficients)
+        assert found.force is not None
+        return found.force
+
+
+def force_of(tap: Tap, lead_s: float) -> Force:
+    """A tap's force before any fit; hats begin no earlier than the window does."""
+    if tap.force_N is not None:
+        return Force(np.zeros(0), np.zeros(0))
+    start = -min(EARLY_S, lead_s, tap.onset / tap.rate_Hz)
+    times_s = np.arange(start, LASTS_S, HAT_S)
+    return Force(times_s, np.zeros(times_s.size))
+
+
+LEAST_MODES = 6  # from which a trend is taken
+
+
+def stretched(plate: PlateModel, thought_Hz: Floats, found_Hz: Floats) -> PlateModel:
+    """The plate with its frequencies moved by a trend: the logarithm of a frequency moves by a + b f.
+
+    thought_Hz, found_Hz (k,): frequencies of some of its modes, and what they are found to be. a and b are normally
+    distributed about zero; their variance and that of the modes about the trend are those of the greatest evidence
+    (MacKay, Bayesian interpolation, Neural Computation 4, 1992). So modes that scatter at random leave the plate nearly
+    as it is. With fewer than LEAST_MODES it is left so.
+    """
+    if thought_Hz.size < LEAST_MODES:
+        return plate
+    from sklearn.linear_model import BayesianRidge  # late: slow to import
+
+    trend = BayesianRidge(fit_intercept=False).fit(_terms(thought_Hz, plate), np.log(found_Hz / thought_Hz))
+    return replace(plate, frequency_Hz=plate.frequency_Hz * np.exp(trend.predict(_terms(plate.frequency_Hz, plate))))
+
+
+def _terms(frequency_Hz: Floats, plate: PlateModel) -> Floats:
+    return np.column_stack([np.ones(frequency_Hz.size), frequency_Hz / plate.max_frequency_Hz])
+
 
 BEYOND = 1.25  # modes up to so many times the highest frequency of the fit are needed
 STAGES_1_s = (2000.0, 800.0, 300.0, 100.0)  # alpha of the windows before the last, which the record's length sets

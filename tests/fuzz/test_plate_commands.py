@@ -19,7 +19,7 @@ from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.stones import sliding_ratio
 from recognition.tapping.fit import BEYOND, Prior, fit_plate
-from recognition.tapping.learnt import learnt
+from recognition.tapping.tapped import learnt
 from recognition.tapping.taps import Tap
 from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, in_time, many, mutated, outcome
 

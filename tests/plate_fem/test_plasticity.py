@@ -7,7 +7,7 @@ import pytest
 from plasticity import PlasticContact
 from scipy.integrate import quad
 
-from plate_fem.contact_stress import HertzContact
+from plate_fem.stress import HertzContact
 
 R, MASS = 0.025, 0.15708  # gangue of the paper's Table 1
 MODULUS = 0.75 * 2.1763e9 / math.sqrt(R)

@@ -19,7 +19,7 @@ from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion
 from recognition import RecognitionError
 from recognition.estimation.noise import noise_of
-from recognition.model_file import decode, encode
+from recognition.models import decode, encode
 from recognition.physics.arrangement_fit import PlateRecord, force_laws, force_statistics, model_on
 from recognition.physics.arrangement_likelihood import (
     LATEST_S,

@@ -8,7 +8,7 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 from analysis import RecordError
 from analysis.signals.features import log_rms
 from recognition import RecognitionError
-from recognition.model_file import decode, encode
+from recognition.models import decode, encode
 from recognition.regression.feature_regression import FeatureRegression, fit_process
 
 T = np.arange(267) / 6667

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from recognition import RecognitionError, Rule, Strategy
-from recognition.model_file import decode, encode
+from recognition.models import decode, encode
 from recognition.paper.q_parameter import fit_polynomial, fit_polynomials
 
 RATIOS = np.arange(11) / 10

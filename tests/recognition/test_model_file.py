@@ -9,7 +9,7 @@ import pytest
 from recognition import Answer, FusionQ, Model
 from recognition.__main__ import main
 from recognition.estimation.window import Window
-from recognition.model_file import decode, encode
+from recognition.models import decode, encode
 
 RATIOS = np.arange(11) / 10
 

@@ -6,7 +6,7 @@ from sklearn.model_selection import KFold
 
 from recognition import RecognitionError
 from recognition.estimation.calibration import distance_limits
-from recognition.model_file import decode, encode
+from recognition.models import decode, encode
 from recognition.regression.feature_regression import FeatureRegression
 from recognition.regression.ratio_law import RatioLaw, basis, fit_law, held_out_residual, monomials
 from tests.recognition.draws import draws, law, noisy

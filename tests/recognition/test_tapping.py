@@ -12,8 +12,8 @@ from lab.known_truth.tap_records import hammer_taps
 from recognition.__main__ import main
 from recognition.plate.plate_model import PlateModel
 from recognition.tapping.fit import Fit, Prior, fit_plate, start_of
-from recognition.tapping.learnt import learnt
 from recognition.tapping.structure import Structure
+from recognition.tapping.tapped import learnt
 
 SCENE = resource("scenes") / "paper.toml"
 PLACES = np.array([[0.11, 0.07], [-0.16, 0.13]])
