@@ -148,12 +148,12 @@ def test_what_was_found_with_other_threads_is_another_entry(tmp_path, monkeypatc
     assert len(keys) == 2
 
 
-KEPT_BY = ["dem/stones/library.py", "plate_fem/modes.py", "plate_fem/modes.py"]
+KEPT_BY = ["dem/stones/contact_patch.py", "plate_fem/modes.py", "dem/stones/packing.py"]
 
 
 @pytest.mark.parametrize("code, used, unused", [
     (KEPT_BY[0], "plate_fem/solution/eigen.py", "plate_fem/motion.py"),
-    (KEPT_BY[0], "dem/stones/solids.py", "dem/stones/stone.py"),
+    (KEPT_BY[2], "dem/stones/solids.py", "dem/stones/bonds.py"),
     (KEPT_BY[1], "plate_fem/solution/model.py", "plate_fem/commands.py"),
     (KEPT_BY[1], "common/scene/plate.py", "common/scene/scene.py")])
 def test_the_key_is_another_where_a_module_that_is_used_has_changed(tmp_path, code, used, unused):

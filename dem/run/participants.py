@@ -18,12 +18,12 @@ import numpy as np
 
 from common.files.parquet import Columns
 from common.scene.plate import FlexiblePlate
-from dem.coupling.checkpoint import BY_HAND, State, plate_file, read_plate_state, write_plate_state
 from dem.coupling.pipes import CheckpointMessage, CouplingError, FinishedMessage, ForceMessage, PlatePipes
 from dem.deck.pictures import picture_schedule
 from dem.deck.time_step import TimeStep
 from dem.record.energy_balance import PlateEnergy, PlateMonitor
 from dem.record.recorder import PlateRecorder
+from dem.run.directory import BY_HAND, State, plate_file, read_plate_state, write_plate_state
 from dem.run.paraview import Mesh, PlateMeshes
 from dem.run.prepare import PreparedRun
 from plate_fem.modes import PlateModes

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
-from contextlib import suppress
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from common.files.cache import BeingFound, not_waiting
+from common.process.messages import told
 from common.scene.error_laws import with_cut_off
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
@@ -20,7 +23,6 @@ from dem.deck.time_step import (
     stone_contact_time_s,
     time_step,
 )
-from dem.run.progress import Stages
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from dem.stones.stone import Stone, entry_of, places_m
@@ -28,6 +30,26 @@ from plate_fem.elements.mesh import highest_frequency_Hz
 from plate_fem.modes import PlateModes, energy_left_out, modes_for_loads
 
 LATEST_ARRIVAL_s = 1e6  # up to which a number of DEM steps is exact
+
+
+@dataclass
+class Stages:
+    """Wall time by stage, s. Stages of the work `shown` are told; "": none is."""
+
+    wall_time_s: dict[str, float] = field(default_factory=dict)
+    shown: str = ""
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        """Add the time spent within to the stage `name`."""
+        start = time.perf_counter()
+        with told(f"{self.shown}: {name}" if self.shown else ""):
+            yield
+        self.wall_time_s[name] = self.wall_time_s.get(name, 0.0) + time.perf_counter() - start
+
+    def copy(self) -> Stages:
+        """The times so far, to which each of several runs adds its own."""
+        return Stages(dict(self.wall_time_s), self.shown)
 
 
 @dataclass

@@ -16,9 +16,8 @@ from common.scene.scene import Scene
 from common.scene.stones import SPHERE, ShapeTable
 from common.tables import Refused
 from dem.stones.bonds import Bonds, bond_network
-from dem.stones.contact_patch import FaceColumns, StoneSurface, face_columns
-from dem.stones.library import REFERENCE_RADIUS_m, packed, scaled_packing, surface_of
-from dem.stones.packing import Packing, SphereContainer
+from dem.stones.contact_patch import FaceColumns, StoneSurface, face_columns, surface_of
+from dem.stones.packing import Packing, REFERENCE_RADIUS_m, SphereContainer, packed, scaled_packing
 from dem.stones.solids import MeshContainer, Solid, solid_of
 from dem.stones.stone import UPRIGHT, Entry, Stone, Substance, entry_of, flaw_factors, impact_speed_m_s
 
@@ -162,7 +161,7 @@ class StoneParts:
 def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> StoneParts:
     """Pack a stone and set it where it enters, its lowest point on the plate when it has come down.
 
-    Packings come from the library in `cache_dir`, if that is given. Raises Refused, a key of `stones.agglomerate`,
+    Packings come from the cache in `cache_dir`, if that is given. Raises Refused, a key of `stones.agglomerate`,
     where sub-spheres are too few for a smooth contact.
     """
     one = _at_reference_size(scene, stone, cache_dir).scaled(stone.radius_m)
@@ -250,7 +249,7 @@ class _StoneAlone:
     faces: FaceColumns | None = None      # where it touches with them
 
     def scaled(self, radius_m: float) -> _StoneAlone:
-        """From the library's size. A bond network of one material is the softer, the smaller it is."""
+        """From the size that is kept. A bond network of one material is the softer, the smaller it is."""
         size, surface, faces = radius_m / REFERENCE_RADIUS_m, self.surface, self.faces
         bonds = replace(self.bonds, vector_m=size * self.bonds.vector_m, radius_m=size * self.bonds.radius_m)
         if surface is not None:

@@ -23,12 +23,14 @@ between this part and the centre of the sub-sphere carries the contact of the fa
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 from scipy.sparse.linalg import SuperLU
 from scipy.spatial import cKDTree
 
+from common.files.cache import cached, key_of
 from common.scene.scene import BondTable
 from dem.stones.bonds import Bonds, dof_scale, solve_static, stiffness_matrix
 from dem.stones.packing import Packing, SphereContainer
@@ -248,3 +250,16 @@ def _points_of(corners: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.nd
         points.append(a + u[:, None] * (b - a) + v[:, None] * (c - a))
         weights.append(np.full(len(u), np.linalg.norm(np.cross(b - a, c - a)) / 2 / cuts**2))
     return np.vstack(points), np.concatenate(weights)
+
+
+def surface_of(packing: Packing, bonds: Bonds, bond: BondTable, cache_dir: Path | None) -> StoneSurface:
+    """As `stone_surface`; the compliances, which take longest, come from the cache in `cache_dir` if they are there."""
+
+    def find() -> dict[str, np.ndarray]:
+        return {"compliance_m_N": stone_surface(packing, bonds, bond).compliance_m_N}
+
+    key = key_of(Path(__file__), packing.container, packing.center_m.tobytes(), packing.radius_m.tobytes(),
+                 bonds.first.tobytes(), bonds.second.tobytes(), bonds.radius_m.tobytes(), bond.youngs_modulus_Pa,
+                 bond.stiffness_ratio, bond.volumetric_ratio)
+    kept = cached(cache_dir, "surface", key, find)
+    return StoneSurface(packing.center_m, is_surface(packing), kept["compliance_m_N"])

@@ -8,18 +8,24 @@ wall like soft springs, and all of them swell together by one scale s under a co
 (sigma the sum of the two radii, or the one radius at a wall, at s = 1). At the minimum the mean overlap is about p/3,
 so lowering p step by step leads to the random close packing from above, as in C. S. O'Hern et al., Phys. Rev. E 68
 (2003) 011306; the minimiser is FIRE, E. Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201. See docs/stones.md.
+
+Packings are kept for every later run (common/files/cache.py): one takes a third of a second to find and a few
+milliseconds to read. It is the same bit by bit for the same radius, number, seed and code; so is what a run makes of
+it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from dem.stones.solids import MeshContainer
+from common.files.cache import cached, key_of
+from dem.stones.solids import MeshContainer, Solid
 
 OVERLAP_TOLERANCE = 1e-3  # largest overlap of the result, relative to the sum of the two radii
 SIZE_RATIO = 1.5  # of the largest radius to the smallest; radii are evenly spread between
@@ -29,6 +35,7 @@ TOUCHING = 5e-3  # gap below which sub-spheres count as touching, relative to th
 
 # Distances of points from a curved wall (n,) or from f flat ones (n, f), and the inward normals (n, 3) or (f, 3).
 Walls = list[tuple[np.ndarray, np.ndarray]]
+REFERENCE_RADIUS_m = 0.025  # with which a packing is kept; all sizes are alike
 
 
 @dataclass(frozen=True)
@@ -287,3 +294,33 @@ def _touch_the_poles(packing: Packing) -> np.ndarray:
     down, up = np.unravel_index(np.argmin(direction @ direction.T), (len(at_wall), len(at_wall)))
     turn, _ = Rotation.align_vectors([[0, 0, -1], [0, 0, 1]], direction[[down, up]], weights=[np.inf, 1])
     return turn.apply(packing.center_m)
+
+
+def packed(solid: Solid | None, count: int, seed: int, cache_dir: Path | None) -> Packing:
+    """In a solid of the volume of the reference sphere, or as `pack_sphere` in that sphere itself; from `cache_dir`
+    if it is there. Without a directory it is packed."""
+    container: Container = SphereContainer(REFERENCE_RADIUS_m) if solid is None else (
+        container_of(solid).in_units(1 / REFERENCE_RADIUS_m))
+
+    def find() -> dict[str, np.ndarray]:
+        packing = pack_sphere(REFERENCE_RADIUS_m, count, seed) if solid is None else pack(container, count, seed)
+        return {"center_m": packing.center_m, "radius_m": packing.radius_m}
+
+    kept = cached(cache_dir, "packing", key_of(Path(__file__), container, count, seed), find)
+    return Packing(kept["center_m"], kept["radius_m"], container)
+
+
+def container_of(solid: Solid) -> ConvexContainer | MeshContainer:
+    """The faces of a solid, of a convex one those that its triangles share once."""
+    if not solid.is_convex:
+        return MeshContainer(tuple(map(tuple, solid.corner.tolist())), tuple(map(tuple, solid.triangle.tolist())),
+                             solid.volume)
+    planes = np.unique(np.round(np.column_stack([solid.normal, solid.offset]), 9), axis=0)
+    x, y, z = np.abs(solid.corner).max(axis=0).tolist()
+    return ConvexContainer(tuple(map(tuple, planes.tolist())), (x, y, z), solid.volume)
+
+
+def scaled_packing(packing: Packing, radius_m: float) -> Packing:
+    """A packing of the reference size at another one."""
+    size = radius_m / REFERENCE_RADIUS_m
+    return Packing(size * packing.center_m, size * packing.radius_m, packing.container.in_units(1 / size))

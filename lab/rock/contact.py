@@ -24,8 +24,7 @@ from scipy.spatial.transform import Rotation
 from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 from dem.stones import assembly
-from dem.stones.library import packed
-from dem.stones.packing import Packing
+from dem.stones.packing import Packing, packed
 from lab.rock.stone import PAIRS, RIGID, SCENES
 from lab.study import Row
 

@@ -1,8 +1,8 @@
 """What whole scenes cost: preparation, memory and a step, of stones of the paper's coal on a rigid plate.
 
 The time of a step is LIGGGHTS' own, from 20 us before the impact on, by one rank and by two, on a machine that has
-nothing else to do. Packing and peak memory are those of the whole preparation, in a process of its own. Stones share one
-packing, whose time is taken times their number: memory and steps do not know.
+nothing else to do. Packing and peak memory are those of the whole preparation, in a process of its own. Stones share
+one packing, whose time is taken times their number: memory and steps do not know.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ from common.scene.scene import Scene, changed_scene
 from dem.coupling.launch import mpirun
 from dem.deck.render import write_deck
 from dem.run.prepare import prepare
-from dem.stones.library import REFERENCE_RADIUS_m
-from dem.stones.packing import Packing, pack_sphere
+from dem.stones.packing import Packing, REFERENCE_RADIUS_m, pack_sphere
 from lab.rock.stone import RIGID, SCENES
 from lab.speed.engine import engine_run
 from lab.study import Row

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from decks import FREE_FLIGHT, HEAD, MATERIAL, bond_line, fcc_ball, frames, ledger, write_files
 
-from dem.coupling.checkpoint import engine_file, steps_of
 from dem.coupling.launch import ENGINE
+from dem.run.directory import engine_file, steps_of
 
 EVERY, STEPS = 250, 1000
 AWAY = ("fix gravity unheld gravity 6000 vector 0 0 -1\n"

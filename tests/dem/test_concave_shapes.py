@@ -12,7 +12,7 @@ from common.tables import InputError, Refused
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
-from dem.stones.library import REFERENCE_RADIUS_m, container_of, packed
+from dem.stones.packing import REFERENCE_RADIUS_m, container_of, packed
 from dem.stones.solids import moments, solid_of
 from dem.stones.stone import UPRIGHT
 

@@ -7,17 +7,16 @@ import pytest
 from scenes_of_tests import SCENES
 
 from common.scene.scene import read_scene
-from dem.stones import library
+from dem.stones import contact_patch, packing as packings
 from dem.stones.bonds import bond_network
-from dem.stones.contact_patch import stone_surface
-from dem.stones.library import packed, surface_of
-from dem.stones.packing import SphereContainer, pack_sphere
+from dem.stones.contact_patch import stone_surface, surface_of
+from dem.stones.packing import SphereContainer, pack_sphere, packed
 
 
 def test_a_packing_from_the_library_is_the_packing(tmp_path, monkeypatch):
     expected = pack_sphere(0.025, 60, 7)
     first = packed(None, 60, 7, tmp_path)
-    monkeypatch.setattr(library, "pack_sphere", lambda *_: pytest.fail("packed again"))
+    monkeypatch.setattr(packings, "pack_sphere", lambda *_: pytest.fail("packed again"))
     second = packed(None, 60, 7, tmp_path)
     for packing in (first, second):
         assert packing.center_m.tobytes() == expected.center_m.tobytes()
@@ -36,7 +35,7 @@ def test_a_surface_from_the_library_is_the_surface(tmp_path, monkeypatch):
     expected = stone_surface(packing, bonds, scene.bond_of("coal"))
     surface_of(packing, bonds, scene.bond_of("coal"), tmp_path)
     other = surface_of(packing, bonds, scene.bond_of("gangue"), tmp_path)
-    monkeypatch.setattr(library, "stone_surface", lambda *_: pytest.fail("found again"))
+    monkeypatch.setattr(contact_patch, "stone_surface", lambda *_: pytest.fail("found again"))
     kept = surface_of(packing, bonds, scene.bond_of("coal"), tmp_path)
     assert np.array_equal(kept.compliance_m_N, expected.compliance_m_N)
     assert np.all(kept.compliance_m_N != other.compliance_m_N)

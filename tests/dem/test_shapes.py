@@ -14,7 +14,7 @@ from common.tables import InputError
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
-from dem.stones.library import REFERENCE_RADIUS_m, packed
+from dem.stones.packing import REFERENCE_RADIUS_m, packed
 from dem.stones.solids import moments, polyhedron, solid_of
 from dem.stones.stone import UPRIGHT
 

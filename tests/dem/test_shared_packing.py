@@ -1,6 +1,7 @@
 """Processes that need the same stones share the work."""
 
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from common.files import cache
 from common.files.cache import key_of
 from common.resources import resource
 from common.scene.scene import changed_scene
-from dem.stones import assembly, library
+from dem.stones import assembly, packing
 from dem.stones.arrangement import stones_of
 from dem.stones.packing import SphereContainer
 
@@ -23,7 +24,7 @@ def scene():
 
 def key_of_stone(scene, stone):
     count = scene.stones.agglomerate.subspheres
-    return key_of(library.CODE, SphereContainer(library.REFERENCE_RADIUS_m), count, stone.seed)
+    return key_of(Path(packing.__file__), SphereContainer(packing.REFERENCE_RADIUS_m), count, stone.seed)
 
 
 def test_a_stone_that_another_process_packs_comes_last(tmp_path, monkeypatch, scene):
@@ -52,13 +53,13 @@ def test_a_stone_that_another_process_packs_comes_last(tmp_path, monkeypatch, sc
 
 def test_two_at_once_pack_each_stone_once(tmp_path, monkeypatch, scene):
     stones = stones_of(scene, "scene")
-    packed, pack_sphere = [], library.pack_sphere
+    packed, pack_sphere = [], packing.pack_sphere
 
     def recorded(radius_m, count, seed):
         packed.append(seed)
         return pack_sphere(radius_m, count, seed)
 
-    monkeypatch.setattr(library, "pack_sphere", recorded)
+    monkeypatch.setattr(packing, "pack_sphere", recorded)
     found = []
     workers = [threading.Thread(target=lambda: found.append(assembly.assemble(scene, stones, tmp_path)))
                for _ in range(2)]

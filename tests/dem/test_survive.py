@@ -22,8 +22,7 @@ import dem.deck.render
 import dem.run.directory
 from common.files.output_directory import Busy
 from common.tables import InputError
-from dem.coupling.checkpoint import latest
-from dem.run.directory import RunDirectory
+from dem.run.directory import RunDirectory, latest
 from dem.run.run import Stopped, resume, run_scene
 
 DEM = [sys.executable, "-m", "dem"]

@@ -9,8 +9,7 @@ import zlib
 
 import pytest
 
-from dem.coupling.checkpoint import HEADER, engine_file, last_whole, plate_file, steps_of
-from dem.run.directory import name_of
+from dem.run.directory import HEADER, engine_file, last_whole, name_of, plate_file, steps_of
 from tests.robustness.small import run, small_stone, what_was_said
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")

@@ -16,7 +16,7 @@ class LAMMPS;
 //   then each block: char name[32], int64 count, double[count]
 //
 // The first block is "streams": of each stream, which is a file that the run appends to, the length and the CRC-32 of
-// what it held then. dem/coupling/checkpoint.py checks all of these before a run is resumed.
+// what it held then. dem/run/directory.py checks all of these before a run is resumed.
 uint32_t crc_of(const char *bytes, size_t size, uint32_t crc_before = 0);
 
 class CheckpointWriter {
