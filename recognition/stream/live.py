@@ -105,7 +105,7 @@ def watched(event: dict[str, Any]) -> str:
         low, middle, high = (round(WIDTH * event[name]) for name in ("low", "ratio", "high"))
         bar = "".join("#" if k == middle else "=" if low <= k <= high else "." for k in range(WIDTH + 1))
         return f"{at}{bar} {event['ratio']:4.0%} of {event['stones']} stones"
-    if event["event"] in ("calibrated", "noise", "refused", "explained", "alarm"):
+    if event["event"] in ("calibrated", "noise learnt", "refused", "explained", "alarm"):
         return at + ("STOP" if event["event"] == "alarm" else event.get("not_explained", event["event"]))
     return f"{at}UNSAFE, no alarm: too few known stones" if event.get("unsafe") else ""
 
@@ -142,7 +142,7 @@ class Live:
             while self.ear.anew:
                 at_s, change = self.ear.anew.pop()
                 self.lately.clear()
-                yield {"event": "noise", "t_s": at_s, "change": change}
+                yield {"event": "noise learnt", "t_s": at_s, "change": change}
             if ended or self.ear.listener.at >= self.checked + CHECKED:
                 yield from self._checked()
             if ended or heard:

@@ -184,7 +184,7 @@ def told(plate, forces, values):
 def test_noise_that_changes_is_learnt_in_a_pause(plate, forces, pause, kind, level):
     values, begins, truth = pause
     events, live = told(plate, forces, in_noise(values, begins, kind, level))
-    (learnt,) = [one for one in events if one["event"] == "noise"]
+    (learnt,) = [one for one in events if one["event"] == "noise learnt"]
     assert begins / RATE_Hz < learnt["t_s"] < truth["t_s"][30] and (learnt["change"] > 1) == (level > 1)
     stones = pd.DataFrame([one for one in events if one["event"] == "stone"])
     off_s = stones["t_s"].map(lambda t_s: abs(truth["t_s"] - t_s).min())
@@ -203,7 +203,7 @@ def test_another_plate_is_not_learnt_as_noise(plate, forces, pause):
     values, begins, _ = pause
     events, live = told(plate, forces, in_noise(values, begins, "white", 3.0)[[2, 3, 0, 1]])
     names = [one["event"] for one in events]
-    assert "noise" in names and "unexplained" in live.reason
+    assert "noise learnt" in names and "unexplained" in live.reason
     assert not {"ratio", "explained"} & set(names[names.index("refused"):])
 
 
