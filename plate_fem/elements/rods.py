@@ -16,8 +16,13 @@ import scipy.sparse as sp
 from scipy.interpolate import interpn
 
 from common.scene.plate import FlexiblePlate, Rod
-from plate_fem.elements.mesh import bending_stiffness, shear_stiffness
-from plate_fem.elements.products import line_integral as integral, parabolas, smooth_cubics
+from plate_fem.elements.mesh import (
+    bending_stiffness,
+    line_integral as integral,
+    parabolas,
+    shear_stiffness,
+    smooth_cubics,
+)
 from plate_fem.elements.system import PlateSystem, grown
 
 JOINTS = Path(__file__).with_name("rod_joints.csv")  # written by `python -m lab run rod_joint`
