@@ -1,4 +1,4 @@
-"""The mesh of the rectangular plate: functions on its grid, its lines, and the criteria that choose theory and mesh size.
+"""The mesh of the rectangular plate: functions on its grid, its lines, and what chooses theory and mesh size.
 
 Functions are products of one along x and one along y. Their values are products too, and their integrals over the plate
 are Kronecker products of integrals along its sides. Along a line, a side of the plate or a rod, functions are piecewise
