@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -50,12 +50,18 @@ class Bank:
         observed = channels.observed(plate)[:2 if channels.rods else 1]
         responses = tuple((of, modal_table(plate, forces, rate_Hz, LAGS, amplitude=k == 1))
                           for k, of in enumerate(observed))
-        fitted = _whitened(*responses[0], whitening)
-        for further in responses[1:]:
-            fitted += _whitened(*further, whitening)
         half = np.array([plate.lines_x_m[-1], plate.lines_y_m[-1]])
-        spectrum = np.fft.rfft(whitening.response[:, :, :LAGS], 2 * LAGS)
-        return cls(responses, spectrum, fitted, _shapes(plate, half), half, rate_Hz, len(observed[0]))
+        m, k, p, n, _ = responses[0][1].shape
+        fitted = np.empty((m, k, p, n, FIT_LAGS * len(observed[0])), dtype=np.float32)
+        empty = cls(responses, np.zeros(0, complex), fitted, _shapes(plate, half), half, rate_Hz, len(observed[0]))
+        return empty.by(whitening)
+
+    def by(self, whitening: Whitening) -> Bank:
+        """The same by another filter. It takes the memory of this one, which is no more."""
+        self.fitted[:] = 0
+        for response in self.responses:
+            _add_whitened(self.fitted, *response, whitening)
+        return replace(self, filter=np.fft.rfft(whitening.response[:, :, :LAGS], 2 * LAGS))
 
     @property
     def phases(self) -> int:
@@ -152,17 +158,14 @@ def _slope(values: Floats32, k: int, step: float) -> Floats32:
     return np.asarray((values[high] - values[low]) / np.float32((high - low) * step))
 
 
-def _whitened(observed: Floats, modal: Floats32, whitening: Whitening) -> Floats32:
-    """Innovations (..., n, FIT_LAGS c) of the modes' responses (form, duration, phase, n, lags), downwards."""
+def _add_whitened(out: Floats32, observed: Floats, modal: Floats32, whitening: Whitening) -> None:
+    """Adds innovations (..., n, FIT_LAGS c) of the modes' responses (form, duration, phase, n, lags), downwards."""
     by_mode = -np.einsum("dcl,cn->ndl", whitening.response[:, :, :FIT_LAGS], observed)
     spectrum = np.fft.rfft(by_mode, 2 * FIT_LAGS)
-    m, k, p, n, _ = modal.shape
-    out = np.empty((m, k, p, n, FIT_LAGS * len(observed)), dtype=np.float32)
-    for index in np.ndindex(m, k):
+    for index in np.ndindex(modal.shape[:2]):
         parts = np.fft.rfft(modal[index][..., :FIT_LAGS], 2 * FIT_LAGS)[:, :, None] * spectrum
         full = np.fft.irfft(parts, 2 * FIT_LAGS)[..., :FIT_LAGS]
-        out[index] = full.swapaxes(-1, -2).reshape(p, n, -1)
-    return out
+        out[index] += full.swapaxes(-1, -2).reshape(out[index].shape)
 
 
 def _shapes(plate: PlateModel, half_m: Floats) -> Floats32:

@@ -39,12 +39,12 @@ class SensorNoise:
         return cls(np.diag(1 / deviation)[None])
 
     @classmethod
-    def of(cls, quiet: Floats) -> SensorNoise:
-        """Learnt from channels (c, samples) in which nothing falls. numpy.linalg.LinAlgError for a channel without
-        noise."""
+    def of(cls, quiet: Floats, floor: float = 0.0) -> SensorNoise:
+        """Learnt from channels (c, samples) in which nothing falls, with white noise of variance `floor` besides.
+        numpy.linalg.LinAlgError for a channel without noise."""
         c, half = len(quiet), quiet.shape[1] // 2
         orders = [p for p in ORDERS if LEAST_SAMPLES * c * (p + 1) <= half]
-        parts = [_products(values, orders[-1]) for values in (quiet[:, :half], quiet[:, half:])]
+        parts = [_products(values, orders[-1], floor) for values in (quiet[:, :half], quiet[:, half:])]
         tried = {p: [_surprise(_regression(a, c, p), b, c, p) for a, b in (parts, parts[::-1])] for p in orders}
         best = min(orders, key=lambda p: sum(score for score, _ in tried[p]))
         return cls(_regression((parts[0][0] + parts[1][0], parts[0][1] + parts[1][1]), c, best),
@@ -62,10 +62,10 @@ class SensorNoise:
         return np.array([oaconvolve(row, values, axes=-1)[:, :n].sum(axis=0) for row in taps])
 
 
-def _products(values: Floats, order: int) -> tuple[Floats, int]:
+def _products(values: Floats, order: int, floor: float) -> tuple[Floats, int]:
     """Sum over time of products (c (order + 1), c (order + 1)) of samples and the ones before, and how many."""
     c, n = values.shape
-    total = np.zeros((c * (order + 1), c * (order + 1)))
+    total = floor * (n - order) * np.eye(c * (order + 1))
     for first in range(order, n, CHUNK):
         last = min(first + CHUNK, n)
         lags = np.concatenate([values[:, first - k:last - k] for k in range(order + 1)])

@@ -50,9 +50,11 @@ class Whitening:
         loss = phase_loss * np.maximum(plate.frequency_sd[kept], LEAST_PHASE_LOSS) * w / rate_Hz
         drive = np.concatenate([loss * energy / w**2, loss * energy])
         taps = round(MEMORY_S * rate_Hz)
-        after = _innovation_filter(step, observed, drive, taps)
-        spectrum = np.fft.rfft(after, 2 * taps), np.fft.rfft(noise.filter, 2 * taps, axis=0)
-        return cls(np.fft.irfft(np.einsum("dek,kec->dck", *spectrum), 2 * taps)[..., :taps])
+        return cls(_in_turn(noise.filter.transpose(1, 2, 0), _innovation_filter(step, observed, drive, taps)))
+
+    def then(self, noise: SensorNoise) -> Whitening:
+        """This filter, and then what makes such noise of its innovations white."""
+        return Whitening(_in_turn(self.response, noise.filter.transpose(1, 2, 0)))
 
     def __call__(self, values: Floats) -> Floats:
         """Innovations (c, samples) of channels (c, samples) from rest on."""
@@ -72,6 +74,13 @@ class Whitening:
     @cached_property
     def _spectrum(self) -> NDArray[np.complex128]:
         return np.asarray(np.fft.rfft(self.response, 2 * self.response.shape[-1]))
+
+
+def _in_turn(first: Floats, then: Floats) -> Floats:
+    """(c, c, taps): response of two filters (c, c, any), as long as the longer one."""
+    taps = max(first.shape[-1], then.shape[-1])
+    spectrum = np.fft.rfft(then, 2 * taps), np.fft.rfft(first, 2 * taps)
+    return np.asarray(np.fft.irfft(np.einsum("dek,eck->dck", *spectrum), 2 * taps)[..., :taps])
 
 
 def _free_motion(w: Floats, zeta: Floats, step_s: float) -> Floats:

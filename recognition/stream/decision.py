@@ -12,6 +12,7 @@ alarms.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +29,7 @@ DRAWN, LAWS = 150, 12  # stones of a material of each law, and laws, by which an
 AS_KNOWN = 25  # all that are drawn of a law count as so many known ones
 STATES, HIGHEST, HALVINGS = 80, 16.0, 7  # of the sum; thresholds are sought up to HIGHEST
 FIRST, LONGER, LAST = 25, 2.0, 800  # stones heard at which the law is learnt, how many times as many again, the last
+LATER_S = 2.0  # after the stones that taught it a law judges others; it is learnt meanwhile
 NEVER = 1e12  # stones: the linear system has no digits left for a mean time beyond
 SLOW = 4.0  # times the delay by the median law: where one law in ten is slower, references are too few
 
@@ -70,68 +72,87 @@ class Foreseen:
 
 
 @dataclass(frozen=True)
-class Judged:
-    """Stones by one law: probabilities of gangue by each draw of it (n, laws), and of none (n,); the sum of the test
-    after each, and at which of them there was an alarm; what was foreseen."""
+class Learnt:
+    """A law, what it foresees of the test at a rate of stones, and that rate."""
 
     law: LearntLaw
+    foreseen: Foreseen | None
+    rate_1_s: float
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Stones by what was learnt: probabilities of gangue by each draw of the law (n, laws), and of none (n,); the sum
+    of the test after each, and at which of them there was an alarm."""
+
+    by: Learnt
     told: Told
     by_law: Floats
     none: Floats
     sum: Floats
     alarm: NDArray[np.bool_]
-    foreseen: Foreseen | None
-    rate_1_s: float
 
 
 class Judge:
-    """Judges stones in their order, each by the law that known stones and those before it teach."""
+    """Judges stones in their order, each by the law that known stones and those before it teach. A law is learnt while
+    stones are judged by the one before, and is that of stones that arrive LATER_S later."""
 
     def __init__(self, known: Told, prior: StonePrior, stop: Stop | None, least_doubt: float) -> None:
         self.known = self.taught = known
         self.prior, self.stop, self.least_doubt = prior, stop, least_doubt
         self.waiting, self.t_s = known.only(np.zeros(0, dtype=int)), np.zeros(0)
-        self.count, self.due, self.rate_1_s, self.total = 0, 0, 1.0, 0.0
-        self.began_s = self.latest_s = 0.0
-        self.law: LearntLaw | None = None
-        self.foreseen: Foreseen | None = None
+        self.count, self.due, self.total = 0, FIRST, 0.0
+        self.began_s = self.latest_s = self.from_s = 0.0
+        self.learnt: Learnt | None = None
+        self.coming: Future[Learnt] | None = None
+        self.beside = ThreadPoolExecutor(1)
 
     def judge(self, told: Told, t_s: Floats, ended: bool = False) -> Iterator[Judged]:
         """Further unknown stones, which arrived at t_s (n,); the first FIRST wait for each other, unless all ended."""
         self.waiting, self.t_s = self.waiting.and_(told), np.append(self.t_s, t_s)
-        while len(self.t_s) and (self.law is not None or ended or len(self.t_s) >= FIRST):
-            if self.count == self.due:
-                self._learn()
-            now, later = np.split(np.arange(len(self.t_s)), [max(self.due - self.count, 0) or len(self.t_s)])
-            found = self._judged(self.waiting.only(now))
+        while len(self.t_s) and (self.learnt is not None or ended or len(self.t_s) >= FIRST):
+            if self.learnt is None:
+                first = np.arange(min(FIRST, len(self.t_s)))
+                self.began_s, self.latest_s = float(self.t_s[0]), float(self.t_s[first[-1]])
+                heard = self.taught if len(self.taught.x) else self.waiting.only(first)
+                self.learnt = self._learnt(heard, self._rate_1_s(len(first)))
+            if self.coming is not None and self.t_s[0] >= self.from_s:
+                self.learnt, self.coming = self.coming.result(), None
+            if self.coming is None and self.due <= min(self.count, LAST):
+                self.coming = self.beside.submit(self._learnt, self.taught, self._rate_1_s(self.count))
+                self.due, self.from_s = round(LONGER * self.count), self.latest_s + LATER_S
+            now, later = np.split(np.arange(len(self.t_s)), [self._alike()])
+            found = self._judged(self.waiting.only(now), self.learnt)
             if self.count < LAST:
-                self.taught, self.latest_s = self.taught.and_(found.told), float(self.t_s[now[-1]])
-            self.count, self.waiting, self.t_s = self.count + len(now), self.waiting.only(later), self.t_s[later]
+                self.taught = self.taught.and_(found.told)
+            self.count, self.latest_s = self.count + len(now), float(self.t_s[now[-1]])
+            self.waiting, self.t_s = self.waiting.only(later), self.t_s[later]
             yield found
 
-    def _learn(self) -> None:
-        """The law and what it foresees, and when it is due again."""
-        first = np.arange(min(FIRST, len(self.t_s)))
-        if self.law is None:
-            self.began_s, self.latest_s = float(self.t_s[0]), float(self.t_s[first[-1]])
-        self.rate_1_s = max(self.count or len(first), 2) / max(self.latest_s - self.began_s, 1e-3)
-        heard = self.taught if len(self.taught.x) else self.waiting.only(first)
-        self.law = LearntLaw.of(heard, self.prior)
-        self.due = round(LONGER * self.count) if self.count else FIRST
-        self.due = self.due if self.due <= LAST else 0
-        if self.stop is not None:
-            self.foreseen = foreseen(self.law, heard, self.stop, self.rate_1_s, self.least_doubt)
+    def _rate_1_s(self, count: int) -> float:
+        return max(count, 2) / max(self.latest_s - self.began_s, 1e-3)
 
-    def _judged(self, told: Told) -> Judged:
-        assert self.law is not None
-        by_law, none = self.law.probabilities(told, self.least_doubt)
+    def _learnt(self, heard: Told, rate_1_s: float) -> Learnt:
+        law = LearntLaw.of(heard, self.prior)
+        seen = None if self.stop is None else foreseen(law, heard, self.stop, rate_1_s, self.least_doubt)
+        return Learnt(law, seen, rate_1_s)
+
+    def _alike(self) -> int:
+        """How many of those that wait are judged by one law, and teach one."""
+        if self.coming is None:
+            return max(self.due - self.count, 0) or len(self.t_s)
+        late = np.flatnonzero(self.t_s >= self.from_s)
+        return int(late[0]) if len(late) else len(self.t_s)
+
+    def _judged(self, told: Told, learnt: Learnt) -> Judged:
+        by_law, none = learnt.law.probabilities(told, self.least_doubt)
         sums, alarms = np.zeros(len(none)), np.zeros(len(none), dtype=bool)
-        if self.stop is not None and self.foreseen is not None:
+        if self.stop is not None and learnt.foreseen is not None:
             for k, gain in enumerate(self.stop.gain(_any_stone(by_law, none))):
                 self.total = max(0.0, self.total + gain)
-                sums[k], alarms[k] = self.total, self.total > self.foreseen.threshold and not self.foreseen.unsafe
+                sums[k], alarms[k] = self.total, self.total > learnt.foreseen.threshold and not learnt.foreseen.unsafe
                 self.total = 0.0 if alarms[k] else self.total
-        return Judged(self.law, told, by_law, none, sums, alarms, self.foreseen, self.rate_1_s)
+        return Judged(learnt, told, by_law, none, sums, alarms)
 
 
 @dataclass(frozen=True)
@@ -148,9 +169,9 @@ def follow(told: Told, t_s: Floats, prior: StonePrior, stop: Stop, least_doubt: 
     known = told.known != UNKNOWN
     judge = Judge(told.only(np.flatnonzero(known)), prior, stop, least_doubt)
     found = list(judge.judge(told.only(np.flatnonzero(~known)), t_s[~known], ended=True))
-    assert judge.foreseen is not None
+    assert judge.learnt is not None and judge.learnt.foreseen is not None
     return Followed(np.concatenate([one.sum for one in found]), np.concatenate([one.alarm for one in found]),
-                    judge.foreseen)
+                    judge.learnt.foreseen)
 
 
 def foreseen(law: LearntLaw, told: Told, stop: Stop, rate_1_s: float, least_doubt: float) -> Foreseen:

@@ -26,6 +26,7 @@ LEAST_SHARE = 0.05  # of a window's chi-square that a further stone must explain
 CHECKED, HOPELESS = 40, 0.4  # after so many windows each: the share unexplained with which a part is passed over
 PART, PARTS = 10_000, 6  # samples of a part of a record, and how many of the last are looked at together
 KEPT = 300  # samples before those that are listened to: no stone is sought there again
+SURELY, TELLING = 3.0, 1e3  # standard deviations of noise; energy of stones in a channel by which its gain is told
 WINDOW = LEAD + LOOK_BACK + FIT_LAGS + 30  # samples in which stones are fitted together
 SURE = WINDOW - 50  # a stone that is found later in a window may be the beginning of another, which is not yet in it
 LEAST_IMPULSE = 0.8  # of the smallest that a stone is expected to have
@@ -71,12 +72,14 @@ class Sums:
     @property
     def unexplained(self) -> float:
         """Share of the energy above that of noise that no stone explains."""
-        return max(self.left - self.noise, 0.0) / max(self.energy - self.noise, 1.0)
+        chance = SURELY * np.sqrt(2 * self.noise)
+        return max(self.left - self.noise - chance, 0.0) / max(self.energy - self.noise, 1.0)
 
     @property
     def gain(self) -> Floats:
-        """(c,): of each channel, relative to what the stones make of all channels."""
-        return np.asarray(self.product / np.maximum(self.explained, 1e-300))
+        """(c,): of each channel, relative to what the stones make of all channels; 1 where that tells too little."""
+        tells = self.explained > TELLING
+        return np.where(tells, self.product / np.where(tells, self.explained, 1.0), 1.0)
 
 
 class Listener:

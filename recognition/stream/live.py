@@ -32,7 +32,11 @@ from recognition.stream.stones import COLUMNS, Known, first_touches, ratios_of, 
 
 _log = logging.getLogger(__name__)
 LAST_STONES = 100  # of which the share that is no stone is told
+EXPLAINED = 3  # stones that are heard lately before a ratio is told again
+CHECKED = 2000  # samples after which what was heard lately is looked at again
 WIDTH = 50  # of what is drawn in a terminal
+GLIBC = ctypes.CDLL(None) if platform.libc_ver()[0] == "glibc" else None
+ONE_HEAP = -8, 1  # arguments of mallopt: no heap of its own for the thread in which a law is learnt
 NAMES = ("low", "ratio", "high", "mass_low", "mass_ratio", "mass_high")
 
 
@@ -72,6 +76,8 @@ def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Kno
     factor = np.array([[float(ones[k].iloc[0])] for k in order])
     same = abs(source.rate_Hz / RATE_Hz - 1) < RATE_SHARE
     resampler = Resampler(RATE_Hz if same else round(source.rate_Hz), RATE_Hz, len(order), source.name)
+    if GLIBC is not None:
+        GLIBC.mallopt(*ONE_HEAP)
     live = Live(Ear(plate, channels, prior, quiet_s), prior, known, stop, window)
     if not live.ear.tapped:
         raise RecognitionError("--plate: no mode was tapped; what comes live needs a plate of `tap`")
@@ -88,8 +94,8 @@ def _tell(events: Iterator[dict[str, Any]], watch: bool) -> None:
     for event in events:
         if line := watched(event) if watch else json.dumps(plain(event), ensure_ascii=False):
             _log.info(line)
-        if event["event"] in ("calibrated", "law") and platform.libc_ver()[0] == "glibc":
-            ctypes.CDLL(None).malloc_trim(0)  # glibc would keep what a filter and a law are made with
+        if event["event"] in ("calibrated", "law") and GLIBC is not None:
+            GLIBC.malloc_trim(0)  # it would keep what a filter and a law are made with
 
 
 def watched(event: dict[str, Any]) -> str:
@@ -99,7 +105,7 @@ def watched(event: dict[str, Any]) -> str:
         low, middle, high = (round(WIDTH * event[name]) for name in ("low", "ratio", "high"))
         bar = "".join("#" if k == middle else "=" if low <= k <= high else "." for k in range(WIDTH + 1))
         return f"{at}{bar} {event['ratio']:4.0%} of {event['stones']} stones"
-    if event["event"] in ("calibrated", "refused", "explained", "alarm"):
+    if event["event"] in ("calibrated", "noise", "refused", "explained", "alarm"):
         return at + ("STOP" if event["event"] == "alarm" else event.get("not_explained", event["event"]))
     return f"{at}UNSAFE, no alarm: too few known stones" if event.get("unsafe") else ""
 
@@ -116,8 +122,8 @@ class Live:
         self.judge: Judge | None = None
         self.judged: Judged | None = None
         self.none: deque[bool] = deque(maxlen=LAST_STONES)
-        self.stones: deque[pd.DataFrame] = deque()  # of the window
-        self.count, self.alarms, self.misplaced, self.reason, self.steps = 0, 0, 0.0, "", 0
+        self.stones: list[pd.DataFrame] = []  # of the window
+        self.count, self.alarms, self.misplaced, self.reason, self.steps, self.checked = 0, 0, 0.0, "", 0, 0
 
     @property
     def t_s(self) -> float:
@@ -133,19 +139,27 @@ class Live:
             yield {"event": "calibrated", "t_s": self.ear.listener.end / RATE_Hz, "noise_change": self.ear.noise.change}
         if self.ear.listens:
             self.lately += heard
-            yield from self._checked()
-            yield from self._stones(heard, ended)
+            while self.ear.anew:
+                at_s, change = self.ear.anew.pop()
+                self.lately.clear()
+                yield {"event": "noise", "t_s": at_s, "change": change}
+            if ended or self.ear.listener.at >= self.checked + CHECKED:
+                yield from self._checked()
+            if ended or heard:
+                yield from self._stones(heard, ended)
             yield from self._ratios()
 
     def _checked(self) -> Iterator[dict[str, Any]]:
         """Whether stones explain what was heard lately."""
-        while self.lately and self.lately[0].stone[TIME] < self.ear.listener.at - PART * PARTS:
+        self.checked = self.ear.listener.at
+        while self.lately and self.lately[0].stone[TIME] < self.checked - PART * PARTS:
             self.lately.popleft()
         found = self.ear.checks(self.ear.listener.recent, self.lately)
         if self.judged is not None:
-            found = replace(found, none=float(np.mean(self.none)), beyond=self.judged.law.beyond,
+            found = replace(found, none=float(np.mean(self.none)), beyond=self.judged.by.law.beyond,
                             misplaced=self.misplaced)
-        before, self.reason = self.reason, found.reason()
+        before, now = self.reason, found.reason()
+        self.reason = before if not now and len(self.lately) < EXPLAINED else now
         if self.reason and not before:
             yield {"event": "refused", "t_s": self.t_s, "not_explained": self.reason}
         elif before and not self.reason:
@@ -173,21 +187,20 @@ class Live:
 
     def _judged(self, judged: Judged, heard: Sequence[Heard]) -> Iterator[dict[str, Any]]:
         """Stones, and alarms unless stones do not explain what is heard."""
-        if self.judged is None or judged.law is not self.judged.law:
+        if self.judged is None or judged.by is not self.judged.by:
             known = self.judge.known if self.judge is not None else judged.told
-            self.misplaced = judged.law.misplaced(known) / max(len(known.x), 1)
+            self.misplaced = judged.by.law.misplaced(known) / max(len(known.x), 1)
             yield {"event": "law", "t_s": self.t_s, "stones": self.count, **_foreseen(judged)}
         self.judged = judged
         self.none += (judged.none >= 0.5).tolist()
         chosen = np.flatnonzero(judged.none < 0.5)
-        table = rows_of([heard[k] for k in chosen.tolist()], judged.told.only(chosen), judged.law, self.prior,
-                        judged.by_law[chosen], RATE_Hz).assign(stop=judged.sum[chosen])
+        table = rows_of([heard[k] for k in chosen.tolist()], judged.told.only(chosen), judged.by.law, self.prior,
+                        judged.by_law[chosen], RATE_Hz)
         if len(table):
             self.stones.append(table)
         self.count += len(table)
-        names = [*COLUMNS, "stop"]
-        for row, alarm in zip(table[names].to_numpy().tolist(), judged.alarm[chosen], strict=True):
-            yield {"event": "stone", **dict(zip(names, row, strict=True))}
+        for row, total, alarm in zip(table.to_numpy(), judged.sum[chosen], judged.alarm[chosen], strict=True):
+            yield {"event": "stone", **dict(zip(COLUMNS, row, strict=False)), "stop": total}
             if alarm and not self.reason:
                 self.alarms += 1
                 yield {"event": "alarm", "t_s": row[0]}
@@ -198,18 +211,17 @@ class Live:
             self.steps += 1
             if self.reason or not self.stones:
                 continue
-            while self.stones and self.stones[0]["t_s"].max() <= t_s - self.window.window_s:
-                self.stones.popleft()
-            stones = pd.concat(self.stones) if self.stones else pd.DataFrame({"t_s": []})
-            inside = stones[(stones["t_s"] > t_s - self.window.window_s) & (stones["t_s"] <= t_s)]
+            stones = pd.concat(self.stones)
+            self.stones = [stones[stones["t_s"] > t_s - self.window.window_s]]
+            inside = self.stones[0][self.stones[0]["t_s"] <= t_s]
             values = [value for one in ratios_of(inside) for value in one]
             yield {"event": "ratio", "t_s": t_s, "stones": len(inside), **dict(zip(NAMES, values, strict=True))}
 
 
 def _foreseen(judged: Judged) -> dict[str, Any]:
     """Of an alarm."""
-    if judged.foreseen is None:
+    found, rate_1_s = judged.by.foreseen, judged.by.rate_1_s
+    if found is None:
         return {}
-    found = judged.foreseen
-    return {"delay_s": found.delay / judged.rate_1_s, "longest_delay_s": found.longest_delay / judged.rate_1_s,
+    return {"delay_s": found.delay / rate_1_s, "longest_delay_s": found.longest_delay / rate_1_s,
             "false_alarms_1_h": found.false_alarms_1_h, "unsafe": bool(found.unsafe)}

@@ -24,7 +24,7 @@ from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import numbers
 from recognition.stream.checks import Checks, Mains, refuse_faulty, together, without_offset_and_hum
 from recognition.stream.decision import Followed, Stop
-from recognition.stream.listen import LOOK_BACK, Heard, Listener, Sums
+from recognition.stream.listen import BLOCK, LOOK_BACK, Heard, Listener, Sums
 from recognition.stream.search import Dictionary
 from recognition.stream.stones import UNKNOWN_ALL, Known, learnt_table
 
@@ -37,6 +37,10 @@ LOUDER = 2.0  # power over that of the quiet, in a stretch in which something fa
 #: longer begins anew.
 FIRST_S, UNTAPPED_S, WAIT_S = 1.0, 20.0, 10.0
 FOLLOWED_S, HUM_MEMORY = 1.0, 0.7  # offset and hum are learnt anew so often, and what was learnt then counts so much
+#: Noise is learnt anew from as long a gap as the beginning, at least GAP_S, where its power is OTHER than expected; it
+#: must not CHANGE more (coloured_noise.py), nor a block's energy be farther from the mean: as it comes by a factor, and
+#: when it is white in standard deviations.
+GAP_S, OTHER, CHANGE, UNLIKE, UNLIKE_SD = 0.25, 1.3, 1.5, 6.0, 8.0
 LOUD = 0.01  # of the power of a record's loudest stretch, in one that counts for its rms
 LEAST_DOUBT = 0.005  # share of stones whose material is wrong in streams of known truth
 #: Of the rate at which a mode loses its phase if its frequency is off by a standard deviation: an error that stays is
@@ -211,6 +215,9 @@ class Ear:
         self.unheard = self.listener.unheard(self.told)
         self.before, self.values, self.first = known[:, :begin], self.values[:, begin:], self.first + begin
         self.follows, self.loudest, self.lately = known.shape[1] - begin, abs(known).max(), list[Floats]()
+        self.gap, self.anew = max(self.quiet, round(GAP_S * RATE_Hz)), list[tuple[float, float]]()
+        self.innovations = [self.whitening(self.before)]
+        self.power = float(np.mean(self.innovations[0] ** 2))
 
     def _listened(self, ended: bool = False) -> list[Heard]:
         """The stones of what is there. After each second, faults are looked for, and offset and hum are followed."""
@@ -219,23 +226,51 @@ class Ear:
             now, self.values = self.values[:, :self.follows], self.values[:, self.follows:]
             more = self.values.shape[1] > 0
             clean = now - self.mains.at(self.first, now.shape[1])
-            heard += self.listener.hear(self.whitening.after(self.before, clean), ended and not more)
+            self.innovations.append(self.whitening.after(self.before, clean))
+            heard += self.listener.hear(self.innovations[-1], ended and not more)
             self.before = np.hstack([self.before, clean])[:, -self.whitening.response.shape[2]:]
             self.first, self.follows = self.first + now.shape[1], self.follows - now.shape[1]
             self.lately.append(now)
             if not self.follows or ended and not more:
-                self._follow(np.hstack(self.lately))
+                heard += self._follow(np.hstack(self.lately))
         self.hearing_s += process_time() - began_s
         return heard
 
-    def _follow(self, second: Floats) -> None:
-        """Faults show where it is loud."""
+    def _follow(self, second: Floats) -> list[Heard]:
+        """Faults show where it is loud, other noise where nothing falls."""
         loud = abs(second).max(initial=0.0)
         if loud > self.loudest / 2:
             refuse_faulty(second[:len(self.names)], self.names)
             self.loudest = max(self.loudest, loud)
         self.mains.learn(second, self.first - second.shape[1], HUM_MEMORY)
         self.follows, self.lately = self.followed, []
+        self.innovations = [np.hstack(self.innovations)[:, -self.gap:]]
+        return self._noise_anew(self.innovations[0])
+
+    def _noise_anew(self, gap: Floats) -> list[Heard]:
+        """The stones that are final where noise is learnt anew from innovations (c, samples) of a gap. What they have
+        of ringing is no more than expected, or fades, where the plate is another."""
+        power = float(np.mean(gap**2))
+        expected = self.power / OTHER < power < OTHER * max(self.power, 1.0)  # in silence, and while the plate rings
+        if expected or gap.shape[1] < self.gap or _unlike(gap) > UNLIKE:
+            return []
+        noise = SensorNoise.of(gap, max(1 - self.power, 0.0))
+        white = noise.whitened(gap)[:, len(noise.filter):]
+        if noise.change > CHANGE or _unlike(white) > 1 + UNLIKE_SD * np.sqrt(2 / (BLOCK * len(gap))):
+            return []
+        before, self.whitening, self.innovations = self.listener, self.whitening.then(noise), []
+        heard, bank = before.hear(gap[:, :0], ended=True), before.bank.by(self.whitening)
+        self.listener = Listener(bank, self.prior, Dictionary.of(bank, self.prior), before.end)
+        self.listener.past, self.unheard = before.total, self.listener.unheard(self.told)
+        self.anew.append((before.end / RATE_Hz, power / self.power))
+        self.power = float(np.mean(white**2))
+        return heard
+
+
+def _unlike(values: Floats) -> float:
+    """Largest energy of a block of channels (c, samples), by the mean."""
+    energy = (values[:, :values.shape[1] // BLOCK * BLOCK] ** 2).sum(axis=0).reshape(-1, BLOCK).sum(axis=1)
+    return float(energy.max() / energy.mean())
 
 
 def _noise_of(quiet: Floats) -> SensorNoise:

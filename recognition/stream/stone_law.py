@@ -18,6 +18,7 @@ Where the record fits several laws, the draws hold all of them.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -165,8 +166,15 @@ class Beliefs:
 
     def log_classes(self, z: Floats, told: Told) -> Floats:
         """(k, n, 3): log of the densities of coal, gangue and others, with their shares."""
+        return np.concatenate(list(self._parts(z, told)))
+
+    def log_densities(self, z: Floats, told: Told) -> Floats:
+        """(k, n): log of their sum."""
+        return np.concatenate([log_sum(part) for part in self._parts(z, told)])
+
+    def _parts(self, z: Floats, told: Told) -> Iterator[Floats]:
         size = max(1, AT_ONCE // max(len(told.x), 1))
-        return np.concatenate([self._log_classes(z[k:k + size], told) for k in range(0, len(z), size)])
+        return (self._log_classes(z[k:k + size], told) for k in range(0, len(z), size))
 
     def _log_classes(self, z: Floats, told: Told) -> Floats:
         spread = np.einsum("kd,di,dj->kij", np.exp(2 * z[:, SCATTERS].clip(max=WIDEST)), DIRECTIONS[:4], DIRECTIONS[:4])
@@ -204,7 +212,7 @@ class LearntLaw:
         beliefs, taught, rng = Beliefs.of(prior), told.some(TAUGHT), np.random.default_rng(1)
 
         def densities(z: Floats) -> tuple[Floats, Floats]:
-            return log_sum(beliefs.log_classes(z, taught)), beliefs.log_prior(z)
+            return beliefs.log_densities(z, taught), beliefs.log_prior(z)
 
         return cls(beliefs, *drawn(densities, beliefs.starts(taught, rng), beliefs.curvature, DRAWN, rng))
 

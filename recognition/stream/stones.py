@@ -106,12 +106,13 @@ def rows_of(heard: Sequence[Heard], told: Told, law: LearntLaw, prior: StonePrio
             zip(prior.forces.density_kg_m3, of, strict=True)]
     mass_sd = [m * np.sqrt(MASS @ c @ MASS) for m, (_, c) in zip(mass, of, strict=True)]
     duration = np.exp(stone[:, DURATION])
-    table = pd.DataFrame(dict(zip(COLUMNS, (
+    columns = (
         stone[:, TIME] / rate_Hz - prior.forces.start[likely] * duration, np.sqrt(covariance[:, TIME, TIME]) / rate_Hz,
         stone[:, X], stone[:, Y], np.sqrt((covariance[:, X, X] + covariance[:, Y, Y]) / 2), gangue,
         np.exp(stone[:, IMPULSE]), duration, r, r * np.sqrt(cov[:, 0, 0]), v, v * np.sqrt(cov[:, 1, 1]), *mass,
-        *mass_sd, [h.misfit for h in heard]), strict=True)))
-    return pd.concat([table, pd.DataFrame(by_law).add_prefix(BY_LAW)], axis=1)
+        *mass_sd, np.array([h.misfit for h in heard]))
+    names = [*COLUMNS, *(f"{BY_LAW}{k}" for k in range(by_law.shape[1]))]
+    return pd.DataFrame(np.column_stack([*columns, by_law]), columns=names)
 
 
 def ratio_of(stones: pd.DataFrame, by_mass: bool = False) -> tuple[float, float, float]:

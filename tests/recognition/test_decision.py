@@ -6,7 +6,7 @@ import pytest
 from recognition.estimation.errors import RecognitionError
 from recognition.innovations.prior import StonePrior
 from recognition.stone_forces.forces import load_forces
-from recognition.stream.decision import NEVER, Stop, follow, foreseen, mean_stones
+from recognition.stream.decision import FIRST, LATER_S, NEVER, Judge, Stop, follow, foreseen, mean_stones
 from recognition.stream.stone_law import UNKNOWN, LearntLaw, doubted
 from tests.recognition.test_stone_law import fallen, told_of
 
@@ -88,3 +88,16 @@ def test_fewer_false_alarms_come_later():
 def test_what_is_asked_must_make_sense(above, false):
     with pytest.raises(RecognitionError, match="must be from"):
         Stop(above, false)
+
+
+def test_stones_that_come_in_pieces_are_judged_alike():
+    """A law that is learnt beside judges those that come LATER_S after the stones that taught it, however fast it was."""
+    told, t_s = drawing(0, np.full(110, 0.3), 5), np.arange(110) / 20
+    whole = list(Judge(told.only(np.arange(0)), PRIOR, None, 0.005).judge(told, t_s, ended=True))
+    judge = Judge(told.only(np.arange(0)), PRIOR, None, 0.005)
+    parts = [one for k in range(0, 110, 7) for one in judge.judge(told.only(np.arange(k, min(k + 7, 110))), t_s[k:k + 7])]
+    for name in ("by_law", "none"):
+        same = [np.concatenate([getattr(one, name) for one in found]) for found in (parts, whole)]
+        assert same[0] == pytest.approx(same[1], rel=1e-9)
+    first = next(k for k, one in enumerate(whole) if one.by is not whole[0].by)
+    assert t_s[sum(len(one.none) for one in whole[:first])] == pytest.approx(t_s[FIRST - 1] + LATER_S)

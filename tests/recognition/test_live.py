@@ -9,11 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lab.known_truth.machine_noise import noise
 from lab.known_truth.simulated import draw_stones, stream_of
 from recognition.__main__ import main
+from recognition.innovations.prior import StonePrior
 from recognition.stone_forces.forces import save_forces
-from recognition.stream.live import watched
-from recognition.stream.recognise import RATE_Hz
+from recognition.stream.listen import Sums
+from recognition.stream.live import Live, Window, watched
+from recognition.stream.recognise import Ear, RATE_Hz
+from recognition.stream.stones import Known
 from tests.recognition.elastic_stones import CHANNELS
 
 RATE_2_Hz = 2 * RATE_Hz
@@ -149,3 +153,61 @@ def test_a_socket_that_nobody_opened_ends_in_one_line(few_modes, capsys):
     for address in ("tcp://localhost:1", "tcp://localhost", "tcp://localhost:port"):
         code, events, told = listened(capsys, few_modes, address)
         assert code == 2 and "cannot be read" in told and told.count("\n") == 1 and not events
+
+
+@pytest.fixture(scope="module")
+def pause(plate, histories):
+    """Thirty stones, two seconds of silence, thirty stones; the sample where the silence begins, and the truth."""
+    rng = np.random.default_rng(12)
+    truth = draw_stones(histories, 60, 20.0, 0.2, 0.5, rng)
+    later_s = np.where(np.arange(60) < 30, 0.0, 2.0)
+    truth = truth.assign(t_s=truth["t_s"] + later_s, centre_s=truth["centre_s"] + later_s)
+    values = stream_of(plate, CHANNELS, histories, truth, RATE_Hz, None, rng).values
+    return values, round((truth["t_s"][29] + 0.2) * RATE_Hz), truth
+
+
+def in_noise(values, begins, kind, level):
+    """With white noise of 20 dB, and other noise, so many times as loud, from a sample on."""
+    rng, rms = np.random.default_rng(13), np.sqrt(np.mean(values**2, axis=1, keepdims=True))
+    first = rng.standard_normal(values.shape)
+    other = level * (first if kind == "white" else noise(kind, values.shape, RATE_Hz, rng))
+    return values + 0.1 * rms * np.where(np.arange(values.shape[1]) < begins, first, other)
+
+
+def told(plate, forces, values):
+    prior = StonePrior(forces, (0.025, 0.025), (2.0, 4.0))
+    live = Live(Ear(plate, CHANNELS, prior, 0.04), prior, Known(), None, Window(1.0, 0.1))
+    return [one for k in range(0, values.shape[1], 777) for one in live.hear(values[:, k:k + 777])], live
+
+
+@pytest.mark.parametrize(("kind", "level"), [("white", 3.0), ("white", 0.3), ("mixture", 2.0)])
+def test_noise_that_changes_is_learnt_in_a_pause(plate, forces, pause, kind, level):
+    values, begins, truth = pause
+    events, live = told(plate, forces, in_noise(values, begins, kind, level))
+    (learnt,) = [one for one in events if one["event"] == "noise"]
+    assert begins / RATE_Hz < learnt["t_s"] < truth["t_s"][30] and (learnt["change"] > 1) == (level > 1)
+    stones = pd.DataFrame([one for one in events if one["event"] == "stone"])
+    off_s = stones["t_s"].map(lambda t_s: abs(truth["t_s"] - t_s).min())
+    assert len(stones) >= len(truth) - 2 and off_s.max() < 1e-4 and not live.reason
+
+
+def test_what_is_not_learnt_makes_stones_up_or_is_refused(plate, forces, pause, monkeypatch):
+    monkeypatch.setattr("recognition.stream.recognise.GAP_S", 1e3)
+    values, begins, truth = pause
+    events, live = told(plate, forces, in_noise(values, begins, "white", 3.0))
+    assert sum(one["event"] == "stone" for one in events) > len(truth) or "refused" in {one["event"] for one in events}
+
+
+def test_another_plate_is_not_learnt_as_noise(plate, forces, pause):
+    """Sensors that are swapped, in noise that changes: it is learnt, and no ratio is told for the rest."""
+    values, begins, _ = pause
+    events, live = told(plate, forces, in_noise(values, begins, "white", 3.0)[[2, 3, 0, 1]])
+    names = [one["event"] for one in events]
+    assert "noise" in names and "unexplained" in live.reason
+    assert not {"ratio", "explained"} & set(names[names.index("refused"):])
+
+
+def test_silence_tells_no_gain_and_leaves_nothing_unexplained():
+    quiet = np.random.default_rng(1).standard_normal((2, 20_000))
+    sums = Sums.of(quiet, quiet)
+    assert sums.gain.tolist() == [1.0, 1.0] and sums.unexplained == 0.0

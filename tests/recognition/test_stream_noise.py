@@ -7,6 +7,7 @@ from lab.known_truth.machine_noise import noise
 from recognition.estimation.errors import NotRecognised
 from recognition.innovations.coloured_noise import SensorNoise
 from recognition.innovations.prior import StonePrior
+from recognition.innovations.whitening import Whitening
 from recognition.stream.recognise import RATE_Hz, recognise_stream
 from tests.recognition.elastic_stones import CHANNELS, after_noise, surely_told
 
@@ -79,3 +80,14 @@ def test_stones_in_the_noise_of_a_machine(heard, plate, forces, kind):
     assert len(found.stones) == len(stream.truth)
     assert np.abs(found.stones["t_s"] - 1.0 - stream.truth["t_s"]).max() < 50e-6
     assert surely_told(found.stones, stream.truth) >= 8
+
+
+def test_filters_in_turn_are_one():
+    """Also the floor: white noise that is learnt besides."""
+    rng = np.random.default_rng(4)
+    values, *_ = autoregression(20_000, rng)
+    first = Whitening(rng.standard_normal((3, 3, 200)) * np.exp(-np.arange(200) / 20))
+    learnt = SensorNoise.of(first(values))
+    assert first.then(learnt)(values) == pytest.approx(learnt.whitened(first(values)), abs=1e-2)
+    half = SensorNoise.of(rng.standard_normal((3, 20_000)), 3.0)
+    assert half.filter[0] == pytest.approx(0.5 * np.eye(3), abs=0.02)
