@@ -23,6 +23,7 @@ MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
 INSTEAD = {
     "gangue_by": "a rate for a share by mass, count for one by number",
     "output": "time.view_interval_s, which takes each impact every 20 us",
+    "poisson_ratio": "that of the plate or of the material",
     "pressure_threshold_Pa": "pressure_strengthening, from any pressure on",
     "point_supports": "edges, or short rods",
     "rosin_rammler": "rosin_rammler_m, exponent and within = [least, most]",

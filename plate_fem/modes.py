@@ -22,9 +22,8 @@ from scipy.interpolate import make_interp_spline
 from common.files.cache import cached, key_of
 from common.scene.plate import FlexiblePlate
 from common.tables import Refused
-from plate_fem.elements import products
-from plate_fem.elements.mesh import highest_frequency_Hz, refuse_too_many_modes
-from plate_fem.elements.products import Products
+from plate_fem.elements import mesh
+from plate_fem.elements.mesh import Products, highest_frequency_Hz, refuse_too_many_modes
 from plate_fem.elements.system import PlateSystem, sways
 
 if TYPE_CHECKING:
@@ -88,7 +87,7 @@ class PlateModes:
     @cached_property
     def node_m(self) -> np.ndarray:
         """(n_nodes, 2): positions of the nodes."""
-        return products.nodes(self.lines_x_m, self.lines_y_m)
+        return mesh.nodes(self.lines_x_m, self.lines_y_m)
 
     @cached_property
     def quad(self) -> np.ndarray:
@@ -103,14 +102,14 @@ class PlateModes:
 
         It is the largest value on a grid four times as fine as the mesh, plus what that exceeds those of the nodes by.
         """
-        points = products.nodes(*(_refined(lines, 4) for lines in (self.lines_x_m, self.lines_y_m)))
+        points = mesh.nodes(*(_refined(lines, 4) for lines in (self.lines_x_m, self.lines_y_m)))
         fine = abs(self.shape_at(points)).max(axis=0)
         coarse = abs(self.shape).max(axis=0)
         return fine + (fine - coarse)
 
     def shape_at(self, points_m: np.ndarray) -> np.ndarray:
         """Return the deflection (k, n) of the modes at points (k, 2)."""
-        rows = products.deflections(self.lines_x_m, self.lines_y_m).values(points_m)
+        rows = mesh.deflections(self.lines_x_m, self.lines_y_m).values(points_m)
         return rows @ self.nodal.reshape(-1, self.nodal.shape[2])
 
     def grid(self, spacing_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -124,7 +123,7 @@ class PlateModes:
             side = lines[-1] - lines[0]
             n = int(np.ceil(side / spacing_m - 1e-9))
             axes.append(lines[0] + side / n * np.arange(-2, n + 3))
-        shape = self.shape_at(products.nodes(*axes))
+        shape = self.shape_at(mesh.nodes(*axes))
         return axes[0], axes[1], shape.reshape(*map(len, axes), -1)
 
     def lateral_grid(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
@@ -244,7 +243,7 @@ def _shapes_of(model: PlateModel, vectors: np.ndarray) -> tuple[np.ndarray, ...]
     system, top = model.system, model.system.plate.thickness_m / 2
     u = model.expansion @ vectors
     u *= (sign := _sign(u[: system.n_nodes]))
-    nodes = products.nodes(system.lines_x_m, system.lines_y_m)[: None if sways(system.plate) else 0]
+    nodes = mesh.nodes(system.lines_x_m, system.lines_y_m)[: None if sways(system.plate) else 0]
     lateral = np.stack([system.lateral(nodes, axis, top) @ u for axis in (0, 1)], axis=1)
     return (u[: 4 * system.n_nodes].reshape(4, system.n_nodes, -1).copy(), model.rod_force @ vectors * sign,
             modal_surface_stress(system, u), lateral)
@@ -292,11 +291,11 @@ def _derivative(functions: Products, u: np.ndarray, order: tuple[int, int],
     return np.matmul(along_y, by_y).reshape(-1, u.shape[1])
 
 
-def _projection(functions: products.Functions, derivative: int, at_m: np.ndarray) -> np.ndarray:
+def _projection(functions: mesh.Functions, derivative: int, at_m: np.ndarray) -> np.ndarray:
     """Return the matrix (m, size) from coefficients to the values at m places of the derivative's projection on
     continuous parabolas."""
-    target = products.parabolas(functions.lines_m)
-    mass, moments = products.line_integral(target, target), products.line_integral(target, functions, 0, derivative)
+    target = mesh.parabolas(functions.lines_m)
+    mass, moments = mesh.line_integral(target, target), mesh.line_integral(target, functions, 0, derivative)
     coefficients = scipy.linalg.solve(mass.toarray(), moments.toarray(), assume_a="pos")
     number, value = target.at(at_m)
     return np.asarray((value[:, :, None] * coefficients[number]).sum(axis=1))

@@ -42,13 +42,12 @@ def wall_box_m(edge: Edge, length_m: float, width_m: float, height_m: float) -> 
 
 
 class Rod(Place):
-    """A vertical rod below the plate, welded to it over its disc and clamped at its lower end."""
+    """A vertical rod below the plate, welded to it over its disc, of its Poisson's ratio, clamped at its lower end."""
 
     diameter_m: Annotated[Positive, about("diameter")]
     length_m: Annotated[Positive, about("length from the plate to the clamped end")]
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus")]
     density_kg_m3: Annotated[Positive, about("density")]
-    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5), about("Poisson's ratio")] = 0.3
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> Self:

@@ -22,7 +22,7 @@ from lab.recognition.anti_alias import WAYS, resampled
 from lab.rock.stone import SCENES
 from lab.study import Row
 
-ROD = "diameter_m = 0.02, length_m = 0.1, youngs_modulus_Pa = 2.07e11, density_kg_m3 = 7830.0, poisson_ratio = 0.3"
+ROD = "diameter_m = 0.02, length_m = 0.1, youngs_modulus_Pa = 2.07e11, density_kg_m3 = 7830.0"
 LARGE = f"""
 base = "{SCENES / 'paper.toml'}"
 name = "large"

@@ -28,7 +28,8 @@ from plate_fem.solution.eigen import eigenmodes
 from plate_fem.solution.model import PlateModel, build_model
 from tests.plate_fem.solid import Found, Part, solved
 
-STEEL = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11, "poisson_ratio": 0.3}
+OF_ROD = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11}
+STEEL = {**OF_ROD, "poisson_ratio": 0.3}
 PULSE_s, INTERVAL_s, DAMPING = 250e-6, 2e-6, 0.01
 FIRST = 25  # modes of the second pair of figures
 COARSER = 2 / 3
@@ -62,7 +63,7 @@ class Plate:
         return Part(x_m, y_m, self.thickness_m, self.rods, self.length_m, STEEL, self.cell_m, fine)
 
     def table(self) -> FlexiblePlate:
-        rods = [{"place_m": [a * x, b * y], "diameter_m": diameter, "length_m": self.length_m, **STEEL}
+        rods = [{"place_m": [a * x, b * y], "diameter_m": diameter, "length_m": self.length_m, **OF_ROD}
                 for x, y, diameter in self.rods for a, b in self.images]
         return FlexiblePlate.model_validate({
             "model": "flexible", "length_m": self.side_m[0], "width_m": self.side_m[1], "thickness_m": self.thickness_m,

@@ -16,8 +16,13 @@ import scipy.sparse as sp
 from scipy.interpolate import interpn
 
 from common.scene.plate import FlexiblePlate, Rod
-from plate_fem.elements.mesh import bending_stiffness, shear_stiffness
-from plate_fem.elements.products import line_integral as integral, parabolas, smooth_cubics
+from plate_fem.elements.mesh import (
+    bending_stiffness,
+    line_integral as integral,
+    parabolas,
+    shear_stiffness,
+    smooth_cubics,
+)
 from plate_fem.elements.system import PlateSystem, grown
 
 JOINTS = Path(__file__).with_name("rod_joints.csv")  # written by `python -m lab run rod_joint`
@@ -144,22 +149,22 @@ def attach(system: PlateSystem, rod: Rod, max_frequency_Hz: float) -> list[Part]
     """
     points, weights = disc_quadrature(rod.x_m, rod.y_m, rod.diameter_m / 2)
     mean, lower_m = sp.csr_array(weights[None, :]), -system.plate.thickness_m / 2
-    joint = joint_of(system.plate, rod, system.theory)
+    joint, nu = joint_of(system.plate, rod, system.theory), system.plate.poisson_ratio
     x, y, _ = system.curvature(points)
-    pulled = _joined(*_bar(_alike(rod, BAR_FOOT), max_frequency_Hz), np.array([[joint.axial_m_N]]))
-    bent = _joined(*_beam(_alike(rod, BEAM_FOOT), max_frequency_Hz), joint.bending)
+    pulled = _joined(*_bar(_alike(rod, nu, BAR_FOOT), max_frequency_Hz), np.array([[joint.axial_m_N]]))
+    bent = _joined(*_beam(_alike(rod, nu, BEAM_FOOT), nu, max_frequency_Hz), joint.bending)
     heads = [sp.vstack([mean @ (system.lateral(points, axis, lower_m) + joint.sheared[0] * shear),
                         mean @ (system.rotation(points, axis) + joint.sheared[1] * shear)])
              for axis, shear in enumerate(_shears(system, points))]
     return [Part(*pulled, mean @ (system.deflection(points) + joint.offset_m2 * (x + y))),
             *(Part(*bent, head) for head in heads),
-            Part(*_shaft(_alike(rod, 0.0), max_frequency_Hz), mean @ system.yaw(points)),
+            Part(*_shaft(_alike(rod, nu, 0.0), nu, max_frequency_Hz), mean @ system.yaw(points)),
             _stub(system, joint, points, weights * _area(rod))]
 
 
-def _alike(rod: Rod, foot: float) -> Rod:
+def _alike(rod: Rod, nu: float, foot: float) -> Rod:
     """Return a rod at the origin, whose matrices equal rods share, shorter by about `foot` nu^2 radii."""
-    shorter = foot * rod.poisson_ratio**2 * rod.diameter_m / 2 / rod.length_m
+    shorter = foot * nu**2 * rod.diameter_m / 2 / rod.length_m
     return rod.model_copy(update={"place_m": (0.0, 0.0), "length_m": rod.length_m / (1 + shorter)})
 
 
@@ -215,10 +220,10 @@ def _bar(rod: Rod, max_frequency_Hz: float) -> Matrices:
 
 
 @lru_cache(maxsize=4)
-def _shaft(rod: Rod, max_frequency_Hz: float) -> Matrices:
+def _shaft(rod: Rod, nu: float, max_frequency_Hz: float) -> Matrices:
     """Return the shaft in torsion."""
     polar = math.pi * rod.diameter_m**4 / 32
-    shear_modulus = rod.youngs_modulus_Pa / (2 * (1 + rod.poisson_ratio))
+    shear_modulus = rod.youngs_modulus_Pa / (2 * (1 + nu))
     return _second_order(rod, shear_modulus * polar, rod.density_kg_m3 * polar, max_frequency_Hz)
 
 
@@ -231,13 +236,13 @@ def _second_order(rod: Rod, stiff: float, inertia: float, max_frequency_Hz: floa
 
 
 @lru_cache(maxsize=4)
-def _beam(rod: Rod, max_frequency_Hz: float) -> Matrices:
+def _beam(rod: Rod, nu: float, max_frequency_Hz: float) -> Matrices:
     """Return the Timoshenko beam: lateral displacement v and rotation of its sections psi at its top and at its base.
 
     The rotations are continuous parabolas, which contain the slope of every cubic v, so that a slender beam does not
     lock. Shear coefficient of a circle: 6 (1 + nu)/(7 + 6 nu) (Cowper 1966, J. Appl. Mech. 33:335).
     """
-    second_moment, nu = math.pi * rod.diameter_m**4 / 64, rod.poisson_ratio
+    second_moment = math.pi * rod.diameter_m**4 / 64
     bending, inertia = rod.youngs_modulus_Pa * second_moment, rod.density_kg_m3 * _area(rod)
     shear = 6 * (1 + nu) / (7 + 6 * nu) * rod.youngs_modulus_Pa / (2 * (1 + nu)) * _area(rod)
     wavelength = 2 * math.pi * (bending / inertia) ** 0.25 / math.sqrt(2 * math.pi * max_frequency_Hz)

@@ -19,8 +19,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from common.scene.plate import FlexiblePlate
-from plate_fem.elements import mesh, products
-from plate_fem.elements.products import Products, integral
+from plate_fem.elements import mesh
+from plate_fem.elements.mesh import Products, integral
 
 CELLS_PER_WAVELENGTH = 4  # of shear
 LOWEST = 25  # modes of plate and rods, among which one within the plane counts
@@ -90,7 +90,7 @@ def in_plane(plate: FlexiblePlate) -> InPlane:
     wavelength = math.sqrt(shear_modulus / plate.density_kg_m3) / mesh.highest_frequency_Hz(plate)
     lines = [np.linspace(-side / 2, side / 2, 1 + max(2, math.ceil(CELLS_PER_WAVELENGTH * side / wavelength)))
              for side in (plate.length_m, plate.width_m)]
-    return InPlane(plate, products.rotations(*lines))
+    return InPlane(plate, mesh.rotations(*lines))
 
 
 def sways(plate: FlexiblePlate) -> bool:
@@ -188,8 +188,8 @@ def assemble(plate: FlexiblePlate) -> tuple[PlateSystem, sp.csr_array, sp.csr_ar
     Refused for a mesh that is too large."""
     theory = mesh.choose_theory(plate)
     lines_x, lines_y = mesh.mesh_lines(plate)
-    w = products.deflections(lines_x, lines_y)
-    theta = None if theory == "kirchhoff" else products.rotations(lines_x, lines_y)
+    w = mesh.deflections(lines_x, lines_y)
+    theta = None if theory == "kirchhoff" else mesh.rotations(lines_x, lines_y)
     stiffness, mass = _kirchhoff(plate, w) if theta is None else _mindlin(plate, w, theta)
     held = [_held_deflections(w, plate.edges)] if theta is None else [_held_in_mindlin(w, theta, plate.edges)]
     inside = in_plane(plate)

@@ -33,8 +33,7 @@ import scipy.sparse as sp
 
 from common.scene.plate import FlexiblePlate
 from plate_fem.elements import rods
-from plate_fem.elements.mesh import highest_frequency_Hz
-from plate_fem.elements.products import Products
+from plate_fem.elements.mesh import Products, highest_frequency_Hz
 from plate_fem.elements.rods import PARTS
 from plate_fem.elements.system import PlateSystem, assemble, grown, without_rounding
 from plate_fem.solution.eigen import Part, independent_parts, solve_static

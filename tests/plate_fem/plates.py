@@ -6,7 +6,8 @@ from common.scene.plate import PlateTable
 from common.tables import check
 from plate_fem.elements.mesh import bending_stiffness
 
-STEEL = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 207e9, "poisson_ratio": 0.3}
+OF_ROD = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 207e9}
+STEEL = {**OF_ROD, "poisson_ratio": 0.3}
 TABLE = {
     "model": "flexible", "length_m": 0.5, "width_m": 0.5, "thickness_m": 0.02, **STEEL,
     "max_frequency_Hz": 20e3, "damping_ratio": 0.01,
@@ -19,7 +20,7 @@ def plate(**changes):
 
 
 def rod(x_m, y_m, **changes):
-    return {"place_m": [x_m, y_m], "diameter_m": 0.02, "length_m": 0.1, **STEEL, **changes}
+    return {"place_m": [x_m, y_m], "diameter_m": 0.02, "length_m": 0.1, **OF_ROD, **changes}
 
 
 def four_rods(**changes):

@@ -5,11 +5,11 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 
-from plate_fem.elements import products
-from plate_fem.elements.products import deflections, rotations
+from plate_fem.elements import mesh
+from plate_fem.elements.mesh import deflections, rotations
 
 LINES_M = np.array([-0.3, -0.22, -0.05, 0.05, 0.22, 0.3])
-SPACES = {"smooth cubics": products.smooth_cubics, "parabolas": products.parabolas, "cubics": products.cubics}
+SPACES = {"smooth cubics": mesh.smooth_cubics, "parabolas": mesh.parabolas, "cubics": mesh.cubics}
 
 
 def values(functions, points_m, derivative=0):
@@ -24,7 +24,7 @@ def test_smooth_cubics_are_hermites(derivative):
     rng = np.random.default_rng(1)
     value, slope = rng.normal(size=(2, len(LINES_M)))
     points = rng.uniform(-0.3, 0.3, 40)
-    found = values(products.smooth_cubics(LINES_M), points, derivative) @ np.append(value, slope)
+    found = values(mesh.smooth_cubics(LINES_M), points, derivative) @ np.append(value, slope)
     expected = CubicHermiteSpline(LINES_M, value, slope)(points, derivative)
     assert found == pytest.approx(expected, abs=1e-12 * abs(expected).max())
 
@@ -50,7 +50,7 @@ def test_integrals_are_those_of_an_adaptive_quadrature(one, other, of_one, of_ot
     one, other = SPACES[one](LINES_M), SPACES[other](LINES_M)
     rng = np.random.default_rng(2)
     left, right = rng.normal(size=one.size), rng.normal(size=other.size)
-    found = left @ (products.line_integral(one, other, of_one, of_other) @ right)
+    found = left @ (mesh.line_integral(one, other, of_one, of_other) @ right)
     expected = sum(quad(lambda x: (values(one, [x], of_one) @ left * (values(other, [x], of_other) @ right)).item(),
                         *cell, epsabs=0, epsrel=1e-10)[0] for cell in zip(LINES_M[:-1], LINES_M[1:], strict=True))
     assert found == pytest.approx(expected, rel=1e-9)
@@ -72,9 +72,9 @@ def test_products_hold_a_bicubic_and_its_integrals(space):
     w = np.linalg.lstsq(functions.values(points).toarray(), points[:, 0] ** 3 * points[:, 1] ** 2, rcond=None)[0]
     slope = functions.values(points, (1, 1)) @ w
     assert slope == pytest.approx(6 * points[:, 0] ** 2 * points[:, 1], abs=1e-9)
-    stretch = products.integral(functions, functions, (1, 0), (1, 0))
+    stretch = mesh.integral(functions, functions, (1, 0), (1, 0))
     assert w @ (stretch @ w) == pytest.approx(36 * a**5 * b**5 / 25, rel=1e-9)
-    crossed = products.integral(functions, functions, (2, 0), (0, 2))
+    crossed = mesh.integral(functions, functions, (2, 0), (0, 2))
     assert w @ (crossed @ w) == pytest.approx(16 * a**5 * b**3 / 5, rel=1e-9)
 
 

@@ -6,7 +6,7 @@ from plates import four_rods, plate, rod
 
 from common.tables import Refused
 from plate_fem import modes as modes_module
-from plate_fem.elements.products import deflections
+from plate_fem.elements.mesh import deflections
 from plate_fem.elements.rods import disc_quadrature, joint_of
 from plate_fem.modes import plate_modes, table_hash
 from plate_fem.solution import eigen

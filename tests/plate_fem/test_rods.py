@@ -63,7 +63,7 @@ def test_beam_stiffness_of_this_test_at_rest():
 def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says(nu):
     """Side and turn of a beam's head under a push and a moment there: those of the rod below, as if shorter since its
     foot cannot contract, and of its joint by the solid, which is solved anew; and so a bar under a pull."""
-    rods = [rod(0.1, 0.05, diameter_m=0.014, poisson_ratio=nu)]
+    rods = [rod(0.1, 0.05, diameter_m=0.014)]
     table = plate(rods=rods, theory="mindlin", youngs_modulus_Pa=69e9, poisson_ratio=nu, max_frequency_Hz=2e3)
     parts, found = attach(assemble(table)[0], table.rods[0], 2e3), joint(0.35, nu, 3.0)
     a, area, bending = 0.007, math.pi * 0.007**2, 207e9 * math.pi * 0.014**4 / 64

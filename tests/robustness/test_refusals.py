@@ -80,7 +80,7 @@ def test_a_mesh_that_is_a_pipe_is_not_read(tmp_path):
     os.mkfifo(tmp_path / "mesh.stl")
     (tmp_path / "scene.toml").write_text(
         f"base = '{SCENES / 'sizes.toml'}'\nstones.agglomerate.contact = 'faces'\n[shapes.pipe]\nfile = 'mesh.stl'\n"
-        "[[stones.each]]\nmaterial = 'coal'\nshape = 'pipe'\nradius_m = 0.03\nx_m = 0.1\ny_m = 0.0\n"
+        "[[stones.each]]\nmaterial = 'coal'\nshape = 'pipe'\nradius_m = 0.03\nplace_m = [0.1, 0.0]\n"
         "speed_m_s = 3.0\n")
     told = ends_with_one_line(main, ["deck", tmp_path / "scene.toml", "--out", tmp_path / "out"])
     assert "mesh.stl: must be a regular file" in told and not (tmp_path / "out").exists()
