@@ -30,7 +30,7 @@ from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import CheckResult
 from recognition.stone_forces.forces import StoneForces, save_forces
-from recognition.stream.heard import UNTAPPED, Alarms, ListenResult
+from recognition.stream.heard import NONE_KNOWN, UNTAPPED, Alarms, ListenResult
 from recognition.stream.live import LiveResult
 from recognition.tapping.tapped import TapResult
 from recognition.volley.recognise import RATE_Hz, VolleyResult
@@ -257,14 +257,16 @@ def one_by_one(tmp_path_factory):
     return write_records(here, clean, there)
 
 
-@pytest.mark.parametrize("record, code", [("clean", 0), ("dead", 3), ("foreign", 3)])
-def test_listen(one_by_one, capsys, record, code):
+@pytest.mark.parametrize("record, known, code", [("clean", [], 0), ("clean", ["--coal-first", "1"], 0), ("dead", [], 3),
+                                                 ("foreign", [], 3)])
+def test_listen(one_by_one, capsys, record, known, code):
     here = one_by_one
     words = ["listen", str(here / f"{record}.csv"), "--plate", str(here / "plate.json"), "--law",
              str(here / "law.json"), "--radius", "0.025", "0.025", "--speed", "2", "4", "--out",
-             str(here / f"heard_{record}")]
+             str(here / f"heard_{record}"), *known]
     said, found = both(capsys, words, code)
     check_same(said.out, found)
+    assert (NONE_KNOWN in said.out) == (code == 0 and not known)
 
 
 ANSWER, WIDE = Answer(0.4123, 0.3711, 0.4489), Answer(0.5, 0.2, 0.81)
