@@ -335,12 +335,12 @@ def test_a_reader_that_goes_away_and_a_full_disk_behind_standard_output(tmp_path
 
 
 def write_limit(number_of_bytes, program, *arguments):
-    """A program that may write files of so many bytes, as on a full disk."""
+    """A program that may write files of so many bytes, as on a full disk. Bytecode that is cut off would fail later."""
     def limit():
         resource.setrlimit(resource.RLIMIT_FSIZE, (number_of_bytes, number_of_bytes))
         import signal
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # Python's own setting, said here for the engine's
-    return subprocess.run([sys.executable, "-m", program, *map(str, arguments)], preexec_fn=limit, cwd=ROOT, text=True,
+    return subprocess.run([sys.executable, "-B", "-m", program, *map(str, arguments)], preexec_fn=limit, cwd=ROOT, text=True,
                           capture_output=True, check=False, timeout=3000)
 
 
