@@ -340,8 +340,8 @@ def write_limit(number_of_bytes, program, *arguments):
         resource.setrlimit(resource.RLIMIT_FSIZE, (number_of_bytes, number_of_bytes))
         import signal
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # Python's own setting, said here for the engine's
-    return subprocess.run([sys.executable, "-B", "-m", program, *map(str, arguments)], preexec_fn=limit, cwd=ROOT, text=True,
-                          capture_output=True, check=False, timeout=3000)
+    return subprocess.run([sys.executable, "-B", "-m", program, *map(str, arguments)], preexec_fn=limit, cwd=ROOT,
+                          text=True, capture_output=True, check=False, timeout=3000)
 
 
 def test_a_disk_that_is_full_when_a_model_or_a_report_is_written(tmp_path):
