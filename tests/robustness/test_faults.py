@@ -34,8 +34,8 @@ def test_files_may_not_grow_beyond_a_limit(whole, tmp_path, most_bytes):
     """The limit stands for a quota or a full disk, at every file that the run writes in turn."""
     scene, expected = whole
     done = subprocess.run([sys.executable, "-B", "-m", "dem", "run", str(scene), "--out", str(tmp_path / "run")],
-                          cwd=ROOT, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, most_bytes)),
-                          capture_output=True, text=True, check=False, timeout=3000)
+                          cwd=ROOT, capture_output=True, text=True, check=False, timeout=3000,
+                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, most_bytes)))
     largest = max(file.stat().st_size for file in expected.rglob("*"))
     assert done.returncode == (largest > most_bytes)
     assert "Traceback" not in done.stderr and len(what_was_said(done.stderr)) == done.returncode, done.stderr
