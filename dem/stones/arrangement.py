@@ -215,7 +215,9 @@ def gangue_ratio(scene: Scene, stones: list[Stone], mass_kg: np.ndarray, by: By 
     drawn = scene.stones.drawn
     by = by or ("number" if drawn is None else drawn.gangue_by)
     weight = mass_kg if by == "mass" else np.ones(len(stones))
-    return float(weight @ [scene.kind_of(stone.material) == "gangue" for stone in stones] / weight.sum())
+    is_gangue = np.array([scene.kind_of(stone.material) == "gangue" for stone in stones])
+    gangue = weight[is_gangue].sum()
+    return float(gangue / (gangue + weight[~is_gangue].sum()))  # rounding makes it no more than 1
 
 
 def _one(scene: Scene, k: int, one: EachStone) -> Stone:
