@@ -140,7 +140,7 @@ class Live:
         if self.ear.listens:
             self.lately += heard
             while self.ear.anew:
-                at_s, change = self.ear.anew.pop()
+                at_s, change = self.ear.anew.pop(0)
                 self.lately.clear()
                 yield {"event": "noise learnt", "t_s": at_s, "change": change}
             if ended or self.ear.listener.at >= self.checked + CHECKED:

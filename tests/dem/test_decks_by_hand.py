@@ -64,7 +64,7 @@ def test_the_deck_moves_alike_on_several_ranks(alone, tmp_path, ranks):
     assert forces.all_mean_N == pytest.approx(alone[1].all_mean_N, abs=1e-9 * alone[1].all_mean_N.max())
 
 
-def same_strike(expected, found, stone, tolerance, late_steps=0):
+def assert_same_strike(expected, found, stone, tolerance, late_steps=0):
     """The first pushes of a stone on the plate, up to the largest."""
     (step, push), (found_step, found_push) = ((p.step[p.stone == stone][:10], p.mean_N[p.stone == stone][:10])
                                               for p in (expected, found))
@@ -75,8 +75,8 @@ def same_strike(expected, found, stone, tolerance, late_steps=0):
 def test_the_deck_strikes_alike_in_free_flight(alone, tmp_path):
     """To round-off until one has struck the wall, after which its vibration is frozen as it flies again."""
     ledger, forces = run(tmp_path / "run", ("flight",))
-    same_strike(alone[1], forces, 0, 1e-9)
-    same_strike(alone[1], forces, 1, 1e-4)
+    assert_same_strike(alone[1], forces, 0, 1e-9)
+    assert_same_strike(alone[1], forces, 1, 1e-4)
     assert ledger.column["kinetic_J"][-1].sum() == pytest.approx(alone[0].column["kinetic_J"][-1].sum(), rel=1e-3)
 
 
@@ -85,5 +85,5 @@ def test_the_stones_come_and_strike_one_by_one(alone, tmp_path):
     changes = {"read_data": "#", "velocity  ": "#", "bonds bonds.txt": "bonds none", "impact_J 0.02464": "impact_J 0",
                "height_kg_m 7.3e-5": "height_kg_m 0"}
     _, forces = run(tmp_path / "run", ("flight", "stream"), changes)
-    same_strike(alone[1], forces, 0, 1e-9)
-    same_strike(alone[1], forces, 1, 1e-4, late_steps=3000)
+    assert_same_strike(alone[1], forces, 0, 1e-9)
+    assert_same_strike(alone[1], forces, 1, 1e-4, late_steps=3000)

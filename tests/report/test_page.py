@@ -11,6 +11,7 @@ from analysis import read_run, read_sweep
 from common.files.output_directory import files_in, hash_of, refuse_replacing, write_contents
 from common.resources import resource
 from common.scene.scene import changed_scene
+from common.tables import InputError
 from report.page import are_papers, digits, write_report
 from tests.analysis import synthetic
 from tests.analysis.synthetic import write_run, write_sweep
@@ -73,7 +74,10 @@ def test_a_report_in_a_run_does_not_keep_the_run_from_being_replaced(tmp_path):
     run = write_run(tmp_path / "mine", 0.5)
     write_contents(run, "run", {name: hash_of(run / name) for name in files_in(run)})
     write_report(run)
-    refuse_replacing(run, "run")  # it would raise for a file that is not of the run
+    refuse_replacing(run, "run")  # raises for a file that is not of the run:
+    (run / "mine.txt").write_text("")
+    with pytest.raises(InputError, match=r"mine\.txt, which this program did not write"):
+        refuse_replacing(run, "run")
 
 
 PAPER = resource("scenes") / "paper.toml"
