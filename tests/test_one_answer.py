@@ -30,8 +30,9 @@ from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import CheckResult
 from recognition.stone_forces.forces import StoneForces, save_forces
-from recognition.stream.heard import NONE_KNOWN, UNTAPPED, Alarms, ListenResult
+from recognition.stream.heard import UNTAPPED, Alarms, ListenResult
 from recognition.stream.live import LiveResult
+from recognition.stream.stones import NONE_KNOWN
 from recognition.tapping.tapped import TapResult
 from recognition.volley.recognise import RATE_Hz, VolleyResult
 from report.comparison import ComparisonResult

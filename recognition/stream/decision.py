@@ -1,12 +1,12 @@
 """When to stop drawing: a sequential test (CUSUM) on the stones as they are heard.
 
-A stone's odds of gangue give the likelihood of two shares of gangue, that above which drawing shall stop, and one at
-which it must not. The logarithm of their ratio is summed up over the stones, from zero, and never below zero; past a
-threshold it is an alarm, and the sum begins anew. What a threshold costs is known beforehand: the sum is a Markov chain
-(Brook and Evans, Biometrika 59, 539) whose mean time to an alarm is that of a linear system. What stones add to the sum
-is told by the known ones, as they are, since no law is quite right; of a material of which few are known, by stones
-drawn from the laws that were learnt (a Dirichlet process about each law). As both are uncertain, so are delay and false
-alarms.
+A stone's odds of gangue give the likelihood of two shares of gangue, one on the way to that above which drawing shall
+stop, and one at which it must not. The logarithm of their ratio is summed up over the stones, from zero, and never
+below zero; past a threshold it is an alarm, and the sum begins anew. What a threshold costs is known beforehand: the
+sum is a Markov chain (Brook and Evans, Biometrika 59, 539) whose mean time to an alarm is that of a linear system. What
+stones add to the sum is told by the known ones, as they are, since no law is quite right; of a material of which few
+are known, by stones drawn from the laws that were learnt (a Dirichlet process about each law). As both are uncertain,
+so are delay and false alarms.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ from recognition.innovations.prior import StonePrior
 from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told
 
 CALM = 0.5  # of the share above which drawing shall stop: where alarms are false ones
+#: Of it, at which likelihoods are compared with those at CALM. A share that rises passes it first: an alarm comes
+#: sooner than by the likelihood of the share itself, and hardly later if the share jumps there.
+RISING = 0.875
 LIKELY = 0.9  # of the laws have no more false alarms than are allowed
 DRAWN, LAWS = 150, 12  # stones of a material of each law, and laws, by which an alarm is foreseen
 AS_KNOWN = 25  # all that are drawn of a law count as so many known ones
@@ -49,7 +52,7 @@ class Stop:
 
     def gain(self, gangue: Floats) -> Floats:
         """Log likelihood ratio of stones of a probability of gangue."""
-        high, low = (p * gangue + (1 - p) * (1 - gangue) for p in (self.above, CALM * self.above))
+        high, low = (p * gangue + (1 - p) * (1 - gangue) for p in (RISING * self.above, CALM * self.above))
         return np.asarray(np.log(high / low))
 
 

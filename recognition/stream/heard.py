@@ -27,13 +27,12 @@ from recognition.stream.listen import Heard
 from recognition.stream.live import Window, listen_live
 from recognition.stream.recognise import QUIET_S, RATE_Hz, Recognised, channels_of, hear, recognise_stream
 from recognition.stream.source import Source, is_live
-from recognition.stream.stones import UNKNOWN_ALL, Known, ratio_of, sliding_ratio
+from recognition.stream.stones import NONE_KNOWN, UNKNOWN_ALL, Known, ratio_of, sliding_ratio
 
 KIND = "stones heard"
 MOST_RATIOS = 100_000
 LEAST_STEP_S = 1e-3
 UNTAPPED = "WARNING: no mode of the plate was tapped; the ratio may be 10 points off, outside its interval"
-NONE_KNOWN = "WARNING: no stone is known (--coal-first, --known); the ratio may be 10 points off, outside its interval"
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,16 @@ from recognition.stream.listen import PART, PARTS, Heard
 from recognition.stream.recognise import LEAST_DOUBT, RATE_SHARE, Ear, RATE_Hz, sensors_of
 from recognition.stream.source import Source
 from recognition.stream.stone_law import UNKNOWN
-from recognition.stream.stones import COLUMNS, Known, first_touches, ratios_of, rows_of, told_of
+from recognition.stream.stones import (
+    COLUMNS,
+    NONE_KNOWN,
+    UNKNOWN_ALL,
+    Known,
+    first_touches,
+    ratios_of,
+    rows_of,
+    told_of,
+)
 
 _log = logging.getLogger(__name__)
 LAST_STONES = 100  # of which the share that is no stone is told
@@ -106,7 +115,8 @@ def watched(event: dict[str, Any]) -> str:
         bar = "".join("#" if k == middle else "=" if low <= k <= high else "." for k in range(WIDTH + 1))
         return f"{at}{bar} {event['ratio']:4.0%} of {event['stones']} stones"
     if event["event"] in ("calibrated", "noise learnt", "refused", "explained", "alarm"):
-        return at + ("STOP" if event["event"] == "alarm" else event.get("not_explained", event["event"]))
+        said = "STOP" if event["event"] == "alarm" else event.get("not_explained", event["event"])
+        return f"{at}{said} {event.get('warning', '')}".rstrip()
     return f"{at}UNSAFE, no alarm: too few known stones" if event.get("unsafe") else ""
 
 
@@ -136,7 +146,9 @@ class Live:
         heard = self.ear.hear(values) + (self.ear.end() if ended else [])
         if self.ear.listens and not listened:
             self.steps = int(self.t_s / self.window.step_s)
-            yield {"event": "calibrated", "t_s": self.ear.listener.end / RATE_Hz, "noise_change": self.ear.noise.change}
+            warning = {"warning": NONE_KNOWN} if self.known == UNKNOWN_ALL else {}
+            yield {"event": "calibrated", "t_s": self.ear.listener.end / RATE_Hz,
+                   "noise_change": self.ear.noise.change, **warning}
         if self.ear.listens:
             self.lately += heard
             while self.ear.anew:

@@ -40,7 +40,10 @@ DROPPED_SD = np.array([0.05, 0.12])  # of known stones' size and speed, by those
 SCATTER, SCATTER_SD, WIDEST = np.array([0.05, 0.05, 0.03, 0.03]), 1.0, 1.0
 BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
-LUMPS, LUMP_SD = 0.03, 0.8  # share of stones of far another size, and the deviation of its logarithm
+#: Of odd stones: share, the direction that they are off along, mean and deviation of the logarithm. Lumps are of far
+#: another size; a stone that struck another in the air comes down slower.
+LUMPS, LUMP_SD = 0.03, 0.8
+ODD = ((LUMPS, 0, 0.0, LUMP_SD), (0.02, 1, -0.4, 0.25))
 OTHER_DENSITY = 1 / (3.0 * 12.0 * 6.0)  # of what is no such stone: log s, b and log J are anything
 KNOWN = 0.95
 LEAST_APART = 0.15, 0.15  # of log J and log J - 3 log s: gangue of one size and speed pushes harder than coal
@@ -178,11 +181,10 @@ class Beliefs:
 
     def _log_classes(self, z: Floats, told: Told) -> Floats:
         spread = np.einsum("kd,di,dj->kij", np.exp(2 * z[:, SCATTERS].clip(max=WIDEST)), DIRECTIONS[:4], DIRECTIONS[:4])
-        whole, broken = (_root(np.moveaxis(spread + law, 0, -1)[..., None] + np.moveaxis(told.error, 0, -1)[:, :, None])
-                         for law in (self.whole, self.broken))
-        lump = LUMP_SD**2 * np.outer(DIRECTIONS[0], DIRECTIONS[0])
-        lumps = _root(np.moveaxis(spread + self.whole + lump, 0, -1)[..., None]
-                      + np.moveaxis(told.error, 0, -1)[:, :, None])
+        error = np.moveaxis(told.error, 0, -1)[:, :, None]
+        beyond = [sd**2 * np.outer(DIRECTIONS[d], DIRECTIONS[d]) for _, d, _, sd in ODD]
+        whole, broken, *odd = (_root(np.moveaxis(spread + law, 0, -1)[..., None] + error)
+                               for law in (self.whole, self.broken, *(self.whole + more for more in beyond)))
         moved = (z[:, DROPPED] @ DIRECTIONS[:2]).T[..., None] * told.dropped
         p, unknown, others = z[:, GANGUE, None], told.known == UNKNOWN, z[:, OTHERS, None]
         out = np.empty((len(z), len(told.x), 3))
@@ -191,7 +193,9 @@ class Beliefs:
             off, breaks = told.x.T[:, None] - centre, z[:, BROKEN][:, m, None]
             stones = np.logaddexp(normal(off, whole) - np.logaddexp(0, breaks),
                                   normal(off - self.shift[m][:, None, None], broken) - np.logaddexp(0, -breaks))
-            every = np.logaddexp(stones + np.log(1 - LUMPS), normal(off, lumps) + np.log(LUMPS))
+            every = stones + np.log(1 - sum(share for share, *_ in ODD))
+            for (odd_share, d, mean, _), root in zip(ODD, odd, strict=True):
+                every = np.logaddexp(every, normal(off - mean * DIRECTIONS[d][:, None, None], root) + np.log(odd_share))
             share = np.where(unknown, -np.logaddexp(0, sign * p), np.log(np.where(told.known == m, KNOWN, 1 - KNOWN)))
             out[..., m] = every + share - np.logaddexp(0, others)
         out[..., 2] = np.log(OTHER_DENSITY) - np.logaddexp(0, -others)

@@ -34,6 +34,7 @@ class Known:
 
 
 UNKNOWN_ALL = Known()
+NONE_KNOWN = "WARNING: no stone is known (--coal-first, --known); the ratio may be 10 points off, outside its interval"
 
 
 def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior, known: Known, rate_Hz: float,

@@ -94,6 +94,7 @@ def test_live_stones_are_those_of_the_file(drawing, names, capsys):
     code, events, _ = listened(capsys, here, f"tcp://localhost:{server.getsockname()[1]}", "--scale", "9.80665")
     thread.join()
     assert code == 0 and events[0]["event"] == "calibrated" and events[-1]["event"] == "end"
+    assert events[0]["warning"].startswith("WARNING: no stone is known")
     live = pd.DataFrame([event for event in events if event["event"] == "stone"])
     assert len(live) == len(stones) >= len(truth) - 1
     assert live[COMPARED].to_numpy() == pytest.approx(stones[COMPARED].to_numpy(), rel=1e-5, abs=1e-7)
@@ -114,6 +115,7 @@ def test_a_terminal_shows_the_ratio_over_its_interval():
     assert watched({"event": "alarm", "t_s": 2.0}) == "     2.0 s STOP"
     assert watched({"event": "law", "t_s": 2.0, "unsafe": True}).endswith("too few known stones")
     assert watched({"event": "stone", "t_s": 2.0}) == ""
+    assert watched({"event": "calibrated", "t_s": 2.0, "warning": "WARNING: x"}).endswith("calibrated WARNING: x")
     assert watched(event | {"stones": 0, "ratio": np.nan}) == ""
 
 

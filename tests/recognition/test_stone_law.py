@@ -44,12 +44,12 @@ def prior():
     return StonePrior(load_forces(), (0.025, 0.025), (2.0, 4.0))
 
 
-def fallen(gangue, rng, size=1.0, speed=3.0, faster_coal=1.0):
+def fallen(gangue, rng, size=1.0, speed=3.0, faster_coal=1.0, scatter=0.05):
     """What is heard of whole stones that follow the simulated law but for size, speed and a scatter of each."""
     law, n = load_forces(), len(gangue)
-    speeds = speed * np.where(gangue, 1.0, faster_coal) * np.exp(0.05 * rng.standard_normal(n))
+    speeds = speed * np.where(gangue, 1.0, faster_coal) * np.exp(scatter * rng.standard_normal(n))
     base = np.array([law.mean(int(g), np.array(0.025), np.array(1.0)) for g in gangue])
-    return base + hertz(size * np.exp(0.05 * rng.standard_normal(n)), speeds) + ERROR * rng.standard_normal((n, 3))
+    return base + hertz(size * np.exp(scatter * rng.standard_normal(n)), speeds) + ERROR * rng.standard_normal((n, 3))
 
 
 def told_of(x, known=None, dropped=None):
@@ -68,7 +68,7 @@ def answer(x, prior, known=None):
 
 
 def test_density_of_a_stone_is_that_of_its_classes(prior):
-    """Naively, with SciPy's t distribution: whole and broken stones and lumps of either material, and what is none."""
+    """Naively, by SciPy: whole, broken and slowed stones and lumps of either material, and what is none."""
     rng, beliefs = np.random.default_rng(1), Beliefs.of(prior)
     x = fallen(np.array([False, True, True]), rng)
     told = Told(x, np.array([k * COVARIANCE for k in (1.0, 2.0, 0.5)]), np.array([UNKNOWN, UNKNOWN, 0]),
@@ -77,15 +77,16 @@ def test_density_of_a_stone_is_that_of_its_classes(prior):
     found = beliefs.log_classes(z, told)
     for k, law in enumerate(z):
         spread = sum(np.exp(2 * s) * np.outer(d, d) for s, d in zip(law[SCATTERS], DIRECTIONS, strict=False))
-        lump = 0.64 * np.outer(DIRECTIONS[0], DIRECTIONS[0])
+        lump, slowed = (sd**2 * np.outer(d, d) for sd, d in ((0.8, DIRECTIONS[0]), (0.25, DIRECTIONS[1])))
         stones, p = 1 / (1 + np.exp(law[OTHERS])), 1 / (1 + np.exp(-law[GANGUE]))
         for i in range(3):
             for m in (0, 1):
                 centre = law[CENTRE] + m * law[APART] + (law[DROPPED] @ DIRECTIONS[:2] if told.dropped[i] else 0)
                 breaks = 1 / (1 + np.exp(-law[BROKEN][m]))
                 naive = sum(share * multivariate_normal(mean, shape + told.error[i]).pdf(x[i]) for share, mean, shape in (
-                    (0.97 * (1 - breaks), centre, spread + beliefs.whole),
-                    (0.97 * breaks, centre + beliefs.shift[m], spread + beliefs.broken),
+                    (0.95 * (1 - breaks), centre, spread + beliefs.whole),
+                    (0.95 * breaks, centre + beliefs.shift[m], spread + beliefs.broken),
+                    (0.02, centre - 0.4 * DIRECTIONS[1], spread + beliefs.whole + slowed),
                     (0.03, centre, spread + beliefs.whole + lump)))
                 share = (p if m else 1 - p) if i < 2 else (0.05 if m else 0.95)
                 assert found[k, i, m] == pytest.approx(np.log(stones * share * naive), rel=1e-9)
@@ -169,6 +170,17 @@ def test_what_is_no_stone_and_lumps_are_told_apart(prior):
     assert none[0] < 0.5 < none[1] and np.sum(none > 0.5) <= 2
     mass = np.exp(law.made_of(told, 1)[0] @ MASS)
     assert mass[0] / np.median(mass[::2]) == pytest.approx(64, rel=0.25)
+
+
+def test_gangue_that_struck_another_stone_in_the_air_is_no_coal(prior):
+    """Slowed to half its speed it pushes hardly less than coal, but is longer on the plate than a stone of coal."""
+    rng, gangue = np.random.default_rng(8), np.arange(40) % 4 == 0
+    x = fallen(gangue, rng, scatter=0.01)
+    x[:8:4] += hertz(1.0, 0.5)
+    known = np.r_[np.full(40, UNKNOWN), np.zeros(10, int), np.ones(10, int)]
+    told = told_of(np.vstack([x, fallen(known[40:] == 1, rng, scatter=0.01)]), known)
+    p = LearntLaw.of(told, prior).probabilities(told, 0.005)[0].mean(axis=1)
+    assert np.all((p[:40] > 0.5) == gangue)
 
 
 def test_stones_in_a_table(prior):
