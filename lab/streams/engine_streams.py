@@ -60,8 +60,8 @@ class Kind:
 KINDS = {
     "clones": Kind(6, {}, (0.025, 0.025)),
     "natural": Kind(3, {"scatter": SCATTER, "stones.drawn.size_m": [0.042, 0.058]}, (0.021, 0.029)),
-    "blocks": Kind(2, {"shapes": SHAPES, "stones.drawn.shapes": list(SHAPES), "stones.agglomerate.contact": "faces"},
-                   (0.025, 0.025)),
+    "blocks": Kind(3, {"shapes": SHAPES, "stones.drawn.shapes": list(SHAPES), "stones.agglomerate.contact": "faces",
+                       "stones.drawn.rate_1_s": 40.0}, (0.025, 0.025)),
 }
 
 
