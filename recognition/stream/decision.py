@@ -215,8 +215,11 @@ def mean_stones(gains: Floats, weight: Floats, threshold: float) -> float:
     total, row = np.zeros((STATES, STATES + 1)), np.repeat(np.arange(STATES), len(gains)).reshape(low.shape)
     np.add.at(total, (row, low), weight * (1 - part))
     np.add.at(total, (row, low + 1), weight * part)
-    left = np.eye(STATES) - total[:, :STATES]
-    return 1 / max(1 / float(np.linalg.solve(left, np.ones(STATES))[0]), 1 / NEVER)  # rounding may make it negative
+    try:
+        mean = float(np.linalg.solve(np.eye(STATES) - total[:, :STATES], np.ones(STATES))[0])
+    except np.linalg.LinAlgError:  # none gets there, in all digits
+        return NEVER
+    return 1 / max(1 / mean, 1 / NEVER)  # rounding may make it negative
 
 
 def _any_stone(by_law: Floats, none: Floats) -> Floats:

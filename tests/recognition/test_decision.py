@@ -34,6 +34,7 @@ def test_what_hardly_ever_alarms_has_a_mean_time_of_its_own():
     zero."""
     for threshold in (5.0, 16.0):
         assert mean_stones(np.array([-0.5, 0.05]), np.array([0.8, 0.2]), threshold) == NEVER
+    assert mean_stones(np.array([-0.5]), np.array([1.0]), 1.0) == NEVER  # of coal alone
 
 
 def drawing(coal_first, shares, seed):
