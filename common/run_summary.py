@@ -39,7 +39,6 @@ class RecordedStones(Recorded):
 
     count: int | None = None
     radius_m: float | None = None
-    circle_radius_m: float | None = None
     positions_m: list[list[float]] | None = None  # x, y
     speed_m_s: float | None = None
     gangue_order: list[int] | None = None
@@ -71,8 +70,7 @@ class RecordedPlate(RecordedMaterial):
     """`[plate]` of the scene (common/scene/plate.py) as far as it is recorded."""
 
     model: str | None = None
-    length_m: float | None = None
-    width_m: float | None = None
+    size_m: list[float] | None = None
     thickness_m: float | None = None
     tilt_deg: float = 0.0
     damping_ratio: float | None = None

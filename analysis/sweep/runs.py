@@ -230,7 +230,8 @@ def _expected(path: Path, runs: list[Run]) -> list[float]:
         rows = pd.read_csv(plan, dtype=str)
         own = rows[rows["place"].str.startswith(f"{path.resolve().name}/")]
         return sorted({float(ratio) for ratio in own.get("stones.gangue_ratio", [])})
-    count = runs[0].scene.stones.count
+    stones = runs[0].scene.stones
+    count = stones.count if stones.radius_m else None  # of a volley
     return [k / count for k in range(count + 1)] if count and len(runs) > 1 else []
 
 

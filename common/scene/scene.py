@@ -19,7 +19,7 @@ from common.scene.distribution import OF_DRAWN, ScatterTable
 from common.scene.error_laws import least_tolerance
 from common.scene.file import scene_tables
 from common.scene.plate import ContactStrength, PlateTable, refuse_density
-from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, ShapeTable, StonesTable
+from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, Shape, StonesTable
 from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
@@ -137,8 +137,8 @@ class Scene(Table):
     time: Annotated[TimeTable, about("how long the run is, and in which steps")]
     stones: Annotated[StonesTable, about("what falls")]
     shapes: Annotated[
-        dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)], ShapeTable],
-        about("shapes of stones that are no spheres")] = {}
+        dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)], Shape],
+        about("shapes of stones that are no spheres; a text names a closed mesh beside the scene, such as an STL file")] = {}
     materials: Annotated[
         dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable],
         about(
@@ -276,7 +276,7 @@ class Scene(Table):
     @property
     def _one_stone(self) -> bool:
         stones = self.stones
-        count = len(stones.each) if stones.each is not None else stones.drawn.count if stones.drawn else stones.count
+        count = len(stones.each) if stones.each is not None else stones.count
         return count == 1
 
     def _check_contacts(self) -> None:

@@ -141,7 +141,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     contacts = [_contact(scene, a, b, stones_meet) for a in types for b in types]
     friction = [c.friction if c else 0.0 for c in contacts]
     tangential = " tangential history" if any(friction) else ""
-    half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
+    half = [side / 2 for side in scene.plate.size_m]
     free_flight = _free_flight(scene, assembly, step)
     skin = skin_m(assembly, knows_bodies=free_flight is not None)
     return template("deck.liggghts.j2").render(

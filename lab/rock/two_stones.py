@@ -63,7 +63,7 @@ def scene_of(meeting: Meeting, seed: int, **changes: object) -> Scene:
     """Two stones side by side, each turned at random, for as long as their contact lasts and more."""
     volume = 4 / 3 * np.pi * np.array(meeting.radii_m) ** 3
     turned = Rotation.random(2, random_state=seed).as_quat()[:, [3, 0, 1, 2]].tolist()
-    each = [{"material": name, "radius_m": radius, "place_m": [0.2 * k - 0.1, 0.0], "speed_m_s": meeting.speed_m_s,
+    each = [{"material": name, "radius_m": radius, "place_m": [0.2 * k - 0.1, 0.0], "velocity_m_s": meeting.speed_m_s,
              "attitude": turned[k], "seed": 2 * seed + k}
             for k, (name, radius) in enumerate(zip(meeting.materials, meeting.radii_m))]
     contact = {f"contacts.{pair}": {"restitution": 1.0, "friction": 0.0} for pair in PAIRS}

@@ -26,7 +26,7 @@ from lab.study import Row
 
 RATE_1_s = 50.0
 FALLS_s = 0.75  # from the first touch until nothing is left: a bounce, and the fall past the edge
-PLATE = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+PLATE = {"model": "rigid", "size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 
 

@@ -100,7 +100,7 @@ class PlateModel:
         if m == 0:
             raise RecognitionError(f"no mode below {max_frequency_Hz:g} Hz")
         wavenumber = bending_wavenumber(plate, max_frequency_Hz, choose_theory(plate))
-        lines_x, lines_y = (_lines(side, wavenumber) for side in (plate.length_m, plate.width_m))
+        lines_x, lines_y = (_lines(side, wavenumber) for side in plate.size_m)
         sensor_m = np.array([[sensor.x_m, sensor.y_m] for sensor in sensors])
         grid = modes.shape_at(_points(lines_x, lines_y)).reshape(len(lines_x), len(lines_y), m)
         return cls(modes.frequency_Hz, modes.damping_ratio, tuple(sensor.name for sensor in sensors), sensor_m,

@@ -77,7 +77,7 @@ def test_each_scene_gets_its_parts_and_no_other(name):
 
 SMOOTH = {f"contacts.{pair}": {"restitution": 0.5, "friction": 0.0}
           for pair in ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}
-RIGID = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+RIGID = {"plate": {"model": "rigid", "size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
                    "poisson_ratio": 0.3}}
 OMISSIONS = {
     # whole spheres press too little to yield, and a rigid plate does not yield at all

@@ -91,7 +91,7 @@ def test_a_stone_that_breaks_as_it_slides_over_the_edge_keeps_its_energy(tmp_pat
     """Its patch goes on as single sub-spheres, some of them beside the plate."""
     rigid = changed("hertz_coal", {}).plate.model_dump(mode="json")
     volley = dict.fromkeys(("count", "positions_m", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
-                            "circle_radius_m", "coal", "gangue"))
+                            "coal", "gangue"))
     one = {"material": "coal", "radius_m": 0.025, "place_m": [0.2497, 0.0], "velocity_m_s": velocity, "seed": seed}
     scene = changed("single", {
         **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "plate": rigid,
