@@ -69,7 +69,6 @@ class RecordedRod(Recorded):
 class RecordedPlate(RecordedMaterial):
     """`[plate]` of the scene (common/scene/plate.py) as far as it is recorded."""
 
-    model: str | None = None
     size_m: list[float] | None = None
     thickness_m: float | None = None
     tilt_deg: float = 0.0
@@ -77,6 +76,11 @@ class RecordedPlate(RecordedMaterial):
     max_frequency_Hz: float | None = None
     rods: list[RecordedRod] | None = None
     wall_height_m: dict[Edge, float] = {}
+
+    @property
+    def is_rigid(self) -> bool:
+        """Is there a plate, and does it not bend?"""
+        return self.size_m is not None and self.thickness_m is None
 
 
 class RecordedScene(Recorded):

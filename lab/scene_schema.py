@@ -122,12 +122,12 @@ def _tables(schema: Node, table: Node, path: str, note: str = "") -> Iterator[tu
     for name, key in table["properties"].items():
         here = f"{path}.{name}" if path else name
         for kind, inner in _inside(key):
-            target = schema["definitions"][inner["$ref"].rsplit("/", 1)[1]]
+            named = inner["$ref"].rsplit("/", 1)[1]
+            target = schema["definitions"][named]
             if kind == "list":
                 yield f"`[[{here}]]`", target
             else:
-                model = target["properties"].get("model", {}).get("const")
-                said = f" with `model = \"{model}\"`" if model else ""
+                said = {"FlexiblePlate": " that bends", "RigidPlate": " that does not move"}.get(named, "")
                 yield from _tables(schema, target, here + kind, said)
 
 

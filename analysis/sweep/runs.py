@@ -135,7 +135,7 @@ def read_run(path: str | Path) -> Run:
     info = _read_info(path)
     if info.get("status") != "finished":
         raise RecordError(f"{path}/run.json: status = {info.get('status')!r}; needs 'finished'")
-    rigid = _summary(info, path).scene.plate.model == "rigid"
+    rigid = _summary(info, path).scene.plate.is_rigid
     signals = read_table(path / "signals.parquet")
     needed = ("t_s", "force_N") if rigid else ("t_s", *RESPONSES, "force_N")  # a rigid plate has no responses
     missing = [name for name in needed if name not in signals.columns]

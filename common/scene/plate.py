@@ -7,9 +7,9 @@ turns with `tilt_deg`.
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from common.channels import SENSORS, SensorKind
 from common.scene.file import scene_tables
@@ -19,7 +19,6 @@ ContactStrength = Annotated[float, Field(ge=1e5)]  # Pa: into a softer body a st
 Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
-MODEL = about("does the plate bend, or not move at all?")
 WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it where the plate gives way
 LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
 
@@ -93,9 +92,7 @@ class Plate(Table):
 
 
 class RigidPlate(Plate):
-    """A plate that does not move."""
-
-    model: Annotated[Literal["rigid"], MODEL]
+    """A plate that does not move has no key but these."""
 
 
 class FlexiblePlate(Plate):
@@ -104,7 +101,6 @@ class FlexiblePlate(Plate):
     The frequency is given, or follows from the scene's stones, and its tolerance if there is one.
     """
 
-    model: Annotated[Literal["flexible"], MODEL]
     thickness_m: Annotated[Positive, about("thickness, at most a fifth of the shorter side")]
     theory: Annotated[Literal["auto", "kirchhoff", "mindlin"], about("plate theory (docs/plate.md)")] = "auto"
     edges: Annotated[Literal["free", "simply_supported", "clamped"], about("how all four edges are held")] = "free"
@@ -153,7 +149,13 @@ class FlexiblePlate(Plate):
         return self
 
 
-PlateTable = Annotated[FlexiblePlate | RigidPlate, Field(discriminator="model")]
+def _kind(table: Any) -> str:
+    more = isinstance(table, FlexiblePlate) or (isinstance(table, dict) and set(table) - RigidPlate.model_fields.keys())
+    return "flexible" if more else "rigid"
+
+
+PlateTable = Annotated[Annotated[FlexiblePlate, Tag("flexible")] | Annotated[RigidPlate, Tag("rigid")],
+                       Discriminator(_kind)]
 
 
 def read_plate(path: str | Path) -> FlexiblePlate | RigidPlate:

@@ -58,7 +58,6 @@ class EachStone(Table):
     arrival_s: Annotated[NotNegative, about("when it touches; 0: it starts gap_m above the plate")] = 0.0
     attitude: Annotated[tuple[float, float, float, float] | None, about(
         "unit quaternion (w, x, y, z) of its rotation; absent: none")] = None
-    seed: Annotated[Seed | None, about("seed of its packing; absent: stones.seed + number - 1")] = None
 
     @model_validator(mode="after")
     def _moves(self) -> Self:
@@ -148,7 +147,7 @@ class StonesTable(Table):
     gangue_ratio: Annotated[Annotated[float, Field(ge=0, le=1)] | None, about(
         "share of gangue by number, in a stream by mass; in a volley a multiple of 1/count",
         paper="0 to 1 in steps of 0.1")] = None
-    seed: Annotated[Seed, about("seed of draws and packings; stone k of up to ten in a volley has seed + k - 1")]
+    seed: Annotated[Seed, about("seed of draws and packings; stone k of up to ten that are not drawn has seed + k - 1")]
     each: Annotated[tuple[EachStone, ...] | None, Field(min_length=1, max_length=MOST_STONES), about(
         "stones one by one, instead of a volley")] = None
     drawn: Annotated[DrawnTable | None, about("stones drawn from distributions, instead of a volley")] = None

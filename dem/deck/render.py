@@ -16,6 +16,7 @@ import numpy as np
 
 from common.files.whole import named
 from common.resources import resource
+from common.scene.plate import FlexiblePlate
 from common.scene.scene import PLATE, ContactTable, Scene
 from dem.deck.contact import (
     NUMBERS as FACE_NUMBERS,
@@ -147,9 +148,8 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     return template("deck.liggghts.j2").render(
         name=scene.name,
         stones=_describe(scene, assembly),
-        plate=scene.plate.model,
         yield_pressure_Pa=yield_pressure_Pa(scene, assembly),
-        coupling=scene.plate.model == "flexible",
+        coupling=isinstance(scene.plate, FlexiblePlate),
         materials=[{"name": one.material, **material_of(scene, one).model_dump()} for one in assembly.substances],
         plate_material=scene.plate.model_dump(),
         walls=deck_walls(scene),

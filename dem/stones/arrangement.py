@@ -185,7 +185,7 @@ def _moved(scene: Scene, stones: list[Stone], disc_m: float, rng: np.random.Gene
     return [moved[k] for k in range(len(stones))]
 
 
-OWN_PACKINGS = 10  # stones of a volley that have a packing each; more share some, as drawn ones do
+OWN_PACKINGS = 10  # stones that have a packing each; more share some, as drawn ones do
 
 
 def stones_of(scene: Scene, file: str) -> list[Stone]:
@@ -198,7 +198,8 @@ def stones_of(scene: Scene, file: str) -> list[Stone]:
     if table.drawn is not None:
         stones = drawn_stones(scene, file)
     elif table.each is not None:
-        stones = [_one(scene, k, one) for k, one in enumerate(table.each)]
+        seeds, _ = _packings(scene, len(table.each))
+        stones = [_one(scene, k, one, seeds[k]) for k, one in enumerate(table.each)]
     else:
         stones = _volley(scene, file)
     if scene.scatter.drawn:
@@ -220,14 +221,21 @@ def gangue_ratio(scene: Scene, stones: list[Stone], mass_kg: np.ndarray, by: By 
     return float(gangue / (gangue + weight[~is_gangue].sum()))  # rounding makes it no more than 1
 
 
-def _one(scene: Scene, k: int, one: EachStone) -> Stone:
+def _packings(scene: Scene, count: int) -> tuple[list[int], list[tuple[float, float, float, float]]]:
+    """Seeds and attitudes: up to OWN_PACKINGS stones have a packing each, more of them share some."""
+    if scene.stones.agglomerate and count > OWN_PACKINGS:
+        return shared_packings(scene, count)
+    return [scene.stones.seed + k for k in range(count)], [UPRIGHT] * count
+
+
+def _one(scene: Scene, k: int, one: EachStone, seed: int) -> Stone:
     """One of stones that are given one by one."""
     velocity = one.velocity_m_s
     if not isinstance(velocity, tuple):
         velocity = tuple(velocity * d for d in scene.down)  # type: ignore[assignment]
     return Stone(material=one.material, radius_m=one.radius_m, place_m=one.place_m,
                  velocity_m_s=velocity,  # type: ignore[arg-type]
-                 seed=scene.stones.seed + k if one.seed is None else one.seed, gap_m=scene.stones.gap_m,
+                 seed=seed, gap_m=scene.stones.gap_m, flaw_seed=scene.stones.seed + k,
                  arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT, shape=one.shape)
 
 
@@ -242,8 +250,7 @@ def _volley(scene: Scene, file: str) -> list[Stone]:
                          f"a multiple of 1/{table.count}")
     chosen, (dx, dy, dz) = set(table.gangue_order[:round(n_gangue)]), scene.down
     # A place keeps its packing whatever its material, so that a sweep changes the material alone.
-    seeds, attitudes = shared_packings(scene, table.count) if table.agglomerate and table.count > OWN_PACKINGS else (
-        [table.seed + k for k in range(table.count)], [UPRIGHT] * table.count)
+    seeds, attitudes = _packings(scene, table.count)
     return [Stone(material=GANGUE if k + 1 in chosen else COAL, radius_m=table.radius_m,
                   place_m=place, velocity_m_s=(speed * dx, speed * dy, speed * dz),
                   seed=seeds[k], gap_m=table.gap_m, attitude=attitudes[k], flaw_seed=table.seed + k)

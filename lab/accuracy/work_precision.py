@@ -24,6 +24,7 @@ import pandas as pd
 
 import dem.deck.time_step
 from common.scene.file import scene_tables
+from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
@@ -104,7 +105,7 @@ def numerical_settings() -> list[NumericalSetting]:
     scene = scene_of({})
     assembly = assemble(scene, stones_of(scene, "scene"))
     t0, stone_contact_s = bond_time_s(scene, assembly), stone_contact_time_s(scene, assembly)
-    assert t0 is not None and scene.plate.model == "flexible"
+    assert t0 is not None and isinstance(scene.plate, FlexiblePlate)
     return [*step_settings(t0, stone_contact_s), *plate_settings(stone_contact_s, default_mesh_size(scene.plate)),
             *other_settings()]
 

@@ -91,7 +91,7 @@ class PlateModel:
         """
         plate = scene if isinstance(scene, FlexiblePlate) else read_plate(scene)
         if not isinstance(plate, FlexiblePlate):
-            raise RecognitionError(f"{scene}: plate.model = {plate.model!r}; needs 'flexible'")
+            raise RecognitionError(f"{scene}: plate.thickness_m = None; needs that of a plate that bends")
         if not (sensors := plate.accelerometers):
             raise RecognitionError("plate.sensors has no accelerometer; needs at least one")
         plate = plate.model_copy(update={"max_frequency_Hz": float(max_frequency_Hz)})

@@ -33,7 +33,6 @@ SCENE = {
     },
     "contacts": {"coal_plate": {"restitution": 0.5}, "gangue_plate": {"restitution": 0.5}},
     "plate": {
-        "model": "rigid",
         "size_m": [0.5, 0.5],
         "thickness_m": 0.02,
         "density_kg_m3": 7830.0,

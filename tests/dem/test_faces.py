@@ -25,7 +25,7 @@ from dem.stones.packing import Packing, SphereContainer
 
 SIDE_m, SPEED_m_s = 0.04, 0.5
 ALL = "stones.count stones.radius_m stones.positions_m stones.speed_m_s stones.gangue_order stones.gangue_ratio".split()
-RIGID = {"model": "rigid", "size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+RIGID = {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 E_Pa, NU, DENSITY_kg_m3 = 5.12e9, 0.3, 1380.0  # of coal
 
@@ -41,12 +41,12 @@ def cube_file(tmp_path_factory):
 def cube(file, subspheres=200, turn=None, restitution=1.0, friction=0.0, speed_m_s=SPEED_m_s, each=None, **changes):
     """A cube of coal on a rigid plate, as it stands or turned."""
     one = {"material": "coal", "radius_m": SIDE_m * (3 / 4 / np.pi) ** (1 / 3), "shape": "cube", "place_m": [0.0, 0.0],
-           "velocity_m_s": speed_m_s, "seed": 3}
+           "velocity_m_s": speed_m_s}
     if turn is not None:
         one["attitude"] = np.roll(turn.as_quat(), 1).tolist()
     contact = {"restitution": restitution, "friction": friction}
     return changed("single", {
-        **dict.fromkeys(ALL), "stones.each": [one | (each or {})], "shapes.cube": file, "assumptions": None,
+        **dict.fromkeys(ALL), "stones.each": [one | (each or {})], "stones.seed": 3, "shapes.cube": file, "assumptions": None,
         "time.view_interval_s": None, "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": "faces"},
         "time.gravity_m_s2": 0.0, "time.duration_s": 1.5e-4, "time.sample_interval_s": 3e-5, "plate": dict(RIGID),
         "contacts": dict.fromkeys(("coal_plate", "coal_coal"), contact), **changes})

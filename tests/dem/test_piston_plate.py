@@ -84,10 +84,10 @@ def test_what_reaches_over_the_edge_pushes_the_edge(tmp_path):
     velocity, width_m, beside_m, gap_m = np.array([0, 1.0, -3.0]), 0.22, 1e-3, 3.6e-3
     volley = dict.fromkeys(("count", "positions_m", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
                             "coal", "gangue"))
-    one = {"material": "gangue", "radius_m": RADIUS_m, "place_m": [0.1, 0.11 + beside_m - gap_m / 3], "seed": 1,
+    one = {"material": "gangue", "radius_m": RADIUS_m, "place_m": [0.1, 0.11 + beside_m - gap_m / 3],
            "velocity_m_s": velocity.tolist()}
     scene = changed("elastic_plate", {
-        **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "stones.gap_m": gap_m,
+        **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "stones.seed": 1, "stones.gap_m": gap_m,
         "contacts.gangue_plate.friction": 0.0, "time.gravity_m_s2": None, "plate.size_m": [0.5, width_m], "plate.sensors": None,
         "plate.rods": None, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 1.8e-3, "time.sample_interval_s": 6e-5})
     found = run_on(plate_that_moves(1000.0, 0.5, width_m, 0.11), tmp_path / "run", scene)

@@ -20,14 +20,14 @@ GRAVITY = 9.8
 SPEED = 0.5
 CHECKPOINTS = 10
 APEX_s = SPEED / GRAVITY
-PLATE = {"model": "rigid", "size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+PLATE = {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 FALLS_OFF = {"place_m": [0.24, 0.0], "velocity_m_s": (1.0, 0.1, -SPEED)}
 
 
 def scene_of(each, duration_s, **changes):
     """Equal stones one by one on a rigid plate."""
-    one = {"material": "coal", "radius_m": 0.01, "seed": 20011}
+    one = {"material": "coal", "radius_m": 0.01}
     old = ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order", "gangue_ratio")
     return changed("single", {
         **{f"stones.{key}": None for key in old}, "stones.each": [one | stone for stone in each], "plate": PLATE,

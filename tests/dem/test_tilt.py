@@ -59,7 +59,7 @@ def test_a_tilt_is_the_same_as_a_turned_frame():
 
 def test_bonded_stones_bounce_down_a_tilted_plate(tmp_path):
     """In free flight and in the arrays: the ledger closes, and what leaves the plate moves towards +x."""
-    changes = {"plate": {"model": "rigid", "size_m": [0.5, 0.5], "density_kg_m3": 7830.0,
+    changes = {"plate": {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0,
                          "youngs_modulus_Pa": 2.07e11, "poisson_ratio": 0.3, "tilt_deg": 25.0},
                "time.duration_s": 0.05, "stones.speed_m_s": 1.0, "stones.agglomerate.unbreakable": True, "time.view_interval_s": None}
     scene = changed_scene(SCENES / "small.toml", changes)

@@ -46,7 +46,7 @@ def falling(stones, name="bonded", plate="rigid", **tables):
 EACH = [{"material": "coal", "radius_m": 0.025, "place_m": [0.1, 0.0], "velocity_m_s": [0.5, 0.0, -2.0],
          "spin_rad_s": [0.0, 20.0, 0.0]},
         {"material": "gangue", "radius_m": 0.02, "place_m": [-0.1, 0.05], "velocity_m_s": 3.0, "arrival_s": 2e-4,
-         "attitude": [1.0, 0.0, 0.0, 0.0], "seed": 3}]
+         "attitude": [1.0, 0.0, 0.0, 0.0]}]
 DRAWN = {"size_m": [0.03, 0.05], "speed_m_s": [2.0, 4.0],
          "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]], "spin_rad_s": 2.0}
 STREAM = {"size_m": {"rosin_rammler_m": 0.04, "exponent": 2.0, "within": [0.02, 0.06]}, "drop_height_m": 0.45,

@@ -9,7 +9,7 @@ from plate_fem.elements.mesh import bending_stiffness
 OF_ROD = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 207e9}
 STEEL = {**OF_ROD, "poisson_ratio": 0.3}
 TABLE = {
-    "model": "flexible", "size_m": [0.5, 0.5], "thickness_m": 0.02, **STEEL,
+    "size_m": [0.5, 0.5], "thickness_m": 0.02, **STEEL,
     "max_frequency_Hz": 20e3, "damping_ratio": 0.01,
 }  # fmt: skip
 
