@@ -48,7 +48,8 @@ streams: setup  ## eighty-four streams of known truth for recognition into runs/
 report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m report '$(OUT)'
 
-# A file of tests stays in one process, so that what its tests share is made once.
+# A file of tests stays in one process, so that what its tests share is made once. Programs that they start compile once.
+test: export PYTHONDONTWRITEBYTECODE :=
 test: setup .venv/test .venv/campaign .venv/browser build/chromium  ## all tests but the long ones
 	$(PYTHON) -m pytest -q --numprocesses $(JOBS) --dist loadfile --durations 25
 

@@ -56,7 +56,6 @@ CASES = {case.name: case for case in (
     Case("free_flight", "lab.accuracy.free_flight", "free flight of bodies", "brute force", PLATE),
     Case("stability", "lab.accuracy.stability", "every quantity to its extremes",
          "a closed ledger, or a refusal that names a limit", (*PLATE, "lab/accuracy/stability_scenes.py")),
-    Case("breakage_size", "lab.rock.impacts", "number of sub-spheres of a stone that breaks", "one another", STONE),
     Case("breakage_mesh", "lab.rock.impacts", "number of sub-spheres of a coal with flaws, and speed", "one another",
          (*STONE, "scenes/materials/soft_coal.toml")),
     Case("critical_speed", "lab.rock.impacts", "rock and size of a stone, until it falls apart", "the product's formula",

@@ -2,7 +2,7 @@
 
 What stands between `<!-- table: NAME | column: title: format | ... -->` and `<!-- end -->` becomes the result NAME as
 a table of Markdown. A column without title has its own name, one without format (that of Python) its text; without columns
-there are all. `NAME where column=value, ...` takes the rows with these values. --check writes nothing, and ends with 1
+there are all. `NAME where column=value, ...` takes the rows with these values, `a/b` for either. --check writes nothing, and ends with 1
 where a page has another table.
 """
 
@@ -32,7 +32,7 @@ def _table(file: Path, chosen: str | None, columns: str | None) -> str:
     for name in (name for name, *_ in [*rules, *asked] if name not in table):
         raise ValueError(f"{file.name}: no column {name!r}; it has {', '.join(table.columns)}")
     for name, value in rules:
-        table = table[table[name] == value]
+        table = table[table[name].isin(value.split("/"))]
     if table.empty:
         raise ValueError(f"{file.name}: no row where {chosen}")
     rows = [[title for title, *_ in ([*more, name] for name, *more in asked)], ["---"] * len(asked)]

@@ -35,7 +35,7 @@ class Installed:
         venv.create(self.environment, symlinks=True)
         self.python = self.environment / "bin" / "python"
         subprocess.run([sys.executable, "-m", "pip", "--python", str(self.python), "install", "--quiet", "--no-deps",
-                        "--no-index", str(wheel)], check=True)
+                        "--no-compile", "--no-index", str(wheel)], check=True)
         (packages,) = self.environment.glob("lib/python*/site-packages")
         (packages / "libraries.pth").write_text("\n".join(site.getsitepackages()))
         self.variables = {name: value for name, value in os.environ.items()
@@ -136,10 +136,10 @@ def check_build_and_run(installed, found):
 
 
 def test_a_scene_of_the_wheel_runs_on_the_engine_it_builds(installed, found):
-    """With the object files of the checkout's engine, copied to be newer than the wheel's sources: make only links."""
+    """With what the checkout's engine was made of, copied to be newer than the wheel's sources: make only links."""
     directory = Path(found["engine"]).parent
     directory.mkdir(parents=True)
-    for kind in ("*.h", "*.o"):  # objects come last, as they depend on the headers
+    for kind in ("*.h", "*.cpp", "*.o"):  # objects come last, as they depend on the others
         for file in (ROOT / "build" / "engine").glob(kind):
             shutil.copy(file, directory)
     check_build_and_run(installed, found)

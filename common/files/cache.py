@@ -9,7 +9,6 @@ diskcache checks no hash, unpickles what it finds, and lets all who miss find th
 from __future__ import annotations
 
 import hashlib
-import io
 import os
 import platform
 import re
@@ -20,7 +19,7 @@ from contextvars import ContextVar
 from functools import cache
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import scipy
@@ -31,7 +30,8 @@ from common.files.whole import written_whole
 from common.process.messages import PACKAGES
 
 LARGEST_MB = 500
-HASH_BYTES = 32
+HASH_BYTES = 32  # at the end of a file
+BLOCK_BYTES = 1 << 20
 # Names of entries, with what a killed process left half written, which ages like the rest.
 ENTRY = re.compile(r"[a-z]+-[0-9a-f]{32}\.cache(\.\d+\.part)?")
 IMPORT = re.compile(rf"^ *(?:from|import) ((?:{'|'.join(PACKAGES)})\b[\w.]*)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
@@ -145,10 +145,13 @@ def _locked(directory: Path, kind: str, key: str) -> Iterator[None]:
         os.close(lock)
 
 
-def _digest(name: str, content: bytes | memoryview) -> bytes:
-    """The name belongs to it, so that a file under another name is foreign."""
+def _digest(name: str, opened: BinaryIO, size: int) -> bytes:
+    """Of so many bytes from the beginning, after which the file then stands. The name belongs to it, so that a file
+    under another name is foreign."""
     digest = hashlib.sha256(name.encode())
-    digest.update(content)
+    opened.seek(0)
+    for done in range(0, size, BLOCK_BYTES):
+        digest.update(opened.read(min(BLOCK_BYTES, size - done)))
     return digest.digest()
 
 
@@ -156,22 +159,21 @@ def _read(file: Path) -> Arrays | None:
     """Return what is kept in a file, or None if there is no file or not what `_write` wrote."""
     try:
         with open(file, "rb") as opened:
-            digest, content = opened.read(HASH_BYTES), opened.read()
-        if digest != _digest(file.name, content):
-            return None
-        os.utime(file)  # used now
+            if _digest(file.name, opened, os.fstat(opened.fileno()).st_size - HASH_BYTES) != opened.read():
+                return None
+            os.utime(file)  # used now
+            opened.seek(0)
+            with np.load(opened, allow_pickle=False) as stored:
+                return {name: stored[name] for name in stored.files}
     except OSError:  # gone, or not ours to read
         return None
-    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-        return {name: stored[name] for name in stored.files}
 
 
 def _write(file: Path, arrays: Arrays) -> None:
-    content = io.BytesIO()
-    np.savez(content, **arrays)  # type: ignore[arg-type]  # of the stubs, which take a name for allow_pickle
     try:
-        with written_whole(file) as beside, open(beside, "wb") as out:
-            out.writelines([_digest(file.name, content.getbuffer()), content.getbuffer()])
+        with written_whole(file) as beside, open(beside, "w+b") as out:
+            np.savez(out, **arrays)  # type: ignore[arg-type]  # of the stubs, which take a name for allow_pickle
+            out.write(_digest(file.name, out, out.tell()))
     except OSError as error:  # a full disk, too: the arrays are there, only not kept
         warnings.warn(f"{file}: {error.strerror}; not kept for later runs", stacklevel=2)
 

@@ -16,6 +16,7 @@ from common.input_error import InputError, refuse_monstrous, refuse_unreadable
 MOST_JSON_BYTES = 100e6
 AT_A_TIME = 16  # files that are forced to disk
 SEAL = "sha256"  # key of a JSON object under which the hash of its other keys stands
+BEFORE_SEAL = f', "{SEAL}": "'
 
 
 @contextmanager
@@ -98,23 +99,38 @@ def read_json(file: Path) -> dict[str, Any] | None:
 
 def seal(content: dict[str, Any]) -> dict[str, Any]:
     """The same object with the hash of its contents, in the place of an earlier one."""
-    return {**content, SEAL: _hash(content)}
+    return {**content, SEAL: _hash(_text(content))}
 
 
 def is_sealed(content: dict[str, Any]) -> bool:
     """Is the object as it was when it was sealed?"""
-    return content.get(SEAL) == _hash(content)
+    return content.get(SEAL) == _hash(_text(content))
 
 
-def _hash(content: dict[str, Any]) -> str:
-    """Numbers are written so that they read back exactly, and then hash alike."""
-    others = {key: value for key, value in content.items() if key != SEAL}
-    return hashlib.sha256(json.dumps(others, sort_keys=True).encode()).hexdigest()
+def _text(content: dict[str, Any]) -> str:
+    """What is hashed: numbers are written so that they read back exactly, and then hash alike."""
+    return json.dumps({key: value for key, value in content.items() if key != SEAL}, sort_keys=True)
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def write_sealed_json(file: Path, content: dict[str, Any]) -> None:
+    """Write an object with its hash at its end, so that the text can be hashed: many numbers take long to write."""
+    text = _text(content)
+    write_text(file, f'{text[:-1]}{BEFORE_SEAL}{_hash(text)}"}}\n')
 
 
 def read_sealed_json(file: Path) -> dict[str, Any] | None:
     """As `read_json`; InputError as well for an object that is not as it was sealed."""
     content = read_json(file)
-    if content is not None and not is_sealed(content):
+    if content is not None and not _is_sealed_at_its_end(file) and not is_sealed(content):
         raise InputError(f"{file}: damaged or changed by hand: its contents do not have the hash that it names")
     return content
+
+
+def _is_sealed_at_its_end(file: Path) -> bool:
+    """As `write_sealed_json` left it?"""
+    before, _, after = file.read_text().rpartition(BEFORE_SEAL)
+    return after == f'{_hash(before + "}")}"}}\n'

@@ -204,7 +204,8 @@ class _Swelling:
         self.listed_x, self.listed_scale = self.x.copy(), self.scale
 
     def _refresh_neighbours(self) -> None:
-        moved = np.sqrt(((self.x - self.listed_x) ** 2).sum(1).max())
+        way = self.x - self.listed_x
+        moved = np.sqrt(np.einsum("ik,ik->i", way, way).max())
         swollen = (self.scale - self.listed_scale) * self.size.max()
         if 2 * (moved + swollen) > SKIN:
             self._list_neighbours()

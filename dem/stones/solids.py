@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.distance import cdist
 
 from common.scene.stones import Shape, ShapeTable
 from common.tables import InputError, refuse_unreadable
@@ -43,18 +44,23 @@ def winding_number(point: np.ndarray, corner: np.ndarray, triangle: np.ndarray) 
 def nearest_points(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     """The nearest point (m, 3) of each triangle a, b, c (m, 3) to each `point` (m, 3): that of the plane where it lies
     in the triangle, else the nearest one of its sides."""
-    normal = np.cross(b - a, c - a)
-    foot = point - (_dot(point - a, normal) / np.maximum(_dot(normal, normal), TINY))[:, None] * normal
-    on_sides = [_on_side(point, p, q) for p, q in ((a, b), (b, c), (c, a))]
-    away = np.stack([((point - at) ** 2).sum(axis=1) for at in on_sides])
-    best = np.stack(on_sides)[away.argmin(axis=0), np.arange(len(point))]
-    inside = np.all([_dot(np.cross(q - p, foot - p), normal) >= 0 for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    to_b, to_c, off = b - a, c - a, point - a
+    bb, bc, cc, b_off, c_off = (_dot(*two) for two in (
+        (to_b, to_b), (to_b, to_c), (to_c, to_c), (to_b, off), (to_c, off)))
+    area2 = np.maximum(bb * cc - bc * bc, TINY)
+    share_b, share_c = (cc * b_off - bc * c_off) / area2, (bb * c_off - bc * b_off) / area2
+    foot = a + share_b[:, None] * to_b + share_c[:, None] * to_c
+    on_sides = np.stack([_on_side(point, p, q) for p, q in ((a, b), (b, c), (c, a))])
+    away = point - on_sides
+    best = on_sides[_dot(away, away).argmin(axis=0), np.arange(len(point))]
+    inside = (share_b >= 0) & (share_c >= 0) & (share_b + share_c <= 1)
     return np.where(inside[:, None], foot, best)
 
 
 def _on_side(point: np.ndarray, p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    share = np.clip(_dot(point - p, q - p) / np.maximum(_dot(q - p, q - p), TINY), 0, 1)
-    return p + share[:, None] * (q - p)
+    along = q - p
+    share = np.clip(_dot(point - p, along) / np.maximum(_dot(along, along), TINY), 0, 1)
+    return p + share[:, None] * along
 
 
 def sides_of(triangle: np.ndarray) -> np.ndarray:
@@ -103,7 +109,7 @@ def _first_cut(corner: np.ndarray, triangle: np.ndarray, side: np.ndarray) -> np
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return (a * b).sum(axis=-1)
+    return np.einsum("...k,...k->...", a, b)
 
 
 def _blocks(rows: int, columns: int) -> list[slice]:
@@ -150,11 +156,11 @@ class MeshContainer:
         one only, with a negative distance."""
         center, radius = self._spheres
         unit = (self.volume_m3 / (4 / 3 * np.pi * len(x))) ** (1 / 3)
-        least = np.sqrt(((x[:, None] - center) ** 2).sum(axis=2)) - radius
-        nearest = np.sort(least + 2 * radius, axis=1)[:, 0]  # no triangle is nearest that begins beyond this
+        least = cdist(x, center) - radius
+        nearest = (least + 2 * radius).min(axis=1)  # no triangle is nearest that begins beyond this
         point, t = np.nonzero(least <= np.maximum(nearest, COUNTED * unit)[:, None])
         off = x[point] - nearest_points(x[point], *(self._corner[self._triangle[t, k]] for k in range(3)))
-        distance = np.sqrt((off**2).sum(axis=1))
+        distance = np.sqrt(_dot(off, off))
         order = np.lexsort((distance, point))
         point, off, distance = point[order], off[order], distance[order]
         slot = np.arange(len(point)) - np.searchsorted(point, point)

@@ -42,29 +42,6 @@ def means(rows: pd.DataFrame, by: Sequence[str], columns: Sequence[str]) -> pd.D
     return table.reset_index()
 
 
-def breakage_size(out: Path, packings: int = 24, counts: tuple[int, ...] = (500, 1000, 2000),
-                  speeds: tuple[float, ...] = (3.0, 6.0)) -> Iterator[Row]:
-    """Numbers of sub-spheres, of coal and gangue at each speed."""
-    for k in range(packings):
-        for material in ("coal", "gangue"):
-            for speed in speeds:
-                for count in counts:
-                    changes = {"stones.agglomerate.subspheres": count, "stones.seed": FIRST_SEED + 10 * k,
-                               "stones.speed_m_s": speed, "stones.agglomerate.contact": "smooth"}
-                    yield Row({"material": material, "speed_m_s": speed, "subspheres": count, "packing": k},
-                              partial(impact, material, changes))
-
-
-def breakage_size_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
-    """`exponent`: of the broken area ~ count^exponent, by least squares of the logarithms of its means."""
-    table = means(rows, ["material", "speed_m_s", "subspheres"],
-                  ["broken_share", "broken_area_cm2", "largest_fragment", "released_mJ"])
-    for _, own in table.groupby(["material", "speed_m_s"]):
-        if len(own) > 1 and (own["broken_area_cm2"] > 0).all():
-            table.loc[own.index, "exponent"] = np.polyfit(np.log(own["subspheres"]), np.log(own["broken_area_cm2"]), 1)[0]
-    return table
-
-
 ROCKS = {"coal": "coal", "hard_coal": "coal", "gangue": "gangue", "soft_coal": "coal"}  # with what they stand for
 COHERENT = "soft_coal"  # whose elastic constants and strengths are of one table, with flaws
 AREAS_cm2 = (100, 200)  # of which the speed is sought

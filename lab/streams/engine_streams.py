@@ -32,19 +32,20 @@ from recognition.stream.listen import Heard
 from recognition.stream.recognise import QUIET_S, RATE_Hz, channels_of, hear, recognise_stream
 from recognition.stream.stones import Known, ratio_of
 
+SCENE = SCENES / "listening.toml"
 RATIOS = (0.15, 0.25, 0.35, 0.45, 0.6, 0.75)  # by mass
 NOISE_dB, KNOWN_UNTIL_s, FIRST_SEED = 20.0, 0.25, 400
 SILENT, REACH = 10.0, 5.0  # points: an answer that reaches this far is one, and wrong if it is off by more
-SCATTER = {key: value for key, value in scene_tables(SCENES / "natural.toml")["scatter"].items()  # a stream draws the rest
-           if key not in ("place_m", "arrival_s", "speed_factor", "radius_factor")}
+BY_STREAM = ("place_m", "arrival_s", "speed_factor", "radius_factor")  # what a stream draws itself
+SCATTER = {key: value for key, value in scene_tables(SCENES / "natural.toml")["scatter"].items() if key not in BY_STREAM}
 SHAPES = {name: scene_tables(SCENES / "caving.toml")["shapes"][name] for name in ("block", "slab")}
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A scene, what is changed in it, and the limits that are told of its stones."""
+    """How many streams of scenes/listening.toml, what is changed in it, and the limits that are told of its stones."""
 
-    scene: str
+    streams: int
     changes: dict[str, Any]
     radius_m: tuple[float, float]
     speed_m_s: tuple[float, float] = (2.0, 4.0)
@@ -53,20 +54,20 @@ class Kind:
         changes = {"stones.gangue_ratio": ratio, "stones.seed": seed} | self.changes
         if until_s is not None:
             changes |= {"stones.drawn.arrival_s": [0.05, until_s], "time.duration_s": until_s + 0.05}
-        return changed_scene(SCENES / self.scene, changes)
+        return changed_scene(SCENE, changes)
 
 
 KINDS = {
-    "clones": Kind("listening.toml", {}, (0.025, 0.025)),
-    "natural": Kind("listening.toml", {"scatter": SCATTER, "stones.drawn.size_m": [0.042, 0.058]}, (0.021, 0.029)),
-    "blocks": Kind("listening.toml", {"shapes": SHAPES, "stones.drawn.shapes": list(SHAPES),
-                                      "stones.agglomerate.contact": "faces"}, (0.025, 0.025)),
+    "clones": Kind(6, {}, (0.025, 0.025)),
+    "natural": Kind(3, {"scatter": SCATTER, "stones.drawn.size_m": [0.042, 0.058]}, (0.021, 0.029)),
+    "blocks": Kind(3, {"shapes": SHAPES, "stones.drawn.shapes": list(SHAPES), "stones.agglomerate.contact": "faces",
+                       "stones.drawn.rate_1_s": 40.0}, (0.025, 0.025)),
 }
 
 
-def engine_streams(out: Path, kinds: tuple[str, ...] = tuple(KINDS), ratios: tuple[float, ...] = RATIOS) -> Iterator[Row]:
+def engine_streams(out: Path, kinds: tuple[str, ...] = tuple(KINDS)) -> Iterator[Row]:
     for kind in kinds:
-        for number, ratio in enumerate(ratios):
+        for number, ratio in enumerate(RATIOS[:KINDS[kind].streams]):
             for known in (False, True):
                 yield Row({"kind": kind, "ratio": ratio, "known": known}, partial(heard, kind, ratio, number, known, out))
 
@@ -74,7 +75,7 @@ def engine_streams(out: Path, kinds: tuple[str, ...] = tuple(KINDS), ratios: tup
 def simulated(kind: str, ratio: float, seed: int, out: Path, until_s: float | None = None) -> Path:
     directory = out / "engine_streams" / f"{kind}_{seed}"
     if not (directory / "run.json").is_file():
-        run_scene(KINDS[kind].made(ratio, seed, until_s), KINDS[kind].scene, directory)
+        run_scene(KINDS[kind].made(ratio, seed, until_s), SCENE.name, directory)
     return directory
 
 
@@ -89,7 +90,7 @@ def record_of(directory: Path, out: Path) -> tuple[Channels, Floats]:
 
 @cache
 def plate_of(out: Path) -> PlateModel:
-    return learnt_by_taps(PlateModel.from_scene(SCENES / "listening.toml", TRUE_Hz), out / "engine_plate.json",
+    return learnt_by_taps(PlateModel.from_scene(SCENE, TRUE_Hz), out / "engine_plate.json",
                           np.random.default_rng(42))
 
 
@@ -126,8 +127,9 @@ def engine_streams_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     found = []
     for (kind, known), of in rows.groupby(["kind", "known"], sort=False):
         answered = of[of["refused"].fillna("") == ""]
-        off, inside = (answered["said"] - answered["right"]).abs(), answered["right"].between(answered["low"] - 1e-9, answered["high"] + 1e-9)
+        off = (answered["said"] - answered["right"]).abs()
+        inside = answered["right"].between(answered["low"] - 1e-9, answered["high"] + 1e-9)
         sure = np.maximum(answered["high"] - answered["said"], answered["said"] - answered["low"]) <= REACH
-        found.append({"kind": kind, "known": known, "streams": len(of), "answered": len(answered), "mean": off.mean(), "worst": off.max(),
-                      "inside": int(inside.sum()), "sure": int(sure.sum()), "silently_wrong": int((sure & (off > SILENT)).sum())})
+        found.append({"kind": kind, "known": known, "streams": len(of), "answered": len(answered),
+                      "mean": off.mean(), "worst": off.max(), "inside": int(inside.sum()), "sure": int(sure.sum()), "silently_wrong": int((sure & (off > SILENT)).sum())})
     return pd.DataFrame(found)

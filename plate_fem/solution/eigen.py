@@ -72,14 +72,23 @@ def eigenmodes(parts: list[Part], max_frequency_Hz: float) -> tuple[np.ndarray, 
     values = np.concatenate([of_part for _, of_part, _ in found])
     values[values < 1e-9 * limit] = 0.0  # rigid-body modes, zero but for rounding
     order = np.argsort(values, kind="stable")
-    vectors = sp.hstack([_placed(of_part, number, size) for number, _, of_part in found], format="csc")
-    return values[order], vectors[:, order]
+    return values[order], _ordered(found, order, size)
 
 
-def _placed(vectors: np.ndarray, number: np.ndarray, size: int) -> sp.csc_array:
-    """Return columns (size, n) that have the numbers of vectors (k, n) at the rows `number` (k,)."""
-    k, n = vectors.shape
-    return sp.csc_array((vectors.T.ravel(), np.tile(number, n), k * np.arange(n + 1, dtype=np.int32)), shape=(size, n))
+def _ordered(found: list[tuple[np.ndarray, np.ndarray, np.ndarray]], order: np.ndarray, size: int) -> sp.csc_array:
+    """Return as columns (size, n), in `order` (n,), the vectors (k, m) of all parts, with the rows (k,) and omega^2 of
+    each. They are taken out of `found` one by one, as they fill much of the memory."""
+    lengths = np.concatenate([np.full(vectors.shape[1], len(number)) for number, _, vectors in found])
+    start = np.append(0, np.cumsum(lengths[order])).astype(np.int32)
+    place = np.empty(len(order), int)
+    place[order] = start[:-1]  # of each vector as it was found
+    data, row, done = np.empty(start[-1]), np.empty(start[-1], np.int32), 0
+    while found:
+        number, _, vectors = found.pop(0)
+        for first, vector in zip(place[done:], vectors.T, strict=False):
+            data[first : first + len(number)], row[first : first + len(number)] = vector, number
+        done += vectors.shape[1]
+    return sp.csc_array((data, row, start), shape=(size, len(order)))
 
 
 def _count_below(part: Part, limit: float) -> int:

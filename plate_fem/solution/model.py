@@ -117,7 +117,8 @@ def residual_modes(model: PlateModel, kept: sp.csc_array, loads: sp.csr_array) -
     elements.rods.load_rows times model.expansion; the displacement of a rod's foot is a row of model.rod_force. Raises
     RuntimeError where a load has no response.
     """
-    projected = loads.T.toarray() - model.mass @ (kept @ (loads @ kept).toarray().T)
+    projected = loads.T.toarray()
+    projected -= model.mass @ (kept @ (kept.T @ projected))
     response = solve_static(model.parts, projected)
     response -= kept @ (kept.T @ (model.mass @ response))
     squares = np.einsum("ij,ij->j", response, model.mass @ response)

@@ -4,7 +4,6 @@ motion of modes under forces that are constant over each sample interval.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -16,7 +15,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import lfilter
 
 from common.files.cache import user_cache
-from common.files.whole import read_sealed_json, seal, write_text
+from common.files.whole import read_sealed_json, write_sealed_json
 from common.scene.plate import FlexiblePlate, read_plate
 from common.tables import InputError
 from plate_fem.elements.mesh import bending_wavenumber, choose_theory
@@ -155,7 +154,7 @@ class PlateModel:
         """Write a JSON file, sealed by its hash."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         lists = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
-        write_text(Path(file), json.dumps(seal({"format": FORMAT, **lists, "sensor_names": list(self.sensor_names)})))
+        write_sealed_json(Path(file), {"format": FORMAT, **lists, "sensor_names": list(self.sensor_names)})
 
     @classmethod
     def load(cls, file: str | Path) -> Self:

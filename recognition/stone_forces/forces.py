@@ -16,7 +16,6 @@ breaks depends on material and speed; a and e of broken stones are those of both
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -25,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from common.files.whole import read_sealed_json, seal, write_text
+from common.files.whole import read_sealed_json, write_sealed_json
 from common.tables import InputError
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
@@ -222,7 +221,7 @@ def _share(broke: NDArray[np.bool_], speed_m_s: Floats) -> Floats:
 def save_forces(forces: StoneForces, file: Path) -> None:
     """Write a JSON file, sealed by its hash."""
     values = {field.name: getattr(forces, field.name).tolist() for field in fields(StoneForces)}
-    write_text(file, json.dumps(seal({"format": FORMAT, **values})) + "\n")
+    write_sealed_json(file, {"format": FORMAT, **values})
 
 
 def load_forces(file: Path = SHIPPED) -> StoneForces:

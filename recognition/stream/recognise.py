@@ -214,7 +214,8 @@ class Ear:
         self.listener = Listener(bank, self.prior, Dictionary.of(bank, self.prior), self.first + begin)
         self.unheard = self.listener.unheard(self.told)
         self.before, self.values, self.first = known[:, :begin], self.values[:, begin:], self.first + begin
-        self.follows, self.loudest, self.lately = known.shape[1] - begin, abs(known).max(), list[Floats]()
+        self.follows = min(known.shape[1] - begin, 2 * self.followed)
+        self.loudest, self.lately = abs(known).max(), list[Floats]()
         self.gap, self.anew = max(self.quiet, round(GAP_S * RATE_Hz)), list[tuple[float, float]]()
         self.innovations = [self.whitening(self.before)]
         self.power = float(np.mean(self.innovations[0] ** 2))

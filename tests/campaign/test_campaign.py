@@ -21,10 +21,10 @@ STONE = ROOT / "scenes" / "hertz_coal.toml"
 COAL_N, GANGUE_N = 4261.6, 7646.3  # at 3 m/s
 
 
-def campaign_file(directory, **vary):
+def campaign_file(directory, scene=STONE, **vary):
     lines = "".join(f'"{key}" = {inline_toml(value)}\n' for key, value in vary.items())
     file = directory / "campaign.toml"
-    file.write_text(f'scene = "{STONE}"\n[vary]\n{lines}')
+    file.write_text(f'scene = "{scene}"\n[vary]\n{lines}')
     return file
 
 
@@ -46,32 +46,27 @@ def assert_hertz(out):
 
 
 def test_a_campaign_runs_what_is_missing_and_each_group_is_laid_out_as_a_sweep(tmp_path):
-    pytest.importorskip("snakemake")
-    out = tmp_path / "out"
-    first = run_campaign(campaign_file(tmp_path, **{"stones.gangue_ratio": [0.0]}), out)
-    assert first.returncode == 0 and "1 runs, 1 to run" in first.stdout, first.stderr
-    (first_run,) = out.glob("*/*/run.json")
-    before = first_run.stat().st_mtime_ns
-    again = run_campaign(campaign_file(tmp_path, **{"stones.gangue_ratio": [1.0, 0.0]}), out)
-    assert again.returncode == 0 and "2 runs, 1 to run" in again.stdout, again.stderr
-    assert_hertz(out)
-    assert sorted(p.name for p in first_run.parents[1].glob("ratio_*")) == ["ratio_000", "ratio_100"]
-    assert first_run.stat().st_mtime_ns == before
-
-
-def test_names_of_any_kind_reach_the_runs(tmp_path):
-    """Of the program, the scene and the directory: YAML, Python's braces and the shell would read them in their way."""
+    """Whatever program, scene and directory are called, also in YAML, in the braces of Python and in the shell."""
     pytest.importorskip("snakemake")
     here = tmp_path / "a: b #1 {x} $HOME 'q\"" / "-r"
     here.mkdir(parents=True)
     (here / "stone.toml").write_text(STONE.read_text())
-    (here / "campaign.toml").write_text('scene = "stone.toml"\n[vary]\n"stones.gangue_ratio" = [0.0]\n')
     (tmp_path / "e nv").symlink_to(sys.prefix)
-    python = tmp_path / "e nv" / "bin" / "python"
-    done = subprocess.run([python, "-m", "dem", "campaign", "campaign.toml", "--out=-out"], cwd=here,
-                          env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+
+    def run(*ratios):
+        campaign_file(here, "stone.toml", **{"stones.gangue_ratio": list(ratios)})
+        command = [tmp_path / "e nv" / "bin" / "python", "-m", "dem", "campaign", "campaign.toml", "--out=-out"]
+        return subprocess.run(command, cwd=here, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True,
+                              text=True, check=False)
+    first = run(0.0)
+    assert first.returncode == 0 and "1 runs, 1 to run" in first.stdout, first.stderr
+    (first_run,) = (here / "-out").glob("*/*/run.json")
+    before = first_run.stat().st_mtime_ns
+    again = run(1.0, 0.0)
+    assert again.returncode == 0 and "2 runs, 1 to run" in again.stdout, again.stderr
     assert_hertz(here / "-out")
+    assert sorted(p.name for p in first_run.parents[1].glob("ratio_*")) == ["ratio_000", "ratio_100"]
+    assert first_run.stat().st_mtime_ns == before
 
 
 def test_a_plan_holds_every_combination_once_and_repeats(tmp_path):

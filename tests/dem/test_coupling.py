@@ -200,14 +200,14 @@ def test_the_co_step_of_a_bonded_stone_is_short_enough(runs):
 
 
 @pytest.mark.parametrize("case, changes", [
-    ("a stone laid on the plate", {"stones.speed_m_s": 0.0, "stones.gap_m": 1e-7}),
-    ("a heavy sphere on a thin plate", {"stones.speed_m_s": 0.5, "plate.thickness_m": 0.002,
-                                        "plate.max_frequency_Hz": 5000.0, "materials.gangue.density_kg_m3": 20000.0}),
+    ("a stone laid on the plate", {"time.duration_s": 0.03, "stones.speed_m_s": 0.0, "stones.gap_m": 1e-7}),
+    ("a heavy sphere on a thin plate", {"time.duration_s": 0.012, "stones.speed_m_s": 0.5, "plate.thickness_m": 0.002,
+                                        "plate.max_frequency_Hz": 3000.0, "materials.gangue.density_kg_m3": 20000.0}),
 ])
 def test_lasting_contact_stays_stable(runs, case, changes):
     """Under gravity the sphere stays on the plate; nothing but the fall supplies energy."""
     scene = changed("elastic_plate", {
-        "time.duration_s": 0.03, "time.gravity_m_s2": 9.8, "plate.damping_ratio": 0.02,
+        "time.gravity_m_s2": 9.8, "plate.damping_ratio": 0.02,
         "contacts.gangue_plate": {"restitution": 0.5, "friction": 0.0}} | changes)
     directory = runs / case.replace(" ", "_")
     summary = run_scene(scene, case, directory)

@@ -5,6 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from scenes_of_tests import changed
+from scipy.spatial import cKDTree
 from scipy.stats import weibull_min
 
 from common.tables import InputError
@@ -59,8 +60,7 @@ def test_the_field_is_of_place_and_seed_whatever_the_packing():
     other = bonds_of(900, **{"stones.seed": 5})
 
     def differ(one, two):
-        apart = np.linalg.norm(one[0][:, None] - two[0], axis=2)
-        near, here = np.nonzero(apart < 1e-3)
+        near, here = cKDTree(one[0]).sparse_distance_matrix(cKDTree(two[0]), 1e-3, output_type="coo_matrix").coords
         assert len(near) > 100
         return np.std(one[1][near] - two[1][here])
 

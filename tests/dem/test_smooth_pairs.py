@@ -215,7 +215,7 @@ def test_stones_that_pass_each_other_closely_stay_in_free_flight(tmp_path):
 def test_two_ranks_find_the_same(tmp_path):
     found = []
     for ranks in (1, 2):
-        rows, _ = ran(tmp_path / str(ranks), COAL, 4, 0.3, ranks, **of_all(0.7, 0.4))
+        rows, _ = ran(tmp_path / str(ranks), COAL, 4, 0.3, ranks, **of_all(0.7, 0.4), **{"time.duration_s": 1.5e-4})
         c = rows.column
         assert left_over(rows) < 3e-5  # of first order in the time step, twice this, if looks forget half a step
         found.append(np.concatenate([c[name].sum(axis=1) for name in ("kinetic_J", "pair_elastic_J", "friction_J", "pair_damped_J")]))

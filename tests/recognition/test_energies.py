@@ -73,8 +73,8 @@ def test_ratio_interval_and_warning():
     method = FeatureRegression("energies_sensors")
     method.fit(np.stack([method.prepare(s) for s in signals]), y)
     method = decode(encode(method), FeatureRegression)
-    like = method.answer([method.prepare(s)[:1] for s in records(200, 4)[0]])  # that have no noise
-    true = records(200, 4)[1]
+    others, true = records(200, 4)
+    like = method.answer([method.prepare(s)[:1] for s in others])  # that have no noise
     assert np.abs([r.ratio - b for r, b in zip(like, true, strict=True)]).mean() < 0.02
     assert 0.83 < np.mean([r.low <= b <= r.high for r, b in zip(like, true, strict=True)]) < 0.97
     assert np.mean([r.out_of_distribution != "" for r in like]) < 0.02

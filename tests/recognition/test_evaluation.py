@@ -98,7 +98,7 @@ def synthetic_set(tmp_path_factory, monkeypatch_module):
 
 
 def test_evaluation_csv(synthetic_set):
-    path = write_evaluation(read_dataset(synthetic_set), synthetic_set, only("energy_fusion_modified", "rms_line"))
+    path = write_evaluation(read_dataset(synthetic_set), synthetic_set, only("rms_line"))
     found = pd.read_csv(path, comment="#")
     assert list(found.columns[:9]) == ["method", "held_out", "noise_db", "n", "mean_abs_error_points", "p95_points",
                                        "worst_points", "bias_points", "coverage_90"]

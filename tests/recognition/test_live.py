@@ -159,13 +159,13 @@ def test_a_socket_that_nobody_opened_ends_in_one_line(few_modes, capsys):
 
 @pytest.fixture(scope="module")
 def pause(plate, histories):
-    """Thirty stones, two seconds of silence, thirty stones; the sample where the silence begins, and the truth."""
+    """Fifteen stones, two seconds of silence, fifteen stones; the sample where the silence begins, and the truth."""
     rng = np.random.default_rng(12)
-    truth = draw_stones(histories, 60, 20.0, 0.2, 0.5, rng)
-    later_s = np.where(np.arange(60) < 30, 0.0, 2.0)
+    truth = draw_stones(histories, 30, 20.0, 0.2, 0.5, rng)
+    later_s = np.where(np.arange(30) < 15, 0.0, 2.0)
     truth = truth.assign(t_s=truth["t_s"] + later_s, centre_s=truth["centre_s"] + later_s)
     values = stream_of(plate, CHANNELS, histories, truth, RATE_Hz, None, rng).values
-    return values, round((truth["t_s"][29] + 0.2) * RATE_Hz), truth
+    return values, round((truth["t_s"][14] + 0.2) * RATE_Hz), truth
 
 
 def in_noise(values, begins, kind, level):
@@ -187,7 +187,7 @@ def test_noise_that_changes_is_learnt_in_a_pause(plate, forces, pause, kind, lev
     values, begins, truth = pause
     events, live = told(plate, forces, in_noise(values, begins, kind, level))
     (learnt,) = [one for one in events if one["event"] == "noise learnt"]
-    assert begins / RATE_Hz < learnt["t_s"] < truth["t_s"][30] and (learnt["change"] > 1) == (level > 1)
+    assert begins / RATE_Hz < learnt["t_s"] < truth["t_s"][15] and (learnt["change"] > 1) == (level > 1)
     stones = pd.DataFrame([one for one in events if one["event"] == "stone"])
     off_s = stones["t_s"].map(lambda t_s: abs(truth["t_s"] - t_s).min())
     assert len(stones) >= len(truth) - 2 and off_s.max() < 1e-4 and not live.reason

@@ -27,7 +27,7 @@ WIDTHS = pytest.mark.parametrize("width", [1200, 390])
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory):
     """Directory of a sweep with pictures that counts as the paper's, its report, and sub-spheres of the 50 % run."""
-    path = write_sweep(tmp_path_factory.mktemp("browser") / "paper", ratios=(0.0, 0.2, 0.5, 0.8, 1.0))
+    path = write_sweep(tmp_path_factory.mktemp("browser") / "paper", ratios=(0.0, 0.2, 0.5, 1.0))
     networks = {ratio: write_view(path / f"ratio_{ratio}") for ratio in ("020", "050")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report.page, "are_papers", lambda runs: True)

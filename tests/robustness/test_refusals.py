@@ -345,14 +345,15 @@ def write_limit(number_of_bytes, program, *arguments):
 
 
 def test_a_disk_that_is_full_when_a_model_or_a_report_is_written(tmp_path):
-    sweep = write_sweep(tmp_path / "sweep", ratios=(0.0, 0.3, 0.5, 0.7, 1.0))
-    for arguments in [("recognition", "fit", sweep, "--out", tmp_path / "model.json"), ("report", sweep)]:
+    sweep = write_sweep(tmp_path / "sweep", ratios=(0.0, 0.3, 0.7, 1.0))
+    run = sweep / "ratio_030"
+    for arguments in [("recognition", "fit", sweep, "--out", tmp_path / "model.json"), ("report", run)]:
         done = write_limit(1000, *arguments)
         told = (line for line in done.stderr.splitlines() if "Matplotlib" not in line and "mpl" not in line.lower())
         # The cache may tell it too.
         lines = [line for line in told if "not kept for later runs" not in line and "_write(" not in line]
         assert done.returncode == 1 and len(lines) == 1 and "File too large" in lines[0], done.stderr
-    assert not (tmp_path / "model.json").exists() and not (sweep / "report.html").exists()
+    assert not (tmp_path / "model.json").exists() and not (run / "report.html").exists()
     assert not list(tmp_path.rglob("*.part"))
 
 

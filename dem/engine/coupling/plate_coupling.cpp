@@ -79,6 +79,7 @@ void PlateCoupling::predict(const NearSphere &p, Site &site) {
 }
 
 // The mode shapes at a place: from the grid where the site has none near by, else along the slopes of those it has.
+__attribute__((target_clones("avx2", "default")))
 void PlateCoupling::take_shape(double x, double y, Site &site) const {
   const int n = shapes_.numbers();
   double dx = x - site.taken_x, dy = y - site.taken_y;
@@ -90,6 +91,7 @@ void PlateCoupling::take_shape(double x, double y, Site &site) const {
     site.taken_x = x, site.taken_y = y;
     dx = dy = 0;
   }
+#pragma omp simd
   for (int k = 0; k < n; k++) shape[k] = taken[k] + dx * by_x[k] + dy * by_y[k];
   site.x = x, site.y = y;
 }

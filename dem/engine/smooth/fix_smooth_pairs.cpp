@@ -293,10 +293,17 @@ void FixSmoothPairs::press(Single &s) {
 }
 
 void FixSmoothPairs::feel(int tag, const Vec &force, const Vec &torque) {
-  const int i = here(tag);
-  if (i < 0) return;
-  Felt &felt = felt_[tag];
-  felt.force += force, felt.torque += torque;
+  if (here(tag) >= 0) felt_.push_back({tag, force, torque});
+}
+
+// What one sub-sphere feels of several contacts becomes one, in the order in which it was felt.
+void FixSmoothPairs::add_up_felt() {
+  std::stable_sort(felt_.begin(), felt_.end(), [](const Felt &a, const Felt &b) { return a.tag < b.tag; });
+  size_t n = 0;
+  for (const Felt &felt : felt_)
+    if (n > 0 && felt_[n - 1].tag == felt.tag) felt_[n - 1].force += felt.force, felt_[n - 1].torque += felt.torque;
+    else felt_[n++] = felt;
+  felt_.resize(n);
 }
 
 void FixSmoothPairs::hand_out() {
@@ -320,8 +327,9 @@ void FixSmoothPairs::hand_out() {
       if (const double sign = k == 0 ? -1 : 1; s.elastic > 0)
         feel(static_cast<int>(s.tag[k]), sign * ((s.elastic + s.dashpot) * s.normal - s.across),
              cross(s.arm(k), -sign * s.across));
-  for (const auto &[tag, felt] : felt_) {
-    const int i = here(tag);
+  add_up_felt();
+  for (const Felt &felt : felt_) {
+    const int i = here(felt.tag);
     (Vec(atom->f[i]) + felt.force).to(atom->f[i]);
     (Vec(atom->torque[i]) + felt.torque).to(atom->torque[i]);
   }
@@ -337,10 +345,10 @@ void FixSmoothPairs::add_half() {
       if (const int i = here(m.tag); i >= 0) v += m.weight * Vec(atom->v[i]);
     return v;
   };
-  for (const auto &[tag, felt] : felt_) {
-    const int i = here(tag);
+  for (const Felt &felt : felt_) {
+    const int i = here(felt.tag);
     if (i < 0) continue;
-    books_.work[agglomerate_of(tag)] += half_dt * (dot(felt.force, Vec(atom->v[i])) + dot(felt.torque, Vec(atom->omega[i])));
+    books_.work[agglomerate_of(felt.tag)] += half_dt * (dot(felt.force, Vec(atom->v[i])) + dot(felt.torque, Vec(atom->omega[i])));
   }
   for (const Pair &p : pairs_)
     for (int k = 0; k < 2; k++) {
@@ -398,8 +406,8 @@ void FixSmoothPairs::save(CheckpointWriter &out) {
     }
   }
   append_bytes(row, singles_.data(), singles_.size());
-  for (const auto &[tag, f] : felt_)
-    felt.insert(felt.end(), {tag + 0.0, f.force.x, f.force.y, f.force.z, f.torque.x, f.torque.y, f.torque.z});
+  for (const Felt &f : felt_)
+    felt.insert(felt.end(), {f.tag + 0.0, f.force.x, f.force.y, f.force.z, f.torque.x, f.torque.y, f.torque.z});
   for (const auto &[i, j] : taken_) taken.insert(taken.end(), {i + 0.0, j + 0.0});
   agglomerates_->each_near_tag([&](int tag) {
     if (is_paired_[agglomerates_->of_tag(tag)]) piece.insert(piece.end(), {tag + 0.0, piece_then_[tag] + 0.0});
@@ -446,7 +454,8 @@ void FixSmoothPairs::restore(const CheckpointReader &in) {
   felt_.clear();
   const std::vector<double> &felt = in.rows("pairs_felt", 7);
   for (size_t k = 0; k < felt.size(); k += 7)
-    if (here(static_cast<int>(felt[k])) >= 0) felt_[static_cast<int>(felt[k])] = {Vec(&felt[k + 1]), Vec(&felt[k + 4])};
+    feel(static_cast<int>(felt[k]), Vec(&felt[k + 1]), Vec(&felt[k + 4]));
+  add_up_felt();
   const size_t n = books_.work.size();
   books_ = {in.sum("pairs_work", n), in.sum("pairs_damped", n), in.sum("pairs_released", n), in.sum("pairs_plastic", n),
             in.sum("pairs_friction", n)};

@@ -104,6 +104,7 @@ class FixSmoothPairs : public Fix, public Checkpointed, public EnergyHolder, pub
     Vec arm(int k) const { return 0.5 * (k == 0 ? 1 : -1) * distance * normal; }
   };
   struct Felt {
+    int tag;
     Vec force, torque;
   };
   struct Books {               // so far, by agglomerate, J
@@ -119,7 +120,7 @@ class FixSmoothPairs : public Fix, public Checkpointed, public EnergyHolder, pub
   std::vector<int> type_;                     // of each agglomerate
   std::vector<Pair> pairs_;
   std::vector<Single> singles_;
-  std::map<int, Felt> felt_;                  // by tag, of this rank, at the last step
+  std::vector<Felt> felt_;                    // one a tag, by tag, of this rank, at the last step
   Books books_;
   std::set<std::pair<int, int>> taken_;       // pieces whose pairs of sub-spheres are not in the list of neighbours
   std::vector<int> piece_then_;               // by tag, at the last look
@@ -168,6 +169,7 @@ class FixSmoothPairs : public Fix, public Checkpointed, public EnergyHolder, pub
   void press(Single &);
   void hand_out();
   void feel(int tag, const Vec &force, const Vec &torque);
+  void add_up_felt();
   void add_half();
 };
 
