@@ -98,7 +98,7 @@ def test_a_face_that_is_not_parallel_presses_with_its_sub_spheres(tmp_path, cube
 
 
 def test_energy_of_cubes_that_slide_break_and_are_damped(tmp_path, cube_file):
-    scene = cube(cube_file, 300, Rotation.from_euler("y", 0.004), 0.9, 0.4, 4.0, {"speed_m_s": None, "velocity_m_s": [1.5, 0.0, -4.0]},
+    scene = cube(cube_file, 300, Rotation.from_euler("y", 0.004), 0.9, 0.4, 4.0, {"velocity_m_s": [1.5, 0.0, -4.0]},
                  **{"stones.agglomerate.unbreakable": False, "time.duration_s": 9e-4})
     found = run_scene(scene, "scene", tmp_path / "run")
     energy = found["energy"]

@@ -26,7 +26,7 @@ FALLS_OFF = {"place_m": [0.24, 0.0], "velocity_m_s": (1.0, 0.1, -SPEED)}
 
 
 def scene_of(each, duration_s, **changes):
-    """Equal stones one by one on a rigid plate."""
+    """Stones of one size one by one on a rigid plate."""
     one = {"material": "coal", "radius_m": 0.01}
     old = ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order", "gangue_ratio")
     return changed("single", {
@@ -88,7 +88,7 @@ def test_a_stone_of_a_stream_pushes_as_alone_and_as_at_the_start(tmp_path):
 def left(tmp_path_factory):
     """Two stones fall off the plate, one breaks on it and one is still to come at the end."""
     directory = tmp_path_factory.mktemp("left") / "deck"
-    each = [FALLS_OFF, FALLS_OFF | {"arrival_s": 0.07}, {"place_m": [0.0, 0.0], "velocity_m_s": 3.0},
+    each = [FALLS_OFF, FALLS_OFF | {"arrival_s": 0.07}, {"place_m": [0.0, 0.0], "velocity_m_s": 6.0},
             {"place_m": [0.1, 0.1], "velocity_m_s": SPEED, "arrival_s": 1.0}]
     scene = scene_of(each, 0.21, **{"stones.agglomerate.unbreakable": False})
     return engine_run(directory, scene, CHECKPOINTS), directory
