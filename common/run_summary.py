@@ -39,7 +39,6 @@ class RecordedStones(Recorded):
 
     count: int | None = None
     radius_m: float | None = None
-    circle_radius_m: float | None = None
     positions_m: list[list[float]] | None = None  # x, y
     speed_m_s: float | None = None
     gangue_order: list[int] | None = None
@@ -70,15 +69,18 @@ class RecordedRod(Recorded):
 class RecordedPlate(RecordedMaterial):
     """`[plate]` of the scene (common/scene/plate.py) as far as it is recorded."""
 
-    model: str | None = None
-    length_m: float | None = None
-    width_m: float | None = None
+    size_m: list[float] | None = None
     thickness_m: float | None = None
     tilt_deg: float = 0.0
     damping_ratio: float | None = None
     max_frequency_Hz: float | None = None
     rods: list[RecordedRod] | None = None
     wall_height_m: dict[Edge, float] = {}
+
+    @property
+    def is_rigid(self) -> bool:
+        """Is there a plate, and does it not bend?"""
+        return self.size_m is not None and self.thickness_m is None
 
 
 class RecordedScene(Recorded):

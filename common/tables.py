@@ -21,16 +21,26 @@ from common.input_error import (
 MOST_TOML_BYTES = 10e6  # the shipped scenes have some kB
 #: What says the same as keys of earlier versions.
 INSTEAD = {
+    "circle_radius_m": "positions_m = RADIUS",
+    "count": "stones.count",
+    "elongation": "extent_ratios = [elongation, flatness]",
+    "file": "shapes.NAME = \"FILE\"",
+    "flatness": "extent_ratios = [elongation, flatness]",
     "gangue_by": "a rate for a share by mass, count for one by number",
+    "length_m": "size_m = [x, y]",
+    "model": "thickness_m and damping_ratio of a plate that bends, neither of one that does not move",
     "output": "time.view_interval_s, which takes each impact every 20 us",
     "poisson_ratio": "that of the plate or of the material",
     "pressure_threshold_Pa": "pressure_strengthening, from any pressure on",
     "point_supports": "edges, or short rods",
     "rosin_rammler": "rosin_rammler_m, exponent and within = [least, most]",
+    "seed": "stones.seed",
+    "speed_m_s": "velocity_m_s = SPEED, straight down",
     "strength_factor": "scatter.strength_factor, or a material of its own",
     "uniform": "[least, most] alone",
     "value": "a number alone",
     "walls": "plate.wall_height_m = { EDGE = height }",
+    "width_m": "size_m = [x, y]",
     "x_m": "place_m = [x, y]",
     "y_m": "place_m = [x, y]",
 }
@@ -155,13 +165,7 @@ def _adapter(model_class: Any) -> TypeAdapter[Any]:
 def _describe(mistake: Mapping[str, Any], data: Any, where: str) -> str:
     kind, context = mistake["type"], mistake.get("ctx", {})
     keys, value = _key_path(mistake["loc"], data, keep_last=kind == "missing")
-    if kind == "union_tag_not_found":
-        keys, kind = [*keys, context["discriminator"].strip("'")], "missing"
-    elif kind == "union_tag_invalid":
-        tag = context["discriminator"].strip("'")
-        keys, value = [*keys, tag], context["tag"]
-        allowed = f"must be one of {context['expected_tags']}"
-    elif kind == "value_error" and isinstance(context["error"], Refused):
+    if kind == "value_error" and isinstance(context["error"], Refused):
         refused = context["error"]
         keys, value, allowed = [*keys, refused.key], refused.value, refused.allowed
     else:

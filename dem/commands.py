@@ -128,7 +128,7 @@ def plate(scene_file: Path, out: Path, gangue_ratio: float | None = None, change
     """Be the plate of the deck in `out`, whose engine somebody starts, stops and debugs by hand."""
     prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache(), True)
     if not prepared.flexible:
-        raise InputError(f"{scene_file}: plate.model = 'rigid': only a flexible plate takes part in a run")
+        raise InputError(f"{scene_file}: plate.thickness_m is missing: only a plate that bends takes part in a run")
     participant, directory = participant_of(prepared), out / "deck"
     with participant.connected(directory):
         participant.take_part(directory, lambda: True, lambda dem_step: None)

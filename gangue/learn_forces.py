@@ -60,7 +60,7 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
     refuse_limits(radius_m, speed_m_s)
     check_engine()
     plate = read_plate(scene_file)
-    places = INNER / 2 * np.array([plate.length_m, plate.width_m])
+    places = INNER / 2 * np.array(plate.size_m)
     scenes = [changed_scene(scene_file, alone(k % 2 == 1, FIRST_SEED + k, *values)) for k, values in
               enumerate(_spread(stones, radius_m, speed_m_s, places))]
     directory, failed = out.with_suffix(""), dict[str, str]()

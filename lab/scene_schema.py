@@ -62,17 +62,17 @@ def _for_editors(name: str, key: Node) -> Node:
     if "description" not in key:
         raise ValueError(f"{name}: needs a meaning, Annotated[..., about(\"...\")]")
     choices = [choice for choice in key.pop("anyOf", []) if choice.get("type") != "null"]
-    assert len(choices) <= 1, name
-    key = {**(choices[0] if choices else {}), **key}
+    key = {**(choices[0] if len(choices) == 1 else {"oneOf": choices} if choices else {}), **key}
     key.pop("title", None)
     key.pop("discriminator", None)
     if key.get("default", ...) is None:
         del key["default"]
-    inner: Node | None = key
-    while inner is not None:
+    lists = [key, *key.get("oneOf", [])]
+    while lists:
+        inner = lists.pop()
         if "prefixItems" in inner:  # as draft 7 has it; all are alike
             inner["items"] = inner.pop("prefixItems")[0]
-        inner = inner.get("items")
+        lists += [inner["items"]] if "items" in inner else []
     if key.get("$ref", "").endswith("/Distribution"):
         key["oneOf"] = [{"type": "number"}, PAIR, {"$ref": key.pop("$ref")}]
         if "default" in key:
@@ -122,12 +122,12 @@ def _tables(schema: Node, table: Node, path: str, note: str = "") -> Iterator[tu
     for name, key in table["properties"].items():
         here = f"{path}.{name}" if path else name
         for kind, inner in _inside(key):
-            target = schema["definitions"][inner["$ref"].rsplit("/", 1)[1]]
+            named = inner["$ref"].rsplit("/", 1)[1]
+            target = schema["definitions"][named]
             if kind == "list":
                 yield f"`[[{here}]]`", target
             else:
-                model = target["properties"].get("model", {}).get("const")
-                said = f" with `model = \"{model}\"`" if model else ""
+                said = {"FlexiblePlate": " that bends", "RigidPlate": " that does not move"}.get(named, "")
                 yield from _tables(schema, target, here + kind, said)
 
 
@@ -142,7 +142,7 @@ def _inside(key: Node) -> list[tuple[str, Node]]:
     if "$ref" in key.get("items", {}):
         return [("list", key["items"])]
     named = [*key.get("patternProperties", {}).values(), key.get("additionalProperties")]
-    named = [table["anyOf"][-1] if isinstance(table, dict) and "anyOf" in table else table for table in named]
+    named = [next(one for one in table["anyOf"] if "$ref" in one) if isinstance(table, dict) and "anyOf" in table else table for table in named]
     return [(".NAME", table) for table in named if isinstance(table, dict) and "$ref" in str(table)]
 
 
@@ -166,6 +166,8 @@ def _allowed(key: Node) -> str:
         return f"table: {_allowed(key['additionalProperties'])} by {_allowed({'enum': key['propertyNames']['enum']})}"
     if _inside(key):
         return "table" if "allOf" in key or "oneOf" in key else "tables"
+    if "oneOf" in key:
+        return " or ".join(map(_allowed, key["oneOf"]))
     if "const" in key:
         return "as the table's title says"
     if "enum" in key:

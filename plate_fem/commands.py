@@ -11,7 +11,7 @@ from common.files.export import export, refuse_export
 from common.files.output_directory import is_stamped, refuse_file, stamped
 from common.process.messages import told
 from common.result import Result
-from common.scene.plate import read_plate
+from common.scene.plate import FlexiblePlate, read_plate
 from common.tables import InputError, refused_in
 from plate_fem.modes import PlateModes, plate_modes
 
@@ -40,8 +40,8 @@ def modes(scene_file: Path, out: Path | None = None) -> ModesResult:
     Raises InputError for a scene that cannot be read, or whose plate is rigid or has no `max_frequency_Hz`.
     """
     plate = read_plate(scene_file)
-    if plate.model == "rigid":
-        raise InputError(f"{scene_file}: plate.model = 'rigid': must be 'flexible' to have modes")
+    if not isinstance(plate, FlexiblePlate):
+        raise InputError(f"{scene_file}: plate.thickness_m is missing: must be given for a plate with modes")
     if plate.max_frequency_Hz is None:
         raise InputError(f"{scene_file}: plate.max_frequency_Hz is missing: it must be given to list modes without "
                          "stones")

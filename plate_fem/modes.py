@@ -160,7 +160,7 @@ def plate_modes(
     Raises ValueError for a table without `max_frequency_Hz`, and Refused for one with too many cells or modes, or
     whose numbers are so extreme that they cannot be found.
 
-    >>> plate = FlexiblePlate(model="flexible", length_m=1.0, width_m=1.0, thickness_m=0.01, edges="simply_supported",
+    >>> plate = FlexiblePlate(size_m=(1.0, 1.0), thickness_m=0.01, edges="simply_supported",
     ...     density_kg_m3=7830.0, youngs_modulus_Pa=2.07e11, poisson_ratio=0.3, damping_ratio=0.0, max_frequency_Hz=60)
     >>> exact_Hz = np.pi * np.sqrt(2.07e11 * 0.01**2 / (12 * (1 - 0.3**2) * 7830.0))
     >>> bool(abs(plate_modes(plate).frequency_Hz[0] / exact_Hz - 1) < 2e-3)
@@ -175,8 +175,8 @@ def plate_modes(
             modes = _compute(plate, points, cache_dir)
         except (RuntimeError, np.linalg.LinAlgError) as error:  # of a factor, or of the eigensolver
             why = " ".join(str(error).split())
-            raise Refused("model", plate.model, f"its modes cannot be found ({why}): stiffness, density and size of "
-                          "plate and rods must be less extreme") from error
+            raise Refused("thickness_m", plate.thickness_m, f"modes cannot be found ({why}): stiffness, density and "
+                          "size of plate and rods must be less extreme") from error
         return {name: getattr(modes, name) for name in names}
 
     stored = cached(cache_dir, "modes", table_hash(plate, points), find)
@@ -227,7 +227,7 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     model = replace(model)  # without the factors of its parts, which nothing needs any more
     of_columns = zip(*(_shapes_of(model, columns) for columns in chain(vectors, residual)), strict=True)
     nodal, rod_force, surface_stress, lateral = (np.concatenate(of_all, axis=-1) for of_all in of_columns)
-    system, area = model.system, plate.length_m * plate.width_m
+    system, area = model.system, float(np.prod(plate.size_m))
     return PlateModes(
         frequency_Hz=np.sqrt(omega_squared) / (2 * np.pi),
         damping_ratio=np.full(len(omega_squared), plate.damping_ratio),

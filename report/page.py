@@ -385,7 +385,7 @@ def assumptions(sweep: Sweep) -> list[str]:
 
 
 def _with_value(line: str, scene: dict[str, Any]) -> str:
-    """Return `plate.length_m` as `plate.length_m = 0.5`, and any line that is no single value of the scene as it is."""
+    """Return `plate.tilt_deg` as `plate.tilt_deg = 20.0`, and what is no single value of the scene as it is."""
     value = scene
     for key in line.split("."):
         if not isinstance(value, dict) or key not in value:

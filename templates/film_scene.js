@@ -263,7 +263,7 @@ film.Scene = class {
 film.ground = () => getComputedStyle(document.documentElement).getPropertyValue("--ground").trim().match(/[0-9a-f]{2}/g)
   .map((part) => parseInt(part, 16) / 255);
 
-film.halfSides = (plate) => [(plate.length || 0.5) / 2, (plate.width || 0.5) / 2];
+film.halfSides = (plate) => (plate.size || [0.5, 0.5]).map((side) => side / 2);
 
 film.rod = function (rod, thickness) {
   const sides = 20, radius = (rod.diameter_m || 0.02) / 2, top = -thickness, points = [], tint = [], triangles = [];

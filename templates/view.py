@@ -112,7 +112,7 @@ def show_walls(view):
 def look(view):
     """From aside, upright where the plate is tilted, and as near as shows the plate on its rods whole."""
     plate = json.loads((HERE.parent / "run.json").read_text())["scene"]["plate"]
-    lean, (x, y) = math.radians(plate.get("tilt_deg", 0.0)), (plate["length_m"] / 2, plate["width_m"] / 2)
+    lean, (x, y) = math.radians(plate.get("tilt_deg", 0.0)), (side / 2 for side in plate["size_m"])
     low = -max([plate.get("thickness_m", 0.0) + rod["length_m"] for rod in plate.get("rods") or []], default=0.0)
     middle, radius = (0.0, 0.0, (low + 0.3 * max(x, y)) / 2), math.hypot(x, y, (0.3 * max(x, y) - low) / 2)
 

@@ -53,11 +53,11 @@ def test_a_changed_key_of_any_table_leaves_the_others_as_the_base_has_them(tmp_p
 
 
 def test_a_way_of_saying_what_falls_takes_the_place_of_the_bases(tmp_path):
-    each = '[[stones.each]]\nmaterial = "coal"\nradius_m = 0.02\nplace_m = [0.0, 0.0]\nspeed_m_s = 1.0\n'
+    each = '[[stones.each]]\nmaterial = "coal"\nradius_m = 0.02\nplace_m = [0.0, 0.0]\nvelocity_m_s = 1.0\n'
     scene = read_scene(written(tmp_path, f'base = "paper.toml"\nname = "x"\n{each}'))
     assert scene.stones.count is None and len(stones_of(scene, "x")) == 1
-    over = read_scene(written(tmp_path, 'base = "scene.toml"\nname = "y"\n[stones.drawn]\ncount = 2\nsize_m = 0.02\n'
-                                        "speed_m_s = 1.0\n[stones]\ngangue_ratio = 0.5\n", "over.toml"))
+    over = read_scene(written(tmp_path, 'base = "scene.toml"\nname = "y"\n[stones.drawn]\nsize_m = 0.02\n'
+                                        "speed_m_s = 1.0\n[stones]\ncount = 2\ngangue_ratio = 0.5\n", "over.toml"))
     assert over.stones.each is None and len(stones_of(over, "y")) == 2
 
 

@@ -49,7 +49,7 @@ MISTAKES = [
     (("time", "duration_s"), 0.0), (("time", "duration_s"), "long"),
     (("materials", "Coal"), PAPER["materials"]["coal"]),
     (("materials", "coal", "youngs_modulus_Pa"), 1e6), (("materials", "coal", "bond", "friction_angle_deg"), 90.0),
-    (("contacts", "coal_coal", "restitution"), 0.05), (("plate", "model"), "soft"), (("plate", "poisson_ratio"), 0.5),
+    (("contacts", "coal_coal", "restitution"), 0.05), (("plate", "model"), "rigid"), (("plate", "poisson_ratio"), 0.5),
     (("plate", "rods", 0, "length"), 1.0), (("plate", "sensors", 0, "name"), "a b"), (("time", "view"), 1e-3),
     (("engine", "np"), 257), (("name",), "../paper"), (("tolerance",), 0.2), (("stones", "unbreakable"), True),
 ]  # fmt: skip

@@ -135,7 +135,7 @@ def read_run(path: str | Path) -> Run:
     info = _read_info(path)
     if info.get("status") != "finished":
         raise RecordError(f"{path}/run.json: status = {info.get('status')!r}; needs 'finished'")
-    rigid = _summary(info, path).scene.plate.model == "rigid"
+    rigid = _summary(info, path).scene.plate.is_rigid
     signals = read_table(path / "signals.parquet")
     needed = ("t_s", "force_N") if rigid else ("t_s", *RESPONSES, "force_N")  # a rigid plate has no responses
     missing = [name for name in needed if name not in signals.columns]
@@ -230,7 +230,8 @@ def _expected(path: Path, runs: list[Run]) -> list[float]:
         rows = pd.read_csv(plan, dtype=str)
         own = rows[rows["place"].str.startswith(f"{path.resolve().name}/")]
         return sorted({float(ratio) for ratio in own.get("stones.gangue_ratio", [])})
-    count = runs[0].scene.stones.count
+    stones = runs[0].scene.stones
+    count = stones.count if stones.radius_m else None  # of a volley
     return [k / count for k in range(count + 1)] if count and len(runs) > 1 else []
 
 

@@ -145,15 +145,6 @@ def peak(
     return Peak(d, float(stiffness * d**1.5))
 
 
-def ring_positions_m(count: int, circle_radius_m: float) -> np.ndarray:
-    """Return the positions (count, 2) of particles at equal angles on a circle about the plate's centre.
-
-    The first lies on the axis A-B, along which the paper measures x and L (Figure 7).
-    """
-    angle = 2 * np.pi * np.arange(count) / count
-    return circle_radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
 def materials_in_order(gangue_count: int, order: list[int]) -> list[str]:
     """Return the material at each position: gangue at the first `gangue_count` of `order` (1-based), else coal."""
     gangue = set(order[:gangue_count])
@@ -224,10 +215,7 @@ def places_of(run: Run) -> np.ndarray:
     stones = run.scene.stones
     if run.stones is not None:
         return run.stones[["place_x_m", "place_y_m"]].to_numpy(dtype=float)
-    if stones.positions_m:
-        return np.array(stones.positions_m, dtype=float)
-    return ring_positions_m(_given(run, "stones.count", stones.count),
-                            _given(run, "stones.circle_radius_m", stones.circle_radius_m))
+    return np.array(_given(run, "stones.positions_m", stones.positions_m), dtype=float)
 
 
 def _given(run: Run, key: str, value: Given | None) -> Given:

@@ -40,8 +40,8 @@ def modes_of(run: Run) -> PlateModes:
 def flexible_plate(run: Run) -> FlexiblePlate:
     """Return the table of the run's plate. Raises RecordError if the scene has no flexible one."""
     plate = run.scene.plate
-    if plate.model != "flexible":
-        raise RecordError(f"{run.path}/run.json: scene.plate.model = {plate.model!r}; needs 'flexible'")
+    if plate.thickness_m is None:
+        raise RecordError(f"{run.path}/run.json: scene.plate.thickness_m = None; needs that of a plate that bends")
     if plate.max_frequency_Hz is None:
         raise RecordError(f"{run.path}/run.json: scene.plate.max_frequency_Hz = None; needs the run's own")
     try:

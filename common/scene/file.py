@@ -27,9 +27,9 @@ def scene_tables(path: str | Path, through: tuple[Path, ...] = (), sought: str =
     if isinstance(materials, dict):
         data["materials"] = {key: _material(Path(path), key, value, sought) if isinstance(value, str) else value
                              for key, value in materials.items()}
-    for table in shapes.values() if isinstance(shapes, dict) else ():
-        if isinstance(table, dict) and isinstance(table.get("file"), str):
-            table["file"] = str((Path(path).parent / table["file"]).resolve())
+    if isinstance(shapes, dict):
+        data["shapes"] = {key: str((Path(path).parent / value).resolve()) if isinstance(value, str) else value
+                          for key, value in shapes.items()}
     return data
 
 
@@ -55,16 +55,13 @@ def _with_base(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
 
 
 def _make_way(under: Any, over: Any) -> None:
-    """Another way of saying what falls takes the place of the base's, and one of saying where of the other."""
+    """Another way of saying what falls takes the place of the base's."""
     if not isinstance(under, dict) or not isinstance(over, dict):
         return
-    if any(way in over for way in WAYS):
-        for key in (*ONLY_VOLLEY, *WAYS, *(["gangue_ratio"] if "each" in over else [])):
+    if any(way in over and way not in under for way in WAYS):
+        for key in ("count", *ONLY_VOLLEY, *WAYS, *(["gangue_ratio"] if "each" in over else [])):
             if key not in over:
                 under.pop(key, None)
-    for one, other in (("positions_m", "circle_radius_m"), ("circle_radius_m", "positions_m")):
-        if one in over and other not in over:
-            under.pop(other, None)
 
 
 def _found(path: Path, name: str, shipped: str) -> Path:

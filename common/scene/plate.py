@@ -5,10 +5,11 @@ turns with `tilt_deg`.
 """
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from common.channels import SENSORS, SensorKind
 from common.scene.file import scene_tables
@@ -18,7 +19,6 @@ ContactStrength = Annotated[float, Field(ge=1e5)]  # Pa: into a softer body a st
 Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 
-MODEL = about("does the plate bend, or not move at all?")
 WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it where the plate gives way
 LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
 
@@ -33,9 +33,10 @@ def refuse_density(density_kg_m3: float) -> None:
                       "lightest solid, has 0.16")
 
 
-def wall_box_m(edge: Edge, length_m: float, width_m: float, height_m: float) -> tuple[float, ...]:
+def wall_box_m(edge: Edge, size_m: Sequence[float], height_m: float) -> tuple[float, ...]:
     """XMIN XMAX YMIN YMAX ZMIN ZMAX of a wall on an edge of a plate, flat along x or y."""
-    box = [-length_m / 2, length_m / 2, -width_m / 2, width_m / 2, -WALL_FOOT_m, height_m]
+    x, y = size_m
+    box = [-x / 2, x / 2, -y / 2, y / 2, -WALL_FOOT_m, height_m]
     at = ["x_minus", "x_plus", "y_minus", "y_plus"].index(edge)
     box[at // 2 * 2:at // 2 * 2 + 2] = 2 * [box[at]]
     return tuple(box)
@@ -67,8 +68,7 @@ class Sensor(Place):
 class Plate(Table):
     """What every plate has: its outline and its material."""
 
-    length_m: Annotated[Positive, about("side along x")]
-    width_m: Annotated[Positive, about("side along y")]
+    size_m: Annotated[tuple[Positive, Positive], about("sides along x and y")]
     density_kg_m3: Annotated[Positive, about("density", paper="Table 1: 7830")]
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus", paper="Table 1: 2.07e11")]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
@@ -83,8 +83,7 @@ class Plate(Table):
     @property
     def wall_boxes_m(self) -> dict[Edge, tuple[float, ...]]:
         """XMIN XMAX YMIN YMAX ZMIN ZMAX of each wall by its edge."""
-        return {edge: wall_box_m(edge, self.length_m, self.width_m, height)
-                for edge, height in self.wall_height_m.items()}
+        return {edge: wall_box_m(edge, self.size_m, height) for edge, height in self.wall_height_m.items()}
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> Self:
@@ -93,9 +92,7 @@ class Plate(Table):
 
 
 class RigidPlate(Plate):
-    """A plate that does not move."""
-
-    model: Annotated[Literal["rigid"], MODEL]
+    """A plate that does not move has no key but these."""
 
 
 class FlexiblePlate(Plate):
@@ -104,7 +101,6 @@ class FlexiblePlate(Plate):
     The frequency is given, or follows from the scene's stones, and its tolerance if there is one.
     """
 
-    model: Annotated[Literal["flexible"], MODEL]
     thickness_m: Annotated[Positive, about("thickness, at most a fifth of the shorter side")]
     theory: Annotated[Literal["auto", "kirchhoff", "mindlin"], about("plate theory (docs/plate.md)")] = "auto"
     edges: Annotated[Literal["free", "simply_supported", "clamped"], about("how all four edges are held")] = "free"
@@ -124,7 +120,7 @@ class FlexiblePlate(Plate):
 
     @model_validator(mode="after")
     def _inside(self) -> Self:
-        shortest = min(self.length_m, self.width_m)
+        shortest = min(self.size_m)
         if self.thickness_m > 0.2 * shortest:
             raise Refused("thickness_m", self.thickness_m, f"must be at most a fifth of the side, {0.2 * shortest:g}")
         if self.mesh_size_m is not None and self.mesh_size_m > shortest:
@@ -133,7 +129,7 @@ class FlexiblePlate(Plate):
         for name, items in tables:
             for i, item in enumerate(items):
                 margin = item.diameter_m / 2 if isinstance(item, Rod) else 0.0
-                limits = (self.length_m / 2 - margin, self.width_m / 2 - margin)
+                limits = [side / 2 - margin for side in self.size_m]
                 if any(abs(x) > limit * (1 + 1e-12) for x, limit in zip(item.place_m, limits, strict=True)):
                     raise Refused(f"{name}.{i}.place_m", item.place_m,
                                   "must lie on the plate, within {:g} and {:g} of its centre".format(*limits))
@@ -153,7 +149,13 @@ class FlexiblePlate(Plate):
         return self
 
 
-PlateTable = Annotated[FlexiblePlate | RigidPlate, Field(discriminator="model")]
+def _kind(table: Any) -> str:
+    more = isinstance(table, FlexiblePlate) or (isinstance(table, dict) and set(table) - RigidPlate.model_fields.keys())
+    return "flexible" if more else "rigid"
+
+
+PlateTable = Annotated[Annotated[FlexiblePlate, Tag("flexible")] | Annotated[RigidPlate, Tag("rigid")],
+                       Discriminator(_kind)]
 
 
 def read_plate(path: str | Path) -> FlexiblePlate | RigidPlate:

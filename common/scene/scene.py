@@ -18,8 +18,8 @@ from common.input_error import MOST_DEEP
 from common.scene.distribution import OF_DRAWN, ScatterTable
 from common.scene.error_laws import least_tolerance
 from common.scene.file import scene_tables
-from common.scene.plate import ContactStrength, PlateTable, refuse_density
-from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, ShapeTable, StonesTable
+from common.scene.plate import ContactStrength, FlexiblePlate, PlateTable, refuse_density
+from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, Shape, StonesTable
 from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
 
 LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
@@ -137,8 +137,9 @@ class Scene(Table):
     time: Annotated[TimeTable, about("how long the run is, and in which steps")]
     stones: Annotated[StonesTable, about("what falls")]
     shapes: Annotated[
-        dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)], ShapeTable],
-        about("shapes of stones that are no spheres")] = {}
+        dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)], Shape],
+        about("shapes of stones that are no spheres; a text names a closed mesh, such as an STL file beside the scene"),
+    ] = {}
     materials: Annotated[
         dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable],
         about(
@@ -238,7 +239,7 @@ class Scene(Table):
     @model_validator(mode="after")
     def _one_way_to_set_accuracy(self) -> Self:
         keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
-        if self.plate.model == "flexible":
+        if isinstance(self.plate, FlexiblePlate):
             keys["plate.max_frequency_Hz"] = self.plate.max_frequency_Hz
         if self.tolerance is None:
             return self
@@ -276,7 +277,7 @@ class Scene(Table):
     @property
     def _one_stone(self) -> bool:
         stones = self.stones
-        count = len(stones.each) if stones.each is not None else stones.drawn.count if stones.drawn else stones.count
+        count = len(stones.each) if stones.each is not None else stones.count
         return count == 1
 
     def _check_contacts(self) -> None:

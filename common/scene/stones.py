@@ -7,9 +7,10 @@ makes one list of them.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+import numpy as np
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from common.scene.distribution import Spread, one_value, refuse_outside
 from common.tables import NotNegative, Positive, Refused, Table, about
@@ -24,10 +25,13 @@ LARGEST_SIZE_m = 10.0
 FASTEST_m_s = 1e3
 Speed = Annotated[float, Field(ge=0, le=FASTEST_m_s)]
 Pair = Annotated[tuple[float, float], BeforeValidator(lambda pair: tuple(pair) if isinstance(pair, list) else pair)]
-VOLLEY = ("count", "radius_m", "speed_m_s", "gangue_ratio")
-ONLY_VOLLEY = ("count", "radius_m", "speed_m_s", "circle_radius_m", "positions_m", "gangue_order")
+VOLLEY = ("count", "radius_m", "speed_m_s", "positions_m", "gangue_ratio")
+ONLY_VOLLEY = ("radius_m", "speed_m_s", "positions_m", "gangue_order")
 WAYS = ("each", "drawn")
-Axis = Annotated[float, Field(ge=0.2, le=1)]
+Extent = Annotated[float, Field(ge=0.2, le=1)]
+Velocity = Annotated[
+    Annotated[Speed, Tag("speed")] | Annotated[tuple[float, float, float], Tag("velocity")],
+    Discriminator(lambda value: "velocity" if isinstance(value, (list, tuple)) else "speed")]
 
 
 class AgglomerateTable(Table):
@@ -48,36 +52,29 @@ class EachStone(Table):
     radius_m: Annotated[Positive, about("radius of the sphere of equal volume")]
     shape: Annotated[str, about("\"sphere\", or the name of a table in shapes")] = SPHERE
     place_m: Annotated[Pair, about("place of its centre at touch, along length and width")]
-    speed_m_s: Annotated[Speed | None, about(
-        "speed at touch, straight down; or velocity_m_s")] = None
-    velocity_m_s: Annotated[tuple[float, float, float] | None, about(
-        "velocity at touch, along length, width and upwards from the plate")] = None
+    velocity_m_s: Annotated[Velocity, about(
+        "velocity at touch, along length, width and upwards from the plate; a number alone: straight down")]
     spin_rad_s: Annotated[tuple[float, float, float], about("rate of turn about the same axes")] = (0.0, 0.0, 0.0)
     arrival_s: Annotated[NotNegative, about("when it touches; 0: it starts gap_m above the plate")] = 0.0
     attitude: Annotated[tuple[float, float, float, float] | None, about(
         "unit quaternion (w, x, y, z) of its rotation; absent: none")] = None
-    seed: Annotated[Seed | None, about("seed of its packing; absent: stones.seed + number - 1")] = None
 
     @model_validator(mode="after")
     def _moves(self) -> Self:
-        if (self.speed_m_s is None) == (self.velocity_m_s is None):
-            raise Refused("speed_m_s", self.speed_m_s, "either this or velocity_m_s must be given")
-        if self.velocity_m_s is not None and self.velocity_m_s[2] > 0:
-            raise Refused("velocity_m_s", self.velocity_m_s, "must not go upwards, its third value must be at most 0")
-        if self.velocity_m_s is not None and max(map(abs, self.velocity_m_s)) > FASTEST_m_s:
-            raise Refused("velocity_m_s", self.velocity_m_s,
-                          f"each value must be from -{FASTEST_m_s:g} to {FASTEST_m_s:g}")
+        velocity = self.velocity_m_s if isinstance(self.velocity_m_s, tuple) else (0.0, 0.0, -self.velocity_m_s)
+        if velocity[2] > 0:
+            raise Refused("velocity_m_s", velocity, "must not go upwards, its third value must be at most 0")
+        if max(map(abs, velocity)) > FASTEST_m_s:
+            raise Refused("velocity_m_s", velocity, f"each value must be from -{FASTEST_m_s:g} to {FASTEST_m_s:g}")
         if self.attitude is not None and abs(sum(q * q for q in self.attitude) - 1) > 1e-6:
             raise Refused("attitude", self.attitude, "must be a unit quaternion, its squares add up to 1")
         return self
 
 
 class DrawnTable(Table):
-    """Stones that are drawn: a number, or a stream at a steady rate. Quantities are numbers or distributions."""
+    """Stones that are drawn: stones.count, or a stream at a steady rate. Quantities are numbers or distributions."""
 
-    count: Annotated[Annotated[int, Field(ge=1, le=MOST_STONES)] | None, about(
-        "number of stones; or a rate, which makes a stream")] = None
-    rate_1_s: Annotated[Positive | None, about("stones a second, while stones arrive")] = None
+    rate_1_s: Annotated[Positive | None, about("stones a second, while stones arrive; a rate makes a stream")] = None
     rate_kg_s: Annotated[Positive | None, about("the same by mass")] = None
     arrival_s: Annotated[Spread, about(
         "when a stone touches; 0: all start gap_m above the plate; of a rate [begin, end]",
@@ -110,8 +107,8 @@ class DrawnTable(Table):
 
     @model_validator(mode="after")
     def _how_many(self) -> Self:
-        if sum(value is not None for value in (self.count, self.rate_1_s, self.rate_kg_s)) != 1:
-            raise Refused("count", self.count, "one of this, rate_1_s and rate_kg_s must be given")
+        if self.rate_1_s is not None and self.rate_kg_s is not None:
+            raise Refused("rate_kg_s", self.rate_kg_s, "must be left out where rate_1_s is given")
         if self.is_stream and (not self.arrival_s.is_even or not self.lasts_s > 0):
             raise Refused("arrival_s", self.arrival_s.bounds, "must be [begin, end], some time apart, "
                           "where a rate is given")
@@ -120,7 +117,7 @@ class DrawnTable(Table):
     @property
     def is_stream(self) -> bool:
         """Do stones come at a rate?"""
-        return self.count is None
+        return self.rate_1_s is not None or self.rate_kg_s is not None
 
     @property
     def gangue_by(self) -> By:
@@ -137,38 +134,43 @@ class DrawnTable(Table):
 class StonesTable(Table):
     """The stones, where they are, and how they arrive."""
 
-    count: Annotated[Annotated[int, Field(ge=1, le=1000)] | None, about(
-        "number of stones of a volley (docs/stones.md)",
-        paper="10")] = None
+    count: Annotated[Annotated[int, Field(ge=1, le=MOST_STONES)] | None, about(
+        "number of stones of a volley (docs/stones.md), or drawn", paper="10")] = None
     radius_m: Annotated[Positive | None, about("radius of a stone of a volley", paper="0.025")] = None
     speed_m_s: Annotated[Speed | None, about("impact speed of a volley, downwards", paper="3.0")] = None
-    circle_radius_m: Annotated[Positive | None, about(
-        "radius of the circle of the stones, stone 1 on the x axis; or positions_m",
-        paper="0.1")] = None
     positions_m: Annotated[tuple[Pair, ...] | None, about(
-        "place of the centre of each stone; or circle_radius_m")] = None
+        "place of the centre of each stone; a number alone: radius of their circle, stone 1 on the x axis",
+        paper="0.1")] = None
     gap_m: Annotated[float, Field(gt=0, le=100), about("gap to the plate at the start")] = 2e-5
     gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
         "which stone turns into gangue first; those not named follow in ascending order")] = ()
     gangue_ratio: Annotated[Annotated[float, Field(ge=0, le=1)] | None, about(
         "share of gangue by number, in a stream by mass; in a volley a multiple of 1/count",
         paper="0 to 1 in steps of 0.1")] = None
-    seed: Annotated[Seed, about("seed of draws and packings; stone k of up to ten in a volley has seed + k - 1")]
+    seed: Annotated[Seed, about("seed of draws and packings; stone k of up to ten that are not drawn has seed + k - 1")]
     each: Annotated[tuple[EachStone, ...] | None, Field(min_length=1, max_length=MOST_STONES), about(
         "stones one by one, instead of a volley")] = None
     drawn: Annotated[DrawnTable | None, about("stones drawn from distributions, instead of a volley")] = None
     agglomerate: Annotated[AgglomerateTable | None, about(
         "how a stone is made; absent: each stone is one unbonded sphere")] = None
 
+    @field_validator("positions_m", mode="before", json_schema_input_type=Positive | tuple[Pair, ...])
+    @classmethod
+    def _on_a_circle(cls, places: Any, info: ValidationInfo) -> Any:
+        """A radius stands for places at equal angles."""
+        if isinstance(places, bool) or not isinstance(places, (int, float)):
+            return places
+        if not places > 0:
+            raise ValueError("must be above 0, the radius of a circle, or a list of places")
+        angle = 2 * np.pi * np.arange(count := info.data.get("count") or 1) / count
+        return tuple(map(tuple, (places * np.column_stack([np.cos(angle), np.sin(angle)])).tolist()))
+
     @field_validator("gangue_order")
     @classmethod
-    def _order_of_every_stone(cls, order: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
+    def _each_once(cls, order: tuple[int, ...]) -> tuple[int, ...]:
         if len(set(order)) < len(order):
             raise ValueError("must name each stone at most once")
-        if info.data.get("count") is None:  # refused itself, or no volley
-            return order
-        stones = range(1, info.data["count"] + 1)
-        return (*(k for k in order if k in stones), *(k for k in stones if k not in order))
+        return order
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -176,23 +178,23 @@ class StonesTable(Table):
         if len(ways) > 1:
             raise Refused(ways[1], "...", f"must be left out where stones.{ways[0]} is given")
         if ways:
-            no = ONLY_VOLLEY + (("gangue_ratio",) if ways == ["each"] else ())
+            no = ONLY_VOLLEY + (("count", "gangue_ratio") if ways == ["each"] else ())
             for key in no:
                 if getattr(self, key) not in (None, ()):
                     raise Refused(key, getattr(self, key), f"must be left out where stones.{ways[0]} is given")
             if self.gangue_ratio is None and ways != ["each"]:
                 raise Refused("gangue_ratio", None, f"must be given where stones.{ways[0]} is")
+            if self.drawn is not None and (self.count is None) != self.is_stream:
+                raise Refused("count", self.count, "one of this, drawn.rate_1_s and drawn.rate_kg_s must be given")
             return self
         for key in VOLLEY:
             if getattr(self, key) is None:
                 raise Refused(key, None, "a value must be given, unless each or drawn says what falls")
-        return self._one_position_each()
-
-    def _one_position_each(self) -> Self:
-        if (self.circle_radius_m is None) == (self.positions_m is None):
-            raise Refused("circle_radius_m", self.circle_radius_m, "either this or positions_m must be given")
-        if self.positions_m is not None and len(self.positions_m) != self.count:
-            raise Refused("positions_m", f"{len(self.positions_m)} places", f"must be {self.count}, one a stone")
+        stones = range(1, (self.count or 0) + 1)
+        if self.positions_m is not None and len(self.positions_m) != len(stones):
+            raise Refused("positions_m", f"{len(self.positions_m)} places", f"must be {len(stones)}, one a stone")
+        whole = (*(k for k in self.gangue_order if k in stones), *(k for k in stones if k not in self.gangue_order))
+        object.__setattr__(self, "gangue_order", whole)  # as the scene is run
         return self
 
     @model_validator(mode="after")
@@ -240,17 +242,11 @@ class StonesTable(Table):
 
 
 class ShapeTable(Table):
-    """A kind of stone: random convex polyhedra, each by its seed, or the closed surface in a file."""
+    """A kind of stone: random convex polyhedra, each by its seed."""
 
-    elongation: Annotated[Axis, about("middle over longest extent of a polyhedron")] = 1.0
-    flatness: Annotated[Axis, about("shortest over middle extent")] = 1.0
+    extent_ratios: Annotated[tuple[Extent, Extent], about(
+        "elongation and flatness: middle over longest extent, shortest over middle")] = (1.0, 1.0)
     corners: Annotated[int, Field(ge=6, le=200), about("corners of a polyhedron")] = 16
-    file: Annotated[str | None, about(
-        "closed mesh, such as an STL file, beside the scene; without other keys")] = None
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        for key, field in type(self).model_fields.items():
-            if self.file is not None and key != "file" and getattr(self, key) != field.default:
-                raise Refused(key, getattr(self, key), "must be left out where file is given")
-        return self
+
+Shape = ShapeTable | str

@@ -127,7 +127,7 @@ def _of_volley(path: Path, plan: DatasetPlan, name: str, family: Family, group: 
 
 def _count(scene: Scene) -> int:
     """Number of stones of a volley, or of drawn ones."""
-    return (scene.stones.drawn and scene.stones.drawn.count) or scene.stones.volley[0]
+    return scene.stones.count or scene.stones.volley[0]
 
 
 def _shared_packing(packings: int, seed: int, name: str, group: int) -> int:

@@ -68,7 +68,7 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Changes = (), overwri
     if not stones.shares_gangue:
         raise InputError(f"{scene_file}: stones.each: a sweep shares out the gangue; needs stones.count, drawn "
                          "or stream")
-    count = stones.count or RATIOS_OF_DRAWN
+    count = RATIOS_OF_DRAWN if stones.drawn else stones.volley[0]
     scenes = {k / count: changed_scene(scene_file, keys | {RATIO: k / count}) for k in range(count + 1)}
     for scene in scenes.values():
         stones_of(scene, str(scene_file))

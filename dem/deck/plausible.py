@@ -62,7 +62,7 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
 def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
     """One line for each reason for which the plate's modes are not to be trusted; `left_out` is the share of energy
     above max_frequency_Hz, which is known."""
-    shorter, highest_Hz = min(plate.length_m, plate.width_m), mesh.highest_frequency_Hz(plate)
+    shorter, highest_Hz = min(plate.size_m), mesh.highest_frequency_Hz(plate)
     lines = []
     if shorter < LEAST_SPAN * plate.thickness_m:
         lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is "
@@ -83,7 +83,7 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
 def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:
     """A joint is that of a rod far from edges, and its table ends."""
     rod, name, lines = plate.rods[number], f"plate.rods.{number}", []
-    to_edge = min(plate.length_m / 2 - abs(rod.place_m[0]), plate.width_m / 2 - abs(rod.place_m[1]))
+    to_edge = min(side / 2 - abs(x) for side, x in zip(plate.size_m, rod.place_m, strict=True))
     if to_edge < rod.diameter_m:
         lines.append(f"{name}: stands {to_edge:.2g} m from an edge, less than its diameter; its joint is that of a rod "
                      "far from edges")

@@ -16,6 +16,7 @@ import numpy as np
 
 from common.files.whole import named
 from common.resources import resource
+from common.scene.plate import FlexiblePlate
 from common.scene.scene import PLATE, ContactTable, Scene
 from dem.deck.contact import (
     NUMBERS as FACE_NUMBERS,
@@ -141,15 +142,14 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     contacts = [_contact(scene, a, b, stones_meet) for a in types for b in types]
     friction = [c.friction if c else 0.0 for c in contacts]
     tangential = " tangential history" if any(friction) else ""
-    half = (scene.plate.length_m / 2, scene.plate.width_m / 2)
+    half = [side / 2 for side in scene.plate.size_m]
     free_flight = _free_flight(scene, assembly, step)
     skin = skin_m(assembly, knows_bodies=free_flight is not None)
     return template("deck.liggghts.j2").render(
         name=scene.name,
         stones=_describe(scene, assembly),
-        plate=scene.plate.model,
         yield_pressure_Pa=yield_pressure_Pa(scene, assembly),
-        coupling=scene.plate.model == "flexible",
+        coupling=isinstance(scene.plate, FlexiblePlate),
         materials=[{"name": one.material, **material_of(scene, one).model_dump()} for one in assembly.substances],
         plate_material=scene.plate.model_dump(),
         walls=deck_walls(scene),

@@ -11,6 +11,7 @@ import numpy as np
 
 from common import hertz
 from common.scene.error_laws import co_step_setting, modes_setting, setting_for
+from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from common.tables import InputError
 from dem.deck.contact import damping_ratio, elastic_damping_ratio, stiffest_face_N_m, stone_columns_N_m
@@ -208,7 +209,7 @@ def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[
     contact = stone_contact_time_s(scene, assembly)
     settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
                 {"time_step": step.dt_s / step.bond_time_s})
-    if scene.plate.model == "flexible" and scene.plate.max_frequency_Hz is not None:
+    if isinstance(scene.plate, FlexiblePlate) and scene.plate.max_frequency_Hz is not None:
         settings |= {co_step_setting(assembly.n_bonds > 0): step.co_step * step.dt_s / contact,
                      modes_setting(assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
     return settings

@@ -12,6 +12,7 @@ from pathlib import Path
 from common.files.cache import BeingFound, not_waiting
 from common.process.messages import told
 from common.scene.error_laws import with_cut_off
+from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
 from dem.deck.plausible import warnings_of, warnings_of_fragments, warnings_of_plate
@@ -109,14 +110,14 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     warnings = warned(source, warnings_of(scene, stones))
 
     resolved = scene
-    if scene.plate.model == "flexible":
+    if isinstance(scene.plate, FlexiblePlate):
         contact_s = contact_time_of_any_s(scene, stones)
         plate = with_cut_off(scene.plate, scene.tolerance, contact_s, scene.stones.agglomerate is not None)
         resolved = scene.model_copy(update={"plate": plate})
 
     def seek_modes() -> None:
         """Into the cache."""
-        if resolved.plate.model == "flexible":
+        if isinstance(resolved.plate, FlexiblePlate):
             with suppress(BeingFound), not_waiting(), refused_in(source, "plate"):
                 modes_for_loads(resolved.plate, cache, places_m(stones))
 
@@ -126,7 +127,7 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     warnings += warned(source, warnings_of_fragments(scene, assembly))
     limits = step_limits(scene, assembly, source)
     modes, mobility = None, None
-    if resolved.plate.model == "flexible":
+    if isinstance(resolved.plate, FlexiblePlate):
         with stages("modes"):
             left_out = energy_left_out(highest_frequency_Hz(resolved.plate), stone_contact_time_s(scene, assembly))
             warnings += warned(source, warnings_of_plate(resolved.plate, left_out))

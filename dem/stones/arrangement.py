@@ -91,8 +91,8 @@ def _gangue(scene: Scene, table: DrawnTable, size_m: np.ndarray) -> np.ndarray:
 
 def _count(scene: Scene, table: DrawnTable, file: str) -> int:
     """How many stones. A stream by mass goes on until its mass has been drawn."""
-    if table.count is not None:
-        return table.count
+    if scene.stones.count is not None:
+        return scene.stones.count
     ratio, materials = scene.stones.gangue_ratio, scene.materials
     assert ratio is not None
     if table.rate_1_s is not None:
@@ -131,7 +131,7 @@ def _placed(scene: Scene, stones: list[Stone], table: DrawnTable, rng: np.random
 
 
 def _footprint(scene: Scene, stones: list[Stone], table: DrawnTable, where: str) -> tuple[np.ndarray, np.ndarray]:
-    half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
+    half = np.array(scene.plate.size_m) / 2
     if table.footprint_m is not None:
         x, y = table.footprint_m
         if max(map(abs, x)) > half[0] or max(map(abs, y)) > half[1]:
@@ -169,7 +169,7 @@ def scattered(scene: Scene, stones: list[Stone], file: str) -> list[Stone]:
 
 def _moved(scene: Scene, stones: list[Stone], disc_m: float, rng: np.random.Generator, file: str) -> list[Stone]:
     """Each stone somewhere in a disc about its place, where it is wholly above the plate and meets none that flies."""
-    half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
+    half = np.array(scene.plate.size_m) / 2
     flying, moved = Flying(scene), dict[int, Stone]()
     for k in np.argsort([stone.arrival_s for stone in stones], kind="stable").tolist():
         for _ in range(PLACE_TRIES):
@@ -185,7 +185,7 @@ def _moved(scene: Scene, stones: list[Stone], disc_m: float, rng: np.random.Gene
     return [moved[k] for k in range(len(stones))]
 
 
-OWN_PACKINGS = 10  # stones of a volley that have a packing each; more share some, as drawn ones do
+OWN_PACKINGS = 10  # stones that have a packing each; more share some, as drawn ones do
 
 
 def stones_of(scene: Scene, file: str) -> list[Stone]:
@@ -198,7 +198,8 @@ def stones_of(scene: Scene, file: str) -> list[Stone]:
     if table.drawn is not None:
         stones = drawn_stones(scene, file)
     elif table.each is not None:
-        stones = [_one(scene, k, one) for k, one in enumerate(table.each)]
+        seeds, _ = _packings(scene, len(table.each))
+        stones = [_one(scene, k, one, seeds[k]) for k, one in enumerate(table.each)]
     else:
         stones = _volley(scene, file)
     if scene.scatter.drawn:
@@ -220,14 +221,21 @@ def gangue_ratio(scene: Scene, stones: list[Stone], mass_kg: np.ndarray, by: By 
     return float(gangue / (gangue + weight[~is_gangue].sum()))  # rounding makes it no more than 1
 
 
-def _one(scene: Scene, k: int, one: EachStone) -> Stone:
+def _packings(scene: Scene, count: int) -> tuple[list[int], list[tuple[float, float, float, float]]]:
+    """Seeds and attitudes: up to OWN_PACKINGS stones have a packing each, more of them share some."""
+    if scene.stones.agglomerate and count > OWN_PACKINGS:
+        return shared_packings(scene, count)
+    return [scene.stones.seed + k for k in range(count)], [UPRIGHT] * count
+
+
+def _one(scene: Scene, k: int, one: EachStone, seed: int) -> Stone:
     """One of stones that are given one by one."""
-    speed = one.speed_m_s
-    velocity = one.velocity_m_s if speed is None else tuple(speed * d for d in scene.down)
-    assert velocity is not None
+    velocity = one.velocity_m_s
+    if not isinstance(velocity, tuple):
+        velocity = tuple(velocity * d for d in scene.down)  # type: ignore[assignment]
     return Stone(material=one.material, radius_m=one.radius_m, place_m=one.place_m,
                  velocity_m_s=velocity,  # type: ignore[arg-type]
-                 seed=scene.stones.seed + k if one.seed is None else one.seed, gap_m=scene.stones.gap_m,
+                 seed=seed, gap_m=scene.stones.gap_m, flaw_seed=scene.stones.seed + k,
                  arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT, shape=one.shape)
 
 
@@ -235,28 +243,18 @@ def _volley(scene: Scene, file: str) -> list[Stone]:
     """Equal stones on a circle or on given places."""
     table, speed = scene.stones, scene.stones.speed_m_s
     assert table.gangue_ratio is not None and table.count is not None and table.radius_m is not None
-    assert speed is not None
+    assert speed is not None and table.positions_m is not None
     n_gangue = table.gangue_ratio * table.count
     if abs(n_gangue - round(n_gangue)) > 1e-9:
         raise InputError(f"{file}: stones.gangue_ratio = {table.gangue_ratio}: with {table.count} stones it must be "
                          f"a multiple of 1/{table.count}")
     chosen, (dx, dy, dz) = set(table.gangue_order[:round(n_gangue)]), scene.down
     # A place keeps its packing whatever its material, so that a sweep changes the material alone.
-    seeds, attitudes = shared_packings(scene, table.count) if table.agglomerate and table.count > OWN_PACKINGS else (
-        [table.seed + k for k in range(table.count)], [UPRIGHT] * table.count)
+    seeds, attitudes = _packings(scene, table.count)
     return [Stone(material=GANGUE if k + 1 in chosen else COAL, radius_m=table.radius_m,
-                  place_m=(float(place[0]), float(place[1])), velocity_m_s=(speed * dx, speed * dy, speed * dz),
+                  place_m=place, velocity_m_s=(speed * dx, speed * dy, speed * dz),
                   seed=seeds[k], gap_m=table.gap_m, attitude=attitudes[k], flaw_seed=table.seed + k)
-            for k, place in enumerate(_positions(scene))]
-
-
-def _positions(scene: Scene) -> np.ndarray:
-    stones = scene.stones
-    if stones.positions_m is not None:
-        return np.array(stones.positions_m)
-    assert stones.count is not None and stones.circle_radius_m is not None
-    angle = 2 * np.pi * np.arange(stones.count) / stones.count
-    return stones.circle_radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
+            for k, place in enumerate(table.positions_m)]
 
 
 def _check_motion(scene: Scene, stones: list[Stone], file: str) -> None:
@@ -271,7 +269,7 @@ def _check_motion(scene: Scene, stones: list[Stone], file: str) -> None:
 def _speed_key(scene: Scene, k: int) -> str:
     table = scene.stones
     if table.each is not None:
-        return f"each.{k}." + ("speed_m_s" if table.each[k].velocity_m_s is None else "velocity_m_s")
+        return f"each.{k}.velocity_m_s"
     if table.drawn is None:
         return "speed_m_s"
     return "drawn." + ("speed_m_s" if table.drawn.speed_m_s is not None else "drop_height_m")
@@ -288,7 +286,7 @@ def _check_walls(scene: Scene, stones: list[Stone], file: str) -> None:
 
 
 def _check_places(scene: Scene, stones: list[Stone], file: str) -> None:
-    half = np.array([scene.plate.length_m, scene.plate.width_m]) / 2
+    half = np.array(scene.plate.size_m) / 2
     flying = Flying(scene)
     for k, stone in enumerate(stones):
         if np.any(np.abs(stone.place_m) > half):
@@ -305,9 +303,5 @@ def _check_places(scene: Scene, stones: list[Stone], file: str) -> None:
 
 
 def _place_key(scene: Scene, k: int, stone: Stone) -> str:
-    place = f"({stone.place_m[0]:g}, {stone.place_m[1]:g})"
-    if scene.stones.positions_m is not None:
-        return f"positions_m.{k} = {place}"
-    if scene.stones.circle_radius_m is not None:
-        return f"circle_radius_m = {scene.stones.circle_radius_m:g}"
-    return f"each.{k}.place_m = {place}"
+    key = f"positions_m.{k}" if scene.stones.each is None else f"each.{k}.place_m"
+    return f"{key} = ({stone.place_m[0]:g}, {stone.place_m[1]:g})"

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from common.files.cache import BeingFound, not_waiting
 from common.scene.scene import Scene
-from common.scene.stones import SPHERE, ShapeTable
+from common.scene.stones import SPHERE, Shape
 from common.tables import Refused
 from dem.stones.bonds import Bonds, bond_network
 from dem.stones.contact_patch import FaceColumns, StoneSurface, face_columns, surface_of
@@ -287,7 +287,7 @@ def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _S
 
 
 @lru_cache(maxsize=128)
-def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTable | None) -> tuple[Packing, Bonds]:
+def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: Shape | None) -> tuple[Packing, Bonds]:
     packing = packed(None if shape is None else solid_of(shape, seed), subspheres, seed, cache_dir)
     order = _along_z_curve(packing.center_m, 2 * packing.radius_m.max())
     packing = replace(packing, center_m=packing.center_m[order], radius_m=packing.radius_m[order])
@@ -305,7 +305,7 @@ def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTabl
 
 
 @lru_cache(maxsize=128)
-def _faces(subspheres: int, seed: int, cache_dir: Path | None, shape: ShapeTable) -> FaceColumns:
+def _faces(subspheres: int, seed: int, cache_dir: Path | None, shape: Shape) -> FaceColumns:
     return face_columns(_packed(subspheres, seed, cache_dir, shape)[0], solid_of(shape, seed), REFERENCE_RADIUS_m)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import cdist
 
-from common.scene.stones import ShapeTable
+from common.scene.stones import Shape, ShapeTable
 from common.tables import InputError, refuse_unreadable
 
 BLOCK = 1 << 20  # pairs of a point and a triangle that are looked at together
@@ -231,9 +231,9 @@ def moments(corner: np.ndarray, triangle: np.ndarray) -> tuple[float, np.ndarray
 
 
 @lru_cache(maxsize=4096)
-def solid_of(shape: ShapeTable, seed: int) -> Solid:
+def solid_of(shape: Shape, seed: int) -> Solid:
     """The solid of one stone. A file has one, whatever the seed. Raises InputError, which names the file."""
-    return _from_file(Path(shape.file)) if shape.file is not None else polyhedron(shape, seed)
+    return _from_file(Path(shape)) if isinstance(shape, str) else polyhedron(shape, seed)
 
 
 def polyhedron(shape: ShapeTable, seed: int) -> Solid:
@@ -247,7 +247,7 @@ def polyhedron(shape: ShapeTable, seed: int) -> Solid:
         distance2 = (away**2).sum(axis=2) + np.eye(corners)
         point += 0.3 / corners**0.5 * (away / distance2[..., None] ** 1.5).sum(axis=1) / corners
         point /= np.linalg.norm(point, axis=1)[:, None]
-    point *= np.array([1.0, shape.elongation, shape.elongation * shape.flatness]) / np.ptp(point, axis=0)
+    point *= np.cumprod([1.0, *shape.extent_ratios]) / np.ptp(point, axis=0)
     return _centred(point)
 
 

@@ -26,15 +26,14 @@ ROD = "diameter_m = 0.02, length_m = 0.1, youngs_modulus_Pa = 2.07e11, density_k
 LARGE = f"""
 base = "{SCENES / 'paper.toml'}"
 name = "large"
-without = ["stones.circle_radius_m", "time.view_interval_s", "plate.max_frequency_Hz"]
+without = ["time.view_interval_s", "plate.max_frequency_Hz"]
 time = {{ duration_s = 0.04, anti_alias = true }}
 [stones]
 count = 20
 gangue_order = {list(range(1, 21))}
 positions_m = [{", ".join(f"[{x}, {y}]" for x in (-0.4, -0.2, 0.0, 0.2, 0.4) for y in (-0.225, -0.075, 0.075, 0.225))}]
 [plate]
-length_m = 1.2
-width_m = 0.8
+size_m = [1.2, 0.8]
 thickness_m = 0.016
 rods = [{", ".join(f"{{ place_m = [{x}, {y}], {ROD} }}" for x in (-0.5, 0.0, 0.5) for y in (-0.3, 0.3))}]
 """

@@ -133,7 +133,7 @@ def _stones(s: dict) -> dict:
     # Whole stones, so that the ratio is one that they can give.
     n_gangue = round(s["gangue_ratio"] * count)
     changes = {
-        "stones.count": count, "stones.circle_radius_m": None, "stones.positions_m": _places(s["place"], count),
+        "stones.count": count, "stones.positions_m": _places(s["place"], count),
         "stones.gangue_order": list(range(1, count + 1)), "stones.gangue_ratio": n_gangue / count,
         "stones.speed_m_s": speed, "stones.gap_m": 1e-7 if resting else 1e-6 * min(1.0, speed),
         "stones.agglomerate.subspheres": s["subspheres"],

@@ -36,7 +36,7 @@ def scene_of(stone: str, changes: dict) -> Scene:
             for rod in scene_tables(SCENES / "single.toml")["plate"]["rods"]]
     return changed_scene(SCENES / "single.toml", {
         "time.duration_s": 1.8e-3, "time.view_interval_s": None, "stones.gangue_ratio": 0.0, "plate.thickness_m": 0.015,
-        "plate.length_m": 0.4, "plate.width_m": 0.3, "plate.rods": rods,
+        "plate.size_m": [0.4, 0.3], "plate.rods": rods,
         "stones.positions_m": [[-0.05, 0.06]], "plate.sensors": [{"name": "one", "place_m": [0.1, 0.08]}],
         "plate.max_frequency_Hz": None} | STONES[stone] | changes)
 

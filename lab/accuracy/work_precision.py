@@ -24,6 +24,7 @@ import pandas as pd
 
 import dem.deck.time_step
 from common.scene.file import scene_tables
+from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.deck.time_step import bond_time_s, stone_contact_time_s
@@ -87,10 +88,10 @@ def scene_of(changes: dict) -> Scene:
     sensors = [{"name": "one", "place_m": [0.03, 0.1]}]
     return changed_scene(PAPER, {
         "time.duration_s": 3e-3, "time.sample_interval_s": SAMPLE_s, "time.view_interval_s": None,
-        "stones.count": COUNT, "stones.gangue_order": list(range(1, COUNT + 1)), "stones.circle_radius_m": None,
+        "stones.count": COUNT, "stones.gangue_order": list(range(1, COUNT + 1)),
         "stones.positions_m": [[x, y] for x, y in places], "stones.gangue_ratio": TEST_RATIO,
         "stones.agglomerate.subspheres": 200, "stones.agglomerate.unbreakable": True,
-        "plate.length_m": 0.3, "plate.width_m": 0.3, "plate.rods": _rods(0.12, 0.12), "plate.sensors": sensors,
+        "plate.size_m": [0.3, 0.3], "plate.rods": _rods(0.12, 0.12), "plate.sensors": sensors,
         "plate.max_frequency_Hz": 20e3} | changes)
 
 
@@ -104,7 +105,7 @@ def numerical_settings() -> list[NumericalSetting]:
     scene = scene_of({})
     assembly = assemble(scene, stones_of(scene, "scene"))
     t0, stone_contact_s = bond_time_s(scene, assembly), stone_contact_time_s(scene, assembly)
-    assert t0 is not None and scene.plate.model == "flexible"
+    assert t0 is not None and isinstance(scene.plate, FlexiblePlate)
     return [*step_settings(t0, stone_contact_s), *plate_settings(stone_contact_s, default_mesh_size(scene.plate)),
             *other_settings()]
 
@@ -141,7 +142,7 @@ def step_settings(t0: float, stone_contact_s: float) -> list[NumericalSetting]:
 
 def plate_settings(stone_contact_s: float, cell_m: float) -> list[NumericalSetting]:
     """Modes and mesh; modes also on a thinner plate, which needs more of them."""
-    thin = {"plate.length_m": 0.32, "plate.width_m": 0.24, "plate.thickness_m": 0.012, "time.duration_s": 1.8e-3,
+    thin = {"plate.size_m": [0.32, 0.24], "plate.thickness_m": 0.012, "time.duration_s": 1.8e-3,
             "plate.rods": _rods(0.12, 0.09), "stones.count": 1, "stones.gangue_order": [1],
             "stones.positions_m": [[0.07, 0.03]], "stones.gangue_ratio": 1.0}
     stone = {"stones.speed_m_s": 2.0, "stones.agglomerate.subspheres": 300}

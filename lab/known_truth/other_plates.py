@@ -21,7 +21,7 @@ def other_theory(plate: PlateModel, scene: str | Path | FlexiblePlate) -> PlateM
     """The plate of a scene by Kirchhoff's theory, as the sensors of `plate` would see it."""
     table = scene if isinstance(scene, FlexiblePlate) else read_plate(scene)
     if not isinstance(table, FlexiblePlate):
-        raise RecognitionError(f"plate.model = {table.model!r}; needs 'flexible'")
+        raise RecognitionError("plate.thickness_m = None; needs that of a plate that bends")
     other = "kirchhoff" if table.theory != "kirchhoff" else "mindlin"
     return PlateModel.from_scene(table.model_copy(update={"theory": other}), plate.max_frequency_Hz)
 

@@ -47,7 +47,7 @@ def _moved(out: Path, ratio: float, duration_s: float) -> dict[str, float]:
     scene = changed_scene(SCENES / "paper.toml", {"stones.gangue_ratio": ratio, "time.duration_s": duration_s,
                                                   "time.view_interval_s": None})
     model = prepare(scene, "paper.toml", out / ".modes")
-    assert scene.plate.model == "flexible" and model.modes is not None
+    assert isinstance(scene.plate, FlexiblePlate) and model.modes is not None
     with patch("plate_fem.elements.rods.joint_of", rigid):
         tied = modes_for_loads(scene.plate, out / ".tied", places_m(stones_of(scene, "paper.toml")))
     after, before = (_signals(model, modes) for modes in (model.modes, tied))

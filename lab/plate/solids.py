@@ -66,7 +66,7 @@ class Plate:
         rods = [{"place_m": [a * x, b * y], "diameter_m": diameter, "length_m": self.length_m, **OF_ROD}
                 for x, y, diameter in self.rods for a, b in self.images]
         return FlexiblePlate.model_validate({
-            "model": "flexible", "length_m": self.side_m[0], "width_m": self.side_m[1], "thickness_m": self.thickness_m,
+            "size_m": list(self.side_m), "thickness_m": self.thickness_m,
             "rods": rods, "max_frequency_Hz": self.highest_Hz, "damping_ratio": DAMPING, **STEEL})
 
 

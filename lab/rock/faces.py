@@ -71,12 +71,12 @@ def scene_of(how: str, contact: str, subspheres: int, seed: int, mesh: Path, pla
     up = np.array(hit.up) / np.linalg.norm(hit.up)
     turn = Rotation.align_vectors([[0, 0, 1]], [up])[0]
     one = {"material": "coal", "radius_m": (volume * 3 / 4 / np.pi) ** (1 / 3), "shape": "solid",
-           "speed_m_s": SPEED_m_s, "attitude": np.roll(turn.as_quat(), 1).tolist()}
+           "velocity_m_s": SPEED_m_s, "attitude": np.roll(turn.as_quat(), 1).tolist()}
     elastic = {"restitution": 1.0, "friction": 0.0}
     return changed_scene(SCENES / "single.toml", {
         **{f"stones.{key}": None for key in ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order",
                                              "gangue_ratio")},
-        "stones.each": [one | {"place_m": [x, 0.0], "seed": seed + k} for k, x in enumerate(places_m)], "shapes.solid": {"file": str(mesh)}, "assumptions": None, "time.view_interval_s": None,
+        "stones.each": [one | {"place_m": [x, 0.0]} for x in places_m], "stones.seed": seed, "shapes.solid": str(mesh), "assumptions": None, "time.view_interval_s": None,
         "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": contact},
         "time.gravity_m_s2": 0.0, "time.duration_s": hit.followed_s + APPROACH_s, "time.sample_interval_s": 30 * ROW_s,
         "plate": RIGID,

@@ -63,14 +63,14 @@ def scene_of(meeting: Meeting, seed: int, **changes: object) -> Scene:
     """Two stones side by side, each turned at random, for as long as their contact lasts and more."""
     volume = 4 / 3 * np.pi * np.array(meeting.radii_m) ** 3
     turned = Rotation.random(2, random_state=seed).as_quat()[:, [3, 0, 1, 2]].tolist()
-    each = [{"material": name, "radius_m": radius, "place_m": [0.2 * k - 0.1, 0.0], "speed_m_s": meeting.speed_m_s,
-             "attitude": turned[k], "seed": 2 * seed + k}
+    each = [{"material": name, "radius_m": radius, "place_m": [0.2 * k - 0.1, 0.0], "velocity_m_s": meeting.speed_m_s,
+             "attitude": turned[k]}
             for k, (name, radius) in enumerate(zip(meeting.materials, meeting.radii_m))]
     contact = {f"contacts.{pair}": {"restitution": 1.0, "friction": 0.0} for pair in PAIRS}
     everything = {
         "time.gravity_m_s2": 0.0, "time.duration_s": 1e-3, "time.view_interval_s": None, "time.free_flight_tolerance": 0.0,
         **{f"stones.{key}": None for key in ("count", "gangue_order", "gangue_ratio", "positions_m", "radius_m", "speed_m_s")},
-        "stones.each": each, "stones.agglomerate.subspheres": meeting.subspheres,
+        "stones.each": each, "stones.seed": 2 * seed, "stones.agglomerate.subspheres": meeting.subspheres,
         "stones.agglomerate.unbreakable": True, "plate": RIGID, **contact}
     scene = changed_scene(SCENES / "single.toml", everything)
     time_s = meeting.hertz(scene, np.array([scene.materials[m].density_kg_m3 for m in meeting.materials]) * volume)[1]

@@ -42,7 +42,7 @@ def scene(stones: int, subspheres: int) -> Scene:
     places = [[(k % side - (side - 1) / 2) * SPACING_m, (k // side - (side - 1) / 2) * SPACING_m]
               for k in range(stones)]
     return changed_scene(SCENES / "paper.toml", {
-        "plate": RIGID, "time.view_interval_s": None, "stones.circle_radius_m": None,
+        "plate": RIGID, "time.view_interval_s": None,
         "stones.positions_m": places, "stones.count": stones, "stones.gangue_order": list(range(1, stones + 1)),
         "stones.gangue_ratio": 0.0, "stones.agglomerate.subspheres": subspheres,
         "time.free_flight_tolerance": 0.0})  # which one rank alone could use

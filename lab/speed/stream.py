@@ -26,7 +26,7 @@ from lab.study import Row
 
 RATE_1_s = 50.0
 FALLS_s = 0.75  # from the first touch until nothing is left: a bounce, and the fall past the edge
-PLATE = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+PLATE = {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 
 
@@ -62,7 +62,7 @@ def _scene(changes: dict[str, Any], kind: Kind, duration_s: float) -> Scene:
 
 def stones_of(count: int) -> list[dict[str, Any]]:
     """They touch near the edge, moving towards it, in turn at 16 places along it."""
-    return [{"material": "coal", "radius_m": 0.025, "place_m": [0.22, 0.025 * (7 * k % 16 - 7.5)], "seed": k % 8 + 1,
+    return [{"material": "coal", "radius_m": 0.025, "place_m": [0.22, 0.025 * (7 * k % 16 - 7.5)],
              "velocity_m_s": (1.5, 0.0, -3.0), "arrival_s": 0.32 + k / RATE_1_s} for k in range(count)]
 
 

@@ -255,7 +255,7 @@ def refuse_too_many_modes(plate: FlexiblePlate) -> None:
 def _least_modes(plate: FlexiblePlate, frequency_Hz: float) -> float:
     """Weyl's law without its term for the edges: area k^2/(4 pi), k the wavenumber of bending waves."""
     wavenumber = bending_wavenumber(plate, frequency_Hz, choose_theory(plate))
-    return plate.length_m * plate.width_m * wavenumber**2 / (4 * math.pi)
+    return math.prod(plate.size_m) * wavenumber**2 / (4 * math.pi)
 
 
 def mesh_size(plate: FlexiblePlate) -> float:
@@ -268,7 +268,7 @@ def default_mesh_size(plate: FlexiblePlate) -> float:
     theory = choose_theory(plate)
     wavenumber = bending_wavenumber(plate, highest_frequency_Hz(plate), theory)  # 0 where the frequency's square is
     wavelength = 2 * math.pi / wavenumber if wavenumber > 0 else math.inf
-    return min(wavelength / CELLS_PER_WAVELENGTH[theory], plate.length_m / 4, plate.width_m / 4)
+    return min(wavelength / CELLS_PER_WAVELENGTH[theory], min(plate.size_m) / 4)
 
 
 def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
@@ -280,12 +280,12 @@ def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
     """
     key = "max_frequency_Hz" if plate.mesh_size_m is None else "mesh_size_m"
     largest = mesh_size(plate)
-    if not plate.length_m * plate.width_m / largest**2 <= MOST_CELLS:
+    if not math.prod(plate.size_m) / largest**2 <= MOST_CELLS:
         allowed = f"must leave a mesh of at most {MOST_CELLS} cells; here a cell is {largest:.3g} m wide"
         raise Refused(key, getattr(plate, key), allowed)
     scale = largest / default_mesh_size(plate)
     lines = []
-    for axis, side in enumerate((plate.length_m, plate.width_m)):
+    for axis, side in enumerate(plate.size_m):
         fixed = [-side / 2, side / 2]
         fine = []
         for rod in plate.rods:

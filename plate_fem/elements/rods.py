@@ -96,7 +96,7 @@ def load_rows(system: PlateSystem, points_m: np.ndarray, radius_m: float) -> sp.
     plate, rows = system.plate, [sp.csr_array((0, system.size))]
     for x, y in points_m:
         points, weights = disc_quadrature(x, y, radius_m)
-        inside = (abs(points[:, 0]) <= plate.length_m / 2) & (abs(points[:, 1]) <= plate.width_m / 2)
+        inside = np.all(abs(points) <= np.array(plate.size_m) / 2, axis=1)
         rows.append(sp.csr_array(weights[None, inside] / weights[inside].sum()) @ system.deflection(points[inside]))
     return sp.csr_array(sp.vstack(rows))
 

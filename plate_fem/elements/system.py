@@ -66,8 +66,8 @@ class InPlane:
         plate, u = self.plate, self.functions
         mass, stiff = plate.density_kg_m3 * plate.thickness_m, plate.youngs_modulus_Pa * plate.thickness_m
         if u is None:
-            whole = mass * plate.length_m * plate.width_m
-            inertia = whole * (plate.length_m**2 + plate.width_m**2) / 12
+            whole = mass * math.prod(plate.size_m)
+            inertia = whole * (plate.size_m[0]**2 + plate.size_m[1]**2) / 12
             return sp.csr_array((3, 3)), sp.diags_array([whole, whole, inertia], format="csr")
         stiffness = stiff / (1 - plate.poisson_ratio**2) * strain_energy(u, plate.poisson_ratio)
         return sp.csr_array(stiffness), sp.block_diag(2 * [mass * integral(u, u)], format="csr")
@@ -89,7 +89,7 @@ def in_plane(plate: FlexiblePlate) -> InPlane:
     shear_modulus = plate.youngs_modulus_Pa / (2 * (1 + plate.poisson_ratio))
     wavelength = math.sqrt(shear_modulus / plate.density_kg_m3) / mesh.highest_frequency_Hz(plate)
     lines = [np.linspace(-side / 2, side / 2, 1 + max(2, math.ceil(CELLS_PER_WAVELENGTH * side / wavelength)))
-             for side in (plate.length_m, plate.width_m)]
+             for side in plate.size_m]
     return InPlane(plate, mesh.rotations(*lines))
 
 
@@ -105,14 +105,14 @@ def first_is_low(plate: FlexiblePlate) -> bool:
     if first_Hz >= mesh.highest_frequency_Hz(plate):
         return False
     wavenumber = mesh.bending_wavenumber(plate, first_Hz, mesh.choose_theory(plate))
-    area, edges = plate.length_m * plate.width_m, 2 * (plate.length_m + plate.width_m)
+    area, edges = math.prod(plate.size_m), 2 * sum(plate.size_m)
     return (area * wavenumber**2 + EDGE * edges * wavenumber) / (4 * math.pi) + 3 < LOWEST
 
 
 def first_Hz_of(plate: FlexiblePlate) -> float:
     """Return about the lowest frequency of free modes within the plane: bending of the longer side as a beam, with the
     compliance in shear that a square needs (its first is at 2.32/(pi L) sqrt(E/(rho (1 - nu^2))) / 2)."""
-    longer, shorter = max(plate.length_m, plate.width_m), min(plate.length_m, plate.width_m)
+    longer, shorter = max(plate.size_m), min(plate.size_m)
     speed = math.sqrt(plate.youngs_modulus_Pa / plate.density_kg_m3)
     return speed / longer / math.hypot(longer / (1.03 * shorter), 1 / 0.418)
 

@@ -153,7 +153,7 @@ def mirror_blocks(system: PlateSystem, own: list[np.ndarray], size: int) -> list
 
 
 def _side_m(plate: FlexiblePlate) -> float:
-    return max(plate.length_m, plate.width_m)
+    return max(plate.size_m)
 
 
 def _partners(plate: FlexiblePlate, axis: int) -> list[int] | None:

@@ -90,7 +90,7 @@ class PlateModel:
         """
         plate = scene if isinstance(scene, FlexiblePlate) else read_plate(scene)
         if not isinstance(plate, FlexiblePlate):
-            raise RecognitionError(f"{scene}: plate.model = {plate.model!r}; needs 'flexible'")
+            raise RecognitionError(f"{scene}: plate.thickness_m = None; needs that of a plate that bends")
         if not (sensors := plate.accelerometers):
             raise RecognitionError("plate.sensors has no accelerometer; needs at least one")
         plate = plate.model_copy(update={"max_frequency_Hz": float(max_frequency_Hz)})
@@ -99,7 +99,7 @@ class PlateModel:
         if m == 0:
             raise RecognitionError(f"no mode below {max_frequency_Hz:g} Hz")
         wavenumber = bending_wavenumber(plate, max_frequency_Hz, choose_theory(plate))
-        lines_x, lines_y = (_lines(side, wavenumber) for side in (plate.length_m, plate.width_m))
+        lines_x, lines_y = (_lines(side, wavenumber) for side in plate.size_m)
         sensor_m = np.array([[sensor.x_m, sensor.y_m] for sensor in sensors])
         grid = modes.shape_at(_points(lines_x, lines_y)).reshape(len(lines_x), len(lines_y), m)
         return cls(modes.frequency_Hz, modes.damping_ratio, tuple(sensor.name for sensor in sensors), sensor_m,

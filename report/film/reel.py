@@ -111,8 +111,7 @@ def _plate(run: Run, film: Film) -> dict[str, Any]:
     plate = run.scene.plate
     rods = plate.rods or []
     return {
-        "length": plate.length_m,
-        "width": plate.width_m,
+        "size": plate.size_m,
         "thickness": plate.thickness_m,
         "tilt": np.radians(plate.tilt_deg),
         "rods": [rod.as_json() for rod in rods],
@@ -123,9 +122,9 @@ def _plate(run: Run, film: Film) -> dict[str, Any]:
 
 
 def _wall_boxes_m(plate: RecordedPlate) -> list[tuple[float, ...]]:
-    if plate.length_m is None or plate.width_m is None:
+    if plate.size_m is None:
         return []
-    return [wall_box_m(edge, plate.length_m, plate.width_m, height) for edge, height in plate.wall_height_m.items()]
+    return [wall_box_m(edge, plate.size_m, height) for edge, height in plate.wall_height_m.items()]
 
 
 def _scaled(values: np.ndarray) -> tuple[str, float]:

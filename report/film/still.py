@@ -62,7 +62,7 @@ def _quads(film: Film) -> tuple[np.ndarray, np.ndarray]:
 
 def corners_m(plate: RecordedPlate) -> np.ndarray:
     """What the view has to show whole (8, 3): the plate on its rods, and as much above it as stones rise."""
-    x, y = ((side or 0.5) / 2 for side in (plate.length_m, plate.width_m))
+    x, y = (side / 2 for side in plate.size_m or (0.5, 0.5))
     rods_m = max((float(rod.as_json().get("length_m", 0.1)) for rod in plate.rods or []), default=0.0)
     heights_m = (-(plate.thickness_m or 0.01) - rods_m, 0.3 * max(x, y))
     return np.array([(*corner, z) for z in heights_m for corner in ((-x, -y), (x, -y), (x, y), (-x, y))])

@@ -26,9 +26,9 @@ STATES = {
 @figure("fig-7", "Arrangement", "Stones with their number and, given room, when gangue replaces coal; grey: rods.")
 def arrangement(results: SweepResults) -> Drawn:
     s, plate = results.theory.setup, results.runs[0].scene.plate
-    if plate.rods is None or plate.length_m is None or plate.width_m is None:
+    if plate.rods is None or plate.size_m is None:
         raise MissingResult("the scene in run.json has no plate with its rods and size")
-    size_m = (plate.length_m, plate.width_m)
+    size_m = plate.size_m
     figure, axes = canvas(1, height_in=4.2)
     axis = axes[0, 0]
     axis.add_patch(Rectangle((-size_m[0] / 2, -size_m[1] / 2), *size_m, facecolor="#eef1f3", edgecolor=PALE))

@@ -5,6 +5,7 @@ and recognition can be tested where there is no LIGGGHTS.
 """
 
 import json
+import math
 
 import numpy as np
 import pandas as pd
@@ -22,7 +23,7 @@ SCENE = {
     "stones": {
         "count": 10,
         "radius_m": 0.025,
-        "circle_radius_m": 0.1,
+        "positions_m": [[0.1 * math.cos(k * math.pi / 5), 0.1 * math.sin(k * math.pi / 5)] for k in range(10)],
         "speed_m_s": 3.0,
         "gangue_order": [2, 10, 5, 7, 3, 9, 4, 8, 1, 6],
     },
@@ -32,9 +33,7 @@ SCENE = {
     },
     "contacts": {"coal_plate": {"restitution": 0.5}, "gangue_plate": {"restitution": 0.5}},
     "plate": {
-        "model": "rigid",
-        "length_m": 0.5,
-        "width_m": 0.5,
+        "size_m": [0.5, 0.5],
         "thickness_m": 0.02,
         "density_kg_m3": 7830.0,
         "youngs_modulus_Pa": 2.07e11,

@@ -36,8 +36,8 @@ def run_of(path, info, **more):
 def run(tmp_path_factory):
     """A simply supported thin square plate, and a force stream with a gap."""
     table = {
-        "model": "flexible", "theory": "kirchhoff", "edges": "simply_supported", "length_m": SIDE_M,
-        "width_m": SIDE_M, "thickness_m": THICKNESS_M, "density_kg_m3": 7830.0, "youngs_modulus_Pa": E_PA,
+        "theory": "kirchhoff", "edges": "simply_supported", "size_m": [SIDE_M, SIDE_M],
+        "thickness_m": THICKNESS_M, "density_kg_m3": 7830.0, "youngs_modulus_Pa": E_PA,
         "poisson_ratio": NU, "max_frequency_Hz": 8000.0, "damping_ratio": 0.02, "mesh_size_m": 0.02,
     }  # fmt: skip
     path = tmp_path_factory.mktemp("runs") / "ratio_000"
@@ -151,5 +151,5 @@ def test_values_between_nodes_are_those_of_a_smooth_field(modes):
 
 
 def test_rigid_plate_has_no_modes(run):
-    with pytest.raises(RecordError, match="flexible"):
-        modes_of(run_of(run.path, {"scene": SCENE}))
+    with pytest.raises(RecordError, match="thickness_m = None; needs that of a plate that bends"):
+        modes_of(run_of(run.path, {"scene": {"plate": {"size_m": [0.5, 0.5]}}}))

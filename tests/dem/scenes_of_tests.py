@@ -33,7 +33,7 @@ def one_by_one(scene, **columns):
     """The scene with the stones of its volley given one by one, and so many of them with columns of their own."""
     volley, own = stones_of(scene, "scene"), [dict(zip(columns, values)) for values in zip(*columns.values())]
     each = [{"material": stone.material, "radius_m": stone.radius_m, "place_m": [stone.place_m[0], stone.place_m[1]],
-             "speed_m_s": scene.stones.speed_m_s} | values for stone, values in zip(volley, own, strict=True)]
+             "velocity_m_s": scene.stones.speed_m_s} | values for stone, values in zip(volley, own, strict=True)]
     data = scene.model_dump(mode="json", exclude_none=True)
     data["stones"] = {key: data["stones"][key] for key in ("gap_m", "seed", "agglomerate") if key in data["stones"]} | {
         "each": each}

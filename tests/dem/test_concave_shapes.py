@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from test_shapes import CUBE, drawn
 
-from common.scene.stones import ShapeTable
 from common.tables import InputError, Refused
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
@@ -42,7 +41,7 @@ def written(directory, point, triangle):
 
 @pytest.fixture(scope="module")
 def ell(tmp_path_factory):
-    return solid_of(ShapeTable(file=written(tmp_path_factory.mktemp("ell"), *ELL)), 1)
+    return solid_of(written(tmp_path_factory.mktemp("ell"), *ELL), 1)
 
 
 def of_boxes():
@@ -100,7 +99,7 @@ def test_the_outer_layer_lies_on_the_surface_of_an_L(ell):
 def test_stones_in_the_shape_of_an_L_fall(tmp_path, monkeypatch):
     """Mass, centre and inertia are those of the solid, and the energy closes."""
     monkeypatch.setattr("dem.stones.arrangement.PACKINGS", 1)
-    shape = {"file": written(tmp_path, *ELL)}
+    shape = written(tmp_path, *ELL)
     scene = drawn(tmp_path, shape, 100)
     stones = [replace(stone, attitude=UPRIGHT) for stone in stones_of(scene, "scene")]
     one = assemble(scene, stones)
@@ -139,17 +138,17 @@ WRONG[3] = WRONG[3][::-1]
 def test_what_bounds_no_solid_is_refused_in_one_line(tmp_path, point, triangle, said):
     file = written(tmp_path, point, triangle)
     with pytest.raises(InputError, match=said) as refused:
-        solid_of(ShapeTable(file=file), 1)
+        solid_of(file, 1)
     assert "\n" not in str(refused.value) and "mesh.stl" in str(refused.value)
 
 
 def test_parts_that_do_not_hold_together_are_refused(tmp_path):
-    shape = {"file": written(tmp_path, *beside(ONE, (np.full(3, 3.0), np.full(3, 4.0))))}
+    shape = written(tmp_path, *beside(ONE, (np.full(3, 3.0), np.full(3, 4.0))))
     scene = drawn(tmp_path, shape, 60)
     with pytest.raises(Refused, match="hold all parts of their shape together"):
         assemble(scene, stones_of(scene, "scene"))
 
 
 def test_a_surface_may_be_turned_inside_out_as_a_whole(tmp_path, ell):
-    inside_out = solid_of(ShapeTable(file=written(tmp_path, ELL[0], ELL[1][:, ::-1])), 1)
+    inside_out = solid_of(written(tmp_path, ELL[0], ELL[1][:, ::-1]), 1)
     assert inside_out.volume == pytest.approx(ell.volume) and np.allclose(inside_out.corner, ell.corner)

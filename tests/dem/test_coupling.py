@@ -68,7 +68,7 @@ def ball_on_plate(tmp_path, radius, thickness, length, speed, duration, max_freq
         "stones.positions_m": [[0.0, 0.0]], "time.duration_s": duration,
         "time.sample_interval_s": duration / 10, "plate.rods": None, "plate.sensors": None,
         **{f"plate.{key}": value for key, value in STEEL.items()}, "plate.damping_ratio": 0.0,
-        "plate.edges": "simply_supported", "plate.length_m": length, "plate.width_m": length,
+        "plate.edges": "simply_supported", "plate.size_m": [length, length],
         "plate.thickness_m": thickness, "plate.max_frequency_Hz": 2000.0})
     model = prepare(scene, "ball", user_cache())
     model.modes = navier_modes(length, thickness, STEEL, max_frequency_Hz)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scenes_of_tests import changed
 
+from common.scene.plate import FlexiblePlate
 from dem.deck.render import render
 from dem.deck.time_step import TimeStep, step_limits, time_step
 from dem.record.recorder import PlateRecorder
@@ -36,7 +37,7 @@ NAMES = ["elastic_plate", "hertz_coal", "hertz_gangue", "paper", "single", "smal
 
 def deck_of(scene):
     assembly = assemble(scene, stones_of(scene, "scene"))
-    step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1 if scene.plate.model == "flexible" else None)
+    step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1 if isinstance(scene.plate, FlexiblePlate) else None)
     text = render(scene, assembly, step)
     return {part for part, pattern in PARTS.items() if re.search(pattern, text, re.MULTILINE)}, text
 
@@ -54,11 +55,11 @@ def needed(scene):
         "friction": rubs,
         "friction history": rubs,
         "gravity": scene.time.gravity_m_s2 > 0,
-        "coupling": scene.plate.model == "flexible",
+        "coupling": isinstance(scene.plate, FlexiblePlate),
         "pictures": scene.time.view_interval_s is not None,
         "plasticity": scene.plate.yield_stress_Pa is not None,
         "free flight": scene.time.free_flight_tolerance > 0,
-        "weak contact": scene.plate.model == "flexible" and table is not None and scene.time.co_step is None,
+        "weak contact": isinstance(scene.plate, FlexiblePlate) and table is not None and scene.time.co_step is None,
     }.items() if wanted}
 
 
@@ -77,7 +78,7 @@ def test_each_scene_gets_its_parts_and_no_other(name):
 
 SMOOTH = {f"contacts.{pair}": {"restitution": 0.5, "friction": 0.0}
           for pair in ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")}
-RIGID = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+RIGID = {"plate": {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
                    "poisson_ratio": 0.3}}
 OMISSIONS = {
     # whole spheres press too little to yield, and a rigid plate does not yield at all

@@ -15,15 +15,18 @@ from dem.stones.arrangement import gangue_ratio, stones_of
 from dem.stones.assembly import assemble
 
 NO_VOLLEY = {f"stones.{key}": None for key in (
-    "count", "radius_m", "speed_m_s", "positions_m", "circle_radius_m", "gangue_order", "arrival_s")}
-DRAWN = {"count": 40, "size_m": [0.01, 0.03], "speed_m_s": [1.0, 3.0]}
+    "count", "radius_m", "speed_m_s", "positions_m", "gangue_order", "arrival_s")}
+DRAWN = {"size_m": [0.01, 0.03], "speed_m_s": [1.0, 3.0]}
 STREAM = {"size_m": 0.02, "speed_m_s": 3.0, "arrival_s": [0.0, 1.0], "rate_1_s": 10.0}
 SIZE = np.pi / 6  # volume over the cube of the diameter
 N = 20_000
 
 
 def scene_of(base="small", way="drawn", table=None, **changes):
-    keys = NO_VOLLEY | ({"stones.gangue_ratio": None} if way == "each" else {}) | {f"stones.{way}": table or DRAWN}
+    table = table or DRAWN
+    keys = NO_VOLLEY | ({"stones.gangue_ratio": None} if way == "each" else {}) | {f"stones.{way}": table}
+    if way == "drawn" and not {"rate_1_s", "rate_kg_s"} & table.keys():
+        keys["stones.count"] = 40
     return changed_scene(SCENES / f"{base}.toml", keys | changes)
 
 
@@ -55,7 +58,7 @@ def test_rosin_rammler_is_a_law_by_mass():
         assert above == pytest.approx((retained(x) - retained(0.08)) / (retained(0.02) - retained(0.08)), abs=0.012)
 
 
-@pytest.mark.parametrize("many", [{"count": 40}, {"rate_1_s": 400.0}], ids=["by number", "by mass"])
+@pytest.mark.parametrize("many", [{}, {"rate_1_s": 400.0}], ids=["by number", "by mass"])
 def test_the_share_of_gangue_is_the_nearest_that_whole_stones_allow(many):
     table = {"size_m": [0.01, 0.03], "speed_m_s": [1.0, 3.0], "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]]} | many
     scenes = [scene_of(table=table, **{"stones.gangue_ratio": ratio, "stones.drawn.arrival_s": [0.0, 0.1]})
@@ -81,11 +84,11 @@ def test_a_stream_has_its_rate_and_its_mass():
 
 
 def test_a_drop_height_is_a_speed():
-    scene = scene_of(table={"count": 5, "size_m": 0.02, "drop_height_m": 0.5})
+    scene = scene_of(table={"size_m": 0.02, "drop_height_m": 0.5}, **{"stones.count": 5})
     assert stones_of(scene, "scene")[0].velocity_m_s == pytest.approx((0, 0, -np.sqrt(2 * 9.8 * 0.5)))
 
 
-EACH = [{"material": "coal", "radius_m": 0.02, "place_m": [0.1, 0.0], "speed_m_s": 2.0},
+EACH = [{"material": "coal", "radius_m": 0.02, "place_m": [0.1, 0.0], "velocity_m_s": 2.0},
         {"material": "gangue", "radius_m": 0.01, "place_m": [-0.1, 0.0], "velocity_m_s": [0.5, 0.0, -1.0],
          "spin_rad_s": [0.0, 30.0, 0.0], "arrival_s": 1e-3, "attitude": [0.6, 0.8, 0.0, 0.0]},
         {"material": "shale", "radius_m": 0.015, "place_m": [0.0, 0.1], "velocity_m_s": [0.0, 0.3, -3.0]}]
@@ -127,7 +130,7 @@ def test_the_volley_of_the_paper_said_stone_by_stone_is_the_same_deck(tmp_path):
               "plate.max_frequency_Hz": 800.0}
     volley = changed_scene(SCENES / "paper.toml", coarse | {"stones.gangue_ratio": 0.3})
     each = [{"material": s.material, "radius_m": s.radius_m, "place_m": [s.place_m[0], s.place_m[1]],
-             "speed_m_s": -s.velocity_m_s[2], "seed": s.seed} for s in stones_of(volley, "volley")]
+             "velocity_m_s": -s.velocity_m_s[2]} for s in stones_of(volley, "volley")]
     for name, scene in (("volley", volley), ("each", scene_of("paper", "each", each, **coarse))):
         prepared = prepare(scene, name, tmp_path)
         write_deck(tmp_path / name, prepared.scene, prepared.assembly, prepared.step, prepared.modes)
@@ -172,8 +175,13 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
     ("drawn", DRAWN, {"stones.radius_m": 0.02}, "stones.radius_m = 0.02: must be left out where stones.drawn"),
     ("drawn", DRAWN, {"stones.gangue_ratio": None}, "stones.gangue_ratio"),
     ("drawn", DRAWN | {"size_m": 0.2}, {}, "find no place"),
-    ("drawn", {"size_m": 0.02, "speed_m_s": 3.0}, {}, "stones.drawn.count = None: one of this, rate_1_s and rate_kg_s"),
-    ("drawn", DRAWN | {"rate_1_s": 10.0}, {}, "stones.drawn.count = 40: one of this, rate_1_s and rate_kg_s"),
+    ("drawn", DRAWN, {"stones.count": None}, "stones.count = None: one of this, drawn.rate_1_s and drawn.rate_kg_s"),
+    ("drawn", STREAM, {"stones.count": 40}, "stones.count = 40: one of this, drawn.rate_1_s and drawn.rate_kg_s"),
+    ("drawn", STREAM | {"rate_kg_s": 1.0}, {}, "stones.drawn.rate_kg_s = 1.0: must be left out where rate_1_s"),
+    ("drawn", DRAWN | {"count": 4}, {}, "stones.drawn.count = 4: unknown key; use stones.count"),
+    ("each", [EACH[0] | {"speed_m_s": 3.0}], {}, "stones.each.0.speed_m_s = 3.0: unknown key; use velocity_m_s = SPEED"),
+    ("each", [EACH[0] | {"velocity_m_s": -3.0}], {}, "stones.each.0.velocity_m_s = -3.0: must be greater than or equal to 0"),
+    ("each", [EACH[0] | {"velocity_m_s": [1.0, 2.0]}], {}, "stones.each.0.velocity_m_s"),
     ("drawn", STREAM | {"rate_1_s": 1e6}, {}, "1000000 stones"),
     ("drawn", STREAM | {"arrival_s": 1.0}, {}, "stones.drawn.arrival_s = .*must be .begin, end"),
     ("drawn", STREAM | {"arrival_s": [1.0, 1.0]}, {}, "stones.drawn.arrival_s = .*some time apart"),
@@ -181,7 +189,7 @@ def test_a_smaller_stone_is_the_larger_one_to_scale():
     ("each", [EACH[0], EACH[0] | {"shape": "cube"}], {}, "stones.each.1.shape = 'cube': unknown shape"),
     ("each", [EACH[0], EACH[0]], {}, "stones 1 and 2 overlap"),
     ("each", [EACH[0] | {"place_m": [0.3, 0.0]}], {}, "stones.each.0.place_m = .*misses the plate"),
-    ("each", [EACH[0] | {"velocity_m_s": [0.0, 0.0, 1.0], "speed_m_s": None}], {}, "stones.each.0.velocity_m_s"),
+    ("each", [EACH[0] | {"velocity_m_s": [0.0, 0.0, 1.0]}], {}, "stones.each.0.velocity_m_s"),
     ("each", [EACH[0] | {"attitude": [1.0, 1.0, 0.0, 0.0]}], {}, "stones.each.0.attitude"),
 ])
 def test_bad_input_is_refused_in_one_line(way, table, changes, said):

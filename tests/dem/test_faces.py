@@ -25,7 +25,7 @@ from dem.stones.packing import Packing, SphereContainer
 
 SIDE_m, SPEED_m_s = 0.04, 0.5
 ALL = "stones.count stones.radius_m stones.positions_m stones.speed_m_s stones.gangue_order stones.gangue_ratio".split()
-RIGID = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+RIGID = {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 E_Pa, NU, DENSITY_kg_m3 = 5.12e9, 0.3, 1380.0  # of coal
 
@@ -41,12 +41,12 @@ def cube_file(tmp_path_factory):
 def cube(file, subspheres=200, turn=None, restitution=1.0, friction=0.0, speed_m_s=SPEED_m_s, each=None, **changes):
     """A cube of coal on a rigid plate, as it stands or turned."""
     one = {"material": "coal", "radius_m": SIDE_m * (3 / 4 / np.pi) ** (1 / 3), "shape": "cube", "place_m": [0.0, 0.0],
-           "speed_m_s": speed_m_s, "seed": 3}
+           "velocity_m_s": speed_m_s}
     if turn is not None:
         one["attitude"] = np.roll(turn.as_quat(), 1).tolist()
     contact = {"restitution": restitution, "friction": friction}
     return changed("single", {
-        **dict.fromkeys(ALL), "stones.each": [one | (each or {})], "shapes.cube": {"file": file}, "assumptions": None,
+        **dict.fromkeys(ALL), "stones.each": [one | (each or {})], "stones.seed": 3, "shapes.cube": file, "assumptions": None,
         "time.view_interval_s": None, "stones.agglomerate": {"subspheres": subspheres, "unbreakable": True, "contact": "faces"},
         "time.gravity_m_s2": 0.0, "time.duration_s": 1.5e-4, "time.sample_interval_s": 3e-5, "plate": dict(RIGID),
         "contacts": dict.fromkeys(("coal_plate", "coal_coal"), contact), **changes})
@@ -98,7 +98,7 @@ def test_a_face_that_is_not_parallel_presses_with_its_sub_spheres(tmp_path, cube
 
 
 def test_energy_of_cubes_that_slide_break_and_are_damped(tmp_path, cube_file):
-    scene = cube(cube_file, 300, Rotation.from_euler("y", 0.004), 0.9, 0.4, 4.0, {"speed_m_s": None, "velocity_m_s": [1.5, 0.0, -4.0]},
+    scene = cube(cube_file, 300, Rotation.from_euler("y", 0.004), 0.9, 0.4, 4.0, {"velocity_m_s": [1.5, 0.0, -4.0]},
                  **{"stones.agglomerate.unbreakable": False, "time.duration_s": 9e-4})
     found = run_scene(scene, "scene", tmp_path / "run")
     energy = found["energy"]
@@ -148,7 +148,7 @@ def test_two_ranks_and_a_stone_that_comes_late_find_the_same_contact(tmp_path, c
 
 @pytest.mark.parametrize(("changes", "said"), [
     ({"plate.yield_stress_Pa": 3e8}, "plate.yield_stress_Pa = 300000000.0: must be left out where"),
-    ({"stones.each": [{"material": "coal", "radius_m": 0.02, "place_m": [0.0, 0.0], "speed_m_s": 1.0}]},
+    ({"stones.each": [{"material": "coal", "radius_m": 0.02, "place_m": [0.0, 0.0], "velocity_m_s": 1.0}]},
      "stones.agglomerate.contact = 'faces': must be .* where all stones are spheres"),
 ])
 def test_what_has_no_faces_is_refused(cube_file, changes, said):

@@ -14,7 +14,7 @@ COARSE = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "su
           "plate.max_frequency_Hz": 800.0, "time.view_interval_s": None, "plate.sensors": []}
 SMALL = {
     "sizes": {"time.duration_s": 0.023},
-    "polyhedra": {"time.duration_s": 2e-3, "stones.drawn.count": 4, "stones.agglomerate.subspheres": 100},
+    "polyhedra": {"time.duration_s": 2e-3, "stones.count": 4, "stones.agglomerate.subspheres": 100},
     "stream": {"time.duration_s": 0.06, "stones.drawn.arrival_s": [0.0, 0.05], "stones.drawn.rate_1_s": 100.0},
     "caving": {"time.duration_s": 0.05, "stones.drawn.arrival_s": [0.0, 0.04], "stones.drawn.rate_kg_s": 50.0,
                "stones.agglomerate.subspheres": 100, "plate.max_frequency_Hz": 300.0},
@@ -64,7 +64,7 @@ def test_a_stone_on_a_rod_pushes_as_much_as_rods_plate_and_damping_have(tmp_path
     """At each row; without residual modes of the rods a tenth of the impulse is missing."""
     scene = changed_scene(SCENES / "small.toml", {
         "stones.agglomerate": None, "stones.count": 1, "stones.gangue_ratio": 0.0, "stones.gangue_order": [1],
-        "stones.circle_radius_m": None, "stones.positions_m": [[0.2, 0.2]], "plate.max_frequency_Hz": 4000.0,
+        "stones.positions_m": [[0.2, 0.2]], "plate.max_frequency_Hz": 4000.0,
         "plate.damping_ratio": damping_ratio, "time.duration_s": 4e-3, "time.view_interval_s": None})
     run = run_scene(scene, "small", tmp_path / "run")
     fast = pd.read_parquet(tmp_path / "run" / "fast.parquet")

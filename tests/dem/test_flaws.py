@@ -69,9 +69,9 @@ def test_the_field_is_of_place_and_seed_whatever_the_packing():
 
 def test_the_field_turns_with_its_stone_and_grows_with_none_of_its_size():
     """It is fixed in the stone, and its length is one of the rock: a larger stone has more of the same flaws."""
-    each = {"material": "coal", "radius_m": 0.025, "place_m": [0.0, 0.0], "speed_m_s": 3.0, "seed": 9}
-    volley = ("count", "positions_m", "gangue_order", "gangue_ratio", "radius_m", "circle_radius_m", "speed_m_s")
-    no_volley = {f"stones.{key}": None for key in volley}
+    each = {"material": "coal", "radius_m": 0.025, "place_m": [0.0, 0.0], "velocity_m_s": 3.0}
+    volley = ("count", "positions_m", "gangue_order", "gangue_ratio", "radius_m", "speed_m_s")
+    no_volley = {f"stones.{key}": None for key in volley} | {"stones.seed": 9}
     _, upright, _ = bonds_of(200, **no_volley, **{"stones.each": [each]})
     _, turned, _ = bonds_of(200, **no_volley, **{"stones.each": [each | {"attitude": [0.6, 0.8, 0.0, 0.0]}]})
     assert np.array_equal(upright, turned)
@@ -82,7 +82,7 @@ def test_the_field_turns_with_its_stone_and_grows_with_none_of_its_size():
 
 def test_stones_that_share_a_packing_have_flaws_of_their_own():
     scene = changed("single", FIELD | {
-        "stones.agglomerate.subspheres": 200, "stones.count": 12, "stones.gangue_ratio": 0.0, "stones.circle_radius_m": None,
+        "stones.agglomerate.subspheres": 200, "stones.count": 12, "stones.gangue_ratio": 0.0,
         "stones.positions_m": [[0.055 * (k % 4) - 0.08, 0.055 * (k // 4) - 0.06] for k in range(12)]})
     stones = stones_of(scene, "single")
     shared, = (seed for seed, _ in Counter(one.seed for one in stones).most_common(1))

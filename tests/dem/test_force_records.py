@@ -72,6 +72,6 @@ def test_runs_without_a_force_record(directory, tmp_path):
         force_record_of(run, DURATION_S)
     shutil.copy(directory / "fast.parquet", tmp_path)
     run = read_run(tmp_path)
-    run.info["scene"]["plate"]["model"] = "rigid"
-    with pytest.raises(RecordError, match="needs 'flexible'"):
+    del run.info["scene"]["plate"]["thickness_m"]
+    with pytest.raises(RecordError, match="needs that of a plate that bends"):
         force_record_of(run, DURATION_S)

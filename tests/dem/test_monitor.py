@@ -14,7 +14,7 @@ from dem.record.energy_balance import Unstable, check_closure
 from dem.run.run import RunError, run_scene
 from lab.accuracy.stability import build, cases
 
-STONE = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+STONE = {"plate": {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
                    "poisson_ratio": 0.3},
          "stones.agglomerate.subspheres": 60, "stones.agglomerate.contact": "sub_spheres",
          "stones.agglomerate.unbreakable": True, "time.view_interval_s": None,

@@ -70,7 +70,7 @@ def test_a_plate_that_is_not_square_moves_under_the_stone_as_its_shape_says(tmp_
     """It rocks, elastically struck at y: the plate weighs M/(c y)^2 there."""
     y_m, per_m, speed, length_m, width_m = 0.08, 10.0, 3.0, 0.5, 0.22
     scene = changed("elastic_plate", {"stones.positions_m": [[0.1, y_m]], "time.gravity_m_s2": None,
-                                      "plate.length_m": length_m, "plate.width_m": width_m, "plate.sensors": None,
+                                      "plate.size_m": [length_m, width_m], "plate.sensors": None,
                                       "plate.rods": None, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 6e-4, "time.sample_interval_s": 6e-5})
     found = run_on(plate_that_moves(per_m, length_m, width_m), tmp_path / "run", scene)
     m, there = hertz("gangue")["mass_kg"], PLATE_kg / (per_m * y_m) ** 2
@@ -83,12 +83,12 @@ def test_what_reaches_over_the_edge_pushes_the_edge(tmp_path):
     about the line from the edge to its centre."""
     velocity, width_m, beside_m, gap_m = np.array([0, 1.0, -3.0]), 0.22, 1e-3, 3.6e-3
     volley = dict.fromkeys(("count", "positions_m", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
-                            "circle_radius_m", "coal", "gangue"))
-    one = {"material": "gangue", "radius_m": RADIUS_m, "place_m": [0.1, 0.11 + beside_m - gap_m / 3], "seed": 1,
+                            "coal", "gangue"))
+    one = {"material": "gangue", "radius_m": RADIUS_m, "place_m": [0.1, 0.11 + beside_m - gap_m / 3],
            "velocity_m_s": velocity.tolist()}
     scene = changed("elastic_plate", {
-        **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "stones.gap_m": gap_m,
-        "contacts.gangue_plate.friction": 0.0, "time.gravity_m_s2": None, "plate.width_m": width_m, "plate.sensors": None,
+        **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "stones.seed": 1, "stones.gap_m": gap_m,
+        "contacts.gangue_plate.friction": 0.0, "time.gravity_m_s2": None, "plate.size_m": [0.5, width_m], "plate.sensors": None,
         "plate.rods": None, "plate.max_frequency_Hz": 2000.0, "time.duration_s": 1.8e-3, "time.sample_interval_s": 6e-5})
     found = run_on(plate_that_moves(1000.0, 0.5, width_m, 0.11), tmp_path / "run", scene)
     away = np.array([0, beside_m / RADIUS_m, np.sqrt(1 - (beside_m / RADIUS_m) ** 2)])

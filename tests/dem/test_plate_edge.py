@@ -91,10 +91,10 @@ def test_a_stone_that_breaks_as_it_slides_over_the_edge_keeps_its_energy(tmp_pat
     """Its patch goes on as single sub-spheres, some of them beside the plate."""
     rigid = changed("hertz_coal", {}).plate.model_dump(mode="json")
     volley = dict.fromkeys(("count", "positions_m", "radius_m", "speed_m_s", "gangue_ratio", "gangue_order",
-                            "circle_radius_m", "coal", "gangue"))
-    one = {"material": "coal", "radius_m": 0.025, "place_m": [0.2497, 0.0], "velocity_m_s": velocity, "seed": seed}
+                            "coal", "gangue"))
+    one = {"material": "coal", "radius_m": 0.025, "place_m": [0.2497, 0.0], "velocity_m_s": velocity}
     scene = changed("single", {
-        **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "plate": rigid,
+        **{f"stones.{key}": value for key, value in volley.items()}, "stones.each": [one], "stones.seed": seed, "plate": rigid,
         "stones.agglomerate.subspheres": subspheres, "contacts.coal_plate": {"restitution": 1.0, "friction": 0.4},
         "time.duration_s": 9e-4, "time.view_interval_s": None})
     found = run_scene(scene, "scene", tmp_path / "run")

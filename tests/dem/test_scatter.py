@@ -97,14 +97,14 @@ def test_compliances_go_with_one_over_the_modulus_and_are_kept_once(tmp_path):
     assert found.compliance_m_N * stone.youngs_modulus_factor * size == pytest.approx(other.compliance_m_N, rel=1e-12)
 
 
-FIVE = [{"material": name, "radius_m": 0.02, "place_m": [0.05 * k - 0.1, y], "speed_m_s": 2.0}
+FIVE = [{"material": name, "radius_m": 0.02, "place_m": [0.05 * k - 0.1, y], "velocity_m_s": 2.0}
         for y, names in ((0.1, ["coal"] * 5), (-0.1, [f"rock{k}" for k in range(5)])) for k, name in enumerate(names)]
 
 
 def five_rocks(kind, **more):
     gangue = changed("small", {}).materials["gangue"].model_dump()
     rocks = {f"materials.rock{k}": gangue | {"density_kg_m3": 2000.0 + 100 * k, "kind": kind} for k in range(5)}
-    volley = ("count", "radius_m", "speed_m_s", "positions_m", "circle_radius_m", "gangue_order", "gangue_ratio")
+    volley = ("count", "radius_m", "speed_m_s", "positions_m", "gangue_order", "gangue_ratio")
     return changed("small", {f"stones.{key}": None for key in volley} | {"stones.each": FIVE} | rocks | more)
 
 
@@ -140,9 +140,9 @@ def test_groups_of_a_data_set_draw_their_own_stones(tmp_path):
 
 
 def test_drawn_stones_take_what_their_own_table_does_not_say(tmp_path):
-    drawn = {"count": 6, "size_m": 0.04, "speed_m_s": 2.0}
-    changes = {"stones.drawn": drawn, **{f"stones.{key}": None for key in (
-        "count", "radius_m", "circle_radius_m", "speed_m_s", "gangue_order")}}
+    drawn = {"size_m": 0.04, "speed_m_s": 2.0}
+    changes = {"stones.drawn": drawn, "stones.count": 6, **{f"stones.{key}": None for key in (
+        "radius_m", "speed_m_s", "positions_m", "gangue_order")}}
     scene = changed("paper", changes | {"scatter.youngs_modulus_factor": {"lognormal_cv": 0.2}})
     assert len({stone.youngs_modulus_factor for stone in stones_of(scene, "scene")}) == 6
     with pytest.raises(InputError, match="scatter.radius_factor = .*must be left out where stones.drawn is given"):
@@ -170,8 +170,8 @@ def test_stones_that_find_no_place_are_refused():
 
 
 def test_more_moduli_than_the_engine_takes_are_refused():
-    each = [{"material": "coal", "radius_m": 1e-4, "place_m": [4e-4 * k - 0.2, 0.0], "speed_m_s": 1.0} for k in range(501)]
-    volley = ("count", "radius_m", "speed_m_s", "circle_radius_m", "gangue_order", "gangue_ratio")
+    each = [{"material": "coal", "radius_m": 1e-4, "place_m": [4e-4 * k - 0.2, 0.0], "velocity_m_s": 1.0} for k in range(501)]
+    volley = ("count", "radius_m", "speed_m_s", "positions_m", "gangue_order", "gangue_ratio")
     scene = changed("paper", {f"stones.{key}": None for key in volley} | {
         "stones.each": each, "scatter.youngs_modulus_factor": {"lognormal_cv": 0.1}})
     with pytest.raises(InputError, match="scatter: 501 stones .*must be at most 500"):

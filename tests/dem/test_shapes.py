@@ -18,7 +18,7 @@ from dem.stones.packing import REFERENCE_RADIUS_m, packed
 from dem.stones.solids import moments, polyhedron, solid_of
 from dem.stones.stone import UPRIGHT
 
-NO_VOLLEY = {f"stones.{key}": None for key in ("count", "radius_m", "speed_m_s", "positions_m", "gangue_order")}
+NO_VOLLEY = {f"stones.{key}": None for key in ("radius_m", "speed_m_s", "positions_m", "gangue_order")}
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 
 
@@ -36,7 +36,7 @@ def box_file(directory, size=(0.3, 0.2, 0.1), points=CUBE):
 
 def test_moments_of_a_box_by_its_closed_form(tmp_path):
     a, b, c = 0.3, 0.2, 0.1
-    solid = solid_of(ShapeTable(file=str(box_file(tmp_path))), 1)
+    solid = solid_of(str(box_file(tmp_path)), 1)
     size = (4 / 3 * np.pi / (a * b * c)) ** (1 / 3)
     assert np.ptp(solid.corner, axis=0) == pytest.approx(size * np.array([a, b, c]), rel=1e-6)
     volume, first, second = moments(solid.corner, solid.triangle)
@@ -44,12 +44,12 @@ def test_moments_of_a_box_by_its_closed_form(tmp_path):
     assert np.diag(second) / volume == pytest.approx(size**2 * np.array([a * a, b * b, c * c]) / 12, rel=1e-6)
 
 
-@pytest.mark.parametrize("table", [{}, {"elongation": 0.7, "flatness": 0.6}, {"corners": 8}])
+@pytest.mark.parametrize("table", [{}, {"extent_ratios": (0.7, 0.6)}, {"corners": 8}])
 def test_a_polyhedron_is_convex_closed_and_as_long_and_flat_as_asked(table):
     solid = polyhedron(ShapeTable(**table), 5)
     extent = np.ptp(solid.corner, axis=0)
-    assert extent / extent[0] == pytest.approx([1, table.get("elongation", 1.0),
-                                                table.get("elongation", 1.0) * table.get("flatness", 1.0)])
+    elongation, flatness = table.get("extent_ratios", (1.0, 1.0))
+    assert extent / extent[0] == pytest.approx([1, elongation, elongation * flatness])
     assert np.all(solid.corner @ solid.normal.T <= solid.offset + 1e-9) and solid.reach > 1
     edges, count = np.unique(np.sort(solid.triangle[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0,
                              return_counts=True)
@@ -62,8 +62,8 @@ def test_a_polyhedron_is_convex_closed_and_as_long_and_flat_as_asked(table):
 
 @pytest.mark.parametrize("shapes, contact", [(["sphere"], "smooth"), (["rock"], "faces"), (["sphere", "rock"], "faces")])
 def test_the_shape_chooses_the_contact_where_the_scene_does_not(tmp_path, shapes, contact):
-    table = {"count": 3, "size_m": 0.03, "speed_m_s": 2.0, "shapes": shapes}
-    changes = {"stones.drawn": table, "shapes.rock": {}, "stones.agglomerate.subspheres": 200} | NO_VOLLEY
+    table = {"size_m": 0.03, "speed_m_s": 2.0, "shapes": shapes}
+    changes = {"stones.count": 3, "stones.drawn": table, "shapes.rock": {}, "stones.agglomerate.subspheres": 200} | NO_VOLLEY
     unsaid = changed_scene(SCENES / "small.toml", changes | {"stones.agglomerate.contact": None})
     assert unsaid.agglomerate.contact == contact
     assert unsaid == changed_scene(SCENES / "small.toml", changes | {"stones.agglomerate.contact": contact})
@@ -72,16 +72,16 @@ def test_the_shape_chooses_the_contact_where_the_scene_does_not(tmp_path, shapes
 
 
 def drawn(tmp_path, shape, subspheres=120, **changes):
-    table = {"count": 3, "size_m": [0.03, 0.05], "speed_m_s": 2.0, "shapes": ["rock"],
+    table = {"size_m": [0.03, 0.05], "speed_m_s": 2.0, "shapes": ["rock"],
              "arrival_s": [0.0, 0.002]}
     return changed_scene(SCENES / "small.toml", NO_VOLLEY | {
-        "stones.drawn": table, "shapes.rock": shape, "stones.agglomerate.subspheres": subspheres,
+        "stones.count": 3, "stones.drawn": table, "shapes.rock": shape, "stones.agglomerate.subspheres": subspheres,
         "stones.agglomerate.unbreakable": True, "time.duration_s": 6e-3, "time.view_interval_s": None} | changes)
 
 
 @pytest.mark.parametrize("kind", ["polyhedron", "box"])
 def test_mass_centre_and_inertia_of_a_stone_are_those_of_its_solid(tmp_path, kind):
-    shape = {"elongation": 0.8, "flatness": 0.7} if kind == "polyhedron" else {"file": str(box_file(tmp_path))}
+    shape = {"extent_ratios": [0.8, 0.7]} if kind == "polyhedron" else str(box_file(tmp_path))
     scene = drawn(tmp_path, shape)
     stones = [replace(stone, attitude=UPRIGHT) for stone in stones_of(scene, "scene")]
     one = assemble(scene, stones)
@@ -99,7 +99,7 @@ def test_mass_centre_and_inertia_of_a_stone_are_those_of_its_solid(tmp_path, kin
 
 
 def test_the_outer_layer_lies_on_the_surface():
-    solid = polyhedron(ShapeTable(elongation=0.8, flatness=0.7), 2)
+    solid = polyhedron(ShapeTable(extent_ratios=(0.8, 0.7)), 2)
     packing = packed(solid, 300, 1, None)
     gap = packing.wall_gap_m / packing.radius_m
     assert gap.min() > -2e-3 and (np.abs(gap) < 0.02).mean() > 0.35
@@ -113,19 +113,21 @@ def test_a_surface_that_is_not_closed_is_refused(tmp_path):
     mesh = meshio.read(file)
     meshio.write_points_cells(file, mesh.points, [("triangle", mesh.cells_dict["triangle"][:-1])])
     with pytest.raises(InputError, match="must hold a closed surface"):
-        solid_of(ShapeTable(file=str(file), elongation=1.0), 7)
+        solid_of(str(file), 7)
 
 
 def test_polyhedra_fall_and_the_ledger_closes(tmp_path):
-    summary = run_scene(drawn(tmp_path, {"elongation": 0.8, "flatness": 0.7}, **{"plate.tilt_deg": 10.0}), "scene",
+    summary = run_scene(drawn(tmp_path, {"extent_ratios": [0.8, 0.7]}, **{"plate.tilt_deg": 10.0}), "scene",
                         tmp_path / "run")
     assert abs(summary["energy"]["closure"]) < 0.01 and min(summary["rebound_speed_m_s"]) > -2.0
 
 
 @pytest.mark.parametrize("shape, changes, said", [
-    ({"elongation": 0.1}, {}, "shapes.rock.elongation = 0.1"),
-    ({"corners": 8, "file": "x.stl"}, {}, "shapes.rock.corners = 8: must be left out where file"),
-    ({"file": "none.stl"}, {}, "none.stl: cannot be read"),
+    ({"extent_ratios": [0.1, 1.0]}, {}, "shapes.rock.extent_ratios.0 = 0.1: must be"),
+    ({"elongation": 0.8}, {}, r"shapes.rock.elongation = 0.8: unknown key; use extent_ratios = \[elongation, flatness\]"),
+    ({"corners": 8, "file": "x.stl"}, {}, "shapes.rock.file = 'x.stl': unknown key; use shapes.NAME = \"FILE\""),
+    (8, {}, "shapes.rock = 8: must be a valid dictionary"),
+    ("none.stl", {}, "none.stl: cannot be read"),
     ({}, {"stones.agglomerate.contact": "smooth"}, "must be \"faces\" or \"sub_spheres\" where"),
     ({}, {"stones.agglomerate": None}, "stones.agglomerate = None"),
     ({}, {"stones.drawn.shapes": ["slate"]}, "stones.drawn.shapes = 'slate': unknown shape"),

@@ -109,7 +109,7 @@ def test_above_and_beyond_a_wall_nothing_is_felt(tmp_path):
     assert len(pushed) == 0 and np.all(seen.v[:, 0] == [0.0, 1.0, 0.0])
 
 
-CHUTE = PLATE_OF_STREAMS | {"length_m": 0.2, "width_m": 0.08, "tilt_deg": 25.0,
+CHUTE = PLATE_OF_STREAMS | {"size_m": [0.2, 0.08], "tilt_deg": 25.0,
                             "wall_height_m": {"y_minus": 0.04, "y_plus": 0.04}}
 IN_CHUTE = [{"place_m": [-0.05, 0.02], "velocity_m_s": (0.1, 2.0, -0.5)},
             {"place_m": [-0.05, -0.02], "velocity_m_s": (0.3, -1.5, -0.6), "spin_rad_s": (20.0, 0.0, 0.0)}]

@@ -21,7 +21,7 @@ from dem.stones.contact_patch import PATCH_RADIUS, is_surface, patch_compliance,
 from dem.stones.packing import pack_sphere
 
 RADIUS_m = 0.025
-RIGID = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+RIGID = {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 PAIRS = ("coal_plate", "gangue_plate", "coal_coal", "coal_gangue", "gangue_gangue")
 NO_GRAVITY = {"time.gravity_m_s2": 0.0, "time.duration_s": 4.5e-4, "time.view_interval_s": None}

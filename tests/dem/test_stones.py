@@ -76,7 +76,7 @@ def test_many_stones_of_a_volley_share_packings_and_are_turned():
     def volley(count, **changes):
         places = [[0.055 * (k % 5) - 0.11, 0.055 * (k // 5) - 0.11] for k in range(count)]
         return stones_of(changed_scene(SCENES / "paper.toml", {
-            "stones.count": count, "stones.circle_radius_m": None, "stones.positions_m": places,
+            "stones.count": count, "stones.positions_m": places,
             "stones.gangue_ratio": 0.0, **changes}), "scene")
     few, many = volley(10), volley(20)
     assert [one.seed - few[0].seed for one in few] == list(range(10)) and {one.attitude for one in few} == {UPRIGHT}

@@ -20,14 +20,14 @@ GRAVITY = 9.8
 SPEED = 0.5
 CHECKPOINTS = 10
 APEX_s = SPEED / GRAVITY
-PLATE = {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
+PLATE = {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11,
          "poisson_ratio": 0.3}
 FALLS_OFF = {"place_m": [0.24, 0.0], "velocity_m_s": (1.0, 0.1, -SPEED)}
 
 
 def scene_of(each, duration_s, **changes):
-    """Equal stones one by one on a rigid plate."""
-    one = {"material": "coal", "radius_m": 0.01, "seed": 20011}
+    """Stones of one size one by one on a rigid plate."""
+    one = {"material": "coal", "radius_m": 0.01}
     old = ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order", "gangue_ratio")
     return changed("single", {
         **{f"stones.{key}": None for key in old}, "stones.each": [one | stone for stone in each], "plate": PLATE,
@@ -69,8 +69,8 @@ def pushes_of(directory, stone):
 
 def test_a_stone_of_a_stream_pushes_as_alone_and_as_at_the_start(tmp_path):
     """The same stone at three times, once while another one bounces: the same pushes, shifted in time."""
-    sample_s, at = 1.5e-4, {"place_m": [0.1, 0.0], "speed_m_s": SPEED}
-    other = {"place_m": [-0.1, 0.1], "speed_m_s": SPEED}
+    sample_s, at = 1.5e-4, {"place_m": [0.1, 0.0], "velocity_m_s": SPEED}
+    other = {"place_m": [-0.1, 0.1], "velocity_m_s": SPEED}
     found = []
     for name, later, others in (("start", 0, []), ("alone", 40, []), ("with", 40, [other, other | {"place_m": [-0.1, -0.1], "arrival_s": 0.02}])):
         each = [at | {"arrival_s": APEX_s + later * sample_s}, *others]
@@ -88,8 +88,8 @@ def test_a_stone_of_a_stream_pushes_as_alone_and_as_at_the_start(tmp_path):
 def left(tmp_path_factory):
     """Two stones fall off the plate, one breaks on it and one is still to come at the end."""
     directory = tmp_path_factory.mktemp("left") / "deck"
-    each = [FALLS_OFF, FALLS_OFF | {"arrival_s": 0.07}, {"place_m": [0.0, 0.0], "speed_m_s": 3.0},
-            {"place_m": [0.1, 0.1], "speed_m_s": SPEED, "arrival_s": 1.0}]
+    each = [FALLS_OFF, FALLS_OFF | {"arrival_s": 0.07}, {"place_m": [0.0, 0.0], "velocity_m_s": 6.0},
+            {"place_m": [0.1, 0.1], "velocity_m_s": SPEED, "arrival_s": 1.0}]
     scene = scene_of(each, 0.21, **{"stones.agglomerate.unbreakable": False})
     return engine_run(directory, scene, CHECKPOINTS), directory
 
@@ -108,7 +108,7 @@ def test_what_has_left_the_plate_is_taken_out_and_counted(left):
 
 def test_a_stone_that_rises_from_below_the_plate_has_not_left(tmp_path):
     """It enters beside the plate, 2 cm below its face, rises past the edge and comes down on it."""
-    model = written(tmp_path / "deck", scene_of([{"place_m": [0.1, 0.0], "speed_m_s": SPEED, "arrival_s": 0.07}], 0.24))
+    model = written(tmp_path / "deck", scene_of([{"place_m": [0.1, 0.0], "velocity_m_s": SPEED, "arrival_s": 0.07}], 0.24))
     file = tmp_path / "deck" / "stones.bin"
     numbers = np.fromfile(file)
     whole = numbers.view("<i8")
@@ -192,9 +192,9 @@ def test_a_stone_waits_where_something_is_in_the_way(tmp_path, monkeypatch):
     first_s = (first_speed - np.sqrt(first_speed**2 - speed**2)) / GRAVITY  # from the height of the second to its touch
     at = {"place_m": [0.0, 0.0]}
     model = engine_run(tmp_path / "deck", scene_of([
-        at | {"speed_m_s": first_speed, "arrival_s": enters_s + first_s},
-        at | {"speed_m_s": speed, "arrival_s": enters_s + speed / GRAVITY},
-        at | {"place_m": [0.1, 0.0], "speed_m_s": speed, "arrival_s": enters_s + 2e-3 + speed / GRAVITY}], enters_s + 0.03))
+        at | {"velocity_m_s": first_speed, "arrival_s": enters_s + first_s},
+        at | {"velocity_m_s": speed, "arrival_s": enters_s + speed / GRAVITY},
+        at | {"place_m": [0.1, 0.0], "velocity_m_s": speed, "arrival_s": enters_s + 2e-3 + speed / GRAVITY}], enters_s + 0.03))
     ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 3)
     row = np.argmax(ledger.is_near[:, 1])
     mass = model.assembly.stone_mass_kg[1]
@@ -227,7 +227,7 @@ def test_a_stream_without_bodies_in_free_flight_is_refused(key, value):
 
 def test_more_sub_spheres_come_in_than_liggghts_makes_room_for_at_once(tmp_path):
     """Its list of equal tags grows by a thousand, and is cleared at its new length before it is made longer."""
-    each = [{"place_m": [0.05 * (k % 4) - 0.1, 0.05 * (k // 4) - 0.1], "speed_m_s": SPEED,
+    each = [{"place_m": [0.05 * (k % 4) - 0.1, 0.05 * (k // 4) - 0.1], "velocity_m_s": SPEED,
              "arrival_s": APEX_s + 1e-3} for k in range(16)]
     model = engine_run(tmp_path / "deck", scene_of(each, 0.02, **{"stones.agglomerate.subspheres": 200}))
     ledger = read_ledger(tmp_path / "deck" / "ledger.bin", 16)
@@ -241,7 +241,7 @@ def test_a_stone_may_enter_between_the_ledger_and_the_look_at_its_energies(tmp_p
     """The ledger is at step 394, the engine looks at its energies at step 400, and a stone comes in at step 396."""
     sample_s, sample_steps, every = 4.2e-5, 210, 197
     dt = sample_s / sample_steps
-    at = {"place_m": [0.1, 0.0], "speed_m_s": SPEED}
+    at = {"place_m": [0.1, 0.0], "velocity_m_s": SPEED}
     scene = scene_of([at | {"arrival_s": 1e-3}, at | {"place_m": [0.1, 0.1], "arrival_s": APEX_s + 396.5 * dt}], 4 * sample_s, **{
         "time.time_step_s": dt, "time.sample_interval_s": sample_s})
     model = written(tmp_path / "deck", scene)

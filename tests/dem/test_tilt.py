@@ -18,7 +18,7 @@ def down_the_slope(tmp_path, tilt_deg, friction, **changes):
     base = changed_scene(SCENES / "hertz_coal.toml", {})
     soft = base.materials["coal"].model_dump() | {"youngs_modulus_Pa": 5e6}  # few steps
     scene = changed_scene(SCENES / "hertz_coal.toml", {
-        "materials.coal": soft, "plate.tilt_deg": tilt_deg, "plate.length_m": 1.0, "time.gravity_m_s2": G,
+        "materials.coal": soft, "plate.tilt_deg": tilt_deg, "plate.size_m": [1.0, 0.5], "time.gravity_m_s2": G,
         "stones.radius_m": RADIUS_m, "stones.speed_m_s": 0.0, "stones.gap_m": 1e-7, "time.duration_s": DURATION_s,
         "contacts.coal_plate": {"restitution": 0.1, "friction": friction}, "time.time_step_s": 1e-6,
         "stones.agglomerate": None} | changes)
@@ -59,7 +59,7 @@ def test_a_tilt_is_the_same_as_a_turned_frame():
 
 def test_bonded_stones_bounce_down_a_tilted_plate(tmp_path):
     """In free flight and in the arrays: the ledger closes, and what leaves the plate moves towards +x."""
-    changes = {"plate": {"model": "rigid", "length_m": 0.5, "width_m": 0.5, "density_kg_m3": 7830.0,
+    changes = {"plate": {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0,
                          "youngs_modulus_Pa": 2.07e11, "poisson_ratio": 0.3, "tilt_deg": 25.0},
                "time.duration_s": 0.05, "stones.speed_m_s": 1.0, "stones.agglomerate.unbreakable": True, "time.view_interval_s": None}
     scene = changed_scene(SCENES / "small.toml", changes)

@@ -45,16 +45,16 @@ def falling(stones, name="bonded", plate="rigid", **tables):
 
 EACH = [{"material": "coal", "radius_m": 0.025, "place_m": [0.1, 0.0], "velocity_m_s": [0.5, 0.0, -2.0],
          "spin_rad_s": [0.0, 20.0, 0.0]},
-        {"material": "gangue", "radius_m": 0.02, "place_m": [-0.1, 0.05], "speed_m_s": 3.0, "arrival_s": 2e-4,
-         "attitude": [1.0, 0.0, 0.0, 0.0], "seed": 3}]
+        {"material": "gangue", "radius_m": 0.02, "place_m": [-0.1, 0.05], "velocity_m_s": 3.0, "arrival_s": 2e-4,
+         "attitude": [1.0, 0.0, 0.0, 0.0]}]
 DRAWN = {"size_m": [0.03, 0.05], "speed_m_s": [2.0, 4.0],
          "footprint_m": [[-0.2, 0.2], [-0.2, 0.2]], "spin_rad_s": 2.0}
 STREAM = {"size_m": {"rosin_rammler_m": 0.04, "exponent": 2.0, "within": [0.02, 0.06]}, "drop_height_m": 0.45,
           "rate_1_s": 40.0, "arrival_s": [0.0, 0.1], "spin_rad_s": [0.0, 5.0]}
-SHAPES = {"block": {"elongation": 0.8, "flatness": 0.7, "corners": 12}, "cube": {"file": "cube.stl"}}
+SHAPES = {"block": {"extent_ratios": [0.8, 0.7], "corners": 12}, "cube": "cube.stl"}
 BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": "based", "assumptions": ["time.duration_s"],
          "time": {"duration_s": 3e-4, "time_step_s": 1e-7, "co_step": 5, "view_interval_s": 1e-4}, "materials": {"coal": "coal", "gangue": "gangue"},
-         "stones": {"count": 3, "circle_radius_m": 0.1, "gangue_ratio": 0.0,
+         "stones": {"count": 3, "positions_m": 0.1, "gangue_ratio": 0.0,
                     "agglomerate": {"subspheres": 8, "contact": "sub_spheres", "unbreakable": True}},
          "scatter": {"seed": 3, "radius_factor": {"lognormal_cv": 0.1}, "density_factor": 1.1, "youngs_modulus_factor": [0.9, 1.1],
                      "strength_factor": {"lognormal_cv": 0.2}, "restitution": [0.6, 0.9], "speed_factor": {"lognormal_cv": 0.05},
@@ -70,9 +70,9 @@ ALL = VOLLEYS | {
     "each": falling({"each": EACH}),
     "each-sphere-flexible": falling({"each": EACH}, "sphere", "flexible"),
     "edges": small_scene("sphere", "flexible") | {"plate": EDGES},
-    "drawn": falling({"drawn": DRAWN | {"count": 4, "arrival_s": 0.0}, "gangue_ratio": 0.5}),
+    "drawn": falling({"count": 4, "drawn": DRAWN | {"arrival_s": 0.0}, "gangue_ratio": 0.5}),
     "stream": falling({"drawn": STREAM, "gangue_ratio": 0.5}),
-    "shapes": falling({"drawn": DRAWN | {"count": 2, "size_m": 0.04, "shapes": ["block", "cube"]}, "gangue_ratio": 0.5}, shapes=SHAPES),
+    "shapes": falling({"count": 2, "drawn": DRAWN | {"size_m": 0.04, "shapes": ["block", "cube"]}, "gangue_ratio": 0.5}, shapes=SHAPES),
     "base": BASED,
 }  # fmt: skip
 ALL["shapes"]["stones"]["agglomerate"] |= {"subspheres": 60}  # fewer cannot have the inertia of their shape

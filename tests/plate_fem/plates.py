@@ -9,7 +9,7 @@ from plate_fem.elements.mesh import bending_stiffness
 OF_ROD = {"density_kg_m3": 7830.0, "youngs_modulus_Pa": 207e9}
 STEEL = {**OF_ROD, "poisson_ratio": 0.3}
 TABLE = {
-    "model": "flexible", "length_m": 0.5, "width_m": 0.5, "thickness_m": 0.02, **STEEL,
+    "size_m": [0.5, 0.5], "thickness_m": 0.02, **STEEL,
     "max_frequency_Hz": 20e3, "damping_ratio": 0.01,
 }  # fmt: skip
 
@@ -30,4 +30,4 @@ def four_rods(**changes):
 def frequency_factor(plate):
     """Factor from frequency in Hz to omega a^2 sqrt(rho h / D), a the length."""
     mass_per_area = plate.density_kg_m3 * plate.thickness_m
-    return 2 * math.pi * plate.length_m**2 * math.sqrt(mass_per_area / bending_stiffness(plate))
+    return 2 * math.pi * plate.size_m[0]**2 * math.sqrt(mass_per_area / bending_stiffness(plate))

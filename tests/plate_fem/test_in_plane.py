@@ -9,7 +9,7 @@ from plate_fem.elements.system import first_Hz_of, in_plane
 from plate_fem.modes import modal_surface_stress, plate_modes
 from plate_fem.solution.model import build_model
 
-THICK = {"length_m": 0.3, "width_m": 0.3, "thickness_m": 0.06, "max_frequency_Hz": 10e3,
+THICK = {"size_m": [0.3, 0.3], "thickness_m": 0.06, "max_frequency_Hz": 10e3,
          "rods": [rod(a * 0.1, b * 0.1, diameter_m=0.03) for a in (-1, 1) for b in (-1, 1)]}
 
 
@@ -59,7 +59,7 @@ def test_a_thick_plate_has_the_modes_of_its_stretch_beside_those_of_bending(monk
 
 
 @pytest.mark.parametrize("changes, expected", [
-    (THICK, True), ({"length_m": 0.75, "width_m": 0.1, "thickness_m": 0.01, "max_frequency_Hz": 3e3,
+    (THICK, True), ({"size_m": [0.75, 0.1], "thickness_m": 0.01, "max_frequency_Hz": 3e3,
                      "rods": [rod(0.3, 0.0)]}, True),
     ({"rods": four_rods()}, False), ({**THICK, "max_frequency_Hz": 6e3}, False), ({**THICK, "rods": []}, False),
     ({**THICK, "edges": "clamped"}, False)])

@@ -13,7 +13,7 @@ LOADS_M = [[0.1, 0.03], [-0.04, 0.12]]
 PLATES = {
     "rods": {"rods": four_rods(), "max_frequency_Hz": 3e3},
     "kirchhoff": {"rods": four_rods(), "max_frequency_Hz": 2e3, "theory": "kirchhoff"},
-    "clamped": {"edges": "clamped", "max_frequency_Hz": 4e3, "width_m": 0.3},
+    "clamped": {"edges": "clamped", "max_frequency_Hz": 4e3, "size_m": [0.5, 0.3]},
     "simply supported": {"edges": "simply_supported", "max_frequency_Hz": 4e3},
     "one axis": {"rods": [rod(0.1, 0.08), rod(0.1, -0.08)], "max_frequency_Hz": 2e3},
 }

@@ -119,7 +119,7 @@ def test_solid_of_revolution_in_limits_that_are_known():
 def test_rigid_motions_leave_all_distances(theory):
     """Sway, yaw and tilt, as the rods' heads see them: of no two points of the lower face, at any places, does the
     distance change."""
-    table = plate(rods=[rod(0.1, 0.05)], theory=theory, width_m=0.3, max_frequency_Hz=2e3)
+    table = plate(rods=[rod(0.1, 0.05)], theory=theory, size_m=[0.5, 0.3], max_frequency_Hz=2e3)
     system, points = assemble(table)[0], np.random.default_rng(1).uniform(-0.14, 0.14, (6, 2))
     nodes = np.array([(x, y) for x in system.lines_x_m for y in system.lines_y_m])
     height, n = -table.thickness_m / 2, system.n_nodes

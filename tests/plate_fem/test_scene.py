@@ -8,7 +8,7 @@ from plates import TABLE, plate, rod
 from pydantic import Field
 
 from common.resources import resource
-from common.scene.plate import PlateTable, read_plate
+from common.scene.plate import PlateTable, RigidPlate, read_plate
 from common.tables import InputError, Refused, Table, check, read_toml
 from plate_fem.__main__ import main
 
@@ -31,12 +31,12 @@ def message(changes, drop=()):
         ({"thickness_m": 0}, "scenes/x.toml: plate.thickness_m = 0: must be greater than 0"),
         ({"thickness_m": "0.02"}, "scenes/x.toml: plate.thickness_m = '0.02': must be a valid number"),
         ({"thickness_m": True}, "scenes/x.toml: plate.thickness_m = True: must be a valid number"),
-        ({"length_m": math.nan}, "scenes/x.toml: plate.length_m = nan: must be a finite number"),
-        ({"length_m": math.inf}, "scenes/x.toml: plate.length_m = inf: must be a finite number"),
+        ({"size_m": [math.nan, 0.5]}, "scenes/x.toml: plate.size_m.0 = nan: must be a finite number"),
+        ({"size_m": [0.5, math.inf]}, "scenes/x.toml: plate.size_m.1 = inf: must be a finite number"),
         ({"poisson_ratio": 0.5}, "scenes/x.toml: plate.poisson_ratio = 0.5: must be less than 0.5"),
         ({"damping_ratio": 1.0}, "scenes/x.toml: plate.damping_ratio = 1.0: must be less than 1"),
         ({"theory": "reissner"}, "plate.theory = 'reissner': must be 'auto', 'kirchhoff' or 'mindlin'"),
-        ({"model": "soft"}, "plate.model = 'soft': must be one of 'flexible', 'rigid'"),
+        ({"model": "rigid"}, "plate.model = 'rigid': unknown key; use thickness_m and damping_ratio of a plate"),
         ({"thickness_m": 0.2}, "plate.thickness_m = 0.2: must be at most a fifth of the side, 0.1"),
         ({"rods": [GOOD_ROD, GOOD_ROD]}, "plate.rods.1.place_m = (0.1, 0.1): must not overlap another rod"),
         ({"rods": [{**GOOD_ROD, "place_m": [0.1, 0.245]}]}, "plate.rods.0.place_m = (0.1, 0.245): must lie on"),
@@ -49,7 +49,6 @@ def message(changes, drop=()):
         ({"sensors": [{"name": "a b", "place_m": [0.0, 0.0]}]}, "plate.sensors.0.name = 'a b': string must match"),
         ({"sensors": [{"name": "a", "place_m": [0.0, 0.0]}] * 2}, "plate.sensors.1.name = 'a': must differ"),
         ({"thicknes_m": 1}, "plate.thicknes_m = 1: unknown key; allowed here: damping_ratio, density_kg_m3"),
-        ({"model": "rigid"}, "unknown key; allowed here: density_kg_m3, length_m, model, poisson_ratio"),
     ],
 )
 def test_mistake(changes, expected):
@@ -57,12 +56,12 @@ def test_mistake(changes, expected):
 
 
 def test_missing_keys():
-    assert message({}, drop=["width_m"]) == "scenes/x.toml: plate.width_m is missing: a value must be given"
-    assert message({}, drop=["model"]) == "scenes/x.toml: plate.model is missing: a value must be given"
+    assert message({}, drop=["size_m"]) == "scenes/x.toml: plate.size_m is missing: a value must be given"
+    assert message({}, drop=["thickness_m"]) == "scenes/x.toml: plate.thickness_m is missing: a value must be given"
 
 
 def test_an_unknown_key_is_named_before_the_one_it_was_meant_for():
-    assert "plate.width = 0.5: unknown key" in message({"width": 0.5}, drop=["width_m"])
+    assert "plate.width = 0.5: unknown key" in message({"width": 0.5}, drop=["size_m"])
 
 
 def test_tables_inside_tables_and_maps():
@@ -117,7 +116,7 @@ def scene_file(tmp_path, **changes):
         lines.append(f"{key} = {value!r}".replace("'", '"'))
     file = tmp_path / "scene.toml"
     file.write_text("\n".join(lines) + "\n")
-    assert tomllib.loads(file.read_text())["plate"]["model"]
+    assert tomllib.loads(file.read_text())["plate"]["thickness_m"]
     return file
 
 
@@ -138,7 +137,7 @@ def test_command_prints_frequencies_and_writes_shapes(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("changes", "arguments", "expected"),
     [
-        ({"length_m": -1.0}, [], "plate.length_m = -1.0: must be greater than 0"),
+        ({"size_m": [-1.0, 0.5]}, [], "plate.size_m.0 = -1.0: must be greater than 0"),
         ({}, ["--out", "x.png"], "must end in .vtu"),
         ({"colour": 1}, [], "plate.colour = 1: unknown key"),
     ],
@@ -168,15 +167,15 @@ def test_where_rods_twist_below_a_plate_at_rest_its_shape_is_zero(tmp_path):
 
 def test_a_rigid_plate_has_no_modes(tmp_path, capsys):
     file = tmp_path / "rigid.toml"
-    keys = ("length_m", "width_m", "density_kg_m3", "youngs_modulus_Pa", "poisson_ratio")
-    file.write_text('[plate]\nmodel = "rigid"\n' + "".join(f"{k} = {TABLE[k]}\n" for k in keys))
-    assert read_plate(file).model == "rigid"
+    keys = ("size_m", "density_kg_m3", "youngs_modulus_Pa", "poisson_ratio")
+    file.write_text('[plate]\n' + "".join(f"{k} = {TABLE[k]}\n" for k in keys))
+    assert isinstance(read_plate(file), RigidPlate)
     assert main(["modes", str(file)]) == 2
-    assert "must be 'flexible'" in capsys.readouterr().err
+    assert "plate.thickness_m is missing" in capsys.readouterr().err
 
 
 def test_table_cannot_be_changed():
     table = plate()
     with pytest.raises(ValueError, match="frozen"):
-        table.length_m = 1.0
+        table.size_m = (1.0, 1.0)
     assert hash(table.rods) == hash(plate().rods)  # by which matrices are kept

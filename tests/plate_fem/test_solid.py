@@ -87,7 +87,7 @@ def test_plate_on_unlike_rods_is_that_of_the_solid(tmp_path):
     frequency, node_m, motion = unlike_rods_modes(tmp_path, half_m, 0.03, place_m, diameters_m, 0.1, STEEL, 16)
     signs = [(-1, -1), (-1, 1), (1, -1), (1, 1)]
     rods = [rod(a * place_m[0], b * place_m[1], diameter_m=d) for (a, b), d in zip(signs, diameters_m, strict=True)]
-    modes = plate_modes(plate(length_m=0.6, width_m=0.4, thickness_m=0.03, rods=rods, max_frequency_Hz=2720.0))
+    modes = plate_modes(plate(size_m=[0.6, 0.4], thickness_m=0.03, rods=rods, max_frequency_Hz=2720.0))
     assert modes.frequency_Hz == pytest.approx(frequency, rel=0.01)
     centre, hit = (np.hypot(*(node_m - place).T).argmin() for place in ((0, 0), (0.12, 0.08)))
     shape = modes.shape_at(node_m[[centre, hit]])

@@ -22,7 +22,7 @@ def deflection(table, points_m):
 
 def navier_centre(table, theory, terms=201):
     """Centre of a simply supported plate under unit pressure: Navier's double series."""
-    total, a, b = 0.0, table.length_m, table.width_m
+    total, (a, b) = 0.0, table.size_m
     shear = shear_stiffness(table) if theory == "mindlin" else math.inf
     for m in range(1, terms, 2):
         for n in range(1, terms, 2):
@@ -36,7 +36,7 @@ def navier_centre(table, theory, terms=201):
 @pytest.mark.parametrize("thickness_m", [5e-4, 0.02])
 @pytest.mark.parametrize("width_m", [0.5, 0.3])
 def test_simply_supported_centre(theory, thickness_m, width_m):
-    table = plate(edges="simply_supported", theory=theory, thickness_m=thickness_m, width_m=width_m,
+    table = plate(edges="simply_supported", theory=theory, thickness_m=thickness_m, size_m=[0.5, width_m],
                   max_frequency_Hz=2e5 * thickness_m)
     assert deflection(table, [0, 0]) == pytest.approx(navier_centre(table, theory), rel=1e-4)
 

@@ -15,7 +15,7 @@ from plate_fem.stress import StressPeak, surface_stress, von_mises
 
 def navier_stress(table, points_m, terms=301):
     """Top surface stress (k, 3) of a simply supported plate under a unit pressure downward."""
-    a, b, nu = table.length_m, table.width_m, table.poisson_ratio
+    (a, b), nu = table.size_m, table.poisson_ratio
     m = np.arange(1, terms, 2) * math.pi
     result = []
     for x, y in points_m:
@@ -45,7 +45,7 @@ def static_stress(table, points_m):
 
 @pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
 def test_uniform_load_on_a_simply_supported_plate(theory):
-    table = plate(edges="simply_supported", theory=theory, thickness_m=0.01, width_m=0.4, mesh_size_m=0.02,
+    table = plate(edges="simply_supported", theory=theory, thickness_m=0.01, size_m=[0.5, 0.4], mesh_size_m=0.02,
                   max_frequency_Hz=5e3)
     points, found = static_stress(table, [[0, 0], [0.1, 0.06], [-0.15, 0.1], [0.2, -0.16]])
     expected = navier_stress(table, points)

@@ -157,7 +157,7 @@ def test_karas_plate():
     Without the residual mode 85 modes give a force 1 % too high.
     """
     steel = {"youngs_modulus_Pa": 206.8e9, "poisson_ratio": 0.28, "density_kg_m3": 7833.0}
-    table = plate(length_m=0.2, width_m=0.2, thickness_m=0.008, **steel, edges="simply_supported",
+    table = plate(size_m=[0.2, 0.2], thickness_m=0.008, **steel, edges="simply_supported",
                   theory="kirchhoff", max_frequency_Hz=60e3)  # fmt: skip
     place, mass = np.array([[0.0, 0.0]]), 4 / 3 * math.pi * 0.01**3 * 7833
     stiffness = 4 / 3 * 206.8e9 / (2 * (1 - 0.28**2)) * 0.01**0.5

@@ -49,7 +49,7 @@ def plate(thickness_m=0.008):
     rods = [ROD | {"place_m": [x, y]} for x, y in product((-0.12, 0.12), repeat=2)]
     sensors = [{"name": f"s{k}", "place_m": [x, y]} for k, (x, y) in enumerate(SENSORS_M)]
     return FlexiblePlate.model_validate({
-        "model": "flexible", "length_m": 0.3, "width_m": 0.3, "thickness_m": thickness_m, "density_kg_m3": 7800.0,
+        "size_m": [0.3, 0.3], "thickness_m": thickness_m, "density_kg_m3": 7800.0,
         "youngs_modulus_Pa": 2e11, "poisson_ratio": 0.3, "max_frequency_Hz": 5000.0, "damping_ratio": 0.01,
         "mesh_size_m": 0.03, "rods": rods, "sensors": sensors})
 

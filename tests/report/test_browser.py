@@ -232,7 +232,7 @@ def test_the_plate_leans_as_it_is_tilted(opened):
     """It falls off towards +x, so that this edge is lower on the screen, and the drawn corners are there."""
     page = live(opened(1200))
     heights = page.evaluate("""() => [0, 0.6].map((tilt) => {
-      const plate = { length: 0.5, width: 0.5, thickness: 0.02, rods: [], walls: [], tilt };
+      const plate = { size: [0.5, 0.5], thickness: 0.02, rods: [], walls: [], tilt };
       const { view } = film.camera(plate, { azimuth: -Math.PI / 2, height: 0, zoom: 1 }, 1.6);
       return [-0.25, 0.25].map((x) => view[1] * x + view[13]);
     })""")

@@ -107,7 +107,7 @@ def test_sub_spheres_of_a_stream_are_known_when_stones_come_and_pieces_leave(run
 def test_the_view_has_the_walls_of_the_plate(tmp_path):
     directory = write_run(tmp_path / "ratio_050", 0.5)
     info = json.loads((directory / "run.json").read_text())
-    info["scene"]["plate"] |= {"length_m": 0.5, "width_m": 0.4, "wall_height_m": {"x_plus": 0.1}}
+    info["scene"]["plate"] |= {"size_m": [0.5, 0.4], "wall_height_m": {"x_plus": 0.1}}
     (directory / "run.json").write_text(json.dumps(info))
     packed = json.loads(pack_run(read_run(directory), write_view(directory), (IMPACT,)))
     assert packed["plate"]["walls"] == [[0.25, 0.25, -0.2, 0.2, -0.01, 0.1]]

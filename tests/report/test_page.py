@@ -98,7 +98,7 @@ def test_a_scene_is_the_papers_by_its_physics_and_not_by_its_name(tmp_path, monk
 KEPT = re.compile(r"paper|scoreboard|Yang|statements|soft coal|0\.99079|Table \d|Figure \d|Fig\. \d", re.I)
 
 
-@pytest.mark.parametrize("changes", [{"model": "rigid"}, {"tilt_deg": 20.0}])
+@pytest.mark.parametrize("changes", [{"thickness_m": 0.01}, {"tilt_deg": 20.0}])
 def test_a_page_of_another_scene_holds_no_kept_value(tmp_path, monkeypatch, changes):
     scene = synthetic.SCENE | {"plate": synthetic.SCENE["plate"] | changes}
     monkeypatch.setattr(synthetic, "SCENE", scene)  # whose name is the paper's

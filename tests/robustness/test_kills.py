@@ -23,8 +23,8 @@ from tests.robustness.small import below, is_alive, small_stone
 ONE_RANK, TWO_RANKS = (int(os.environ.get("KILLS", kills)) for kills in ("47", "60"))  # of each kind
 FALLING = "[[stones.each]]\nradius_m = 0.025\nmaterial = "
 LATER = f"""
-{FALLING}"coal"\nplace_m = [0.1, 0.0]\nspeed_m_s = 3.0
-{FALLING}"gangue"\nplace_m = [-0.1, 0.1]\nspeed_m_s = 4.0\narrival_s = 0.003
+{FALLING}"coal"\nplace_m = [0.1, 0.0]\nvelocity_m_s = 3.0
+{FALLING}"gangue"\nplace_m = [-0.1, 0.1]\nvelocity_m_s = 4.0\narrival_s = 0.003
 {FALLING}"gangue"\nplace_m = [0.23, -0.1]\nvelocity_m_s = [9.0, 0.0, -1.0]
 """  # one stone enters while the first breaks, and one leaves the plate
 KINDS = {"sub-spheres": {}, "smooth": {"subspheres = 60": "subspheres = 200", '"sub_spheres"': '"smooth"'},

@@ -280,7 +280,7 @@ def test_a_list_of_files_does_not_reach_out_of_its_directory(tmp_path):
 def test_a_single_file_is_written_over_its_own_kind_only(tmp_path, capsys):
     """Not over any file of the format, nor over one that was changed since."""
     scene = tmp_path / "plate.toml"
-    scene.write_text('[plate]\nmodel = "flexible"\nlength_m = 0.5\nwidth_m = 0.5\nthickness_m = 0.005\n'
+    scene.write_text('[plate]\nsize_m = [0.5, 0.5]\nthickness_m = 0.005\n'
                      "damping_ratio = 0.01\ndensity_kg_m3 = 7830.0\nyoungs_modulus_Pa = 2.07e11\npoisson_ratio = 0.3\n"
                      "max_frequency_Hz = 100.0\n")
     sweep = write_sweep(tmp_path / "sweep", ratios=(0.0, 0.3, 0.5, 1.0))

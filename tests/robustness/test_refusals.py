@@ -79,9 +79,9 @@ def test_devices_and_pipes_are_not_read(tmp_path, device):
 def test_a_mesh_that_is_a_pipe_is_not_read(tmp_path):
     os.mkfifo(tmp_path / "mesh.stl")
     (tmp_path / "scene.toml").write_text(
-        f"base = '{SCENES / 'sizes.toml'}'\nstones.agglomerate.contact = 'faces'\n[shapes.pipe]\nfile = 'mesh.stl'\n"
+        f"base = '{SCENES / 'sizes.toml'}'\nstones.agglomerate.contact = 'faces'\nshapes.pipe = 'mesh.stl'\n"
         "[[stones.each]]\nmaterial = 'coal'\nshape = 'pipe'\nradius_m = 0.03\nplace_m = [0.1, 0.0]\n"
-        "speed_m_s = 3.0\n")
+        "velocity_m_s = 3.0\n")
     told = ends_with_one_line(main, ["deck", tmp_path / "scene.toml", "--out", tmp_path / "out"])
     assert "mesh.stl: must be a regular file" in told and not (tmp_path / "out").exists()
 
@@ -231,7 +231,7 @@ def test_a_plate_of_which_no_modes_can_be_found(tmp_path, key, value):
 
 def test_a_wavelength_that_no_float_holds():
     plate = changed_scene(SCENES / "small.toml", {"plate.max_frequency_Hz": 5e-324}).plate
-    assert default_mesh_size(plate) == plate.length_m / 4
+    assert default_mesh_size(plate) == plate.size_m[0] / 4
 
 
 def test_a_co_step_that_no_float_holds(tmp_path):
@@ -241,7 +241,7 @@ def test_a_co_step_that_no_float_holds(tmp_path):
 
 @pytest.mark.parametrize("arrival_s", ["1e300", "1.01e6"])
 def test_a_stone_that_arrives_after_all_time(tmp_path, arrival_s):
-    each = f"stones.each=[{{material='coal',radius_m=0.03,place_m=[0.1,0.0],speed_m_s=3.0,arrival_s={arrival_s}}}]"
+    each = f"stones.each=[{{material='coal',radius_m=0.03,place_m=[0.1,0.0],velocity_m_s=3.0,arrival_s={arrival_s}}}]"
     told = ends_with_one_line(main, ["deck", SCENES / "sizes.toml", "--set", each, "--out", tmp_path / "out"])
     assert f"stone 1 arrives at {float(arrival_s):g} s" in told and not (tmp_path / "out").exists()
 
@@ -284,15 +284,15 @@ def test_warnings_begin_where_docs_safety_says(key, limit, words, bonded):
     assert warned == ([True, False] if words == "own weight" else [False, True])
 
 
-THICK = {"length_m": 0.2, "width_m": 0.2, "thickness_m": 0.03}
+THICK = {"size_m": [0.2, 0.2], "thickness_m": 0.03}
 
 
 @pytest.mark.parametrize("changes, left_out, words", [
     (THICK, 0.0, ["plate.thickness_m = 0.03", "6.67 of it"]),
-    ({"length_m": 0.75, "width_m": 0.1, "thickness_m": 0.01, "rods": ()}, 0.0, ["within the plane"]),
+    ({"size_m": [0.75, 0.1], "thickness_m": 0.01, "rods": ()}, 0.0, ["within the plane"]),
     ({"theory": "kirchhoff"}, 0.0, ["plate.theory = 'kirchhoff'", "without shear"]),
     ({}, 0.06, ["plate.max_frequency_Hz = 2e+04", "0.06"]),
-    ({"length_m": 0.43}, 0.0, ["plate.rods.0: stands 0.015 m from an edge"]),
+    ({"size_m": [0.43, 0.5]}, 0.0, ["plate.rods.0: stands 0.015 m from an edge"]),
     ({"youngs_modulus_Pa": 1e10}, 0.0, ["plate.rods.3.youngs_modulus_Pa = 2.07e+11", "nearest"]),
     ({"thickness_m": 2e-3}, 0.0, ["plate.rods.0.diameter_m = 0.02", "nearest"]),
 ])

@@ -14,6 +14,7 @@ import pytest
 
 import dem.deck.render
 from common.files.cache import user_cache
+from common.scene.plate import FlexiblePlate
 from common.scene.scene import changed_scene, read_scene
 from dem.coupling import launch
 from dem.coupling.launch import engine_running
@@ -41,7 +42,7 @@ def made_short(scene):
         rate = "rate_1_s" if stones.drawn.rate_1_s else "rate_kg_s"
         changes |= {f"stones.drawn.{rate}": 100.0, "stones.drawn.arrival_s": [0.0, 0.05]}
         duration_s = 0.06
-    if scene.plate.model == "flexible":
+    if isinstance(scene.plate, FlexiblePlate):
         changes["plate.max_frequency_Hz"] = 1000.0
     return changes | {"time.duration_s": duration_s, "time.sample_interval_s": duration_s / SAMPLES}
 
