@@ -169,7 +169,20 @@ STREAMS = ("ledger.bin", "forces.bin", "contacts.bin", "events.csv", "left.csv")
 def test_a_stream_that_is_taken_up_ten_times_is_the_undisturbed_one(left, tmp_path):
     """Before the second stone enters, while it flies, and when the first has left, too."""
     model, whole = left
-    parts = tmp_path / "parts"
+    taken_up(tmp_path / "parts", model, whole)
+
+
+def test_a_stream_is_taken_up_where_nothing_is_left(tmp_path):
+    """The first stone has fallen off, the second is still to come."""
+    later = {"place_m": [0.1, 0.1], "velocity_m_s": SPEED, "arrival_s": 1.0}
+    scene = scene_of([FALLS_OFF, later], 0.21, **{"stones.agglomerate.unbreakable": False})
+    model = engine_run(tmp_path / "whole", scene, CHECKPOINTS)
+    assert not read_ledger(tmp_path / "whole" / "ledger.bin", 2).is_near[-1].any()
+    taken_up(tmp_path / "parts", model, tmp_path / "whole")
+
+
+def taken_up(parts, model, whole):
+    """The run is stopped at each step that allows a checkpoint, and has the same streams in the end."""
     written(parts, model.given)
     every = model.step.steps // CHECKPOINTS
     set_checkpoints(parts, every)

@@ -51,6 +51,7 @@ class FixStones : public Fix, public Checkpointed, public EnergyHolder, public S
   double smallest_radius() const override { return file_->least_radius(); }
   void take_up(const CheckpointReader &) override;
 
+  void begin_anew() override { forget(); }  // a checkpoint has no bonds of stones that have gone
   void save(CheckpointWriter &) override;
   void restore(const CheckpointReader &) override {}  // take_up did, before the set-up
 
