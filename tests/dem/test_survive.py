@@ -169,7 +169,7 @@ def test_a_run_in_which_all_flies_is_taken_up(tmp_path, monkeypatch):
     """Two bodies of different rock have left the plate, and meet in the air later: without them nothing in memory tells
     that there are such spheres, and how near they may come."""
     monkeypatch.setattr(dem.deck.render, "CHECKPOINT_SAMPLES", 24)
-    one = {"place_m": [0.0, 0.0], "speed_m_s": 0.5}
+    one = {"place_m": [0.0, 0.0], "velocity_m_s": 0.5}
     scene = scene_of([one, {"material": "gangue", "place_m": [0.05, 0.0], "velocity_m_s": (-3.0, 0.0, -0.5)}], 0.018)
     run_scene(scene, "scene", tmp_path / "whole")
     assert stopped_again_and_again(scene, tmp_path / "parts") == 4

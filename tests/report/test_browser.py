@@ -213,7 +213,7 @@ def test_corners_of_any_plate_are_inside_the_view(opened):
       const found = [];
       for (const tilt of [0, 20, 35]) for (const [length, width] of [[0.3, 0.3], [0.5, 0.5], [1.5, 1.0], [0.4, 1.5]])
       for (const aspect of [9 / 5.6, 1 / 0.72]) for (const rods of [[], [{ place_m: [0, 0], length_m: 0.3 }]]) {
-        const plate = { length, width, thickness: 0.02, rods, walls: [], tilt: tilt * Math.PI / 180 };
+        const plate = { size: [length, width], thickness: 0.02, rods, walls: [], tilt: tilt * Math.PI / 180 };
         const { view, projection } = film.camera(plate, film.VIEW, aspect);
         const times = (m, v) => [0, 1, 2, 3].map((r) => v.reduce((sum, x, c) => sum + m[4 * c + r] * x, 0));
         let widest = 0;

@@ -121,6 +121,7 @@ def test_what_cannot_be_compared_ends_in_one_line(tmp_path, capsys, a, b, line):
 
 def test_runs_on_a_rigid_plate_are_compared_by_their_force(runs):
     for run in runs:
+        change(run, scene__plate__thickness_m=None)
         for name in ("signals", "fast"):
             file = run / f"{name}.parquet"
             pd.read_parquet(file)[["t_s", "force_N"]].to_parquet(file)
