@@ -128,8 +128,9 @@ class Listener:
         if self.windows % CHECKED == 0 and self._hopeless(trigger):
             return True
         fit, window = self._window(first, self.waiting)
+        searched = first + SURE - LEAD  # a stone that begins later may not be in the window as a whole
         if not len(fit.stones):
-            self.at, self.waiting = trigger + BLOCK, NO_STONES
+            self.at, self.waiting = searched, NO_STONES
         elif fit.stones[0, TIME] >= first + SURE:
             self.at = max(trigger + BLOCK // 2, int(fit.stones[0, TIME]) - LEAD - BLOCK)
             self.waiting = NO_STONES
@@ -140,7 +141,7 @@ class Listener:
             if stone.evidence > LEAST_EVIDENCE and stone.gain > self._needed(window):
                 heard.append(stone)
                 self._subtract(stone.stone)
-                self.at = max(self.at, centre - LOOK_BACK)
+                self.at = max(self.at, centre - LOOK_BACK, 0 if len(self.waiting) else searched)
             else:
                 self.at = max(self.at, centre) + LOOK_BACK
         return True

@@ -61,9 +61,8 @@ class Dictionary:
         within = blocks @ self.basis
         if 0.5 * float(np.einsum("kr,kr->k", within, within).max()) < needed:  # more than any signature explains
             return []
-        product = self.signatures @ within.T
-        best_time = product.argmax(axis=1)
-        best = product[np.arange(len(product)), best_time]
+        product = within @ self.signatures.T  # (times, k): the greatest of each k is taken of many k at once
+        best = product.max(axis=0)
         if 0.5 * float(best.max()) ** 2 < needed:
             return []
         chosen, left = [int(best.argmax())], best.copy()
@@ -73,7 +72,7 @@ class Dictionary:
             if left[k] < 0.9 * best[chosen[0]]:
                 break
             chosen.append(k)
-        return [np.array([candidates[best_time[k]] + self.phase[k], self.log_duration[k], *self.place_m[k], 0.0,
+        return [np.array([candidates[int(product[:, k].argmax())] + self.phase[k], self.log_duration[k], *self.place_m[k], 0.0,
                           np.log(max(best[k], 1e-9) / self.length[k])]) for k in chosen]
 
 
