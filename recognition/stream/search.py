@@ -72,8 +72,9 @@ class Dictionary:
             if left[k] < 0.9 * best[chosen[0]]:
                 break
             chosen.append(k)
-        return [np.array([candidates[int(product[:, k].argmax())] + self.phase[k], self.log_duration[k], *self.place_m[k], 0.0,
-                          np.log(max(best[k], 1e-9) / self.length[k])]) for k in chosen]
+        times = [candidates[int(product[:, k].argmax())] + self.phase[k] for k in chosen]
+        return [np.array([time, self.log_duration[k], *self.place_m[k], 0.0,
+                          np.log(max(best[k], 1e-9) / self.length[k])]) for k, time in zip(chosen, times, strict=True)]
 
 
 def _basis(unit: Floats32) -> Floats32:
