@@ -16,7 +16,7 @@ from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import StoneForces
 
-LAGS, FIT_LAGS = 160, 56  # samples of a signature: all, and those by which a stone is fitted
+LAGS, FIT_LAGS = 320, 56  # samples of a signature: until one channel alone rings no more, and those of a fit
 HIGHEST_SHARE = 0.6  # of the sample rate: modes above it are felt no more
 SHAPE_STEP_M = 2.5e-3  # of the grid of shapes; between its points they are linear
 KEPT = 64  # signatures

@@ -22,8 +22,8 @@ from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
-from recognition.stream.listen import Listener
-from recognition.stream.recognise import RATE_Hz, recognise_stream
+from recognition.stream.listen import BLOCK, Listener
+from recognition.stream.recognise import LEAST_FREQUENCY_SD, PHASE_LOSS, RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of
 from tests.recognition.elastic_stones import CHANNELS, after_noise, elastic_stone, surely_told
 
@@ -131,6 +131,20 @@ def test_signature_is_the_whitened_response(plate, forces):
     assert np.sqrt(np.mean((whole - expected) ** 2)) < 0.02 * size
     fitted = bank.signature(stone)[1][0].reshape(FIT_LAGS, 4).T
     assert np.sqrt(np.mean((fitted - expected[:, :FIT_LAGS]) ** 2)) < 0.02 * np.sqrt(np.mean(expected[:, :FIT_LAGS] ** 2))
+
+
+def test_a_signature_ends_when_one_channel_rings_no_more(plate, forces):
+    """What was left of strong stones beyond the end would be heard as stones."""
+    uncertain = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
+    noise = SensorNoise.white(np.ones(1))
+    whitening = Whitening.of(uncertain, Channels((0,)), RATE_Hz, noise, np.full(1, 30.0), PHASE_LOSS)
+    force = 1.2 * forces.pulse(0, 42e-6, (np.arange(8000) + 0.5) * FINE_S - 1e-3)
+    for place in [(0.06, -0.07), (0.15, 0.1), (-0.18, 0.02)]:
+        record = low_passed(plate.response(force[None], np.array([place]), 1 / FINE_S), 10)[:1]
+        ringing = whitening(record / np.sqrt(np.mean(record**2)) * 30)[0]
+        energy = np.convolve(ringing**2, np.ones(BLOCK), "valid")
+        first = round(1e-3 * RATE_Hz) - LEAD
+        assert energy[first + LAGS:].max() < BLOCK + 6 * np.sqrt(2 * BLOCK)  # from which a stone is searched for
 
 
 def test_derivatives_of_a_signature(plate, forces):
