@@ -61,7 +61,13 @@ class Rib(Table):
 
     along: Annotated[Literal["x", "y"], about("side along which it runs")]
     at_m: Annotated[float, about("place of its middle on the other side")]
-    section_m: Annotated[tuple[Positive, Positive], about("width and height")]
+    section_m: Annotated[tuple[Positive, Positive], about("width and height, which is not less")]
+
+    @model_validator(mode="after")
+    def _stands(self) -> Self:
+        if self.section_m[1] < self.section_m[0]:
+            raise Refused("section_m", self.section_m, "must be at least as high as wide")
+        return self
 
     @property
     def axis(self) -> int:
@@ -167,7 +173,8 @@ class FlexiblePlate(Plate):
                 if abs(rod.place_m[1 - rib.axis] - rib.at_m) < (rod.diameter_m + rib.section_m[0]) / 2:
                     raise Refused(f"ribs.{i}.at_m", rib.at_m, f"must leave room for rods.{k}")
             for other in self.ribs[:i]:
-                if other.along == rib.along and abs(other.at_m - rib.at_m) < (other.section_m[0] + rib.section_m[0]) / 2:
+                gap_m = abs(other.at_m - rib.at_m) - (other.section_m[0] + rib.section_m[0]) / 2
+                if other.along == rib.along and gap_m < 0:
                     raise Refused(f"ribs.{i}.at_m", rib.at_m, "must not overlap another rib")
         return self
 

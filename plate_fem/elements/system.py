@@ -5,8 +5,8 @@ bicubics, a space that contains the gradient of every such w. The thin limit the
 without any loss of freedom, and the element cannot lock, although every integral is exact.
 
 In its plane it sways and yaws as a rigid body, or stretches (plane stress, bicubics). A plate that nothing but rods
-holds stretches where its first mode within the plane is among its lowest; the elements have a grid of their own then, far
-coarser than that of bending. With ribs it stretches wherever it bends, on the same grid.
+holds stretches where its first mode within the plane is among its lowest; the elements have a grid of their own then,
+far coarser than that of bending. With ribs it stretches wherever it bends, on the same grid.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class InPlane:
         return 3 if self.functions is None else 2 * self.functions.size
 
     def displacement(self, points_m: np.ndarray, axis: int, derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
-        """Return the sparse matrix (k, size) of the mid-plane's displacement along x or y (axis) at points (k, 2), or of
-        a derivative of it where the plate stretches."""
+        """Return the sparse matrix (k, size) of the mid-plane's displacement along x or y (axis) at points (k, 2), or
+        of a derivative of it where the plate stretches."""
         if self.functions is not None:
             return self._derived(points_m, axis, derivative)
         arm = -points_m[:, 1] if axis == 0 else points_m[:, 0]

@@ -20,8 +20,8 @@ ROD_LAYERS = np.array([0, 0.015, 0.06, 0.2, 0.5, 1])  # in radii, from the plate
 @dataclass(frozen=True)
 class Part:
     """Of a plate: x_m, y_m are its ends, 0 at a mirror; rods are (x, y, diameter), all as long; cell_m is the side of
-    its bricks away from rods. `fine` divides it, and those through the thickness, along rods and towards them. ribs below
-    the plate are (axis along which one runs, place of its middle on the other, width, height)."""
+    its bricks away from rods. `fine` divides it, and those through the thickness, along rods and towards them.
+    ribs below the plate are (axis along which one runs, place of its middle on the other, width, height)."""
 
     x_m: tuple
     y_m: tuple
