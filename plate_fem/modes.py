@@ -43,10 +43,10 @@ class PlateModes:
     frequency_Hz, damping_ratio (n,): rigid-body modes have frequency zero exactly.
     lines_x_m, lines_y_m: grid lines of the mesh; node (i, j) has number i * len(lines_y_m) + j.
     nodal (4, n_nodes, n): w, w_x, w_y, w_xy at the nodes; the deflection is bicubic between them.
-    mean_shape (n,): mean of w over the plate, which is the displacement of its centre of mass.
+    mean_shape (n,): mean of w over the mass of plate and ribs, the displacement of their centre of mass.
     rod_force (n_rods, n): axial force (N, tension positive) at the base of each rod, per amplitude.
     surface_stress (n_nodes, 3, n): sx, sy, txy (Pa) at the top surface, per amplitude.
-    mass_kg: mass of the plate without rods.
+    mass_kg: mass of plate and ribs without rods.
     theory: "kirchhoff" or "mindlin".
     n_residual: how many modes, the last ones, stand for the compliance of the rest (plate_fem/solution/eigen.py).
     lateral (n_nodes, 2, n): displacement of the top surface along x and y at the nodes, of a plate that can sway; no
@@ -208,6 +208,7 @@ def _kept_modes(plate: FlexiblePlate, model: PlateModel, cache_dir: Path | None)
 
 
 def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_dir: Path | None) -> PlateModes:
+    from plate_fem.elements import ribs
     from plate_fem.elements.rods import load_rows
     from plate_fem.solution.model import (
         LOAD_RADIUS,
@@ -227,14 +228,16 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     model = replace(model)  # without the factors of its parts, which nothing needs any more
     of_columns = zip(*(_shapes_of(model, columns) for columns in chain(vectors, residual)), strict=True)
     nodal, rod_force, surface_stress, lateral = (np.concatenate(of_all, axis=-1) for of_all in of_columns)
-    system, area = model.system, float(np.prod(plate.size_m))
+    system = model.system
+    momentum = ribs.momentum(system)[: 4 * system.n_nodes]
+    momentum += plate.density_kg_m3 * plate.thickness_m * system.deflections.integrals
+    mass_kg = float(momentum[: system.n_nodes].sum())
     return PlateModes(
         frequency_Hz=np.sqrt(omega_squared) / (2 * np.pi),
         damping_ratio=np.full(len(omega_squared), plate.damping_ratio),
         lines_x_m=system.lines_x_m, lines_y_m=system.lines_y_m, theory=system.theory,
         nodal=nodal, rod_force=rod_force, surface_stress=surface_stress, lateral=lateral,
-        mean_shape=system.deflections.integrals @ nodal.reshape(4 * system.n_nodes, -1) / area,
-        mass_kg=plate.density_kg_m3 * plate.thickness_m * area,
+        mean_shape=momentum @ nodal.reshape(4 * system.n_nodes, -1) / mass_kg, mass_kg=mass_kg,
         n_residual=len(omega_squared) - kept.shape[1])
 
 

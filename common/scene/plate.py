@@ -56,6 +56,30 @@ class Rod(Place):
         return self
 
 
+class Rib(Table):
+    """A rib below the plate, welded to it along its whole side, of its material."""
+
+    along: Annotated[Literal["x", "y"], about("side along which it runs")]
+    at_m: Annotated[float, about("place of its middle on the other side")]
+    section_m: Annotated[tuple[Positive, Positive], about("width and height, which is not less")]
+
+    @model_validator(mode="after")
+    def _stands(self) -> Self:
+        if self.section_m[1] < self.section_m[0]:
+            raise Refused("section_m", self.section_m, "must be at least as high as wide")
+        return self
+
+    @property
+    def axis(self) -> int:
+        """0 along x, 1 along y."""
+        return "xy".index(self.along)
+
+    @property
+    def area_m2(self) -> float:
+        """Of its section."""
+        return self.section_m[0] * self.section_m[1]
+
+
 class Sensor(Place):
     """A sensor on the plate, by default an accelerometer."""
 
@@ -111,6 +135,8 @@ class FlexiblePlate(Plate):
         "side of a finite element; absent: from max_frequency_Hz and rods")] = None
     rods: Annotated[tuple[Rod, ...], about(
         "rods below the plate", paper="four screws, their size not given")] = ()
+    ribs: Annotated[tuple[Rib, ...], about("ribs below the plate, which rods alone must hold (docs/plate.md)"),
+                    Field(exclude_if=lambda ribs: not ribs)] = ()  # hashes of plates without do not depend on it
     sensors: Annotated[tuple[Sensor, ...], about("sensors")] = ()
 
     @property
@@ -133,6 +159,23 @@ class FlexiblePlate(Plate):
                 if any(abs(x) > limit * (1 + 1e-12) for x, limit in zip(item.place_m, limits, strict=True)):
                     raise Refused(f"{name}.{i}.place_m", item.place_m,
                                   "must lie on the plate, within {:g} and {:g} of its centre".format(*limits))
+        return self
+
+    @model_validator(mode="after")
+    def _ribs_fit(self) -> Self:
+        if self.ribs and not (self.rods and self.edges == "free"):
+            raise Refused("ribs", f"{len(self.ribs)} ribs", "needs a plate with free edges on rods")
+        for i, rib in enumerate(self.ribs):
+            limit = (self.size_m[1 - rib.axis] - rib.section_m[0]) / 2
+            if not abs(rib.at_m) <= limit * (1 + 1e-12):
+                raise Refused(f"ribs.{i}.at_m", rib.at_m, f"must be from {-limit:g} to {limit:g}: on the plate")
+            for k, rod in enumerate(self.rods):
+                if abs(rod.place_m[1 - rib.axis] - rib.at_m) < (rod.diameter_m + rib.section_m[0]) / 2:
+                    raise Refused(f"ribs.{i}.at_m", rib.at_m, f"must leave room for rods.{k}")
+            for other in self.ribs[:i]:
+                gap_m = abs(other.at_m - rib.at_m) - (other.section_m[0] + rib.section_m[0]) / 2
+                if other.along == rib.along and gap_m < 0:
+                    raise Refused(f"ribs.{i}.at_m", rib.at_m, "must not overlap another rib")
         return self
 
     @model_validator(mode="after")

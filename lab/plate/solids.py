@@ -48,6 +48,7 @@ class Plate:
     highest_Hz: float
     cell_m: float
     places_m: tuple[tuple[float, float], ...]
+    ribs: tuple[tuple[int, float, float, float], ...] = ()  # axis along which one runs, its place, width and height
 
     @property
     def symmetries(self) -> tuple[str, ...]:
@@ -60,14 +61,16 @@ class Plate:
 
     def part(self, fine: float) -> Part:
         x_m, y_m = ((0.0 if len(self.rods) == 1 else -side / 2, side / 2) for side in self.side_m)
-        return Part(x_m, y_m, self.thickness_m, self.rods, self.length_m, STEEL, self.cell_m, fine)
+        return Part(x_m, y_m, self.thickness_m, self.rods, self.length_m, STEEL, self.cell_m, fine, self.ribs)
 
     def table(self) -> FlexiblePlate:
         rods = [{"place_m": [a * x, b * y], "diameter_m": diameter, "length_m": self.length_m, **OF_ROD}
                 for x, y, diameter in self.rods for a, b in self.images]
+        ribs = [{"along": "xy"[axis], "at_m": at, "section_m": section} for axis, at_m, *section in self.ribs
+                for at in sorted({at_m, at_m * self.images[-1][0]})]
         return FlexiblePlate.model_validate({
-            "size_m": list(self.side_m), "thickness_m": self.thickness_m,
-            "rods": rods, "max_frequency_Hz": self.highest_Hz, "damping_ratio": DAMPING, **STEEL})
+            "size_m": list(self.side_m), "thickness_m": self.thickness_m, "rods": rods, "ribs": ribs,
+             "max_frequency_Hz": self.highest_Hz, "damping_ratio": DAMPING, **STEEL})
 
 
 PLATES = {
@@ -82,6 +85,9 @@ PLATES = {
                     ((0.02, 0.03), (0.09, 0.07), (0.08, 0.18), (0.2, 0.03), (0.16, 0.13))),
     "three": Plate((0.5, 0.4), 0.02, ((-0.17, -0.11, 0.022), (0.15, -0.045, 0.028), (0.02, 0.125, 0.017)), 0.1, 4000.0,
                    0.03, ((0.03, 0.02), (-0.1, 0.06), (0.13, 0.14), (-0.2, 0.03), (-0.17, -0.11))),
+    # with ribs
+    "ribs": Plate((0.5, 0.5), 0.02, ((0.2, 0.2, 0.02),), 0.1, 4000.0, 0.025,
+                  ((0.02, 0.03), (0.1, 0.07), (0.08, 0.15), (0.22, 0.04), (0.2, 0.2)), ((0, 0.1, 0.02, 0.04),)),
 }
 
 

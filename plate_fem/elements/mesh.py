@@ -287,6 +287,7 @@ def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
     lines = []
     for axis, side in enumerate(plate.size_m):
         fixed = [-side / 2, side / 2]
+        fixed += [rib.at_m + half * rib.section_m[0] for rib in plate.ribs if rib.axis != axis for half in (-0.5, 0.5)]
         fine = []
         for rod in plate.rods:
             centre, radius = rod.place_m[axis], rod.diameter_m / 2

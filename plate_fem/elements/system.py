@@ -5,8 +5,8 @@ bicubics, a space that contains the gradient of every such w. The thin limit the
 without any loss of freedom, and the element cannot lock, although every integral is exact.
 
 In its plane it sways and yaws as a rigid body, or stretches (plane stress, bicubics). A plate that nothing but rods
-holds stretches where its first mode within the plane is among its lowest. The elements have a grid of their own, far
-coarser than that of bending.
+holds stretches where its first mode within the plane is among its lowest; the elements have a grid of their own then,
+far coarser than that of bending. With ribs it stretches wherever it bends, on the same grid.
 """
 
 from __future__ import annotations
@@ -41,10 +41,11 @@ class InPlane:
     def size(self) -> int:
         return 3 if self.functions is None else 2 * self.functions.size
 
-    def displacement(self, points_m: np.ndarray, axis: int) -> sp.csr_array:
-        """Return the sparse matrix (k, size) of the mid-plane's displacement along x or y (axis) at points (k, 2)."""
+    def displacement(self, points_m: np.ndarray, axis: int, derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
+        """Return the sparse matrix (k, size) of the mid-plane's displacement along x or y (axis) at points (k, 2), or
+        of a derivative of it where the plate stretches."""
         if self.functions is not None:
-            return self._derived(points_m, axis, (0, 0))
+            return self._derived(points_m, axis, derivative)
         arm = -points_m[:, 1] if axis == 0 else points_m[:, 0]
         return sp.csr_array(np.column_stack([0 * arm + (axis == 0), 0 * arm + (axis == 1), arm]))
 
@@ -83,7 +84,10 @@ def strain_energy(u: Products, poisson_ratio: float) -> sp.csr_array:
 
 
 def in_plane(plate: FlexiblePlate) -> InPlane:
-    """Return the motion in its plane that the plate has: it stretches if it sways and its first mode there is low."""
+    """Return the motion in its plane that the plate has: it stretches if it has ribs, or sways and its first mode there
+    is low."""
+    if plate.ribs:
+        return InPlane(plate, mesh.rotations(*mesh.mesh_lines(plate)))
     if not (sways(plate) and first_is_low(plate)):
         return InPlane(plate, None)
     shear_modulus = plate.youngs_modulus_Pa / (2 * (1 + plate.poisson_ratio))
@@ -171,12 +175,13 @@ class PlateSystem:
         twist = self.rotation(points_m, 0, y) + self.rotation(points_m, 1, x)
         return self.rotation(points_m, 0, x), self.rotation(points_m, 1, y), sp.csr_array(twist)
 
-    def lateral(self, points_m: np.ndarray, axis: int, z_m: float) -> sp.csr_array:
+    def lateral(self, points_m: np.ndarray, axis: int, z_m: float,
+                derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
         """Return the sparse matrix (k, size) of the displacement along x (axis 0) or y (axis 1) at points (k, 2), z_m
-        above the mid-plane: that of the mid-plane less z theta."""
+        above the mid-plane, or of a derivative of it where the plate stretches: that of the mid-plane less z theta."""
         points = np.atleast_2d(np.asarray(points_m, float))
-        middle = self._placed(self.in_plane.displacement(points, axis), self.size - self.in_plane.size)
-        return sp.csr_array(middle - z_m * self.rotation(points, axis))
+        middle = self._placed(self.in_plane.displacement(points, axis, derivative), self.size - self.in_plane.size)
+        return sp.csr_array(middle - z_m * self.rotation(points, axis, derivative))
 
     def yaw(self, points_m: np.ndarray) -> sp.csr_array:
         """Return the sparse matrix (k, size) of the turn about the normal at points (k, 2)."""

@@ -32,7 +32,7 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from common.scene.plate import FlexiblePlate
-from plate_fem.elements import rods
+from plate_fem.elements import ribs, rods
 from plate_fem.elements.mesh import Products, highest_frequency_Hz
 from plate_fem.elements.rods import PARTS
 from plate_fem.elements.system import PlateSystem, assemble, grown, without_rounding
@@ -60,8 +60,9 @@ class PlateModel:
 
 
 def build_model(plate: FlexiblePlate) -> PlateModel:
-    """Assemble plate and rods. Raises Refused for a mesh that is too large."""
-    system, stiffness, mass = assemble(plate)
+    """Assemble plate, ribs and rods. Raises Refused for a mesh that is too large."""
+    system, *both = assemble(plate)
+    stiffness, mass = (one + more for one, more in zip(both, ribs.matrices(system), strict=True))
     parts = [part for rod in plate.rods for part in rods.attach(system, rod, highest_frequency_Hz(plate))]
     rod_force, size = sp.csr_array((0, system.size)), system.size
     if parts:
@@ -136,9 +137,16 @@ SAME = 1e-9  # lengths that differ by less than this share of a side are the sam
 
 
 def mirror_axes(plate: FlexiblePlate, lines: tuple[np.ndarray, np.ndarray]) -> list[int]:
-    """Return the axes (0 for x, 1 for y) along which the plate, its rods and mesh lines may be reversed."""
+    """Return the axes (0 for x, 1 for y) along which the plate, its ribs, rods and mesh lines may be reversed."""
     return [axis for axis in (0, 1) if abs(lines[axis] + lines[axis][::-1]).max() < SAME * _side_m(plate)
-            and _partners(plate, axis) is not None]
+            and _partners(plate, axis) is not None and _ribs_mirrored(plate, axis)]
+
+
+def _ribs_mirrored(plate: FlexiblePlate, axis: int) -> bool:
+    """Return whether the ribs are their own mirror image."""
+    turned = [rib for rib in plate.ribs if rib.axis != axis]
+    return all(any(other.section_m == rib.section_m and abs(other.at_m + rib.at_m) < SAME * _side_m(plate)
+                   for other in turned) for rib in turned)
 
 
 def mirror_blocks(system: PlateSystem, own: list[np.ndarray], size: int) -> list[sp.csr_array]:

@@ -20,7 +20,8 @@ ROD_LAYERS = np.array([0, 0.015, 0.06, 0.2, 0.5, 1])  # in radii, from the plate
 @dataclass(frozen=True)
 class Part:
     """Of a plate: x_m, y_m are its ends, 0 at a mirror; rods are (x, y, diameter), all as long; cell_m is the side of
-    its bricks away from rods. `fine` divides it, and those through the thickness, along rods and towards them."""
+    its bricks away from rods. `fine` divides it, and those through the thickness, along rods and towards them.
+    ribs below the plate are (axis along which one runs, place of its middle on the other, width, height)."""
 
     x_m: tuple
     y_m: tuple
@@ -30,9 +31,10 @@ class Part:
     material: dict
     cell_m: float
     fine: float = 1
+    ribs: tuple = ()
 
     def bricks(self):
-        plate, discs = _faces(self)
+        plate, discs, below = _faces(self)
         halves = _finer(PLATE_LAYERS[:2], self.fine), _finer(PLATE_LAYERS[1:], self.fine)[1:]  # nodes in the mid-plane
         top = -self.thickness_m * np.concatenate(halves)
         found = [_extrude(np.concatenate(plate), top)]
@@ -40,6 +42,9 @@ class Part:
             steep = diameter / 2 * ROD_LAYERS
             even = np.linspace(steep[-1], self.length_m, 1 + math.ceil((self.length_m - steep[-1]) / steep[-1]))[1:]
             found.append(_extrude(disc, -self.thickness_m - _finer(np.append(steep, even), self.fine)))
+        for faces, height in below:
+            layers = np.linspace(0, height, 1 + math.ceil(height * self.fine / self.thickness_m))
+            found.append(_extrude(faces, -self.thickness_m - layers))
         return np.concatenate(found)
 
 
@@ -105,23 +110,28 @@ def _finer(lines, fine):
 
 
 def _faces(part):
-    """Eight-node faces (n, 8, 2): a list of the plate's, and of each rod's disc."""
+    """Eight-node faces (n, 8, 2): a list of the plate's, of each rod's disc, and of what stands on ribs, with their
+    height."""
     square = 0.9 * max(diameter for *_, diameter in part.rods)
     lines = []
     for axis, ends in enumerate((part.x_m, part.y_m)):
-        at = {end: None for end in ends} | {rod[axis] + side * square: None for rod in part.rods for side in (-1, 1)}
-        lines.append(sorted(set(np.round(list(at), 9))))
-    plate, discs = [], []
+        at = [*ends, *(rod[axis] + side * square for rod in part.rods for side in (-1, 1))]
+        at += [at_m + side * width / 2 for along, at_m, width, _ in part.ribs for side in (-1, 1) if along != axis]
+        lines.append(sorted(set(np.round([one for one in at if ends[0] <= one <= ends[1]], 9))))
+    plate, discs, below = [], [], []
     for (x0, x1), (y0, y1) in itertools.product(*map(itertools.pairwise, lines)):
         if any(x0 < x < x1 and y0 < y < y1 for x, y, _ in part.rods):
             continue
         sides = [_side(part, a, b, square) for a, b in ((x0, x1), (y0, y1))]
         plate.append(_patch(lambda a, b, r=(x0, x1, y0, y1): _bilinear(a, b, *r), *sides))
+        middle = (x0 + x1) / 2, (y0 + y1) / 2
+        heights = [height for along, at_m, width, height in part.ribs if abs(middle[1 - along] - at_m) < width / 2]
+        below += [(plate[-1], max(heights))] if heights else []
     for x, y, diameter in part.rods:
         around, disc = _rod_faces(np.array([[[x]], [[y]]]), diameter / 2, square, part.fine)
         plate += [*around, *disc]
         discs.append(np.concatenate(disc))
-    return plate, discs
+    return plate, discs, below
 
 
 def _side(part, start, end, square):
