@@ -125,6 +125,8 @@ class Judge:
                 self.coming = self.beside.submit(self._learnt, self.taught, self._rate_1_s(self.count))
                 self.due, self.from_s = round(LONGER * self.count), self.latest_s + LATER_S
             now, later = np.split(np.arange(len(self.t_s)), [self._alike()])
+            if not len(now):  # after a pause, in which a law that was due just now would have been learnt: it is theirs
+                continue
             found = self._judged(self.waiting.only(now), self.learnt)
             if self.count < LAST:
                 self.taught = self.taught.and_(found.told)

@@ -102,3 +102,13 @@ def test_stones_that_come_in_pieces_are_judged_alike():
         assert same[0] == pytest.approx(same[1], rel=1e-9)
     first = next(k for k, one in enumerate(whole) if one.by is not whole[0].by)
     assert t_s[sum(len(one.none) for one in whole[:first])] == pytest.approx(t_s[FIRST - 1] + LATER_S)
+
+
+def test_stones_after_a_pause_are_judged_by_the_law_that_all_before_it_taught():
+    """A law is due as the pause ends, and had all of it to be learnt in."""
+    told, before = drawing(0, np.full(80, 0.3), 6), 2 * FIRST + 10
+    t_s = np.r_[np.arange(before) / 50, np.arange(80 - before) / 50 + before / 50 + 3 * LATER_S]
+    found = list(Judge(told.only(np.arange(0)), PRIOR, None, 0.005).judge(told, t_s, ended=True))
+    assert [len(one.none) for one in found] == [FIRST, before - FIRST, 80 - before]
+    again = LearntLaw.of(told.only(np.arange(before)), PRIOR)
+    assert found[-1].by_law == pytest.approx(again.probabilities(told.only(np.arange(before, 80)), 0.005)[0], rel=1e-9)
