@@ -87,7 +87,7 @@ class Listener:
 
     It keeps those of the last PART, counted from sample `first`: the innovations (`whole`), and what no stone explains
     of them (`left`), which is followed by what later ones are to be less. past: sums of all before; lately: of its
-    last PARTS. A stone is final WINDOW samples after its arrival.
+    last PARTS; unchecked: of what came since the last check. A stone is final WINDOW samples after its arrival.
     """
 
     def __init__(self, bank: Bank, prior: StonePrior, dictionary: Dictionary, begin: int = 0) -> None:
@@ -97,7 +97,7 @@ class Listener:
         self.whole: Floats = np.zeros((bank.channels, 0))
         self.left: Floats = np.zeros((bank.channels, LAGS + FIT_LAGS))
         self.waiting, self.windows, self.checked = NO_STONES, 0, begin
-        self.past = self.sums(begin, begin)
+        self.past = self.unchecked = self.sums(begin, begin)
         self.lately: deque[Sums] = deque(maxlen=PARTS)
 
     def hear(self, innovations: Floats, ended: bool = False) -> list[Heard]:
@@ -148,8 +148,9 @@ class Listener:
 
     def _hopeless(self, at: int) -> bool:
         """Whether stones explain too little since this was asked last; the next PART is then passed over."""
-        since, self.checked = self.checked, at
-        if self.sums(since, at).unexplained <= HOPELESS:
+        since, self.checked = self.unchecked + self.sums(self.checked, at), at
+        self.unchecked = self.sums(at, at)
+        if since.unexplained <= HOPELESS:
             return False
         self.at = self.checked = at + PART
         self.waiting = NO_STONES
@@ -159,6 +160,7 @@ class Listener:
         """What is older than PART becomes sums."""
         while min(self.at, self.end) - KEPT > self.first + PART:
             self.lately.append(self.sums(self.first, self.first + PART))
+            self.unchecked += self.sums(self.checked, self.first + PART)
             self.past += self.lately[-1]
             self.whole, self.left, self.first = self.whole[:, PART:], self.left[:, PART:], self.first + PART
 

@@ -22,7 +22,7 @@ from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
-from recognition.stream.listen import BLOCK, Listener
+from recognition.stream.listen import BLOCK, KEPT, PART, Listener
 from recognition.stream.recognise import LEAST_FREQUENCY_SD, PHASE_LOSS, RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of
 from tests.recognition.elastic_stones import CHANNELS, after_noise, elastic_stone, surely_told
@@ -321,6 +321,21 @@ def test_cost_of_a_fit_is_that_of_normal_noise_and_prior(bank, forces, temper):
     size = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
     assert np.abs(found.curvature - expected).max() <= 0.03 * size.max()
     assert np.abs((found.curvature - expected) / size).max() < 0.03
+
+
+def test_a_part_is_hopeless_by_all_that_came_since_the_last_check(bank, forces):
+    """Stones that are explained, most of them in samples that are kept no more, and then a little that is not."""
+    listener = Listener(bank, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), None)
+    noise = np.random.default_rng(7).standard_normal((bank.channels, PART + 2 * KEPT))
+    listener.left = noise + 3.0 * (np.arange(noise.shape[1]) > PART + 100)  # what no stone explains
+    listener.whole = listener.left + 20.0 * (np.arange(noise.shape[1]) % 400 < 20) * (np.arange(noise.shape[1]) < PART)
+    listener.at = listener.end = noise.shape[1]
+    listener._forget()
+    assert listener.first == PART and listener.sums(PART, listener.end).unexplained > 0.4
+    assert not listener._hopeless(listener.end)
+    listener.left = listener.whole = 10 * noise
+    listener.checked = PART
+    assert listener._hopeless(listener.end)
 
 
 def test_a_stone_in_three_times_the_noise_is_known_a_third_as_well(bank, forces):
