@@ -49,10 +49,9 @@ report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m report '$(OUT)'
 
 # A file of tests stays in one process, so that what its tests share is made once. Programs that they start compile once.
-# One process more than JOBS: some tests wait for others' time limits.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: setup .venv/test .venv/campaign .venv/browser build/chromium  ## all tests but the long ones
-	$(PYTHON) -m pytest -q --numprocesses $$(($(JOBS) + 1)) --dist loadfile --durations 25
+	$(PYTHON) -m pytest -q --numprocesses $(JOBS) --dist loadfile --durations 25
 
 validate: setup .venv/test .venv/campaign .venv/browser build/chromium build/slurm build/calculix build/paraview  ## the long checks
 	$(PYTHON) -m pytest -q -m validate
