@@ -55,23 +55,44 @@ def opened(chromium, sweep):
     contexts, wrong = [], []
 
     def open_at(width, **options):
-        context = chromium.new_context(viewport={"width": width, "height": 800}, **options)
-        contexts.append(context)
-        page = context.new_page()
-        page.set_default_timeout(180_000)  # of a busy machine
-        page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("request", lambda request: wrong.append(request.url) if not inside(request.url) else None)
-        page.goto(sweep[1].as_uri())
+        page = page_at(chromium, sweep[1].as_uri(), wrong, width, **options)
+        contexts.append(page.context)
         return page
-
-    def inside(url):
-        return url == sweep[1].as_uri() or url.startswith(("data:", "blob:"))
 
     yield open_at
     for context in contexts:
         context.close()
     assert wrong == []
+
+
+@pytest.fixture(scope="module")
+def wide_page(chromium, sweep):
+    """The report at 1200 pixels, which takes seconds to open, and what went wrong in it."""
+    wrong = []
+    page = live(page_at(chromium, sweep[1].as_uri(), wrong, 1200))
+    yield page, wrong
+    page.context.close()
+
+
+@pytest.fixture
+def page(wide_page):
+    """The same page for all that leave it usable to the next."""
+    page, wrong = wide_page
+    yield page
+    assert wrong == []
+
+
+def page_at(chromium, uri, wrong, width, **options):
+    def inside(url):
+        return url == uri or url.startswith(("data:", "blob:"))
+
+    page = chromium.new_context(viewport={"width": width, "height": 800}, **options).new_page()
+    page.set_default_timeout(180_000)  # of a busy machine
+    page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("request", lambda request: wrong.append(request.url) if not inside(request.url) else None)
+    page.goto(uri)
+    return page
 
 
 def live(page):
@@ -114,8 +135,7 @@ def test_slider_and_choices_change_the_picture(opened, width):
     page.screenshot(path=SCREENSHOTS / f"report_{width}.png")
 
 
-def test_it_plays_to_the_end_and_pauses(opened):
-    page = live(opened(1200))
+def test_it_plays_to_the_end_and_pauses(page):
     move_slider(page, 0)
     page.evaluate("film.PLAY_SECONDS.impact = 0.5")
     page.locator("[data-film=play]").click()
@@ -125,10 +145,9 @@ def test_it_plays_to_the_end_and_pauses(opened):
     assert page.locator("[data-film=play]").inner_text() == "Play"
 
 
-def test_the_page_unpacks_what_was_packed(opened, sweep):
+def test_the_page_unpacks_what_was_packed(page, sweep):
     """Positions by closed form; damage and fragments as the analysis finds them."""
     path, _, network = sweep
-    page = live(opened(1200))
     k = 37
     shown = np.array(page.evaluate(f"Array.from(film.player.reel.series.impact.position[{k}])")).reshape(-1, 3)
     assert np.abs(2e-5 * shown - centre_m(network, T_S[k])).max() <= 1.01e-5
@@ -154,11 +173,9 @@ def test_nothing_is_cut_at_any_width(opened, width):
     )
     if width < 500:
         assert cut == []
-    page.screenshot(path=SCREENSHOTS / f"report_{width}_whole.png", full_page=True)
 
 
-def test_scoreboard_is_folded_and_filtered(opened):
-    page = live(opened(1200))
+def test_scoreboard_is_folded_and_filtered(page):
     rows = page.locator("tr[data-row]")
     assert not rows.first.is_visible()
     page.locator("#scoreboard summary").click()
@@ -171,8 +188,7 @@ def test_scoreboard_is_folded_and_filtered(opened):
     assert page.locator("tr[data-row]:visible").count() <= 1
 
 
-def test_figures_are_saved_as_svg_and_csv(opened, sweep):
-    page = live(opened(1200))
+def test_figures_are_saved_as_svg_and_csv(page, sweep):
     with page.expect_download() as saved:
         page.locator("[data-svg=fig-16]").click()
     assert saved.value.suggested_filename == "fig-16.svg"
@@ -197,18 +213,17 @@ def test_every_figure_carries_its_data(sweep):
         assert key == "fig-7" or len(pd.read_csv(io.StringIO(text), comment="#")) > 0, key
 
 
-def test_a_still_picture_without_scripts_and_in_print(opened):
-    page = opened(1200, java_script_enabled=False)
-    assert page.locator(".view img").is_visible() and not page.locator(".controls").is_visible()
-    page = live(opened(1200))
+def test_a_still_picture_without_scripts_and_in_print(opened, page):
+    without = opened(1200, java_script_enabled=False)
+    assert without.locator(".view img").is_visible() and not without.locator(".controls").is_visible()
     assert not page.locator(".view img").is_visible()
     page.emulate_media(media="print")
     assert page.locator(".view img").is_visible() and not page.locator(".controls").is_visible()
+    page.emulate_media(media="screen")
 
 
-def test_corners_of_any_plate_are_inside_the_view(opened):
+def test_corners_of_any_plate_are_inside_the_view(page):
     """Projected by the page's own camera, at its first look and at both shapes of the view."""
-    page = live(opened(1200))
     outside = page.evaluate("""() => {
       const found = [];
       for (const tilt of [0, 20, 35]) for (const [length, width] of [[0.3, 0.3], [0.5, 0.5], [1.5, 1.0], [0.4, 1.5]])
@@ -228,9 +243,8 @@ def test_corners_of_any_plate_are_inside_the_view(opened):
     assert outside == []
 
 
-def test_the_plate_leans_as_it_is_tilted(opened):
+def test_the_plate_leans_as_it_is_tilted(page):
     """It falls off towards +x, so that this edge is lower on the screen, and the drawn corners are there."""
-    page = live(opened(1200))
     heights = page.evaluate("""() => [0, 0.6].map((tilt) => {
       const plate = { size: [0.5, 0.5], thickness: 0.02, rods: [], walls: [], tilt };
       const { view } = film.camera(plate, { azimuth: -Math.PI / 2, height: 0, zoom: 1 }, 1.6);
@@ -240,8 +254,7 @@ def test_the_plate_leans_as_it_is_tilted(opened):
     assert heights[1][0] - heights[1][1] == pytest.approx(0.5 * np.sin(0.6), rel=1e-9)
 
 
-def test_values_stand_under_the_pointer_and_a_stretch_is_zoomed(opened, sweep):
-    page = live(opened(1200))
+def test_values_stand_under_the_pointer_and_a_stretch_is_zoomed(page, sweep):
     plot = page.locator("[data-plot=fig-18]")
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
@@ -271,9 +284,8 @@ def test_values_stand_under_the_pointer_and_a_stretch_is_zoomed(opened, sweep):
     page.wait_for_selector("[data-plot=fig-18] .zoomed", state="detached")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_is_large_enough_on_a_phone_and_the_page_is_dark_where_the_system_is(opened, scheme):
-    page = live(opened(390, color_scheme=scheme))
+def test_text_is_large_enough_on_a_phone(opened):
+    page = live(opened(390))
     page.evaluate("document.querySelectorAll('details').forEach((d) => (d.open = true))")
     smallest = page.evaluate("""async () => {
       let least = 99;
@@ -293,6 +305,11 @@ def test_text_is_large_enough_on_a_phone_and_the_page_is_dark_where_the_system_i
       return least;
     }""")
     assert smallest >= 9
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_is_dark_where_the_system_is(opened, scheme):
+    page = live(opened(390, color_scheme=scheme))
     ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (sum(map(int, re.findall(r"\d+", ground)[:3])) < 200) == (scheme == "dark")
     coal, view = page.evaluate("""() => [document.querySelector("[data-key=material] .swatch"),
