@@ -129,7 +129,7 @@ def test_a_stone_that_spins_without_friction_keeps_its_spin(tmp_path, subspheres
     assert np.abs(spin_of(last[~upper], radius[~upper])).max() < 1.0
 
 
-@pytest.mark.parametrize("speed_m_s", [6, 12])
+@pytest.mark.parametrize("speed_m_s", [pytest.param(6, marks=pytest.mark.validate), 12])
 def test_stones_that_break_each_other_keep_the_energy_and_do_not_pass(tmp_path, speed_m_s):
     meeting = Meeting.of(f"coal_coal_25_25_{speed_m_s}_500")
     rows, prepared = ran(tmp_path, meeting, 1, 0.1, **of_all(0.9, 0.4), **{"stones.agglomerate.unbreakable": False})

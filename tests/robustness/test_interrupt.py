@@ -125,8 +125,9 @@ def test_one_interrupt_ends_the_children_and_what_waits_does_not_start(tmp_path,
     assert len(begun) == 1 and (begun[0] / "started.json").exists()  # what was at work stays, and no other began
 
 
-@pytest.mark.parametrize("command, number", [("sweep", signal.SIGTERM), ("campaign", signal.SIGHUP),
-                                             ("campaign", signal.SIGKILL)])
+@pytest.mark.parametrize("command, number", [
+    ("sweep", signal.SIGTERM), pytest.param("campaign", signal.SIGHUP, marks=pytest.mark.validate),
+    pytest.param("campaign", signal.SIGKILL, marks=pytest.mark.validate)])
 def test_a_command_that_is_killed_takes_all_with_it_and_can_be_given_again(tmp_path, command, number):
     process, everybody = long_runs(tmp_path, command)
     process.send_signal(number)
