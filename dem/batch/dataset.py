@@ -33,6 +33,7 @@ from dem.run.prepare import prepare
 from dem.run.run import run_prepared
 from dem.stones.arrangement import stones_of
 
+QUIET_s = 0.05  # before the first stone of a stream: noise and offsets are learnt of it
 NOT_KEPT = ("deck/", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
 _log = logging.getLogger(__name__)
 
@@ -232,7 +233,7 @@ class StreamFamily(Table):
 def draw_stream(family: StreamFamily, rng: np.random.Generator) -> dict[str, Any]:
     """The changes of one group, by dotted key of the scene."""
     rate = float(np.exp(rng.uniform(*np.log(family.rate_1_s))))
-    begin, duration = 0.01, family.stones / rate
+    begin, duration = QUIET_s, family.stones / rate
     low, high = (round(100 * share) for share in family.gangue_ratio)
     changes: dict[str, Any] = {
         "stones.seed": int(rng.integers(100_000, 1_000_000_000)),

@@ -27,7 +27,7 @@ from recognition.stream.listen import Heard
 from recognition.stream.live import Window, listen_live
 from recognition.stream.recognise import QUIET_S, RATE_Hz, Recognised, channels_of, hear, recognise_stream
 from recognition.stream.source import Source, is_live
-from recognition.stream.stones import NONE_KNOWN, UNKNOWN_ALL, Known, ratio_of, sliding_ratio
+from recognition.stream.stones import Known, cautions, ratio_of, sliding_ratio
 
 KIND = "stones heard"
 MOST_RATIOS = 100_000
@@ -148,7 +148,7 @@ def _of_record(record: str, out: Path, tapped: PlateModel, prior: StonePrior, kn
     if found.refused:
         return ListenResult(*files, len(found.stones), not_explained=found.refused)
     answers = {name: Answer.between(*ratio_of(found.stones, name == "mass")) for name in ("number", "mass")}
-    warnings = ["" if found.hearing.tapped else UNTAPPED, NONE_KNOWN if known == UNKNOWN_ALL else "",
+    warnings = ["" if found.hearing.tapped else UNTAPPED, *cautions(known, prior),
                 *(answer.warning for answer in answers.values())]
     alarms = None if stop is None or found.followed is None else _alarms(found, stop, begin_s, out)
     return ListenResult(*files, len(found.stones), answers, tuple(filter(None, dict.fromkeys(warnings))), alarms)

@@ -30,9 +30,8 @@ from recognition.stream.source import Source
 from recognition.stream.stone_law import UNKNOWN
 from recognition.stream.stones import (
     COLUMNS,
-    NONE_KNOWN,
-    UNKNOWN_ALL,
     Known,
+    cautions,
     first_touches,
     ratios_of,
     rows_of,
@@ -146,7 +145,7 @@ class Live:
         heard = self.ear.hear(values) + (self.ear.end() if ended else [])
         if self.ear.listens and not listened:
             self.steps = int(self.t_s / self.window.step_s)
-            warning = {"warning": NONE_KNOWN} if self.known == UNKNOWN_ALL else {}
+            warning = {"warning": "; ".join(said)} if (said := cautions(self.known, self.prior)) else {}
             yield {"event": "calibrated", "t_s": self.ear.listener.end / RATE_Hz,
                    "noise_change": self.ear.noise.change, **warning}
         if self.ear.listens:

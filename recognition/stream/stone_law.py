@@ -9,9 +9,9 @@ and stiffnesses. Centres, what is between them, and the scatter of the stones va
     density       s ~ rho^(2/5), J ~ rho
 
 How far they vary is unknown, and so are the shares of gangue, of stones of either material that break, which have
-another form, and of what is no stone: a second touch, a fragment, a knock. The simulated law of forces is the prior of
-all that. A known stone is of its material with a probability of KNOWN. Known stones that were dropped may have had
-another speed and size than those of the record.
+another form, of stones that bounced, and of what is no stone: a second touch, a fragment, a knock. The simulated law of
+forces is the prior of all that. A known stone is of its material with a probability of KNOWN. Known stones that were
+dropped may have had another speed and size than those of the record.
 
 Where the record fits several laws, the draws hold all of them.
 """
@@ -40,15 +40,15 @@ DROPPED_SD = np.array([0.05, 0.12])  # of known stones' size and speed, by those
 SCATTER, SCATTER_SD, WIDEST = np.array([0.05, 0.05, 0.03, 0.03]), 1.0, 1.0
 BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
-#: Of odd stones: share, the direction that they are off along, mean and deviation of the logarithm. Lumps are of far
-#: another size; a stone that struck another in the air comes down slower.
-LUMPS, LUMP_SD = 0.03, 0.8
-ODD = ((LUMPS, 0, 0.0, LUMP_SD), (0.02, 1, -0.4, 0.25))
+LUMPS, LUMP_SD = 0.03, 0.8  # share, and deviation of the logarithm of size
+#: Stones that come down slower, since they bounced or struck another in the air: mean and deviation of the logarithm of
+#: speed, that of restitutions from 0.5 to 0.9; logit of their share.
+SLOWER, SLOWER_SD, SLOWED, SLOWED_SD = -0.4, 0.17, -3.5, 1.25
 OTHER_DENSITY = 1 / (3.0 * 12.0 * 6.0)  # of what is no such stone: log s, b and log J are anything
 KNOWN = 0.95
 LEAST_APART = 0.15, 0.15  # of log J and log J - 3 log s: gangue of one size and speed pushes harder than coal
 CENTRE, APART, SCATTERS, GANGUE, BROKEN = slice(0, 3), slice(3, 6), slice(6, 10), 10, slice(11, 13)
-OTHERS, DROPPED, NUMBERS = 13, slice(14, 16), 16
+OTHERS, SLOW, DROPPED, NUMBERS = 13, 14, slice(15, 17), 17
 TAUGHT, STARTS, DRAWN = 200, 21, 48  # stones by which the law is learnt, so many known and unknown at most; laws
 AT_ONCE = 16_000  # laws times stones, which stay in the processor's cache
 LEAST_ERROR = 1e-3  # of logarithms
@@ -144,6 +144,7 @@ class Beliefs:
         z[:, GANGUE] = np.log(share / (1 - share))
         z[:, BROKEN] += self.breaks
         z[:, OTHERS] += OTHER
+        z[:, SLOW] = SLOWED + SLOWED_SD * z[:, SLOW]
         z[:, DROPPED] *= DROPPED_SD
         return z
 
@@ -154,7 +155,8 @@ class Beliefs:
                         + np.einsum("ki,ij,kj->k", apart, self.precisions[1], apart)
                         + np.sum(((z[:, SCATTERS] - self.scatter) / SCATTER_SD) ** 2, axis=1)
                         + np.einsum("ki,ij,kj->k", breaks, _BREAKS, breaks)
-                        + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1))
+                        + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + ((z[:, SLOW] - SLOWED) / SLOWED_SD) ** 2
+                        + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1))
         s, _, j = z[:, APART].T
         too_light = np.minimum(np.minimum(j - LEAST_APART[0], j - 3 * s - LEAST_APART[1]), 0)
         return np.asarray(total - np.logaddexp(0, z[:, GANGUE]) - np.logaddexp(0, -z[:, GANGUE]) - 1e3 * too_light**2)
@@ -162,7 +164,8 @@ class Beliefs:
     @property
     def curvature(self) -> Floats:
         """(NUMBERS, NUMBERS): about that of minus the log prior."""
-        out = np.diag(np.r_[np.zeros(6), np.full(4, SCATTER_SD**-2), 0.25, np.zeros(2), OTHER_SD**-2, DROPPED_SD**-2])
+        out = np.diag(np.r_[np.zeros(6), np.full(4, SCATTER_SD**-2), 0.25, np.zeros(2), OTHER_SD**-2, SLOWED_SD**-2,
+                            DROPPED_SD**-2])
         out[CENTRE, CENTRE], out[APART, APART] = self.precisions
         out[BROKEN, BROKEN] = _BREAKS
         return out
@@ -182,20 +185,21 @@ class Beliefs:
     def _log_classes(self, z: Floats, told: Told) -> Floats:
         spread = np.einsum("kd,di,dj->kij", np.exp(2 * z[:, SCATTERS].clip(max=WIDEST)), DIRECTIONS[:4], DIRECTIONS[:4])
         error = np.moveaxis(told.error, 0, -1)[:, :, None]
-        beyond = [sd**2 * np.outer(DIRECTIONS[d], DIRECTIONS[d]) for _, d, _, sd in ODD]
-        whole, broken, *odd = (_root(np.moveaxis(spread + law, 0, -1)[..., None] + error)
-                               for law in (self.whole, self.broken, *(self.whole + more for more in beyond)))
+        lumps, slower = (sd**2 * np.outer(d, d) for sd, d in ((LUMP_SD, DIRECTIONS[0]), (SLOWER_SD, DIRECTIONS[1])))
+        whole, broken, lump, slowed = (
+            _root(np.moveaxis(spread + law, 0, -1)[..., None] + error)
+            for law in (self.whole, self.broken, self.whole + lumps, self.whole + slower))
         moved = (z[:, DROPPED] @ DIRECTIONS[:2]).T[..., None] * told.dropped
-        p, unknown, others = z[:, GANGUE, None], told.known == UNKNOWN, z[:, OTHERS, None]
+        p, unknown, others, slow = z[:, GANGUE, None], told.known == UNKNOWN, z[:, OTHERS, None], z[:, SLOW, None]
         out = np.empty((len(z), len(told.x), 3))
         for m, sign in ((0, 1), (1, -1)):
             centre = (z[:, CENTRE] + m * z[:, APART]).T[..., None] + moved
             off, breaks = told.x.T[:, None] - centre, z[:, BROKEN][:, m, None]
             stones = np.logaddexp(normal(off, whole) - np.logaddexp(0, breaks),
                                   normal(off - self.shift[m][:, None, None], broken) - np.logaddexp(0, -breaks))
-            every = stones + np.log(1 - sum(share for share, *_ in ODD))
-            for (odd_share, d, mean, _), root in zip(ODD, odd, strict=True):
-                every = np.logaddexp(every, normal(off - mean * DIRECTIONS[d][:, None, None], root) + np.log(odd_share))
+            every = np.logaddexp(stones - np.logaddexp(0, slow),
+                                 normal(off - SLOWER * DIRECTIONS[1][:, None, None], slowed) - np.logaddexp(0, -slow))
+            every = np.logaddexp(every + np.log(1 - LUMPS), normal(off, lump) + np.log(LUMPS))
             share = np.where(unknown, -np.logaddexp(0, sign * p), np.log(np.where(told.known == m, KNOWN, 1 - KNOWN)))
             out[..., m] = every + share - np.logaddexp(0, others)
         out[..., 2] = np.log(OTHER_DENSITY) - np.logaddexp(0, -others)

@@ -15,6 +15,7 @@ from dem.batch.dataset import build, plan_dataset
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from dem.stones.stone import places_m
+from recognition.stream.recognise import QUIET_S
 
 COARSE = {"stones.agglomerate.subspheres": 40, "stones.agglomerate.contact": "sub_spheres"}
 PLAN = """scene = "{scenes}/paper.toml"
@@ -168,6 +169,7 @@ def test_a_group_of_streams_is_one_stream(tmp_path):
         assert len(stones_of(run.scene, "")) == 4 and one.rate_1_s * one.lasts_s == pytest.approx(4)
         assert 0.2 <= run.scene.stones.gangue_ratio <= 0.8 and 2 <= one.speed_m_s.bounds[0] == one.speed_m_s.bounds[1] <= 4
         assert run.scene.time.duration_s == pytest.approx(one.arrival_s.bounds[1] + 0.01)
+        assert one.arrival_s.bounds[0] >= 2 * QUIET_S  # as `listen` needs
     assert {one.size_m.bounds for one in streams} == {(0.03, 0.03), (0.03, 0.05)}
     fewer = plan_dataset(plan(tmp_path, STREAMS.replace("GROUPS", "2"), "fewer.toml"))
     assert [run.scene for run in fewer] == [run.scene for run in runs[:2]]
