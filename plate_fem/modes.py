@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
 from scipy.interpolate import make_interp_spline
 
@@ -23,7 +22,7 @@ from common.files.cache import cached, key_of
 from common.scene.plate import FlexiblePlate
 from common.tables import Refused
 from plate_fem.elements import mesh
-from plate_fem.elements.mesh import Products, highest_frequency_Hz, refuse_too_many_modes
+from plate_fem.elements.mesh import highest_frequency_Hz, refuse_too_many_modes
 from plate_fem.elements.system import PlateSystem, sways
 
 if TYPE_CHECKING:
@@ -109,7 +108,7 @@ class PlateModes:
 
     def shape_at(self, points_m: np.ndarray) -> np.ndarray:
         """Return the deflection (k, n) of the modes at points (k, 2)."""
-        rows = mesh.deflections(self.lines_x_m, self.lines_y_m).values(points_m)
+        rows = mesh.bicubics(self.lines_x_m, self.lines_y_m).values(points_m)
         return rows @ self.nodal.reshape(-1, self.nodal.shape[2])
 
     def grid(self, spacing_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -226,30 +225,40 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
         more_omega_squared, *residual = residual_modes(model, kept, sp.csr_array(sp.vstack(loads)))
         omega_squared = np.append(omega_squared, more_omega_squared)
     model = replace(model)  # without the factors of its parts, which nothing needs any more
-    of_columns = zip(*(_shapes_of(model, columns) for columns in chain(vectors, residual)), strict=True)
-    nodal, rod_force, surface_stress, lateral = (np.concatenate(of_all, axis=-1) for of_all in of_columns)
     system = model.system
-    momentum = ribs.momentum(system)[: 4 * system.n_nodes]
-    momentum += plate.density_kg_m3 * plate.thickness_m * system.deflections.integrals
-    mass_kg = float(momentum[: system.n_nodes].sum())
+    nodes_m = mesh.nodes(system.lines_x_m, system.lines_y_m)
+    momentum = ribs.momentum(system)
+    momentum[: system.deflections.size] += plate.density_kg_m3 * plate.thickness_m * system.deflections.integrals
+    rows, mass_kg = _rows_of(model, nodes_m, momentum), float(momentum[: system.deflections.size].sum())
+    of_columns = zip(*(_shapes_of(rows, columns) for columns in chain(vectors, residual)), strict=True)
+    nodal, surface_stress, lateral, moved, rod_force = (np.concatenate(of_all, axis=-1) for of_all in of_columns)
     return PlateModes(
         frequency_Hz=np.sqrt(omega_squared) / (2 * np.pi),
         damping_ratio=np.full(len(omega_squared), plate.damping_ratio),
         lines_x_m=system.lines_x_m, lines_y_m=system.lines_y_m, theory=system.theory,
         nodal=nodal, rod_force=rod_force, surface_stress=surface_stress, lateral=lateral,
-        mean_shape=momentum @ nodal.reshape(4 * system.n_nodes, -1) / mass_kg, mass_kg=mass_kg,
-        n_residual=len(omega_squared) - kept.shape[1])
+        mean_shape=moved / mass_kg, mass_kg=mass_kg, n_residual=len(omega_squared) - kept.shape[1])
 
 
-def _shapes_of(model: PlateModel, vectors: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return `nodal`, `rod_force`, `surface_stress` and `lateral` of PlateModes for some of its vectors (size, n)."""
+def _rows_of(model: PlateModel, nodes_m: np.ndarray, momentum: np.ndarray) -> list[sp.csr_array]:
+    """Return the sparse matrices (k, n) that give, from the unknowns of the model, w, w_x, w_y and w_xy at nodes
+    (k, 2), the stress and the displacement of the top surface there, the force on rods, and momentum."""
     system, top = model.system, model.system.plate.thickness_m / 2
-    u = model.expansion @ vectors
-    u *= (sign := _sign(u[: system.n_nodes]))
-    nodes = mesh.nodes(system.lines_x_m, system.lines_y_m)[: None if sways(system.plate) else 0]
-    lateral = np.stack([system.lateral(nodes, axis, top) @ u for axis in (0, 1)], axis=1)
-    return (u[: 4 * system.n_nodes].reshape(4, system.n_nodes, -1).copy(), model.rod_force @ vectors * sign,
-            modal_surface_stress(system, u), lateral)
+    swaying = nodes_m[: None if sways(system.plate) else 0]
+    rows = [sp.vstack([system.deflection(nodes_m, by) for by in ((0, 0), (1, 0), (0, 1), (1, 1))]),
+            sp.vstack(surface_stress_rows(system, nodes_m)),
+            sp.vstack([system.lateral(swaying, axis, top) for axis in (0, 1)]), sp.csr_array(momentum[None])]
+    return [*(one @ model.expansion for one in rows), model.rod_force]
+
+
+def _shapes_of(rows: list[sp.csr_array], vectors: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return `nodal`, `surface_stress`, `lateral`, the momentum and `rod_force` of PlateModes for some of its vectors
+    (size, n)."""
+    w, stress, lateral, momentum, force = (one @ vectors for one in rows)
+    w, n = w.reshape(4, -1, w.shape[1]), w.shape[1]
+    sign = _sign(w[0])
+    return (sign * w, sign * stress.reshape(3, -1, n).swapaxes(0, 1), sign * lateral.reshape(2, -1, n).swapaxes(0, 1),
+            sign * momentum[0], sign * force)
 
 
 def _sign(shape: np.ndarray) -> np.ndarray:
@@ -258,61 +267,17 @@ def _sign(shape: np.ndarray) -> np.ndarray:
     return np.where(shape[first, np.arange(shape.shape[1])] < 0, -1.0, 1.0)
 
 
-def surface_strain(system: PlateSystem, u: np.ndarray) -> np.ndarray:
-    """Return the strain (3, n_nodes, n) of the top surface at the nodes from unknowns (system.size, n): xx, yy, 2 xy.
+def surface_stress_rows(system: PlateSystem, points_m: np.ndarray) -> list[sp.csr_array]:
+    """Return the sparse matrices (k, system.size) of sx, sy, txy (Pa) of the top surface at points (k, 2).
 
-    It is that of the mid-plane less t/2 times the curvature: theta_x,x, theta_y,y and theta_x,y + theta_y,x, with
-    theta = grad w in Kirchhoff's theory.
-    """
-    w, theta, lines = system.deflections, system.rotations, (system.lines_x_m, system.lines_y_m)
-    if theta is None:
-        curvature = np.array([_derivative(w, u[: w.size], order, lines) for order in ((2, 0), (0, 2), (1, 1))])
-        curvature[2] *= 2
-    else:
-        curvature = _gradient(theta, u[w.size : w.size + 2 * theta.size], lines)
-    strain, functions = -system.plate.thickness_m / 2 * curvature, system.in_plane.functions
-    return strain if functions is None else strain + _gradient(functions, u[-2 * functions.size :], lines)
-
-
-def _gradient(functions: Products, u: np.ndarray, lines: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Return v_x,x, v_y,y and v_x,y + v_y,x (3, n_nodes, n) of a vector v with coefficients u (2 size, n)."""
-    x, y = u[: functions.size], u[functions.size :]
-    shear = _derivative(functions, x, (0, 1), lines) + _derivative(functions, y, (1, 0), lines)
-    return np.array([_derivative(functions, x, (1, 0), lines), _derivative(functions, y, (0, 1), lines), shear])
-
-
-def _derivative(functions: Products, u: np.ndarray, order: tuple[int, int],
-                lines: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Return the projection of a derivative of functions with coefficients u (size, n) at the nodes of the lines,
-    (n_nodes, n): the derivatives are discontinuous, and their least-squares projections continuous biquadratics.
-
-    On a grid of rectangles it is a projection along x after one along y.
-    """
-    along_x = _projection(functions.along_x, order[0], lines[0])
-    along_y = _projection(functions.along_y, order[1], lines[1])
-    by_y = np.tensordot(along_x, u[functions.number], 1)
-    return np.matmul(along_y, by_y).reshape(-1, u.shape[1])
-
-
-def _projection(functions: mesh.Functions, derivative: int, at_m: np.ndarray) -> np.ndarray:
-    """Return the matrix (m, size) from coefficients to the values at m places of the derivative's projection on
-    continuous parabolas."""
-    target = mesh.parabolas(functions.lines_m)
-    mass, moments = mesh.line_integral(target, target), mesh.line_integral(target, functions, 0, derivative)
-    coefficients = scipy.linalg.solve(mass.toarray(), moments.toarray(), assume_a="pos")
-    number, value = target.at(at_m)
-    return np.asarray((value[:, :, None] * coefficients[number]).sum(axis=1))
-
-
-def modal_surface_stress(system: PlateSystem, u: np.ndarray) -> np.ndarray:
-    """Return the stress (n_nodes, 3, n) sx, sy, txy at the top surface for each column of unknowns (system.size, n).
-
-    It is in Pa for unknowns in m and rad.
+    Its strain is that of the mid-plane less t/2 times the curvature: theta_x,x, theta_y,y and theta_x,y + theta_y,x,
+    with theta = grad w in Kirchhoff's theory.
     """
     plate, nu = system.plate, system.plate.poisson_ratio
-    xx, yy, xy = surface_strain(system, u)
+    xx, yy, xy = (middle - plate.thickness_m / 2 * bent for middle, bent in
+                  zip(system.stretch(points_m), system.curvature(points_m), strict=True))
     scale = plate.youngs_modulus_Pa / (1 - nu**2)
-    return scale * np.stack([xx + nu * yy, yy + nu * xx, (1 - nu) / 2 * xy], axis=1)
+    return [scale * (xx + nu * yy), scale * (yy + nu * xx), scale * (1 - nu) / 2 * xy]
 
 
 def energy_left_out(max_frequency_Hz: float, contact_time_s: float) -> float:

@@ -28,7 +28,7 @@ from dem.deck.time_step import TimeStep, weak_contact
 from dem.run.prepare import PreparedRun
 from dem.stones.assembly import Assembly
 from dem.stones.bonds import fragments
-from plate_fem.elements.mesh import deflections
+from plate_fem.elements.mesh import bicubics
 from plate_fem.modes import PlateModes
 from plate_fem.stress import HertzContact, contact_patch, contact_surface_stress, von_mises, von_mises_3d
 
@@ -257,7 +257,7 @@ class PlateMeshes:
             here = slice(k * size, (k + 1) * size)
             for near in np.flatnonzero(np.hypot(*(place - place[k]).T) < reach):
                 stress[here] += contact_surface_stress(contacts[near], points[here], self._plate.poisson_ratio)
-        w = deflections(*lines).values(points) @ (self._nodal @ amplitude)
+        w = bicubics(*lines).values(points) @ (self._nodal @ amplitude)
         return Mesh(np.column_stack([points, np.zeros(len(points))]),
                     np.vstack([cells + k * size for k, (_, cells) in enumerate(patches)]),
                     {"displacement_m": _upwards(w), "von_mises_with_contacts_Pa": von_mises_3d(stress),

@@ -14,31 +14,29 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from numpy.polynomial import polynomial
+from scipy.interpolate import BSpline
 
 from common.scene.plate import FlexiblePlate
 from common.tables import Refused
 
-GAUSS_POINTS = 4  # in a cell: exact for a product of two cubics
+DEGREE = 3  # of the splines along a side
 # Polynomials on [0, 1], lowest power first. Hermite's cubics: value left, slope left, value right, slope right.
 HERMITE = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float)
 # Value left, value right, value in the middle (Lagrange).
 PARABOLAS = np.array([[1, -3, 2], [0, -1, 2], [0, 4, -4]], float)
-# Left hat, right hat, and what vanishes at both ends: a parabola, and a cubic that is odd about the middle.
-CUBICS = np.array([[1, -1, 0, 0], [0, 1, 0, 0], [0, 1, -1, 0], [0, -1, 3, -2]], float)
 
 
 @dataclass(frozen=True)
 class Functions:
-    """Functions on a line with grid lines `lines_m` (m,), ascending: on each cell the same k polynomials.
+    """Functions on a line with grid lines `lines_m` (m,), ascending: polynomials on each cell.
 
-    `polynomials` (k, 4) are on [0, 1], lowest power first. `length_power` (k,) is the power of the cell's side by which
-    each is multiplied. `number` (k, m - 1) is the number of the function to which each belongs in each cell. `groups`
-    holds how many functions of a kind follow each other, and 1 or -1 if reversing the line leaves or turns their sign.
+    `polynomials` (m - 1, k, powers) are those of the k functions that are not zero in a cell, on [0, 1], lowest power
+    first, and `number` (m - 1, k) the numbers of these functions. `groups` holds how many functions of a kind follow
+    each other, and 1 or -1 if reversing the line leaves or turns their sign.
     """
 
     lines_m: np.ndarray
     polynomials: np.ndarray
-    length_power: np.ndarray
     number: np.ndarray
     groups: tuple[tuple[int, int], ...]
 
@@ -51,9 +49,9 @@ class Functions:
         (p,). Beyond the ends the polynomials of the outermost cells go on."""
         cell = np.clip(np.searchsorted(self.lines_m, points_m, "right") - 1, 0, len(self.lines_m) - 2)
         side = self.lines_m[cell + 1] - self.lines_m[cell]
-        derived = polynomial.polyder(self.polynomials, derivative, axis=1).T
-        value = polynomial.polyval((points_m - self.lines_m[cell]) / side, derived)
-        return self.number[:, cell].T, (value * side ** (self.length_power[:, None] - float(derivative))).T
+        derived = polynomial.polyder(self.polynomials, derivative, axis=2)[cell]
+        power = ((points_m - self.lines_m[cell]) / side)[:, None] ** np.arange(derived.shape[2])
+        return self.number[cell], np.einsum("pkd,pd->pk", derived, power) * side[:, None] ** -float(derivative)
 
     def mirrored(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the number and the sign (size,) of the image of each function, the line being reversed."""
@@ -64,9 +62,10 @@ class Functions:
 
 def smooth_cubics(lines_m: np.ndarray) -> Functions:
     """Return the cubics with continuous slope: m that are one at a grid line, then m whose slope is one there."""
-    m = len(lines_m)
+    m, side = len(lines_m), np.diff(lines_m)
     left = np.arange(m - 1)
-    return Functions(lines_m, HERMITE, np.array([0, 1, 0, 1]), np.stack([left, m + left, left + 1, m + left + 1]),
+    scale = np.stack([np.ones(m - 1), side, np.ones(m - 1), side], axis=1)
+    return Functions(lines_m, HERMITE * scale[:, :, None], np.stack([left, m + left, left + 1, m + left + 1], axis=1),
                      ((m, 1), (m, -1)))
 
 
@@ -77,31 +76,39 @@ def parabolas(lines_m: np.ndarray) -> Functions:
     """
     m = len(lines_m)
     left = np.arange(m - 1)
-    return Functions(lines_m, PARABOLAS, np.zeros(3, int), np.stack([left, left + 1, m + left]), ((m, 1), (m - 1, 1)))
+    return Functions(lines_m, np.tile(PARABOLAS, (m - 1, 1, 1)), np.stack([left, left + 1, m + left], axis=1),
+                     ((m, 1), (m - 1, 1)))
 
 
-def cubics(lines_m: np.ndarray) -> Functions:
-    """Return the continuous cubics: m hats that are one at a grid line, then m - 1 parabolas and m - 1 odd cubics, each
-    zero beyond its cell."""
-    m = len(lines_m)
-    left = np.arange(m - 1)
-    return Functions(lines_m, CUBICS, np.zeros(4, int), np.stack([left, left + 1, m + left, 2 * m - 1 + left]),
-                     ((m, 1), (m - 1, 1), (m - 1, -1)))
+def splines(lines_m: np.ndarray, degree: int) -> Functions:
+    """Return the B-splines of a degree, m - 1 + degree, with all derivatives but the highest continuous. The first and
+    the last alone are not zero at the ends."""
+    cells = len(lines_m) - 1
+    number = np.arange(cells)[:, None] + np.arange(degree + 1)
+    basis = BSpline(np.pad(lines_m, degree, mode="edge"), np.eye(cells + degree), degree)
+    taylor = [np.take_along_axis(basis(lines_m[:-1], power), number, 1) / math.factorial(power)
+              * np.diff(lines_m)[:, None] ** power for power in range(degree + 1)]
+    return Functions(lines_m, np.stack(taylor, axis=2), number, ((cells + degree, 1),))
 
 
 def line_integral(one: Functions, other: Functions, of_one: int = 0, of_other: int = 0) -> sp.csr_array:
     """Return the integrals (one.size, other.size) along the line, sparse, of each function of one times each of other,
     derived so many times. What is zero but for rounding is left out."""
-    at, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    side = np.diff(one.lines_m)
-    points = (one.lines_m[:-1, None] + np.outer(side, (at + 1) / 2)).ravel()
-    root = np.sqrt(np.outer(side, weight / 2)).ravel()
-    rows, columns = (_weighted(functions, points, root, derivative)
+    points, weight = gauss_points(one.lines_m, max(one.polynomials.shape[2], other.polynomials.shape[2]))
+    rows, columns = (_weighted(functions, points, np.sqrt(weight), derivative)
                      for functions, derivative in ((one, of_one), (other, of_other)))
     entries = sp.coo_array(rows.T @ columns)
     length = [np.sqrt(matrix.power(2).sum(axis=0)) for matrix in (rows, columns)]  # bounds the entries (Schwarz)
     kept = abs(entries.data) > 1e-14 * length[0][entries.row] * length[1][entries.col]
     return sp.csr_array((entries.data[kept], (entries.row[kept], entries.col[kept])), shape=entries.shape)
+
+
+def gauss_points(lines_m: np.ndarray, count: int = DEGREE + 1) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (k,) of a line, `count` in each cell, and their weights (k,), for integrals: exact for a product of
+    two polynomials with so many powers."""
+    at, weight = np.polynomial.legendre.leggauss(count)
+    side = np.diff(lines_m)
+    return (lines_m[:-1, None] + np.outer(side, (at + 1) / 2)).ravel(), np.outer(side, weight / 2).ravel()
 
 
 def _weighted(functions: Functions, points_m: np.ndarray, weight: np.ndarray, derivative: int) -> sp.csr_array:
@@ -148,17 +155,26 @@ def nodes(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> np.ndarray:
     return np.column_stack([v.ravel() for v in np.meshgrid(lines_x_m, lines_y_m, indexing="ij")])
 
 
-def deflections(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> Products:
-    """Return the bicubics with continuous slopes (Bogner-Fox-Schmit), numbered in the blocks w, w_x, w_y, w_xy at the
-    nodes, each in the order of the nodes."""
+def bicubics(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> Products:
+    """Return the bicubics with continuous slopes, numbered in the blocks w, w_x, w_y, w_xy at the nodes, each in the
+    order of the nodes."""
     n_x, n_y = len(lines_x_m), len(lines_y_m)
     number = np.arange(4 * n_x * n_y).reshape(2, 2, n_x, n_y).transpose(1, 2, 0, 3).reshape(2 * n_x, 2 * n_y)
     return Products(smooth_cubics(lines_x_m), smooth_cubics(lines_y_m), number)
 
 
-def rotations(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> Products:
-    """Return the continuous bicubics."""
-    along_x, along_y = (cubics(lines) for lines in (lines_x_m, lines_y_m))
+def deflections(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> Products:
+    """Return the splines of DEGREE along both sides."""
+    return _products(splines(lines_x_m, DEGREE), splines(lines_y_m, DEGREE))
+
+
+def rotations(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> tuple[Products, Products]:
+    """Return the derivatives of deflections by x and by y: splines of a lower degree along that side."""
+    return (_products(splines(lines_x_m, DEGREE - 1), splines(lines_y_m, DEGREE)),
+            _products(splines(lines_x_m, DEGREE), splines(lines_y_m, DEGREE - 1)))
+
+
+def _products(along_x: Functions, along_y: Functions) -> Products:
     return Products(along_x, along_y, np.arange(along_x.size * along_y.size).reshape(along_x.size, along_y.size))
 
 
@@ -178,9 +194,10 @@ def integral(
 
 SHEAR_ERROR_ALLOWED = 0.005  # Kirchhoff's theory is used while its highest frequency is at most this much too high
 MOST_CELLS, MOST_LINES = 20_000, 500  # these need some GB of memory
-GROWTH = 0.7  # of a cell's side with the distance from a rod; 0.2 moves no mode of four plates by more than 2e-4
+GROWTH = 1.0  # of a cell's side with the distance from a rod, whose radius is CELLS_PER_RADIUS cells
+CELLS_PER_RADIUS = 2
 MODES_AT_MOST = 600  # four times those of the default scene; 538 take 72 s and 2.8 GB (docs/plate.md)
-CELLS_PER_WAVELENGTH = {"kirchhoff": 5.6, "mindlin": 4.5}  # modes kept within 2e-3, docs/plate.md
+CELLS_PER_WAVELENGTH = 6  # modes kept within 1e-3
 
 
 def shear_factor(poisson_ratio: float) -> float:
@@ -268,14 +285,14 @@ def default_mesh_size(plate: FlexiblePlate) -> float:
     theory = choose_theory(plate)
     wavenumber = bending_wavenumber(plate, highest_frequency_Hz(plate), theory)  # 0 where the frequency's square is
     wavelength = 2 * math.pi / wavenumber if wavenumber > 0 else math.inf
-    return min(wavelength / CELLS_PER_WAVELENGTH[theory], min(plate.size_m) / 4)
+    return min(wavelength / CELLS_PER_WAVELENGTH, min(plate.size_m) / 4)
 
 
 def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
     """Return the grid lines along x and along y (m), ascending, from edge to edge.
 
-    By default a cell at a rod is as wide as the rod's radius, and cells grow
-    away from it. A table's `mesh_size_m` refines these cells in the same proportion.
+    By default a cell at a rod is half as wide as the rod's radius, and cells grow away from it. A table's `mesh_size_m`
+    refines these cells in the same proportion.
     Raises Refused for more than MOST_CELLS cells or MOST_LINES lines, before any memory is taken.
     """
     key = "max_frequency_Hz" if plate.mesh_size_m is None else "mesh_size_m"
@@ -313,7 +330,7 @@ def _graded(fixed: np.ndarray, largest: float, fine: list[tuple[float, float, fl
     """Fill the gaps between fixed lines with cells no larger than `largest`, finer near rods."""
 
     def size(x: float) -> float:  # wanted cell size at x
-        return min([largest] + [scale * max(r, GROWTH * (abs(x - c) - r)) for c, r, scale in fine])
+        return min([largest] + [scale * max(r / CELLS_PER_RADIUS, GROWTH * (abs(x - c) - r)) for c, r, scale in fine])
 
     lines = [fixed[0]]
     for a, b in itertools.pairwise(fixed):

@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from common.scene.plate import FlexiblePlate, Rib
-from plate_fem.elements.mesh import GAUSS_POINTS, bending_stiffness
+from plate_fem.elements.mesh import bending_stiffness, gauss_points
 from plate_fem.elements.system import PlateSystem
 
 SHEAR_FACTOR = 5 / 6  # of a rectangle
@@ -67,12 +67,10 @@ def momentum(system: PlateSystem) -> np.ndarray:
 
 def _points(system: PlateSystem, rib: Rib) -> tuple[np.ndarray, np.ndarray]:
     """Return Gauss points (k, 2) on a rib and their weights (k,) in m."""
-    lines_m = (system.lines_x_m, system.lines_y_m)[rib.axis]
-    at, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    side = np.diff(lines_m)
-    points_m = np.full((len(side) * GAUSS_POINTS, 2), rib.at_m)
-    points_m[:, rib.axis] = (lines_m[:-1, None] + np.outer(side, (at + 1) / 2)).ravel()
-    return points_m, np.outer(side, weight / 2).ravel()
+    along_m, weight_m = gauss_points((system.lines_x_m, system.lines_y_m)[rib.axis])
+    points_m = np.full((len(along_m), 2), rib.at_m)
+    points_m[:, rib.axis] = along_m
+    return points_m, weight_m
 
 
 def _of_rib(system: PlateSystem, rib: Rib) -> tuple[sp.csr_array, sp.csr_array]:

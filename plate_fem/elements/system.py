@@ -1,8 +1,11 @@
 """Stiffness and mass matrices of the plate, for thin (Kirchhoff) and shear-flexible (Mindlin) theory.
 
-In both the deflection w is bicubic and has continuous slopes (Bogner-Fox-Schmit). Mindlin's rotations are continuous
-bicubics, a space that contains the gradient of every such w. The thin limit theta = grad w is therefore reached
-without any loss of freedom, and the element cannot lock, although every integral is exact.
+In both the deflection w is of splines along both sides, with all derivatives but the highest continuous, which take far
+fewer unknowns for a wavelength than elements with continuous slopes (isogeometric analysis: Cottrell, Reali, Bazilevs
+and Hughes 2006, Comput. Methods Appl. Mech. Eng. 195:5257). Mindlin's rotations are the spaces of its two derivatives,
+of one degree less along that side. The thin limit theta = grad w is therefore reached without any loss of freedom, and
+the plate cannot lock, although every integral is exact (Beirao da Veiga, Buffa, Lovadina, Martinelli and Sangalli 2012,
+Comput. Methods Appl. Mech. Eng. 209-212:45).
 
 In its plane it sways and yaws as a rigid body, or stretches (plane stress, bicubics). A plate that nothing but rods
 holds stretches where its first mode within the plane is among its lowest; the elements have a grid of their own then,
@@ -35,11 +38,11 @@ class InPlane:
     """
 
     plate: FlexiblePlate
-    functions: Products | None
+    functions: tuple[Products, Products] | None
 
     @property
     def size(self) -> int:
-        return 3 if self.functions is None else 2 * self.functions.size
+        return 3 if self.functions is None else sum(one.size for one in self.functions)
 
     def displacement(self, points_m: np.ndarray, axis: int, derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
         """Return the sparse matrix (k, size) of the mid-plane's displacement along x or y (axis) at points (k, 2), or
@@ -57,8 +60,8 @@ class InPlane:
 
     def _derived(self, points_m: np.ndarray, axis: int, derivative: tuple[int, int]) -> sp.csr_array:
         assert self.functions is not None
-        rows = self.functions.values(points_m, derivative)
-        return sp.csr_array((rows.data, rows.indices + axis * self.functions.size, rows.indptr),
+        rows = self.functions[axis].values(points_m, derivative)
+        return sp.csr_array((rows.data, rows.indices + axis * self.functions[0].size, rows.indptr),
                             shape=(len(points_m), self.size))
 
     def matrices(self) -> tuple[sp.csr_array, sp.csr_array]:
@@ -70,17 +73,17 @@ class InPlane:
             whole = mass * math.prod(plate.size_m)
             inertia = whole * (plate.size_m[0]**2 + plate.size_m[1]**2) / 12
             return sp.csr_array((3, 3)), sp.diags_array([whole, whole, inertia], format="csr")
-        stiffness = stiff / (1 - plate.poisson_ratio**2) * strain_energy(u, plate.poisson_ratio)
-        return sp.csr_array(stiffness), sp.block_diag(2 * [mass * integral(u, u)], format="csr")
+        stiffness = stiff / (1 - plate.poisson_ratio**2) * strain_energy(*u, plate.poisson_ratio)
+        return sp.csr_array(stiffness), sp.block_diag([mass * integral(one, one) for one in u], format="csr")
 
 
-def strain_energy(u: Products, poisson_ratio: float) -> sp.csr_array:
-    """Return the matrix (2 u.size, 2 u.size) of the integral of (1 - nu) e:e + nu (tr e)^2, e = sym grad u, for two
-    components with functions u: the displacement in the plane, or the rotations in bending."""
-    xx, yy = integral(u, u, (1, 0), (1, 0)), integral(u, u, (0, 1), (0, 1))
-    xy, twist = integral(u, u, (1, 0), (0, 1)), (1 - poisson_ratio) / 2  # times e_xy + e_yx squared
-    mixed = poisson_ratio * xy + twist * xy.T
-    return sp.csr_array(sp.block_array([[xx + twist * yy, mixed], [mixed.T, yy + twist * xx]]))
+def strain_energy(u: Products, v: Products, poisson_ratio: float) -> sp.csr_array:
+    """Return the matrix (u.size + v.size, the same) of the integral of (1 - nu) e:e + nu (tr e)^2, e = sym grad (u, v),
+    for two components with functions u and v: the displacement in the plane, or the rotations in bending."""
+    u_x, u_y, v_x, v_y = (integral(one, one, by, by) for one in (u, v) for by in ((1, 0), (0, 1)))
+    twist = (1 - poisson_ratio) / 2  # times (u_y + v_x)^2
+    mixed = poisson_ratio * integral(u, v, (1, 0), (0, 1)) + twist * integral(u, v, (0, 1), (1, 0))
+    return sp.csr_array(sp.block_array([[u_x + twist * u_y, mixed], [mixed.T, v_y + twist * v_x]]))
 
 
 def in_plane(plate: FlexiblePlate) -> InPlane:
@@ -121,16 +124,9 @@ def first_Hz_of(plate: FlexiblePlate) -> float:
     return speed / longer / math.hypot(longer / (1.03 * shorter), 1 / 0.418)
 
 
-# Of w, w_x, w_y, w_xy those that the edges x = const and y = const hold at zero.
-HELD_BY_EDGES: dict[str, tuple[list[int], list[int]]] = {
-    "free": ([], []), "simply_supported": ([0, 2], [0, 1]), "clamped": ([0, 1, 2, 3], [0, 1, 2, 3]),
-}  # fmt: skip
-
-
 @dataclass(frozen=True)
 class PlateSystem:
-    """All unknowns: w, w_x, w_y, w_xy at the nodes, block by block, then Mindlin's theta_x and theta_y, and last those
-    of the motion in the plane.
+    """All unknowns: those of w, then of Mindlin's theta_x and theta_y, and last of the motion in the plane.
 
     `fixed` holds the numbers of the unknowns that are held at zero: by the edges, and those of the motion in the plane
     unless the plate stands on rods alone.
@@ -142,17 +138,12 @@ class PlateSystem:
     lines_y_m: np.ndarray
     fixed: np.ndarray
     deflections: Products
-    rotations: Products | None  # of one rotation (Mindlin)
+    rotations: tuple[Products, Products] | None  # of theta_x and theta_y (Mindlin)
     in_plane: InPlane
 
     @property
-    def n_nodes(self) -> int:
-        return len(self.lines_x_m) * len(self.lines_y_m)
-
-    @property
     def size(self) -> int:
-        turns = 0 if self.rotations is None else 2 * self.rotations.size
-        return self.deflections.size + turns + self.in_plane.size
+        return self.deflections.size + sum(one.size for one in self.rotations or ()) + self.in_plane.size
 
     def _placed(self, rows: sp.csr_array, start: int) -> sp.csr_array:
         """Return rows (k, n) over n unknowns from number `start` on as rows over all, (k, size)."""
@@ -167,13 +158,23 @@ class PlateSystem:
         of it, at points (k, 2)."""
         if self.rotations is None:
             return self.deflection(points_m, (derivative[0] + (axis == 0), derivative[1] + (axis == 1)))
-        return self._placed(self.rotations.values(points_m, derivative), 4 * self.n_nodes + axis * self.rotations.size)
+        before = self.deflections.size + axis * self.rotations[0].size
+        return self._placed(self.rotations[axis].values(points_m, derivative), before)
 
     def curvature(self, points_m: np.ndarray) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
         """Return the sparse matrices (k, size) of theta_x,x, theta_y,y and theta_x,y + theta_y,x at points (k, 2)."""
         x, y = ((1, 0), (0, 1))
         twist = self.rotation(points_m, 0, y) + self.rotation(points_m, 1, x)
         return self.rotation(points_m, 0, x), self.rotation(points_m, 1, y), sp.csr_array(twist)
+
+    def stretch(self, points_m: np.ndarray) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+        """Return the sparse matrices (k, size) of the strain of the mid-plane at points (k, 2): xx, yy, 2 xy."""
+        if self.in_plane.functions is None:
+            return (sp.csr_array((len(points_m), self.size)),) * 3
+        before = self.size - self.in_plane.size
+        (x_x, x_y), (y_x, y_y) = ([self._placed(self.in_plane.displacement(points_m, axis, by), before)
+                                   for by in ((1, 0), (0, 1))] for axis in (0, 1))
+        return x_x, y_y, sp.csr_array(x_y + y_x)
 
     def lateral(self, points_m: np.ndarray, axis: int, z_m: float,
                 derivative: tuple[int, int] = (0, 0)) -> sp.csr_array:
@@ -196,7 +197,7 @@ def assemble(plate: FlexiblePlate) -> tuple[PlateSystem, sp.csr_array, sp.csr_ar
     w = mesh.deflections(lines_x, lines_y)
     theta = None if theory == "kirchhoff" else mesh.rotations(lines_x, lines_y)
     stiffness, mass = _kirchhoff(plate, w) if theta is None else _mindlin(plate, w, theta)
-    held = [_held_deflections(w, plate.edges)] if theta is None else [_held_in_mindlin(w, theta, plate.edges)]
+    held = [_held_by_edges(w, theta, plate.edges)]
     inside = in_plane(plate)
     stiffness, mass = (sp.block_diag(both, format="csr") for both in
                        zip((stiffness, mass), inside.matrices(), strict=True))
@@ -230,37 +231,33 @@ def _kirchhoff(plate: FlexiblePlate, w: Products) -> tuple[Any, Any]:
     return stiffness, mass_per_area * integral(w, w)
 
 
-def _mindlin(plate: FlexiblePlate, w: Products, theta: Products) -> tuple[Any, Any]:
+def _mindlin(plate: FlexiblePlate, w: Products, theta: tuple[Products, Products]) -> tuple[Any, Any]:
     """Return stiffness and mass.
 
     The energy is the integral of D [(1 - nu) e:e + nu (tr e)^2] / 2 + S |grad w - theta|^2 / 2, e = sym grad theta.
     """
     t, nu = plate.thickness_m, plate.poisson_ratio
     bending, shear, mass_per_area = mesh.bending_stiffness(plate), mesh.shear_stiffness(plate), plate.density_kg_m3 * t
-    value = integral(theta, theta)
+    values = [integral(one, one) for one in theta]
     k_ww = shear * (integral(w, w, (1, 0), (1, 0)) + integral(w, w, (0, 1), (0, 1)))
-    k_wt = -shear * sp.hstack([integral(w, theta, (1, 0)), integral(w, theta, (0, 1))], format="csr")
-    k_tt = bending * strain_energy(theta, nu) + shear * sp.block_diag([value, value], format="csr")
+    k_wt = -shear * sp.hstack([integral(w, one, by) for one, by in zip(theta, ((1, 0), (0, 1)), strict=True)])
+    k_tt = bending * strain_energy(*theta, nu) + shear * sp.block_diag(values, format="csr")
     stiffness = sp.block_array([[k_ww, k_wt], [k_wt.T, k_tt]], format="csr")
-    rotary = mass_per_area * t**2 / 12 * value
-    return stiffness, sp.block_diag([mass_per_area * integral(w, w), rotary, rotary], format="csr")
+    rotary = [mass_per_area * t**2 / 12 * one for one in values]
+    return stiffness, sp.block_diag([mass_per_area * integral(w, w), *rotary], format="csr")
 
 
-def _held_deflections(w: Products, edges: str) -> np.ndarray:
-    """Return the unknowns of the deflection that edges hold in Kirchhoff's theory."""
-    n_x, n_y = len(w.along_x.lines_m), len(w.along_y.lines_m)
-    kinds = np.arange(w.size).reshape(4, n_x, n_y)
-    by_x, by_y = HELD_BY_EDGES[edges]
-    return np.union1d(kinds[by_x][:, [0, -1]], kinds[by_y][:, :, [0, -1]])
-
-
-def _held_in_mindlin(w: Products, theta: Products, edges: str) -> np.ndarray:
-    """Return the unknowns that edges hold in Mindlin's theory. A simply supported edge holds w and the rotation along
-    the edge (hard): theta_y on x = const, theta_x on y = const. A clamped one holds both rotations."""
+def _held_by_edges(w: Products, theta: tuple[Products, Products] | None, edges: str) -> np.ndarray:
+    """Return the unknowns that edges hold. A simply supported one holds w and, in Mindlin's theory, the rotation along
+    the edge (hard): theta_y on x = const, theta_x on y = const. A clamped one holds both rotations, or the slope."""
     if edges == "free":
         return np.array([], int)
-    n_x, n_y = len(w.along_x.lines_m), len(w.along_y.lines_m)
-    on_x, on_y = theta.number[[0, n_x - 1]].ravel(), theta.number[:, [0, n_y - 1]].ravel()
-    if edges == "clamped":
-        on_x = on_y = np.union1d(on_x, on_y)
-    return np.concatenate([_held_deflections(w, "simply_supported"), w.size + on_y, w.size + theta.size + on_x])
+    clamped, ends = edges == "clamped", [0, -1]
+    if theta is None:
+        ends = [0, 1, -2, -1] if clamped else ends
+        return np.union1d(w.number[ends], w.number[:, ends])
+    w_held = np.union1d(w.number[ends], w.number[:, ends])
+    x, y = theta
+    x_held = np.union1d(x.number[:, ends], x.number[ends] if clamped else [])
+    y_held = np.union1d(y.number[ends], y.number[:, ends] if clamped else [])
+    return np.concatenate([w_held, w.size + x_held, w.size + x.size + y_held]).astype(int)

@@ -185,13 +185,12 @@ def _mirror(system: PlateSystem, own: list[np.ndarray], size: int, axis: int) ->
     image, sign = np.arange(size), np.ones(size, int)
     image[: system.deflections.size], sign[: system.deflections.size] = _mirrored(system.deflections, axis)
     inside = system.size - system.in_plane.size
-    for functions, first in ((system.rotations, system.deflections.size), (system.in_plane.functions, inside)):
-        if functions is not None:  # a component along x, then one along y
+    for pair, start in ((system.rotations, system.deflections.size), (system.in_plane.functions, inside)):
+        for kind, functions in enumerate(pair or ()):  # a component along x, then one along y
             partner, odd = _mirrored(functions, axis)
-            for kind in (0, 1):
-                start = first + kind * len(partner)
-                image[start : start + len(partner)] = start + partner
-                sign[start : start + len(partner)] = -odd if kind == axis else odd
+            image[start : start + len(partner)] = start + partner
+            sign[start : start + len(partner)] = -odd if kind == axis else odd
+            start += len(partner)
     if system.in_plane.functions is None:
         sign[[inside + axis, inside + 2]] = -1
     for rod, other in enumerate(_partners(system.plate, axis) or []):

@@ -6,7 +6,7 @@ from plates import four_rods, plate, rod
 
 from common.tables import Refused
 from plate_fem import modes as modes_module
-from plate_fem.elements.mesh import deflections
+from plate_fem.elements.mesh import bicubics
 from plate_fem.elements.rods import disc_quadrature, joint_of
 from plate_fem.modes import plate_modes, table_hash
 from plate_fem.solution import eigen
@@ -102,7 +102,7 @@ def test_rod_force_follows_the_deflection():
     k, length_m = 2 * np.pi * modes.frequency_Hz * np.sqrt(7830 / 207e9), 0.1 / (1 + 0.57 * 0.3**2 * 0.01 / 0.1)
     for force, (x, y) in zip(modes.rod_force, [(-0.2, -0.2), (-0.2, 0.2), (0.2, -0.2), (0.2, 0.2)], strict=True):
         points, weights = disc_quadrature(x, y, 0.01)
-        w = deflections(modes.lines_x_m, modes.lines_y_m)
+        w = bicubics(modes.lines_x_m, modes.lines_y_m)
         bent = sum(w.values(points, by) for by in ((2, 0), (0, 2)))
         rise = weights @ (modes.shape_at(points) + joint.offset_m2 * bent @ modes.nodal.reshape(-1, len(k)))
         stiffness = 207e9 * np.pi * 0.01**2 * k

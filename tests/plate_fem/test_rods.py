@@ -121,15 +121,15 @@ def test_rigid_motions_leave_all_distances(theory):
     distance change."""
     table = plate(rods=[rod(0.1, 0.05)], theory=theory, size_m=[0.5, 0.3], max_frequency_Hz=2e3)
     system, points = assemble(table)[0], np.random.default_rng(1).uniform(-0.14, 0.14, (6, 2))
-    nodes = np.array([(x, y) for x in system.lines_x_m for y in system.lines_y_m])
-    height, n = -table.thickness_m / 2, system.n_nodes
+    fine = np.random.default_rng(2).uniform((-0.25, -0.15), (0.25, 0.15), (3 * system.deflections.size, 2))
+    height = -table.thickness_m / 2
     motions = np.zeros((system.size, 5))
     motions[-3:, :3] = np.eye(3)
     for axis in (0, 1):
-        motions[:n, 3 + axis], motions[(1 + axis) * n:(2 + axis) * n, 3 + axis] = nodes[:, axis], 1
+        motions[:, 3 + axis] = np.linalg.lstsq(system.deflection(fine).toarray(), fine[:, axis], rcond=None)[0]
         if system.rotations is not None:
-            rotation = system.rotation(nodes, axis).toarray()
-            motions[:, 3 + axis] += np.linalg.lstsq(rotation, np.ones(n), rcond=None)[0]
+            rotation = system.rotation(fine, axis).toarray()
+            motions[:, 3 + axis] += np.linalg.lstsq(rotation, np.ones(len(fine)), rcond=None)[0]
     moved = np.stack([*(system.lateral(points, axis, height) @ motions for axis in (0, 1)),
                       system.deflection(points) @ motions], axis=1)
     for a in range(6):
