@@ -8,6 +8,7 @@ belongs to modes above a frequency is therefore the share of the spectrum |F|^2 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, cached_property
 from itertools import chain
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 MOST_RESIDUAL_POINTS = 32  # each adds a mode
 AT_ONCE = 48  # modes, whose unknowns are many more than what is kept of them
+FINER = 3  # than the mesh, a grid on which the largest value of a shape is sought
 NOWHERE = np.empty((0, 2))  # for residual modes of the rods alone
 
 
@@ -99,17 +101,23 @@ class PlateModes:
     def largest_shape(self) -> np.ndarray:
         """(n,): an upper bound for |shape| of each mode anywhere on the plate.
 
-        It is the largest value on a grid four times as fine as the mesh, plus what that exceeds those of the nodes by.
+        It is the largest value on a grid FINER times as fine as the mesh, by what a plane wave exceeds such values by,
+        plus what it exceeds those of the nodes by.
         """
-        points = mesh.nodes(*(_refined(lines, 4) for lines in (self.lines_x_m, self.lines_y_m)))
-        fine = abs(self.shape_at(points)).max(axis=0)
-        coarse = abs(self.shape).max(axis=0)
-        return fine + (fine - coarse)
+        points = mesh.nodes(*(_refined(lines, FINER) for lines in (self.lines_x_m, self.lines_y_m)))
+        fine = np.concatenate([abs(part).max(axis=0) for part in self._shape_parts(points)])
+        wave = 1 - (np.pi / (FINER * mesh.CELLS_PER_WAVELENGTH)) ** 2 / 2  # half a cell of the grid from its crest
+        return fine / wave + fine - abs(self.shape).max(axis=0)
+
+    def _shape_parts(self, points_m: np.ndarray) -> Iterator[np.ndarray]:
+        """The deflection (k, AT_ONCE) of some modes after the others at points (k, 2)."""
+        rows = mesh.bicubics(self.lines_x_m, self.lines_y_m).values(points_m)
+        nodal = self.nodal.reshape(-1, self.nodal.shape[2])
+        return (rows @ nodal[:, k : k + AT_ONCE] for k in range(0, nodal.shape[1], AT_ONCE))
 
     def shape_at(self, points_m: np.ndarray) -> np.ndarray:
         """Return the deflection (k, n) of the modes at points (k, 2)."""
-        rows = mesh.bicubics(self.lines_x_m, self.lines_y_m).values(points_m)
-        return rows @ self.nodal.reshape(-1, self.nodal.shape[2])
+        return np.concatenate(list(self._shape_parts(points_m)), axis=1)
 
     def grid(self, spacing_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the modes on a regular grid: x_m (nx,), y_m (ny,) and shape (nx, ny, n).
@@ -230,8 +238,9 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     momentum = ribs.momentum(system)
     momentum[: system.deflections.size] += plate.density_kg_m3 * plate.thickness_m * system.deflections.integrals
     rows, mass_kg = _rows_of(model, nodes_m, momentum), float(momentum[: system.deflections.size].sum())
-    of_columns = zip(*(_shapes_of(rows, columns) for columns in chain(vectors, residual)), strict=True)
-    nodal, surface_stress, lateral, moved, rod_force = (np.concatenate(of_all, axis=-1) for of_all in of_columns)
+    parts = list(zip(*(_shapes_of(rows, columns) for columns in chain(vectors, residual)), strict=True))
+    # One by one out of the list: they fill much of the memory.
+    nodal, surface_stress, lateral, moved, rod_force = (np.concatenate(parts.pop(0), axis=-1) for _ in rows)
     return PlateModes(
         frequency_Hz=np.sqrt(omega_squared) / (2 * np.pi),
         damping_ratio=np.full(len(omega_squared), plate.damping_ratio),

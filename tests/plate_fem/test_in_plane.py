@@ -36,7 +36,8 @@ def test_stretched_and_turned_plate_moves_turns_and_is_stressed_as_its_field_say
         inside, fine = thick.in_plane, np.random.default_rng(2).uniform(-0.15, 0.15, (4000, 2))
         first, size = axis * inside.functions[0].size, inside.functions[axis].size
         rows, start = inside.displacement(fine, axis)[:, first : first + size], thick.size - inside.size + first
-        u[start : start + size] = np.linalg.lstsq(rows.toarray(), fine @ ([a, -b] if axis == 0 else [b, c]), rcond=None)[0]
+        wanted = fine @ ([a, -b] if axis == 0 else [b, c])
+        u[start : start + size] = np.linalg.lstsq(rows.toarray(), wanted, rcond=None)[0]
         assert thick.lateral(points, axis, 0.03) @ u == pytest.approx(field, abs=1e-12)
     assert thick.yaw(points) @ u == pytest.approx(3 * [b])
     stress = np.column_stack([rows @ u for rows in surface_stress_rows(thick, points)])

@@ -55,8 +55,7 @@ def test_stress_converges(theory, lowest):
     for size in sizes:
         table = plate(edges="simply_supported", theory=theory, thickness_m=0.01, mesh_size_m=0.5 * size,
                       max_frequency_Hz=1e3)
-        points, found = static_stress(table, [[0, 0]])
-        expected = navier_stress(table, points)
+        found, expected = static_stress(table, [[0, 0]]), navier_stress(table, [[0, 0]])
         errors.append(abs(found - expected).max() / abs(expected).max())
     rate = np.log(np.array(errors[:-1]) / errors[1:]) / np.log(sizes[:-1] / sizes[1:])
     assert np.all(rate > lowest)

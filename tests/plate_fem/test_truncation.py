@@ -167,7 +167,7 @@ def test_karas_plate():
     assert contact_time == pytest.approx(73.4e-6, rel=2e-3)
     assert rebound == pytest.approx(0.664, rel=2e-3)
     without = impact(plate_modes(table), place, mass, stiffness, 1.0, 2e-4)[0]
-    assert without > peak * 1.01
+    assert without > 1378.3 * 1.01
 
 
 def test_energy_left_out_is_what_an_impact_leaves_out():
