@@ -90,8 +90,7 @@ def bond_rows(assembly: Assembly) -> np.ndarray:
 
 
 TEMPLATES = resource("templates")
-# Of the largest mesh cell: about 20 points in the shortest wave, cubic between them (docs/coupling.md).
-SHAPE_GRID = 0.4
+SHAPE_GRID = 0.6  # of the largest mesh cell: about 12 points in the shortest wave, cubic between them
 UNBREAKABLE_Pa = 1e30
 CHECKPOINT_SAMPLES = 5  # between two steps that allow a checkpoint; each costs a build of lists (docs/runs.md)
 BOX_MARGIN_M = 0.005

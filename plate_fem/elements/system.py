@@ -25,7 +25,7 @@ from common.scene.plate import FlexiblePlate
 from plate_fem.elements import mesh
 from plate_fem.elements.mesh import Products, integral
 
-CELLS_PER_WAVELENGTH = 4  # of shear
+CELLS_PER_WAVELENGTH, LEAST_CELLS = 12, 6  # of shear; along a side
 LOWEST = 25  # modes of plate and rods, among which one within the plane counts
 EDGE = 1.7  # of Weyl's law for bending waves at free edges, nu = 0.3 (Bogomolny and Hugues 1998, Phys. Rev. E 57:5404)
 
@@ -95,7 +95,7 @@ def in_plane(plate: FlexiblePlate) -> InPlane:
         return InPlane(plate, None)
     shear_modulus = plate.youngs_modulus_Pa / (2 * (1 + plate.poisson_ratio))
     wavelength = math.sqrt(shear_modulus / plate.density_kg_m3) / mesh.highest_frequency_Hz(plate)
-    lines = [np.linspace(-side / 2, side / 2, 1 + max(2, math.ceil(CELLS_PER_WAVELENGTH * side / wavelength)))
+    lines = [np.linspace(-side / 2, side / 2, 1 + max(LEAST_CELLS, math.ceil(CELLS_PER_WAVELENGTH * side / wavelength)))
              for side in plate.size_m]
     return InPlane(plate, mesh.rotations(*lines))
 
