@@ -81,14 +81,15 @@ def parabolas(lines_m: np.ndarray) -> Functions:
 
 
 def splines(lines_m: np.ndarray, degree: int) -> Functions:
-    """Return the B-splines of a degree, m - 1 + degree, with all derivatives but the highest continuous. The first and
-    the last alone are not zero at the ends."""
-    cells = len(lines_m) - 1
-    number = np.arange(cells)[:, None] + np.arange(degree + 1)
-    basis = BSpline(np.pad(lines_m, degree, mode="edge"), np.eye(cells + degree), degree)
-    taylor = [np.take_along_axis(basis(lines_m[:-1], power), number, 1) / math.factorial(power)
-              * np.diff(lines_m)[:, None] ** power for power in range(degree + 1)]
-    return Functions(lines_m, np.stack(taylor, axis=2), number, ((cells + degree, 1),))
+    """Return the B-splines of a degree with all derivatives but the highest continuous, but for the next one at lines
+    that are there twice. The first and the last alone are not zero at the ends."""
+    knots, lines = np.pad(lines_m, degree, mode="edge"), np.unique(lines_m)
+    number = np.searchsorted(knots, lines[:-1], "right")[:, None] - 1 + np.arange(-degree, 1)
+    size = len(lines_m) - 1 + degree
+    basis = BSpline(knots, np.eye(size), degree)
+    taylor = [np.take_along_axis(basis(lines[:-1], power), number, 1) / math.factorial(power)
+              * np.diff(lines)[:, None] ** power for power in range(degree + 1)]
+    return Functions(lines, np.stack(taylor, axis=2), number, ((size, 1),))
 
 
 def line_integral(one: Functions, other: Functions, of_one: int = 0, of_other: int = 0) -> sp.csr_array:
@@ -289,7 +290,7 @@ def default_mesh_size(plate: FlexiblePlate) -> float:
 
 
 def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
-    """Return the grid lines along x and along y (m), ascending, from edge to edge.
+    """Return the grid lines along x and y (m), ascending, from edge to edge, twice those at which curvature jumps.
 
     By default a cell at a rod is half as wide as the rod's radius, and cells grow away from it. A table's `mesh_size_m`
     refines these cells in the same proportion.
@@ -303,14 +304,14 @@ def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
     scale = largest / default_mesh_size(plate)
     lines = []
     for axis, side in enumerate(plate.size_m):
-        fixed = [-side / 2, side / 2]
-        fixed += [rib.at_m + half * rib.section_m[0] for rib in plate.ribs if rib.axis != axis for half in (-0.5, 0.5)]
-        fine = []
-        for rod in plate.rods:
-            centre, radius = rod.place_m[axis], rod.diameter_m / 2
-            fixed += [centre - radius, centre, centre + radius]
-            fine.append((centre, radius, scale))
-        lines.append(_graded(_distinct(fixed, 1e-6 * side), largest, fine))
+        # Curvature jumps at the sides and axes of ribs and about the discs of rods.
+        kinks = [rib.at_m + part * rib.section_m[0] for rib in plate.ribs if rib.axis != axis for part in (-0.5, 0, 0.5)]
+        kinks += [rod.place_m[axis] + part * rod.diameter_m for rod in plate.rods for part in (-0.5, 0.5)]
+        fixed = [-side / 2, side / 2, *kinks, *(rod.place_m[axis] for rod in plate.rods)]
+        fine = [(rod.place_m[axis], rod.diameter_m / 2, scale) for rod in plate.rods]
+        graded = _graded(_distinct(fixed, 1e-6 * side), largest, fine)
+        twice = [line for line in graded[1:-1] if kinks and abs(line - np.array(kinks)).min() < 1e-6 * side]
+        lines.append(np.sort(np.append(graded, twice)))
         if len(lines[-1]) > MOST_LINES:
             raise Refused("rods", f"{len(plate.rods)} rods", f"must leave at most {MOST_LINES} lines across the mesh")
     cells = math.prod(len(line) - 1 for line in lines)

@@ -203,7 +203,8 @@ def assemble(plate: FlexiblePlate) -> tuple[PlateSystem, sp.csr_array, sp.csr_ar
                        zip((stiffness, mass), inside.matrices(), strict=True))
     if not sways(plate):
         held.append(stiffness.shape[0] - inside.size + np.arange(inside.size))
-    return PlateSystem(plate, theory, lines_x, lines_y, np.concatenate(held), w, theta, inside), stiffness, mass
+    return (PlateSystem(plate, theory, w.along_x.lines_m, w.along_y.lines_m, np.concatenate(held), w, theta, inside),
+            stiffness, mass)
 
 
 def grown(matrix: sp.csr_array, size: int) -> sp.csr_array:
