@@ -99,6 +99,18 @@ int FaceColumns::column_beneath(int i) const {
   return -1;
 }
 
+// A face that presses goes on however the body turns.
+void FaceColumns::add_faces(int i, std::vector<Face> &faces) {
+  const int tag = atom_->tag[i];
+  const std::vector<FaceColumn> &columns = columns_[tag];
+  const int pressing = static_cast<int>(memory_.row(i)[0]) - 1;
+  if (columns.empty() || (pressing < 0 && !has_its_bonds(tag))) return;
+  const double *q = bonds_->quaternion(i);
+  const Rotation turned{q[0], Vec(q[1], q[2], q[3])};
+  for (int k = 0; k < static_cast<int>(columns.size()); k++)
+    faces.push_back({Vec(atom_->x[i]), columns[k].height, turned(columns[k].normal), k == pressing ? M_PI : PARALLEL_rad});
+}
+
 bool FaceColumns::has_its_bonds(int tag) {
   if (counted_ != bonds_->changes()) {
     counted_ = bonds_->changes();

@@ -2,6 +2,7 @@
 #include <string>
 #include <vector>
 
+#include "bodies/outline.h"
 #include "kernels/bond_network.h"
 #include "contact/face_press.h"
 #include "contact/sphere_memory.h"
@@ -41,6 +42,9 @@ class FaceColumns {
   // Sub-sphere i at `distance` (m) of its centre from the plate, which it approaches by `speed` (m/s). `is_over_plate`:
   // and not beside it.
   FacePress press(int i, double distance, double speed, bool is_over_plate);
+
+  // Those with which sub-sphere i may press from now on.
+  void add_faces(int i, std::vector<Face> &);
 
   SphereMemory &memory() { return memory_; }
   void save(CheckpointWriter &out) const { memory_.save(out, "wall_faces"); }

@@ -66,6 +66,8 @@ void FixFreeFlight::find_surface(ArrayBody &b) const {
   std::vector<int> tags;
   for (const int i : b.atoms) tags.push_back(atom->tag[i]);
   b.outside = plate_->outside(tags);
+  b.faces_outside = plate_->faces_outside();
+  if (b.faces_outside > 0) b.plate = plate_;
   const Sphere surface = plate_->surface(tags);
   b.surface_radius = surface.radius;
   if (surface.radius == 0) return;
