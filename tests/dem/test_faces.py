@@ -97,6 +97,19 @@ def test_a_face_that_is_not_parallel_presses_with_its_sub_spheres(tmp_path, cube
     assert runs[0]["peak_force_N"] == runs[1]["peak_force_N"]
 
 
+@pytest.mark.parametrize("late_s", [0.0, 2e-4, -2e-4])
+def test_a_face_that_turns_into_place_in_free_flight_strikes_as_by_brute_force(tmp_path, cube_file, late_s):
+    """A cube turns as it falls, and would lie parallel to the plate when its face arrives, or that much later: it comes
+    back from its flight before it does, so that the face presses from its first touch on."""
+    gap_m, spin_rad_s, found = 0.004, 12.0, {}
+    turn = Rotation.from_euler("y", -spin_rad_s * (gap_m / SPEED_m_s + late_s))
+    for name, tolerance in (("brute", 0.0), ("free", 1e-4)):
+        scene = cube(cube_file, turn=turn, each={"spin_rad_s": [0.0, spin_rad_s, 0.0]}, **{
+            "stones.gap_m": gap_m, "time.free_flight_tolerance": tolerance, "time.duration_s": 0.01})
+        found[name] = run_scene(scene, "scene", tmp_path / name)
+    assert found["free"]["peak_force_N"] == pytest.approx(found["brute"]["peak_force_N"], rel=1e-3)
+
+
 def test_energy_of_cubes_that_slide_break_and_are_damped(tmp_path, cube_file):
     scene = cube(cube_file, 300, Rotation.from_euler("y", 0.004), 0.9, 0.4, 4.0, {"velocity_m_s": [1.5, 0.0, -4.0]},
                  **{"stones.agglomerate.unbreakable": False, "time.duration_s": 9e-4})

@@ -69,6 +69,17 @@ double time_to_close(Outline &a, Outline &b, double speed) {
   return std::min(time, between / (speed + surface_speed(a) + surface_speed(b)));
 }
 
+// As long as it is still each of its faces is looked at.
+double time_to_touch_with_face(Outline &body, const PlateOutline &plate, double rise, double gravity) {
+  double first = NEVER_s;
+  if (!body.is_still) return first;
+  for (const Face &face : body.faces()) {
+    const double fall = time_to_fall(face.x.z - face.height - plate.reach, rise, gravity);
+    if (fall < first) first = std::min(first, std::max(fall, time_to_turn(face, body.spin)));
+  }
+  return first;
+}
+
 }  // namespace
 
 double gap(Outline &a, Outline &b) {
@@ -92,11 +103,8 @@ double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight
     double lowest = NEVER_s;
     for (const Sphere &s : body.spheres()) lowest = std::min(lowest, s.x.z - s.radius);
     const double rise = v.z - spin_speed(body);
-    double fine = time_to_fall(lowest - plate.reach - body.outside, rise, gravity);
-    for (const Face &face : body.faces()) {
-      const double fall = time_to_fall(face.x.z - face.height - plate.reach, rise, gravity);
-      if (fall < fine) fine = std::min(fine, std::max(fall, time_to_turn(face, body.spin)));
-    }
+    const double reach = plate.reach + (body.is_still ? body.outside : most_outside);
+    double fine = std::min(time_to_fall(lowest - reach, rise, gravity), time_to_touch_with_face(body, plate, rise, gravity));
     if (body.surface_radius > 0) {
       const double foot = body.surface().x.z - body.surface_radius - plate.reach;
       fine = std::min(fine, time_to_fall(foot, v.z - surface_speed(body), gravity));

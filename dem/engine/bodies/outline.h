@@ -25,6 +25,7 @@ class Outline {
   double mass = 0;       // kg
   double outside = 0;    // how far what touches the plate may reach beyond sub-spheres, m
   double faces_outside = 0;  // and how far its faces may, m
+  bool is_still = false;     // so that it may fly among heights at which a face could touch, until one does
   double spin = 0;       // bound for |omega|, rad/s
   double radius = 0;     // of the sphere about the centre of mass that holds the body and its smooth surface
   int agglomerate = 0;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <utility>
 
 #include "atom.h"
 #include "flight/fix_free_flight.h"
@@ -17,6 +18,9 @@ using namespace LAMMPS_NS;
 
 namespace {
 const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants without velocity
+// Of the tolerance: what a body trembles with when it strikes adds to the stress, and dies out within the millisecond
+// that it takes from the height at which a face could touch. Below that height a body flies only if it trembles less.
+const double STILL_SHARE = 0.01;
 const int LEAST_REST = 4;         // looks ahead: a body that may be touched sooner does not leave
 const double UNFORESEEN_LOOKS = 1.5;  // ahead: a body comes back that may meet one in the arrays sooner
 // A body leaves together with the fragments trapped in it when their motion relative to it has less than this share of
@@ -170,9 +174,18 @@ bool FixFreeFlight::is_dust(const FreeBody &b) const {
   return static_cast<int>(b.parts.size()) < std::min(least_fragment_, agglomerates_->size(b.agglomerate));
 }
 
+// Does it fly higher above the plate than any face may lie outside its sub-spheres?
+bool FixFreeFlight::is_clear(FreeBody &b) const {
+  if (!plate_) return true;
+  const bool still = std::exchange(b.is_still, false);
+  const bool clear = time_to_plate(b, outline_, weight()) > rest_s();
+  b.is_still = still;
+  return clear;
+}
+
 void FixFreeFlight::take_out_those_that_left() {
   auto left = [&](const std::unique_ptr<FreeBody> &b) {
-    if (b->is_leaving || b->is_waking || !(has_left(*b) || is_dust(*b))) return false;
+    if (b->is_leaving || b->is_waking || !(has_left(*b) || (is_dust(*b) && is_clear(*b)))) return false;
     stream_->take_out({b->agglomerate, static_cast<int>(b->parts.size()), b->mass, b->kinetic(), b->bond_elastic,
                        b->pair_elastic, b->center, b->velocity});
     return true;
@@ -181,11 +194,13 @@ void FixFreeFlight::take_out_those_that_left() {
 }
 
 // Is its inner motion, and that of the fragments trapped in it, so small that it may leave?
-bool FixFreeFlight::is_calm(const ArrayBody &b) {
+bool FixFreeFlight::is_calm(ArrayBody &b) {
   const double impact = 0.5 * speed_ * speed_ * b.mass;
   double fragments = 0;
   for (const ArrayBody *fragment : b.trapped) fragments += fragment->energy_over(b);
-  int &looks = calm_[b.label];
+  int &looks = calm_[b.label], &still_looks = still_[b.label];
+  still_looks = b.inner_energy + fragments <= STILL_SHARE * tolerance_ * impact ? still_looks + 1 : 0;
+  b.is_still = b.atoms.size() == 1 || still_looks >= CALM_LOOKS;
   looks = b.inner_energy <= tolerance_ * impact && fragments <= TRAPPED_ENERGY * impact ? looks + 1 : 0;
   return b.atoms.size() == 1 || looks >= (b.trapped.empty() ? CALM_LOOKS : TRAPPED_LOOKS);
 }
@@ -268,7 +283,7 @@ void FixFreeFlight::depart(ArrayBody &b) {
   bodies_.push_back(std::make_unique<FreeBody>(atom, b, weight(), update->ntimestep, update->dt));
   if (bonds_)
     for (int i : b.atoms) bonds_->let_leave(i);
-  calm_[b.label] = 0;
+  calm_[b.label] = still_[b.label] = 0;
   departures_++;
 }
 
