@@ -99,15 +99,22 @@ def test_a_face_that_is_not_parallel_presses_with_its_sub_spheres(tmp_path, cube
 
 @pytest.mark.parametrize("late_s", [0.0, 2e-4, -2e-4])
 def test_a_face_that_turns_into_place_in_free_flight_strikes_as_by_brute_force(tmp_path, cube_file, late_s):
-    """A cube turns as it falls, and would lie parallel to the plate when its face arrives, or that much later: it comes
-    back from its flight before it does, so that the face presses from its first touch on."""
-    gap_m, spin_rad_s, found = 0.004, 12.0, {}
-    turn = Rotation.from_euler("y", -spin_rad_s * (gap_m / SPEED_m_s + late_s))
-    for name, tolerance in (("brute", 0.0), ("free", 1e-4)):
+    """A cube turns as it falls, and lies parallel to the plate about when its face arrives: it comes back from its flight
+    in time, so that the face presses from its first touch on, twice as hard as its sub-spheres alone would. A face that
+    comes back too late is found below the plate, and begins without force."""
+    gap_m, spin_rad_s, angle_rad, found = 0.004, 8.0, 0.0, {}
+    for _ in range(30):  # turned so far when it starts, as its lowest edge has to fall
+        lower_m = SIDE_m / 2 * (np.cos(angle_rad) + np.sin(angle_rad) - 1)
+        angle_rad = spin_rad_s * (gap_m + lower_m) / SPEED_m_s
+    turn = Rotation.from_euler("y", -angle_rad - spin_rad_s * late_s)
+    for name, tolerance, contact in (("brute", 0.0, "faces"), ("free", 1e-4, "faces"), ("spheres", 1e-4, "sub_spheres")):
         scene = cube(cube_file, turn=turn, each={"spin_rad_s": [0.0, spin_rad_s, 0.0]}, **{
-            "stones.gap_m": gap_m, "time.free_flight_tolerance": tolerance, "time.duration_s": 0.01})
+            "stones.gap_m": gap_m, "time.free_flight_tolerance": tolerance, "time.duration_s": 0.013,
+            "stones.agglomerate.contact": contact})
         found[name] = run_scene(scene, "scene", tmp_path / name)
-    assert found["free"]["peak_force_N"] == pytest.approx(found["brute"]["peak_force_N"], rel=1e-3)
+    assert found["brute"]["peak_force_N"] > 1.7 * found["spheres"]["peak_force_N"]
+    for what in ("peak_force_N", "impulse_N_s"):
+        assert found["free"][what] == pytest.approx(found["brute"][what], rel=1e-4)
 
 
 def test_energy_of_cubes_that_slide_break_and_are_damped(tmp_path, cube_file):

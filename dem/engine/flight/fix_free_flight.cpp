@@ -271,7 +271,7 @@ bigint FixFreeFlight::next_event() const {
   if (stream_) event = std::min(event, stream_->next_entry());
   bigint safe = FAR_AHEAD;
   for (auto &b : bodies_) safe = std::min(safe, b->safe_until);
-  event = std::min(event, std::max(next_multiple(nevery), safe / nevery * nevery));
+  event = std::min(event, std::max(next_multiple(nevery), (safe - horizon()) / nevery * nevery));
   for (int k = 0; k < modify->nfix; k++) {
     Fix *fix = modify->fix[k];
     if (fix == this) continue;

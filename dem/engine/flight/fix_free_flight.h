@@ -105,6 +105,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void find_safe_until(FreeBody &);
   struct Look;
   double rest_s() const;
+  int horizon() const;
   double horizon_s() const;
   void find_pairs(Look &) const;
   void watch_bodies_in_flight(const Look &);

@@ -39,7 +39,10 @@ struct FixFreeFlight::Look {
   bool is_in_arrays(size_t k) const { return k < in_arrays.size(); }
 };
 
-double FixFreeFlight::horizon_s() const { return (nevery + 2) * update->dt; }  // until the next look has been acted on
+// Steps until the next look has been acted on, and the plate has been asked where it is, at the end of a co-step.
+int FixFreeFlight::horizon() const { return nevery + 2 + (plate_ ? plate_->co_step() : 0); }
+
+double FixFreeFlight::horizon_s() const { return horizon() * update->dt; }
 
 // How long a body that leaves must touch nothing.
 double FixFreeFlight::rest_s() const { return LEAST_REST * nevery * update->dt; }
@@ -109,7 +112,7 @@ void FixFreeFlight::final_integrate() {
   for (auto &b : bodies_) {
     if (b->is_leaving || b->is_waking) continue;
     find_safe_until(*b);
-    b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
+    b->is_waking = b->safe_until < update->ntimestep + horizon();
     if (b->is_waking) next_reneighbor = update->ntimestep + 1;
   }
 }
@@ -121,7 +124,7 @@ void FixFreeFlight::find_safe_until(FreeBody &body) {
   auto step_after = [this](double time) {
     return update->ntimestep + static_cast<bigint>(std::min(time / update->dt, double(FAR_AHEAD)));
   };
-  if (body.meets_at < update->ntimestep + nevery + 2) {
+  if (body.meets_at < update->ntimestep + horizon()) {
     body.meets_at = update->ntimestep + FAR_AHEAD;
     for (auto &other : bodies_) {
       if (other.get() == &body) continue;
@@ -145,14 +148,14 @@ void FixFreeFlight::watch_bodies_in_flight(const Look &look) {
   bool asked = false;
   for (size_t k = 0; k < bodies_.size(); k++) {
     FreeBody *b = bodies_[k].get();
-    if (b->safe_until < update->ntimestep + nevery + 2) {
+    if (b->safe_until < update->ntimestep + horizon()) {
       if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, weight()) < horizon_s()) {
         plate_->ask_reach();
         update_reach();
         asked = true;
       }
       find_safe_until(*b);
-      b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
+      b->is_waking = b->safe_until < update->ntimestep + horizon();
     }
     for (const int m : look.pairs->of(look.in_arrays.size() + k))  // in the arrays, all of them
       if (!b->is_waking) b->is_waking = time_to_meet(*b, *look.all[m], speed_) < UNFORESEEN_LOOKS * horizon_s();
