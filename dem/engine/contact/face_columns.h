@@ -38,6 +38,7 @@ class FaceColumns {
   void leave(int first_tag, int count);
 
   double outside() const { return outside_; }
+  double outside_of(int i);  // the same of the faces with which sub-sphere i may press from now on
 
   // Sub-sphere i at `distance` (m) of its centre from the plate, which it approaches by `speed` (m/s). `is_over_plate`:
   // and not beside it.
@@ -63,6 +64,7 @@ class FaceColumns {
   FacePress now(int i, double distance, double way);
   int column_beneath(int i) const;
   bool has_its_bonds(int tag);
+  bool may_press(int i);
   void put(const double *row);
 };
 
