@@ -199,7 +199,7 @@ def _is_own(name: str) -> bool:
 HEADER = struct.Struct("<8sq64sqq")  # magic, version, identity of the run, bytes that follow, their CRC-32
 BLOCK = struct.Struct("<32sq")  # of an engine's file: name, count of the numbers that follow
 ENGINE, PLATE = b"CGISTATE", b"CGIPLATE"
-VERSION = {ENGINE: 6, PLATE: 2}
+VERSION = {ENGINE: 7, PLATE: 2}
 BY_HAND = "none"  # identity of a run whose engine is started by hand
 KEPT = 2  # checkpoints: the one before the last is there for when the last is damaged
 

@@ -137,7 +137,7 @@ def test_a_damaged_or_foreign_checkpoint_is_refused(tmp_path):
     file = tmp_path / "checkpoint" / f"engine_{EVERY}.checkpoint"
     data = file.read_bytes()
     for damaged, words in [(data[:-9], "cut off or damaged"), (data[:200] + b"x" + data[201:], "cut off or damaged"),
-                           (b"PAR1" + data[4:], "not a checkpoint"), (data[:8] + b"\x07" + data[9:], "another version")]:
+                           (b"PAR1" + data[4:], "not a checkpoint"), (data[:8] + b"\x63" + data[9:], "another version")]:
         file.write_bytes(damaged)
         output, _ = (process := engine(tmp_path, 1, EVERY)).communicate(timeout=60)
         assert process.returncode != 0 and words in output and file.name in output

@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from decks import run_engine
-from scenes_of_tests import changed
+from scenes_of_tests import SCENES, changed
 from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.transform import Rotation
 
+from common.scene.scene import read_scene
 from common.tables import InputError
 from dem.deck.contact import column_stiffness_N_m, stiffest_face_N_m
 from dem.deck.render import write_deck
@@ -95,6 +96,41 @@ def test_a_face_that_is_not_parallel_presses_with_its_sub_spheres(tmp_path, cube
     runs = [run_scene(cube(cube_file, turn=turn, **{"stones.agglomerate.contact": contact}), "scene", tmp_path / contact)
             for contact in ("faces", "sub_spheres")]
     assert runs[0]["peak_force_N"] == runs[1]["peak_force_N"]
+
+
+@pytest.mark.parametrize("late_s", [0.0, 2e-4, -2e-4])
+def test_a_face_that_turns_into_place_in_free_flight_strikes_as_by_brute_force(tmp_path, cube_file, late_s):
+    """A cube turns as it falls, and lies parallel to the plate about when its face arrives: it comes back from its flight
+    in time, so that the face presses from its first touch on, twice as hard as its sub-spheres alone would. A face that
+    comes back too late is found below the plate, and begins without force."""
+    gap_m, spin_rad_s, angle_rad, found = 0.004, 8.0, 0.0, {}
+    for _ in range(30):  # turned so far when it starts, as its lowest edge has to fall
+        lower_m = SIDE_m / 2 * (np.cos(angle_rad) + np.sin(angle_rad) - 1)
+        angle_rad = spin_rad_s * (gap_m + lower_m) / SPEED_m_s
+    turn = Rotation.from_euler("y", -angle_rad - spin_rad_s * late_s)
+    for name, tolerance, contact in (("brute", 0.0, "faces"), ("free", 1e-4, "faces"), ("spheres", 1e-4, "sub_spheres")):
+        scene = cube(cube_file, turn=turn, each={"spin_rad_s": [0.0, spin_rad_s, 0.0]}, **{
+            "stones.gap_m": gap_m, "time.free_flight_tolerance": tolerance, "time.duration_s": 0.013,
+            "stones.agglomerate.contact": contact})
+        found[name] = run_scene(scene, "scene", tmp_path / name)
+    assert found["brute"]["peak_force_N"] > 1.7 * found["spheres"]["peak_force_N"]
+    for what in ("peak_force_N", "impulse_N_s"):
+        assert found["free"][what] == pytest.approx(found["brute"][what], rel=1e-4)
+
+
+def test_a_body_comes_back_before_the_co_step_in_which_it_touches(tmp_path, cube_file):
+    """At whichever of the 63 steps between two looks that is: else the plate has not been asked where it is."""
+    plate = read_scene(SCENES / "caving.toml").plate.model_dump(mode="json", exclude_none=True)
+    turn = Rotation.from_euler("xy", [0.4, 0.3])
+    peak_N = []
+    for steps in range(0, 64, 4):
+        scene = cube(cube_file, 60, turn, speed_m_s=5.0, **{
+            "stones.gap_m": 0.003 + 5e-6 * steps, "plate": plate | {"tilt_deg": 0.0}, "time.co_step": 7,
+            "time.free_flight_tolerance": 1e-4, "time.sample_interval_s": 2.1e-4, "time.duration_s": 1.05e-3})
+        found = run_scene(scene, "scene", tmp_path / str(steps))
+        assert found["dt_s"] == pytest.approx(1e-6) and found["co_step"] == 7
+        peak_N.append(found["peak_force_N"])
+    assert np.ptp(peak_N) < 2e-3 * np.mean(peak_N)
 
 
 def test_energy_of_cubes_that_slide_break_and_are_damped(tmp_path, cube_file):

@@ -18,6 +18,11 @@ void ArrayBody::place(std::vector<Sphere> &spheres) {
   for (int i : atoms) spheres.push_back({Vec(atom_->x[i]), atom_->radius[i]});
 }
 
+void ArrayBody::place_faces(std::vector<Face> &faces) {
+  if (!plate) return;
+  for (int i : atoms) plate->add_faces(i, faces);
+}
+
 void ArrayBody::measure() {
   mass = inner_energy = radius = 0;
   center = velocity = momentum = Vec();
@@ -43,7 +48,7 @@ void ArrayBody::measure() {
 void ArrayBody::take_trapped() {
   for (const ArrayBody *fragment : trapped) atoms.insert(atoms.end(), fragment->atoms.begin(), fragment->atoms.end());
   std::sort(atoms.begin(), atoms.end());
-  spheres_.clear();
+  forget_places();
   measure();
 }
 

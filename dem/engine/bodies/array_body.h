@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "interfaces/agglomerates.h"
+#include "interfaces/free_flight_partners.h"
 #include "bodies/outline.h"
 
 namespace LAMMPS_NS {
@@ -20,6 +21,7 @@ class ArrayBody : public Outline {
   bool departs = false;                 // into free flight, at this look
   bool is_trapped = false;              // in the cracks of another one
   std::vector<ArrayBody *> trapped;     // fragments in the cracks of this one
+  Obstacle *plate = nullptr;            // if there is one that its faces can touch
 
   ArrayBody(const Atom *atom, int label) : label(label), atom_(atom) {}
   void measure();
@@ -28,6 +30,7 @@ class ArrayBody : public Outline {
 
  protected:
   void place(std::vector<Sphere> &spheres) override;
+  void place_faces(std::vector<Face> &faces) override;
 
  private:
   const Atom *atom_;

@@ -10,13 +10,14 @@ namespace LAMMPS_NS {
 
 namespace {
 
-const int NUMBERS = 20;  // before the arrays in a row
+const int NUMBERS = 23;  // before the arrays in a row
 
 }  // namespace
 
-FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, const Vec &weight, bigint step, double dt)
+FreeBody::FreeBody(const Atom *atom, ArrayBody &b, const Vec &weight, bigint step, double dt)
     : start(step), dt(dt) {
   mass = b.mass, radius = b.radius, outside = b.outside, agglomerate = b.agglomerate;
+  faces_outside = b.faces_outside, is_still = b.is_still;
   surface_radius = b.surface_radius, surface_arm = b.surface_arm;
   motion = RigidMotion(b.center, b.velocity, weight, b.momentum, b.inertia, b.atoms.size() == 1);
   spin = motion.fastest_spin();
@@ -28,6 +29,8 @@ FreeBody::FreeBody(const Atom *atom, const ArrayBody &b, const Vec &weight, bigi
                      Vec(atom->omega[i]) - b.omega, (1 / m) * Vec(atom->f[i]) - weight,
                      (1 / (0.4 * m * r * r)) * Vec(atom->torque[i]), 0});
   }
+  if (is_still)
+    for (const Face &f : b.faces()) own_faces.push_back({f.x - b.center, f.height, f.normal, f.within_rad});
   go_to(step);
 }
 
@@ -35,10 +38,12 @@ void FreeBody::append_to(std::vector<double> &row) const {
   const double numbers[] = {double(start), dt, double(agglomerate), mass, kinetic_start, bond_elastic, pair_elastic,
                             double(is_leaving), double(is_waking), double(safe_until), double(meets_at), spin, radius,
                             outside, double(parts.size()), double(packed.size()), surface_radius, surface_arm.x,
-                            surface_arm.y, surface_arm.z};
+                            surface_arm.y, surface_arm.z, faces_outside, double(own_faces.size()),
+                            double(is_still)};
   row.insert(row.end(), numbers, numbers + NUMBERS);
   append_bytes(row, &motion, 1);
   append_bytes(row, parts.data(), parts.size());
+  append_bytes(row, own_faces.data(), own_faces.size());
   row.insert(row.end(), packed.begin(), packed.end());
 }
 
@@ -47,10 +52,12 @@ FreeBody::FreeBody(const double *&row) {
   bond_elastic = row[5], pair_elastic = row[6], is_leaving = row[7] != 0, is_waking = row[8] != 0;
   safe_until = bigint(row[9]), meets_at = bigint(row[10]), spin = row[11], radius = row[12], outside = row[13];
   parts.resize(size_t(row[14])), packed.resize(size_t(row[15]));
-  surface_radius = row[16], surface_arm = Vec(row + 17);
+  surface_radius = row[16], surface_arm = Vec(row + 17), faces_outside = row[20];
+  own_faces.resize(size_t(row[21])), is_still = row[22] != 0;
   row += NUMBERS;
   take_bytes(row, &motion, 1);
   take_bytes(row, parts.data(), parts.size());
+  take_bytes(row, own_faces.data(), own_faces.size());
   std::copy_n(row, packed.size(), packed.begin());
   row += packed.size();
 }

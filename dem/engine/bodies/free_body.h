@@ -29,6 +29,7 @@ class FreeBody : public Outline {
 
   std::vector<Part> parts;
   std::vector<double> packed;  // records of AtomVec::pack_exchange
+  std::vector<Face> own_faces;  // at the start, from the centre of mass
   RigidMotion motion;
   bigint start = 0;            // step at which it left
   double dt = 0;
@@ -42,7 +43,7 @@ class FreeBody : public Outline {
   void go_to(bigint step) {
     const double t = time(step);
     center = motion.center(t), velocity = motion.velocity(t);
-    if (step_ != step) spheres_.clear();
+    if (step_ != step) forget_places();
     step_ = step;
   }
   Vec center_at(bigint step) const { return motion.center(time(step)); }
@@ -57,7 +58,7 @@ class FreeBody : public Outline {
   void append_to(std::vector<double> &row) const;
   explicit FreeBody(const double *&row);
   // A body that leaves the arrays at this step. `weight` is that of 1 kg, N, dt in s.
-  FreeBody(const Atom *, const ArrayBody &, const Vec &weight, bigint step, double dt);
+  FreeBody(const Atom *, ArrayBody &, const Vec &weight, bigint step, double dt);
 
   Sphere surface() override { return {center + attitude()(surface_arm), surface_radius}; }
   const Rotation &attitude() { return motion.attitude(time(step_)); }
@@ -70,6 +71,10 @@ class FreeBody : public Outline {
   void place(std::vector<Sphere> &spheres) override {
     const Rotation &turned = attitude();
     for (const Part &p : parts) spheres.push_back({center + turned(p.place), p.radius});
+  }
+  void place_faces(std::vector<Face> &faces) override {
+    const Rotation &turned = attitude();
+    for (const Face &f : own_faces) faces.push_back({center + turned(f.x), f.height, turned(f.normal), f.within_rad});
   }
 
  private:

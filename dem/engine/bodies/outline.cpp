@@ -53,6 +53,13 @@ double spin_speed(Outline &a) { return a.spheres().size() == 1 ? 0 : a.spin * a.
 
 double surface_speed(const Outline &a) { return a.spin * norm(a.surface_arm); }
 
+// Time until a face can be parallel to the plate.
+double time_to_turn(const Face &face, double spin) {
+  const double angle = std::acos(std::clamp(-face.normal.z, -1.0, 1.0)) - face.within_rad;
+  if (angle <= 0) return 0;
+  return spin > 0 ? angle / spin : NEVER_s;
+}
+
 // Time until sub-spheres, or smooth surfaces of two stones, can touch when the centres approach with `speed`.
 double time_to_close(Outline &a, Outline &b, double speed) {
   const double time = gap(a, b) / (speed + spin_speed(a) + spin_speed(b));
@@ -60,6 +67,17 @@ double time_to_close(Outline &a, Outline &b, double speed) {
   const Sphere p = a.surface(), q = b.surface();
   const double between = std::max(0.0, norm(p.x - q.x) - p.radius - q.radius);
   return std::min(time, between / (speed + surface_speed(a) + surface_speed(b)));
+}
+
+// As long as it is still each of its faces is looked at.
+double time_to_touch_with_face(Outline &body, const PlateOutline &plate, double rise, double gravity) {
+  double first = NEVER_s;
+  if (!body.is_still) return first;
+  for (const Face &face : body.faces()) {
+    const double fall = time_to_fall(face.x.z - face.height - plate.reach, rise, gravity);
+    if (fall < first) first = std::min(first, std::max(fall, time_to_turn(face, body.spin)));
+  }
+  return first;
 }
 
 }  // namespace
@@ -79,12 +97,14 @@ double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight
   const double *e = plate.extent;
   const double beside = std::hypot(std::max({e[0] - x.x, x.x - e[1], 0.0}), std::max({e[2] - x.y, x.y - e[3], 0.0}));
   const double across = time_to_cross(beside - body.radius, std::hypot(v.x, v.y), std::hypot(weight.x, weight.y));
-  const double reach = plate.reach + body.outside;
-  double down = time_to_fall(x.z - body.radius - reach, v.z, gravity);
+  const double most_outside = std::max(body.outside, body.faces_outside);
+  double down = time_to_fall(x.z - body.radius - plate.reach - most_outside, v.z, gravity);
   if (std::max(across, down) < LONG_s) {
     double lowest = NEVER_s;
     for (const Sphere &s : body.spheres()) lowest = std::min(lowest, s.x.z - s.radius);
-    double fine = time_to_fall(lowest - reach, v.z - spin_speed(body), gravity);
+    const double rise = v.z - spin_speed(body);
+    const double reach = plate.reach + (body.is_still ? body.outside : most_outside);
+    double fine = std::min(time_to_fall(lowest - reach, rise, gravity), time_to_touch_with_face(body, plate, rise, gravity));
     if (body.surface_radius > 0) {
       const double foot = body.surface().x.z - body.surface_radius - plate.reach;
       fine = std::min(fine, time_to_fall(foot, v.z - surface_speed(body), gravity));

@@ -10,12 +10,22 @@ struct Sphere {
   double radius;
 };
 
+// A flat face of a stone, with the sub-sphere behind it. It touches the plate only while it lies parallel to it.
+struct Face {
+  Vec x;                // centre of the sub-sphere, m
+  double height = 0;    // from there to the face, m
+  Vec normal;           // outwards
+  double within_rad = 0;  // of the plate's: farther turned it cannot touch
+};
+
 // A body at one instant, as far as it matters for what it could touch and when. SI units.
 class Outline {
  public:
   Vec center, velocity;  // of the centre of mass
   double mass = 0;       // kg
   double outside = 0;    // how far what touches the plate may reach beyond sub-spheres, m
+  double faces_outside = 0;  // and how far its faces may, m
+  bool is_still = false;     // so that it may fly among heights at which a face could touch, until one does
   double spin = 0;       // bound for |omega|, rad/s
   double radius = 0;     // of the sphere about the centre of mass that holds the body and its smooth surface
   int agglomerate = 0;
@@ -30,10 +40,22 @@ class Outline {
     if (spheres_.empty()) place(spheres_);
     return spheres_;
   }
+  // Its faces, in the same way.
+  const std::vector<Face> &faces() {
+    if (!has_faces_) place_faces(faces_);
+    has_faces_ = true;
+    return faces_;
+  }
 
  protected:
-  std::vector<Sphere> spheres_;
   virtual void place(std::vector<Sphere> &) = 0;
+  virtual void place_faces(std::vector<Face> &) = 0;
+  void forget_places() { spheres_.clear(), faces_.clear(), has_faces_ = false; }
+
+ private:
+  std::vector<Sphere> spheres_;
+  std::vector<Face> faces_;
+  bool has_faces_ = false;
 };
 
 // The plate for bodies in the air: no deflection above `reach` anywhere on the rectangle `extent`.

@@ -99,6 +99,31 @@ int FaceColumns::column_beneath(int i) const {
   return -1;
 }
 
+double FaceColumns::outside_of(int i) {
+  double most = 0;
+  if (may_press(i))
+    for (const FaceColumn &c : columns_[atom_->tag[i]]) most = std::max(most, c.height - atom_->radius[i]);
+  return most;
+}
+
+// Bonds break, and do not come back.
+bool FaceColumns::may_press(int i) {
+  const int tag = atom_->tag[i];
+  return !columns_[tag].empty() && (memory_.row(i)[0] > 0 || has_its_bonds(tag));
+}
+
+// A face that presses goes on however the body turns.
+void FaceColumns::add_faces(int i, std::vector<Face> &faces) {
+  const int tag = atom_->tag[i];
+  const std::vector<FaceColumn> &columns = columns_[tag];
+  const int pressing = static_cast<int>(memory_.row(i)[0]) - 1;
+  if (!may_press(i)) return;
+  const double *q = bonds_->quaternion(i);
+  const Rotation turned{q[0], Vec(q[1], q[2], q[3])};
+  for (int k = 0; k < static_cast<int>(columns.size()); k++)
+    faces.push_back({Vec(atom_->x[i]), columns[k].height, turned(columns[k].normal), k == pressing ? M_PI : PARALLEL_rad});
+}
+
 bool FaceColumns::has_its_bonds(int tag) {
   if (counted_ != bonds_->changes()) {
     counted_ = bonds_->changes();

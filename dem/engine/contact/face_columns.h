@@ -2,6 +2,7 @@
 #include <string>
 #include <vector>
 
+#include "bodies/outline.h"
 #include "kernels/bond_network.h"
 #include "contact/face_press.h"
 #include "contact/sphere_memory.h"
@@ -37,10 +38,14 @@ class FaceColumns {
   void leave(int first_tag, int count);
 
   double outside() const { return outside_; }
+  double outside_of(int i);  // the same of the faces with which sub-sphere i may press from now on
 
   // Sub-sphere i at `distance` (m) of its centre from the plate, which it approaches by `speed` (m/s). `is_over_plate`:
   // and not beside it.
   FacePress press(int i, double distance, double speed, bool is_over_plate);
+
+  // Those with which sub-sphere i may press from now on.
+  void add_faces(int i, std::vector<Face> &);
 
   SphereMemory &memory() { return memory_; }
   void save(CheckpointWriter &out) const { memory_.save(out, "wall_faces"); }
@@ -59,6 +64,7 @@ class FaceColumns {
   FacePress now(int i, double distance, double way);
   int column_beneath(int i) const;
   bool has_its_bonds(int tag);
+  bool may_press(int i);
   void put(const double *row);
 };
 

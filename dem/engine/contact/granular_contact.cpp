@@ -56,7 +56,7 @@ void GranularContact::leave(int agglomerate) {
 }
 
 void GranularContact::list(std::vector<NearSphere> &near) {
-  for (NearSphere &p : near) p.outside = outside();
+  for (NearSphere &p : near) p.outside = faces_ ? faces_->outside_of(p.i) : 0;
 }
 
 SphereMemory *GranularContact::memory() {

@@ -46,7 +46,10 @@ class GranularContact : public PlateContact {
   void add_energies(LedgerRows &, const std::vector<NearSphere> &) const;  // all but the deepest contact of the plate
   Pressing pressing(const NearSphere &) const override;
   double outside() const override { return faces_ ? faces_->outside() : 0; }
-  double outside(const std::vector<int> &) const override { return outside(); }
+  double faces_outside() const override { return outside(); }
+  void add_faces(int i, std::vector<Face> &faces) override {
+    if (faces_) faces_->add_faces(i, faces);
+  }
   double listed_height() const override { return outside(); }
   void list(std::vector<NearSphere> &) override;
   SphereMemory *memory() override;

@@ -84,6 +84,8 @@ class PlateContact {
   // Of a body, see Obstacle.
   virtual double outside(const std::vector<int> &) const { return 0; }
   virtual Sphere surface(const std::vector<int> &) const { return {Vec(), 0}; }
+  virtual double faces_outside() const { return 0; }
+  virtual void add_faces(int, std::vector<Face> &) {}
   // When the list of what is near is made anew: fills in NearSphere::outside. All ranks call it together.
   virtual void list(std::vector<NearSphere> &) {}
   // Tags of sub-spheres that the law needs to see wherever they are.

@@ -45,6 +45,7 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   note_radii();
   agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
   calm_.assign(agglomerates_->tags() + 1, 0);
+  still_ = calm_;
   held_ = std::make_unique<HeldBodies>(lmp, weight(), speed_, tolerance_, agglomerates_->tags(), unheld_);
   create_attribute = 1;
   force_reneighbor = 1;
@@ -88,6 +89,7 @@ void FixFreeFlight::setup(int) {
   law_ = std::make_unique<HertzLaw>(lmp);
   largest_modulus_ = law_->largest_modulus(atom);
   std::fill(calm_.begin(), calm_.end(), 0);
+  still_ = calm_;
   if (plate_) std::copy(plate_->extent(), plate_->extent() + 4, outline_.extent);
   outline_.reach = -1;  // none known
   next_reneighbor = -1;
@@ -269,7 +271,7 @@ bigint FixFreeFlight::next_event() const {
   if (stream_) event = std::min(event, stream_->next_entry());
   bigint safe = FAR_AHEAD;
   for (auto &b : bodies_) safe = std::min(safe, b->safe_until);
-  event = std::min(event, std::max(next_multiple(nevery), safe / nevery * nevery));
+  event = std::min(event, std::max(next_multiple(nevery), (safe - horizon()) / nevery * nevery));
   for (int k = 0; k < modify->nfix; k++) {
     Fix *fix = modify->fix[k];
     if (fix == this) continue;
@@ -302,7 +304,7 @@ void FixFreeFlight::save(CheckpointWriter &out) {
                              static_cast<double>(departures_)});
   std::vector<double> calm;
   agglomerates_->each_near_tag([&](int tag) {
-    if (calm_[tag] != 0) calm.insert(calm.end(), {tag + 0.0, calm_[tag] + 0.0});
+    if (calm_[tag] != 0 || still_[tag] != 0) calm.insert(calm.end(), {tag + 0.0, calm_[tag] + 0.0, still_[tag] + 0.0});
   });
   out.rows("free_flight_calm", calm);
   out.rows("free_flight_bodies", row);
@@ -310,11 +312,14 @@ void FixFreeFlight::save(CheckpointWriter &out) {
 }
 
 void FixFreeFlight::restore(const CheckpointReader &in) {
-  const std::vector<double> &numbers = in.common("free_flight", 4), &calm = in.rows("free_flight_calm", 2);
+  const std::vector<double> &numbers = in.common("free_flight", 4), &calm = in.rows("free_flight_calm", 3);
   outline_.reach = numbers[1];
   jumped_ = static_cast<bigint>(numbers[2]);
   departures_ = static_cast<bigint>(numbers[3]);
-  for (size_t k = 0; k < calm.size(); k += 2) calm_[static_cast<int>(calm[k])] = static_cast<int>(calm[k + 1]);
+  for (size_t k = 0; k < calm.size(); k += 3) {
+    const int tag = static_cast<int>(calm[k]);
+    calm_[tag] = static_cast<int>(calm[k + 1]), still_[tag] = static_cast<int>(calm[k + 2]);
+  }
   bodies_.clear();
   held_->restore(in);
   const double *row = in.rows("free_flight_bodies", 1).data();

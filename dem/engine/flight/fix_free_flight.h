@@ -77,7 +77,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   std::vector<std::unique_ptr<FreeBody>> bodies_;
   std::vector<double> bond_energy_, pair_energy_;  // room for the energies of bodies, by least tag, J
   std::unique_ptr<HeldBodies> held_;
-  std::vector<int> calm_;      // looks in a row at which a body was calm, by its least tag
+  std::vector<int> calm_, still_;  // looks in a row at which a body was calm, and even still, by its least tag
   PlateOutline outline_;       // of the plate, with the reach that all safe_until hold for
   double largest_modulus_ = 0;  // E* of all pairs of types, Pa
   std::vector<double> least_radius_, greatest_radius_;  // by type, of the deck's sub-spheres, m; 0: there are none
@@ -94,6 +94,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void visit_parts(const FreeBody &, const Visit &) const;
   bool has_left(const Outline &) const;
   bool is_dust(const FreeBody &) const;
+  bool is_clear(FreeBody &) const;
   bool have_left(const Outline &a, const Outline &b) const { return stream_ && has_left(a) && has_left(b); }
   void take_out_those_that_left();
   void check_count() const;
@@ -104,10 +105,11 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void find_safe_until(FreeBody &);
   struct Look;
   double rest_s() const;
+  int horizon() const;
   double horizon_s() const;
   void find_pairs(Look &) const;
   void watch_bodies_in_flight(const Look &);
-  bool is_calm(const ArrayBody &);
+  bool is_calm(ArrayBody &);
   void let_calm_bodies_depart(Look &);
   void keep_those_that_meet(Look &, const std::vector<char> &is_part, std::vector<char> &leaves);
   bool is_gentle(const Look &, ArrayBody &, double limit_N);

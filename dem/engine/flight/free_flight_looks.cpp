@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <utility>
 
 #include "atom.h"
 #include "flight/fix_free_flight.h"
@@ -17,6 +18,9 @@ using namespace LAMMPS_NS;
 
 namespace {
 const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants without velocity
+// Of the tolerance: what a body trembles with when it strikes adds to the stress, and dies out within the millisecond
+// that it takes from the height at which a face could touch. Below that height a body flies only if it trembles less.
+const double STILL_SHARE = 0.01;
 const int LEAST_REST = 4;         // looks ahead: a body that may be touched sooner does not leave
 const double UNFORESEEN_LOOKS = 1.5;  // ahead: a body comes back that may meet one in the arrays sooner
 // A body leaves together with the fragments trapped in it when their motion relative to it has less than this share of
@@ -35,7 +39,10 @@ struct FixFreeFlight::Look {
   bool is_in_arrays(size_t k) const { return k < in_arrays.size(); }
 };
 
-double FixFreeFlight::horizon_s() const { return (nevery + 2) * update->dt; }  // until the next look has been acted on
+// Steps until the next look has been acted on, and the plate has been asked where it is, at the end of a co-step.
+int FixFreeFlight::horizon() const { return nevery + 2 + (plate_ ? plate_->co_step() : 0); }
+
+double FixFreeFlight::horizon_s() const { return horizon() * update->dt; }
 
 // How long a body that leaves must touch nothing.
 double FixFreeFlight::rest_s() const { return LEAST_REST * nevery * update->dt; }
@@ -66,6 +73,8 @@ void FixFreeFlight::find_surface(ArrayBody &b) const {
   std::vector<int> tags;
   for (const int i : b.atoms) tags.push_back(atom->tag[i]);
   b.outside = plate_->outside(tags);
+  b.faces_outside = plate_->faces_outside();
+  if (b.faces_outside > 0) b.plate = plate_;
   const Sphere surface = plate_->surface(tags);
   b.surface_radius = surface.radius;
   if (surface.radius == 0) return;
@@ -103,7 +112,7 @@ void FixFreeFlight::final_integrate() {
   for (auto &b : bodies_) {
     if (b->is_leaving || b->is_waking) continue;
     find_safe_until(*b);
-    b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
+    b->is_waking = b->safe_until < update->ntimestep + horizon();
     if (b->is_waking) next_reneighbor = update->ntimestep + 1;
   }
 }
@@ -115,7 +124,7 @@ void FixFreeFlight::find_safe_until(FreeBody &body) {
   auto step_after = [this](double time) {
     return update->ntimestep + static_cast<bigint>(std::min(time / update->dt, double(FAR_AHEAD)));
   };
-  if (body.meets_at < update->ntimestep + nevery + 2) {
+  if (body.meets_at < update->ntimestep + horizon()) {
     body.meets_at = update->ntimestep + FAR_AHEAD;
     for (auto &other : bodies_) {
       if (other.get() == &body) continue;
@@ -139,14 +148,14 @@ void FixFreeFlight::watch_bodies_in_flight(const Look &look) {
   bool asked = false;
   for (size_t k = 0; k < bodies_.size(); k++) {
     FreeBody *b = bodies_[k].get();
-    if (b->safe_until < update->ntimestep + nevery + 2) {
+    if (b->safe_until < update->ntimestep + horizon()) {
       if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, weight()) < horizon_s()) {
         plate_->ask_reach();
         update_reach();
         asked = true;
       }
       find_safe_until(*b);
-      b->is_waking = b->safe_until < update->ntimestep + nevery + 2;
+      b->is_waking = b->safe_until < update->ntimestep + horizon();
     }
     for (const int m : look.pairs->of(look.in_arrays.size() + k))  // in the arrays, all of them
       if (!b->is_waking) b->is_waking = time_to_meet(*b, *look.all[m], speed_) < UNFORESEEN_LOOKS * horizon_s();
@@ -168,9 +177,18 @@ bool FixFreeFlight::is_dust(const FreeBody &b) const {
   return static_cast<int>(b.parts.size()) < std::min(least_fragment_, agglomerates_->size(b.agglomerate));
 }
 
+// Does it fly higher above the plate than any face may lie outside its sub-spheres?
+bool FixFreeFlight::is_clear(FreeBody &b) const {
+  if (!plate_) return true;
+  const bool still = std::exchange(b.is_still, false);
+  const bool clear = time_to_plate(b, outline_, weight()) > rest_s();
+  b.is_still = still;
+  return clear;
+}
+
 void FixFreeFlight::take_out_those_that_left() {
   auto left = [&](const std::unique_ptr<FreeBody> &b) {
-    if (b->is_leaving || b->is_waking || !(has_left(*b) || is_dust(*b))) return false;
+    if (b->is_leaving || b->is_waking || !(has_left(*b) || (is_dust(*b) && is_clear(*b)))) return false;
     stream_->take_out({b->agglomerate, static_cast<int>(b->parts.size()), b->mass, b->kinetic(), b->bond_elastic,
                        b->pair_elastic, b->center, b->velocity});
     return true;
@@ -179,11 +197,13 @@ void FixFreeFlight::take_out_those_that_left() {
 }
 
 // Is its inner motion, and that of the fragments trapped in it, so small that it may leave?
-bool FixFreeFlight::is_calm(const ArrayBody &b) {
+bool FixFreeFlight::is_calm(ArrayBody &b) {
   const double impact = 0.5 * speed_ * speed_ * b.mass;
   double fragments = 0;
   for (const ArrayBody *fragment : b.trapped) fragments += fragment->energy_over(b);
-  int &looks = calm_[b.label];
+  int &looks = calm_[b.label], &still_looks = still_[b.label];
+  still_looks = b.inner_energy + fragments <= STILL_SHARE * tolerance_ * impact ? still_looks + 1 : 0;
+  b.is_still = b.atoms.size() == 1 || still_looks >= CALM_LOOKS;
   looks = b.inner_energy <= tolerance_ * impact && fragments <= TRAPPED_ENERGY * impact ? looks + 1 : 0;
   return b.atoms.size() == 1 || looks >= (b.trapped.empty() ? CALM_LOOKS : TRAPPED_LOOKS);
 }
@@ -266,7 +286,7 @@ void FixFreeFlight::depart(ArrayBody &b) {
   bodies_.push_back(std::make_unique<FreeBody>(atom, b, weight(), update->ntimestep, update->dt));
   if (bonds_)
     for (int i : b.atoms) bonds_->let_leave(i);
-  calm_[b.label] = 0;
+  calm_[b.label] = still_[b.label] = 0;
   departures_++;
 }
 

@@ -21,7 +21,7 @@ namespace LAMMPS_NS {
 namespace {
 
 const char MAGIC[9] = "CGISTATE";
-const int64_t VERSION = 6;
+const int64_t VERSION = 7;
 const size_t NAME = 32;
 
 struct Header {

@@ -4,6 +4,7 @@
 
 namespace LAMMPS_NS {
 
+struct Face;
 struct Rotation;
 struct Sphere;
 struct Vec;
@@ -50,6 +51,9 @@ class Obstacle {
   // which it touches as a smooth stone, of radius 0 where it does not. All of its tags are in the arrays.
   virtual double outside(const std::vector<int> &tags) const = 0;
   virtual Sphere surface(const std::vector<int> &tags) const = 0;
+  // How far a face may lie outside the sub-sphere behind it, m, and those with which sub-sphere i may come to touch.
+  virtual double faces_outside() const = 0;
+  virtual void add_faces(int i, std::vector<Face> &) = 0;
   virtual int co_step() const = 0;           // steps; time may be skipped in multiples of this
   virtual bool is_quiet() const = 0;         // nothing is near it, and no co-step is open
   virtual void skip(long long co_steps) = 0; // so much time has passed without contact; only while it is quiet
