@@ -290,7 +290,7 @@ def default_mesh_size(plate: FlexiblePlate) -> float:
 
 
 def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
-    """Return the grid lines along x and y (m), ascending, from edge to edge, twice those at which curvature jumps.
+    """Return the grid lines along x and y (m), ascending from edge to edge, twice where curvature jumps.
 
     By default a cell at a rod is half as wide as the rod's radius, and cells grow away from it. A table's `mesh_size_m`
     refines these cells in the same proportion.
@@ -305,7 +305,8 @@ def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
     lines = []
     for axis, side in enumerate(plate.size_m):
         # Curvature jumps at the sides and axes of ribs and about the discs of rods.
-        kinks = [rib.at_m + part * rib.section_m[0] for rib in plate.ribs if rib.axis != axis for part in (-0.5, 0, 0.5)]
+        kinks = [rib.at_m + part * rib.section_m[0] for rib in plate.ribs if rib.axis != axis
+                 for part in (-0.5, 0, 0.5)]
         kinks += [rod.place_m[axis] + part * rod.diameter_m for rod in plate.rods for part in (-0.5, 0.5)]
         fixed = [-side / 2, side / 2, *kinks, *(rod.place_m[axis] for rod in plate.rods)]
         fine = [(rod.place_m[axis], rod.diameter_m / 2, scale) for rod in plate.rods]
