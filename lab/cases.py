@@ -102,6 +102,5 @@ CASES = {case.name: case for case in (
     Case("rod_joint", "lab.plate.rod_joint", "radius and modulus of a rod, Poisson's ratio", "plate and beam theory", ()),
     Case("solid_plate", "lab.plate.solid_plate", "symmetry of the plate as a solid", "CalculiX",
          ("tests/plate_fem/solid.py",)),
-    Case("joints", "lab.plate.joints", "joints of the paper's rods", "rods that are rigidly tied", PLATE),
     Case("solids", "lab.plate.solids", "plate on rods", "CalculiX", ("plate_fem", "tests/plate_fem/solid.py")),
 )}
