@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, cached_property
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -277,14 +277,16 @@ def _sign(shape: np.ndarray) -> np.ndarray:
 
 
 def surface_stress_rows(system: PlateSystem, points_m: np.ndarray) -> list[sp.csr_array]:
-    """Return the sparse matrices (k, system.size) of sx, sy, txy (Pa) of the top surface at points (k, 2).
+    """Return the sparse matrices (k, system.size) of sx, sy, txy (Pa) of the top surface at points (k, 2); where
+    curvature jumps they are the mean of its sides.
 
-    Its strain is that of the mid-plane less t/2 times the curvature: theta_x,x, theta_y,y and theta_x,y + theta_y,x,
+    The strain is that of the mid-plane less t/2 times the curvature: theta_x,x, theta_y,y and theta_x,y + theta_y,x,
     with theta = grad w in Kirchhoff's theory.
     """
-    plate, nu = system.plate, system.plate.poisson_ratio
-    xx, yy, xy = (middle - plate.thickness_m / 2 * bent for middle, bent in
-                  zip(system.stretch(points_m), system.curvature(points_m), strict=True))
+    plate, nu, beside_m = system.plate, system.plate.poisson_ratio, 1e-9 * max(system.plate.size_m)
+    sides = [points_m + beside_m * np.array(side) for side in product((-1, 1), repeat=2)]
+    xx, yy, xy = (sum(middle - plate.thickness_m / 2 * bent for middle, bent in of_sides) / len(sides) for of_sides in
+                  zip(*(zip(system.stretch(at), system.curvature(at), strict=True) for at in sides), strict=True))
     scale = plate.youngs_modulus_Pa / (1 - nu**2)
     return [scale * (xx + nu * yy), scale * (yy + nu * xx), scale * (1 - nu) / 2 * xy]
 

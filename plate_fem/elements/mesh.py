@@ -198,7 +198,7 @@ MOST_CELLS, MOST_LINES = 20_000, 500  # these need some GB of memory
 GROWTH = 1.0  # of a cell's side with the distance from a rod, whose radius is CELLS_PER_RADIUS cells
 CELLS_PER_RADIUS = 2
 MODES_AT_MOST = 600  # four times those of the default scene; their shapes fill half a gigabyte
-CELLS_PER_WAVELENGTH = 7  # modes kept within 5e-4
+CELLS_PER_WAVELENGTH = 7  # modes kept within 1e-3
 
 
 def shear_factor(poisson_ratio: float) -> float:

@@ -61,6 +61,14 @@ def test_stress_converges(theory, lowest):
     assert np.all(rate > lowest)
 
 
+def test_stress_of_a_mirrored_plate_is_mirrored():
+    """About the discs of rods too, where curvature jumps."""
+    modes = plate_modes(plate(rods=four_rods(), size_m=[0.5, 0.42], max_frequency_Hz=1500.0))
+    nodes = modes.surface_stress.reshape(len(modes.lines_x_m), len(modes.lines_y_m), 3, -1)
+    for axis in (0, 1):
+        assert abs(nodes) == pytest.approx(abs(np.flip(nodes, axis)), abs=1e-6 * abs(nodes).max())
+
+
 def test_stress_of_a_motion_is_that_of_its_modes_and_vanishes_across_free_edges():
     modes = plate_modes(plate(rods=four_rods(), thickness_m=0.01, max_frequency_Hz=2500.0, theory="mindlin"))
     rng = np.random.default_rng(1)
