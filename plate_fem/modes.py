@@ -8,7 +8,7 @@ belongs to modes above a frequency is therefore the share of the spectrum |F|^2 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, cached_property
 from itertools import chain, product
@@ -105,19 +105,14 @@ class PlateModes:
         plus what it exceeds those of the nodes by.
         """
         points = mesh.nodes(*(_refined(lines, FINER) for lines in (self.lines_x_m, self.lines_y_m)))
-        fine = np.concatenate([abs(part).max(axis=0) for part in self._shape_parts(points)])
+        fine = np.concatenate([abs(part.shape_at(points)).max(axis=0) for part in self.parts()])
         wave = 1 - (np.pi / (FINER * mesh.CELLS_PER_WAVELENGTH)) ** 2 / 2  # half a cell of the grid from its crest
         return fine / wave + fine - abs(self.shape).max(axis=0)
 
-    def _shape_parts(self, points_m: np.ndarray) -> Iterator[np.ndarray]:
-        """The deflection (k, AT_ONCE) of some modes after the others at points (k, 2)."""
-        rows = mesh.bicubics(self.lines_x_m, self.lines_y_m).values(points_m)
-        nodal = self.nodal.reshape(-1, self.nodal.shape[2])
-        return (rows @ nodal[:, k : k + AT_ONCE] for k in range(0, nodal.shape[1], AT_ONCE))
-
     def shape_at(self, points_m: np.ndarray) -> np.ndarray:
         """Return the deflection (k, n) of the modes at points (k, 2)."""
-        return np.concatenate(list(self._shape_parts(points_m)), axis=1)
+        rows = mesh.bicubics(self.lines_x_m, self.lines_y_m).values(points_m)
+        return rows @ self.nodal.reshape(-1, self.nodal.shape[2])
 
     def grid(self, spacing_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the modes on a regular grid: x_m (nx,), y_m (ny,) and shape (nx, ny, n).
@@ -133,11 +128,17 @@ class PlateModes:
         shape = self.shape_at(mesh.nodes(*axes))
         return axes[0], axes[1], shape.reshape(*map(len, axes), -1)
 
-    def lateral_grid(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-        """Return `lateral` on a grid, (nx, ny, 2, n), by cubic splines that continue beyond the edges."""
-        nodes = self.lateral.reshape(len(self.lines_x_m), len(self.lines_y_m), 2, -1)
+    def lateral_grid(self, x_m: np.ndarray, y_m: np.ndarray, axis: int) -> np.ndarray:
+        """Return `lateral` along one axis on a grid, (nx, ny, n), by cubic splines that continue beyond the edges."""
+        nodes = self.lateral[:, axis].reshape(len(self.lines_x_m), len(self.lines_y_m), -1)
         along_x = make_interp_spline(self.lines_x_m, nodes, k=3)(x_m)
         return np.asarray(make_interp_spline(self.lines_y_m, along_x, k=3, axis=1)(y_m))
+
+    def parts(self) -> Iterator[PlateModes]:
+        """Some of the modes after the others: shapes of all at once, at many points, fill much memory."""
+        of_all = ("frequency_Hz", "damping_ratio", "nodal", "mean_shape", "rod_force", "surface_stress", "lateral")
+        for k in range(0, len(self.frequency_Hz), AT_ONCE):
+            yield replace(self, **{name: getattr(self, name)[..., k : k + AT_ONCE] for name in of_all})
 
 
 def _refined(lines: np.ndarray, times: int) -> np.ndarray:
@@ -238,9 +239,7 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     momentum = ribs.momentum(system)
     momentum[: system.deflections.size] += plate.density_kg_m3 * plate.thickness_m * system.deflections.integrals
     rows, mass_kg = _rows_of(model, nodes_m, momentum), float(momentum[: system.deflections.size].sum())
-    parts = list(zip(*(_shapes_of(rows, columns) for columns in chain(vectors, residual)), strict=True))
-    # One by one out of the list: they fill much of the memory.
-    nodal, surface_stress, lateral, moved, rod_force = (np.concatenate(parts.pop(0), axis=-1) for _ in rows)
+    nodal, surface_stress, lateral, moved, rod_force = _all_shapes(rows, chain(vectors, residual), len(omega_squared))
     return PlateModes(
         frequency_Hz=np.sqrt(omega_squared) / (2 * np.pi),
         damping_ratio=np.full(len(omega_squared), plate.damping_ratio),
@@ -258,6 +257,18 @@ def _rows_of(model: PlateModel, nodes_m: np.ndarray, momentum: np.ndarray) -> li
             sp.vstack(surface_stress_rows(system, nodes_m)),
             sp.vstack([system.lateral(swaying, axis, top) for axis in (0, 1)]), sp.csr_array(momentum[None])]
     return [*(one @ model.expansion for one in rows), model.rod_force]
+
+
+def _all_shapes(rows: list[sp.csr_array], vectors: Iterable[np.ndarray], count: int) -> list[np.ndarray]:
+    """Return what `_shapes_of` gives for some vectors after the others, `count` in all, each in one piece."""
+    found, start = list[np.ndarray](), 0
+    for some in vectors:
+        parts, end = _shapes_of(rows, some), start + some.shape[1]
+        found = found or [np.empty((*part.shape[:-1], count)) for part in parts]
+        for whole, part in zip(found, parts, strict=True):
+            whole[..., start:end] = part
+        start = end
+    return found
 
 
 def _shapes_of(rows: list[sp.csr_array], vectors: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -305,16 +305,15 @@ def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
     """Write the file that dem/engine/coupling/plate_shapes.h describes. The first bytes of all numbers of a shape, then
     the second ones, and so on, pack to half the room, without loss."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
-    x, y, upwards = modes.grid(SHAPE_GRID * cell)
-    shapes = [upwards]  # a list takes an array by `extend` alone: + adds their numbers
-    if with_lateral and len(modes.lateral):
-        shapes.extend(modes.lateral_grid(x, y).transpose(2, 0, 1, 3))
+    x, y, _ = next(modes.parts()).grid(SHAPE_GRID * cell)
+    directions = 3 if with_lateral and len(modes.lateral) else 1
     packer = zlib.compressobj(1)
     with open(file, "wb") as out:
         out.write(b"shapes 2")
-        np.array([len(x), len(y), len(shapes), upwards.shape[2]], dtype="<i8").tofile(out)
+        np.array([len(x), len(y), directions, len(modes.frequency_Hz)], dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
-        for shape in shapes:
+        for direction, some in ((k, some) for k in range(directions) for some in modes.parts()):
+            shape = some.lateral_grid(x, y, direction - 1) if direction else some.grid(SHAPE_GRID * cell)[2]
             for mode in range(shape.shape[2]):
                 numbers = shape[:, :, mode].astype("<f8").reshape(-1, 1)
                 out.write(packer.compress(numbers.view("u1").T.tobytes()))
